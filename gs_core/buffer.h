@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+// Buffer owns, Span travels: the two forms in which an array of plain values goes through the program.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "gs_core/memory.h"
+#include "gs_core/types.h"
+
+namespace gs {
+
+/// A view of an array that somebody else owns; goes to stages and kernels by value.
+template <class T>
+struct Span {
+  T* data = nullptr;
+  std::size_t size = 0;
+
+  GS_HD T& operator[](std::size_t i) const { return data[i]; }
+  GS_HD T* begin() const { return data; }
+  GS_HD T* end() const { return data + size; }
+  GS_HD bool empty() const { return size == 0; }
+  GS_HD operator Span<const T>() const { return {data, size}; }
+};
+
+/// An array of plain values in one Memory. Its capacity only grows, so that steady work allocates
+/// nothing. Copies are made on purpose, by copy_of(); a Buffer itself only moves.
+template <class T>
+class Buffer {
+  static_assert(std::is_trivially_copyable_v<T>);
+
+ public:
+  explicit Buffer(Memory& memory = host_memory()) : memory_(&memory) {}
+  Buffer(std::size_t size, Memory& memory) : memory_(&memory) { resize(size); }
+  Buffer(Buffer&& other) noexcept { swap(other); }
+  Buffer& operator=(Buffer&& other) noexcept {
+    swap(other);
+    return *this;
+  }
+  ~Buffer() {
+    if (data_) memory_->deallocate(data_, capacity_ * sizeof(T));
+  }
+
+  T* data() const { return data_; }
+  std::size_t size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+  std::size_t capacity() const { return capacity_; }
+  Memory& memory() const { return *memory_; }
+  Span<T> span() const { return {data_, size_}; }
+  /// Host memory only: element i.
+  T& operator[](std::size_t i) const { return data_[i]; }
+  T* begin() const { return data_; }
+  T* end() const { return data_ + size_; }
+
+  /// Changes the size and keeps the first min(old, new) elements; new ones are undefined.
+  void resize(std::size_t size) {
+    reserve(size);
+    size_ = size;
+  }
+  /// Changes the size without keeping the contents.
+  void resize_discard(std::size_t size) {
+    size_ = 0;
+    resize(size);
+  }
+  /// Makes room for `capacity` elements; grows by at least half of what there is.
+  void reserve(std::size_t capacity) {
+    if (capacity <= capacity_) return;
+    const std::size_t grown = std::max(capacity, capacity_ + capacity_ / 2);
+    T* fresh = static_cast<T*>(memory_->allocate(grown * sizeof(T)));
+    if (size_) memory_->copy(fresh, data_, size_ * sizeof(T));
+    if (data_) memory_->deallocate(data_, capacity_ * sizeof(T));
+    data_ = fresh;
+    capacity_ = grown;
+  }
+  void fill_zero() {
+    if (size_) memory_->fill_zero(data_, size_ * sizeof(T));
+  }
+  void swap(Buffer& other) noexcept {
+    std::swap(memory_, other.memory_);
+    std::swap(data_, other.data_);
+    std::swap(size_, other.size_);
+    std::swap(capacity_, other.capacity_);
+  }
+
+  void upload(const std::vector<T>& values) {
+    resize_discard(values.size());
+    if (size_) memory_->upload(data_, values.data(), size_ * sizeof(T));
+  }
+  std::vector<T> download() const {
+    std::vector<T> values(size_);
+    if (size_) memory_->download(values.data(), data_, size_ * sizeof(T));
+    return values;
+  }
+
+ private:
+  Memory* memory_ = &host_memory();
+  T* data_ = nullptr;
+  std::size_t size_ = 0;
+  std::size_t capacity_ = 0;
+};
+
+}  // namespace gs

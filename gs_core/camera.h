@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// The one camera that training and rendering know: an undistorted pinhole with a pose.
+#pragma once
+
+#include "gs_core/types.h"
+
+namespace gs {
+
+/// Undistorted pinhole camera. Pixel (i, j) has its centre at (i + 0.5, j + 0.5), as in COLMAP; camera
+/// axes are x right, y down, z forward. Loaders convert every other camera model to this one.
+template <class T>
+struct PinholeCamera {
+  int width = 0, height = 0;   // pixels
+  T fx{}, fy{}, cx{}, cy{};    // pixels
+  Mat3<T> cam_from_world_rotation{{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(0), T(0), T(1)}};
+  Vec3<T> cam_from_world_translation{T(0), T(0), T(0)};  // world units
+
+  /// The camera centre in world space.
+  GS_HD Vec3<T> position() const {
+    return -multiply_transposed(cam_from_world_rotation, cam_from_world_translation);
+  }
+};
+using Camera = PinholeCamera<float>;
+
+/// The camera of the same view at another picture size: focal lengths and centre scale with the true
+/// ratio of each axis.
+template <class T>
+PinholeCamera<T> resized(PinholeCamera<T> camera, int width, int height) {
+  const T sx = T(width) / T(camera.width), sy = T(height) / T(camera.height);
+  camera.fx *= sx;
+  camera.cx *= sx;
+  camera.fy *= sy;
+  camera.cy *= sy;
+  camera.width = width;
+  camera.height = height;
+  return camera;
+}
+
+}  // namespace gs

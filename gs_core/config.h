@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// Everything a run can be told. Defaults live here and nowhere else; config_fields.h lists each field once
+// with its unit, range and source, and parsing, --set, --help, validation and printing visit that list.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace gs {
+
+/// Which photos and cameras.
+struct DatasetConfig {
+  std::string source;               // the scene's folder
+  std::string images = "images";    // the photos' folder inside it (or an absolute path)
+  std::string model;                // the COLMAP model's folder; empty: sparse/0, sparse, the scene itself
+  int resolution = 1;               // 1, 2, 4, 8: photos divided by it; larger: the width in pixels
+  bool eval = false;                // hold out every test_every-th view by sorted name
+  int test_every = 8;
+};
+
+/// What is learned, and where it starts.
+struct ModelConfig {
+  std::string output;               // the run's folder
+  int sh_degree = 3;
+  float initial_opacity = 0.1f;
+  int random_points = 100000;       // used when the model has no points
+};
+
+struct RenderConfig {
+  std::string background = "black";      // black, white, random
+  std::string blend_rule = "faster_gs";  // faster_gs, classic
+  std::string truncation = "alpha";      // alpha, sigma2, sigma3, sigma4
+  bool antialias = false;
+  bool antialias_detach = true;          // no gradient from the opacity compensation to the covariance
+  float near_plane = 0.2f;
+  float far_plane = 1e4f;
+};
+
+struct LossConfig {
+  float lambda_dssim = 0.2f;
+};
+
+/// Learning rates of Adam; position rates are multiplied by the scene's extent.
+struct OptimizerConfig {
+  float position_lr_initial = 1.6e-4f;
+  float position_lr_final = 1.6e-6f;
+  float log_scale_lr = 5e-3f;
+  float rotation_lr = 1e-3f;
+  float opacity_lr = 0.025f;
+  float sh0_lr = 2.5e-3f;
+  float sh_rest_lr = 1.25e-4f;
+};
+
+/// Adaptive density control (Kerbl et al. 2023, Sec. 5.2). Steps are those of a 30,000-step run.
+struct DensityConfig {
+  int from_step = 600;
+  int until_step = 14900;
+  int every = 100;
+  float gradient_threshold = 2e-4f;  // of the mean NDC-scaled 2D position gradient
+  float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
+  float prune_opacity = 0.005f;
+  float prune_scale = 0.1f;          // of the extent, after the first opacity reset
+  int reset_opacity_every = 3000;
+  int reset_opacity_until = 12000;
+  std::int64_t max_gaussians = 0;    // 0: no cap
+};
+
+struct TrainConfig {
+  int iterations = 30000;
+  float steps_scaler = 1;            // multiplies iterations and the whole schedule
+  int sh_degree_every = 1000;
+  int morton_every = 5000;
+  int morton_until = 15000;
+  std::uint64_t seed = 42;
+  int threads = 0;                   // 0: all cores
+  std::string device = "auto";       // cpu, cuda, cuda:N, auto
+  int log_every = 100;
+  std::vector<int> save_steps;       // besides the last one
+  std::vector<int> test_steps;       // besides the last one
+};
+
+struct Config {
+  DatasetConfig dataset;
+  ModelConfig model;
+  RenderConfig render;
+  LossConfig loss;
+  OptimizerConfig optimizer;
+  DensityConfig density;
+  TrainConfig train;
+};
+
+/// Merges a TOML file into `config`. Throws UsageError that names file, line, key and the nearest known
+/// key; Error when the file cannot be read.
+void load_config(Config& config, const std::filesystem::path& file);
+
+/// Applies one `section.key=value`, the value in TOML syntax; a bare word is taken as a string.
+/// Throws UsageError that names the key (and the nearest known one) or the value and its range.
+void apply_setting(Config& config, const std::string& assignment);
+
+/// Checks every field against its range. Throws UsageError that names the field, value and range.
+void validate(const Config& config);
+
+/// The whole config as TOML, each field with its unit and meaning as a comment; load_config reads it back.
+std::string to_toml(const Config& config);
+
+}  // namespace gs

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Two kinds of trouble: the world's (`throw Error`, told to the user by main) and ours (`GS_CHECK`).
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace gs {
+
+/// What the program returns to the shell.
+enum class ExitCode : int {
+  done = 0,
+  usage = 2,          // the command line or a config value cannot be taken
+  bad_data = 3,       // a file or a data set cannot be used
+  out_of_memory = 4,  // after every fallback
+  interrupted = 5,    // stopped by a signal, work saved
+};
+
+/// Trouble in the world outside: says what happened, to which file or value, and what to try.
+/// Thrown anywhere, caught once, in main().
+class Error : public std::runtime_error {
+ public:
+  explicit Error(const std::string& message, ExitCode code = ExitCode::bad_data)
+      : std::runtime_error(message), code_(code) {}
+  ExitCode code() const { return code_; }
+
+ private:
+  ExitCode code_;
+};
+
+/// A config value or command line that cannot be taken.
+class UsageError : public Error {
+ public:
+  explicit UsageError(const std::string& message) : Error(message, ExitCode::usage) {}
+};
+
+namespace detail {
+[[noreturn]] void check_failed(const char* condition, const char* file, int line);
+}
+
+/// States what must hold if this program is right; a failure is a bug, never the user's fault.
+#define GS_CHECK(condition) \
+  ((condition) ? (void)0 : ::gs::detail::check_failed(#condition, __FILE__, __LINE__))
+
+}  // namespace gs

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// The learned quantities: one array per quantity, one row per Gaussian. Parameters, gradients and both
+// Adam moments are all of this one type.
+#pragma once
+
+#include "gs_core/buffer.h"
+
+namespace gs {
+
+inline constexpr int kMaxShDegree = 3;
+inline constexpr int kShRestCount = 15;  // coefficients per channel beyond degree 0, at degree 3
+
+/// Coefficients of one SH degree and all below it, without degree 0.
+constexpr int sh_rest_count(int degree) { return (degree + 1) * (degree + 1) - 1; }
+
+/// The SH coefficients of one Gaussian from degree 1 on, in the order of math/sh.h.
+struct ShRest {
+  Vec3f coefficient[kShRestCount];
+};
+
+template <template <class> class Array>
+struct GaussianArrays {
+  Array<Vec3f> mean;           // (N, 3)      world units
+  Array<Vec3f> log_scale;      // (N, 3)      log of world units
+  Array<Quatf> rotation;       // (N, 4)      w x y z, any length > 0
+  Array<float> logit_opacity;  // (N)
+  Array<Vec3f> sh0;            // (N, 3)      colour = 0.5 + C0 * sh0 + ...
+  Array<ShRest> sh_rest;       // (N, 15, 3)  zero beyond the degree in use
+};
+
+/// Calls f(name, a.array, b.array, ...) for each learned quantity, in a fixed order: so that Adam, gather,
+/// prune, files and checkpoints are one loop each, and a new quantity is one line here.
+template <class F, class First, class... Rest>
+void for_each_array(F&& f, First&& first, Rest&&... rest) {
+  f("mean", first.mean, rest.mean...);
+  f("log_scale", first.log_scale, rest.log_scale...);
+  f("rotation", first.rotation, rest.rotation...);
+  f("logit_opacity", first.logit_opacity, rest.logit_opacity...);
+  f("sh0", first.sh0, rest.sh0...);
+  f("sh_rest", first.sh_rest, rest.sh_rest...);
+}
+
+using GaussiansSpan = GaussianArrays<Span>;
+
+/// Owns the arrays of N Gaussians. Moves; copies are made on purpose with copy_of().
+struct Gaussians : GaussianArrays<Buffer> {
+  explicit Gaussians(Memory& memory = host_memory())
+      : GaussianArrays<Buffer>{Buffer<Vec3f>(memory), Buffer<Vec3f>(memory), Buffer<Quatf>(memory),
+                               Buffer<float>(memory), Buffer<Vec3f>(memory), Buffer<ShRest>(memory)} {}
+  Gaussians(std::size_t count, Memory& memory) : Gaussians(memory) { resize(count); }
+
+  std::size_t count() const { return mean.size(); }
+  Memory& memory() const { return mean.memory(); }
+  void resize(std::size_t count) {
+    for_each_array([&](const char*, auto& array) { array.resize(count); }, *this);
+  }
+  void fill_zero() {
+    for_each_array([](const char*, auto& array) { array.fill_zero(); }, *this);
+  }
+  GaussiansSpan span() const {
+    GaussiansSpan result;
+    for_each_array([](const char*, auto& to, const auto& from) { to = from.span(); }, result, *this);
+    return result;
+  }
+};
+
+/// A second set of Gaussians with the same contents, in the same memory.
+inline Gaussians copy_of(const Gaussians& from) {
+  Gaussians copy(from.count(), from.memory());
+  for_each_array(
+      [](const char*, auto& to, const auto& array) {
+        if (array.size())
+          array.memory().copy(to.data(), array.data(), array.size() * sizeof(*array.data()));
+      },
+      copy, from);
+  return copy;
+}
+
+/// Trained Gaussians as files carry them: in host memory, with the SH degree they use.
+struct GaussianModel {
+  Gaussians gaussians;
+  int sh_degree = kMaxShDegree;  // 0..3; coefficients beyond it are zero
+  bool antialiased = false;      // trained with the antialiased projection (spec 1, "k = 0.1")
+};
+
+}  // namespace gs

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_core/log.h"
+
+#include <spdlog/sinks/stdout_color_sinks.h>
+
+namespace gs {
+
+void setup_log(Verbosity verbosity) {
+  auto logger = spdlog::stderr_color_mt("gemsplat");
+  logger->set_pattern("%^%v%$");
+  logger->set_level(verbosity == Verbosity::quiet     ? spdlog::level::warn
+                    : verbosity == Verbosity::verbose ? spdlog::level::debug
+                                                      : spdlog::level::info);
+  spdlog::set_default_logger(logger);
+}
+
+}  // namespace gs

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// What training starts from: posed photos and sparse points, const once loaded.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "gs_core/camera.h"
+#include "gs_core/image.h"
+
+namespace gs {
+
+/// One posed photo.
+struct View {
+  std::string name;  // path of the photo relative to the images folder, as in the COLMAP model
+  Camera camera;
+  Image8 photo;      // (height, width, 3) of the camera's size
+};
+
+/// A point of the sparse reconstruction.
+struct ScenePoint {
+  Vec3f position;                    // world units
+  std::array<std::uint8_t, 3> color;  // sRGB
+};
+
+/// All views with their split, and the sparse points. Views are sorted by name in byte order.
+struct Scene {
+  std::vector<View> train_views, test_views;
+  std::vector<ScenePoint> points;
+  std::string source;  // the folder it was loaded from
+  float extent = 1;    // 1.1 * the largest distance of a training camera from their mean; world units
+};
+
+/// Extent of a set of cameras, as the position learning rate and the density rules use it
+/// (Kerbl et al. 2023). Returns 1 for fewer than two distinct positions.
+float camera_extent(const std::vector<View>& views);
+
+}  // namespace gs
