@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// Loops over all cores. What a loop computes must not depend on how its range is cut or on the number of
+// threads: each index writes only what belongs to it, and sums are taken in a fixed order afterwards.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <type_traits>
+
+namespace gs {
+
+/// How many threads parallel loops use; 0 means all cores. Set once, before the work starts.
+void set_thread_count(int threads);
+int thread_count();
+
+namespace detail {
+using ChunkBody = void (*)(void* context, std::size_t begin, std::size_t end);
+void run_chunks(std::size_t count, std::size_t grain, ChunkBody body, void* context);
+}  // namespace detail
+
+/// Calls body(begin, end) for consecutive chunks of at most `grain` that cover [0, count), on all threads.
+/// An exception thrown by a body is thrown again here, after the loop.
+template <class Body>
+void parallel_chunks(std::size_t count, std::size_t grain, Body&& body) {
+  detail::run_chunks(
+      count, grain,
+      [](void* context, std::size_t begin, std::size_t end) {
+        (*static_cast<std::remove_reference_t<Body>*>(context))(begin, end);
+      },
+      &body);
+}
+
+/// Calls body(i) for every i in [0, count), on all threads.
+template <class Body>
+void parallel_for(std::size_t count, std::size_t grain, Body&& body) {
+  parallel_chunks(count, grain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) body(i);
+  });
+}
+
+}  // namespace gs

@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: Apache-2.0
+# What to build, and for which machine.
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+
+option(GS_WITH_OPENIMAGEIO "Read and write photos through OpenImageIO (else JPEG and PNG through stb)" ON)
+option(GS_WITH_OPENCV "Undistort photos of lens models with OpenCV" ON)
+option(GS_WITH_CERES "Check every gradient against ceres::Jet; refine cameras" ON)
+option(GS_WITH_CUDA "Build the CUDA backend where nvcc is found" ON)
+option(GS_NATIVE "Compile for the instruction set of this machine" ON)
+option(GS_SANITIZE "Build with AddressSanitizer and UndefinedBehaviorSanitizer" OFF)
+option(GS_BUILD_TESTS "Build the tests" ON)
+option(GS_BUILD_BENCHMARKS "Build the benchmarks in tests/bench" ON)
+set(GS_DEPS_INCLUDE "" CACHE PATH "Folder with the header-only dependencies, where no package has them")
+set(GS_CUDA_ARCHITECTURES "90" CACHE STRING "GPU architectures to compile for")
