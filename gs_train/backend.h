@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// A backend: one device's renderer, loss, optimizer and row operations, and the coarse verb step().
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "gs_render/renderer.h"
+#include "gs_train/loss.h"
+#include "gs_train/optimizer.h"
+#include "gs_train/row_ops.h"
+
+namespace gs {
+
+/// Everything that the trainer needs of a device. Made by the program, outlives the trainer.
+class Backend {
+ public:
+  virtual ~Backend() = default;
+  virtual std::string name() const = 0;  // as in results.json: "cpu", "cuda:0 (NVIDIA H200)"
+  virtual Memory& memory() = 0;
+  virtual Renderer& renderer() = 0;
+  virtual Loss& loss() = 0;
+  virtual Optimizer& optimizer() = 0;
+  virtual RowOps& rows() = 0;
+
+  /// One training step: render, compare, differentiate, update, and note the statistics that density
+  /// control reads. The body given here is the algorithm in plain words; a backend may override it with a
+  /// fused sequence that computes the same.
+  virtual void step(TrainingModel& model, const View& view, const RenderSettings& settings,
+                    float lambda_dssim, const LearningRates& rates, bool gather_statistics);
+
+ protected:
+  /// statistics += this step's visibility and image-plane gradients.
+  virtual void gather(TrainingModel& model, const RenderPass& pass, Span<const Vec2f> dL_dmean2d) = 0;
+
+  RenderPass pass_;
+  Buffer<float> dL_dimage_;
+  Buffer<Vec2f> dL_dmean2d_;
+  Gaussians gradients_;
+};
+
+/// The scalar CPU backend: it defines what every other one must compute.
+std::unique_ptr<Backend> make_scalar_backend();
+
+}  // namespace gs

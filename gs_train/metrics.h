@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// PSNR and SSIM against photos, as the papers compute them: on pictures clamped to [0, 1], mean over pixels
+// and channels, SSIM with the 11x11 Gaussian window of sigma 1.5 and zero padding.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "gs_core/image.h"
+#include "gs_core/scene.h"
+#include "gs_render/renderer.h"
+
+namespace gs {
+
+/// Peak signal-to-noise ratio in dB; `render` in [0, 1], same size. Identical pictures: 100 dB.
+double psnr(const ImageF& render, const Image8& photo);
+
+/// Mean structural similarity (Wang et al. 2004).
+double ssim(const ImageF& render, const Image8& photo);
+
+struct ViewMetrics {
+  std::string name;
+  double psnr, ssim;
+};
+
+/// Means over views, and each view's own figures.
+struct Evaluation {
+  double psnr = 0, ssim = 0;  // 0 when there are no views
+  std::vector<ViewMetrics> views;
+};
+
+/// Renders each view and compares it with its photo. `on_view` (may be empty) sees each picture, in order.
+Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
+                    const RenderSettings& settings,
+                    const std::function<void(std::size_t, const View&, const ImageF&)>& on_view = {});
+
+}  // namespace gs

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which step does what: the standard 30,000-step schedule, and how it shrinks or grows with a run.
+#pragma once
+
+#include "gs_core/config.h"
+#include "gs_train/optimizer.h"
+
+namespace gs {
+
+/// The schedule of one run, resolved from the config. Steps count from 1 to steps().
+///
+/// The config speaks of a run of 30,000 steps. A run of S steps scales every point in time by S / 30,000;
+/// docs/schedule.md has the rule for intervals and a table of common lengths.
+class Schedule {
+ public:
+  Schedule(const Config& config, float scene_extent);
+
+  int steps() const { return steps_; }
+  LearningRates learning_rates(int step) const;
+  bool refine(int step) const;           // clone, split, prune
+  bool reset_opacity(int step) const;
+  bool raise_sh_degree(int step) const;  // one degree more from this step on
+  bool reorder(int step) const;          // Morton order
+  bool gather_statistics(int step) const;
+  bool prune_large(int step) const;      // refinements after the first reset also drop huge Gaussians
+
+ private:
+  int scaled(int step) const;
+  int steps_, refine_from_, refine_until_, refine_every_;
+  int reset_every_, reset_until_, sh_every_, morton_every_, morton_until_;
+  OptimizerConfig rates_;
+  float extent_;
+};
+
+}  // namespace gs
