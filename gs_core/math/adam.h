@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 8: Adam, one scalar parameter.
+#pragma once
+
+#include "gs_core/math/constants.h"
+#include "gs_core/types.h"
+
+namespace gs {
+
+/// What all parameters of one quantity share in one step; the bias corrections are folded in.
+struct AdamStep {
+  float rate;                // learning rate / (1 - beta1^t)
+  float inverse_sqrt_bias2;  // 1 / sqrt(1 - beta2^t)
+};
+
+/// Step t = 1, 2, ... at the given learning rate. t counts for the whole model: a Gaussian that joins late
+/// starts with zero moments at the common t, as in the original.
+inline AdamStep adam_step(int t, float learning_rate) {
+  return {float(learning_rate / (1.0 - std::pow(kAdamBeta1, t))),
+          float(1.0 / std::sqrt(1.0 - std::pow(kAdamBeta2, t)))};
+}
+
+/// m = b1 m + (1-b1) g;  v = b2 v + (1-b2) g^2;  p -= rate m / (sqrt(v) / sqrt(1-b2^t) + eps)
+/// Kingma & Ba 2015, Alg. 1, with bias corrections in AdamStep.
+GS_HD void adam_update(float& parameter, float& m, float& v, float gradient, const AdamStep& step) {
+  using std::sqrt;
+  m = float(kAdamBeta1) * m + float(1.0 - kAdamBeta1) * gradient;
+  v = float(kAdamBeta2) * v + float(1.0 - kAdamBeta2) * (gradient * gradient);
+  parameter -= step.rate * m / (sqrt(v) * step.inverse_sqrt_bias2 + kAdamEpsilon);
+}
+
+}  // namespace gs

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stages 4 and 6: one fragment, a splat at one pixel: its exponent, its alpha, how it is composited, and how
+// gradients are pulled back front to back.
+#pragma once
+
+#include "gs_core/math/constants.h"
+#include "gs_core/types.h"
+
+#ifndef __CUDA_ARCH__
+#include <bit>
+#endif
+
+namespace gs {
+
+/// Which of the two published rules blends the fragments of a pixel.
+///   faster_gs  no upper clamp of alpha; a pixel ends after the fragment that brings T below 1e-4
+///   classic    alpha at most 0.99; a pixel ends before that fragment (Kerbl et al. 2023, code)
+enum class BlendRule : int { faster_gs, classic };
+
+/// Exponent of a splat at offset d = pixel - mean: E = -1/2 d^T Q d, never above 0.
+template <class T>
+GS_HD T fragment_exponent(const Sym2<T>& conic, const T& dx, const T& dy) {
+  const T half = T(-0.5) * multiply_add(conic.xx * dx, dx, conic.yy * dy * dy);
+  return min_of(multiply_add(-conic.xy * dx, dy, half), T(0));
+}
+template <class T>
+struct ExponentGradient {
+  Sym2<T> conic;
+  Vec2<T> mean2d;
+};
+/// Gradients of fragment_exponent(); by the mean, which enters d with a minus sign.
+template <class T>
+GS_HD ExponentGradient<T> fragment_exponent_vjp(const Sym2<T>& conic, const T& dx, const T& dy,
+                                                const T& dL_dE) {
+  return {{T(-0.5) * dx * dx * dL_dE, T(-0.5) * dx * dy * dL_dE, T(-0.5) * dy * dy * dL_dE},
+          {(conic.xx * dx + conic.xy * dy) * dL_dE, (conic.xy * dx + conic.yy * dy) * dL_dE}};
+}
+
+/// exp(x) for the exponents of fragments, -80 <= x <= 0. For float: exp(x) = 2^n * 2^f with |f| <= 1/2 and a
+/// polynomial for 2^f (Taylor series of e^{f ln 2}, relative error under 2e-7), free of branches, so that
+/// compilers vectorise loops around it and every target computes the same bits.
+template <class T>
+GS_HD T exp_fragment(const T& x) {
+  using std::exp;
+  return exp(x);
+}
+#ifndef __CUDA_ARCH__
+inline float exp_fragment(const float& x) {
+  const float t = x * 1.44269504f;  // log2(e)
+  const float rounded = (t + 12582912.0f) - 12582912.0f;  // 1.5 * 2^23: rounds to the nearest integer
+  const float f = x - rounded * 0.693359375f + rounded * 2.12194440e-4f;  // ln 2 in two parts
+  float p = 1.0f / 720.0f;
+  p = multiply_add(p, f, 1.0f / 120.0f);
+  p = multiply_add(p, f, 1.0f / 24.0f);
+  p = multiply_add(p, f, 1.0f / 6.0f);
+  p = multiply_add(p, f, 0.5f);
+  p = multiply_add(p, f, 1.0f);
+  p = multiply_add(p, f, 1.0f);
+  const std::int32_t exponent = std::int32_t(rounded);
+  return p * std::bit_cast<float>((exponent + 127) << 23);
+}
+#endif
+
+/// alpha = o exp(E), under the classic rule at most 0.99.   Kerbl et al. 2023, Sec. 4
+template <BlendRule rule, class T>
+GS_HD T fragment_alpha(const T& opacity, const T& gaussian) {
+  const T alpha = opacity * gaussian;
+  return rule == BlendRule::classic ? min_of(alpha, T(kMaxAlphaClassic)) : alpha;
+}
+
+/// One pixel on its way from front to back.
+template <class T>
+struct PixelState {
+  Vec3<T> color{T(0), T(0), T(0)};
+  T transmittance{1};
+};
+
+/// True where the pixel takes no further fragment after this one was blended (faster_gs) or instead of
+/// blending it (classic).
+template <class T>
+GS_HD bool is_opaque(const T& transmittance) {
+  return transmittance < T(kMinTransmittance);
+}
+
+/// C += T alpha max(c, 0);  T *= 1 - alpha   Kerbl et al. 2023, Eq. 3
+template <class T>
+GS_HD void composite(PixelState<T>& pixel, const Vec3<T>& color, const T& alpha) {
+  const T weight = pixel.transmittance * alpha;
+  const Vec3<T> clamped{max_of(color.x, T(0)), max_of(color.y, T(0)), max_of(color.z, T(0))};
+  pixel.color = pixel.color + weight * clamped;
+  pixel.transmittance = pixel.transmittance * (T(1) - alpha);
+}
+
+/// One pixel of the backward pass, walked front to back like the forward one, so that nothing is ever
+/// divided out of the transmittance (Faster-GS; specs: stable front-to-back gradients).
+template <class T>
+struct PixelBackwardState {
+  Vec3<T> color_behind;    // colour that the fragments from here on still contribute, without background
+  T transmittance{1};      // before this fragment
+  Vec3<T> dL_dcolor;       // of the pixel
+  T dL_dfinal_transmittance_term;  // -T_final * <dL/dcolor, background>
+};
+template <class T>
+struct CompositeGradient {
+  Vec3<T> color;
+  T alpha;
+};
+/// Gradients of composite() by this fragment's colour and alpha, including its effect on everything behind:
+///
+///   dL/dc = T alpha g where c >= 0
+///   dL/dalpha = <T c - R / (1 - alpha), g> + ga / (1 - alpha)
+/// with R the colour behind this fragment. Advances the state past the fragment.
+template <class T>
+GS_HD CompositeGradient<T> composite_vjp(PixelBackwardState<T>& pixel, const Vec3<T>& color,
+                                         const T& alpha) {
+  const T weight = pixel.transmittance * alpha;
+  const Vec3<T> clamped{max_of(color.x, T(0)), max_of(color.y, T(0)), max_of(color.z, T(0))};
+  const Vec3<T>& g = pixel.dL_dcolor;
+  pixel.color_behind = pixel.color_behind - weight * clamped;
+  const T q = T(1) / max_of(T(1) - alpha, T(kMinOneMinusAlpha));
+  const T dL_dalpha = inner(pixel.transmittance * clamped - q * pixel.color_behind, g) +
+                      q * pixel.dL_dfinal_transmittance_term;
+  pixel.transmittance = pixel.transmittance * (T(1) - alpha);
+  return {{color.x >= T(0) ? weight * g.x : T(0), color.y >= T(0) ? weight * g.y : T(0),
+           color.z >= T(0) ? weight * g.z : T(0)},
+          dL_dalpha};
+}
+
+}  // namespace gs

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every constant of the method, once, each with its unit and source. Sources: [3DGS] Kerbl et al. 2023,
+// [FGS] Faster-GS 2026, [Mip] Yu et al. 2024 (Mip-Splatting), [SSIM] Wang et al. 2004.
+#pragma once
+
+namespace gs {
+
+// Tiles. Width and height are two names even where they are equal.
+inline constexpr int kTileWidth = 16;   // pixels [3DGS]
+inline constexpr int kTileHeight = 16;  // pixels [3DGS]
+
+// Fragments.
+inline constexpr float kMinAlpha = 1.0f / 255.0f;       // a fragment below this is not blended [3DGS]
+inline constexpr float kMinTransmittance = 1e-4f;       // a pixel below this is finished [3DGS]
+inline constexpr float kMaxAlphaClassic = 0.99f;        // upper clamp of the classic rule [3DGS]
+inline constexpr float kMinOneMinusAlpha = 1e-6f;       // guard of the backward residual [FGS]
+
+// Projection.
+inline constexpr float kBlur = 0.3f;                    // pixels^2 added to the image covariance [3DGS]
+inline constexpr float kBlurAntialias = 0.1f;           // pixels^2, with opacity compensation [Mip]
+inline constexpr float kFrustumMargin = 0.15f;          // of the picture's size: the Jacobian is clamped beyond [3DGS: 1.3 tan]
+inline constexpr float kMinCovarianceDeterminant = 1e-6f;  // pixels^4; below it a splat is not rendered [FGS]
+inline constexpr float kMinQuaternionNorm2 = 1e-8f;     // below it a Gaussian is degenerate [FGS]
+
+// Spherical harmonics, normalisation of the real basis functions.
+inline constexpr double kSh0 = 0.28209479177387814;     // 1/2 sqrt(1/pi)
+inline constexpr double kSh1 = 0.48860251190291987;     // 1/2 sqrt(3/pi)
+inline constexpr double kSh2a = 1.0925484305920792;     // 1/2 sqrt(15/pi)
+inline constexpr double kSh2b = 0.94617469575755997;    // 3/4 sqrt(5/pi)
+inline constexpr double kSh2c = 0.31539156525251999;    // 1/4 sqrt(5/pi)
+inline constexpr double kSh2d = 0.54627421529603959;    // 1/4 sqrt(15/pi)
+inline constexpr double kSh3a = 0.59004358992664352;    // 1/4 sqrt(35/(2 pi))
+inline constexpr double kSh3b = 1.7701307697799304;     // 3/4 sqrt(35/(2 pi))
+inline constexpr double kSh3c = 2.8906114426405538;     // 1/2 sqrt(105/pi)
+inline constexpr double kSh3d = 0.45704579946446572;    // 1/4 sqrt(21/(2 pi))
+inline constexpr double kSh3e = 2.2852289973223288;     // 5/4 sqrt(21/(2 pi))
+inline constexpr double kSh3f = 1.865881662950577;      // 5/4 sqrt(7/pi)
+inline constexpr double kSh3g = 1.1195289977703462;     // 3/4 sqrt(7/pi)
+inline constexpr double kSh3h = 1.4453057213202769;     // 1/4 sqrt(105/pi)
+inline constexpr float kColorOffset = 0.5f;             // colour of all-zero coefficients [3DGS]
+
+// Loss.
+inline constexpr int kSsimRadius = 5;                   // pixels: an 11x11 window [SSIM]
+inline constexpr float kSsimC1 = 1e-4f;                 // (0.01 * 1)^2 [SSIM]
+inline constexpr float kSsimC2 = 9e-4f;                 // (0.03 * 1)^2 [SSIM]
+
+// Adam (Kingma & Ba 2015), with the epsilon of [3DGS].
+inline constexpr double kAdamBeta1 = 0.9;
+inline constexpr double kAdamBeta2 = 0.999;
+inline constexpr float kAdamEpsilon = 1e-15f;
+
+// Density control.
+inline constexpr float kSplitScaleDivisor = 1.6f;       // both halves of a split shrink by it [3DGS]
+inline constexpr float kResetOpacity = 0.01f;           // an opacity reset lowers to it [3DGS]
+
+// Initialisation.
+inline constexpr float kMinNeighbourDistance2 = 1e-7f;  // world units^2 [3DGS]
+
+// Morton order.
+inline constexpr int kMortonBits = 21;                  // per axis, 63 in all [FGS]
+
+}  // namespace gs

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 9: the rules of adaptive density control, one Gaussian at a time.   Kerbl et al. 2023, Sec. 5.2
+#pragma once
+
+#include "gs_core/math/activations.h"
+#include "gs_core/math/constants.h"
+#include "gs_core/math/rotation.h"
+#include "gs_core/types.h"
+
+namespace gs {
+
+/// The thresholds of one refinement.
+struct AdaptiveRules {
+  float gradient_threshold;   // of the mean NDC-scaled image-plane gradient
+  float small_scale;          // world units; a growing Gaussian up to it is cloned, a larger one split
+  float prune_opacity;        // below it a Gaussian goes
+  float prune_scale;          // world units; above it a Gaussian goes; infinity: none does
+  std::int64_t max_gaussians; // no growth beyond; 0: no cap
+};
+
+/// The statistic that density control averages: the length of the image-plane gradient in units of half the
+/// picture (NDC).   pixels^-1 times pixels
+GS_HD float screen_gradient_norm(const Vec2f& dL_dmean2d, int width, int height) {
+  using std::sqrt;
+  const Vec2f ndc = 0.5f * Vec2f(dL_dmean2d.x * float(width), dL_dmean2d.y * float(height));
+  return sqrt(inner(ndc, ndc));
+}
+
+/// True where the mean gradient over the visible steps asks for more Gaussians here.
+GS_HD bool wants_growth(float visits, float gradient_norm, float threshold) {
+  return gradient_norm >= threshold * max_of(visits, 1.0f);
+}
+
+GS_HD float largest(const Vec3f& v) { return max_of(max_of(v.x, v.y), v.z); }
+
+/// True where the Gaussian is too small to split, and is cloned instead.
+GS_HD bool is_small(const Vec3f& log_scale, float small_scale) {
+  using std::log;
+  return largest(log_scale) <= log(small_scale);
+}
+
+/// Centre of one half of a split: a draw from the Gaussian itself.
+///
+/// normal  three independent standard normal numbers
+GS_HD Vec3f split_mean(const Vec3f& mean, const Vec3f& log_scale, const Quatf& rotation,
+                       const Vec3f& normal) {
+  using std::exp;
+  const Vec3f local{exp(log_scale.x) * normal.x, exp(log_scale.y) * normal.y,
+                    exp(log_scale.z) * normal.z};
+  return mean + multiply(rotation_matrix(rotation), local);
+}
+/// Log scale of both halves.
+GS_HD Vec3f split_log_scale(const Vec3f& log_scale) {
+  using std::log;
+  return log_scale - Vec3f(log(kSplitScaleDivisor));
+}
+
+/// True where the Gaussian is removed: transparent, too large, or without a rotation.
+GS_HD bool is_pruned(float logit_opacity, const Vec3f& log_scale, const Quatf& rotation,
+                     const AdaptiveRules& rules) {
+  using std::exp;
+  return sigmoid(logit_opacity) < rules.prune_opacity || exp(largest(log_scale)) > rules.prune_scale ||
+         is_degenerate(rotation);
+}
+
+}  // namespace gs

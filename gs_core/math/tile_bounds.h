@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stages 1 and 2: where a splat ends: its cutoff, its bounding rectangle, and the tiles that it really hits.
+#pragma once
+
+#include "gs_core/math/constants.h"
+#include "gs_core/types.h"
+
+namespace gs {
+
+/// Where a Gaussian ends. `alpha`: where alpha falls below 1/255, so that faint Gaussians are small. The
+/// others: at that many standard deviations, whatever the opacity.
+enum class Truncation : int { alpha, sigma2, sigma3, sigma4 };
+
+/// The exponent below which a fragment is dropped, negated: alpha = o exp(E) is kept iff E >= -cutoff.
+///
+///   alpha:   ln(255 o)      opacity-aware bound, Faster-GS
+///   sigma n: n^2 / 2
+/// Negative for o < 1/255 in mode alpha: such a splat has no fragment.
+template <class T>
+GS_HD T cutoff_of(Truncation truncation, const T& opacity) {
+  using std::log;
+  if (truncation == Truncation::sigma2) return T(2);
+  if (truncation == Truncation::sigma3) return T(4.5);
+  if (truncation == Truncation::sigma4) return T(8);
+  return log(opacity / T(kMinAlpha));
+}
+
+/// Half-open rectangle of tiles.
+struct TileRect {
+  std::uint16_t x_begin, x_end, y_begin, y_end;
+  GS_HD std::uint32_t area() const {
+    return std::uint32_t(x_end - x_begin) * std::uint32_t(y_end - y_begin);
+  }
+};
+
+/// The tiles that contain a pixel centre of the splat's axis-aligned bounding box.   Faster-GS, opacity-aware
+/// bounds: half extents sqrt(2 cutoff Sigma'_xx) and sqrt(2 cutoff Sigma'_yy) around the mean.
+///
+/// mean2d   pixels           cov2d  pixels^2           cutoff  >= 0
+/// tiles_x, tiles_y  size of the tile grid; the rectangle is clamped to it, never to the picture, so that
+///                   splats beyond the edge do not crowd the last tiles
+GS_HD TileRect tile_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, float cutoff, int tiles_x,
+                         int tiles_y) {
+  using std::ceil, std::floor, std::sqrt;
+  const float ex = sqrt(2.0f * cutoff * cov2d.xx), ey = sqrt(2.0f * cutoff * cov2d.yy);
+  // First and last pixel whose centre (i + 0.5) lies in the box, as half-open pixel bounds.
+  const float x0 = ceil(mean2d.x - ex - 0.5f), x1 = floor(mean2d.x + ex - 0.5f) + 1.0f;
+  const float y0 = ceil(mean2d.y - ey - 0.5f), y1 = floor(mean2d.y + ey - 0.5f) + 1.0f;
+  const float w = float(tiles_x * kTileWidth), h = float(tiles_y * kTileHeight);
+  if (!(x0 < x1) || !(y0 < y1) || x0 >= w || y0 >= h || x1 <= 0.0f || y1 <= 0.0f)
+    return {0, 0, 0, 0};
+  const int left = int(max_of(x0, 0.0f)), right = int(min_of(x1, w));
+  const int top = int(max_of(y0, 0.0f)), bottom = int(min_of(y1, h));
+  return {std::uint16_t(left / kTileWidth), std::uint16_t((right + kTileWidth - 1) / kTileWidth),
+          std::uint16_t(top / kTileHeight), std::uint16_t((bottom + kTileHeight - 1) / kTileHeight)};
+}
+
+/// True where some point of the tile's rectangle of pixel centres has an exponent >= -cutoff: the exact
+/// test of Radl et al. 2024 (StopThePop), for the quadratic 1/2 d^T Q d.
+///
+/// The smallest value over a convex rectangle lies at the mean if that is inside, else on one of the two
+/// edges nearest to it; along an edge the minimum of the parabola is clamped to the edge.
+GS_HD bool tile_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff, int tile_x,
+                       int tile_y) {
+  const float x_min = float(tile_x * kTileWidth) + 0.5f, x_max = x_min + float(kTileWidth - 1);
+  const float y_min = float(tile_y * kTileHeight) + 0.5f, y_max = y_min + float(kTileHeight - 1);
+  const bool left = mean2d.x <= x_min, right = mean2d.x > x_max;
+  const bool above = mean2d.y <= y_min, below = mean2d.y > y_max;
+  if (!(left || right || above || below)) return true;
+
+  // Offset of the corner nearest to the mean, and the way along both edges that meet there.
+  const float fx = (left ? x_min : right ? x_max : mean2d.x) - mean2d.x;
+  const float fy = (above ? y_min : below ? y_max : mean2d.y) - mean2d.y;
+  const bool outside_x = left || right, outside_y = above || below;
+  float best = 0.0f;
+  bool found = false;
+  if (outside_x) {  // the edge x = const: free in y
+    const float y = clamp_to(-conic.xy * fx / conic.yy, y_min - mean2d.y, y_max - mean2d.y);
+    best = 0.5f * (conic.xx * fx * fx + conic.yy * y * y) + conic.xy * fx * y;
+    found = true;
+  }
+  if (outside_y) {  // the edge y = const: free in x
+    const float x = clamp_to(-conic.xy * fy / conic.xx, x_min - mean2d.x, x_max - mean2d.x);
+    const float value = 0.5f * (conic.xx * x * x + conic.yy * fy * fy) + conic.xy * x * fy;
+    best = found ? min_of(best, value) : value;
+  }
+  return best <= cutoff;
+}
+
+}  // namespace gs
