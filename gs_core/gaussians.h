@@ -83,4 +83,28 @@ struct GaussianModel {
   bool antialiased = false;      // trained with the antialiased projection (spec 1, "k = 0.1")
 };
 
+/// The Gaussians as files carry them: downloaded from whatever memory they lie in.
+inline GaussianModel host_copy(const Gaussians& from, int sh_degree, bool antialiased) {
+  GaussianModel model{Gaussians(from.count(), host_memory()), sh_degree, antialiased};
+  for_each_array(
+      [](const char*, auto& to, const auto& array) {
+        if (array.size())
+          array.memory().download(to.data(), array.data(), array.size() * sizeof(*array.data()));
+      },
+      model.gaussians, from);
+  return model;
+}
+
+/// The Gaussians of a file in a backend's memory, ready to render.
+inline Gaussians copy_to(Memory& memory, const GaussianModel& from) {
+  Gaussians copy(from.gaussians.count(), memory);
+  for_each_array(
+      [&](const char*, auto& to, const auto& array) {
+        if (array.size())
+          memory.upload(to.data(), array.data(), array.size() * sizeof(*array.data()));
+      },
+      copy, from.gaussians);
+  return copy;
+}
+
 }  // namespace gs

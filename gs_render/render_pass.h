@@ -5,28 +5,14 @@
 
 #include "gs_core/buffer.h"
 #include "gs_core/math/blend.h"
-#include "gs_core/math/tile_bounds.h"
+#include "gs_core/math/splat.h"
 
 namespace gs {
 
 /// How to render: a value, given with each call; there is no hidden global.
-struct RenderSettings {
+struct RenderSettings : SplatSettings {
   Vec3f background{0, 0, 0};                   // sRGB 0..1
-  int sh_degree = 3;                           // degrees in use, 0..3
   BlendRule blend_rule = BlendRule::faster_gs;
-  Truncation truncation = Truncation::alpha;   // where a Gaussian ends
-  bool antialias = false;                      // smaller dilation with opacity compensation
-  bool antialias_detach = true;                // no gradient from the compensation to the covariance
-  float near_plane = 0.2f, far_plane = 1e4f;   // world units along the viewing axis
-};
-
-/// A Gaussian's footprint in one view: all that blending reads.
-struct Splat {
-  Vec2f mean2d;         // pixels
-  Sym2<float> conic;    // inverse image-plane covariance, 1 / pixels^2
-  float opacity;        // after the antialiasing factor
-  float cutoff;         // the fragment is kept iff its exponent >= -cutoff
-  Vec3f color;          // not clamped; blending takes max(color, 0)
 };
 
 /// Every stage's output. Filled by forward, consumed by backward; reused from step to step, so that
@@ -38,7 +24,7 @@ struct RenderPass {
   // 1 preprocess                       one row per Gaussian; rows of culled ones are undefined but tile_count
   Buffer<Splat> splats;                 // (N)
   Buffer<float> depths;                 // (N)   world units along the viewing axis
-  Buffer<TileRect> tile_rects;          // (N)   tiles that the bounding rectangle touches
+  Buffer<Rect> pixel_rects;             // (N)   pixels of the bounding rectangle
   Buffer<std::uint32_t> tile_counts;    // (N)   tiles hit; 0 = culled
 
   // 2 depth order and instances        V visible Gaussians, I instances
@@ -46,6 +32,8 @@ struct RenderPass {
   Buffer<std::uint32_t> first_instance; // (V+1) where the k-th of depth_order begins; the last is I
   Buffer<std::uint32_t> instance_tiles; // (I)   tile of each instance, in depth order of its Gaussian
   Buffer<std::uint32_t> instance_splats;// (I)   its Gaussian
+
+  Buffer<std::uint32_t> sort_scratch;   // (V)   working room of the depth sort
 
   // 3 tile order                       each tile's instances, front to back
   Buffer<std::uint32_t> tile_instances; // (I)   instance numbers, sorted by tile, stable
@@ -56,16 +44,11 @@ struct RenderPass {
   Buffer<float> transmittance;          // (H, W)    what is left for the background
   Buffer<std::uint32_t> last_instance;  // (H, W)    1 + position in its tile's list of the last blended; 0 = none
 
+  // 6 blend backward                   scalar backend
+  Buffer<SplatGradient> instance_gradients;  // (I) each instance's share, summed per splat in a fixed order
+
   std::size_t pixel_count() const { return std::size_t(width) * height; }
   std::size_t tile_count() const { return std::size_t(tiles_x) * tiles_y; }
-};
-
-/// dL/d(splat), summed over the fragments of one instance (scalar backend) or of a whole splat.
-struct SplatGradient {
-  Vec2f mean2d;
-  Sym2<float> conic;  // gradient convention of Sym2: xy is half of the derivative
-  float opacity;
-  Vec3f color;
 };
 
 }  // namespace gs

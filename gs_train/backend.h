@@ -15,6 +15,8 @@ namespace gs {
 /// Everything that the trainer needs of a device. Made by the program, outlives the trainer.
 class Backend {
  public:
+  explicit Backend(Memory& memory)
+      : dL_dimage_(memory), dL_dmean2d_(memory), gradients_(memory) {}
   virtual ~Backend() = default;
   virtual std::string name() const = 0;  // as in results.json: "cpu", "cuda:0 (NVIDIA H200)"
   virtual Memory& memory() = 0;

@@ -27,7 +27,7 @@ class Schedule {
  private:
   int scaled(int step) const;
   int steps_, refine_from_, refine_until_, refine_every_;
-  int reset_every_, reset_until_, sh_every_, morton_every_, morton_until_;
+  int reset_every_, reset_until_, extra_reset_, sh_every_, morton_every_, morton_until_;
   OptimizerConfig rates_;
   float extent_;
 };

@@ -68,6 +68,18 @@ GS_HD T fragment_alpha(const T& opacity, const T& gaussian) {
   return rule == BlendRule::classic ? min_of(alpha, T(kMaxAlphaClassic)) : alpha;
 }
 
+template <class T>
+struct AlphaGradient {
+  T opacity, exponent;
+};
+/// Gradients of fragment_alpha() by the opacity and by the exponent E, gaussian = exp(E); zero where clamped.
+template <BlendRule rule, class T>
+GS_HD AlphaGradient<T> fragment_alpha_vjp(const T& opacity, const T& gaussian, const T& dL_dalpha) {
+  const T alpha = opacity * gaussian;
+  const bool clamped = rule == BlendRule::classic && alpha > T(kMaxAlphaClassic);
+  return {clamped ? T(0) : gaussian * dL_dalpha, clamped ? T(0) : alpha * dL_dalpha};
+}
+
 /// One pixel on its way from front to back.
 template <class T>
 struct PixelState {

@@ -13,6 +13,7 @@ inline constexpr int kTileHeight = 16;  // pixels [3DGS]
 inline constexpr float kMinAlpha = 1.0f / 255.0f;       // a fragment below this is not blended [3DGS]
 inline constexpr float kMinTransmittance = 1e-4f;       // a pixel below this is finished [3DGS]
 inline constexpr float kMaxAlphaClassic = 0.99f;        // upper clamp of the classic rule [3DGS]
+inline constexpr float kMaxCutoff = 80.0f;              // exp(-80) is a normal float; no cutoff comes near it
 inline constexpr float kMinOneMinusAlpha = 1e-6f;       // guard of the backward residual [FGS]
 
 // Projection.

@@ -25,34 +25,38 @@ GS_HD T cutoff_of(Truncation truncation, const T& opacity) {
   return log(opacity / T(kMinAlpha));
 }
 
-/// Half-open rectangle of tiles.
-struct TileRect {
+/// Half-open rectangle of pixels, or of tiles.
+struct Rect {
   std::uint16_t x_begin, x_end, y_begin, y_end;
-  GS_HD std::uint32_t area() const {
-    return std::uint32_t(x_end - x_begin) * std::uint32_t(y_end - y_begin);
-  }
+  GS_HD bool empty() const { return x_begin >= x_end || y_begin >= y_end; }
 };
 
-/// The tiles that contain a pixel centre of the splat's axis-aligned bounding box.   Faster-GS, opacity-aware
-/// bounds: half extents sqrt(2 cutoff Sigma'_xx) and sqrt(2 cutoff Sigma'_yy) around the mean.
+/// The pixels whose centres lie in the splat's axis-aligned bounding box: half extents
+/// sqrt(2 cutoff Sigma'_xx) and sqrt(2 cutoff Sigma'_yy) around the mean.   Faster-GS, opacity-aware bounds
 ///
 /// mean2d   pixels           cov2d  pixels^2           cutoff  >= 0
-/// tiles_x, tiles_y  size of the tile grid; the rectangle is clamped to it, never to the picture, so that
-///                   splats beyond the edge do not crowd the last tiles
-GS_HD TileRect tile_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, float cutoff, int tiles_x,
-                         int tiles_y) {
+/// tiles_x, tiles_y  size of the tile grid, at most 65535 pixels along each axis; the rectangle is clamped to
+///                   the grid and not to the picture, so that splats beyond the edge do not crowd the last tiles
+/// Returns an empty rectangle where nothing is hit or an input is not finite.
+GS_HD Rect pixel_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, float cutoff, int tiles_x,
+                      int tiles_y) {
   using std::ceil, std::floor, std::sqrt;
   const float ex = sqrt(2.0f * cutoff * cov2d.xx), ey = sqrt(2.0f * cutoff * cov2d.yy);
-  // First and last pixel whose centre (i + 0.5) lies in the box, as half-open pixel bounds.
-  const float x0 = ceil(mean2d.x - ex - 0.5f), x1 = floor(mean2d.x + ex - 0.5f) + 1.0f;
-  const float y0 = ceil(mean2d.y - ey - 0.5f), y1 = floor(mean2d.y + ey - 0.5f) + 1.0f;
-  const float w = float(tiles_x * kTileWidth), h = float(tiles_y * kTileHeight);
-  if (!(x0 < x1) || !(y0 < y1) || x0 >= w || y0 >= h || x1 <= 0.0f || y1 <= 0.0f)
-    return {0, 0, 0, 0};
-  const int left = int(max_of(x0, 0.0f)), right = int(min_of(x1, w));
-  const int top = int(max_of(y0, 0.0f)), bottom = int(min_of(y1, h));
-  return {std::uint16_t(left / kTileWidth), std::uint16_t((right + kTileWidth - 1) / kTileWidth),
-          std::uint16_t(top / kTileHeight), std::uint16_t((bottom + kTileHeight - 1) / kTileHeight)};
+  // First and last pixel whose centre (i + 0.5) lies in the box, as half-open bounds.
+  const float x0 = max_of(ceil(mean2d.x - ex - 0.5f), 0.0f);
+  const float y0 = max_of(ceil(mean2d.y - ey - 0.5f), 0.0f);
+  const float x1 = min_of(floor(mean2d.x + ex - 0.5f) + 1.0f, float(tiles_x * kTileWidth));
+  const float y1 = min_of(floor(mean2d.y + ey - 0.5f) + 1.0f, float(tiles_y * kTileHeight));
+  if (!(x0 < x1) || !(y0 < y1)) return {0, 0, 0, 0};
+  return {std::uint16_t(x0), std::uint16_t(x1), std::uint16_t(y0), std::uint16_t(y1)};
+}
+
+/// The tiles that a rectangle of pixels touches.
+GS_HD Rect tile_rect(const Rect& pixels) {
+  return {std::uint16_t(pixels.x_begin / kTileWidth),
+          std::uint16_t((pixels.x_end + kTileWidth - 1) / kTileWidth),
+          std::uint16_t(pixels.y_begin / kTileHeight),
+          std::uint16_t((pixels.y_end + kTileHeight - 1) / kTileHeight)};
 }
 
 /// True where some point of the tile's rectangle of pixel centres has an exponent >= -cutoff: the exact
@@ -85,6 +89,17 @@ GS_HD bool tile_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cuto
     best = found ? min_of(best, value) : value;
   }
   return best <= cutoff;
+}
+
+/// Calls visit(tile_x, tile_y) for each tile that the splat hits, row by row. Counting and emitting instances
+/// both go through here, so that they cannot disagree.
+template <class Visit>
+GS_HD void for_each_hit_tile(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
+                             const Rect& pixels, Visit&& visit) {
+  const Rect tiles = tile_rect(pixels);
+  for (int y = tiles.y_begin; y < tiles.y_end; ++y)
+    for (int x = tiles.x_begin; x < tiles.x_end; ++x)
+      if (tile_is_hit(mean2d, conic, cutoff, x, y)) visit(x, y);
 }
 
 }  // namespace gs

@@ -1,0 +1,347 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reading, checking and printing a Config: visitors over the list in config_fields.h.
+#include "gs_core/config.h"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <optional>
+#include <sstream>
+
+#include "gs_core/config_fields.h"
+#include "gs_core/error.h"
+#include "gs_core/nearest_word.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+// ---- values as text -------------------------------------------------------------------------------------
+
+std::string quoted(const std::string& text) {
+  static constexpr char kHex[] = "0123456789abcdef";
+  std::string result = "\"";
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (c == '"' || c == '\\') {
+      result += {'\\', c};
+    } else if (byte < 0x20 || byte == 0x7f) {
+      result += {'\\', 'u', '0', '0', kHex[byte >> 4], kHex[byte & 15]};
+    } else {
+      result += c;
+    }
+  }
+  return result + '"';
+}
+
+std::string toml_text(const std::string& value) { return quoted(value); }
+std::string toml_text(bool value) { return value ? "true" : "false"; }
+std::string toml_text(const std::vector<int>& values) {
+  std::string result = "[";
+  for (const int value : values) result += (result.size() > 1 ? ", " : "") + std::to_string(value);
+  return result + "]";
+}
+// The shortest text that reads back to the same value; a float always looks like one.
+template <class T>
+requires std::is_arithmetic_v<T> std::string toml_text(T value) {
+  if constexpr (std::is_floating_point_v<T>) {
+    if (!std::isfinite(value)) return std::isnan(value) ? "nan" : value > 0 ? "inf" : "-inf";
+  }
+  char buffer[32];
+  const auto end = std::to_chars(buffer, buffer + sizeof(buffer), value).ptr;
+  std::string result(buffer, end);
+  if (std::is_floating_point_v<T> && result.find_first_of(".e") == std::string::npos)
+    result += ".0";
+  return result;
+}
+
+std::string text_of(const toml::node& node) {
+  std::ostringstream stream;
+  node.visit([&](const auto& value) { stream << value; });
+  return stream.str();
+}
+
+// ---- limits ---------------------------------------------------------------------------------------------
+
+std::string text_of(const Limits& limits) {
+  if (!limits.words.empty()) return "one of " + std::string(limits.words);
+  const auto number = [](double value) {
+    std::string text = toml_text(value);
+    if (text.ends_with(".0")) text.resize(text.size() - 2);
+    return text;
+  };
+  const bool unbounded = limits.high >= limits::kLargestInt;
+  if (limits.above_low) return "above " + number(limits.low);
+  if (unbounded) return "at least " + number(limits.low);
+  return "from " + number(limits.low) + " to " + number(limits.high);
+}
+
+// Where the list of words has "cuda:N", any "cuda:" with digits fits.
+bool is_word(std::string_view words, std::string_view value) {
+  const std::size_t colon = value.find(':');
+  const bool numbered = colon != value.npos && colon + 1 < value.size() &&
+                        value.find_first_not_of("0123456789", colon + 1) == value.npos;
+  const std::string wanted =
+      numbered ? std::string(value.substr(0, colon)) + ":N" : std::string(value);
+  while (!words.empty()) {
+    const std::size_t comma = std::min(words.find(", "), words.size());
+    if (words.substr(0, comma) == wanted && (numbered || wanted.find(':') == wanted.npos))
+      return true;
+    words.remove_prefix(std::min(comma + 2, words.size()));
+  }
+  return false;
+}
+
+bool in_range(double value, const Limits& limits) {
+  return (limits.above_low ? value > limits.low : value >= limits.low) && value <= limits.high;
+}
+
+template <class T>
+bool fits(const T& value, const Limits& limits) {
+  if constexpr (std::is_same_v<T, bool>) {
+    return true;
+  } else if constexpr (std::is_arithmetic_v<T>) {
+    return in_range(double(value), limits);
+  } else if constexpr (std::is_same_v<T, std::string>) {
+    return limits.words.empty() || is_word(limits.words, value);
+  } else {
+    return std::all_of(value.begin(), value.end(),
+                       [&](auto element) { return fits(element, limits); });
+  }
+}
+
+[[noreturn]] void refuse(std::string_view where, std::string_view key, std::string_view value,
+                         const std::string& must) {
+  throw UsageError(std::string(where) + std::string(key) + " = " + std::string(value) +
+                   " cannot be used: it must be " + must);
+}
+
+// ---- one value from TOML --------------------------------------------------------------------------------
+
+template <class T>
+constexpr const char* kTypeName = "a whole number";
+template <>
+constexpr const char* kTypeName<bool> = "true or false";
+template <>
+constexpr const char* kTypeName<float> = "a number";
+template <>
+constexpr const char* kTypeName<std::string> = "text in quotes";
+template <>
+constexpr const char* kTypeName<std::vector<int>> =
+    "a list of whole numbers, such as [7000, 30000]";
+
+// Values as TOML has them, wide enough that a range is checked before a number is narrowed.
+template <class T>
+struct Wide {
+  using type = std::conditional_t<std::is_floating_point_v<T>, double, std::int64_t>;
+};
+template <>
+struct Wide<bool> {
+  using type = bool;
+};
+template <>
+struct Wide<std::string> {
+  using type = std::string;
+};
+template <>
+struct Wide<std::vector<int>> {
+  using type = std::vector<std::int64_t>;
+};
+
+// The node's value, where it has the right type. Whole numbers are numbers too.
+template <class T>
+std::optional<T> value_of(const toml::node& node) {
+  if constexpr (std::is_same_v<T, double>) {
+    return node.is_number() ? node.value<double>() : std::nullopt;
+  } else if constexpr (std::is_same_v<T, std::vector<std::int64_t>>) {
+    const toml::array* array = node.as_array();
+    if (!array) return std::nullopt;
+    T values;
+    for (const toml::node& element : *array) {
+      if (!element.is_integer()) return std::nullopt;
+      values.push_back(*element.value_exact<std::int64_t>());
+    }
+    return values;
+  } else {
+    return node.value_exact<T>();
+  }
+}
+
+template <class T>
+void assign(const Field<T>& field, const toml::node& node, std::string_view where) {
+  const auto value = value_of<typename Wide<T>::type>(node);
+  if (!value) refuse(where, field.key, text_of(node), kTypeName<T>);
+  if (!fits(*value, field.limits)) refuse(where, field.key, text_of(node), text_of(field.limits));
+  if constexpr (std::is_same_v<T, std::vector<int>>) {
+    field.value.assign(value->begin(), value->end());
+  } else {
+    field.value = T(*value);
+  }
+}
+
+// ---- keys -----------------------------------------------------------------------------------------------
+
+std::string with_underscores(std::string key) {
+  std::replace(key.begin(), key.end(), '-', '_');
+  return key;
+}
+
+[[noreturn]] void refuse_key(std::string_view where, const std::string& key) {
+  std::vector<std::string> known;
+  Config config;
+  visit_fields(config, [&](const auto& field) { known.emplace_back(field.key); });
+  const std::string nearest = nearest_word(key, known);
+  throw UsageError(std::string(where) + "there is no setting " + key + "; " +
+                   (nearest.empty() ? "`gemsplat train --print-config` lists all of them"
+                                    : "did you mean " + nearest + "?"));
+}
+
+// Calls visit(field) for the field of that key.
+template <class Visitor>
+void visit_field(Config& config, const std::string& key, std::string_view where, Visitor&& visit) {
+  bool found = false;
+  visit_fields(config, [&](const auto& field) {
+    if (field.key != key) return;
+    found = true;
+    visit(field);
+  });
+  if (!found) refuse_key(where, key);
+}
+
+// ---- files ----------------------------------------------------------------------------------------------
+
+std::string where_in(const fs::path& file, const toml::node& node) {
+  return file.string() + ":" + std::to_string(node.source().begin.line) + ": ";
+}
+
+toml::table parse_file(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::error_code ignored;
+  if (!stream || fs::is_directory(file, ignored))
+    throw Error("cannot read the config file " + file.string() +
+                ": check the path given with -c or as base");
+  try {
+    return toml::parse(stream, file.string());
+  } catch (const toml::parse_error& error) {
+    throw UsageError(file.string() + ":" + std::to_string(error.source().begin.line) + ": " +
+                     std::string(error.description()) + "; the file must be TOML");
+  }
+}
+
+// `visiting` holds the files whose base is being read, so that a circle is seen.
+void merge_file(Config& config, const fs::path& file, std::vector<fs::path>& visiting) {
+  const toml::table root = parse_file(file);
+  const fs::path self = fs::weakly_canonical(file);
+  if (std::find(visiting.begin(), visiting.end(), self) != visiting.end())
+    throw UsageError(file.string() +
+                     " is its own base, directly or through other files; remove one " +
+                     "of the `base = ...` lines");
+  visiting.push_back(self);
+  if (const toml::node* base = root.get("base")) {
+    const auto name = base->value_exact<std::string>();
+    if (!name) refuse(where_in(file, *base), "base", text_of(*base), "the name of a TOML file");
+    merge_file(config, file.parent_path() / *name, visiting);
+  }
+  visiting.pop_back();
+
+  for (const auto& [section_key, section] : root) {
+    const std::string name = with_underscores(std::string(section_key.str()));
+    if (name == "base") continue;
+    if (!section.is_table()) refuse_key(where_in(file, section), name);
+    for (const auto& [key, node] : *section.as_table()) {
+      const std::string where = where_in(file, node);
+      visit_field(config, name + "." + with_underscores(std::string(key.str())), where,
+                  [&, &value = node](const auto& field) { assign(field, value, where); });
+    }
+  }
+}
+
+// The value of `--set key=TEXT`: TOML if it is, else a bare word.
+toml::table parse_value(const std::string& text) {
+  toml::table parsed;
+  if (text.find('\n') == text.npos) {
+    try {
+      parsed = toml::parse("value = " + text);
+    } catch (const toml::parse_error&) {
+    }
+  }
+  if (!parsed.contains("value")) parsed.insert_or_assign("value", text);
+  return parsed;
+}
+
+}  // namespace
+
+void load_config(Config& config, const fs::path& file) {
+  std::vector<fs::path> visiting;
+  Config merged = config;  // a file that is refused changes nothing
+  merge_file(merged, file, visiting);
+  config = merged;
+}
+
+void apply_setting(Config& config, const std::string& assignment) {
+  const std::size_t equals = assignment.find('=');
+  if (equals == assignment.npos)
+    throw UsageError("the setting " + assignment + " has no value; write section.key=value");
+  const auto trimmed = [](const std::string& text) {
+    const std::size_t first = text.find_first_not_of(" \t");
+    if (first == text.npos) return std::string();
+    return text.substr(first, text.find_last_not_of(" \t") - first + 1);
+  };
+  const std::string key = with_underscores(trimmed(assignment.substr(0, equals)));
+  const std::string text = trimmed(assignment.substr(equals + 1));
+  visit_field(config, key, "", [&](const auto& field) {
+    toml::table parsed = parse_value(text);
+    // Where text is wanted, 2024 and true are words like any other.
+    if constexpr (std::is_same_v<decltype(field.value), std::string&>) {
+      if (!parsed.get("value")->is_string()) parsed.insert_or_assign("value", text);
+    }
+    assign(field, *parsed.get("value"), "");
+  });
+}
+
+void validate(const Config& config) {
+  visit_fields(config, [](const auto& field) {
+    if (!fits(field.value, field.limits))
+      refuse("", field.key, toml_text(field.value), text_of(field.limits));
+  });
+  const auto require = [](bool holds, std::string_view key, const auto& value,
+                          const std::string& must) {
+    if (!holds) refuse("", key, toml_text(value), must);
+  };
+  const int resolution = config.dataset.resolution;
+  require(
+      resolution == 1 || resolution == 2 || resolution == 4 || resolution == 8 || resolution >= 16,
+      "dataset.resolution", resolution, "1, 2, 4, 8, or a width of at least 16 pixels");
+  require(config.render.near_plane < config.render.far_plane, "render.near_plane",
+          config.render.near_plane, "less than render.far_plane");
+  const double steps = double(config.train.iterations) * double(config.train.steps_scaler);
+  require(steps >= 1 && steps <= limits::kLargestInt, "train.steps_scaler",
+          config.train.steps_scaler, "such that train.iterations times it is a count of steps");
+}
+
+std::string to_toml(const Config& config) {
+  std::string result = "# gemsplat: every setting of this run. Give the file back with -c.\n";
+  std::string section;
+  visit_fields(config, [&](const auto& field) {
+    const std::string key(field.key);
+    const std::size_t dot = key.find('.');
+    if (key.substr(0, dot) != section) {
+      section = key.substr(0, dot);
+      result += "\n[" + section + "]\n";
+    }
+    std::string line = key.substr(dot + 1) + " = " + toml_text(field.value);
+    line.resize(std::max<std::size_t>(line.size(), 32), ' ');
+    result += line + "  # " + (field.unit.empty() ? "" : std::string(field.unit) + ": ") +
+              std::string(field.meaning);
+    if (!field.limits.words.empty()) result += "; " + text_of(field.limits);
+    if (!field.source.empty()) result += " (" + std::string(field.source) + ")";
+    result += '\n';
+  });
+  return result;
+}
+
+}  // namespace gs

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every field of Config, once, with its unit, range or words, meaning and source. Parsing, --set, --help,
+// validation, printing and the docs' table are visitors over this list; a new field is one line here and
+// one in config.h.
+#pragma once
+
+#include <limits>
+#include <string_view>
+
+#include "gs_core/config.h"
+
+namespace gs {
+
+/// What values a field takes: numbers in [low, high] (or (low, high] where `above_low`), or one of `words`.
+struct Limits {
+  double low = -std::numeric_limits<double>::infinity();
+  double high = std::numeric_limits<double>::infinity();
+  bool above_low = false;
+  std::string_view words = {};  // separated by ", "; a word "cuda:N" stands for any whole number N
+};
+
+namespace limits {
+inline constexpr double kLargestFloat = std::numeric_limits<float>::max();
+inline constexpr double kLargestInt = std::numeric_limits<int>::max();
+inline constexpr double kLargestExact =
+    9007199254740992.0;  // 2^53: whole in JSON and TOML readers alike
+
+constexpr Limits any() { return {}; }
+constexpr Limits one_of(std::string_view words) { return {.words = words}; }
+constexpr Limits between(double low, double high) { return {.low = low, .high = high}; }
+constexpr Limits at_least(double low) { return {.low = low, .high = kLargestFloat}; }
+constexpr Limits above(double low) { return {low, kLargestFloat, true}; }
+constexpr Limits steps_from(double low) { return {.low = low, .high = kLargestInt}; }
+}  // namespace limits
+
+/// One field of a config and all there is to say of it. T is const where the config is.
+template <class T>
+struct Field {
+  std::string_view key;  // "section.name"
+  T& value;
+  std::string_view unit;  // "" for none
+  Limits limits;
+  std::string_view meaning;
+  std::string_view source;  // "" for our own choice
+};
+
+// clang-format off
+/// Calls visit(Field<T>) for each field of a `Config` or `const Config`, section by section. T is one of
+/// bool, int, std::int64_t, std::uint64_t, float, std::string, std::vector<int>.
+template <class AnyConfig, class Visitor>
+void visit_fields(AnyConfig& config, Visitor&& visit) {
+  using namespace limits;
+  constexpr std::string_view kKerbl = "Kerbl et al. 2023", kFaster = "Faster-GS", kMip = "Yu et al. 2024";
+  const auto field = [&](std::string_view key, auto& value, std::string_view unit, Limits range,
+                         std::string_view meaning, std::string_view source = {}) {
+    visit(Field<std::remove_reference_t<decltype(value)>>{key, value, unit, range, meaning, source});
+  };
+
+  //    key                             value                         unit      limits              meaning, source
+  auto& dataset = config.dataset;
+  field("dataset.source",               dataset.source,               "folder", any(),              "the scene: photos and a COLMAP model");
+  field("dataset.images",               dataset.images,               "folder", any(),              "the photos, inside the scene or absolute");
+  field("dataset.model",                dataset.model,                "folder", any(),              "the COLMAP model; empty: sparse/0, sparse or the scene itself");
+  field("dataset.resolution",           dataset.resolution,           "",       between(1, 65536),  "1, 2, 4, 8: photos divided by it; 16 and more: their width in pixels", kKerbl);
+  field("dataset.eval",                 dataset.eval,                 "",       any(),              "hold out every test_every-th view, by sorted name", kKerbl);
+  field("dataset.test_every",           dataset.test_every,           "views",  steps_from(2),      "of so many views one is held out, the first of all included", "Barron et al. 2022");
+
+  auto& model = config.model;
+  field("model.output",                 model.output,                 "folder", any(),              "where the run is written");
+  field("model.sh_degree",              model.sh_degree,              "",       between(0, 3),      "highest degree of the spherical harmonics that hold colour", kKerbl);
+  field("model.initial_opacity",        model.initial_opacity,        "",       between(1e-4, 0.999), "of every Gaussian at the start", kKerbl);
+  field("model.random_points",          model.random_points,          "points", steps_from(1),      "drawn where the COLMAP model has no points", kKerbl);
+
+  auto& render = config.render;
+  field("render.background",            render.background,            "",       one_of("black, white, random"), "behind the Gaussians; random: another colour each step", kKerbl);
+  field("render.blend_rule",            render.blend_rule,            "",       one_of("faster_gs, classic"), "classic: alpha at most 0.99, a pixel ends before its last fragment", kFaster);
+  field("render.truncation",            render.truncation,            "",       one_of("alpha, sigma2, sigma3, sigma4"), "where a Gaussian ends: at alpha 1/255, or at so many standard deviations", kFaster);
+  field("render.antialias",             render.antialias,             "",       any(),              "smaller dilation with opacity compensation", kMip);
+  field("render.antialias_detach",      render.antialias_detach,      "",       any(),              "no gradient from that compensation to the covariance", kFaster);
+  field("render.near_plane",            render.near_plane,            "world units", above(0),         "nothing nearer is drawn", kKerbl);
+  field("render.far_plane",             render.far_plane,             "world units", above(0),         "nothing farther is drawn", kFaster);
+
+  auto& loss = config.loss;
+  field("loss.lambda_dssim",            loss.lambda_dssim,            "",       between(0, 1),      "weight of 1 - SSIM; the rest is L1", "Kerbl et al. 2023, Eq. 7");
+
+  auto& optimizer = config.optimizer;
+  field("optimizer.position_lr_initial", optimizer.position_lr_initial, "extent", at_least(0),      "Adam rate of the means at the first step", kKerbl);
+  field("optimizer.position_lr_final",  optimizer.position_lr_final,  "extent", at_least(0),        "and at the last; exponential between", kKerbl);
+  field("optimizer.log_scale_lr",       optimizer.log_scale_lr,       "",       at_least(0),        "Adam rate of the logarithms of the scales", kKerbl);
+  field("optimizer.rotation_lr",        optimizer.rotation_lr,        "",       at_least(0),        "Adam rate of the quaternions", kKerbl);
+  field("optimizer.opacity_lr",         optimizer.opacity_lr,         "",       at_least(0),        "Adam rate of the logits of the opacities", kFaster);
+  field("optimizer.sh0_lr",             optimizer.sh0_lr,             "",       at_least(0),        "Adam rate of SH degree 0", kKerbl);
+  field("optimizer.sh_rest_lr",         optimizer.sh_rest_lr,         "",       at_least(0),        "Adam rate of SH degrees 1 to 3", kKerbl);
+
+  auto& density = config.density;
+  field("density.from_step",            density.from_step,            "steps",  steps_from(0),      "first refinement (clone, split, prune), of a 30,000-step run", kKerbl);
+  field("density.until_step",           density.until_step,           "steps",  steps_from(0),      "last refinement", kKerbl);
+  field("density.every",                density.every,                "steps",  steps_from(1),      "between refinements", kKerbl);
+  field("density.gradient_threshold",   density.gradient_threshold,   "NDC",    at_least(0),        "mean image-plane gradient above which a Gaussian is cloned or split", kKerbl);
+  field("density.small_scale",          density.small_scale,          "extent", at_least(0),        "smaller Gaussians are cloned, larger ones split", kKerbl);
+  field("density.prune_opacity",        density.prune_opacity,        "",       between(0, 1),      "fainter Gaussians are removed", kKerbl);
+  field("density.prune_scale",          density.prune_scale,          "extent", above(0),           "larger Gaussians are removed, after the first opacity reset", kKerbl);
+  field("density.reset_opacity_every",  density.reset_opacity_every,  "steps",  steps_from(1),      "between opacity resets", kKerbl);
+  field("density.reset_opacity_until",  density.reset_opacity_until,  "steps",  steps_from(0),      "last opacity reset; 0: none", kKerbl);
+  field("density.max_gaussians",        density.max_gaussians,        "",       between(0, 4e9),    "no clone or split beyond so many; 0: no cap");
+
+  auto& train = config.train;
+  field("train.iterations",             train.iterations,             "steps",  steps_from(1),      "one photo each; the schedule scales with it", kKerbl);
+  field("train.steps_scaler",           train.steps_scaler,           "",       above(0),           "multiplies iterations");
+  field("train.sh_degree_every",        train.sh_degree_every,        "steps",  steps_from(1),      "between SH degrees, of a 30,000-step run", kKerbl);
+  field("train.morton_every",           train.morton_every,           "steps",  steps_from(1),      "between sorts along the Morton curve", kFaster);
+  field("train.morton_until",           train.morton_until,           "steps",  steps_from(0),      "last such sort but the final one", kFaster);
+  field("train.seed",                   train.seed,                   "",       between(0, kLargestExact), "same seed, same bytes");
+  field("train.threads",                train.threads,                "",       between(0, 4096),   "of the CPU; 0: all cores; the result does not depend on it");
+  field("train.device",                 train.device,                 "",       one_of("auto, cpu, cuda, cuda:N"), "where to train");
+  field("train.log_every",              train.log_every,              "steps",  steps_from(1),      "between rows of metrics.csv");
+  field("train.save_steps",             train.save_steps,             "steps",  steps_from(1),      "after which the PLY is saved, besides the last; not scaled");
+  field("train.test_steps",             train.test_steps,             "steps",  steps_from(1),      "after which the test views are evaluated, besides the last; not scaled");
+}
+// clang-format on
+
+}  // namespace gs

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// Nearest neighbours among points in space.
+#pragma once
+
+#include <vector>
+
+#include "gs_core/buffer.h"
+
+namespace gs {
+
+/// A balanced k-d tree (Bentley 1975) over points that somebody else owns and that must not be moved.
+class KdTree {
+ public:
+  explicit KdTree(Span<const Vec3f> points);
+
+  /// Mean squared distance from point `i` to its `k` nearest other points (fewer where there are fewer);
+  /// 0 where it has none.   world units^2, 1 <= k <= 8
+  float mean_squared_distance(std::size_t i, int k) const;
+
+ private:
+  struct Nearest;
+  void build(std::size_t begin, std::size_t end, int axis);
+  void search(std::size_t begin, std::size_t end, int axis, Nearest& nearest) const;
+
+  Span<const Vec3f> points_;
+  std::vector<std::uint32_t> order_;  // each range's median splits it
+};
+
+}  // namespace gs

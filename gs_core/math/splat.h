@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stages 1 and 7: one Gaussian becomes a splat, the chain of activations, covariance, projection and colour;
+// and the gradient of a splat goes all the way back to the stored parameters.
+#pragma once
+
+#include "gs_core/math/activations.h"
+#include "gs_core/math/covariance.h"
+#include "gs_core/math/projection.h"
+#include "gs_core/math/rotation.h"
+#include "gs_core/math/sh.h"
+#include "gs_core/math/tile_bounds.h"
+
+namespace gs {
+
+/// How a Gaussian becomes a splat.
+struct SplatSettings {
+  int sh_degree = 3;                          // degrees in use, 0..3
+  Truncation truncation = Truncation::alpha;  // where a Gaussian ends
+  bool antialias = false;                     // smaller dilation with opacity compensation
+  bool antialias_detach = true;               // no gradient from the compensation to the covariance
+  float near_plane = 0.2f, far_plane = 1e4f;  // world units along the viewing axis
+};
+
+/// The stored parameters of one Gaussian (gaussians.h).
+template <class T>
+struct GaussianParameters {
+  Vec3<T> mean, log_scale;
+  Quat<T> rotation;
+  T logit_opacity;
+  Vec3<T> sh0;
+  const Vec3<T>* sh_rest;  // sh_rest_count(degree in use) coefficients
+};
+
+/// A Gaussian's footprint in one view: all that blending reads.
+template <class T>
+struct BasicSplat {
+  Vec2<T> mean2d;  // pixels
+  Sym2<T> conic;   // inverse image-plane covariance, 1 / pixels^2
+  T opacity;       // after the antialiasing factor
+  T cutoff;        // a fragment is kept iff its exponent >= -cutoff
+  Vec3<T> color;   // not clamped; blending takes max(color, 0)
+};
+using Splat = BasicSplat<float>;
+
+/// dL/d(splat); the conic follows the convention of Sym2.
+template <class T>
+struct BasicSplatGradient {
+  Vec2<T> mean2d;
+  Sym2<T> conic;
+  T opacity;
+  Vec3<T> color;
+};
+using SplatGradient = BasicSplatGradient<float>;
+
+/// What project_gaussian() makes of one Gaussian.
+template <class T>
+struct ProjectedGaussian {
+  bool is_visible = false;  // false: everything else is undefined
+  T depth;                  // world units along the viewing axis
+  Sym2<T> cov2d;            // pixels^2, blur included
+  BasicSplat<T> splat;
+};
+
+template <class T>
+GS_HD T blur_of(const SplatSettings& settings) {
+  return T(settings.antialias ? kBlurAntialias : kBlur);
+}
+
+/// Projects one Gaussian into a view.   Kerbl et al. 2023, Sec. 4; Faster-GS, fused activations
+///
+/// Not visible: degenerate rotation, depth outside [near, far], image covariance singular or beyond the
+/// scalar's range, opacity under the truncation rule's threshold, or any value that is not finite.
+template <class T>
+GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
+                                            const GaussianParameters<T>& gaussian,
+                                            const SplatSettings& settings) {
+  ProjectedGaussian<T> result;
+  const Vec3<T> p = to_camera(camera, gaussian.mean);
+  result.depth = p.z;
+  if (!(p.z >= T(settings.near_plane) && p.z <= T(settings.far_plane))) return result;
+  if (is_degenerate(gaussian.rotation)) return result;
+
+  const Sym3<T> sigma = covariance(rotation_matrix(gaussian.rotation), variance(gaussian.log_scale));
+  const T blur = blur_of<T>(settings);
+  result.cov2d = project_covariance(projection_jacobian(camera, p), sigma, blur);
+  const T det = determinant(result.cov2d);
+  if (!(det >= T(kMinCovarianceDeterminant) && det < T(1e30f))) return result;
+
+  BasicSplat<T>& splat = result.splat;
+  splat.opacity = sigmoid(gaussian.logit_opacity);
+  if (settings.antialias) splat.opacity *= antialias_factor(result.cov2d, blur);
+  splat.cutoff = cutoff_of(settings.truncation, splat.opacity);
+  if (!(splat.cutoff >= T(0))) return result;
+
+  splat.mean2d = project_mean(camera, p);
+  splat.conic = conic_of(result.cov2d);
+  splat.color = sh_color(settings.sh_degree, unit_direction(camera.position(), gaussian.mean),
+                         gaussian.sh0, gaussian.sh_rest);
+  const T sum = splat.color.x + splat.color.y + splat.color.z;
+  result.is_visible = sum - sum == T(0);  // false for NaN and infinity
+  return result;
+}
+
+/// dL/d(parameters) of one Gaussian; the SH rest is written through a pointer.
+template <class T>
+struct GaussianGradient {
+  Vec3<T> mean, log_scale;
+  Quat<T> rotation;
+  T logit_opacity;
+  Vec3<T> sh0;
+};
+/// Gradients of project_gaussian(), for a Gaussian that was visible. Everything but the parameters is
+/// computed again. Writes the gradients of the SH coefficients in use into dL_dsh_rest.
+template <class T>
+GS_HD GaussianGradient<T> project_gaussian_vjp(const PinholeCamera<T>& camera,
+                                               const GaussianParameters<T>& gaussian,
+                                               const SplatSettings& settings,
+                                               const BasicSplatGradient<T>& dL_dsplat,
+                                               Vec3<T>* dL_dsh_rest) {
+  const Vec3<T> p = to_camera(camera, gaussian.mean);
+  const Mat3<T> R = rotation_matrix(gaussian.rotation);
+  const Vec3<T> variances = variance(gaussian.log_scale);
+  const Sym3<T> sigma = covariance(R, variances);
+  const Mat23<T> A = projection_jacobian(camera, p);
+  const T blur = blur_of<T>(settings);
+  const Sym2<T> cov2d = project_covariance(A, sigma, blur);
+
+  GaussianGradient<T> gradient;
+  // Colour: to the coefficients, and through the viewing direction to the mean.
+  const Vec3<T> eye = camera.position();
+  const ShColorGradient<T> dL_color =
+      sh_color_vjp(settings.sh_degree, unit_direction(eye, gaussian.mean), gaussian.sh_rest,
+                   dL_dsplat.color, dL_dsh_rest);
+  gradient.sh0 = dL_color.sh0;
+  gradient.mean = unit_direction_vjp(eye, gaussian.mean, dL_color.direction);
+
+  // Opacity, and the antialiasing factor.
+  Sym2<T> dL_dcov2d = conic_vjp(conic_of(cov2d), dL_dsplat.conic);
+  const T opacity = sigmoid(gaussian.logit_opacity);
+  T dL_dopacity = dL_dsplat.opacity;
+  if (settings.antialias) {
+    if (!settings.antialias_detach) {
+      const Sym2<T> dL = antialias_factor_vjp(cov2d, blur, dL_dsplat.opacity * opacity);
+      dL_dcov2d = {dL_dcov2d.xx + dL.xx, dL_dcov2d.xy + dL.xy, dL_dcov2d.yy + dL.yy};
+    }
+    dL_dopacity *= antialias_factor(cov2d, blur);
+  }
+  gradient.logit_opacity = sigmoid_vjp(opacity, dL_dopacity);
+
+  // Covariance: to scale and rotation, and through the Jacobian to the mean.
+  const ProjectCovarianceGradient<T> dL_projection = project_covariance_vjp(A, sigma, dL_dcov2d);
+  const CovarianceGradient<T> dL_covariance = covariance_vjp(R, variances, dL_projection.sigma);
+  gradient.log_scale = variance_vjp(variances, dL_covariance.variance);
+  gradient.rotation = rotation_matrix_vjp(gaussian.rotation, dL_covariance.R);
+  const Vec3<T> dL_dp = project_mean_vjp(camera, p, dL_dsplat.mean2d) +
+                        projection_jacobian_vjp(camera, p, dL_projection.A);
+  gradient.mean += to_camera_vjp(camera, dL_dp);
+  return gradient;
+}
+
+}  // namespace gs

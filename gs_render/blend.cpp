@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 4: blends each tile's list of splats front to back. Splat by splat, and within a splat row by row of
+// eight pixels at a time, so that compilers turn the innermost loop into vector instructions.
+#include "gs_core/math/blend.h"
+
+#include "gs_core/parallel.h"
+#include "gs_render/stages.h"
+#include "gs_render/tile_loop.h"
+
+namespace gs {
+namespace {
+
+// The pixels of one tile while they are blended.
+struct TilePixels {
+  float red[kTilePixels], green[kTilePixels], blue[kTilePixels];
+  float transmittance[kTilePixels];
+  std::uint32_t is_open[kTilePixels];  // takes further fragments
+  std::uint32_t last[kTilePixels];     // 1 + position of the last blended splat
+
+  TilePixels(const RenderPass& pass, const Tile& tile) {
+    for (int pixel = 0; pixel < kTilePixels; ++pixel) {
+      red[pixel] = green[pixel] = blue[pixel] = 0.0f;
+      transmittance[pixel] = 1.0f;
+      is_open[pixel] = tile.contains(pass, pixel);
+      last[pixel] = 0;
+    }
+  }
+  bool all_closed() const {
+    std::uint32_t open = 0;
+    for (const std::uint32_t flag : is_open) open |= flag;
+    return open == 0;
+  }
+};
+
+// Blends one splat into kLanes neighbouring pixels of a row.
+template <BlendRule rule>
+inline void blend_lanes(const Splat& splat, float dx, float dy, std::uint32_t position, int first,
+                        TilePixels& pixels) {
+  const Vec3f color = splat.color;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const int i = first + lane;
+    const float exponent = fragment_exponent(splat.conic, dx + float(lane), dy);
+    const float alpha =
+        fragment_alpha<rule>(splat.opacity, exp_fragment(max_of(exponent, -kMaxCutoff)));
+    bool keep = pixels.is_open[i] != 0 && exponent >= -splat.cutoff;
+    if constexpr (rule == BlendRule::classic) {
+      const bool stops = keep && is_opaque(pixels.transmittance[i] * (1.0f - alpha));
+      pixels.is_open[i] = stops ? 0 : pixels.is_open[i];
+      keep = keep && !stops;
+    }
+    PixelState<float> state{{pixels.red[i], pixels.green[i], pixels.blue[i]}, pixels.transmittance[i]};
+    composite(state, color, keep ? alpha : 0.0f);
+    pixels.red[i] = state.color.x;
+    pixels.green[i] = state.color.y;
+    pixels.blue[i] = state.color.z;
+    pixels.transmittance[i] = state.transmittance;
+    pixels.last[i] = keep ? position + 1 : pixels.last[i];
+    if constexpr (rule == BlendRule::faster_gs)
+      pixels.is_open[i] = is_opaque(state.transmittance) ? 0 : pixels.is_open[i];
+  }
+}
+
+template <BlendRule rule>
+void blend_tile(const RenderSettings& settings, RenderPass& pass, std::size_t tile_index) {
+  const Tile tile(pass, tile_index);
+  TilePixels pixels(pass, tile);
+  for (std::uint32_t k = tile.begin; k < tile.end; ++k) {
+    if ((k - tile.begin) % kClosedCheckInterval == 0 && pixels.all_closed()) break;
+    const std::uint32_t gaussian = pass.instance_splats[pass.tile_instances[k]];
+    const Splat& splat = pass.splats[gaussian];
+    for_each_lane_group(tile, pass.pixel_rects[gaussian], splat.mean2d,
+                        [&](int first, float dx, float dy) {
+                          blend_lanes<rule>(splat, dx, dy, k - tile.begin, first, pixels);
+                        });
+  }
+
+  const std::size_t plane = pass.pixel_count();
+  const Vec3f background = settings.background;
+  for (int pixel = 0; pixel < kTilePixels; ++pixel) {
+    if (!tile.contains(pass, pixel)) continue;
+    const std::size_t to = tile.image_index(pass, pixel);
+    const float T = pixels.transmittance[pixel];
+    pass.image[to] = pixels.red[pixel] + T * background.x;
+    pass.image[plane + to] = pixels.green[pixel] + T * background.y;
+    pass.image[2 * plane + to] = pixels.blue[pixel] + T * background.z;
+    pass.transmittance[to] = T;
+    pass.last_instance[to] = pixels.last[pixel];
+  }
+}
+
+}  // namespace
+
+void blend(const RenderSettings& settings, RenderPass& pass) {
+  pass.image.resize_discard(3 * pass.pixel_count());
+  pass.transmittance.resize_discard(pass.pixel_count());
+  pass.last_instance.resize_discard(pass.pixel_count());
+  parallel_for(pass.tile_count(), 1, [&](std::size_t tile) {
+    if (settings.blend_rule == BlendRule::classic)
+      blend_tile<BlendRule::classic>(settings, pass, tile);
+    else
+      blend_tile<BlendRule::faster_gs>(settings, pass, tile);
+  });
+}
+
+}  // namespace gs

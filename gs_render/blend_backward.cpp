@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 6: gradients of blending, per Gaussian and front to back: each instance sums the gradients of its
+// fragments over the tile's pixels and writes them to a slot of its own, so that no two threads ever add to
+// the same number and the sum of a splat has a fixed order.
+#include "gs_core/math/blend.h"
+
+#include "gs_core/parallel.h"
+#include "gs_render/stages.h"
+#include "gs_render/tile_loop.h"
+
+namespace gs {
+namespace {
+
+// The pixels of one tile on their way back: PixelBackwardState, one array per member.
+struct TilePixels {
+  float red[kTilePixels], green[kTilePixels], blue[kTilePixels];  // colour behind
+  float transmittance[kTilePixels];
+  float d_red[kTilePixels], d_green[kTilePixels], d_blue[kTilePixels];  // dL/d(pixel)
+  float d_final[kTilePixels];
+  std::uint32_t last[kTilePixels];
+  std::uint32_t largest_last = 0;
+
+  TilePixels(const RenderPass& pass, const Tile& tile, const Vec3f& background,
+             Span<const float> dL_dimage) {
+    const std::size_t plane = pass.pixel_count();
+    for (int pixel = 0; pixel < kTilePixels; ++pixel) {
+      red[pixel] = green[pixel] = blue[pixel] = 0.0f;
+      d_red[pixel] = d_green[pixel] = d_blue[pixel] = d_final[pixel] = 0.0f;
+      transmittance[pixel] = 1.0f;
+      last[pixel] = 0;
+      if (!tile.contains(pass, pixel)) continue;
+      const std::size_t from = tile.image_index(pass, pixel);
+      const float T = pass.transmittance[from];
+      red[pixel] = pass.image[from] - T * background.x;
+      green[pixel] = pass.image[plane + from] - T * background.y;
+      blue[pixel] = pass.image[2 * plane + from] - T * background.z;
+      d_red[pixel] = dL_dimage[from];
+      d_green[pixel] = dL_dimage[plane + from];
+      d_blue[pixel] = dL_dimage[2 * plane + from];
+      d_final[pixel] = -T * inner(Vec3f(d_red[pixel], d_green[pixel], d_blue[pixel]), background);
+      last[pixel] = pass.last_instance[from];
+      largest_last = std::max(largest_last, last[pixel]);
+    }
+  }
+};
+
+// A SplatGradient per lane; the lanes are summed once, at the end, in a fixed order.
+struct LaneSums {
+  float mean_x[kLanes] = {}, mean_y[kLanes] = {};
+  float conic_xx[kLanes] = {}, conic_xy[kLanes] = {}, conic_yy[kLanes] = {};
+  float opacity[kLanes] = {};
+  float red[kLanes] = {}, green[kLanes] = {}, blue[kLanes] = {};
+
+  static float sum(const float (&lanes)[kLanes]) {
+    return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
+           ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
+  }
+  SplatGradient total() const {
+    return {{sum(mean_x), sum(mean_y)},
+            {sum(conic_xx), sum(conic_xy), sum(conic_yy)},
+            sum(opacity),
+            {sum(red), sum(green), sum(blue)}};
+  }
+};
+
+template <BlendRule rule>
+inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::uint32_t position,
+                                 int first, TilePixels& pixels, LaneSums& sums) {
+  const Vec3f color = splat.color;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const int i = first + lane;
+    const float exponent = fragment_exponent(splat.conic, dx + float(lane), dy);
+    const float gaussian = exp_fragment(max_of(exponent, -kMaxCutoff));
+    const bool keep = position < pixels.last[i] && exponent >= -splat.cutoff;
+    const float alpha = keep ? fragment_alpha<rule>(splat.opacity, gaussian) : 0.0f;
+
+    PixelBackwardState<float> state{{pixels.red[i], pixels.green[i], pixels.blue[i]},
+                                    pixels.transmittance[i],
+                                    {pixels.d_red[i], pixels.d_green[i], pixels.d_blue[i]},
+                                    pixels.d_final[i]};
+    const CompositeGradient<float> dL = composite_vjp(state, color, alpha);
+    pixels.red[i] = state.color_behind.x;
+    pixels.green[i] = state.color_behind.y;
+    pixels.blue[i] = state.color_behind.z;
+    pixels.transmittance[i] = state.transmittance;
+
+    const AlphaGradient<float> dL_fragment =
+        fragment_alpha_vjp<rule>(splat.opacity, gaussian, keep ? dL.alpha : 0.0f);
+    const ExponentGradient<float> dL_splat =
+        fragment_exponent_vjp(splat.conic, dx + float(lane), dy, dL_fragment.exponent);
+    sums.mean_x[lane] += dL_splat.mean2d.x;
+    sums.mean_y[lane] += dL_splat.mean2d.y;
+    sums.conic_xx[lane] += dL_splat.conic.xx;
+    sums.conic_xy[lane] += dL_splat.conic.xy;
+    sums.conic_yy[lane] += dL_splat.conic.yy;
+    sums.opacity[lane] += dL_fragment.opacity;
+    sums.red[lane] += dL.color.x;
+    sums.green[lane] += dL.color.y;
+    sums.blue[lane] += dL.color.z;
+  }
+}
+
+template <BlendRule rule>
+void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_dimage, RenderPass& pass,
+                         std::size_t tile_index) {
+  const Tile tile(pass, tile_index);
+  TilePixels pixels(pass, tile, settings.background, dL_dimage);
+  for (std::uint32_t k = tile.begin; k < tile.end; ++k) {
+    LaneSums sums;
+    const std::uint32_t instance = pass.tile_instances[k], position = k - tile.begin;
+    if (position < pixels.largest_last) {
+      const std::uint32_t gaussian = pass.instance_splats[instance];
+      const Splat& splat = pass.splats[gaussian];
+      for_each_lane_group(tile, pass.pixel_rects[gaussian], splat.mean2d,
+                          [&](int first, float dx, float dy) {
+                            blend_backward_lanes<rule>(splat, dx, dy, position, first, pixels, sums);
+                          });
+    }
+    pass.instance_gradients[instance] = sums.total();
+  }
+}
+
+}  // namespace
+
+void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage, RenderPass& pass) {
+  pass.instance_gradients.resize_discard(pass.instance_splats.size());
+  parallel_for(pass.tile_count(), 1, [&](std::size_t tile) {
+    if (settings.blend_rule == BlendRule::classic)
+      blend_backward_tile<BlendRule::classic>(settings, dL_dimage, pass, tile);
+    else
+      blend_backward_tile<BlendRule::faster_gs>(settings, dL_dimage, pass, tile);
+  });
+}
+
+}  // namespace gs

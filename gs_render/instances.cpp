@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 2: the visible Gaussians near to far, and one instance for each tile that each of them hits.
+#include <bit>
+
+#include "gs_core/parallel.h"
+#include "gs_core/radix_sort.h"
+#include "gs_render/stages.h"
+
+namespace gs {
+namespace {
+
+// Fills depth_order: indices of visible Gaussians, by depth, equal depths by index.
+void order_by_depth(RenderPass& pass) {
+  const std::size_t count = pass.tile_counts.size();
+  pass.depth_order.resize_discard(count);
+  std::size_t visible = 0;
+  for (std::size_t i = 0; i < count; ++i)
+    if (pass.tile_counts[i]) pass.depth_order[visible++] = std::uint32_t(i);
+  pass.depth_order.resize(visible);
+  // Visible depths are positive, and positive floats are ordered as their bits are.
+  radix_sort_by_key(pass.depth_order.span(), pass.sort_scratch, [&](std::uint32_t i) {
+    return std::bit_cast<std::uint32_t>(pass.depths[i]);
+  });
+}
+
+}  // namespace
+
+void create_instances(RenderPass& pass) {
+  order_by_depth(pass);
+  const std::size_t visible = pass.depth_order.size();
+  pass.first_instance.resize_discard(visible + 1);
+  std::uint32_t total = 0;
+  for (std::size_t k = 0; k < visible; ++k) {
+    pass.first_instance[k] = total;
+    total += pass.tile_counts[pass.depth_order[k]];
+  }
+  pass.first_instance[visible] = total;
+  pass.instance_tiles.resize_discard(total);
+  pass.instance_splats.resize_discard(total);
+
+  parallel_for(visible, 512, [&](std::size_t k) {
+    const std::uint32_t gaussian = pass.depth_order[k];
+    const Splat& splat = pass.splats[gaussian];
+    std::uint32_t instance = pass.first_instance[k];
+    for_each_hit_tile(splat.mean2d, splat.conic, splat.cutoff, pass.pixel_rects[gaussian],
+                      [&](int x, int y) {
+                        pass.instance_tiles[instance] = std::uint32_t(y * pass.tiles_x + x);
+                        pass.instance_splats[instance] = gaussian;
+                        ++instance;
+                      });
+  });
+}
+
+}  // namespace gs

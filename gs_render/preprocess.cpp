@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas.
+#include "gs_core/parallel.h"
+#include "gs_render/stages.h"
+
+namespace gs {
+
+void preprocess(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
+                RenderPass& pass) {
+  const std::size_t count = gaussians.mean.size;
+  pass.width = camera.width;
+  pass.height = camera.height;
+  pass.tiles_x = (camera.width + kTileWidth - 1) / kTileWidth;
+  pass.tiles_y = (camera.height + kTileHeight - 1) / kTileHeight;
+  pass.splats.resize_discard(count);
+  pass.depths.resize_discard(count);
+  pass.pixel_rects.resize_discard(count);
+  pass.tile_counts.resize_discard(count);
+
+  parallel_for(count, 512, [&](std::size_t i) {
+    pass.tile_counts[i] = 0;
+    const ProjectedGaussian<float> projected =
+        project_gaussian(camera, parameters_of(gaussians, i), settings);
+    if (!projected.is_visible) return;
+    const Splat& splat = projected.splat;
+    const Rect pixels =
+        pixel_rect(splat.mean2d, projected.cov2d, splat.cutoff, pass.tiles_x, pass.tiles_y);
+    if (pixels.empty()) return;
+    std::uint32_t hits = 0;
+    for_each_hit_tile(splat.mean2d, splat.conic, splat.cutoff, pixels, [&](int, int) { ++hits; });
+    pass.splats[i] = splat;
+    pass.depths[i] = projected.depth;
+    pass.pixel_rects[i] = pixels;
+    pass.tile_counts[i] = hits;
+  });
+}
+
+}  // namespace gs

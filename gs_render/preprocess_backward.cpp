@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 7: each visible Gaussian sums the gradients of its instances and pulls them back to its parameters.
+#include "gs_core/parallel.h"
+#include "gs_render/stages.h"
+
+namespace gs {
+namespace {
+
+void write_row(const GaussiansSpan& gradients, std::size_t i, const GaussianGradient<float>& gradient) {
+  gradients.mean[i] = gradient.mean;
+  gradients.log_scale[i] = gradient.log_scale;
+  gradients.rotation[i] = gradient.rotation;
+  gradients.logit_opacity[i] = gradient.logit_opacity;
+  gradients.sh0[i] = gradient.sh0;
+}
+
+SplatGradient sum_of_instances(const RenderPass& pass, std::size_t k) {
+  SplatGradient sum{};
+  for (std::uint32_t slot = pass.first_instance[k]; slot < pass.first_instance[k + 1]; ++slot) {
+    const SplatGradient& part = pass.instance_gradients[slot];
+    sum.mean2d += part.mean2d;
+    sum.conic = {sum.conic.xx + part.conic.xx, sum.conic.xy + part.conic.xy,
+                 sum.conic.yy + part.conic.yy};
+    sum.opacity += part.opacity;
+    sum.color += part.color;
+  }
+  return sum;
+}
+
+}  // namespace
+
+void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
+                         const RenderSettings& settings, const RenderPass& pass,
+                         const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) {
+  parallel_for(gaussians.mean.size, 4096, [&](std::size_t i) {
+    if (pass.tile_counts[i]) return;
+    for_each_array([&](const char*, auto& rows) { rows[i] = {}; }, gradients);
+    dL_dmean2d[i] = {};
+  });
+  parallel_for(pass.depth_order.size(), 512, [&](std::size_t k) {
+    const std::size_t i = pass.depth_order[k];
+    const SplatGradient dL_dsplat = sum_of_instances(pass, k);
+    gradients.sh_rest[i] = {};  // degrees that are not in use have no gradient
+    write_row(gradients, i,
+              project_gaussian_vjp(camera, parameters_of(gaussians, i), settings, dL_dsplat,
+                                   gradients.sh_rest[i].coefficient));
+    dL_dmean2d[i] = dL_dsplat.mean2d;
+  });
+}
+
+}  // namespace gs

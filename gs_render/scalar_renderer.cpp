@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scalar renderer: the stages in order.
+#include "gs_core/error.h"
+#include "gs_render/renderer.h"
+#include "gs_render/stages.h"
+
+namespace gs {
+namespace {
+
+class ScalarRenderer final : public Renderer {
+ public:
+  void forward(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
+               RenderPass& pass) override {
+    preprocess(gaussians, camera, settings, pass);
+    create_instances(pass);
+    sort_by_tile(pass);
+    blend(settings, pass);
+  }
+
+  void backward(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
+                RenderPass& pass, Span<const float> dL_dimage, const GaussiansSpan& gradients,
+                Span<Vec2f> dL_dmean2d) override {
+    GS_CHECK(dL_dimage.size == 3 * pass.pixel_count());
+    blend_backward(settings, dL_dimage, pass);
+    preprocess_backward(gaussians, camera, settings, pass, gradients, dL_dmean2d);
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Renderer> make_scalar_renderer() { return std::make_unique<ScalarRenderer>(); }
+
+ImageF image_of(const RenderPass& pass) {
+  const std::vector<float> planes = pass.image.download();
+  ImageF image(pass.width, pass.height, 3);
+  const std::size_t plane = pass.pixel_count();
+  for (std::size_t i = 0; i < plane; ++i)
+    for (int c = 0; c < 3; ++c)
+      image.pixels[3 * i + c] = clamp_to(planes[c * plane + i], 0.0f, 1.0f);
+  return image;
+}
+
+}  // namespace gs

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 3: instances by tile. One stable counting sort, whose counts are the tile ranges.
+#include <numeric>
+
+#include "gs_render/stages.h"
+
+namespace gs {
+
+void sort_by_tile(RenderPass& pass) {
+  const std::size_t tiles = pass.tile_count(), instances = pass.instance_tiles.size();
+  pass.tile_ranges.resize_discard(tiles + 1);
+  pass.tile_ranges.fill_zero();
+  pass.tile_instances.resize_discard(instances);
+
+  for (const std::uint32_t tile : pass.instance_tiles) ++pass.tile_ranges[tile + 1];
+  std::partial_sum(pass.tile_ranges.begin(), pass.tile_ranges.end(), pass.tile_ranges.begin());
+
+  // While the instances are dealt out, range t holds the next free place of tile t; each ends up at its
+  // tile's end, which is where the next tile begins.
+  for (std::size_t i = 0; i < instances; ++i)
+    pass.tile_instances[pass.tile_ranges[pass.instance_tiles[i]]++] = std::uint32_t(i);
+  std::copy_backward(pass.tile_ranges.begin(), pass.tile_ranges.end() - 1, pass.tile_ranges.end());
+  pass.tile_ranges[0] = 0;
+}
+
+}  // namespace gs

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scalar stages in pipeline order: the table of contents. Each stage reads what the ones before it left
+// in the RenderPass and fills its own fields. Stages 5 (loss), 8 (Adam), 9 (rows) and 10 (Morton order) are
+// training's, in gs_train.
+#pragma once
+
+#include "gs_core/camera.h"
+#include "gs_core/gaussians.h"
+#include "gs_render/render_pass.h"
+
+namespace gs {
+
+/// 1  Activate, cull, project, colour: one splat per Gaussian, and how many tiles it hits.
+void preprocess(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
+                RenderPass& pass);
+
+/// 2  Order the visible Gaussians near to far; then one instance per (splat, tile), in that order.
+void create_instances(RenderPass& pass);
+
+/// 3  Order the instances by tile, stably, so that each tile's list runs front to back.
+void sort_by_tile(RenderPass& pass);
+
+/// 4  Blend each tile's list front to back over the background.
+void blend(const RenderSettings& settings, RenderPass& pass);
+
+/// 6  From dL/d(image), (3, H, W), to dL/d(splat) of every instance, front to back again.
+void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage, RenderPass& pass);
+
+/// 7  Sum each splat's instances and pull the gradient back to the stored parameters.
+void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
+                         const RenderSettings& settings, const RenderPass& pass,
+                         const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d);
+
+/// Row i of the Gaussians, as the formulas take it.
+inline GaussianParameters<float> parameters_of(const GaussiansSpan& gaussians, std::size_t i) {
+  return {gaussians.mean[i],          gaussians.log_scale[i], gaussians.rotation[i],
+          gaussians.logit_opacity[i], gaussians.sh0[i],       gaussians.sh_rest[i].coefficient};
+}
+
+}  // namespace gs

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 8: Adam over every number of every learned quantity, visible or not.
+#include "gs_core/math/adam.h"
+
+#include "gs_core/error.h"
+#include "gs_core/parallel.h"
+#include "gs_train/scalar_stages.h"
+
+namespace gs {
+namespace {
+
+// The numbers of an array, whatever its rows are.
+template <class T>
+Span<float> numbers_of(const Buffer<T>& rows) {
+  return {reinterpret_cast<float*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
+}
+
+class ScalarOptimizer final : public Optimizer {
+ public:
+  void step(TrainingModel& model, const Gaussians& gradients, const LearningRates& rates) override {
+    GS_CHECK(gradients.count() == model.count());
+    const int t = ++model.adam_steps;
+    const GaussianArrays<Rate> rate{{rates.mean},          {rates.log_scale}, {rates.rotation},
+                                    {rates.logit_opacity}, {rates.sh0},       {rates.sh_rest}};
+    for_each_array(
+        [&](const char*, auto& parameters, auto& m, auto& v, const auto& gradient, const auto& rate) {
+          update(numbers_of(parameters), numbers_of(m), numbers_of(v), numbers_of(gradient),
+                 adam_step(t, rate.value));
+        },
+        model.gaussians, model.first_moment, model.second_moment, gradients, rate);
+  }
+
+ private:
+  template <class T>
+  struct Rate {
+    float value;
+  };
+
+  static void update(Span<float> parameters, Span<float> m, Span<float> v, Span<const float> gradient,
+                     const AdamStep& step) {
+    parallel_chunks(parameters.size, 16384, [=](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i)
+        adam_update(parameters[i], m[i], v[i], gradient[i], step);
+    });
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Optimizer> make_scalar_optimizer() { return std::make_unique<ScalarOptimizer>(); }
+
+}  // namespace gs

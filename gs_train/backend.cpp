@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_train/backend.h"
+
+namespace gs {
+
+void Backend::step(TrainingModel& model, const View& view, const RenderSettings& settings,
+                   float lambda_dssim, const LearningRates& rates, bool gather_statistics) {
+  gradients_.resize(model.count());
+  dL_dmean2d_.resize(model.count());
+  const GaussiansSpan gaussians = model.gaussians.span();
+
+  renderer().forward(gaussians, view.camera, settings, pass_);
+  loss().forward_backward(pass_, view, lambda_dssim, dL_dimage_);
+  renderer().backward(gaussians, view.camera, settings, pass_, dL_dimage_.span(), gradients_.span(),
+                      dL_dmean2d_.span());
+  optimizer().step(model, gradients_, rates);
+  if (gather_statistics) gather(model, pass_, dL_dmean2d_.span());
+}
+
+}  // namespace gs

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scalar CPU backend: the contracts in their plainest form.
+#include "gs_core/parallel.h"
+#include "gs_train/scalar_stages.h"
+
+namespace gs {
+namespace {
+
+class ScalarBackend final : public Backend {
+ public:
+  ScalarBackend() : Backend(host_memory()) {}
+  std::string name() const override { return "cpu"; }
+  Memory& memory() override { return host_memory(); }
+  Renderer& renderer() override { return *renderer_; }
+  Loss& loss() override { return *loss_; }
+  Optimizer& optimizer() override { return *optimizer_; }
+  RowOps& rows() override { return *rows_; }
+
+ protected:
+  void gather(TrainingModel& model, const RenderPass& pass, Span<const Vec2f> dL_dmean2d) override {
+    parallel_for(model.count(), 4096, [&](std::size_t i) {
+      if (!pass.tile_counts[i]) return;
+      model.statistics.visits[i] += 1.0f;
+      model.statistics.gradient_norm[i] +=
+          screen_gradient_norm(dL_dmean2d[i], pass.width, pass.height);
+    });
+  }
+
+ private:
+  std::unique_ptr<Renderer> renderer_ = make_scalar_renderer();
+  std::unique_ptr<Loss> loss_ = make_scalar_loss();
+  std::unique_ptr<Optimizer> optimizer_ = make_scalar_optimizer();
+  std::unique_ptr<RowOps> rows_ = make_scalar_row_ops();
+};
+
+}  // namespace
+
+std::unique_ptr<Backend> make_scalar_backend() { return std::make_unique<ScalarBackend>(); }
+
+}  // namespace gs

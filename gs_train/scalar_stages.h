@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scalar training stages, one file each, as the scalar backend puts them together.
+#pragma once
+
+#include <memory>
+
+#include "gs_train/backend.h"
+
+namespace gs {
+
+std::unique_ptr<Loss> make_scalar_loss();            // 5  ssim.cpp
+std::unique_ptr<Optimizer> make_scalar_optimizer();  // 8  adam.cpp
+std::unique_ptr<RowOps> make_scalar_row_ops();       // 9  rows.cpp, 10 morton.cpp
+
+/// Rows of `model` in a new order, or some of them: row i becomes what row source[i] was; parameters, moments
+/// and statistics alike.
+void gather_rows(TrainingModel& model, Span<const std::uint32_t> source);
+
+/// Row numbers along the Morton curve of the means, in their bounding cube; equal codes by row number.
+Buffer<std::uint32_t> morton_order(Span<const Vec3f> means);
+
+}  // namespace gs

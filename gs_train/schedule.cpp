@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_train/schedule.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace gs {
+namespace {
+
+constexpr double kStandardSteps = 30000;  // the run that the config's steps speak of
+constexpr int kMinRefineInterval = 50;    // steps; docs/benchmarks.md, "Short schedules"
+constexpr int kMinResetInterval = 1000;   // steps; a reset needs that long to heal
+constexpr int kExtraResetStep = 500;      // on a background that is not black; Kerbl et al. 2023, code
+
+}  // namespace
+
+Schedule::Schedule(const Config& config, float scene_extent)
+    : rates_(config.optimizer), extent_(scene_extent) {
+  steps_ = std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));
+  const DensityConfig& density = config.density;
+  refine_from_ = scaled(density.from_step);
+  refine_until_ = scaled(density.until_step);
+  refine_every_ = std::max(scaled(density.every), std::min(density.every, kMinRefineInterval));
+  reset_every_ = std::max(scaled(density.reset_opacity_every),
+                          std::min(density.reset_opacity_every, kMinResetInterval));
+  reset_until_ = scaled(density.reset_opacity_until);
+  extra_reset_ = config.render.background == "white" ? scaled(kExtraResetStep) : 0;
+  if (extra_reset_ < kExtraResetStep / 2) extra_reset_ = 0;  // too short a run to heal from it
+  sh_every_ = scaled(config.train.sh_degree_every);
+  morton_every_ = scaled(config.train.morton_every);
+  morton_until_ = scaled(config.train.morton_until);
+}
+
+int Schedule::scaled(int step) const {
+  return std::max(1, int(std::lround(step * (steps_ / kStandardSteps))));
+}
+
+LearningRates Schedule::learning_rates(int step) const {
+  const double t = std::min(1.0, double(step) / steps_);
+  const double position = std::exp((1 - t) * std::log(rates_.position_lr_initial) +
+                                   t * std::log(rates_.position_lr_final));
+  return {float(position * extent_), rates_.log_scale_lr, rates_.rotation_lr,
+          rates_.opacity_lr,         rates_.sh0_lr,       rates_.sh_rest_lr};
+}
+
+bool Schedule::refine(int step) const {
+  return step >= refine_from_ && step <= refine_until_ && step % refine_every_ == 0;
+}
+
+bool Schedule::reset_opacity(int step) const {
+  return (step % reset_every_ == 0 && step <= reset_until_) || step == extra_reset_;
+}
+
+bool Schedule::raise_sh_degree(int step) const { return step % sh_every_ == 0; }
+
+bool Schedule::reorder(int step) const { return step % morton_every_ == 0 && step <= morton_until_; }
+
+bool Schedule::gather_statistics(int step) const { return step <= refine_until_; }
+
+bool Schedule::prune_large(int step) const { return step > reset_every_; }
+
+}  // namespace gs

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 5: the photometric loss and its gradient by the picture.
+//
+//   L = (1 - lambda) mean|X - Y| + lambda (1 - mean SSIM(X, Y))   over 3 H W values; Kerbl et al. 2023, Eq. 7
+//
+// With the moments m = G * (x, y, xx, yy, xy), G the window, and h = dL/dSSIM at each pixel:
+//   dL/dX = G * d_x + 2 X (G * d_xx) + Y (G * d_xy),  (d_x, d_xx, d_xy) = ssim_index_vjp(m, h)
+#include "gs_core/math/ssim.h"
+
+#include "gs_core/error.h"
+#include "gs_core/parallel.h"
+#include "gs_train/scalar_stages.h"
+#include "gs_train/window.h"
+
+namespace gs {
+namespace {
+
+constexpr std::size_t kRowsAtATime = 8;
+
+class ScalarLoss final : public Loss {
+ public:
+  void forward_backward(const RenderPass& pass, const View& view, float lambda_dssim,
+                        Buffer<float>& dL_dimage) override {
+    GS_CHECK(view.photo.width == pass.width && view.photo.height == pass.height);
+    width_ = pass.width, height_ = pass.height;
+    values_ = 3 * pass.pixel_count();
+    const float* X = pass.image.data();
+    read_photo(view.photo);
+    windowed_moments(X);
+    similarity(lambda_dssim);
+    image_gradient(X, lambda_dssim, dL_dimage);
+  }
+  double value() override { return value_; }
+
+ private:
+  // The photo as (3, H, W) in 0..1.
+  void read_photo(const Image8& photo) {
+    photo_.resize_discard(values_);
+    const std::size_t plane = values_ / 3;
+    parallel_for(plane, 4096, [&](std::size_t i) {
+      for (int c = 0; c < 3; ++c) photo_[c * plane + i] = photo.pixels[3 * i + c] * (1.0f / 255.0f);
+    });
+  }
+
+  // moments_ holds five stacks of three planes each: x, y, xx, yy, xy.
+  void windowed_moments(const float* X) {
+    moments_.resize_discard(5 * values_);
+    float* const m = moments_.data();
+    const float* const Y = photo_.data();
+    const std::size_t n = values_;
+    parallel_for(n, 4096, [=](std::size_t i) {
+      m[i] = X[i];
+      m[n + i] = Y[i];
+      m[2 * n + i] = X[i] * X[i];
+      m[3 * n + i] = Y[i] * Y[i];
+      m[4 * n + i] = X[i] * Y[i];
+    });
+    window_means(moments_.span(), 15, width_, height_, scratch_);
+  }
+
+  // Sums SSIM and leaves d_x, d_xx, d_xy in the first three stacks of moments_, windowed.
+  void similarity(float lambda_dssim) {
+    float* const m = moments_.data();
+    const std::size_t n = values_;
+    const float dL_dssim = -lambda_dssim / float(n);
+    ssim_sum_ = sum_over_rows([=](std::size_t i) {
+      const LocalMoments<float> local{m[i], m[n + i], m[2 * n + i], m[3 * n + i], m[4 * n + i]};
+      const SsimGradient<float> d = ssim_index_vjp(local, dL_dssim);
+      m[i] = d.x;
+      m[n + i] = d.xx;
+      m[2 * n + i] = d.xy;
+      return ssim_index(local);
+    });
+    window_means({m, 3 * n}, 9, width_, height_, scratch_);
+  }
+
+  void image_gradient(const float* X, float lambda_dssim, Buffer<float>& dL_dimage) {
+    dL_dimage.resize_discard(values_);
+    const std::size_t n = values_;
+    const float* const m = moments_.data();
+    const float* const Y = photo_.data();
+    float* const out = dL_dimage.data();
+    const float l1 = (1.0f - lambda_dssim) / float(n);
+    const double l1_sum = sum_over_rows([=](std::size_t i) {
+      const float difference = X[i] - Y[i];
+      const float sign = float(difference > 0.0f) - float(difference < 0.0f);
+      out[i] = l1 * sign + m[i] + 2.0f * X[i] * m[n + i] + Y[i] * m[2 * n + i];
+      return std::abs(difference);
+    });
+    value_ = (1.0 - lambda_dssim) * l1_sum / double(n) + lambda_dssim * (1.0 - ssim_sum_ / double(n));
+  }
+
+  // Sum of f(i) over all values: rows in parallel, then the rows' sums one after the other.
+  template <class F>
+  double sum_over_rows(F&& f) {
+    const std::size_t rows = values_ / width_;
+    row_sums_.assign(rows, 0.0);
+    parallel_for(rows, kRowsAtATime, [&](std::size_t row) {
+      float sum = 0;
+      for (std::size_t i = row * width_; i < (row + 1) * width_; ++i) sum += f(i);
+      row_sums_[row] = sum;
+    });
+    double total = 0;
+    for (const double sum : row_sums_) total += sum;
+    return total;
+  }
+
+  int width_ = 0, height_ = 0;
+  std::size_t values_ = 0;
+  Buffer<float> photo_, moments_, scratch_;
+  std::vector<double> row_sums_;
+  double ssim_sum_ = 0, value_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Loss> make_scalar_loss() { return std::make_unique<ScalarLoss>(); }
+
+}  // namespace gs

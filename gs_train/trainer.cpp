@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_train/trainer.h"
+
+#include <chrono>
+
+#include "gs_core/error.h"
+#include "gs_train/initialise.h"
+
+namespace gs {
+namespace {
+
+double seconds_now() {
+  using Clock = std::chrono::steady_clock;
+  return std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
+}
+
+const Scene& with_views(const Scene& scene) {
+  if (scene.train_views.empty())
+    throw Error("there is no view to train on in " + scene.source +
+                "; hold out fewer views (--test-every) or check the reconstruction");
+  return scene;
+}
+
+}  // namespace
+
+RenderSettings render_settings(const Config& config) {
+  RenderSettings settings;
+  settings.sh_degree = config.model.sh_degree;
+  settings.truncation = config.render.truncation == "sigma2"   ? Truncation::sigma2
+                        : config.render.truncation == "sigma3" ? Truncation::sigma3
+                        : config.render.truncation == "sigma4" ? Truncation::sigma4
+                                                               : Truncation::alpha;
+  settings.blend_rule =
+      config.render.blend_rule == "classic" ? BlendRule::classic : BlendRule::faster_gs;
+  settings.antialias = config.render.antialias;
+  settings.antialias_detach = config.render.antialias_detach;
+  settings.near_plane = config.render.near_plane;
+  settings.far_plane = config.render.far_plane;
+  if (config.render.background == "white") settings.background = Vec3f(1.0f);
+  return settings;
+}
+
+Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
+    : scene_(with_views(scene)), config_(config), backend_(backend), schedule_(config, scene.extent),
+      settings_(render_settings(config)), views_(scene.train_views.size(), config.train.seed),
+      density_(config, scene.extent), model_(initial_model(scene, config, backend.memory())) {
+  settings_.sh_degree = 0;  // raised by the schedule
+}
+
+void Trainer::run() {
+  double begin = seconds_now();
+  const auto pause_for_observers = [&](auto&& notify) {
+    train_seconds_ += seconds_now() - begin;
+    for (Observer* observer : observers_) notify(*observer);
+    begin = seconds_now();
+  };
+
+  backend_.rows().sort_by_morton(model_);
+  for (int step = 1; step <= schedule_.steps() && !stop_requested_; ++step) {
+    one_step(step);
+    if (step == schedule_.steps() || stop_requested_) finish();
+    pause_for_observers([&](Observer& observer) { observer.after_step(step, *this); });
+  }
+  pause_for_observers([&](Observer& observer) { observer.after_run(*this); });
+}
+
+void Trainer::one_step(int step) {
+  const View& view = scene_.train_views[views_.view_of(step)];
+  settings_.background = background(step);
+  // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec. "Optimization"
+  backend_.step(model_, view, settings_, config_.loss.lambda_dssim, schedule_.learning_rates(step),
+                schedule_.gather_statistics(step));
+  // Control density: clone, split, prune, reset          3DGS Sec. 5.2
+  if (schedule_.refine(step)) density_.refine(model_, backend_, step, schedule_.prune_large(step));
+  if (schedule_.reset_opacity(step)) density_.reset_opacity(model_, backend_);
+  // Keep house: unlock SH bands; keep neighbours adjacent in memory
+  if (schedule_.raise_sh_degree(step) && settings_.sh_degree < config_.model.sh_degree)
+    ++settings_.sh_degree;
+  if (schedule_.reorder(step)) backend_.rows().sort_by_morton(model_);
+}
+
+void Trainer::finish() {
+  backend_.rows().prune(model_, kMinAlpha);
+  backend_.rows().sort_by_morton(model_);
+}
+
+Vec3f Trainer::background(int step) const {
+  if (config_.render.background == "white") return Vec3f(1.0f);
+  if (config_.render.background == "black") return Vec3f(0.0f);
+  const Vec4f u =
+      Random{config_.train.seed, RandomStream::background}.uniform4(std::uint64_t(step));
+  return {u.x, u.y, u.z};
+}
+
+RenderSettings Trainer::evaluation_settings() const {
+  RenderSettings settings = render_settings(config_);
+  settings.sh_degree = settings_.sh_degree;
+  return settings;
+}
+
+}  // namespace gs

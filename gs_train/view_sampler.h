@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which view each step trains on.
+#pragma once
+
+#include <vector>
+
+#include "gs_core/random.h"
+
+namespace gs {
+
+/// Every view once per epoch, in an order shuffled anew each time. A step's view depends on the seed and the
+/// step alone, so that a resumed run sees the same views.
+class ViewSampler {
+ public:
+  ViewSampler(std::size_t views, std::uint64_t seed);
+  /// Index of the view of step 1, 2, ...
+  std::size_t view_of(int step);
+
+ private:
+  void shuffle(std::uint64_t epoch);
+
+  Random random_;
+  std::vector<std::size_t> order_;
+  std::uint64_t epoch_;
+};
+
+}  // namespace gs
