@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading, checking and printing a Config: visitors over the list in config_fields.h.
+// Reading and checking a Config: visitors over the list in config_fields.h. config_text.cpp prints it.
 #include "gs_core/config.h"
 
 #include <toml++/toml.h>
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 #include <fstream>
 #include <optional>
 #include <sstream>
 
 #include "gs_core/config_fields.h"
+#include "gs_core/config_text.h"
 #include "gs_core/error.h"
 #include "gs_core/nearest_word.h"
 
@@ -20,100 +19,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// ---- values as text -------------------------------------------------------------------------------------
-
-std::string quoted(const std::string& text) {
-  static constexpr char kHex[] = "0123456789abcdef";
-  std::string result = "\"";
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (c == '"' || c == '\\') {
-      result += {'\\', c};
-    } else if (byte < 0x20 || byte == 0x7f) {
-      result += {'\\', 'u', '0', '0', kHex[byte >> 4], kHex[byte & 15]};
-    } else {
-      result += c;
-    }
-  }
-  return result + '"';
-}
-
-std::string toml_text(const std::string& value) { return quoted(value); }
-std::string toml_text(bool value) { return value ? "true" : "false"; }
-std::string toml_text(const std::vector<int>& values) {
-  std::string result = "[";
-  for (const int value : values) result += (result.size() > 1 ? ", " : "") + std::to_string(value);
-  return result + "]";
-}
-// The shortest text that reads back to the same value; a float always looks like one.
-template <class T>
-requires std::is_arithmetic_v<T> std::string toml_text(T value) {
-  if constexpr (std::is_floating_point_v<T>) {
-    if (!std::isfinite(value)) return std::isnan(value) ? "nan" : value > 0 ? "inf" : "-inf";
-  }
-  char buffer[32];
-  const auto end = std::to_chars(buffer, buffer + sizeof(buffer), value).ptr;
-  std::string result(buffer, end);
-  if (std::is_floating_point_v<T> && result.find_first_of(".e") == std::string::npos)
-    result += ".0";
-  return result;
-}
-
 std::string text_of(const toml::node& node) {
   std::ostringstream stream;
   node.visit([&](const auto& value) { stream << value; });
   return stream.str();
 }
 
-// ---- limits ---------------------------------------------------------------------------------------------
-
-std::string text_of(const Limits& limits) {
-  if (!limits.words.empty()) return "one of " + std::string(limits.words);
-  const auto number = [](double value) {
-    std::string text = toml_text(value);
-    if (text.ends_with(".0")) text.resize(text.size() - 2);
-    return text;
-  };
-  const bool unbounded = limits.high >= limits::kLargestInt;
-  if (limits.above_low) return "above " + number(limits.low);
-  if (unbounded) return "at least " + number(limits.low);
-  return "from " + number(limits.low) + " to " + number(limits.high);
-}
-
-// Where the list of words has "cuda:N", any "cuda:" with digits fits.
-bool is_word(std::string_view words, std::string_view value) {
-  const std::size_t colon = value.find(':');
-  const bool numbered = colon != value.npos && colon + 1 < value.size() &&
-                        value.find_first_not_of("0123456789", colon + 1) == value.npos;
-  const std::string wanted =
-      numbered ? std::string(value.substr(0, colon)) + ":N" : std::string(value);
-  while (!words.empty()) {
-    const std::size_t comma = std::min(words.find(", "), words.size());
-    if (words.substr(0, comma) == wanted && (numbered || wanted.find(':') == wanted.npos))
-      return true;
-    words.remove_prefix(std::min(comma + 2, words.size()));
-  }
-  return false;
-}
-
-bool in_range(double value, const Limits& limits) {
-  return (limits.above_low ? value > limits.low : value >= limits.low) && value <= limits.high;
-}
-
-template <class T>
-bool fits(const T& value, const Limits& limits) {
-  if constexpr (std::is_same_v<T, bool>) {
-    return true;
-  } else if constexpr (std::is_arithmetic_v<T>) {
-    return in_range(double(value), limits);
-  } else if constexpr (std::is_same_v<T, std::string>) {
-    return limits.words.empty() || is_word(limits.words, value);
-  } else {
-    return std::all_of(value.begin(), value.end(),
-                       [&](auto element) { return fits(element, limits); });
-  }
-}
-
+// `where` is "file:line: " or empty.
 [[noreturn]] void refuse(std::string_view where, std::string_view key, std::string_view value,
                          const std::string& must) {
   throw UsageError(std::string(where) + std::string(key) + " = " + std::string(value) +
@@ -175,7 +87,7 @@ template <class T>
 void assign(const Field<T>& field, const toml::node& node, std::string_view where) {
   const auto value = value_of<typename Wide<T>::type>(node);
   if (!value) refuse(where, field.key, text_of(node), kTypeName<T>);
-  if (!fits(*value, field.limits)) refuse(where, field.key, text_of(node), text_of(field.limits));
+  if (!fits(*value, field.limits)) refuse(where, field.key, text_of(node), field.limits.text());
   if constexpr (std::is_same_v<T, std::vector<int>>) {
     field.value.assign(value->begin(), value->end());
   } else {
@@ -306,7 +218,7 @@ void apply_setting(Config& config, const std::string& assignment) {
 void validate(const Config& config) {
   visit_fields(config, [](const auto& field) {
     if (!fits(field.value, field.limits))
-      refuse("", field.key, toml_text(field.value), text_of(field.limits));
+      refuse("", field.key, toml_text(field.value), field.limits.text());
   });
   const auto require = [](bool holds, std::string_view key, const auto& value,
                           const std::string& must) {
@@ -321,27 +233,6 @@ void validate(const Config& config) {
   const double steps = double(config.train.iterations) * double(config.train.steps_scaler);
   require(steps >= 1 && steps <= limits::kLargestInt, "train.steps_scaler",
           config.train.steps_scaler, "such that train.iterations times it is a count of steps");
-}
-
-std::string to_toml(const Config& config) {
-  std::string result = "# gemsplat: every setting of this run. Give the file back with -c.\n";
-  std::string section;
-  visit_fields(config, [&](const auto& field) {
-    const std::string key(field.key);
-    const std::size_t dot = key.find('.');
-    if (key.substr(0, dot) != section) {
-      section = key.substr(0, dot);
-      result += "\n[" + section + "]\n";
-    }
-    std::string line = key.substr(dot + 1) + " = " + toml_text(field.value);
-    line.resize(std::max<std::size_t>(line.size(), 32), ' ');
-    result += line + "  # " + (field.unit.empty() ? "" : std::string(field.unit) + ": ") +
-              std::string(field.meaning);
-    if (!field.limits.words.empty()) result += "; " + text_of(field.limits);
-    if (!field.source.empty()) result += " (" + std::string(field.source) + ")";
-    result += '\n';
-  });
-  return result;
 }
 
 }  // namespace gs

@@ -12,20 +12,20 @@ namespace gs {
 
 /// Which photos and cameras.
 struct DatasetConfig {
-  std::string source;               // the scene's folder
-  std::string images = "images";    // the photos' folder inside it (or an absolute path)
-  std::string model;                // the COLMAP model's folder; empty: sparse/0, sparse, the scene itself
-  int resolution = 1;               // 1, 2, 4, 8: photos divided by it; larger: the width in pixels
-  bool eval = false;                // hold out every test_every-th view by sorted name
+  std::string source;             // the scene's folder
+  std::string images = "images";  // the photos' folder inside it (or an absolute path)
+  std::string model;   // the COLMAP model's folder; empty: sparse/0, sparse, the scene itself
+  int resolution = 1;  // 1, 2, 4, 8: photos divided by it; larger: the width in pixels
+  bool eval = false;   // hold out every test_every-th view by sorted name
   int test_every = 8;
 };
 
 /// What is learned, and where it starts.
 struct ModelConfig {
-  std::string output;               // the run's folder
+  std::string output;  // the run's folder
   int sh_degree = 3;
   float initial_opacity = 0.1f;
-  int random_points = 100000;       // used when the model has no points
+  int random_points = 100000;  // used when the model has no points
 };
 
 struct RenderConfig {
@@ -33,7 +33,7 @@ struct RenderConfig {
   std::string blend_rule = "faster_gs";  // faster_gs, classic
   std::string truncation = "alpha";      // alpha, sigma2, sigma3, sigma4
   bool antialias = false;
-  bool antialias_detach = true;          // no gradient from the opacity compensation to the covariance
+  bool antialias_detach = true;  // no gradient from the opacity compensation to the covariance
   float near_plane = 0.2f;
   float far_plane = 1e4f;
 };
@@ -61,24 +61,24 @@ struct DensityConfig {
   float gradient_threshold = 2e-4f;  // of the mean NDC-scaled 2D position gradient
   float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
   float prune_opacity = 0.005f;
-  float prune_scale = 0.1f;          // of the extent, after the first opacity reset
+  float prune_scale = 0.1f;  // of the extent, after the first opacity reset
   int reset_opacity_every = 3000;
   int reset_opacity_until = 12000;
-  std::int64_t max_gaussians = 0;    // 0: no cap
+  std::int64_t max_gaussians = 0;  // 0: no cap
 };
 
 struct TrainConfig {
   int iterations = 30000;
-  float steps_scaler = 1;            // multiplies iterations and the whole schedule
+  float steps_scaler = 1;  // multiplies iterations and the whole schedule
   int sh_degree_every = 1000;
   int morton_every = 5000;
   int morton_until = 15000;
   std::uint64_t seed = 42;
-  int threads = 0;                   // 0: all cores
-  std::string device = "auto";       // cpu, cuda, cuda:N, auto
+  int threads = 0;              // 0: all cores
+  std::string device = "auto";  // cpu, cuda, cuda:N, auto
   int log_every = 100;
-  std::vector<int> save_steps;       // besides the last one
-  std::vector<int> test_steps;       // besides the last one
+  std::vector<int> save_steps;  // besides the last one
+  std::vector<int> test_steps;  // besides the last one
 };
 
 struct Config {

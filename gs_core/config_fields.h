@@ -4,34 +4,13 @@
 // one in config.h.
 #pragma once
 
-#include <limits>
 #include <string_view>
+#include <type_traits>
 
 #include "gs_core/config.h"
+#include "gs_core/config_limits.h"
 
 namespace gs {
-
-/// What values a field takes: numbers in [low, high] (or (low, high] where `above_low`), or one of `words`.
-struct Limits {
-  double low = -std::numeric_limits<double>::infinity();
-  double high = std::numeric_limits<double>::infinity();
-  bool above_low = false;
-  std::string_view words = {};  // separated by ", "; a word "cuda:N" stands for any whole number N
-};
-
-namespace limits {
-inline constexpr double kLargestFloat = std::numeric_limits<float>::max();
-inline constexpr double kLargestInt = std::numeric_limits<int>::max();
-inline constexpr double kLargestExact =
-    9007199254740992.0;  // 2^53: whole in JSON and TOML readers alike
-
-constexpr Limits any() { return {}; }
-constexpr Limits one_of(std::string_view words) { return {.words = words}; }
-constexpr Limits between(double low, double high) { return {.low = low, .high = high}; }
-constexpr Limits at_least(double low) { return {.low = low, .high = kLargestFloat}; }
-constexpr Limits above(double low) { return {low, kLargestFloat, true}; }
-constexpr Limits steps_from(double low) { return {.low = low, .high = kLargestInt}; }
-}  // namespace limits
 
 /// One field of a config and all there is to say of it. T is const where the config is.
 template <class T>
@@ -84,8 +63,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("loss.lambda_dssim",            loss.lambda_dssim,            "",       between(0, 1),      "weight of 1 - SSIM; the rest is L1", "Kerbl et al. 2023, Eq. 7");
 
   auto& optimizer = config.optimizer;
-  field("optimizer.position_lr_initial", optimizer.position_lr_initial, "extent", at_least(0),      "Adam rate of the means at the first step", kKerbl);
-  field("optimizer.position_lr_final",  optimizer.position_lr_final,  "extent", at_least(0),        "and at the last; exponential between", kKerbl);
+  field("optimizer.position_lr_initial", optimizer.position_lr_initial, "extent", above(0),         "Adam rate of the means at the first step", kKerbl);
+  field("optimizer.position_lr_final",  optimizer.position_lr_final,  "extent", above(0),           "and at the last; exponential between", kKerbl);
   field("optimizer.log_scale_lr",       optimizer.log_scale_lr,       "",       at_least(0),        "Adam rate of the logarithms of the scales", kKerbl);
   field("optimizer.rotation_lr",        optimizer.rotation_lr,        "",       at_least(0),        "Adam rate of the quaternions", kKerbl);
   field("optimizer.opacity_lr",         optimizer.opacity_lr,         "",       at_least(0),        "Adam rate of the logits of the opacities", kFaster);

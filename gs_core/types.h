@@ -96,17 +96,18 @@ GS_HD Vec3<T> multiply(const Sym3<T>& S, const Vec3<T>& v) {
           S.xz * v.x + S.yz * v.y + S.zz * v.z};
 }
 
-/// The smaller and the larger of two values; comparisons only, so that they work on Jets and in kernels.
+/// The smaller and the larger of two values: comparisons only, so that they work on Jets and in kernels; by
+/// value, so that compilers can vectorise loops around them.
 template <class T>
-GS_HD T min_of(const T& a, const T& b) {
+GS_HD T min_of(T a, T b) {
   return b < a ? b : a;
 }
 template <class T>
-GS_HD T max_of(const T& a, const T& b) {
+GS_HD T max_of(T a, T b) {
   return a < b ? b : a;
 }
 template <class T>
-GS_HD T clamp_to(const T& value, const T& low, const T& high) {
+GS_HD T clamp_to(T value, T low, T high) {
   return min_of(max_of(value, low), high);
 }
 

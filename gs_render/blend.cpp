@@ -14,7 +14,7 @@ namespace {
 struct TilePixels {
   float red[kTilePixels], green[kTilePixels], blue[kTilePixels];
   float transmittance[kTilePixels];
-  std::uint32_t is_open[kTilePixels];  // takes further fragments
+  std::uint32_t is_open[kTilePixels];  // 1: takes further fragments, 0: does not
   std::uint32_t last[kTilePixels];     // 1 + position of the last blended splat
 
   TilePixels(const RenderPass& pass, const Tile& tile) {
@@ -36,27 +36,28 @@ struct TilePixels {
 template <BlendRule rule>
 inline void blend_lanes(const Splat& splat, float dx, float dy, std::uint32_t position, int first,
                         TilePixels& pixels) {
-  const Vec3f color = splat.color;
+  const Splat s = splat;
   for (int lane = 0; lane < kLanes; ++lane) {
     const int i = first + lane;
-    const float exponent = fragment_exponent(splat.conic, dx + float(lane), dy);
-    const float alpha =
-        fragment_alpha<rule>(splat.opacity, exp_fragment(max_of(exponent, -kMaxCutoff)));
-    bool keep = pixels.is_open[i] != 0 && exponent >= -splat.cutoff;
-    if constexpr (rule == BlendRule::classic) {
-      const bool stops = keep && is_opaque(pixels.transmittance[i] * (1.0f - alpha));
-      pixels.is_open[i] = stops ? 0 : pixels.is_open[i];
-      keep = keep && !stops;
-    }
     PixelState<float> state{{pixels.red[i], pixels.green[i], pixels.blue[i]}, pixels.transmittance[i]};
-    composite(state, color, keep ? alpha : 0.0f);
+    const float exponent = fragment_exponent(s.conic, dx + float(lane), dy);
+    const float gaussian = exp_fragment(max_of(exponent, -kMaxCutoff));
+    const float alpha = fragment_alpha<rule>(s.opacity, gaussian);
+    std::uint32_t open = pixels.is_open[i];
+    std::uint32_t keep = open & std::uint32_t(exponent >= -s.cutoff);
+    if constexpr (rule == BlendRule::classic) {
+      const std::uint32_t stops = keep & is_opaque(state.transmittance * (1.0f - alpha));
+      open &= ~stops;
+      keep &= ~stops;
+    }
+    composite(state, s.color, keep ? alpha : 0.0f);
+    if constexpr (rule == BlendRule::faster_gs) open &= !is_opaque(state.transmittance);
     pixels.red[i] = state.color.x;
     pixels.green[i] = state.color.y;
     pixels.blue[i] = state.color.z;
     pixels.transmittance[i] = state.transmittance;
     pixels.last[i] = keep ? position + 1 : pixels.last[i];
-    if constexpr (rule == BlendRule::faster_gs)
-      pixels.is_open[i] = is_opaque(state.transmittance) ? 0 : pixels.is_open[i];
+    pixels.is_open[i] = open;
   }
 }
 

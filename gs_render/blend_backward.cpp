@@ -66,28 +66,28 @@ struct LaneSums {
 template <BlendRule rule>
 inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::uint32_t position,
                                  int first, TilePixels& pixels, LaneSums& sums) {
-  const Vec3f color = splat.color;
+  const Splat s = splat;
   for (int lane = 0; lane < kLanes; ++lane) {
     const int i = first + lane;
-    const float exponent = fragment_exponent(splat.conic, dx + float(lane), dy);
+    const float exponent = fragment_exponent(s.conic, dx + float(lane), dy);
     const float gaussian = exp_fragment(max_of(exponent, -kMaxCutoff));
-    const bool keep = position < pixels.last[i] && exponent >= -splat.cutoff;
-    const float alpha = keep ? fragment_alpha<rule>(splat.opacity, gaussian) : 0.0f;
+    const bool keep = (position < pixels.last[i]) & (exponent >= -s.cutoff);
+    const float alpha = keep ? fragment_alpha<rule>(s.opacity, gaussian) : 0.0f;
 
     PixelBackwardState<float> state{{pixels.red[i], pixels.green[i], pixels.blue[i]},
                                     pixels.transmittance[i],
                                     {pixels.d_red[i], pixels.d_green[i], pixels.d_blue[i]},
                                     pixels.d_final[i]};
-    const CompositeGradient<float> dL = composite_vjp(state, color, alpha);
+    const CompositeGradient<float> dL = composite_vjp(state, s.color, alpha);
     pixels.red[i] = state.color_behind.x;
     pixels.green[i] = state.color_behind.y;
     pixels.blue[i] = state.color_behind.z;
     pixels.transmittance[i] = state.transmittance;
 
     const AlphaGradient<float> dL_fragment =
-        fragment_alpha_vjp<rule>(splat.opacity, gaussian, keep ? dL.alpha : 0.0f);
+        fragment_alpha_vjp<rule>(s.opacity, gaussian, keep ? dL.alpha : 0.0f);
     const ExponentGradient<float> dL_splat =
-        fragment_exponent_vjp(splat.conic, dx + float(lane), dy, dL_fragment.exponent);
+        fragment_exponent_vjp(s.conic, dx + float(lane), dy, dL_fragment.exponent);
     sums.mean_x[lane] += dL_splat.mean2d.x;
     sums.mean_y[lane] += dL_splat.mean2d.y;
     sums.conic_xx[lane] += dL_splat.conic.xx;

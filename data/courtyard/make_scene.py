@@ -2,7 +2,7 @@
 # SPDX-FileCopyrightText: The gemsplat authors
 """Model and render the "courtyard" photo set with Blender 3.4 (Cycles, CPU).
 
-    blender -b -P make_scene.py -- --out /tmp/scene/out [--samples 160] [--only 0,12]
+    blender -b -P make_scene.py -- --out /tmp/scene/round0 [--samples 8] [--only 0,12]
 
 Everything here is procedural: meshes are built by the small functions below and
 textures are shader nodes, so the set has no third-party assets.  Units are metres.
@@ -939,18 +939,20 @@ def light_scene():
     sky.sun_elevation, sky.dust_density = elevation, 2.5
     tree.links.new(sky.outputs[0], tree.nodes["Background"].inputs[0])
     tree.nodes["Background"].inputs[1].default_value = 0.26
+    # The automatic map of a sky texture is 8192 wide: 4 s a view, and slow to sample from.
+    world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", 256
 
 
 def camera_path(count):
-    """One and a half turns for each of two passes: the camera rises and falls as it walks.
+    """Three turns round the table at three heights in rotation; (position, target) pairs.
 
-    Returns (position, target) pairs.  Radius, height and target vary smoothly so that the
-    set has parallax in all directions, as a person circling the table would give it.
+    `count` must not be a multiple of three: then no two views share a bearing, and the
+    bearings of all turns together are evenly spaced.  Height, distance and aim sway a
+    little, as with somebody walking round with a camera.
     """
     poses = []
     for i in range(count):
-        t = i / count
-        a = 2 * math.pi * 1.5 * 2 * t + 0.35
+        a = 2 * math.pi * 3 * i / count + 0.35
         level = (1.06, 1.36, 1.72)[i % 3]
         z = level + 0.06 * math.sin(5 * a)
         r = 1.58 + 0.24 * math.sin(2.3 * a + 1.0) - 0.25 * (level - 1.36)
@@ -967,13 +969,16 @@ def setup_render(width, height, samples):
     scene.render.use_persistent_data = True          # keep the BVH between views
     scene.view_settings.view_transform = "Filmic"
     scene.view_settings.look = "Medium High Contrast"
-    scene.view_settings.exposure = 0.0
+    scene.view_settings.exposure = 0.2
     c = scene.cycles
     c.device, c.samples, c.use_denoising = "CPU", samples, False
-    c.use_adaptive_sampling, c.adaptive_threshold, c.adaptive_min_samples = True, 0.015, 32
+    c.use_adaptive_sampling = False                  # two rounds must weigh the same
     c.max_bounces, c.diffuse_bounces, c.glossy_bounces, c.transmission_bounces = 3, 2, 1, 1
     c.sample_clamp_indirect, c.blur_glossy = 2.0, 1.0
     c.caustics_reflective = c.caustics_refractive = False
+    layer = bpy.context.view_layer                   # what develop.py's noise filter reads
+    layer.use_pass_diffuse_direct = layer.use_pass_diffuse_indirect = True
+    layer.use_pass_diffuse_color = layer.use_pass_normal = layer.use_pass_z = True
     camera = bpy.data.cameras.new("camera")
     camera.sensor_width, camera.lens = 36.0, 34.0    # 55.8 degrees across, as a 34 mm lens
     camera.clip_start = 0.02
@@ -981,30 +986,28 @@ def setup_render(width, height, samples):
     return scene
 
 
-def render_views(scene, out, count, only):
-    """Write a PNG (to look at) and a JPEG (the photo) from the same render of each view."""
-    result = bpy.data.images["Render Result"] if "Render Result" in bpy.data.images else None
+def render_views(scene, out, count, only, round_):
+    """One layered EXR per view.  Rounds differ in noise only; develop.py averages them."""
+    image = scene.render.image_settings
+    image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "16", "NONE"
     for i, (eye, target) in enumerate(camera_path(count)):
         if only and i not in only:
             continue
         scene.camera.location = eye
         scene.camera.rotation_euler = (target - eye).to_track_quat("-Z", "Y").to_euler()
-        scene.cycles.seed = i                        # noise must not repeat between views
+        scene.cycles.seed = i + 1000 * round_            # noise must not repeat
+        scene.render.filepath = os.path.join(out, f"view_{i:03d}.exr")
         start = time.time()
-        bpy.ops.render.render()
-        result = bpy.data.images["Render Result"]
-        image = scene.render.image_settings
-        for fmt, folder, ext in (("PNG", "png", "png"), ("JPEG", "images", "jpg")):
-            image.file_format, image.color_mode, image.quality = fmt, "RGB", 90
-            result.save_render(os.path.join(out, folder, f"view_{i:03d}.{ext}"), scene=scene)
+        bpy.ops.render.render(write_still=True)
         print(f"view {i}: {time.time() - start:.1f} s", flush=True)
 
 
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--out", default="/tmp/scene/out")
-    parser.add_argument("--views", type=int, default=48)
-    parser.add_argument("--samples", type=int, default=160)
+    parser.add_argument("--views", type=int, default=40)
+    parser.add_argument("--samples", type=int, default=8)
+    parser.add_argument("--round", type=int, default=0, help="another round, other noise")
     parser.add_argument("--size", default="480x360")
     parser.add_argument("--only", default="", help="comma-separated view numbers")
     args = parser.parse_args(sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else [])
@@ -1016,9 +1019,9 @@ def main():
     for part in (build_door, build_window, build_sign, build_logs, build_ivy, build_floor_items, build_still_life):
         part(m)
     light_scene()
-    for folder in ("png", "images"):
-        os.makedirs(os.path.join(args.out, folder), exist_ok=True)
-    render_views(scene, args.out, args.views, {int(s) for s in args.only.split(",") if s})
+    os.makedirs(args.out, exist_ok=True)
+    only = {int(s) for s in args.only.split(",") if s}
+    render_views(scene, args.out, args.views, only, args.round)
 
 
 if __name__ == "__main__":

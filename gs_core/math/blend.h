@@ -37,8 +37,8 @@ GS_HD ExponentGradient<T> fragment_exponent_vjp(const Sym2<T>& conic, const T& d
 }
 
 /// exp(x) for the exponents of fragments, -80 <= x <= 0. For float: exp(x) = 2^n * 2^f with |f| <= 1/2 and a
-/// polynomial for 2^f (Taylor series of e^{f ln 2}, relative error under 2e-7), free of branches, so that
-/// compilers vectorise loops around it and every target computes the same bits.
+/// polynomial for 2^f (Taylor series of e^{f ln 2}, relative error under 3e-7), free of branches, so that
+/// compilers vectorise loops around it.
 template <class T>
 GS_HD T exp_fragment(const T& x) {
   using std::exp;

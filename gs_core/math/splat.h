@@ -96,7 +96,8 @@ GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
   splat.conic = conic_of(result.cov2d);
   splat.color = sh_color(settings.sh_degree, unit_direction(camera.position(), gaussian.mean),
                          gaussian.sh0, gaussian.sh_rest);
-  const T sum = splat.color.x + splat.color.y + splat.color.z;
+  const T sum = splat.mean2d.x + splat.mean2d.y + splat.opacity + splat.color.x + splat.color.y +
+                splat.color.z;
   result.is_visible = sum - sum == T(0);  // false for NaN and infinity
   return result;
 }

@@ -37,7 +37,7 @@ struct Rect {
 /// mean2d   pixels           cov2d  pixels^2           cutoff  >= 0
 /// tiles_x, tiles_y  size of the tile grid, at most 65535 pixels along each axis; the rectangle is clamped to
 ///                   the grid and not to the picture, so that splats beyond the edge do not crowd the last tiles
-/// Returns an empty rectangle where nothing is hit or an input is not finite.
+/// Returns an empty rectangle where nothing is hit, an input is NaN or the mean is infinite.
 GS_HD Rect pixel_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, float cutoff, int tiles_x,
                       int tiles_y) {
   using std::ceil, std::floor, std::sqrt;

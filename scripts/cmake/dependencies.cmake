@@ -19,17 +19,16 @@ gs_header_library(gs_cli11 CLI/CLI.hpp)
 gs_header_library(gs_json nlohmann/json.hpp)
 gs_header_library(gs_spdlog spdlog/spdlog.h)
 target_compile_definitions(gs_spdlog INTERFACE SPDLOG_FMT_EXTERNAL FMT_HEADER_ONLY)
-find_package(OpenMP REQUIRED COMPONENTS CXX)
+find_package(Threads REQUIRED)
 
-set(GS_FOUND "" CACHE INTERNAL "")
 # gs_report(name found purpose): remembers a line for the summary.
 function(gs_report name found purpose)
   if(found)
-    set(line "  ${name}: yes")
+    set(line "${name}: yes")
   else()
-    set(line "  ${name}: MISSING, without it: ${purpose}")
+    set(line "${name}: MISSING, without it: ${purpose}")
   endif()
-  set(GS_FOUND "${GS_FOUND}${line}\n" CACHE INTERNAL "")
+  set_property(GLOBAL APPEND_STRING PROPERTY GS_SUMMARY "  ${line}\n")
 endfunction()
 
 if(GS_WITH_OPENIMAGEIO)
@@ -66,8 +65,36 @@ if(GS_WITH_CUDA)
     endif()
   endif()
 endif()
+if(GS_REQUIRE_CUDA AND NOT GS_HAVE_CUDA)
+  message(FATAL_ERROR "GS_REQUIRE_CUDA is on, and nvcc (or the folder cuda/) was not found. Put nvcc on the PATH, or name "
+                      "it with -DCMAKE_CUDA_COMPILER=FILE; the preset `default` builds for the CPU without it.")
+endif()
 gs_report("CUDA" "${GS_HAVE_CUDA}" "training and rendering run on the CPU")
 
+# GoogleTest: installed, or as the sources that scripts/pack_headers.sh put beside the headers.
+set(GS_HAVE_GTEST FALSE)
+if(GS_BUILD_TESTS)
+  cmake_path(GET GS_DEPS_INCLUDE PARENT_PATH gs_deps)
+  find_package(GTest QUIET)
+  if(NOT GTest_FOUND AND EXISTS ${gs_deps}/googletest/CMakeLists.txt)
+    set(INSTALL_GTEST OFF CACHE INTERNAL "")
+    add_subdirectory(${gs_deps}/googletest ${PROJECT_BINARY_DIR}/googletest EXCLUDE_FROM_ALL SYSTEM)
+  endif()
+  if(TARGET GTest::gmock_main)
+    set(GS_HAVE_GTEST TRUE)
+  endif()
+  gs_report("GoogleTest" "${GS_HAVE_GTEST}" "no test is built")
+endif()
+
+# gs_leave_out(test library): a test that cannot be built here, for the summary.
+function(gs_leave_out test library)
+  set_property(GLOBAL APPEND_STRING PROPERTY GS_SUMMARY "  tests/${test}: left out, needs ${library}\n")
+endfunction()
+
+set(GS_BUILT_WITH_CUDA ${GS_HAVE_CUDA} CACHE INTERNAL "")  # read by scripts/demo.sh
+
+# A NOTICE, so that `--log-level=NOTICE` prints this and no more.
 function(gs_print_summary)
-  message(STATUS "gemsplat ${PROJECT_VERSION}, ${CMAKE_BUILD_TYPE}:\n${GS_FOUND}")
+  get_property(summary GLOBAL PROPERTY GS_SUMMARY)
+  message(NOTICE "gemsplat ${PROJECT_VERSION}, ${CMAKE_BUILD_TYPE}:\n${summary}")
 endfunction()

@@ -23,18 +23,34 @@ function(gs_library name)
   target_link_libraries(${name} PUBLIC gs_flags ${arg_PUBLIC} PRIVATE ${arg_PRIVATE})
 endfunction()
 
-# gs_test(path [LINK ...] [LABELS ...]): tests/<path>.cpp, with everything linked.
+# gs_test(path [LINK ...]): tests/<path>.cpp, with everything linked; left out by name where a library under
+# LINK is missing. For tests/data/: the target data_tests builds them all, `ctest -L data` runs them; and so on.
 function(gs_test path)
-  cmake_parse_arguments(arg "" "" "LINK;LABELS" ${ARGN})
+  cmake_parse_arguments(arg "" "" "LINK" ${ARGN})
+  foreach(library IN LISTS arg_LINK)
+    if(NOT TARGET ${library})
+      gs_leave_out(${path} ${library})
+      return()
+    endif()
+  endforeach()
   string(REPLACE "/" "_" name ${path})
   add_executable(${name} ${path}.cpp)
-  target_link_libraries(${name} PRIVATE gs_test_support ${arg_LINK})
-  gtest_discover_tests(${name} TEST_PREFIX "${path}." PROPERTIES LABELS "${arg_LABELS}" TIMEOUT 600
+  target_link_libraries(${name} PRIVATE gs_test_support GTest::gmock_main ${arg_LINK})
+  get_filename_component(folder ${path} DIRECTORY)
+  gtest_discover_tests(${name} TEST_PREFIX "${path}." PROPERTIES LABELS ${folder} TIMEOUT 600
                        DISCOVERY_MODE PRE_TEST WORKING_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR})
+  if(NOT TARGET ${folder}_tests)
+    add_custom_target(${folder}_tests)
+  endif()
+  add_dependencies(${folder}_tests ${name})
 endfunction()
 
-# gs_benchmark(path): tests/<path>.cpp with Google Benchmark.
+# gs_benchmark(path): tests/<path>.cpp with Google Benchmark; left out by name without it.
 function(gs_benchmark path)
+  if(NOT TARGET benchmark::benchmark_main)
+    gs_leave_out(${path} benchmark::benchmark_main)
+    return()
+  endif()
   string(REPLACE "/" "_" name ${path})
   add_executable(${name} ${path}.cpp)
   target_link_libraries(${name} PRIVATE gs_test_support benchmark::benchmark_main)

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/open_model.h"
+
+#include <algorithm>
+
+#include "data_loaders/ply.h"
+#include "gs_core/error.h"
+#include "gs_train/trainer.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path ply_of(const RunFolder& run, std::optional<int> step) {
+  const std::string name = run.root().string();
+  if (step && fs::exists(run.ply(*step))) return run.ply(*step);
+  const std::optional<int> newest = run.newest_step();
+  if (!newest)
+    throw Error(
+        "the folder " + name +
+        " holds no point_cloud/iteration_N/point_cloud.ply; name a run's folder or a PLY file");
+  if (!step) return run.ply(*newest);
+  throw Error("the run in " + name + " saved no model after step " + std::to_string(*step) +
+              "; the newest is that of step " + std::to_string(*newest));
+}
+
+}  // namespace
+
+OpenedModel open_model(const fs::path& path, std::optional<int> step) {
+  OpenedModel opened;
+  opened.ply = path;
+  if (fs::is_directory(path)) {
+    opened.run.emplace(path);
+    opened.ply = ply_of(*opened.run, step);
+    if (fs::exists(opened.run->config())) load_config(opened.config, opened.run->config());
+  }
+  opened.model = read_gaussian_ply(opened.ply);
+  opened.config.model.sh_degree = opened.model.sh_degree;
+  opened.config.render.antialias = opened.model.antialiased;
+  return opened;
+}
+
+RenderSettings view_settings(const OpenedModel& opened, Config config) {
+  if (config.render.background == "random") config.render.background = "black";
+  config.model.sh_degree = std::min(config.model.sh_degree, opened.model.sh_degree);
+  return render_settings(config);
+}
+
+}  // namespace gs

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// A trained model as users name it: a PLY of any trainer, or the folder of a run.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+#include "cli/options.h"
+#include "cli/run_folder.h"
+#include "gs_core/gaussians.h"
+#include "gs_render/render_pass.h"
+
+namespace gs {
+
+struct OpenedModel {
+  std::filesystem::path ply;
+  std::optional<RunFolder> run;  // where a folder was named
+  GaussianModel model;
+  Config config;  // the run's, or the defaults; SH degree and antialiasing as the PLY states
+};
+
+/// Opens `path`; of a run's folder the newest PLY, or that of `step`. Throws Error where there is none.
+OpenedModel open_model(const std::filesystem::path& path, std::optional<int> step);
+
+/// How to render the model under a config: never more SH degrees than it has, black for "random".
+RenderSettings view_settings(const OpenedModel& opened, Config config);
+
+}  // namespace gs

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/pictures.h"
+
+#include <algorithm>
+
+namespace gs {
+
+Image8 to_image8(const ImageF& image) {
+  Image8 result(image.width, image.height, image.channels);
+  std::transform(image.pixels.begin(), image.pixels.end(), result.pixels.begin(), [](float value) {
+    return value > 0 ? std::uint8_t(std::min(value, 1.0f) * 255.0f + 0.5f) : std::uint8_t(0);
+  });
+  return result;
+}
+
+std::vector<std::size_t> evenly_chosen(std::size_t count, std::size_t wanted) {
+  const std::size_t chosen = std::min(count, wanted);
+  std::vector<std::size_t> indices(chosen);
+  for (std::size_t i = 0; i < chosen; ++i) indices[i] = (2 * i + 1) * count / (2 * chosen);
+  return indices;
+}
+
+std::filesystem::path picture_path(const std::filesystem::path& folder,
+                                   const std::string& view_name) {
+  std::filesystem::path name = std::filesystem::path(view_name).lexically_normal();
+  if (name.is_absolute() || (!name.empty() && *name.begin() == "..")) name = name.filename();
+  return folder / name.replace_extension(".png");
+}
+
+}  // namespace gs

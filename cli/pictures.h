@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// Small matters of pictures that several verbs share.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "gs_core/image.h"
+
+namespace gs {
+
+/// 0..1 to 0..255, rounded; values outside are clamped, NaN becomes 0.
+Image8 to_image8(const ImageF& image);
+
+/// `wanted` (or all, where there are fewer) indices below `count`, evenly spread, ascending.
+std::vector<std::size_t> evenly_chosen(std::size_t count, std::size_t wanted);
+
+/// Where the picture of a view goes: its name under `folder` with the extension .png. A name that would
+/// leave the folder keeps its last part only.
+std::filesystem::path picture_path(const std::filesystem::path& folder,
+                                   const std::string& view_name);
+
+}  // namespace gs

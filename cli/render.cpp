@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat render: pictures of a trained model, of any trainer, from given cameras.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <memory>
+
+#include "cli/devices.h"
+#include "cli/open_model.h"
+#include "cli/options.h"
+#include "cli/pictures.h"
+#include "cli/progress_bar.h"
+#include "cli/verbs.h"
+#include "data_loaders/camera_file.h"
+#include "data_loaders/load_scene.h"
+#include "data_loaders/photos.h"
+#include "gs_core/error.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+struct RenderCommand : CommandLine {
+  std::string model, output, cameras, split = "all";
+  std::optional<int> step;
+};
+
+// The camera with its picture made smaller as -r says for photos.
+Camera at_resolution(const Camera& camera, int resolution) {
+  if (resolution == 1) return camera;
+  const bool is_divisor = resolution <= 8;
+  const double scale = is_divisor ? 1.0 / resolution : double(resolution) / camera.width;
+  const auto scaled = [&](int length) { return std::max(1, int(std::lround(length * scale))); };
+  return resized(camera, scaled(camera.width), scaled(camera.height));
+}
+
+std::vector<NamedCamera> cameras_of_file(const std::filesystem::path& file, int resolution) {
+  std::vector<NamedCamera> cameras = read_cameras_json(file);
+  for (NamedCamera& named : cameras) named.camera = at_resolution(named.camera, resolution);
+  return cameras;
+}
+
+std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::string& split) {
+  dataset.eval = split != "all";
+  const Scene scene = load_scene(dataset);
+  std::vector<NamedCamera> cameras;
+  for (const View& view : split == "test" ? scene.test_views : scene.train_views)
+    cameras.push_back({view.name, view.camera});
+  return cameras;
+}
+
+bool is_given(const CommandLine& line, const std::string& key) {
+  return std::any_of(line.flags.begin(), line.flags.end(),
+                     [&](const std::string& flag) { return flag.starts_with(key + "="); });
+}
+
+void render(const RenderCommand& command) {
+  setup_log(command.verbosity());
+  OpenedModel opened = open_model(command.model, command.step);
+  const bool from_scene = is_given(command, "dataset.source");
+  // A cameras.json has the size of its pictures already; only -r makes them smaller.
+  if (!from_scene) opened.config.dataset.resolution = 1;
+  const Config config = resolve(command, opened.config);
+  set_thread_count(config.train.threads);
+
+  std::filesystem::path file = command.cameras;
+  if (file.empty() && opened.run) file = opened.run->cameras();
+  if (file.empty() && !from_scene)
+    throw UsageError("from where? give --cameras FILE (a cameras.json) or --data SCENE");
+  const std::vector<NamedCamera> cameras = from_scene
+                                               ? cameras_of_scene(config.dataset, command.split)
+                                               : cameras_of_file(file, config.dataset.resolution);
+
+  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
+  const Gaussians gaussians = copy_to(backend->memory(), opened.model);
+  const RenderSettings settings = view_settings(opened, config);
+  RenderPass pass;
+  ProgressBar bar(std::int64_t(cameras.size()), !command.quiet);
+  std::int64_t done = 0;
+  for (const auto& [name, camera] : cameras) {
+    backend->renderer().forward(gaussians.span(), camera, settings, pass);
+    write_png(picture_path(command.output, name), to_image8(image_of(pass)));
+    if (bar.due(++done)) bar.draw(done, name, "view");
+  }
+  bar.clear();
+  if (!command.quiet)
+    std::cout << cameras.size() << " pictures of " << opened.ply.string() << " in "
+              << command.output << "\n";
+}
+
+}  // namespace
+
+void add_render(CLI::App& program) {
+  CLI::App& verb =
+      *program.add_subcommand("render", "Render a trained model from given cameras to PNG");
+  const auto command = std::make_shared<RenderCommand>();
+  verb.add_option("model", command->model, "a PLY of any trainer, or a run's folder")
+      ->type_name("PLY|RUN")
+      ->required();
+  verb.add_option("-o,--output", command->output, "folder of the pictures, named after their views")
+      ->type_name("FOLDER")
+      ->required();
+  verb.add_option("--iteration", command->step,
+                  "of a run, the model saved after that step [the newest]")
+      ->type_name("STEP");
+  verb.add_option("--cameras", command->cameras, "cameras.json [that of the run]")
+      ->type_name("FILE")
+      ->group("Scene");
+  add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
+  verb.get_option("--data")->excludes("--cameras");
+  verb.add_option("--split", command->split, "which views of --data [all]")
+      ->check(CLI::IsMember({"test", "train", "all"}))
+      ->type_name("test|train|all")
+      ->group("Scene");
+  add_render_options(verb, *command);
+  add_general_options(verb, *command);
+  verb.callback([command] { render(*command); });
+}
+
+}  // namespace gs

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/results.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <nlohmann/json.hpp>
+
+#include "gs_core/version.h"
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json means(const Evaluation& evaluation) {
+  if (evaluation.views.empty()) return nullptr;
+  return {
+      {"psnr", evaluation.psnr}, {"ssim", evaluation.ssim}, {"num_views", evaluation.views.size()}};
+}
+
+Json by_view(const Evaluation& evaluation) {
+  Json result = Json::object();
+  for (const ViewMetrics& view : evaluation.views)
+    result[view.name] = {{"psnr", view.psnr}, {"ssim", view.ssim}};
+  return result;
+}
+
+// Names of photos need not be UTF-8.
+std::string text_of(const Json& json) {
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace
+
+std::string results_json(const Results& results) {
+  return text_of({{"iterations", results.iterations},
+                  {"num_gaussians", results.num_gaussians},
+                  {"train_seconds", results.train_seconds},
+                  {"test", means(results.test)},
+                  {"train", means(results.train)},
+                  {"device", results.device},
+                  {"version", kVersion},
+                  {"seed", results.seed}});
+}
+
+std::string per_view_json(const Results& results) {
+  return text_of({{"test", by_view(results.test)}, {"train", by_view(results.train)}});
+}
+
+std::string evaluation_json(const Evaluation& evaluation, const std::string& model,
+                            const std::string& split, std::size_t num_gaussians,
+                            const std::string& device) {
+  Json json = {{"model", model}, {"split", split}};
+  json.update(means(evaluation));
+  json["num_gaussians"] = num_gaussians;
+  json["device"] = device;
+  json["version"] = kVersion;
+  json["views"] = by_view(evaluation);
+  return text_of(json);
+}
+
+std::string summary(const Evaluation& evaluation) {
+  const std::size_t views = evaluation.views.size();
+  return fmt::format("{:.2f} dB PSNR, {:.4f} SSIM over {} view{}", evaluation.psnr, evaluation.ssim,
+                     views, views == 1 ? "" : "s");
+}
+
+}  // namespace gs

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a run came to, as numbers: the evaluation of views, and results.json and per_view.json.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "gs_train/metrics.h"
+
+namespace gs {
+
+/// The outcome of one training run, field by field as results.json holds it.
+struct Results {
+  int iterations = 0;
+  std::size_t num_gaussians = 0;
+  double train_seconds = 0;
+  Evaluation test, train;  // train: of a few views, evenly chosen
+  std::string device;
+  std::uint64_t seed = 0;
+};
+
+/// {"iterations", "num_gaussians", "train_seconds", "test": {"psnr", "ssim", "num_views"}, "train": {...},
+/// "device", "version", "seed"}; "test" is null where no view was held out.
+std::string results_json(const Results& results);
+
+/// {"test": {"name": {"psnr", "ssim"}, ...}, "train": {...}}
+std::string per_view_json(const Results& results);
+
+/// {"psnr", "ssim", "num_views", "views": {name: {"psnr", "ssim"}, ...}} and more for `gemsplat eval --json`.
+std::string evaluation_json(const Evaluation& evaluation, const std::string& model,
+                            const std::string& split, std::size_t num_gaussians,
+                            const std::string& device);
+
+/// "28.93 dB PSNR, 0.9312 SSIM over 7 views"
+std::string summary(const Evaluation& evaluation);
+
+}  // namespace gs

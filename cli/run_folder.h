@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// The folder of one run: where everything lies, in the layout that users of the reference trainer (Kerbl et
+// al. 2023) and its viewers expect, with our own files beside it. docs/formats.md lists them.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string_view>
+
+#include "gs_core/config.h"
+#include "gs_core/scene.h"
+
+namespace gs {
+
+/// Paths inside a run's folder.
+class RunFolder {
+ public:
+  using Path = std::filesystem::path;
+  explicit RunFolder(Path root) : root_(std::move(root)) {}
+
+  const Path& root() const { return root_; }
+  Path ply(int step) const;
+  Path pictures(std::string_view split, int step) const;  // holds renders/ and gt/
+  Path cameras() const { return root_ / "cameras.json"; }
+  Path cfg_args() const { return root_ / "cfg_args"; }
+  Path config() const { return root_ / "config.toml"; }
+  Path input_points() const { return root_ / "input.ply"; }
+  Path split() const { return root_ / "split.json"; }
+  Path metrics() const { return root_ / "metrics.csv"; }
+  Path results() const { return root_ / "results.json"; }
+  Path per_view() const { return root_ / "per_view.json"; }
+  Path comparison() const { return root_ / "comparison.png"; }
+
+  /// Whether any file that a run writes is there.
+  bool holds_run() const;
+  /// The largest N with a point_cloud/iteration_N/point_cloud.ply.
+  std::optional<int> newest_step() const;
+
+ private:
+  Path root_;
+};
+
+/// Throws UsageError where the folder holds a run already (unless `force`), or is a file.
+void check_is_free(const RunFolder& folder, bool force);
+
+/// Makes the folder. A run that it holds is moved to ROOT.bak-N first, so that nothing is lost.
+void make_run_folder(const RunFolder& folder);
+
+/// What is known before the first step: config.toml, cfg_args, split.json, cameras.json, input.ply.
+void write_run_description(const RunFolder& folder, const Config& config, const Scene& scene);
+
+/// Writes a text file, whole or not at all. Throws Error.
+void write_text(const std::filesystem::path& path, std::string_view text);
+
+}  // namespace gs

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat train: photos and a COLMAP model in, a run's folder out.
+#include <spdlog/fmt/fmt.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <iostream>
+#include <memory>
+
+#include "cli/comparison.h"
+#include "cli/devices.h"
+#include "cli/options.h"
+#include "cli/pictures.h"
+#include "cli/results.h"
+#include "cli/run_folder.h"
+#include "cli/stop_on_signal.h"
+#include "cli/text.h"
+#include "cli/train_observers.h"
+#include "cli/verbs.h"
+#include "data_loaders/load_scene.h"
+#include "data_loaders/photos.h"
+#include "gs_core/error.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+constexpr std::size_t kComparedViews = 4;    // rows of comparison.png
+constexpr std::size_t kTrainViewsShown = 8;  // training views in results.json
+constexpr const char* kPictureName = "{:05d}.png";
+
+struct TrainCommand : CommandLine {
+  bool print_config = false, force = false;
+};
+
+// The config of this run, with the scene's absolute path, so that its folder can be used from anywhere.
+Config resolve_run(const TrainCommand& command) {
+  Config config = resolve(command);
+  if (command.print_config) return config;
+  if (config.dataset.source.empty())
+    throw UsageError("which scene? give its folder: gemsplat train SCENE -o OUT");
+  if (config.model.output.empty())
+    throw UsageError("where to? give the folder of the run with -o OUT");
+  config.dataset.source =
+      std::filesystem::absolute(config.dataset.source).lexically_normal().string();
+  return config;
+}
+
+Scene load(const DatasetConfig& dataset, bool show_progress) {
+  std::unique_ptr<ProgressBar> bar;
+  Scene scene = load_scene(dataset, [&](std::size_t done, std::size_t total) {
+    if (!bar) bar = std::make_unique<ProgressBar>(std::int64_t(total), show_progress);
+    if (bar->due(std::int64_t(done))) bar->draw(std::int64_t(done), "photos read", "photo");
+  });
+  bar.reset();
+  const View& first = scene.train_views.empty() ? scene.test_views.at(0) : scene.train_views[0];
+  log_info("{}: {} views to train on, {} held out, {}x{} pixels; {} points, extent {:.3g}",
+           scene.source, scene.train_views.size(), scene.test_views.size(), first.camera.width,
+           first.camera.height, with_commas(scene.points.size()), scene.extent);
+  return scene;
+}
+
+// Evaluates the views of those indices; every picture goes to `on_view` (may be empty).
+using OnView = std::function<void(std::size_t index, const View&, const ImageF&)>;
+Evaluation evaluate_some(Trainer& trainer, const std::vector<View>& views,
+                         const std::vector<std::size_t>& indices, const OnView& on_view) {
+  Evaluation sum;
+  for (const std::size_t index : indices) {
+    const auto pass_on = [&](std::size_t, const View& view, const ImageF& render) {
+      if (on_view) on_view(index, view, render);
+    };
+    const Evaluation one = evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
+                                    {views[index]}, trainer.evaluation_settings(), pass_on);
+    sum.views.push_back(one.views.at(0));
+    sum.psnr += one.psnr / double(indices.size());
+    sum.ssim += one.ssim / double(indices.size());
+  }
+  return sum;
+}
+
+// The evaluation at the end, with its pictures: test/ours_N/{renders,gt} and comparison.png.
+void evaluate_run(Trainer& trainer, const RunFolder& folder, int step, Results& results) {
+  const Scene& scene = trainer.scene();
+  const bool has_test = !scene.test_views.empty();
+  std::vector<Comparison> comparisons;
+  const auto compare_some_of = [&](const std::vector<View>& views) {
+    return [&comparisons, chosen = evenly_chosen(views.size(), kComparedViews)](
+               std::size_t index, const View& view, const Image8& render) {
+      if (std::binary_search(chosen.begin(), chosen.end(), index))
+        comparisons.push_back({view.photo, render});
+    };
+  };
+  const auto compare_test = compare_some_of(scene.test_views);
+  results.test = evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
+                          scene.test_views, trainer.evaluation_settings(),
+                          [&](std::size_t index, const View& view, const ImageF& image) {
+                            const Image8 render = to_image8(image);
+                            const std::string name = fmt::format(kPictureName, index);
+                            write_png(folder.pictures("test", step) / "renders" / name, render);
+                            write_png(folder.pictures("test", step) / "gt" / name, view.photo);
+                            compare_test(index, view, render);
+                          });
+
+  const auto shown = evenly_chosen(scene.train_views.size(), kTrainViewsShown);
+  results.train = evaluate_some(trainer, scene.train_views, shown,
+                                [&](std::size_t, const View& view, const ImageF& image) {
+                                  if (!has_test && comparisons.size() < kComparedViews)
+                                    comparisons.push_back({view.photo, to_image8(image)});
+                                });
+  if (!comparisons.empty()) write_png(folder.comparison(), comparison_picture(comparisons));
+  write_text(folder.results(), results_json(results));
+  write_text(folder.per_view(), per_view_json(results));
+}
+
+void print_summary(const Results& results, const RunFolder& folder) {
+  const bool has_test = !results.test.views.empty();
+  std::cout << fmt::format("{} views: {}\n", has_test ? "test" : "training",
+                           summary(has_test ? results.test : results.train))
+            << fmt::format("{} Gaussians, {} steps in {:.1f} s on {}\n",
+                           with_commas(results.num_gaussians), results.iterations,
+                           results.train_seconds, results.device)
+            << fmt::format("model:      {}\n", folder.ply(results.iterations).string())
+            << fmt::format("comparison: {}\n", folder.comparison().string())
+            << fmt::format("figures:    {}, {}\n", folder.results().string(),
+                           folder.metrics().string());
+}
+
+void train(const TrainCommand& command) {
+  const Config config = resolve_run(command);
+  if (command.print_config) {
+    std::cout << to_toml(config);
+    return;
+  }
+  setup_log(command.verbosity());
+  const RunFolder folder(config.model.output);
+  check_is_free(folder, command.force);
+  set_thread_count(config.train.threads);
+  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
+  log_info("training on {} with {} threads", backend->name(), thread_count());
+  const Scene scene = load(config.dataset, !command.quiet);
+
+  Trainer trainer(scene, config, *backend);
+  make_run_folder(folder);
+  write_run_description(folder, config, scene);
+  const int steps = trainer.schedule().steps();
+  ProgressObserver progress(steps, !command.quiet);
+  SaveObserver saver(folder);
+  EvaluationObserver evaluations(progress);
+  MetricsObserver metrics(folder, evaluations);
+  for (Observer* observer :
+       std::initializer_list<Observer*>{&saver, &evaluations, &metrics, &progress})
+    trainer.add_observer(*observer);
+
+  {
+    StopOnSignal stop_on_signal(trainer);
+    trainer.run();
+  }
+  progress.clear();
+  const int last = progress.last_step();
+  save_model(folder, last, trainer);
+  if (last < steps)
+    throw Error(fmt::format("stopped by a signal after step {} of {}; the model is in {}", last,
+                            steps, folder.ply(last).string()),
+                ExitCode::interrupted);
+
+  Results results;
+  results.iterations = last;
+  results.num_gaussians = trainer.model().count();
+  results.train_seconds = trainer.train_seconds();
+  results.device = backend->name();
+  results.seed = config.train.seed;
+  evaluate_run(trainer, folder, last, results);
+  metrics.finish(last, trainer, results.test);
+  if (!command.quiet) print_summary(results, folder);
+}
+
+}  // namespace
+
+void add_train(CLI::App& program) {
+  CLI::App& verb =
+      *program.add_subcommand("train", "Train Gaussians on photos with a COLMAP model");
+  const auto command = std::make_shared<TrainCommand>();
+  CommandLine& line = *command;
+  add_dataset_options(verb, line, "scene,-s,--source-path,-d,--data");
+  add_setting(verb, line, "--eval", "dataset.eval", "Scene");
+  add_setting(verb, line, "-o,--output,-m,--model-path", "model.output", "Output");
+  verb.add_flag("--force", command->force, "move a run that is there already to OUT.bak-N first")
+      ->group("Output");
+  add_setting(verb, line, "--save-steps,--save-iterations", "train.save_steps", "Output");
+  add_setting(verb, line, "--test-steps,--test-iterations,--eval-steps", "train.test_steps",
+              "Output");
+  add_setting(verb, line, "-i,--iterations,--iter,--max-steps", "train.iterations", "Training");
+  add_setting(verb, line, "--steps-scaler", "train.steps_scaler", "Training");
+  add_setting(verb, line, "--max-gaussians,--max-cap,--cap-max", "density.max_gaussians",
+              "Training");
+  add_setting(verb, line, "--seed", "train.seed", "Training");
+  add_render_options(verb, line);
+  add_general_options(verb, line);
+  verb.add_flag("--print-config", command->print_config,
+                "print all settings as TOML, and do nothing")
+      ->group("Settings");
+  verb.callback([command] { train(*command); });
+}
+
+}  // namespace gs

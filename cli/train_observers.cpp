@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/train_observers.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <fstream>
+
+#include "cli/results.h"
+#include "cli/text.h"
+#include "data_loaders/ply.h"
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+bool names(const std::vector<int>& steps, int step) {
+  return std::find(steps.begin(), steps.end(), step) != steps.end();
+}
+
+bool is_last(int step, const Trainer& trainer) { return step == trainer.schedule().steps(); }
+
+}  // namespace
+
+void ProgressObserver::after_step(int step, Trainer& trainer) {
+  last_step_ = step;
+  if (!bar_.due(step)) return;
+  const std::string detail = fmt::format("loss {:.4f} | {} Gaussians", trainer.loss(),
+                                         with_commas(trainer.model().count()));
+  bar_.draw(step, detail, "step");
+}
+
+void SaveObserver::after_step(int step, Trainer& trainer) {
+  if (names(trainer.config().train.save_steps, step) && !is_last(step, trainer))
+    save_model(folder_, step, trainer);
+}
+
+void EvaluationObserver::after_step(int step, Trainer& trainer) {
+  const std::vector<View>& views = trainer.scene().test_views;
+  if (views.empty() || is_last(step, trainer) || !names(trainer.config().train.test_steps, step))
+    return;
+  evaluation_ = evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(), views,
+                         trainer.evaluation_settings());
+  step_ = step;
+  progress_.clear();
+  log_info("step {}: test {}", step, summary(evaluation_));
+}
+
+MetricsObserver::MetricsObserver(const RunFolder& folder, const EvaluationObserver& evaluations)
+    : path_(folder.metrics()), evaluations_(evaluations) {
+  write_text(path_,
+             "step,loss,num_gaussians,seconds,steps_per_second,sh_degree,test_psnr,test_ssim\n");
+}
+
+void MetricsObserver::after_step(int step, Trainer& trainer) {
+  const Evaluation* test = evaluations_.at(step);
+  if (is_last(step, trainer) || (!test && step % trainer.config().train.log_every != 0)) return;
+  write_row(step, trainer, test);
+}
+
+void MetricsObserver::finish(int step, Trainer& trainer, const Evaluation& test) {
+  write_row(step, trainer, test.views.empty() ? nullptr : &test);
+}
+
+void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* test) {
+  const double seconds = trainer.train_seconds();
+  const double rate = seconds > last_seconds_ ? (step - last_row_) / (seconds - last_seconds_) : 0;
+  std::ofstream file(path_, std::ios::app);
+  file << fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, trainer.loss(),
+                      trainer.model().count(), seconds, rate, trainer.settings().sh_degree);
+  file << (test ? fmt::format("{:.4f},{:.5f}\n", test->psnr, test->ssim) : std::string(",\n"));
+  if (!file.flush())
+    throw Error("cannot write " + path_.string() +
+                ": free some space, or choose another folder with -o");
+  last_row_ = step;
+  last_seconds_ = seconds;
+}
+
+void save_model(const RunFolder& folder, int step, const Trainer& trainer) {
+  write_gaussian_ply(folder.ply(step),
+                     host_copy(trainer.model().gaussians, trainer.config().model.sh_degree,
+                               trainer.settings().antialias));
+}
+
+}  // namespace gs

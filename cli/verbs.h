@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+// The verbs of the program. Each function adds one to the command line, with its flags and what it does;
+// what a verb throws, main() tells the user.
+#pragma once
+
+namespace CLI {
+class App;
+}
+
+namespace gs {
+
+void add_train(CLI::App& program);
+void add_eval(CLI::App& program);
+void add_render(CLI::App& program);
+void add_info(CLI::App& program);
+
+}  // namespace gs

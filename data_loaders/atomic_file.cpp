@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/atomic_file.h"
+
+#include <fcntl.h>
+#include <spdlog/fmt/fmt.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "gs_core/error.h"
+
+namespace gs {
+namespace {
+
+const char* remedy(int error) {
+  switch (error) {
+    case ENOSPC:
+    case EDQUOT:
+    case EFBIG:
+      return "free some space or write elsewhere";
+    case EACCES:
+    case EPERM:
+    case EROFS:
+      return "write to a folder that you may change";
+    case EISDIR:
+    case ENOTDIR:
+    case EEXIST:
+      return "choose another name: a file stands where a folder is needed, or a folder in its "
+             "place";
+    default:
+      return "check the path and the disk, or write elsewhere";
+  }
+}
+
+// A rename is on disk only when its folder is; where folders cannot be synced it is good enough as
+// it is.
+void sync_folder(const std::filesystem::path& folder) {
+  const int descriptor = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY);
+  if (descriptor < 0) return;
+  ::fsync(descriptor);
+  ::close(descriptor);
+}
+
+}  // namespace
+
+AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)) {
+  std::error_code error;
+  if (std::filesystem::is_symlink(path_, error)) {  // the link stays, its target is new
+    const auto target = std::filesystem::weakly_canonical(path_, error);
+    if (error) fail(error.value());
+    path_ = target;
+  }
+  const auto status = std::filesystem::status(path_, error);
+  if (std::filesystem::is_directory(status)) fail(EISDIR);
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) fail(EEXIST);
+  error.clear();
+  if (path_.has_parent_path()) std::filesystem::create_directories(path_.parent_path(), error);
+  if (error) fail(error.value());
+  temporary_ = path_;
+  temporary_.replace_filename(fmt::format(".{}.{}.tmp", path_.filename().string(), ::getpid()));
+  file_ = std::fopen(temporary_.c_str(), "wb");
+  if (!file_) fail(errno);
+}
+
+AtomicFile::~AtomicFile() {
+  if (!file_) return;
+  std::fclose(file_);
+  std::error_code ignored;
+  std::filesystem::remove(temporary_, ignored);
+}
+
+void AtomicFile::write(const void* data, std::size_t bytes) {
+  if (bytes && std::fwrite(data, 1, bytes, file_) != bytes) fail(errno);
+}
+
+void AtomicFile::commit() {
+  if (std::fflush(file_) != 0 || ::fsync(::fileno(file_)) != 0) fail(errno);
+  if (std::rename(temporary_.c_str(), path_.c_str()) != 0) fail(errno);
+  std::fclose(file_);
+  file_ = nullptr;
+  sync_folder(path_.parent_path());
+}
+
+void AtomicFile::fail(int error) {
+  throw Error(
+      fmt::format("cannot write {}: {}; {}", path_.string(), std::strerror(error), remedy(error)));
+}
+
+}  // namespace gs

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// cameras.json: the poses beside a trained scene, as the reference trainer (Kerbl et al. 2023)
+// writes them and viewers read them.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "gs_core/scene.h"
+
+namespace gs {
+
+struct NamedCamera {
+  std::string name;  // path of the photo relative to the images folder, without extension
+  Camera camera;
+};
+
+/// Writes the cameras of all views, those for testing first: a list of
+///   {id, img_name, width, height,      pixels
+///    position[3],                      camera centre, world units
+///    rotation[3][3],                   rows of world_from_cam
+///    fy, fx, cx, cy}                   pixels
+/// cx and cy are not in the reference's files, where the centre is that of the picture. Numbers
+/// have as many digits as their float needs. The file is there whole or not at all; throws Error
+/// where it cannot be written.
+void write_cameras_json(const std::filesystem::path& path, const Scene& scene);
+
+/// Reads such a list, in its order; without cx or cy the centre is that of the picture, other keys
+/// are ignored.
+/// Throws Error that names file, camera and key for anything that is no camera.
+std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path);
+
+}  // namespace gs

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// A COLMAP sparse model as it lies on disk: cameras with their lens models, posed images, points.
+// What is made of it for training is the business of load_scene.h; the two encodings are read in
+// colmap_binary.cpp and colmap_text.cpp.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "gs_core/types.h"
+
+namespace gs {
+
+/// COLMAP's camera models by their ids in cameras.bin.
+enum class CameraModel : int {
+  simple_pinhole = 0,
+  pinhole = 1,
+  simple_radial = 2,
+  radial = 3,
+  opencv = 4,
+  opencv_fisheye = 5,
+  full_opencv = 6,
+  fov = 7,
+  simple_radial_fisheye = 8,
+  radial_fisheye = 9,
+  thin_prism_fisheye = 10,
+  rad_tan_thin_prism_fisheye = 11,
+  simple_division = 12,
+  division = 13,
+  simple_fisheye = 14,
+  fisheye = 15,
+  eucm = 16,
+  equirectangular = 17,
+};
+
+/// What COLMAP calls a camera model, and how many parameters it has.
+struct CameraModelInfo {
+  const char* name;
+  int param_count;
+};
+
+inline constexpr int kCameraModelCount = 18;
+/// Name and parameter count of a model.
+const CameraModelInfo& camera_model_info(CameraModel model);
+
+/// One lens and sensor; several images may share it.
+struct ColmapCamera {
+  std::uint32_t id = 0;
+  CameraModel model = CameraModel::pinhole;
+  int width = 0, height = 0;   // pixels, both > 0
+  std::vector<double> params;  // in COLMAP's order for the model; finite
+};
+
+/// One posed image. Its 2D points are passed over.
+struct ColmapImage {
+  std::uint32_t id = 0;
+  std::string name;  // path relative to the images folder, "/" between folders
+  std::uint32_t camera_id = 0;
+  Quat<double> cam_from_world_rotation{1, 0, 0, 0};  // unit length
+  Vec3d cam_from_world_translation{0.0, 0.0, 0.0};   // world units
+};
+
+/// One triangulated point. Its track is passed over.
+struct ColmapPoint {
+  std::uint64_t id = 0;
+  Vec3d position{0.0, 0.0, 0.0};               // world units
+  std::array<std::uint8_t, 3> color{0, 0, 0};  // sRGB
+};
+
+/// A whole model, checked: every number is finite, every quaternion has unit length, every image's
+/// camera exists, and no id or image name occurs twice.
+struct ColmapModel {
+  std::map<std::uint32_t, ColmapCamera> cameras;  // by id
+  std::vector<ColmapImage> images;                // in the file's order
+  std::vector<ColmapPoint> points;                // by ascending id
+  std::filesystem::path folder;
+};
+
+/// Whether a folder holds cameras and images, both binary or both text.
+bool is_colmap_model(const std::filesystem::path& folder);
+
+/// Reads cameras, images and points3D: the .bin files where cameras.bin and images.bin exist, else
+/// the .txt files. A model without a points3D file has no points. Throws Error that names the file,
+/// the place in it and the remedy; a damaged file never costs more memory than its size.
+ColmapModel read_colmap_model(const std::filesystem::path& folder);
+
+}  // namespace gs

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where a scene's COLMAP model and photos lie.
+#pragma once
+
+#include <filesystem>
+
+#include "gs_core/config.h"
+
+namespace gs {
+
+struct SceneFolders {
+  std::filesystem::path model;   // holds cameras.bin or cameras.txt
+  std::filesystem::path images;  // what the model's image names are relative to
+};
+
+/// Finds the model in dataset.model, or else in sparse/0, sparse or the scene's folder itself, and
+/// the photos in dataset.images. Throws Error that lists the places looked at and, where there is
+/// one, names a scene one level up or down.
+SceneFolders find_scene(const DatasetConfig& dataset);
+
+}  // namespace gs

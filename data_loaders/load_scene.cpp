@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stages, in order: find, read the model, plan every view from the photos' headers, decode, split.
+#include "data_loaders/load_scene.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <mutex>
+#include <tuple>
+
+#include "data_loaders/colmap_model.h"
+#include "data_loaders/find_scene.h"
+#include "data_loaders/photos.h"
+#include "data_loaders/undistort.h"
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+#include "gs_core/math/rotation.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// All that is known of a view before its photo is decoded.
+struct ViewPlan {
+  ColmapImage image;
+  fs::path file;
+  PhotoSize photo_size;
+  LensCamera lens;                    // at the photo's size
+  PinholeCamera<double> undistorted;  // the photo without its lens, at full resolution
+  PinholeCamera<double> target;       // as it is trained on
+};
+
+/// Names lead to files below the images folder, here and wherever a run writes pictures by view
+/// name.
+void check_name(const ColmapImage& image, const fs::path& model) {
+  const fs::path name = image.name;
+  if (name.is_absolute() || std::find(name.begin(), name.end(), "..") != name.end())
+    throw Error(fmt::format(
+        "cannot use the model in {}: image name '{}' leads out of the images folder; rename "
+        "it in the model",
+        model.string(), image.name));
+}
+
+void check_photos_exist(const std::vector<ViewPlan>& plans, const fs::path& folder) {
+  constexpr std::size_t kMostNamed = 5;
+  std::size_t missing = 0;
+  std::string names;
+  for (const ViewPlan& plan : plans) {
+    std::error_code ignored;
+    if (fs::exists(plan.file, ignored)) continue;
+    if (missing++ < kMostNamed) names += (names.empty() ? "" : ", ") + plan.image.name;
+  }
+  if (missing)
+    throw Error(fmt::format(
+        "{} of the model's {} photos are not in {}: {}{}; copy them there or name another "
+        "folder with --set dataset.images=FOLDER",
+        missing, plans.size(), folder.string(), names, missing > kMostNamed ? ", ..." : ""));
+}
+
+/// Whether a picture of size a has the shape of one of size b, to a pixel.
+bool has_shape_of(const PhotoSize& a, const PhotoSize& b) {
+  const double by_height = double(b.width) * a.height / b.height;
+  const double by_width = double(b.height) * a.width / b.width;
+  return std::abs(a.width - by_height) <= 1 || std::abs(a.height - by_width) <= 1;
+}
+
+/// The camera of the model at the size that its photo really has.
+LensCamera fitted_to_photo(LensCamera lens, const ViewPlan& plan) {
+  const PhotoSize model = {lens.pinhole.width, lens.pinhole.height}, photo = plan.photo_size;
+  if (has_shape_of(photo, model)) {
+    lens.pinhole = resized(lens.pinhole, photo.width, photo.height);
+    return lens;
+  }
+  const std::string sizes =
+      fmt::format("photo {} has {} x {} pixels and its camera in the model {} x {}",
+                  plan.file.string(), photo.width, photo.height, model.width, model.height);
+  if (has_shape_of(photo, {model.height, model.width}))
+    throw Error(sizes +
+                ": width and height are swapped, so one of the two was turned by the photo's EXIF "
+                "orientation; give "
+                "COLMAP and gemsplat the same files, without that orientation");
+  throw Error(
+      sizes +
+      ": the shapes differ, so this is not the photo that COLMAP saw; use the same photos, or run "
+      "COLMAP again on these");
+}
+
+/// The camera at dataset.resolution: 1, 2, 4, 8 divide, a larger number is the width.
+PinholeCamera<double> at_resolution(const PinholeCamera<double>& camera, int resolution,
+                                    const std::string& name) {
+  const bool divides = resolution == 1 || resolution == 2 || resolution == 4 || resolution == 8;
+  if (!divides && resolution <= 8)
+    throw UsageError(fmt::format(
+        "dataset.resolution is {}; give 1, 2, 4 or 8 to divide the photos' size, or a width "
+        "in pixels above 8",
+        resolution));
+  if (!divides && resolution > camera.width)
+    throw UsageError(fmt::format(
+        "dataset.resolution asks for {} pixels of width and photo '{}' has {}; give at most {}, "
+        "or 1 for the photos' own size",
+        resolution, name, camera.width, camera.width));
+  const double scale = divides ? 1.0 / resolution : double(resolution) / camera.width;
+  const auto side = [&](int pixels) { return std::max(1, int(std::lround(pixels * scale))); };
+  return resized(camera, side(camera.width), side(camera.height));
+}
+
+std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel& model,
+                                 const fs::path& images) {
+  std::vector<ViewPlan> plans;
+  for (const ColmapImage& image : model.images) {
+    check_name(image, model.folder);
+    plans.push_back({image, images / image.name, {}, {}, {}, {}});
+  }
+  std::sort(plans.begin(), plans.end(),
+            [](const ViewPlan& a, const ViewPlan& b) { return a.image.name < b.image.name; });
+  check_photos_exist(plans, images);
+  constexpr std::size_t kHeadersPerChunk = 8;
+  parallel_for(plans.size(), kHeadersPerChunk,
+               [&](std::size_t i) { plans[i].photo_size = read_photo_size(plans[i].file); });
+
+  std::size_t scaled = 0;
+  std::map<std::tuple<std::uint32_t, int, int>, PinholeCamera<double>>
+      undistorted;  // one search per camera
+  for (ViewPlan& plan : plans) {
+    const ColmapCamera& camera = model.cameras.at(plan.image.camera_id);
+    plan.lens = fitted_to_photo(lens_camera(camera, plan.image.name), plan);
+    const auto [width, height] = plan.photo_size;
+    if (width != camera.width || height != camera.height) ++scaled;
+    const auto [found, is_new] = undistorted.try_emplace({camera.id, width, height});
+    if (is_new) found->second = undistorted_pinhole(plan.lens, plan.image.name);
+    plan.undistorted = found->second;
+    plan.target = at_resolution(plan.undistorted, dataset.resolution, plan.image.name);
+  }
+  if (scaled)
+    log_info(
+        "{} of {} photos differ in size from their cameras in the model: intrinsics scaled to the "
+        "photos",
+        scaled, plans.size());
+  return plans;
+}
+
+View load_view(const ViewPlan& plan) {
+  View view;
+  view.name = plan.image.name;
+  const PinholeCamera<double>& target = plan.target;
+  const Mat3<double> R = rotation_matrix(plan.image.cam_from_world_rotation);
+  view.camera = {target.width,
+                 target.height,
+                 float(target.fx),
+                 float(target.fy),
+                 float(target.cx),
+                 float(target.cy),
+                 {Vec3f(R.row0), Vec3f(R.row1), Vec3f(R.row2)},
+                 Vec3f(plan.image.cam_from_world_translation)};
+  const Vec3f position = view.camera.position();
+  if (!std::isfinite(position.x) || !std::isfinite(position.y) || !std::isfinite(position.z))
+    throw Error(fmt::format(
+        "the pose of photo '{}' does not fit single precision; move the model nearer to its "
+        "origin with `colmap model_aligner`",
+        plan.image.name));
+  view.photo = read_photo(plan.file);
+  if (view.photo.width != plan.photo_size.width || view.photo.height != plan.photo_size.height)
+    throw Error(fmt::format("photo {} has changed while the scene was loaded; start again",
+                            plan.file.string()));
+  if (plan.lens.lens != LensCamera::Lens::none)
+    view.photo = undistorted_photo(view.photo, plan.lens, plan.undistorted, plan.image.name);
+  view.photo = area_resized(view.photo, target.width, target.height);
+  return view;
+}
+
+std::vector<View> load_views(const std::vector<ViewPlan>& plans, const ProgressFn& progress) {
+  std::vector<View> views(plans.size());
+  std::atomic<bool> has_failed = false;  // then the others need not be decoded
+  std::mutex mutex;
+  std::size_t done = 0;
+  parallel_for(plans.size(), 1, [&](std::size_t i) {
+    if (has_failed) return;
+    try {
+      views[i] = load_view(plans[i]);
+    } catch (...) {
+      has_failed = true;
+      throw;
+    }
+    const std::lock_guard lock(mutex);
+    if (progress) progress(++done, plans.size());
+  });
+  return views;
+}
+
+bool is_test_view(const DatasetConfig& dataset, std::size_t index) {
+  return dataset.eval && index % std::size_t(dataset.test_every) == 0;
+}
+
+/// Refuses a split that leaves nothing to train on.
+void check_split(const DatasetConfig& dataset, const ColmapModel& model) {
+  if (dataset.eval && dataset.test_every < 1)
+    throw UsageError(fmt::format("dataset.test_every is {}; give 2 or more", dataset.test_every));
+  std::size_t train_count = 0;
+  for (std::size_t i = 0; i < model.images.size(); ++i) train_count += !is_test_view(dataset, i);
+  if (train_count > 0) return;
+  if (model.images.empty())
+    throw Error(fmt::format(
+        "the model in {} has no images; run COLMAP again or name another model with --set "
+        "dataset.model=FOLDER",
+        model.folder.string()));
+  throw UsageError(
+      fmt::format("no view is left to train on: dataset.eval holds out every {}th of {}; raise "
+                  "dataset.test_every, or train without dataset.eval",
+                  dataset.test_every, model.images.size()));
+}
+
+}  // namespace
+
+Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress) {
+  const SceneFolders folders = find_scene(dataset);
+  const ColmapModel model = read_colmap_model(folders.model);
+  check_split(dataset, model);
+  Scene scene;
+  scene.source = dataset.source;
+  std::vector<View> views = load_views(plan_views(dataset, model, folders.images), progress);
+  for (std::size_t i = 0; i < views.size(); ++i)
+    (is_test_view(dataset, i) ? scene.test_views : scene.train_views)
+        .push_back(std::move(views[i]));
+  for (const ColmapPoint& point : model.points)
+    scene.points.push_back({Vec3f(point.position), point.color});
+  scene.extent = camera_extent(scene.train_views);
+  return scene;
+}
+
+}  // namespace gs

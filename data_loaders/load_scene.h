@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a folder with photos and a COLMAP model to the Scene that training starts from.
+#pragma once
+
+#include <functional>
+
+#include "gs_core/config.h"
+#include "gs_core/scene.h"
+
+namespace gs {
+
+/// Called after each photo, from one thread at a time, with `done` counting up to `total`.
+using ProgressFn = std::function<void(std::size_t done, std::size_t total)>;
+
+/// Finds the model and the photos, undistorts and resizes every photo to dataset.resolution, and
+/// splits the views: with dataset.eval, every test_every-th in byte order of the names, the first
+/// one among them, is a test view. Every size and name is checked before the first photo is
+/// decoded. Throws Error that names the file and the remedy; UsageError for a resolution that
+/// cannot be taken.
+Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress = {});
+
+}  // namespace gs

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gemsplat info`: what a set of trained Gaussians looks like in numbers, and what looks wrong.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "gs_core/gaussians.h"
+
+namespace gs {
+
+/// Something suspicious: how many Gaussians show it, a key for machines, a sentence for people.
+struct Suspicion {
+  std::string key;
+  std::size_t count = 0;
+  std::string sentence;
+};
+
+/// Bounds, sizes and shares are of the Gaussians without NaN or infinity; 0 where there are none.
+struct ModelInfo {
+  std::size_t count = 0;
+  int sh_degree = 0;
+  bool antialiased = false;
+  std::size_t bytes = 0;             // in memory
+  Vec3f min{0}, max{0};              // of the means, world units
+  Vec3f inner_min{0}, inner_max{0};  // their 1st and 99th percentile on each axis, world units
+  float median_scale = 0;            // of the geometric mean of the three scales, world units
+  float faint_share = 0;             // opacity below 1/255: never drawn
+  float thin_share = 0;              // opacity below 0.05, the faint ones among them
+  float solid_share = 0;             // opacity above 0.9
+  std::vector<Suspicion> suspicions;
+};
+
+/// Looks at every Gaussian. Never throws for what it finds.
+ModelInfo inspect(const GaussianModel& model);
+
+/// The numbers, and then the suspicions, for people: one line each.
+std::string describe(const ModelInfo& info);
+
+/// The same as a JSON object on one line; suspicions become {"key": count, ...}.
+std::string to_json_text(const ModelInfo& info);
+
+}  // namespace gs

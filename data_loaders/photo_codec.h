@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// What photos.cpp needs of a codec library; photo_codec_oiio.cpp and photo_codec_stb.cpp are the
+// two that CMake chooses from.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "data_loaders/photos.h"
+
+namespace gs {
+
+/// Throws Error: cannot read photo FILE: `what`.
+[[noreturn]] void cannot_read_photo(const std::filesystem::path& path, const std::string& what);
+
+/// Throws Error for sizes that no photo has.
+void check_photo_size(const std::filesystem::path& path, const PhotoSize& size);
+
+/// A file that exists, decoded to three channels in stored order. Throw Error for all that is not a
+/// whole photo.
+Image8 decode_photo(const std::filesystem::path& path);
+PhotoSize decode_photo_size(const std::filesystem::path& path);
+
+/// The bytes of a PNG file with 1 or 3 channels.
+std::vector<std::uint8_t> encode_png(const Image8& image);
+
+}  // namespace gs

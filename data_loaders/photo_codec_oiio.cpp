@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photos through OpenImageIO: JPEG, PNG, TIFF, EXR, WebP and all else that the installed library
+// knows.
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include "data_loaders/photo_codec.h"
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+struct OpenPhoto {
+  std::unique_ptr<OIIO::ImageInput> input;
+  PhotoSize size;
+};
+
+OpenPhoto open_photo(const std::filesystem::path& path) {
+  OIIO::ImageSpec wishes;
+  wishes.attribute("oiio:reorient", 0);           // as COLMAP: stored order
+  wishes.attribute("oiio:UnassociatedAlpha", 1);  // colour not multiplied by alpha
+  OpenPhoto photo;
+  photo.input = OIIO::ImageInput::open(path.string(), &wishes);
+  if (!photo.input) cannot_read_photo(path, OIIO::geterror());
+  photo.size = {photo.input->spec().width, photo.input->spec().height};
+  check_photo_size(path, photo.size);
+  return photo;
+}
+
+/// Whether libjpeg only met surplus bytes before the end marker, which some cameras write: all
+/// pixels are decoded by then.
+bool is_harmless(const std::string& complaint) {
+  return complaint.find("extraneous bytes before marker 0xd9") != std::string::npos &&
+         complaint.find('\n') == std::string::npos;
+}
+
+void repeat_grey(Image8& image) {
+  for (std::size_t i = image.pixels.size() / 3; i-- > 0;) {
+    const std::uint8_t grey = image.pixels[i];
+    image.pixels[3 * i] = image.pixels[3 * i + 1] = image.pixels[3 * i + 2] = grey;
+  }
+}
+
+}  // namespace
+
+Image8 decode_photo(const std::filesystem::path& path) {
+  const OpenPhoto photo = open_photo(path);
+  const bool is_grey = photo.input->spec().nchannels < 3;
+  Image8 image(photo.size.width, photo.size.height, 3);
+  const bool done =
+      photo.input->read_image(0, 0, 0, is_grey ? 1 : 3, OIIO::TypeDesc::UINT8, image.pixels.data());
+  // A JPEG cut short counts as read, its rest grey; only the message tells.
+  const std::string complaint = photo.input->geterror();
+  if (!done || !(complaint.empty() || is_harmless(complaint))) cannot_read_photo(path, complaint);
+  if (!complaint.empty()) log_warning("{}: {}", path.string(), complaint);
+  if (is_grey) repeat_grey(image);
+  return image;
+}
+
+PhotoSize decode_photo_size(const std::filesystem::path& path) { return open_photo(path).size; }
+
+std::vector<std::uint8_t> encode_png(const Image8& image) {
+  std::vector<unsigned char> bytes;
+  OIIO::Filesystem::IOVecOutput sink(bytes);
+  const auto output = OIIO::ImageOutput::create("png", &sink);
+  const OIIO::ImageSpec spec(image.width, image.height, image.channels, OIIO::TypeDesc::UINT8);
+  const bool done = output && output->open("picture.png", spec) &&
+                    output->write_image(OIIO::TypeDesc::UINT8, image.pixels.data()) &&
+                    output->close();
+  if (!done)
+    throw Error("cannot encode a PNG: " + (output ? output->geterror() : OIIO::geterror()) +
+                "; reinstall OpenImageIO");
+  return bytes;
+}
+
+}  // namespace gs

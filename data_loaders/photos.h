@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photos in and out of files, and the one way in which they are made smaller. Pixels are read as
+// COLMAP reads them: in stored order, whatever an EXIF orientation says.
+#pragma once
+
+#include <filesystem>
+
+#include "gs_core/image.h"
+
+namespace gs {
+
+struct PhotoSize {
+  int width = 0, height = 0;  // pixels, in stored order
+};
+
+/// Decodes a photo to (height, width, 3). Grey is repeated into three channels, alpha is dropped
+/// (colour values stay as stored), more than 8 bits are rounded. Throws Error that names the file
+/// when it is missing, of an unknown format, damaged or cut short.
+Image8 read_photo(const std::filesystem::path& path);
+
+/// The size of a photo from its header. Throws Error like read_photo.
+PhotoSize read_photo_size(const std::filesystem::path& path);
+
+/// The picture at another size: every target pixel is the mean of the source area that it covers,
+/// with pixels that it covers in part counted by that part; halves are rounded up. Exact (whole
+/// numbers), so the same on every machine. `width` and `height` are > 0.
+Image8 area_resized(const Image8& image, int width, int height);
+
+/// Writes an image with 1 or 3 channels as PNG; the file is there whole or not at all. Throws
+/// Error.
+void write_png(const std::filesystem::path& path, const Image8& image);
+
+}  // namespace gs

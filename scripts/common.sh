@@ -1,0 +1,100 @@
+# shellcheck shell=bash
+# SPDX-License-Identifier: Apache-2.0
+# What setup.sh, demo.sh, test.sh and .ci/run share; sourced by them. Changes to the root of the repository.
+cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
+
+# Debian's and Ubuntu's names. Each library but the headers is optional to the build (scripts/cmake).
+readonly GS_PACKAGES=(
+  cmake ninja-build g++ git                                                       # build tools
+  libglm-dev libtomlplusplus-dev libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev libstb-dev  # headers
+  libopenimageio-dev openimageio-tools libopenexr-dev libimath-dev                # photos
+  libopencv-dev libceres-dev                                                      # lenses, cameras
+  libgtest-dev libgmock-dev libbenchmark-dev                                      # tests
+)
+gs_configure_args=()
+
+say() { printf '== %s\n' "$*"; }
+die() { printf 'error: %s\n' "$*" >&2; exit 1; }
+
+# The packages of GS_PACKAGES that dpkg does not know as installed, one a line.
+missing_packages() {
+  comm -23 <(printf '%s\n' "${GS_PACKAGES[@]}" | sort) \
+           <(dpkg-query -W -f='${db:Status-Status} ${Package}\n' "${GS_PACKAGES[@]}" 2>/dev/null |
+             sed -n 's/^installed //p' | sort)
+}
+
+# apt_install PACKAGE...: one quiet apt-get; shows its output only when it fails.
+apt_install() {
+  local as_root=() log
+  if [[ $(id -u) -ne 0 ]]; then
+    command -v sudo >/dev/null || return 1
+    as_root=(sudo)
+  fi
+  log=$(mktemp)
+  if "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive bash -c \
+      'apt-get update && apt-get install -y --no-install-recommends "$@"' apt "$@" >"$log" 2>&1; then
+    rm -f "$log"
+  else
+    tail -n 20 "$log" >&2
+    rm -f "$log"
+    return 1
+  fi
+}
+
+# Can the compiler see the headers that the build cannot do without? `have_headers -I DIR` looks there too.
+have_headers() {
+  local header
+  for header in glm/vec3.hpp toml++/toml.h CLI/CLI.hpp fmt/format.h spdlog/spdlog.h nlohmann/json.hpp; do
+    printf '#if !__has_include(<%s>)\n#error\n#endif\n' "$header"
+  done | c++ -std=c++20 -E -x c++ "$@" - >/dev/null 2>&1
+}
+
+# use_what_is_there PACKAGE...: for when these cannot be installed from here. Goes on where the tools and headers
+# are there all the same, else stops.
+use_what_is_there() {
+  local tool
+  printf 'This script cannot install what gemsplat uses here; please do so (Debian names):\n  %s\n' "$*" >&2
+  for tool in cmake ninja c++; do
+    command -v "$tool" >/dev/null || die "$tool was not found; install it and run this again"
+  done
+  if have_headers; then
+    say "Going on with the headers of this machine; libraries that are missing are left out"
+  elif have_headers -I .deps/include; then
+    say "Going on with the headers in .deps/include; libraries that are missing are left out"
+    gs_configure_args=(-DGS_DEPS_INCLUDE="$PWD/.deps/include")
+  else
+    die "GLM, toml++, CLI11, spdlog, fmt or nlohmann-json was not found; install them, or run
+       scripts/pack_headers.sh on a machine that has them and bring its folder .deps here"
+  fi
+}
+
+# Installs what is missing with one apt-get; does nothing when all is there.
+install_packages() {
+  local missing
+  if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
+    use_what_is_there "${GS_PACKAGES[@]}"
+    return
+  fi
+  mapfile -t missing < <(missing_packages)
+  [[ ${#missing[@]} -gt 0 ]] || return 0
+  say "Installing with apt-get (about a minute, 2 GB at most): ${missing[*]}"
+  if apt_install "${missing[@]}"; then
+    rm -f build/*/.configured  # so that the next build finds them
+  else
+    use_what_is_there "${missing[@]}"
+  fi
+}
+
+# build PRESET TARGET...: configures where that was not done yet, and builds; no work when up to date.
+build() {
+  local preset=$1 quiet=()
+  shift
+  if [[ ! build/$preset/.configured -nt CMakePresets.json ]]; then
+    say "Configuring build/$preset"
+    cmake --preset "$preset" --log-level=NOTICE "${gs_configure_args[@]}" >/dev/null
+    touch "build/$preset/.configured"
+  fi
+  if [[ ! -t 1 && $(ninja --help 2>&1) == *--quiet* ]]; then quiet=(-- --quiet); fi
+  say "Building build/$preset: $*"
+  cmake --build "build/$preset" -j "$(nproc)" --target "$@" "${quiet[@]}"
+}

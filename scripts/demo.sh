@@ -1,0 +1,63 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Trains the bundled scene: on the GPU where there is one, else a short run on the CPU (minutes on 2 cores).
+#   scripts/demo.sh           trains into out/demo; a finished run there is kept and only shown
+#   scripts/demo.sh --again   trains afresh into the next free folder: out/demo-2, ...
+set -euo pipefail
+source "$(dirname "$0")/common.sh"
+
+scene=data/courtyard
+program=build/default/cli/gemsplat
+
+is_finished() { [[ -s $1/results.json ]]; }
+
+# The run folders, oldest first.
+runs() { find out -maxdepth 1 -type d \( -name demo -o -name 'demo-[0-9]*' \) 2>/dev/null | sort -V; }
+
+next_free_run() {
+  local run=out/demo number=1
+  while [[ -e $run ]]; do
+    number=$((number + 1))
+    run=out/demo-$number
+  done
+  echo "$run"
+}
+
+# "test" comes first in results.json, so its PSNR is the first one there.
+test_psnr() { grep -o '"psnr": *[0-9.]*' "$1/results.json" | sed -n '1s/.*: *//p'; }
+
+show() {
+  local run=$1 file
+  say "Test PSNR: $(LC_ALL=C printf '%.2f' "$(test_psnr "$run")") dB"
+  for file in "$run/results.json" "$run/comparison.png" "$run"/point_cloud/*/point_cloud.ply; do
+    if [[ -e $file ]]; then echo "   $file"; fi
+  done
+}
+
+again=no
+case ${1:-} in
+  '') ;;
+  --again) again=yes ;;
+  *) sed -n '3,5s/^# //p' "$0"; exit 2 ;;
+esac
+
+if [[ $again == no ]]; then
+  for run in $(runs); do is_finished "$run" && finished=$run; done
+  if [[ -n ${finished:-} ]]; then
+    say "$finished holds a finished run; ./scripts/demo.sh --again trains afresh, beside it"
+    show "$finished"
+    exit
+  fi
+fi
+
+install_packages
+build default gemsplat
+
+schedule=(-c configs/cpu_tiny.toml)
+if nvidia-smi -L >/dev/null 2>&1 && grep -q '^GS_BUILT_WITH_CUDA:INTERNAL=TRUE' build/default/CMakeCache.txt; then
+  schedule=()
+fi
+run=$(next_free_run)
+say "Training $scene into $run"
+"$program" train "$scene" -o "$run" --eval "${schedule[@]}"
+show "$run"

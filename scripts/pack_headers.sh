@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Copies the header-only dependencies and GoogleTest's sources from this machine into .deps (or DIR), for a
+# server that has nvcc, g++, CMake and ninja and nothing else. There: cmake --preset minimal
+set -euo pipefail
+dir=$(realpath -m "${1:-$(dirname "$0")/../.deps}")
+system=/usr/include
+sources=/usr/src/googletest
+
+mkdir -p "$dir/include/stb"
+for library in glm toml++ CLI spdlog fmt nlohmann; do
+  [[ -d $system/$library ]] || { echo "error: $system/$library was not found; run scripts/setup.sh first" >&2; exit 1; }
+  rm -rf "${dir:?}/include/$library"
+  cp -rL "$system/$library" "$dir/include/"
+done
+cp "$system"/stb/stb_image.h "$system"/stb/stb_image_write.h "$dir/include/stb/"
+
+rm -rf "$dir/googletest"
+if [[ -d $sources ]]; then
+  for part in googletest googlemock; do
+    mkdir -p "$dir/googletest/$part"
+    cp -rL "$sources/$part"/{CMakeLists.txt,cmake,include,src} "$dir/googletest/$part/"
+  done
+  cp "$sources/CMakeLists.txt" "$dir/googletest/"
+fi
+echo "$(du -sh "$dir" | cut -f1) in $dir"

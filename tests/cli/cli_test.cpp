@@ -1,0 +1,343 @@
+// SPDX-License-Identifier: Apache-2.0
+// The program as users run it: what it prints, writes and returns. Runs the built `gemsplat` on a scene
+// that the test makes: six pictures of 40x32 pixels and a COLMAP model as text.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "data_loaders/photos.h"
+#include "gs_core/random.h"
+#include "tests/support/temp_folder.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr int kWidth = 40, kHeight = 32;  // pixels; a focal length is 40 pixels
+constexpr int kViews = 6;                 // two of them are held out by --test-every 3
+constexpr const char* kTrain =
+    " --eval --test-every 3 --iterations 20 --device cpu --set train.log_every=5";
+
+struct Outcome {
+  int code;
+  std::string out, err;
+};
+
+// Cameras on a line, looking along z at points between 3 and 5 world units away.
+void write_scene(const fs::path& folder) {
+  std::ostringstream images, points;
+  for (int v = 0; v < kViews; ++v) {
+    Image8 photo(kWidth, kHeight, 3);
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth; ++x) {
+        photo.at(x, y, 0) = std::uint8_t(128 + 100 * std::sin(0.3 * (x + v)));
+        photo.at(x, y, 1) = std::uint8_t(128 + 100 * std::sin(0.25 * y));
+        photo.at(x, y, 2) = std::uint8_t(200 - 3 * y);
+      }
+    const std::string name = "view_" + std::to_string(v) + ".png";
+    write_png(folder / "images" / name, photo);
+    images << v + 1 << " 1 0 0 0 " << -0.1 * v << " 0 0 1 " << name << "\n\n";
+  }
+  const Random random{7, RandomStream::test};
+  for (int p = 0; p < 150; ++p) {
+    const Vec4f u = random.uniform4(std::uint64_t(p));
+    const float z = 3 + 2 * u.z;
+    points << p + 1 << ' ' << (u.x - 0.5f) * z << ' ' << (u.y - 0.5f) * z * 0.8f << ' ' << z
+           << " 120 130 140 0.5\n";
+  }
+  write_bytes(folder / "sparse/0/cameras.txt", "1 PINHOLE 40 32 40 40 20 16\n");
+  write_bytes(folder / "sparse/0/images.txt", images.str());
+  write_bytes(folder / "sparse/0/points3D.txt", points.str());
+}
+
+class Program : public ::testing::Test {
+ protected:
+  Outcome run(const std::string& arguments) {
+    const fs::path out = path("stdout.txt"), err = path("stderr.txt");
+    const std::string command =
+        std::string(GS_PROGRAM) + " " + arguments + " >" + out.string() + " 2>" + err.string();
+    const int status = std::system(command.c_str());
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_bytes(out), read_bytes(err)};
+  }
+  // A trained run in `name`; every test that needs one trains its own, in under a second.
+  Outcome train(const std::string& name, const std::string& more = "") {
+    if (!fs::exists(path("scene"))) write_scene(path("scene"));
+    return run("train " + text("scene") + " -o " + text(name) + kTrain + " " + more);
+  }
+  fs::path path(const std::string& name) const { return folder_.path() / name; }
+  std::string text(const std::string& name) const { return path(name).string(); }
+  nlohmann::json json(const std::string& name) const {
+    return nlohmann::json::parse(read_bytes(path(name)));
+  }
+
+ private:
+  TempFolder folder_;
+};
+
+TEST_F(Program, PrintsItsVersionAndHelp) {
+  EXPECT_THAT(run("--version").out, HasSubstr("gemsplat "));
+  const Outcome help = run("train --help");
+  EXPECT_EQ(help.code, 0);
+  EXPECT_THAT(help.out,
+              AllOf(HasSubstr("--iterations"), HasSubstr("--max-steps"), HasSubstr("30000")));
+}
+
+TEST_F(Program, PrintsTheResolvedConfigWithoutAScene) {
+  const Outcome outcome = run("train --print-config --set density.every=77 -r 4");
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out,
+              AllOf(HasSubstr("[density]"), HasSubstr("every = 77"), HasSubstr("resolution = 4")));
+}
+
+TEST_F(Program, FlagsWinOverSetWhichWinsOverFiles) {
+  write_bytes(path("a.toml"), "[train]\nseed = 1\niterations = 1\nlog_every = 1\n");
+  write_bytes(path("b.toml"), "[train]\nlog_every = 2\n");
+  const Outcome outcome =
+      run("train --print-config --iterations 3 --set train.iterations=2 --set train.seed=2 -c " +
+          text("a.toml") + " -c " + text("b.toml"));
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("iterations = 3"), HasSubstr("seed = 2"),
+                                 HasSubstr("log_every = 2")));
+}
+
+TEST_F(Program, TakesUnderscoresHyphensAndTheNamesOfOtherTrainers) {
+  for (const char* flags :
+       {"--max_gaussians 9 --save_iterations 5 6", "--max-cap=9 --save-steps 5,6",
+        "--cap_max=9 --save_steps=5,6", "--cap-max 9 --save-iterations 5 --save-steps 6"}) {
+    const Outcome outcome = run(std::string("train --print-config ") + flags);
+    EXPECT_EQ(outcome.code, 0) << flags << ": " << outcome.err;
+    EXPECT_THAT(outcome.out,
+                AllOf(HasSubstr("max_gaussians = 9"), HasSubstr("save_steps = [5, 6]")))
+        << flags;
+  }
+  EXPECT_THAT(
+      run("train --print-config -s a -m b -w --antialiasing --iter 5 --test_iterations 3").out,
+      AllOf(HasSubstr("source = \"a\""), HasSubstr("output = \"b\""),
+            HasSubstr("background = \"white\""), HasSubstr("antialias = true"),
+            HasSubstr("iterations = 5"), HasSubstr("test_steps = [3]")));
+}
+
+TEST_F(Program, UnknownFlagsKeysAndVerbsAreUsageErrorsThatNameTheNearest) {
+  const Outcome flag = run("train scene -o out --iteratons 5");
+  EXPECT_EQ(flag.code, 2);
+  EXPECT_THAT(flag.err, AllOf(HasSubstr("--iteratons"), HasSubstr("did you mean --iterations?")));
+  const Outcome key = run("train scene -o out --set train.sed=5");
+  EXPECT_EQ(key.code, 2);
+  EXPECT_THAT(key.err, HasSubstr("did you mean train.seed?"));
+  const Outcome verb = run("trian scene");
+  EXPECT_EQ(verb.code, 2);
+  EXPECT_THAT(verb.err, HasSubstr("did you mean train?"));
+  EXPECT_EQ(run("").code, 2);
+  EXPECT_EQ(run("train").code, 2);
+  EXPECT_EQ(run("train scene").code, 2);
+  EXPECT_EQ(run("train scene -o out --iterations 0").code, 2);
+}
+
+TEST_F(Program, AMissingSceneIsOneLineAndLeavesNoFolderBehind) {
+  const Outcome outcome = run("train " + text("nowhere") + " -q --device cpu -o " + text("out"));
+  EXPECT_EQ(outcome.code, 3);
+  EXPECT_THAT(outcome.err, HasSubstr("nowhere"));
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  EXPECT_FALSE(fs::exists(path("out")));
+}
+
+TEST_F(Program, ABuildWithoutCudaSaysSo) {
+  if (run("info --json").out.find("\"CUDA\":{\"available\":true") != std::string::npos)
+    GTEST_SKIP() << "this machine has a GPU";
+  write_scene(path("scene"));
+  const Outcome outcome = run("train " + text("scene") + " --device cuda -o " + text("out"));
+  EXPECT_EQ(outcome.code, 3);
+  EXPECT_THAT(outcome.err, HasSubstr("--device cpu"));
+}
+
+TEST_F(Program, TrainingWritesTheWholeFolder) {
+  const Outcome outcome = train("out", "--save-steps 10 --test-steps 7");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out,
+              AllOf(HasSubstr("PSNR"), HasSubstr("point_cloud.ply"), HasSubstr("comparison.png")));
+  for (const char* name :
+       {"point_cloud/iteration_10/point_cloud.ply", "point_cloud/iteration_20/point_cloud.ply",
+        "input.ply", "test/ours_20/renders/00000.png", "test/ours_20/renders/00001.png",
+        "test/ours_20/gt/00001.png", "comparison.png"})
+    EXPECT_TRUE(fs::exists(path("out") / name)) << name;
+  EXPECT_EQ(json("out/cameras.json").size(), std::size_t(kViews));
+
+  const nlohmann::json results = json("out/results.json");
+  EXPECT_EQ(results.at("iterations"), 20);
+  EXPECT_GT(results.at("num_gaussians"), 0);
+  EXPECT_GT(results.at("train_seconds"), 0.0);
+  EXPECT_EQ(results.at("test").at("num_views"), 2);
+  EXPECT_GT(results.at("test").at("psnr"), 5.0);
+  EXPECT_EQ(results.at("train").at("num_views"), 4);
+  EXPECT_EQ(results.at("device"), "cpu");
+  EXPECT_EQ(results.at("seed"), 42);
+  EXPECT_EQ(results.size(), 8u);
+
+  const nlohmann::json split = json("out/split.json");
+  EXPECT_EQ(split.at("test"), nlohmann::json({"view_0.png", "view_3.png"}));
+  EXPECT_EQ(split.at("train").size(), 4u);
+  EXPECT_TRUE(json("out/per_view.json").at("test").contains("view_3.png"));
+
+  EXPECT_THAT(read_bytes(path("out/cfg_args")),
+              AllOf(HasSubstr("Namespace(sh_degree=3, source_path='" + text("scene") + "'"),
+                    HasSubstr("images='images'"), HasSubstr("white_background=False"),
+                    HasSubstr("eval=True)")));
+  EXPECT_THAT(read_bytes(path("out/config.toml")), HasSubstr("iterations = 20"));
+}
+
+TEST_F(Program, MetricsHaveARowForEachIntervalAndEachEvaluation) {
+  ASSERT_EQ(train("out", "--test-steps 7").code, 0);
+  std::istringstream file(read_bytes(path("out/metrics.csv")));
+  std::string line;
+  std::getline(file, line);
+  EXPECT_EQ(line, "step,loss,num_gaussians,seconds,steps_per_second,sh_degree,test_psnr,test_ssim");
+  std::vector<int> steps;
+  std::vector<bool> evaluated;
+  while (std::getline(file, line)) {
+    EXPECT_EQ(std::count(line.begin(), line.end(), ','), 7) << line;
+    steps.push_back(std::stoi(line));
+    evaluated.push_back(!line.ends_with(",,"));
+  }
+  EXPECT_EQ(steps, (std::vector<int>{5, 7, 10, 15, 20}));
+  EXPECT_EQ(evaluated, (std::vector<bool>{false, true, false, false, true}));
+}
+
+TEST_F(Program, TrainingWithoutHeldOutViewsHasNoTestFigures) {
+  write_scene(path("scene"));
+  const Outcome outcome =
+      run("train " + text("scene") + " -o " + text("out") + " -i 3 --device cpu");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(json("out/results.json").at("test").is_null());
+  EXPECT_TRUE(fs::exists(path("out/comparison.png")));
+  EXPECT_FALSE(fs::exists(path("out/test")));
+}
+
+TEST_F(Program, QuietPrintsNothing) {
+  const Outcome outcome = train("out", "-q");
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_EQ(outcome.out + outcome.err, "");
+}
+
+TEST_F(Program, AnExistingRunIsRefusedAndIntact) {
+  ASSERT_EQ(train("out").code, 0);
+  const std::string before = read_bytes(path("out/results.json"));
+  const Outcome again = train("out", "--seed 1");
+  EXPECT_EQ(again.code, 2);
+  EXPECT_THAT(again.err, AllOf(HasSubstr(text("out")), HasSubstr("-o"), HasSubstr("--force")));
+  EXPECT_EQ(read_bytes(path("out/results.json")), before);
+}
+
+TEST_F(Program, ForceMovesTheOldRunAside) {
+  ASSERT_EQ(train("out").code, 0);
+  const std::string before = read_bytes(path("out/results.json"));
+  ASSERT_EQ(train("out", "--force --seed 1").code, 0);
+  ASSERT_EQ(train("out", "--force --seed 2").code, 0);
+  EXPECT_EQ(read_bytes(path("out.bak-1/results.json")), before);
+  EXPECT_EQ(json("out.bak-2/results.json").at("seed"), 1);
+  EXPECT_EQ(json("out/results.json").at("seed"), 2);
+}
+
+TEST_F(Program, TheSameSeedWritesTheSameBytesWithOneThreadAndWithTwo) {
+  const auto ply = [&](const std::string& name) {
+    return read_bytes(path(name) / "point_cloud/iteration_20/point_cloud.ply");
+  };
+  ASSERT_EQ(train("one", "--threads 1").code, 0);
+  ASSERT_EQ(train("two", "--threads 2").code, 0);
+  ASSERT_EQ(train("again", "--threads 2").code, 0);
+  ASSERT_EQ(train("other", "--threads 1 --seed 9").code, 0);
+  EXPECT_FALSE(ply("one").empty());
+  EXPECT_TRUE(ply("one") == ply("two"));
+  EXPECT_TRUE(ply("two") == ply("again"));
+  EXPECT_FALSE(ply("one") == ply("other"));
+}
+
+TEST_F(Program, AWrittenConfigRepeatsTheRun) {
+  ASSERT_EQ(train("out").code, 0);
+  ASSERT_EQ(run("train -c " + text("out/config.toml") + " -o " + text("repeated")).code, 0);
+  const std::string ply = "/point_cloud/iteration_20/point_cloud.ply";
+  EXPECT_TRUE(read_bytes(text("out") + ply) == read_bytes(text("repeated") + ply));
+}
+
+TEST_F(Program, EvalOfARunFindsTheFiguresOfItsTraining) {
+  ASSERT_EQ(train("out").code, 0);
+  const Outcome outcome = run("eval " + text("out") + " --json -q");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const nlohmann::json figures = nlohmann::json::parse(outcome.out);
+  const nlohmann::json expected = json("out/results.json").at("test");
+  // The PLY holds rotations of length 1, so that pictures agree to rounding only.
+  EXPECT_NEAR(figures.at("psnr").get<double>(), expected.at("psnr").get<double>(), 0.01);
+  EXPECT_NEAR(figures.at("ssim").get<double>(), expected.at("ssim").get<double>(), 0.001);
+  EXPECT_EQ(figures.at("views").size(), 2u);
+
+  const Outcome of_ply = run("eval " + text("out/point_cloud/iteration_20/point_cloud.ply") +
+                             " --data " + text("scene") + " --test-every 3 --device cpu");
+  EXPECT_EQ(of_ply.code, 0) << of_ply.err;
+  EXPECT_THAT(of_ply.out, HasSubstr("over 2 views"));
+  EXPECT_EQ(run("eval " + text("out/point_cloud/iteration_20/point_cloud.ply")).code, 2);
+  EXPECT_EQ(run("eval " + text("out") + " --iteration 19").code, 3);
+}
+
+TEST_F(Program, RenderOfARunRepeatsItsTestPictures) {
+  ASSERT_EQ(train("out").code, 0);
+  const Outcome outcome = run("render " + text("out") + " -o " + text("pictures"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Image8 rendered = read_photo(path("pictures/view_0.png"));
+  const Image8 expected = read_photo(path("out/test/ours_20/renders/00000.png"));
+  ASSERT_EQ(rendered.pixels.size(), expected.pixels.size());
+  for (std::size_t i = 0; i < rendered.pixels.size(); ++i)
+    ASSERT_NEAR(rendered.pixels[i], expected.pixels[i], 1) << i;  // rotations, as above
+  EXPECT_TRUE(fs::exists(path("pictures/view_5.png")));
+}
+
+TEST_F(Program, RenderTakesACameraFileOrASceneAndASmallerSize) {
+  ASSERT_EQ(train("out").code, 0);
+  const std::string ply = text("out/point_cloud/iteration_20/point_cloud.ply");
+  ASSERT_EQ(run("render " + ply + " --cameras " + text("out/cameras.json") + " -r 2 -w -o " +
+                text("half"))
+                .code,
+            0);
+  EXPECT_EQ(read_photo_size(path("half/view_1.png")).width, kWidth / 2);
+  ASSERT_EQ(
+      run("render " + ply + " --data " + text("scene") + " --split test -o " + text("test")).code,
+      0);
+  EXPECT_TRUE(fs::exists(path("test/view_0.png")));
+  EXPECT_FALSE(fs::exists(path("test/view_1.png")));
+  EXPECT_EQ(run("render " + ply + " -o " + text("none")).code, 2);
+  EXPECT_EQ(run("render " + text("absent.ply") + " -o " + text("none")).code, 3);
+}
+
+TEST_F(Program, InfoDescribesAModelAndTheBuild) {
+  ASSERT_EQ(train("out").code, 0);
+  const Outcome model = run("info " + text("out") + " --json");
+  ASSERT_EQ(model.code, 0) << model.err;
+  EXPECT_EQ(nlohmann::json::parse(model.out).at("count"),
+            json("out/results.json").at("num_gaussians"));
+  EXPECT_EQ(run("info " + text("out/point_cloud/iteration_20/point_cloud.ply")).code, 0);
+  EXPECT_EQ(run("info " + text("scene")).code, 3);
+  EXPECT_THAT(run("info").out,
+              AllOf(HasSubstr("CUDA"), HasSubstr("OpenImageIO"), HasSubstr("OpenCV")));
+}
+
+TEST_F(Program, ASignalSavesTheModelAndIsTold) {
+  write_scene(path("scene"));
+  const std::string arguments =
+      "train " + text("scene") + " -q --device cpu -i 1000000 -o " + text("out");
+  const std::string script = std::string(GS_PROGRAM) + " " + arguments + " 2>" + text("err.txt") +
+                             " & pid=$!; until grep -q ^100, " + text("out/metrics.csv") +
+                             " 2>/dev/null; do sleep 0.05; done; kill -TERM $pid; wait $pid";
+  const int status = std::system(("timeout 60 sh -c '" + script + "'").c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 5) << read_bytes(path("err.txt"));
+  EXPECT_THAT(read_bytes(path("err.txt")), HasSubstr("point_cloud.ply"));
+  EXPECT_EQ(run("info " + text("out")).code, 0);
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: Apache-2.0
+// Config: what is read is what was written, and what cannot be used is refused by name, line and range.
+#include "gs_core/config.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <map>
+#include <sstream>
+
+#include "gs_core/config_fields.h"
+#include "gs_core/error.h"
+#include "gs_core/nearest_word.h"
+#include "tests/support/temp_folder.h"
+
+namespace gs {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+// Stands for a value of any type in an initialiser list.
+struct Anything {
+  template <class T>
+  operator T() const;
+};
+
+// How many fields an aggregate has: the largest number of initialisers it takes.
+template <class T, class... Values>
+constexpr std::size_t field_count() {
+  if constexpr (requires { T{Values{}..., Anything{}}; }) {
+    return field_count<T, Values..., Anything>();
+  } else {
+    return sizeof...(Values);
+  }
+}
+
+// Every field as text, for comparison.
+std::map<std::string, std::string> fields_of(const Config& config) {
+  std::map<std::string, std::string> result;
+  visit_fields(config, [&](const auto& field) {
+    std::ostringstream text;
+    text.precision(17);
+    if constexpr (requires { text << field.value; }) {
+      text << field.value;
+    } else {
+      for (const int value : field.value) text << value << ' ';
+    }
+    result[std::string(field.key)] = text.str();
+  });
+  return result;
+}
+
+// A config of which every field differs from its default and is within its limits.
+Config everything_changed() {
+  Config config;
+  visit_fields(config, [](const auto& field) {
+    using T = std::remove_reference_t<decltype(field.value)>;
+    if constexpr (std::is_same_v<T, bool>) {
+      field.value = !field.value;
+    } else if constexpr (std::is_same_v<T, float>) {
+      field.value *= 0.9371625f;
+    } else if constexpr (std::is_integral_v<T>) {
+      field.value = T(double(field.value) < field.limits.high ? field.value + 1 : field.value - 1);
+    } else if constexpr (std::is_same_v<T, std::string>) {
+      field.value = "a \"quoted\" path\\with\ttab # and \x01";
+    } else {
+      field.value = {7, 7000, 30000};
+    }
+  });
+  config.dataset.resolution = 640;
+  config.model.sh_degree = 1;
+  config.render.background = "white";
+  config.render.blend_rule = "classic";
+  config.render.truncation = "sigma3";
+  config.train.device = "cuda:12";
+  return config;
+}
+
+std::string message_of(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const UsageError& error) {
+    return error.what();
+  } catch (const Error& error) {
+    return std::string("not a usage error: ") + error.what();
+  }
+  return "no error";
+}
+
+class ConfigFile : public ::testing::Test {
+ protected:
+  // Loads a file with this text into defaults.
+  Config load(const std::string& text) {
+    write_bytes(file_, text);
+    Config config;
+    load_config(config, file_);
+    return config;
+  }
+  std::string refusal(const std::string& text) {
+    return message_of([&] { load(text); });
+  }
+  std::filesystem::path path(const std::string& name) { return folder_.path() / name; }
+
+ private:
+  TempFolder folder_;
+  std::filesystem::path file_ = folder_.path() / "run.toml";
+};
+
+TEST(Config, EveryFieldHasKeyMeaningAndADefaultWithinItsLimits) {
+  validate(Config{});
+  const Config config;
+  visit_fields(config, [](const auto& field) {
+    EXPECT_NE(field.key.find('.'), field.key.npos) << field.key;
+    EXPECT_FALSE(field.meaning.empty()) << field.key;
+  });
+}
+
+TEST(Config, TheListHoldsEveryFieldOfTheStructs) {
+  constexpr std::size_t kFields = field_count<DatasetConfig>() + field_count<ModelConfig>() +
+                                  field_count<RenderConfig>() + field_count<LossConfig>() +
+                                  field_count<OptimizerConfig>() + field_count<DensityConfig>() +
+                                  field_count<TrainConfig>();
+  EXPECT_EQ(fields_of(Config{}).size(), kFields);
+  EXPECT_EQ(field_count<Config>(), 7u);
+}
+
+TEST(Config, EveryFieldOfTheListIsItsOwn) {
+  const auto before = fields_of(Config{}), after = fields_of(everything_changed());
+  for (const auto& [key, value] : before) EXPECT_NE(value, after.at(key)) << key;
+}
+
+TEST_F(ConfigFile, PrintedConfigReadsBackEqualWithEveryFieldChanged) {
+  const Config changed = everything_changed();
+  validate(changed);
+  EXPECT_EQ(fields_of(load(to_toml(changed))), fields_of(changed));
+}
+
+TEST_F(ConfigFile, PrintedDefaultsReadBackEqual) {
+  EXPECT_EQ(fields_of(load(to_toml(Config{}))), fields_of(Config{}));
+}
+
+TEST_F(ConfigFile, KeepsWhatItDoesNotName) {
+  const Config config = load("[density]\nevery = 250\n");
+  EXPECT_EQ(config.density.every, 250);
+  EXPECT_EQ(config.density.from_step, Config{}.density.from_step);
+}
+
+TEST_F(ConfigFile, TakesHyphensForUnderscoresAndWholeNumbersForFractions) {
+  const Config config = load("[train]\nsteps-scaler = 2\nsave-steps = [10, 20]\n");
+  EXPECT_EQ(config.train.steps_scaler, 2.0f);
+  EXPECT_EQ(config.train.save_steps, (std::vector<int>{10, 20}));
+}
+
+TEST_F(ConfigFile, UnknownKeyNamesFileLineKeyAndNearest) {
+  EXPECT_THAT(refusal("[density]\n\nevry = 3\n"),
+              AllOf(HasSubstr("run.toml:3: "), HasSubstr("density.evry"),
+                    HasSubstr("did you mean density.every?")));
+}
+
+TEST_F(ConfigFile, UnknownSectionAndMisplacedKeyNameTheNearest) {
+  EXPECT_THAT(refusal("[densty]\nevery = 3\n"), HasSubstr("did you mean density.every?"));
+  EXPECT_THAT(refusal("[train]\nlambda_dssim = 0.1\n"),
+              HasSubstr("did you mean loss.lambda_dssim?"));
+  EXPECT_THAT(refusal("iterations = 3\n"), HasSubstr("did you mean train.iterations?"));
+}
+
+TEST_F(ConfigFile, WrongTypeNamesLineKeyValueAndType) {
+  EXPECT_THAT(refusal("[train]\niterations = 'many'\n"),
+              AllOf(HasSubstr("run.toml:2: train.iterations"), HasSubstr("many"),
+                    HasSubstr("a whole number")));
+  EXPECT_THAT(refusal("[train]\niterations = 7.5\n"), HasSubstr("a whole number"));
+  EXPECT_THAT(refusal("[dataset]\neval = 1\n"), HasSubstr("true or false"));
+  EXPECT_THAT(refusal("[dataset]\nsource = 1\n"), HasSubstr("text in quotes"));
+  EXPECT_THAT(refusal("[train]\nsave_steps = 7\n"), HasSubstr("a list of whole numbers"));
+  EXPECT_THAT(refusal("[train]\nsave_steps = [7, 'x']\n"), HasSubstr("a list of whole numbers"));
+}
+
+TEST_F(ConfigFile, OutOfRangeNamesLineKeyValueAndRange) {
+  EXPECT_THAT(refusal("[model]\nsh_degree = 4\n"),
+              AllOf(HasSubstr("run.toml:2: model.sh_degree = 4"), HasSubstr("from 0 to 3")));
+  EXPECT_THAT(refusal("[train]\niterations = 0\n"), HasSubstr("at least 1"));
+  EXPECT_THAT(refusal("[render]\nbackground = 'blue'\n"), HasSubstr("one of black, white, random"));
+}
+
+TEST_F(ConfigFile, NumbersBeyondTheirTypeAreRefusedNotWrapped) {
+  EXPECT_THAT(refusal("[train]\niterations = 4294967297\n"), HasSubstr("at least 1"));
+  EXPECT_THAT(refusal("[train]\nseed = -1\n"), HasSubstr("train.seed = -1"));
+  EXPECT_THAT(refusal("[render]\nfar_plane = 1e39\n"), HasSubstr("render.far_plane"));
+  EXPECT_THAT(refusal("[render]\nfar_plane = inf\n"), HasSubstr("render.far_plane"));
+  EXPECT_THAT(refusal("[loss]\nlambda_dssim = nan\n"), HasSubstr("loss.lambda_dssim"));
+}
+
+TEST_F(ConfigFile, TextThatIsNoTomlNamesFileAndLine) {
+  EXPECT_THAT(refusal("[train]\niterations = \n"), HasSubstr("run.toml:2: "));
+}
+
+TEST_F(ConfigFile, ARefusedFileChangesNothing) {
+  write_bytes(path("half.toml"), "[train]\niterations = 7\nsed = 1\n");
+  Config config;
+  EXPECT_THROW(load_config(config, path("half.toml")), UsageError);
+  EXPECT_EQ(config.train.iterations, Config{}.train.iterations);
+}
+
+TEST_F(ConfigFile, AMissingFileIsNamed) {
+  EXPECT_THAT(message_of([&] {
+                Config config;
+                load_config(config, path("absent.toml"));
+              }),
+              HasSubstr("absent.toml"));
+}
+
+TEST_F(ConfigFile, ABaseIsReadFirstAndFoundBesideTheFile) {
+  write_bytes(path("sub/base.toml"), "[train]\niterations = 7\nseed = 7\n");
+  const Config config = load("base = 'sub/base.toml'\n[train]\nseed = 8\n");
+  EXPECT_EQ(config.train.iterations, 7);
+  EXPECT_EQ(config.train.seed, 8u);
+}
+
+TEST_F(ConfigFile, ACircleOfBasesIsRefused) {
+  write_bytes(path("other.toml"), "base = 'run.toml'\n");
+  EXPECT_THAT(refusal("base = 'other.toml'\n"), HasSubstr("its own base"));
+  EXPECT_THAT(refusal("base = 'run.toml'\n"), HasSubstr("its own base"));
+}
+
+TEST(Setting, TakesTomlValuesAndBareWords) {
+  Config config;
+  apply_setting(config, "render.background=white");
+  apply_setting(config, "density.every = 50");
+  apply_setting(config, "train.save-steps=[1, 2]");
+  apply_setting(config, "loss.lambda_dssim=2e-1");
+  apply_setting(config, "dataset.eval=true");
+  apply_setting(config, "dataset.images=2024");
+  apply_setting(config, "dataset.source=a=b # c");
+  EXPECT_EQ(config.render.background, "white");
+  EXPECT_EQ(config.density.every, 50);
+  EXPECT_EQ(config.train.save_steps, (std::vector<int>{1, 2}));
+  EXPECT_EQ(config.loss.lambda_dssim, 0.2f);
+  EXPECT_TRUE(config.dataset.eval);
+  EXPECT_EQ(config.dataset.images, "2024");
+  EXPECT_EQ(config.dataset.source, "a=b # c");
+}
+
+TEST(Setting, RefusesWhatItCannotUse) {
+  Config config;
+  const auto refusal = [&](const std::string& text) {
+    return message_of([&] { apply_setting(config, text); });
+  };
+  EXPECT_THAT(refusal("train.seed"), HasSubstr("section.key=value"));
+  EXPECT_THAT(refusal("train.sed=1"), HasSubstr("did you mean train.seed?"));
+  EXPECT_THAT(refusal("train.iterations=soon"),
+              AllOf(HasSubstr("train.iterations"), HasSubstr("soon"), HasSubstr("a whole number")));
+  EXPECT_THAT(refusal("train.device=tpu"), HasSubstr("cuda:N"));
+  EXPECT_THAT(refusal("train.device=cuda:N"), HasSubstr("cuda:N"));
+  EXPECT_THAT(refusal("train.device=cuda:"), HasSubstr("cuda:N"));
+}
+
+TEST(Validate, ChecksFieldsAgainstEachOther) {
+  Config config;
+  config.render.near_plane = config.render.far_plane;
+  EXPECT_THAT(message_of([&] { validate(config); }), HasSubstr("render.near_plane"));
+  config = {};
+  config.dataset.resolution = 3;
+  EXPECT_THAT(message_of([&] { validate(config); }), HasSubstr("1, 2, 4, 8"));
+  config = {};
+  config.train.steps_scaler = 1e-6f;
+  EXPECT_THAT(message_of([&] { validate(config); }), HasSubstr("train.steps_scaler"));
+}
+
+TEST(NearestWord, CountsEditsAndKnowsWhenNothingIsNear) {
+  EXPECT_EQ(edit_distance("kitten", "sitting"), 3);
+  EXPECT_EQ(edit_distance("", "abc"), 3);
+  EXPECT_EQ(nearest_word("iteratons", {"images", "iterations"}), "iterations");
+  EXPECT_EQ(nearest_word("zebra", {"images", "iterations"}), "");
+}
+
+}  // namespace
+}  // namespace gs

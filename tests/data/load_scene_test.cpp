@@ -1,0 +1,277 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/load_scene.h"
+
+#include <gmock/gmock.h>
+
+#include "data_loaders/undistort.h"
+#include "gs_core/error.h"
+#include "tests/support/colmap_writer.h"
+
+namespace gs {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+
+DatasetConfig dataset_at(const std::filesystem::path& folder) {
+  DatasetConfig dataset;
+  dataset.source = folder.string();
+  return dataset;
+}
+
+std::string error_of(const DatasetConfig& dataset) {
+  try {
+    load_scene(dataset);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  ADD_FAILURE() << "load_scene threw no Error";
+  return "";
+}
+
+std::vector<std::string> names_of(const std::vector<View>& views) {
+  std::vector<std::string> names;
+  for (const View& view : views) names.push_back(view.name);
+  return names;
+}
+
+TEST(LoadScene, GivesViewsPointsAndExtent) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(3));
+  const Scene scene = load_scene(dataset_at(temp.path()));
+  ASSERT_EQ(scene.train_views.size(), 3u);
+  EXPECT_TRUE(scene.test_views.empty());
+  const View& view = scene.train_views[2];
+  EXPECT_EQ(view.name, "c.png");
+  EXPECT_EQ(view.camera.width, 12);
+  EXPECT_EQ(view.camera.height, 8);
+  EXPECT_EQ(view.camera.fx, 10);
+  EXPECT_EQ(view.camera.fy, 11);
+  EXPECT_EQ(view.camera.cx, 6.5f);  // off the centre, and kept
+  EXPECT_EQ(view.camera.cy, 3.5f);
+  EXPECT_EQ(view.camera.position(), Vec3f(2, 0, 0));
+  EXPECT_EQ(view.photo.pixels, plain_photo(12, 8, 20).pixels);
+  ASSERT_EQ(scene.points.size(), 2u);
+  EXPECT_EQ(scene.points[0].position, Vec3f(1, 2, 3));
+  EXPECT_THAT(scene.points[1].color, ElementsAre(255, 0, 1));
+  EXPECT_FLOAT_EQ(scene.extent, 1.1f);  // cameras at x = 0, 1, 2
+}
+
+TEST(LoadScene, RotationTakesWorldToCamera) {
+  const TempFolder temp;
+  ColmapModel model = small_model(1);
+  const double h = std::sqrt(0.5);
+  model.images[0].cam_from_world_rotation = {h, 0, 0, h};  // 90 degrees about z: x goes to y
+  write_scene(temp.path(), model);
+  const Camera camera = load_scene(dataset_at(temp.path())).train_views[0].camera;
+  const Vec3f turned = multiply(camera.cam_from_world_rotation, Vec3f(1, 0, 0));
+  EXPECT_NEAR(turned.x, 0, 1e-6);
+  EXPECT_NEAR(turned.y, 1, 1e-6);
+}
+
+TEST(LoadScene, ModelIsFoundInAllItsPlaces) {
+  for (const char* place : {"sparse/0", "sparse", ".", "elsewhere/2"}) {
+    const TempFolder temp;
+    write_scene(temp.path(), small_model(2));
+    const auto copy = temp.path() / "copy";
+    std::filesystem::create_directories(temp.path() / "scene" / place);
+    for (const char* file : {"cameras.bin", "images.bin", "points3D.bin"})
+      std::filesystem::copy(temp.path() / "sparse/0" / file, temp.path() / "scene" / place);
+    std::filesystem::rename(temp.path() / "images", temp.path() / "scene" / "images");
+    DatasetConfig dataset = dataset_at(temp.path() / "scene");
+    if (std::string(place) == "elsewhere/2") dataset.model = place;
+    EXPECT_EQ(load_scene(dataset).train_views.size(), 2u) << place;
+  }
+}
+
+TEST(LoadScene, ViewsAreSortedByNameAndEveryNthIsHeldOut) {
+  const TempFolder temp;
+  ColmapModel model = small_model(5);
+  const char* names[] = {"b/2.png", "B.png", "a10.png", "a9.png", "b/1.png"};
+  for (int i = 0; i < 5; ++i) model.images[i].name = names[i];
+  write_scene(temp.path(), model);
+  DatasetConfig dataset = dataset_at(temp.path());
+  dataset.eval = true;
+  dataset.test_every = 3;
+  const Scene scene = load_scene(dataset);
+  EXPECT_THAT(names_of(scene.test_views), ElementsAre("B.png", "b/1.png"));
+  EXPECT_THAT(names_of(scene.train_views), ElementsAre("a10.png", "a9.png", "b/2.png"));
+  EXPECT_EQ(scene.train_views[2].photo.pixels[0],
+            0);  // the photo in the sub-folder, which was first
+  EXPECT_EQ(scene.train_views[0].photo.pixels[0], 20);
+}
+
+TEST(LoadScene, SplitThatLeavesNothingIsRefused) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(1));
+  DatasetConfig dataset = dataset_at(temp.path());
+  dataset.eval = true;
+  EXPECT_THROW(load_scene(dataset), UsageError);
+  EXPECT_THAT(error_of(dataset),
+              AllOf(HasSubstr("no view is left"), HasSubstr("dataset.test_every")));
+  dataset.test_every = 0;
+  EXPECT_THAT(error_of(dataset), HasSubstr("test_every is 0"));
+  write_scene(temp.path(), small_model(0));
+  EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("no images"));
+}
+
+TEST(LoadScene, ResolutionDividesOrIsTheWidth) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(1));  // 12 x 8
+  const auto camera_at = [&](int resolution) {
+    DatasetConfig dataset = dataset_at(temp.path());
+    dataset.resolution = resolution;
+    const View view = load_scene(dataset).train_views[0];
+    EXPECT_EQ(view.photo.width, view.camera.width);
+    EXPECT_EQ(view.photo.height, view.camera.height);
+    return view.camera;
+  };
+  EXPECT_EQ(camera_at(2).width, 6);
+  EXPECT_EQ(camera_at(2).height, 4);
+  EXPECT_EQ(camera_at(8).width, 2);  // 1.5, rounded
+  EXPECT_EQ(camera_at(8).height, 1);
+  EXPECT_FLOAT_EQ(camera_at(8).fx, 10 * 2.0f / 12);  // the true ratio of each axis
+  EXPECT_FLOAT_EQ(camera_at(8).fy, 11 * 1.0f / 8);
+  EXPECT_FLOAT_EQ(camera_at(8).cx, 6.5f * 2 / 12);
+  EXPECT_EQ(camera_at(9).width, 9);
+  EXPECT_EQ(camera_at(9).height, 6);
+  EXPECT_EQ(camera_at(12).width, 12);
+  for (int wrong : {-1, 0, 3, 5, 6, 7, 13}) {
+    DatasetConfig dataset = dataset_at(temp.path());
+    dataset.resolution = wrong;
+    EXPECT_THROW(load_scene(dataset), UsageError) << wrong;
+  }
+}
+
+TEST(LoadScene, MissingPhotosAreNamedAndCounted) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(9));
+  for (char name = 'b'; name <= 'h'; ++name)
+    std::filesystem::remove(temp.path() / "images" / (std::string(1, name) + ".png"));
+  EXPECT_THAT(error_of(dataset_at(temp.path())),
+              AllOf(HasSubstr("7 of the model's 9 photos"),
+                    HasSubstr("b.png, c.png, d.png, e.png, f.png, ..."), Not(HasSubstr("g.png")),
+                    HasSubstr((temp.path() / "images").string())));
+}
+
+TEST(LoadScene, NamesMayNotLeaveTheImagesFolder) {
+  for (const char* name : {"../a.png", "sub/../../a.png", "/tmp/a.png"}) {
+    const TempFolder temp;
+    ColmapModel model = small_model(1);
+    write_scene(temp.path(), model);
+    model.images[0].name = name;
+    write_binary_model(temp.path() / "sparse/0", model);
+    EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("leads out of the images folder"));
+  }
+}
+
+TEST(LoadScene, SmallerPhotosScaleTheIntrinsics) {
+  const TempFolder temp;
+  ColmapModel model = small_model(1);
+  model.cameras[7] = {7, CameraModel::pinhole, 1201, 800, {1000, 1100, 650, 350}};
+  write_binary_model(temp.path() / "sparse/0", model);
+  write_png(temp.path() / "images/a.png", plain_photo(300, 200, 5));  // a quarter, to a pixel
+  const Camera camera = load_scene(dataset_at(temp.path())).train_views[0].camera;
+  EXPECT_EQ(camera.width, 300);
+  EXPECT_EQ(camera.height, 200);
+  EXPECT_FLOAT_EQ(camera.fx, 1000 * 300.0f / 1201);
+  EXPECT_FLOAT_EQ(camera.fy, 275);
+  EXPECT_FLOAT_EQ(camera.cy, 87.5f);
+}
+
+TEST(LoadScene, SwappedSizeIsCalledSo) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(1));
+  write_png(temp.path() / "images/a.png", plain_photo(8, 12, 5));
+  EXPECT_THAT(error_of(dataset_at(temp.path())), AllOf(HasSubstr("8 x 12"), HasSubstr("12 x 8"),
+                                                       HasSubstr("swapped"), HasSubstr("EXIF")));
+}
+
+TEST(LoadScene, OtherShapeIsRefusedWithBothSizes) {
+  const TempFolder temp;
+  ColmapModel model = small_model(1);
+  model.cameras[7] = {7, CameraModel::pinhole, 120, 80, {100, 100, 60, 40}};
+  write_scene(temp.path(), model);
+  write_png(temp.path() / "images/a.png", plain_photo(100, 80, 5));
+  EXPECT_THAT(error_of(dataset_at(temp.path())),
+              AllOf(HasSubstr("100 x 80"), HasSubstr("120 x 80"), Not(HasSubstr("EXIF"))));
+}
+
+TEST(LoadScene, LensIsUndistorted) {
+  const TempFolder temp;
+  ColmapModel model = small_model(2);
+  model.cameras[7] = {7, CameraModel::simple_radial, 120, 80, {100, 63, 38, -0.1}};
+  write_scene(temp.path(), model);
+  if (!can_undistort()) {
+    EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("no OpenCV"));
+    return;
+  }
+  const View view = load_scene(dataset_at(temp.path())).train_views[1];
+  EXPECT_EQ(view.camera.fx, 100);
+  EXPECT_GT(view.camera.width, 120);  // barrel distortion: the corners were pulled in
+  EXPECT_FLOAT_EQ(view.camera.cx, 63.0f * view.camera.width / 120);
+  EXPECT_EQ(view.photo.width, view.camera.width);
+  EXPECT_EQ(view.photo.pixels, plain_photo(view.camera.width, view.camera.height, 10).pixels);
+}
+
+TEST(LoadScene, UnknownLensNamesThePhoto) {
+  const TempFolder temp;
+  ColmapModel model = small_model(1);
+  model.cameras[7] = {7, CameraModel::fov, 12, 8, {10, 10, 6, 4, 0.9}};
+  write_scene(temp.path(), model);
+  EXPECT_THAT(error_of(dataset_at(temp.path())), AllOf(HasSubstr("a.png"), HasSubstr("FOV")));
+}
+
+TEST(LoadScene, DamagedPhotoIsNamed) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(4));
+  const std::string whole = read_bytes(temp.path() / "images/c.png");
+  write_bytes(temp.path() / "images/c.png", whole.substr(0, whole.size() - 20));
+  EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("c.png"));
+}
+
+TEST(LoadScene, PoseBeyondSinglePrecisionIsRefused) {
+  const TempFolder temp;
+  ColmapModel model = small_model(2);
+  model.images[1].cam_from_world_translation.x = 1e60;
+  write_scene(temp.path(), model);
+  EXPECT_THAT(error_of(dataset_at(temp.path())),
+              AllOf(HasSubstr("b.png"), HasSubstr("single precision")));
+}
+
+TEST(LoadScene, NotASceneListsThePlacesAndTheNearestMatch) {
+  const TempFolder temp;
+  std::filesystem::create_directories(temp.path() / "empty");
+  EXPECT_THAT(error_of(dataset_at(temp.path() / "empty")),
+              AllOf(HasSubstr("empty/sparse/0, "), HasSubstr("empty/sparse, "),
+                    HasSubstr("dataset.model")));
+  EXPECT_THAT(error_of(dataset_at(temp.path() / "nowhere")), HasSubstr("no such folder"));
+  EXPECT_THROW(load_scene(DatasetConfig{}), UsageError);
+
+  const auto scene = temp.path() / "garden";
+  write_scene(scene, small_model(1));
+  EXPECT_THAT(error_of(dataset_at(temp.path())),
+              HasSubstr(scene.string() + " has one"));  // one level down
+  EXPECT_THAT(error_of(dataset_at(scene / "images")),
+              HasSubstr(scene.string() + " has one"));  // one level up
+  EXPECT_THAT(error_of(dataset_at(scene / "sparse/0")),
+              HasSubstr("train on " + scene.string()));  // photos two up
+  std::filesystem::rename(scene / "sparse/0", scene / "sparse/1");
+  EXPECT_THAT(error_of(dataset_at(scene)), HasSubstr("--set dataset.model=sparse/1"));
+}
+
+TEST(LoadScene, ProgressCountsEveryPhotoInOrder) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(4));
+  std::vector<std::size_t> counts;
+  load_scene(dataset_at(temp.path()), [&](std::size_t done, std::size_t total) {
+    counts.push_back(done);
+    EXPECT_EQ(total, 4u);
+  });
+  EXPECT_THAT(counts, ElementsAre(1, 2, 3, 4));
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/photos.h"
+
+#include <gmock/gmock.h>
+
+#include <numeric>
+
+#include "gs_core/error.h"
+#include "gs_core/parallel.h"
+#include "tests/support/temp_folder.h"
+#include "tests/support/tiny_photos.h"
+
+namespace gs {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+template <std::size_t N>
+std::string bytes_of(const unsigned char (&photo)[N]) {
+  return {reinterpret_cast<const char*>(photo), N};
+}
+
+/// The photo that these bytes are.
+Image8 decoded(const std::string& bytes, const char* name) {
+  const TempFolder temp;
+  write_bytes(temp.path() / name, bytes);
+  return read_photo(temp.path() / name);
+}
+
+std::string error_of(const std::filesystem::path& path) {
+  try {
+    read_photo(path);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  ADD_FAILURE() << "read_photo threw no Error";
+  return "";
+}
+
+/// A picture without any regularity, the same on every run.
+Image8 noise(int width, int height, int channels) {
+  Image8 image(width, height, channels);
+  std::uint32_t state = 1;
+  for (std::uint8_t& value : image.pixels)
+    value = std::uint8_t((state = state * 1664525u + 1013904223u) >> 24);
+  return image;
+}
+
+TEST(Photos, GreyIsRepeatedInThreeChannels) {
+  const Image8 photo = decoded(bytes_of(kGreyPng), "grey.png");
+  EXPECT_EQ(photo.channels, 3);
+  EXPECT_THAT(photo.pixels, ElementsAre(10, 10, 10, 200, 200, 200));
+}
+
+TEST(Photos, AlphaIsDroppedAndColourStaysAsStored) {
+  EXPECT_THAT(decoded(bytes_of(kRgbaPng), "rgba.png").pixels, ElementsAre(200, 100, 50, 1, 2, 3));
+  EXPECT_THAT(decoded(bytes_of(kGreyAlphaPng), "ga.png").pixels,
+              ElementsAre(90, 90, 90, 60, 60, 60));
+}
+
+TEST(Photos, SixteenBitsBecomeEight) {
+  EXPECT_THAT(decoded(bytes_of(kRgb16Png), "deep.png").pixels,
+              ElementsAre(0, 1, 128, 254, 255, 77));
+}
+
+TEST(Photos, ExifOrientationTurnsNothing) {
+  const TempFolder temp;
+  write_bytes(temp.path() / "turned.jpg", bytes_of(kTurnedJpeg));
+  const PhotoSize size = read_photo_size(temp.path() / "turned.jpg");
+  EXPECT_EQ(size.width, 16);
+  EXPECT_EQ(size.height, 8);
+  const Image8 photo = read_photo(temp.path() / "turned.jpg");
+  ASSERT_EQ(photo.width, 16);
+  ASSERT_EQ(photo.height, 8);
+  EXPECT_GT(photo.at(0, 7, 0), 150);  // red on the left
+  EXPECT_LT(photo.at(0, 7, 2), 100);
+  EXPECT_GT(photo.at(15, 0, 2), 150);  // blue on the right
+  EXPECT_LT(photo.at(15, 0, 0), 100);
+}
+
+TEST(Photos, PngComesBackAsWritten) {
+  const TempFolder temp;
+  const Image8 image = noise(37, 23, 3);
+  write_png(temp.path() / "sub" / "photo.png", image);
+  const PhotoSize size = read_photo_size(temp.path() / "sub" / "photo.png");
+  EXPECT_EQ(size.width, 37);
+  EXPECT_EQ(size.height, 23);
+  EXPECT_EQ(read_photo(temp.path() / "sub" / "photo.png").pixels, image.pixels);
+}
+
+TEST(Photos, GreyPngMayBeWritten) {
+  const TempFolder temp;
+  write_png(temp.path() / "grey.png", Image8(2, 1, 1, 77));
+  EXPECT_THAT(read_photo(temp.path() / "grey.png").pixels, ElementsAre(77, 77, 77, 77, 77, 77));
+}
+
+TEST(Photos, WritingLeavesNoOtherFileBehind) {
+  const TempFolder temp;
+  write_png(temp.path() / "a.png", noise(4, 4, 3));
+  write_png(temp.path() / "a.png", noise(5, 5, 3));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(temp.path()), {}), 1);
+}
+
+TEST(Photos, WhatIsNoPhotoIsNamed) {
+  const TempFolder temp;
+  EXPECT_THAT(error_of(temp.path() / "none.jpg"),
+              AllOf(HasSubstr("none.jpg"), HasSubstr("no such file")));
+  EXPECT_THAT(error_of(temp.path()), HasSubstr("this is a folder"));
+  write_bytes(temp.path() / "text.jpg", "this is no photo");
+  EXPECT_THAT(error_of(temp.path() / "text.jpg"), HasSubstr("cannot read photo"));
+  write_bytes(temp.path() / "empty.jpg", "");
+  EXPECT_THAT(error_of(temp.path() / "empty.jpg"), HasSubstr("cannot read photo"));
+}
+
+TEST(Photos, TruncationAtEveryByteOfAJpegIsAnErrorNotAGreyPhoto) {
+  const TempFolder temp;
+  const std::string whole = bytes_of(kTurnedJpeg);
+  for (std::size_t size = 0; size < whole.size(); ++size) {
+    write_bytes(temp.path() / "cut.jpg", whole.substr(0, size));
+    ASSERT_THAT(error_of(temp.path() / "cut.jpg"), HasSubstr("cut.jpg")) << size;
+  }
+}
+
+TEST(Photos, TruncatedPngIsAnError) {
+  const TempFolder temp;
+  write_png(temp.path() / "whole.png", noise(64, 64, 3));
+  const std::string whole = read_bytes(temp.path() / "whole.png");
+  for (std::size_t size = 0; size + 64 < whole.size(); size += 97) {
+    write_bytes(temp.path() / "cut.png", whole.substr(0, size));
+    ASSERT_THAT(error_of(temp.path() / "cut.png"), HasSubstr("cut.png")) << size;
+  }
+}
+
+TEST(AreaResized, EveryPixelIsTheMeanOfWhatItCovers) {
+  Image8 image(3, 2, 1);
+  image.pixels = {0,  30, 90,  //
+                  60, 90, 30};
+  // Columns of 1.5: (2 * first + 1 * second) / 3 and (1 * second + 2 * third) / 3.
+  EXPECT_THAT(area_resized(image, 2, 2).pixels, ElementsAre(10, 70, 70, 50));
+  EXPECT_THAT(area_resized(image, 3, 1).pixels, ElementsAre(30, 60, 60));
+  EXPECT_THAT(area_resized(image, 1, 1).pixels, ElementsAre(50));
+}
+
+TEST(AreaResized, HalvesAreRoundedUp) {
+  Image8 image(2, 1, 1);
+  image.pixels = {0, 1};
+  EXPECT_THAT(area_resized(image, 1, 1).pixels, ElementsAre(1));
+  image.pixels = {3, 4};
+  EXPECT_THAT(area_resized(image, 1, 1).pixels, ElementsAre(4));
+}
+
+TEST(AreaResized, KeepsTheMeanAtAnySize) {
+  const Image8 image = noise(101, 67, 3);
+  const auto mean = [](const Image8& i) {
+    return std::accumulate(i.pixels.begin(), i.pixels.end(), 0.0) / double(i.pixels.size());
+  };
+  for (const auto& [width, height] :
+       {std::pair(50, 33), std::pair(13, 66), std::pair(101, 5), std::pair(1, 1)})
+    // Rounding moves a pixel by at most 0.5, and 3 channels of 1 x 1 are averaged over 3 such
+    // errors.
+    EXPECT_NEAR(mean(area_resized(image, width, height)), mean(image), 0.5);
+}
+
+TEST(AreaResized, SameSizeChangesNothingAndThreadsDoNotMatter) {
+  const Image8 image = noise(97, 83, 3);
+  EXPECT_EQ(area_resized(image, 97, 83).pixels, image.pixels);
+  set_thread_count(1);
+  const Image8 alone = area_resized(image, 31, 40);
+  set_thread_count(3);
+  const Image8 together = area_resized(image, 31, 40);
+  set_thread_count(0);
+  EXPECT_EQ(alone.pixels, together.pixels);
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_core/math/morton.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <random>
+
+namespace gs {
+namespace {
+
+constexpr float kSize = float((1 << kMortonBits) - 1);  // cells of one unit
+const Vec3f kOrigin{0.0f, 0.0f, 0.0f};
+constexpr std::uint64_t kEveryThird = 0x1249249249249249ull;  // 21 bits, 3 apart
+constexpr std::uint64_t kAll = (1ull << 63) - 1;
+
+TEST(SpreadBits, PutsBitKAtThreeK) {
+  std::mt19937 random(5);
+  for (int i = 0; i < 1000; ++i) {
+    const std::uint64_t v = random() & 0x1fffff;
+    std::uint64_t expected = 0;
+    for (int k = 0; k < 21; ++k) expected |= ((v >> k) & 1) << (3 * k);
+    EXPECT_EQ(spread_bits(v), expected) << v;
+  }
+}
+
+TEST(SpreadBits, IgnoresHigherBits) { EXPECT_EQ(spread_bits(~0ull), kEveryThird); }
+
+TEST(MortonCode, OfTheCornersFillsTheBitsOfTheirAxes) {
+  const Vec3f low{-1.0f, 2.0f, 5.0f};
+  EXPECT_EQ(morton_code({-1.0f, 2.0f, 5.0f}, low, 4.0f), 0u);
+  EXPECT_EQ(morton_code({3.0f, 2.0f, 5.0f}, low, 4.0f), kEveryThird);
+  EXPECT_EQ(morton_code({-1.0f, 6.0f, 5.0f}, low, 4.0f), kEveryThird << 1);
+  EXPECT_EQ(morton_code({-1.0f, 2.0f, 9.0f}, low, 4.0f), kEveryThird << 2);
+  EXPECT_EQ(morton_code({3.0f, 6.0f, 9.0f}, low, 4.0f), kAll);
+}
+
+TEST(MortonCode, GivesXTheLowestBit) {
+  EXPECT_EQ(morton_code({1.5f, 0.0f, 0.0f}, kOrigin, kSize), 1u);
+  EXPECT_EQ(morton_code({0.0f, 1.5f, 0.0f}, kOrigin, kSize), 2u);
+  EXPECT_EQ(morton_code({0.0f, 0.0f, 1.5f}, kOrigin, kSize), 4u);
+  EXPECT_EQ(morton_code({2.5f, 0.0f, 0.0f}, kOrigin, kSize), 8u);
+}
+
+TEST(MortonCode, GrowsAlongEachAxis) {
+  std::uint64_t before = 0;
+  for (int i = 1; i <= 1000; ++i) {
+    const std::uint64_t code = morton_code({0.3f, float(i) / 1000.0f, 0.6f}, kOrigin, 1.0f);
+    EXPECT_GT(code, before);
+    before = code;
+  }
+}
+
+TEST(MortonCode, MovesPointsOutsideToTheSurface) {
+  const float infinity = std::numeric_limits<float>::infinity();
+  EXPECT_EQ(morton_code({-5.0f, -infinity, -1e38f}, kOrigin, 1.0f), 0u);
+  EXPECT_EQ(morton_code({5.0f, infinity, 1e38f}, kOrigin, 1.0f), kAll);
+}
+
+TEST(MortonCode, TakesNanForTheLowestCell) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(morton_code({nan, nan, nan}, kOrigin, 1.0f), 0u);
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_core/math/sh.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/jet_oracle.h"
+
+namespace gs {
+namespace {
+
+constexpr std::size_t kRest = kShBasisCount - 1;
+
+Vec3d draw_direction(TestRandom& random) {
+  return unit_direction(Vec3d{0.0, 0.0, 0.0},
+                        Vec3d{random.normal(), random.normal(), random.normal()});
+}
+
+std::array<double, 16> basis_at(const Vec3d& direction) {
+  std::array<double, 16> basis;
+  sh_basis(3, direction, basis.data());
+  return basis;
+}
+
+/// The angles of a direction, and the 16 values there by the textbook definition, in Python's math:
+///
+///   Y_l^m = N sqrt(2) P_l^|m|(cos theta) * (cos(m phi) for m > 0, sin(|m| phi) for m < 0),  Y_l^0 = N P_l
+///   N = sqrt((2l+1)/(4 pi) (l-|m|)!/(l+|m|)!),  P_l^m with the Condon-Shortley sign (-1)^m,
+///
+/// and P_l^m(x) = (-1)^m (1-x^2)^(m/2) d^m/dx^m P_l(x), differentiated by its coefficients. In order of l, then
+/// m = -l..l.
+struct KnownBasis {
+  double theta, phi;
+  std::array<double, 16> values;
+};
+const KnownBasis kKnown[] = {
+    {0.6,
+     1.1,
+     {0.2820947917738781, -0.2458713938497454, 0.4032610546078099, -0.1251406974601926,
+      0.1408107725494266, -0.4537572651493740, 0.3291226516749397, -0.2309479754815366,
+      -0.1024955665546994, 0.0167556870542473, 0.3074790194504621, -0.5533355696802287,
+      0.1250137328780533, -0.2816301564615242, -0.2238126794680873, 0.1048897219468178}},
+    {1.9,
+     -2.3,
+     {0.2820947917738781, 0.3447876920401323, -0.1579600944415147, 0.3080624459740423,
+      0.4860935075164897, -0.2492461426511615, -0.2165010344610784, -0.2226975559956314,
+      -0.0548627440475526, 0.2892203705615307, -0.4157770656300032, -0.1539769575594037,
+      0.2988858085703727, -0.1375760192851372, 0.0469265077187387, -0.4078632387663191}},
+    {2.8,
+     0.4,
+     {0.2820947917738781, -0.0637384566989995, -0.4603722024217551, -0.1507556268031656,
+      0.0439748514668443, 0.1342888464613882, 0.5246061871959501, 0.3176229904116651,
+      0.0427090178060351, -0.0206731452399401, -0.1096242912720399, -0.2050345140691415,
+      -0.5059441025550546, -0.4849522295581579, -0.1064687122693655, -0.0080372965038702}},
+};
+
+TEST(ShBasis, AgreesWithLegendrePolynomials) {
+  for (const KnownBasis& known : kKnown) {
+    const Vec3d d{std::sin(known.theta) * std::cos(known.phi),
+                  std::sin(known.theta) * std::sin(known.phi), std::cos(known.theta)};
+    const std::array<double, 16> basis = basis_at(d);
+    for (int k = 0; k < 16; ++k) EXPECT_NEAR(basis[k], known.values[k], 1e-14) << "basis " << k;
+  }
+}
+
+// The product of two basis functions is a polynomial of degree 6: four Gauss-Legendre nodes in z and eight
+// equal steps around integrate it exactly.
+TEST(ShBasis, IsOrthonormalOnTheSphere) {
+  const double nodes[4] = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
+                           0.8611363115940526};
+  const double weights[4] = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461,
+                             0.3478548451374538};
+  const double step = 2.0 * std::acos(-1.0) / 8.0;
+  double gram[16][16] = {};
+  for (int n = 0; n < 4; ++n) {
+    for (int turn = 0; turn < 8; ++turn) {
+      const double z = nodes[n], r = std::sqrt(1.0 - z * z), phi = (turn + 0.3) * step;
+      const std::array<double, 16> basis = basis_at({r * std::cos(phi), r * std::sin(phi), z});
+      for (int i = 0; i < 16; ++i) {
+        for (int j = 0; j < 16; ++j) gram[i][j] += weights[n] * step * basis[i] * basis[j];
+      }
+    }
+  }
+  for (int i = 0; i < 16; ++i) {
+    for (int j = 0; j < 16; ++j) EXPECT_NEAR(gram[i][j], i == j, 1e-14) << i << " " << j;
+  }
+}
+
+TEST(ShBasis, LeavesHigherDegreesUntouched) {
+  for (int degree = 0; degree <= 3; ++degree) {
+    std::array<double, 16> basis;
+    basis.fill(7.0);
+    sh_basis(degree, Vec3d{0.6, 0.0, 0.8}, basis.data());
+    for (int k = (degree + 1) * (degree + 1); k < 16; ++k) EXPECT_EQ(basis[k], 7.0);
+  }
+}
+
+TEST(ShBasis, GradientMatchesJetForEveryDegree) {
+  for (int degree = 0; degree <= 3; ++degree) {
+    const double worst = worst_gradient_error(
+        [&](const auto& x) {
+          using T = std::decay_t<decltype(x[0])>;
+          std::array<T, 16> basis;
+          basis.fill(T(0));
+          sh_basis(degree, Unflatten(x).vec3(), basis.data());
+          return basis;
+        },
+        [&](const auto& x, const auto& g) {
+          return flatten(sh_basis_vjp(degree, Unflatten(x).vec3(), g.data()));
+        },
+        // The polynomials are differentiated as they stand, so the direction need not have length 1.
+        [](TestRandom& random) { return flatten(random.uniform3(-1.2, 1.2)); });
+    EXPECT_LT(worst, kJetTolerance) << "degree " << degree;
+  }
+}
+
+TEST(UnitDirection, PointsFromTheFirstToTheSecondPoint) {
+  const Vec3d d = unit_direction(Vec3d{1.0, 2.0, 3.0}, Vec3d{1.0, 5.0, -1.0});
+  EXPECT_NEAR(d.x, 0.0, 1e-15);
+  EXPECT_NEAR(d.y, 0.6, 1e-15);
+  EXPECT_NEAR(d.z, -0.8, 1e-15);
+}
+
+TEST(UnitDirection, GradientMatchesJet) {
+  Vec3d from;
+  const double worst = worst_gradient_error(
+      [&](const auto& x) {
+        using T = std::decay_t<decltype(x[0])>;
+        return flatten(
+            unit_direction(Vec3<T>{T(from.x), T(from.y), T(from.z)}, Unflatten(x).vec3()));
+      },
+      [&](const auto& x, const auto& g) {
+        return flatten(unit_direction_vjp(from, Unflatten(x).vec3(), Unflatten(g).vec3()));
+      },
+      [&](TestRandom& random) {
+        from = random.uniform3(-3.0, 3.0);
+        return flatten(from + draw_direction(random) * random.uniform(0.1, 10.0));
+      });
+  EXPECT_LT(worst, kJetTolerance);
+}
+
+TEST(ShColor, OfZeroCoefficientsIsGrey) {
+  const std::array<Vec3d, kRest> zero{};
+  const Vec3d color = sh_color(3, Vec3d{0.6, 0.0, 0.8}, Vec3d{0.0, 0.0, 0.0}, zero.data());
+  EXPECT_EQ(flatten(color), (std::array{0.5, 0.5, 0.5}));
+}
+
+TEST(ShColor, ReadsOnlyTheCoefficientsOfItsDegree) {
+  std::array<Vec3d, kRest> rest;
+  for (int degree = 0; degree <= 3; ++degree) {
+    const int used = (degree + 1) * (degree + 1) - 1;
+    for (int k = 0; k < int(kRest); ++k) rest[k] = Vec3d(k < used ? 0.0 : std::nan(""));
+    EXPECT_EQ(sh_color(degree, Vec3d{0.6, 0.0, 0.8}, Vec3d{0.0, 0.0, 0.0}, rest.data()).x, 0.5);
+  }
+}
+
+TEST(ShColor, GradientMatchesJetForEveryDegree) {
+  for (int degree = 0; degree <= 3; ++degree) {
+    const double worst = worst_gradient_error(
+        [&](const auto& x) {
+          Unflatten in(x);
+          const auto direction = in.vec3(), sh0 = in.vec3();
+          const auto rest = in.template vec3s<kRest>();
+          return flatten(sh_color(degree, direction, sh0, rest.data()));
+        },
+        [&](const auto& x, const auto& g) {
+          Unflatten in(x);
+          const Vec3d direction = in.vec3();
+          in.vec3();  // sh0 has no part in its gradient
+          const auto rest = in.template vec3s<kRest>();
+          std::array<Vec3d, kRest> dL_drest{};
+          const auto dL =
+              sh_color_vjp(degree, direction, rest.data(), Unflatten(g).vec3(), dL_drest.data());
+          return flatten(dL.direction, dL.sh0, dL_drest);
+        },
+        [](TestRandom& random) {
+          std::array<Vec3d, kRest> rest;
+          for (Vec3d& c : rest) c = random.uniform3(-1.0, 1.0);
+          return flatten(draw_direction(random), random.uniform3(-2.0, 2.0), rest);
+        });
+    EXPECT_LT(worst, kJetTolerance) << "degree " << degree;
+  }
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,375 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_core/math/tile_bounds.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include "gs_core/math/projection.h"
+
+namespace gs {
+namespace {
+
+constexpr int kTilesX = 20, kTilesY = 12;
+constexpr int kPaddedWidth = kTilesX * kTileWidth, kPaddedHeight = kTilesY * kTileHeight;
+
+/// {x_begin, x_end, y_begin, y_end}
+std::array<int, 4> bounds(const Rect& rect) {
+  return {rect.x_begin, rect.x_end, rect.y_begin, rect.y_end};
+}
+using Bounds = std::array<int, 4>;
+
+/// One splat with a cutoff.
+struct Splat {
+  Vec2f mean2d;
+  Sym2<float> cov2d, conic;
+  float cutoff;
+};
+
+class SplatRandom {
+ public:
+  explicit SplatRandom(double largest_sigma) : largest_sigma_(largest_sigma) {}
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(engine_);
+  }
+  /// A mean in the padded picture or up to `margin` pixels beyond it; every fourth lies exactly on a pixel
+  /// centre or a pixel's edge.
+  Splat splat(double margin) {
+    const double a = variance(), b = variance();
+    const double angle = uniform(0.0, 3.2), c = std::cos(angle), s = std::sin(angle);
+    const Sym2<double> S{a * c * c + b * s * s, (a - b) * c * s, a * s * s + b * c * c};
+    const Sym2<double> Q = conic_of(S);
+    Vec2f mean{float(uniform(-margin, kPaddedWidth + margin)),
+               float(uniform(-margin, kPaddedHeight + margin))};
+    if (uniform(0.0, 1.0) < 0.25) {
+      mean = {std::round(2.0f * mean.x) / 2.0f, std::round(2.0f * mean.y) / 2.0f};
+    }
+    return {mean,
+            {float(S.xx), float(S.xy), float(S.yy)},
+            {float(Q.xx), float(Q.xy), float(Q.yy)},
+            float(uniform(0.01, 5.54))};
+  }
+
+ private:
+  /// Log-uniform, with the blur that every splat has.
+  double variance() {
+    const double sigma = std::pow(10.0, uniform(-2.0, std::log10(largest_sigma_)));
+    return sigma * sigma + 0.3;
+  }
+  std::mt19937_64 engine_{1};
+  double largest_sigma_;
+};
+
+// ---- Cutoffs.
+
+TEST(Cutoff, InAlphaModeIsTheLogarithmOf255Opacities) {
+  EXPECT_NEAR(cutoff_of(Truncation::alpha, 1.0f), 5.5412635f, 1e-6f);  // ln 255
+  EXPECT_NEAR(cutoff_of(Truncation::alpha, 0.1f), 3.2386784f, 1e-6f);  // ln 25.5
+}
+
+TEST(Cutoff, InAlphaModeChangesSignAtOne255th) {
+  const float limit = 1.0f / 255.0f;
+  EXPECT_EQ(cutoff_of(Truncation::alpha, limit), 0.0f);
+  EXPECT_LT(cutoff_of(Truncation::alpha, std::nextafter(limit, 0.0f)), 0.0f);
+  EXPECT_GT(cutoff_of(Truncation::alpha, std::nextafter(limit, 1.0f)), 0.0f);
+}
+
+TEST(Cutoff, InSigmaModesIsHalfTheSquareWhateverTheOpacity) {
+  for (const float opacity : {1e-3f, 0.5f, 1.0f}) {
+    EXPECT_EQ(cutoff_of(Truncation::sigma2, opacity), 2.0f);
+    EXPECT_EQ(cutoff_of(Truncation::sigma3, opacity), 4.5f);
+    EXPECT_EQ(cutoff_of(Truncation::sigma4, opacity), 8.0f);
+  }
+}
+
+// ---- Rectangles.
+
+Rect pixel_rect_of(const Splat& s) {
+  return pixel_rect(s.mean2d, s.cov2d, s.cutoff, kTilesX, kTilesY);
+}
+/// The pixels of a box that reaches `extent` pixels around (x, x): a cutoff of 1/2 is one standard deviation.
+Rect rect_of_box(float x, float extent) {
+  return pixel_rect({x, x}, {extent * extent, 0.0f, extent * extent}, 0.5f, kTilesX, kTilesY);
+}
+
+TEST(PixelRect, HoldsThePixelsWhoseCentresLieOnTheBoxEdges) {
+  EXPECT_EQ(bounds(rect_of_box(16.0f, 0.5f)), (Bounds{15, 17, 15, 17}));  // 15.5 to 16.5
+  EXPECT_EQ(bounds(rect_of_box(8.0f, 7.5f)), (Bounds{0, 16, 0, 16}));     // 0.5 to 15.5
+  EXPECT_EQ(bounds(rect_of_box(24.0f, 7.5f)), (Bounds{16, 32, 16, 32}));  // 16.5 to 31.5
+}
+
+TEST(PixelRect, IsEmptyBetweenPixelCentres) {
+  EXPECT_TRUE(rect_of_box(16.0f, 0.49f).empty());
+  EXPECT_EQ(bounds(rect_of_box(16.5f, 0.01f)), (Bounds{16, 17, 16, 17}));
+}
+
+TEST(PixelRect, IsEmptyBeyondEachEdgeOfTheGrid) {
+  const auto is_empty = [](float x, float y) {
+    return pixel_rect({x, y}, {81.0f, 0.0f, 81.0f}, 0.5f, kTilesX, kTilesY).empty();  // reaches 9
+  };
+  EXPECT_TRUE(is_empty(-9.0f, 50.0f));
+  EXPECT_TRUE(is_empty(50.0f, -9.0f));
+  EXPECT_TRUE(is_empty(kPaddedWidth + 9.0f, 50.0f));
+  EXPECT_TRUE(is_empty(50.0f, kPaddedHeight + 9.0f));
+  EXPECT_FALSE(is_empty(-8.0f, 50.0f));  // reaches the first and the last pixel
+  EXPECT_FALSE(is_empty(50.0f, kPaddedHeight + 8.0f));
+}
+
+TEST(PixelRect, IsEmptyForANegativeCutoff) {
+  for (const float cutoff : {-1e-6f, -std::numeric_limits<float>::infinity()}) {
+    EXPECT_TRUE(pixel_rect({50.0f, 50.0f}, {1e4f, 0.0f, 1e4f}, cutoff, kTilesX, kTilesY).empty());
+  }
+}
+
+TEST(PixelRect, ContainsEveryPixelAboveTheCutoff) {
+  SplatRandom random(100.0);
+  int pixels = 0, outside = 0;
+  for (int i = 0; i < 500; ++i) {
+    const Splat s = random.splat(50.0);
+    const Rect rect = pixel_rect_of(s);
+    const Sym2<double> Q = conic_of(Sym2<double>{s.cov2d.xx, s.cov2d.xy, s.cov2d.yy});
+    for (int y = 0; y < kPaddedHeight; ++y) {
+      for (int x = 0; x < kPaddedWidth; ++x) {
+        const double dx = x + 0.5 - s.mean2d.x, dy = y + 0.5 - s.mean2d.y;
+        const double E = -0.5 * (Q.xx * dx * dx + Q.yy * dy * dy) - Q.xy * dx * dy;
+        if (E < -s.cutoff * (1.0 - 1e-4)) continue;  // at the very edge, floats decide
+        ++pixels;
+        outside += x < rect.x_begin || x >= rect.x_end || y < rect.y_begin || y >= rect.y_end;
+      }
+    }
+  }
+  EXPECT_EQ(outside, 0);
+  EXPECT_GT(pixels, 100'000);
+}
+
+/// Pixels [begin, end) with their centre in [low, high], and whether one is so close to an edge that floats may
+/// decide otherwise: pixel coordinates of up to 1000 have steps of 6e-5.
+struct PixelRange {
+  int begin, end;
+  bool is_close;
+};
+PixelRange pixels_between(double low, double high, int size) {
+  PixelRange range{size, 0, false};
+  for (int pixel = 0; pixel < size; ++pixel) {
+    const double centre = pixel + 0.5;
+    range.is_close |= std::abs(centre - low) < 1e-3 || std::abs(centre - high) < 1e-3;
+    if (centre < low || centre > high) continue;
+    range.begin = std::min(range.begin, pixel);
+    range.end = std::max(range.end, pixel + 1);
+  }
+  return range;
+}
+
+TEST(PixelRect, IsExactlyThePixelsWithTheirCentreInTheBox) {
+  SplatRandom random(100.0);
+  int compared = 0, empty = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    const Splat s = random.splat(50.0);
+    const double ex = std::sqrt(2.0 * s.cutoff * s.cov2d.xx);
+    const double ey = std::sqrt(2.0 * s.cutoff * s.cov2d.yy);
+    const PixelRange x = pixels_between(s.mean2d.x - ex, s.mean2d.x + ex, kPaddedWidth);
+    const PixelRange y = pixels_between(s.mean2d.y - ey, s.mean2d.y + ey, kPaddedHeight);
+    if (x.is_close || y.is_close) continue;
+    ++compared;
+    if (x.begin >= x.end || y.begin >= y.end) {
+      ++empty;
+      EXPECT_TRUE(pixel_rect_of(s).empty());
+    } else {
+      EXPECT_EQ(bounds(pixel_rect_of(s)), (Bounds{x.begin, x.end, y.begin, y.end}));
+    }
+  }
+  EXPECT_GT(compared, 15'000);
+  EXPECT_GT(empty, 1'000);
+}
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+/// Calls visit(mean2d, cov2d, cutoff) with every combination of numbers good and bad.
+template <class Visit>
+void sweep_bad_numbers(const Visit& visit) {
+  const std::vector<float> numbers = {kNan,   kInfinity, -kInfinity, 3e38f, -3e38f, 1e20f,
+                                      -1e10f, 3e9f,      1e-40f,     0.0f,  -0.5f,  100.0f};
+  for (const float x : numbers) {
+    for (const float y : numbers) {
+      for (const float xx : numbers) {
+        for (const float yy : numbers) {
+          for (const float cutoff : numbers) visit(Vec2f{x, y}, Sym2<float>{xx, 0.0f, yy}, cutoff);
+        }
+      }
+    }
+  }
+}
+
+TEST(PixelRect, IsEmptyOrInsideTheGridForEveryNumber) {
+  int outside = 0;
+  sweep_bad_numbers([&](const Vec2f& mean2d, const Sym2<float>& cov2d, float cutoff) {
+    const Rect r = pixel_rect(mean2d, cov2d, cutoff, kTilesX, kTilesY);
+    outside += r.x_begin > r.x_end || r.x_end > kPaddedWidth || r.y_begin > r.y_end ||
+               r.y_end > kPaddedHeight;
+  });
+  EXPECT_EQ(outside, 0);
+}
+
+TEST(PixelRect, IsEmptyWhereAnInputIsNotANumberOrTheMeanIsInfinite) {
+  int filled = 0, bad = 0;
+  sweep_bad_numbers([&](const Vec2f& mean2d, const Sym2<float>& cov2d, float cutoff) {
+    const bool is_bad = std::isnan(cov2d.xx + cov2d.yy + cutoff) || std::isnan(mean2d.x) ||
+                        std::isnan(mean2d.y) || std::isinf(mean2d.x) || std::isinf(mean2d.y);
+    if (!is_bad) return;
+    ++bad;
+    filled += !pixel_rect(mean2d, cov2d, cutoff, kTilesX, kTilesY).empty();
+  });
+  EXPECT_EQ(filled, 0);
+  EXPECT_GT(bad, 1'000);
+}
+
+TEST(PixelRect, IsTheWholeGridForAnEndlessSplat) {
+  for (const float variance : {3e38f, kInfinity}) {
+    EXPECT_EQ(bounds(pixel_rect({5.0f, 5.0f}, {variance, 0.0f, variance}, 5.0f, kTilesX, kTilesY)),
+              (Bounds{0, kPaddedWidth, 0, kPaddedHeight}));
+  }
+}
+
+TEST(TileRect, IsTheTilesOfItsPixelsHalfOpen) {
+  EXPECT_EQ(bounds(tile_rect({0, 16, 0, 16})), (Bounds{0, 1, 0, 1}));
+  EXPECT_EQ(bounds(tile_rect({15, 17, 16, 32})), (Bounds{0, 2, 1, 2}));
+  EXPECT_EQ(bounds(tile_rect({31, 33, 47, 48})), (Bounds{1, 3, 2, 3}));
+}
+
+TEST(TileRect, OfNoPixelsIsEmpty) { EXPECT_TRUE(tile_rect({0, 0, 0, 0}).empty()); }
+
+// ---- The exact tile test.
+
+/// Smallest 1/2 d^T Q d over a tile's rectangle of pixel centres: 0 with the mean inside, else the smallest of
+/// the minima of four parabolas, one along each edge.
+double smallest_over_tile(const Splat& s, int tile_x, int tile_y) {
+  const double x0 = tile_x * kTileWidth + 0.5 - s.mean2d.x, x1 = x0 + kTileWidth - 1;
+  const double y0 = tile_y * kTileHeight + 0.5 - s.mean2d.y, y1 = y0 + kTileHeight - 1;
+  if (x0 <= 0.0 && x1 >= 0.0 && y0 <= 0.0 && y1 >= 0.0) return 0.0;
+  const double xx = s.conic.xx, xy = s.conic.xy, yy = s.conic.yy;
+  const auto value = [&](double x, double y) {
+    return 0.5 * (xx * x * x + yy * y * y) + xy * x * y;
+  };
+  double smallest = std::numeric_limits<double>::infinity();
+  for (const double x : {x0, x1}) {
+    smallest = std::min(smallest, value(x, std::clamp(-xy * x / yy, y0, y1)));
+  }
+  for (const double y : {y0, y1}) {
+    smallest = std::min(smallest, value(std::clamp(-xy * y / xx, x0, x1), y));
+  }
+  return smallest;
+}
+
+/// True where a pixel centre of the tile has an exponent above the cutoff.
+bool holds_a_pixel(const Splat& s, int tile_x, int tile_y) {
+  for (int y = tile_y * kTileHeight; y < (tile_y + 1) * kTileHeight; ++y) {
+    for (int x = tile_x * kTileWidth; x < (tile_x + 1) * kTileWidth; ++x) {
+      const double dx = x + 0.5 - s.mean2d.x, dy = y + 0.5 - s.mean2d.y;
+      const double half =
+          0.5 * (s.conic.xx * dx * dx + s.conic.yy * dy * dy) + s.conic.xy * dx * dy;
+      if (half <= s.cutoff * (1.0 - 1e-4)) return true;
+    }
+  }
+  return false;
+}
+
+/// A tile of the splat's neighbourhood.
+std::pair<int, int> draw_tile(SplatRandom& random, const Splat& s) {
+  const double reach_x = 3.0 * std::sqrt(s.cov2d.xx) + kTileWidth;
+  const double reach_y = 3.0 * std::sqrt(s.cov2d.yy) + kTileHeight;
+  return {int(std::floor((s.mean2d.x + random.uniform(-reach_x, reach_x)) / kTileWidth)),
+          int(std::floor((s.mean2d.y + random.uniform(-reach_y, reach_y)) / kTileHeight))};
+}
+
+// Needles of 100 by 0.55 pixels included. The float quadratic of longer ones cancels more than four digits.
+TEST(TileIsHit, AgreesWithAMinimiserOverTheTile) {
+  SplatRandom random(100.0);
+  int hits = 0, misses = 0, wrong = 0;
+  for (int i = 0; i < 200'000; ++i) {
+    const Splat s = random.splat(50.0);
+    const auto [x, y] = draw_tile(random, s);
+    const double smallest = smallest_over_tile(s, x, y);
+    const bool is_hit = tile_is_hit(s.mean2d, s.conic, s.cutoff, x, y);
+    (is_hit ? hits : misses) += 1;
+    wrong += is_hit != (smallest <= s.cutoff) && std::abs(smallest - s.cutoff) > 1e-4 * s.cutoff;
+  }
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(hits, 20'000);
+  EXPECT_GT(misses, 20'000);
+}
+
+// The cutoff placed just above and just below the smallest value, for splats of up to 10 by 0.55 pixels, whose
+// quadratic keeps four digits in float.
+TEST(TileIsHit, TurnsAtTheSmallestValueOverTheTile) {
+  SplatRandom random(10.0);
+  int tested = 0, wrong = 0;
+  for (int i = 0; i < 200'000; ++i) {
+    const Splat s = random.splat(50.0);
+    const auto [x, y] = draw_tile(random, s);
+    const double smallest = smallest_over_tile(s, x, y);
+    if (smallest < 0.01 || smallest > 10.0) continue;
+    ++tested;
+    wrong += !tile_is_hit(s.mean2d, s.conic, float(smallest * (1.0 + 1e-4)), x, y);
+    wrong += tile_is_hit(s.mean2d, s.conic, float(smallest * (1.0 - 1e-4)), x, y);
+  }
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(tested, 20'000);
+}
+
+TEST(TileIsHit, HoldsForAMeanExactlyOnAnyPixelCentreOfTheTile) {
+  const Sym2<float> needle = {3.0f, 2.9f, 3.0f};
+  for (int y = 0; y < kTileHeight; ++y) {
+    for (int x = 0; x < kTileWidth; ++x) {
+      const Vec2f mean{float(2 * kTileWidth + x) + 0.5f, float(3 * kTileHeight + y) + 0.5f};
+      EXPECT_TRUE(tile_is_hit(mean, needle, 0.0f, 2, 3)) << x << " " << y;
+    }
+  }
+}
+
+// Between the last pixel centre of a tile and the first of the next, a tiny splat meets neither.
+TEST(TileIsHit, IsFalseForASplatBetweenTheCentresOfTwoTiles) {
+  const Sym2<float> tiny{100.0f, 0.0f, 100.0f};
+  EXPECT_FALSE(tile_is_hit({16.0f, 8.5f}, tiny, 1.0f, 0, 0));
+  EXPECT_FALSE(tile_is_hit({16.0f, 8.5f}, tiny, 1.0f, 1, 0));
+}
+
+TEST(HitTiles, LoseNoPixelOfTheSplatAndAddNoTileBesideIt) {
+  SplatRandom random(30.0);
+  int hits = 0, wrong = 0;
+  for (int i = 0; i < 10'000; ++i) {
+    const Splat s = random.splat(50.0);
+    std::vector<bool> is_hit(kTilesX * kTilesY);
+    for_each_hit_tile(s.mean2d, s.conic, s.cutoff, pixel_rect_of(s),
+                      [&](int x, int y) { is_hit[y * kTilesX + x] = true; });
+    for (int tile = 0; tile < kTilesX * kTilesY; ++tile) {
+      const double smallest = smallest_over_tile(s, tile % kTilesX, tile / kTilesX);
+      hits += is_hit[tile];
+      if (is_hit[tile]) {
+        wrong += smallest > s.cutoff * (1.0 + 1e-4);
+      } else {
+        // Outside the pixel rectangle, a tile may hold a point of the ellipse between pixel centres.
+        wrong +=
+            smallest < s.cutoff * (1.0 - 1e-4) && holds_a_pixel(s, tile % kTilesX, tile / kTilesX);
+      }
+    }
+  }
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(hits, 10'000);
+}
+
+TEST(HitTiles, AreVisitedRowByRow) {
+  std::vector<std::pair<int, int>> visited;
+  for_each_hit_tile({16.0f, 16.0f}, {0.01f, 0.0f, 0.01f}, 2.0f, {10, 22, 10, 22},
+                    [&](int x, int y) { visited.emplace_back(x, y); });
+  EXPECT_EQ(visited, (std::vector<std::pair<int, int>>{{0, 0}, {1, 0}, {0, 1}, {1, 1}}));
+}
+
+}  // namespace
+}  // namespace gs
