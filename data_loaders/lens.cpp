@@ -57,11 +57,8 @@ bool is_before_fold(const LensCamera& camera, const Vec2d& ideal) {
 
 [[noreturn]] void fail(const ColmapCamera& camera, const std::string& photo,
                        const std::string& what) {
-  throw Error(
-      fmt::format("cannot undistort photo '{}': camera {} ({}) {}; convert the photos with `colmap "
-                  "image_undistorter --image_path IMAGES --input_path MODEL --output_path NEW` and "
-                  "train on NEW",
-                  photo, camera.id, camera_model_info(camera.model).name, what));
+  throw Error(fmt::format("cannot undistort photo '{}': camera {} ({}) {}; {}", photo, camera.id,
+                          camera_model_info(camera.model).name, what, kUndistortRemedy));
 }
 
 }  // namespace

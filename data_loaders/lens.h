@@ -15,10 +15,10 @@ using Vec2d = Vec2<double>;
 /// A COLMAP camera written out: an ideal pinhole, and the lens polynomial in front of it. Points
 /// are in normalised coordinates (x, y) = (X / Z, Y / Z).
 ///
-///   radial_tangential   r^2 = x^2 + y^2                                    Brown 1966; OpenCV's naming
+///   radial_tangential   r^2 = x^2 + y^2                             Brown 1966; OpenCV's naming
 ///     s = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
 ///     x' = s x + 2 p1 x y + p2 (r^2 + 2 x^2),   y' = s y + p1 (r^2 + 2 y^2) + 2 p2 x y
-///   fisheye             theta = atan r                                     Kannala & Brandt 2006
+///   fisheye             theta = atan r                              Kannala & Brandt 2006
 ///     (x', y') = (x, y) / r * theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)
 ///   photo pixel         (fx x' + cx, fy y' + cy)
 struct LensCamera {
@@ -31,6 +31,11 @@ struct LensCamera {
   double p[2] = {};
 };
 
+/// What a user can do about a lens that gemsplat cannot undistort.
+inline constexpr const char* kUndistortRemedy =
+    "convert the photos with `colmap image_undistorter --image_path IMAGES --input_path MODEL "
+    "--output_path NEW` and train on NEW";
+
 /// The camera of a photo. A lens whose coefficients are all zero is none. Throws Error that names
 /// the model, the camera, the photo and the remedy for models that are none of the above, and for
 /// focal lengths that are not positive.
@@ -39,9 +44,9 @@ LensCamera lens_camera(const ColmapCamera& camera, const std::string& photo);
 /// Where the ray through `ideal` lands, normalised.
 Vec2d distorted(const LensCamera& camera, const Vec2d& ideal);
 
-/// Whether the lens keeps left and right, up and down apart at `ideal` (determinant and trace of its
-/// Jacobian are positive). Beyond the first place where it does not, the polynomial folds back and
-/// means nothing.
+/// Whether the lens keeps left and right, up and down apart at `ideal` (determinant and trace of
+/// its Jacobian are positive). Beyond the first place where it does not, the polynomial folds back
+/// and means nothing.
 bool is_unfolded(const LensCamera& camera, const Vec2d& ideal);
 
 /// The ray that lands at `landed`, by Newton's method; nothing where there is none in front of the

@@ -39,10 +39,11 @@ struct ViewPlan {
 void check_name(const ColmapImage& image, const fs::path& model) {
   const fs::path name = image.name;
   if (name.is_absolute() || std::find(name.begin(), name.end(), "..") != name.end())
-    throw Error(fmt::format(
-        "cannot use the model in {}: image name '{}' leads out of the images folder; rename "
-        "it in the model",
-        model.string(), image.name));
+    throw Error(
+        fmt::format("cannot use the model in {}: image name '{}' leads out of the images folder; "
+                    "rename it in the "
+                    "model",
+                    model.string(), image.name));
 }
 
 void check_photos_exist(const std::vector<ViewPlan>& plans, const fs::path& folder) {
@@ -56,8 +57,8 @@ void check_photos_exist(const std::vector<ViewPlan>& plans, const fs::path& fold
   }
   if (missing)
     throw Error(fmt::format(
-        "{} of the model's {} photos are not in {}: {}{}; copy them there or name another "
-        "folder with --set dataset.images=FOLDER",
+        "{} of the model's {} photos are not in {}: {}{}; copy them there or name another folder "
+        "with --set dataset.images=FOLDER",
         missing, plans.size(), folder.string(), names, missing > kMostNamed ? ", ..." : ""));
 }
 
@@ -81,8 +82,7 @@ LensCamera fitted_to_photo(LensCamera lens, const ViewPlan& plan) {
   if (has_shape_of(photo, {model.height, model.width}))
     throw Error(sizes +
                 ": width and height are swapped, so one of the two was turned by the photo's EXIF "
-                "orientation; give "
-                "COLMAP and gemsplat the same files, without that orientation");
+                "orientation; give COLMAP and gemsplat the same files, without that orientation");
   throw Error(
       sizes +
       ": the shapes differ, so this is not the photo that COLMAP saw; use the same photos, or run "
@@ -143,32 +143,42 @@ std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel
   return plans;
 }
 
+bool is_finite(const Vec3f& v) {
+  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+
+Camera single_precision_camera(const ViewPlan& plan) {
+  const PinholeCamera<double>& from = plan.target;
+  const Mat3<double> R = rotation_matrix(plan.image.cam_from_world_rotation);
+  Camera camera;
+  camera.width = from.width;
+  camera.height = from.height;
+  camera.fx = float(from.fx);
+  camera.fy = float(from.fy);
+  camera.cx = float(from.cx);
+  camera.cy = float(from.cy);
+  camera.cam_from_world_rotation = {Vec3f(R.row0), Vec3f(R.row1), Vec3f(R.row2)};
+  camera.cam_from_world_translation = Vec3f(plan.image.cam_from_world_translation);
+  if (!is_finite(camera.position()) || !is_finite({camera.fx, camera.cx, 0}) ||
+      !is_finite({camera.fy, camera.cy, 0}))
+    throw Error(fmt::format(
+        "the camera of photo '{}' does not fit single precision; leave the photo out of the model, "
+        "or move the model nearer to its origin with `colmap model_aligner`",
+        plan.image.name));
+  return camera;
+}
+
 View load_view(const ViewPlan& plan) {
   View view;
   view.name = plan.image.name;
-  const PinholeCamera<double>& target = plan.target;
-  const Mat3<double> R = rotation_matrix(plan.image.cam_from_world_rotation);
-  view.camera = {target.width,
-                 target.height,
-                 float(target.fx),
-                 float(target.fy),
-                 float(target.cx),
-                 float(target.cy),
-                 {Vec3f(R.row0), Vec3f(R.row1), Vec3f(R.row2)},
-                 Vec3f(plan.image.cam_from_world_translation)};
-  const Vec3f position = view.camera.position();
-  if (!std::isfinite(position.x) || !std::isfinite(position.y) || !std::isfinite(position.z))
-    throw Error(fmt::format(
-        "the pose of photo '{}' does not fit single precision; move the model nearer to its "
-        "origin with `colmap model_aligner`",
-        plan.image.name));
+  view.camera = single_precision_camera(plan);
   view.photo = read_photo(plan.file);
   if (view.photo.width != plan.photo_size.width || view.photo.height != plan.photo_size.height)
     throw Error(fmt::format("photo {} has changed while the scene was loaded; start again",
                             plan.file.string()));
   if (plan.lens.lens != LensCamera::Lens::none)
     view.photo = undistorted_photo(view.photo, plan.lens, plan.undistorted, plan.image.name);
-  view.photo = area_resized(view.photo, target.width, target.height);
+  view.photo = area_resized(view.photo, view.camera.width, view.camera.height);
   return view;
 }
 
@@ -189,6 +199,20 @@ std::vector<View> load_views(const std::vector<ViewPlan>& plans, const ProgressF
     if (progress) progress(++done, plans.size());
   });
   return views;
+}
+
+std::vector<ScenePoint> single_precision_points(const ColmapModel& model) {
+  std::vector<ScenePoint> points;
+  points.reserve(model.points.size());
+  for (const ColmapPoint& point : model.points) {
+    points.push_back({Vec3f(point.position), point.color});
+    if (!is_finite(points.back().position))
+      throw Error(
+          fmt::format("point {} of the model in {} does not fit single precision; remove it "
+                      "with `colmap point_filtering`",
+                      point.id, model.folder.string()));
+  }
+  return points;
 }
 
 bool is_test_view(const DatasetConfig& dataset, std::size_t index) {
@@ -225,8 +249,7 @@ Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress) {
   for (std::size_t i = 0; i < views.size(); ++i)
     (is_test_view(dataset, i) ? scene.test_views : scene.train_views)
         .push_back(std::move(views[i]));
-  for (const ColmapPoint& point : model.points)
-    scene.points.push_back({Vec3f(point.position), point.color});
+  scene.points = single_precision_points(model);
   scene.extent = camera_extent(scene.train_views);
   return scene;
 }

@@ -19,10 +19,6 @@ namespace gs {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr const char* kRemedy =
-    "convert the photos with `colmap image_undistorter --image_path IMAGES --input_path MODEL "
-    "--output_path "
-    "NEW` and train on NEW";
 
 Vec2d normalised(const PinholeCamera<double>& camera, double x, double y) {
   return {(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy};
@@ -96,7 +92,7 @@ bool is_filled(const LensCamera& camera, const PinholeCamera<double>& pinhole) {
   throw Error(fmt::format(
       "cannot undistort photo '{}': its camera has a lens, and this build has no OpenCV; "
       "{}, or build with OpenCV",
-      photo, kRemedy));
+      photo, kUndistortRemedy));
 }
 
 }  // namespace
@@ -126,7 +122,7 @@ PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::s
   throw Error(fmt::format(
       "cannot undistort photo '{}': the lens coefficients of its camera leave no picture; run "
       "COLMAP again, or {}",
-      photo, kRemedy));
+      photo, kUndistortRemedy));
 }
 
 #ifdef GS_HAVE_OPENCV
@@ -140,7 +136,7 @@ Image8 undistorted_photo(const Image8& image, const LensCamera& camera,
   if (std::max({image.width, image.height, pinhole.width, pinhole.height}) >= kLongestSide)
     throw Error(
         fmt::format("cannot undistort photo '{}': OpenCV takes at most {} pixels a side; {}", photo,
-                    kLongestSide - 1, kRemedy));
+                    kLongestSide - 1, kUndistortRemedy));
   Image8 result(pinhole.width, pinhole.height, image.channels);
   const int type = CV_8UC(image.channels);
   const cv::Mat source(image.height, image.width, type,

@@ -27,7 +27,7 @@ struct Span {
 };
 
 /// An array of plain values in one Memory. Its capacity only grows, so that steady work allocates
-/// nothing. Copies are made on purpose, by copy_of(); a Buffer itself only moves.
+/// nothing. A Buffer only moves. Constness is that of a pointer: a const Buffer's elements can be changed.
 template <class T>
 class Buffer {
   static_assert(std::is_trivially_copyable_v<T>);

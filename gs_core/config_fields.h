@@ -41,8 +41,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("dataset.images",               dataset.images,               "folder", any(),              "the photos, inside the scene or absolute");
   field("dataset.model",                dataset.model,                "folder", any(),              "the COLMAP model; empty: sparse/0, sparse or the scene itself");
   field("dataset.resolution",           dataset.resolution,           "",       between(1, 65536),  "1, 2, 4, 8: photos divided by it; 16 and more: their width in pixels", kKerbl);
-  field("dataset.eval",                 dataset.eval,                 "",       any(),              "hold out every test_every-th view, by sorted name", kKerbl);
-  field("dataset.test_every",           dataset.test_every,           "views",  steps_from(2),      "of so many views one is held out, the first of all included", "Barron et al. 2022");
+  field("dataset.eval",                 dataset.eval,                 "",       any(),              "hold out every test_every-th view, by sorted name, to measure on", kKerbl);
+  field("dataset.test_every",           dataset.test_every,           "views",  steps_from(2),      "with eval, one of so many views is held out, the first among them", "Barron et al. 2022");
 
   auto& model = config.model;
   field("model.output",                 model.output,                 "folder", any(),              "where the run is written");
@@ -84,7 +84,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.max_gaussians",        density.max_gaussians,        "",       between(0, 4e9),    "no clone or split beyond so many; 0: no cap");
 
   auto& train = config.train;
-  field("train.iterations",             train.iterations,             "steps",  steps_from(1),      "one photo each; the schedule scales with it", kKerbl);
+  field("train.iterations",             train.iterations,             "steps",  steps_from(1),      "of training, one photo each; the schedule scales with it", kKerbl);
   field("train.steps_scaler",           train.steps_scaler,           "",       above(0),           "multiplies iterations");
   field("train.sh_degree_every",        train.sh_degree_every,        "steps",  steps_from(1),      "between SH degrees, of a 30,000-step run", kKerbl);
   field("train.morton_every",           train.morton_every,           "steps",  steps_from(1),      "between sorts along the Morton curve", kFaster);

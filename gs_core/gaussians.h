@@ -29,7 +29,7 @@ struct GaussianArrays {
 };
 
 /// Calls f(name, a.array, b.array, ...) for each learned quantity, in a fixed order: so that Adam, gather,
-/// prune, files and checkpoints are one loop each, and a new quantity is one line here.
+/// prune, files and checkpoints are one loop each, and a new quantity is a few lines in this file.
 template <class F, class First, class... Rest>
 void for_each_array(F&& f, First&& first, Rest&&... rest) {
   f("mean", first.mean, rest.mean...);
@@ -80,7 +80,7 @@ inline Gaussians copy_of(const Gaussians& from) {
 struct GaussianModel {
   Gaussians gaussians;
   int sh_degree = kMaxShDegree;  // 0..3; coefficients beyond it are zero
-  bool antialiased = false;      // trained with the antialiased projection (spec 1, "k = 0.1")
+  bool antialiased = false;      // trained with the antialiased projection (math/projection.h)
 };
 
 /// The Gaussians as files carry them: downloaded from whatever memory they lie in.

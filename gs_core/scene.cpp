@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "gs_core/math/constants.h"
+
 namespace gs {
 
 float camera_extent(const std::vector<View>& views) {
@@ -15,7 +17,7 @@ float camera_extent(const std::vector<View>& views) {
     const Vec3d offset = Vec3d(view.camera.position()) - mean;
     farthest = std::max(farthest, std::sqrt(inner(offset, offset)));
   }
-  return farthest > 0 ? float(1.1 * farthest) : 1.0f;
+  return farthest > 0 ? kExtentMargin * float(farthest) : 1.0f;
 }
 
 }  // namespace gs

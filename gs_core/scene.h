@@ -2,6 +2,7 @@
 // What training starts from: posed photos and sparse points, const once loaded.
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 

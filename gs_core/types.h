@@ -6,7 +6,6 @@
 #pragma once
 
 #define GLM_FORCE_XYZW_ONLY  // no unions in glm::vec, so that it may hold a ceres::Jet
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <glm/vec2.hpp>
@@ -73,6 +72,12 @@ GS_HD T inner(const Vec2<T>& a, const Vec2<T>& b) {
 template <class T>
 GS_HD T inner(const Vec3<T>& a, const Vec3<T>& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+/// False where a component is NaN or infinite, or their sum overflows.
+template <class T>
+GS_HD bool is_finite(const Vec3<T>& v) {
+  const T sum = v.x + v.y + v.z;
+  return sum - sum == T(0);
 }
 template <class T>
 GS_HD T squared_norm(const Quat<T>& q) {

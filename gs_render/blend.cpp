@@ -41,7 +41,7 @@ inline void blend_lanes(const Splat& splat, float dx, float dy, std::uint32_t po
     const int i = first + lane;
     PixelState<float> state{{pixels.red[i], pixels.green[i], pixels.blue[i]}, pixels.transmittance[i]};
     const float exponent = fragment_exponent(s.conic, dx + float(lane), dy);
-    const float gaussian = exp_fragment(max_of(exponent, -kMaxCutoff));
+    const float gaussian = exp_fragment(max_of(exponent, kMinExponent));
     const float alpha = fragment_alpha<rule>(s.opacity, gaussian);
     std::uint32_t open = pixels.is_open[i];
     std::uint32_t keep = open & std::uint32_t(exponent >= -s.cutoff);

@@ -70,7 +70,7 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
   for (int lane = 0; lane < kLanes; ++lane) {
     const int i = first + lane;
     const float exponent = fragment_exponent(s.conic, dx + float(lane), dy);
-    const float gaussian = exp_fragment(max_of(exponent, -kMaxCutoff));
+    const float gaussian = exp_fragment(max_of(exponent, kMinExponent));
     const bool keep = (position < pixels.last[i]) & (exponent >= -s.cutoff);
     const float alpha = keep ? fragment_alpha<rule>(s.opacity, gaussian) : 0.0f;
 
@@ -78,7 +78,7 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
                                     pixels.transmittance[i],
                                     {pixels.d_red[i], pixels.d_green[i], pixels.d_blue[i]},
                                     pixels.d_final[i]};
-    const CompositeGradient<float> dL = composite_vjp(state, s.color, alpha);
+    const CompositeGradient<float> dL = composite_vjp(state, s.color, alpha, position + 1 == pixels.last[i]);
     pixels.red[i] = state.color_behind.x;
     pixels.green[i] = state.color_behind.y;
     pixels.blue[i] = state.color_behind.z;

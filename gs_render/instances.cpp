@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 2: the visible Gaussians near to far, and one instance for each tile that each of them hits.
 #include <bit>
+#include <limits>
 
+#include "gs_core/error.h"
 #include "gs_core/parallel.h"
 #include "gs_core/radix_sort.h"
 #include "gs_render/stages.h"
@@ -29,12 +31,16 @@ void create_instances(RenderPass& pass) {
   order_by_depth(pass);
   const std::size_t visible = pass.depth_order.size();
   pass.first_instance.resize_discard(visible + 1);
-  std::uint32_t total = 0;
+  std::uint64_t total = 0;
   for (std::size_t k = 0; k < visible; ++k) {
-    pass.first_instance[k] = total;
+    pass.first_instance[k] = std::uint32_t(total);
     total += pass.tile_counts[pass.depth_order[k]];
   }
-  pass.first_instance[visible] = total;
+  if (total > std::numeric_limits<std::uint32_t>::max())
+    throw Error("a view has more than 2^32 splats in tiles; lower the resolution (-r) or the number of "
+                "Gaussians (--max-gaussians)",
+                ExitCode::out_of_memory);
+  pass.first_instance[visible] = std::uint32_t(total);
   pass.instance_tiles.resize_discard(total);
   pass.instance_splats.resize_discard(total);
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas.
+#include "gs_core/error.h"
 #include "gs_core/parallel.h"
 #include "gs_render/stages.h"
 
@@ -8,6 +9,8 @@ namespace gs {
 void preprocess(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
                 RenderPass& pass) {
   const std::size_t count = gaussians.mean.size;
+  GS_CHECK(camera.width > 0 && camera.width <= kMaxPictureSide && camera.height > 0 &&
+           camera.height <= kMaxPictureSide);
   pass.width = camera.width;
   pass.height = camera.height;
   pass.tiles_x = (camera.width + kTileWidth - 1) / kTileWidth;

@@ -21,7 +21,7 @@ struct RenderPass {
   int width = 0, height = 0;            // pixels
   int tiles_x = 0, tiles_y = 0;
 
-  // 1 preprocess                       one row per Gaussian; rows of culled ones are undefined but tile_count
+  // 1 preprocess                       one row per Gaussian; rows of culled ones are undefined, all but tile_counts
   Buffer<Splat> splats;                 // (N)
   Buffer<float> depths;                 // (N)   world units along the viewing axis
   Buffer<Rect> pixel_rects;             // (N)   pixels of the bounding rectangle
@@ -46,6 +46,13 @@ struct RenderPass {
 
   // 6 blend backward                   scalar backend
   Buffer<SplatGradient> instance_gradients;  // (I) each instance's share, summed per splat in a fixed order
+
+  explicit RenderPass(Memory& memory = host_memory())
+      : splats(memory), depths(memory), pixel_rects(memory), tile_counts(memory),
+        depth_order(memory), first_instance(memory), instance_tiles(memory),
+        instance_splats(memory), sort_scratch(memory), tile_instances(memory),
+        tile_ranges(memory), image(memory), transmittance(memory), last_instance(memory),
+        instance_gradients(memory) {}
 
   std::size_t pixel_count() const { return std::size_t(width) * height; }
   std::size_t tile_count() const { return std::size_t(tiles_x) * tiles_y; }

@@ -15,6 +15,8 @@ namespace gs {
 class Renderer {
  public:
   virtual ~Renderer() = default;
+  /// Where its passes live.
+  virtual Memory& memory() = 0;
 
   /// Fills `pass`: picture, transmittance, and everything that backward needs.
   virtual void forward(const GaussiansSpan& gaussians, const Camera& camera,

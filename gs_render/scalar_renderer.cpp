@@ -9,6 +9,8 @@ namespace {
 
 class ScalarRenderer final : public Renderer {
  public:
+  Memory& memory() override { return host_memory(); }
+
   void forward(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
                RenderPass& pass) override {
     preprocess(gaussians, camera, settings, pass);

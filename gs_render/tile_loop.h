@@ -2,6 +2,8 @@
 // How the scalar blend stages walk a tile: which pixels it has, and which of them a splat may touch.
 #pragma once
 
+#include <algorithm>
+
 #include "gs_render/render_pass.h"
 
 namespace gs {

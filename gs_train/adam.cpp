@@ -20,22 +20,15 @@ class ScalarOptimizer final : public Optimizer {
   void step(TrainingModel& model, const Gaussians& gradients, const LearningRates& rates) override {
     GS_CHECK(gradients.count() == model.count());
     const int t = ++model.adam_steps;
-    const GaussianArrays<Rate> rate{{rates.mean},          {rates.log_scale}, {rates.rotation},
-                                    {rates.logit_opacity}, {rates.sh0},       {rates.sh_rest}};
     for_each_array(
-        [&](const char*, auto& parameters, auto& m, auto& v, const auto& gradient, const auto& rate) {
+        [&](const char*, auto& parameters, auto& m, auto& v, const auto& gradient, float rate) {
           update(numbers_of(parameters), numbers_of(m), numbers_of(v), numbers_of(gradient),
-                 adam_step(t, rate.value));
+                 adam_step(t, rate));
         },
-        model.gaussians, model.first_moment, model.second_moment, gradients, rate);
+        model.gaussians, model.first_moment, model.second_moment, gradients, rates);
   }
 
  private:
-  template <class T>
-  struct Rate {
-    float value;
-  };
-
   static void update(Span<float> parameters, Span<float> m, Span<float> v, Span<const float> gradient,
                      const AdamStep& step) {
     parallel_chunks(parameters.size, 16384, [=](std::size_t begin, std::size_t end) {

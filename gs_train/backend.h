@@ -16,7 +16,7 @@ namespace gs {
 class Backend {
  public:
   explicit Backend(Memory& memory)
-      : dL_dimage_(memory), dL_dmean2d_(memory), gradients_(memory) {}
+      : pass_(memory), dL_dimage_(memory), dL_dmean2d_(memory), gradients_(memory) {}
   virtual ~Backend() = default;
   virtual std::string name() const = 0;  // as in results.json: "cpu", "cuda:0 (NVIDIA H200)"
   virtual Memory& memory() = 0;

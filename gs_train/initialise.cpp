@@ -10,7 +10,6 @@
 namespace gs {
 namespace {
 
-constexpr int kNeighbours = 3;        // Kerbl et al. 2023, Sec. 5.1
 constexpr float kRandomBoxSize = 3;   // half the edge of the box of random points, in scene extents
 
 bool sees(const Camera& camera, const Vec3f& point, float near_plane) {
@@ -57,7 +56,7 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
   Gaussians start(points.size(), host_memory());
   parallel_for(points.size(), 256, [&](std::size_t i) {
     const float distance2 =
-        std::max(tree.mean_squared_distance(i, kNeighbours), kMinNeighbourDistance2);
+        std::max(tree.mean_squared_distance(i, kInitialNeighbours), kMinNeighbourDistance2);
     start.mean[i] = means[i];
     start.log_scale[i] = Vec3f(0.5f * std::log(distance2));
     start.rotation[i] = {1, 0, 0, 0};

@@ -52,7 +52,7 @@ Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians, const st
                     const RenderSettings& settings,
                     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view) {
   Evaluation evaluation;
-  RenderPass pass;
+  RenderPass pass(renderer.memory());
   for (std::size_t i = 0; i < views.size(); ++i) {
     renderer.forward(gaussians, views[i].camera, settings, pass);
     const ImageF render = image_of(pass);

@@ -7,9 +7,9 @@
 namespace gs {
 
 /// One learning rate per learned quantity, for one step. The position rate includes the scene's extent.
-struct LearningRates {
-  float mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
-};
+template <class T>
+using RateOf = float;
+using LearningRates = GaussianArrays<RateOf>;
 
 /// What density control looks at, gathered over the steps since the last refinement.
 struct DensityStatistics {

@@ -23,6 +23,10 @@ void zero_rows_from(Buffer<T>& array, std::size_t first) {
   std::fill(array.begin() + first, array.end(), T{});
 }
 
+bool row_is_pruned(const GaussiansSpan& rows, std::size_t i, const AdaptiveRules& rules) {
+  return is_pruned(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], rules);
+}
+
 // What the statistics and the rules ask of each row, pruning included.
 std::vector<Fate> fates(const TrainingModel& model, const AdaptiveRules& rules) {
   const GaussiansSpan rows = model.gaussians.span();
@@ -31,7 +35,7 @@ std::vector<Fate> fates(const TrainingModel& model, const AdaptiveRules& rules) 
     const bool grows = wants_growth(model.statistics.visits[i], model.statistics.gradient_norm[i],
                                     rules.gradient_threshold);
     const bool small = is_small(rows.log_scale[i], rules.small_scale);
-    const bool pruned = is_pruned(rows.logit_opacity[i], rows.log_scale[i], rows.rotation[i], rules);
+    const bool pruned = row_is_pruned(rows, i, rules);
     // A row too large to keep may still be split into halves that are not.
     fate[i] = grows && !small ? Fate::split : pruned ? Fate::prune : grows ? Fate::clone : Fate::keep;
   });
@@ -39,21 +43,24 @@ std::vector<Fate> fates(const TrainingModel& model, const AdaptiveRules& rules) 
 }
 
 // Where growth would pass the cap, only the rows with the largest mean gradients grow.
-void limit_growth(std::vector<Fate>& fate, const DensityStatistics& statistics,
-                  std::int64_t max_gaussians) {
+void limit_growth(std::vector<Fate>& fate, const TrainingModel& model, const AdaptiveRules& rules) {
+  if (rules.max_gaussians <= 0) return;
+  const DensityStatistics& statistics = model.statistics;
   std::vector<std::uint32_t> growing;
   std::int64_t staying = 0;
   for (std::uint32_t i = 0; i < fate.size(); ++i) {
     if (fate[i] == Fate::clone || fate[i] == Fate::split) growing.push_back(i);
     staying += fate[i] != Fate::prune;
   }
-  const std::int64_t room = std::max<std::int64_t>(max_gaussians - staying, 0);
-  if (max_gaussians <= 0 || std::int64_t(growing.size()) <= room) return;
+  const std::int64_t room = std::max<std::int64_t>(rules.max_gaussians - staying, 0);
+  if (std::int64_t(growing.size()) <= room) return;
   std::stable_sort(growing.begin(), growing.end(), [&](std::uint32_t a, std::uint32_t b) {
     return statistics.gradient_norm[a] * std::max(statistics.visits[b], 1.0f) >
            statistics.gradient_norm[b] * std::max(statistics.visits[a], 1.0f);
   });
-  for (std::size_t k = std::size_t(room); k < growing.size(); ++k) fate[growing[k]] = Fate::keep;
+  for (std::size_t k = std::size_t(room); k < growing.size(); ++k)
+    fate[growing[k]] =
+        row_is_pruned(model.gaussians.span(), growing[k], rules) ? Fate::prune : Fate::keep;
 }
 
 class ScalarRowOps final : public RowOps {
@@ -61,7 +68,7 @@ class ScalarRowOps final : public RowOps {
   RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
                       int step) override {
     std::vector<Fate> fate = fates(model, rules);
-    limit_growth(fate, model.statistics, rules.max_gaussians);
+    limit_growth(fate, model, rules);
 
     std::vector<std::uint32_t> survivors, clones, halves;
     RefineReport report;
@@ -82,8 +89,7 @@ class ScalarRowOps final : public RowOps {
     move_halves(model.gaussians, survivors.size() + clones.size(), halves, random, step);
     report.pruned += prune_rows(model, [&](std::size_t i) {
       return i >= survivors.size() + clones.size() &&
-             is_pruned(model.gaussians.logit_opacity[i], model.gaussians.log_scale[i],
-                       model.gaussians.rotation[i], rules);
+             row_is_pruned(model.gaussians.span(), i, rules);
     });
     model.statistics.visits.fill_zero();
     model.statistics.gradient_norm.fill_zero();
@@ -99,8 +105,9 @@ class ScalarRowOps final : public RowOps {
 
   std::size_t prune(TrainingModel& model, float opacity) override {
     return prune_rows(model, [&](std::size_t i) {
-      return !(sigmoid(model.gaussians.logit_opacity[i]) >= opacity) ||
-             is_degenerate(model.gaussians.rotation[i]);
+      const Gaussians& rows = model.gaussians;
+      return is_invisible(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
+                          opacity);
     });
   }
 

@@ -8,9 +8,10 @@ namespace gs {
 namespace {
 
 constexpr double kStandardSteps = 30000;  // the run that the config's steps speak of
-constexpr int kMinRefineInterval = 50;    // steps; docs/benchmarks.md, "Short schedules"
+constexpr int kMinRefineFrom = 300;       // steps; before, the statistics say little: docs/schedule.md
+constexpr int kMinRefineInterval = 100;   // steps; shorter ones see each view too rarely: docs/schedule.md
 constexpr int kMinResetInterval = 1000;   // steps; a reset needs that long to heal
-constexpr int kExtraResetStep = 500;      // on a background that is not black; Kerbl et al. 2023, code
+constexpr int kExtraResetStep = 500;      // on a white background; Kerbl et al. 2023, code
 
 }  // namespace
 
@@ -18,8 +19,8 @@ Schedule::Schedule(const Config& config, float scene_extent)
     : rates_(config.optimizer), extent_(scene_extent) {
   steps_ = std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));
   const DensityConfig& density = config.density;
-  refine_from_ = scaled(density.from_step);
-  refine_until_ = scaled(density.until_step);
+  refine_from_ = std::max(scaled(density.from_step), std::min(density.from_step, kMinRefineFrom));
+  refine_until_ = refine_from_ + scaled(density.until_step) - scaled(density.from_step);
   refine_every_ = std::max(scaled(density.every), std::min(density.every, kMinRefineInterval));
   reset_every_ = std::max(scaled(density.reset_opacity_every),
                           std::min(density.reset_opacity_every, kMinResetInterval));
@@ -57,6 +58,8 @@ bool Schedule::reorder(int step) const { return step % morton_every_ == 0 && ste
 
 bool Schedule::gather_statistics(int step) const { return step <= refine_until_; }
 
-bool Schedule::prune_large(int step) const { return step > reset_every_; }
+bool Schedule::prune_large(int step) const {
+  return step > reset_every_ && reset_every_ <= reset_until_;
+}
 
 }  // namespace gs

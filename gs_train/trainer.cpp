@@ -56,10 +56,11 @@ void Trainer::run() {
   };
 
   backend_.rows().sort_by_morton(model_);
-  for (int step = 1; step <= schedule_.steps() && !stop_requested_; ++step) {
-    one_step(step);
-    if (step == schedule_.steps() || stop_requested_) finish();
-    pause_for_observers([&](Observer& observer) { observer.after_step(step, *this); });
+  for (bool is_last = false; !is_last;) {
+    one_step(++step_);
+    is_last = step_ == schedule_.steps() || stop_requested_;
+    if (is_last) finish();
+    pause_for_observers([&](Observer& observer) { observer.after_step(step_, *this); });
   }
   pause_for_observers([&](Observer& observer) { observer.after_run(*this); });
 }

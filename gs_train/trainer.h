@@ -34,7 +34,7 @@ class Trainer {
 
   /// The whole run, with final prune and Morton order.
   void run();
-  /// Asks run() to end after the step at hand; safe to call from a signal handler.
+  /// Asks run() to end as if the next step were the last; safe to call from a signal handler.
   void stop() { stop_requested_ = true; }
   bool stopped_early() const { return stop_requested_; }
 
@@ -65,6 +65,7 @@ class Trainer {
   DensityControl density_;
   TrainingModel model_;
   std::vector<Observer*> observers_;
+  int step_ = 0;  // steps done
   double train_seconds_ = 0;
   volatile bool stop_requested_ = false;
 };

@@ -104,13 +104,13 @@ GS_HD void composite(PixelState<T>& pixel, const Vec3<T>& color, const T& alpha)
 }
 
 /// One pixel of the backward pass, walked front to back like the forward one, so that nothing is ever
-/// divided out of the transmittance (Faster-GS; specs: stable front-to-back gradients).
+/// divided out of the transmittance (Faster-GS).
 template <class T>
 struct PixelBackwardState {
-  Vec3<T> color_behind;    // colour that the fragments from here on still contribute, without background
+  Vec3<T> color_behind{T(0), T(0), T(0)};  // colour that the fragments from here on still contribute, without background
   T transmittance{1};      // before this fragment
   Vec3<T> dL_dcolor;       // of the pixel
-  T dL_dfinal_transmittance_term;  // -T_final * <dL/dcolor, background>
+  T background_term;       // -T_final * <dL/dcolor, background>
 };
 template <class T>
 struct CompositeGradient {
@@ -119,19 +119,21 @@ struct CompositeGradient {
 };
 /// Gradients of composite() by this fragment's colour and alpha, including its effect on everything behind:
 ///
-///   dL/dc = T alpha g where c >= 0
-///   dL/dalpha = <T c - R / (1 - alpha), g> + ga / (1 - alpha)
-/// with R the colour behind this fragment. Advances the state past the fragment.
+///   dL/dc = T alpha g where c >= 0, with g = dL/d(pixel)
+///   dL/dalpha = <T max(c, 0) - R / (1 - alpha), g> + ga / (1 - alpha)
+/// with R the colour behind this fragment. Advances the state past the fragment. Behind the pixel's last
+/// fragment R is zero: said by `is_last`, because what rounding leaves of the difference would be divided by
+/// 1 - alpha.
 template <class T>
 GS_HD CompositeGradient<T> composite_vjp(PixelBackwardState<T>& pixel, const Vec3<T>& color,
-                                         const T& alpha) {
+                                         const T& alpha, bool is_last = false) {
   const T weight = pixel.transmittance * alpha;
   const Vec3<T> clamped{max_of(color.x, T(0)), max_of(color.y, T(0)), max_of(color.z, T(0))};
   const Vec3<T>& g = pixel.dL_dcolor;
-  pixel.color_behind = pixel.color_behind - weight * clamped;
+  pixel.color_behind = (is_last ? T(0) : T(1)) * (pixel.color_behind - weight * clamped);
   const T q = T(1) / max_of(T(1) - alpha, T(kMinOneMinusAlpha));
   const T dL_dalpha = inner(pixel.transmittance * clamped - q * pixel.color_behind, g) +
-                      q * pixel.dL_dfinal_transmittance_term;
+                      q * pixel.background_term;
   pixel.transmittance = pixel.transmittance * (T(1) - alpha);
   return {{color.x >= T(0) ? weight * g.x : T(0), color.y >= T(0) ? weight * g.y : T(0),
            color.z >= T(0) ? weight * g.z : T(0)},

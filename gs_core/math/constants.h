@@ -9,11 +9,13 @@ namespace gs {
 inline constexpr int kTileWidth = 16;   // pixels [3DGS]
 inline constexpr int kTileHeight = 16;  // pixels [3DGS]
 
+inline constexpr int kMaxPictureSide = 65520;  // pixels; rectangles are held in 16 bits
+
 // Fragments.
 inline constexpr float kMinAlpha = 1.0f / 255.0f;       // a fragment below this is not blended [3DGS]
 inline constexpr float kMinTransmittance = 1e-4f;       // a pixel below this is finished [3DGS]
 inline constexpr float kMaxAlphaClassic = 0.99f;        // upper clamp of the classic rule [3DGS]
-inline constexpr float kMaxCutoff = 80.0f;              // exp(-80) is a normal float; no cutoff comes near it
+inline constexpr float kMinExponent = -80.0f;           // exp(-80) is a normal float; no fragment comes near it
 inline constexpr float kMinOneMinusAlpha = 1e-6f;       // guard of the backward residual [FGS]
 
 // Projection.
@@ -21,6 +23,7 @@ inline constexpr float kBlur = 0.3f;                    // pixels^2 added to the
 inline constexpr float kBlurAntialias = 0.1f;           // pixels^2, with opacity compensation [Mip]
 inline constexpr float kFrustumMargin = 0.15f;          // of the picture's size: the Jacobian is clamped beyond [3DGS: 1.3 tan]
 inline constexpr float kMinCovarianceDeterminant = 1e-6f;  // pixels^4; below it a splat is not rendered [FGS]
+inline constexpr float kMaxCovarianceDeterminant = 1e30f;  // pixels^4; above it 1 / det loses its range in float
 inline constexpr float kMinQuaternionNorm2 = 1e-8f;     // below it a Gaussian is degenerate [FGS]
 
 // Spherical harmonics, normalisation of the real basis functions.
@@ -55,6 +58,8 @@ inline constexpr float kSplitScaleDivisor = 1.6f;       // both halves of a spli
 inline constexpr float kResetOpacity = 0.01f;           // an opacity reset lowers to it [3DGS]
 
 // Initialisation.
+inline constexpr int kInitialNeighbours = 3;            // whose mean distance is the first scale [3DGS]
+inline constexpr float kExtentMargin = 1.1f;            // of the farthest camera's distance [3DGS]
 inline constexpr float kMinNeighbourDistance2 = 1e-7f;  // world units^2 [3DGS]
 
 // Morton order.

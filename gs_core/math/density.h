@@ -19,7 +19,7 @@ struct AdaptiveRules {
 };
 
 /// The statistic that density control averages: the length of the image-plane gradient in units of half the
-/// picture (NDC).   pixels^-1 times pixels
+/// picture.   loss per NDC unit
 GS_HD float screen_gradient_norm(const Vec2f& dL_dmean2d, int width, int height) {
   using std::sqrt;
   const Vec2f ndc = 0.5f * Vec2f(dL_dmean2d.x * float(width), dL_dmean2d.y * float(height));
@@ -55,12 +55,19 @@ GS_HD Vec3f split_log_scale(const Vec3f& log_scale) {
   return log_scale - Vec3f(log(kSplitScaleDivisor));
 }
 
-/// True where the Gaussian is removed: transparent, too large, or without a rotation.
-GS_HD bool is_pruned(float logit_opacity, const Vec3f& log_scale, const Quatf& rotation,
-                     const AdaptiveRules& rules) {
+/// True where the Gaussian can never be seen: transparent, without a rotation, or not finite.
+GS_HD bool is_invisible(const Vec3f& mean, const Vec3f& log_scale, const Quatf& rotation,
+                        float logit_opacity, float min_opacity) {
+  return !(sigmoid(logit_opacity) >= min_opacity) || is_degenerate(rotation) || !is_finite(mean) ||
+         !is_finite(log_scale);
+}
+
+/// True where a refinement removes the Gaussian: it cannot be seen, or it is too large.
+GS_HD bool is_pruned(const Vec3f& mean, const Vec3f& log_scale, const Quatf& rotation,
+                     float logit_opacity, const AdaptiveRules& rules) {
   using std::exp;
-  return sigmoid(logit_opacity) < rules.prune_opacity || exp(largest(log_scale)) > rules.prune_scale ||
-         is_degenerate(rotation);
+  return is_invisible(mean, log_scale, rotation, logit_opacity, rules.prune_opacity) ||
+         exp(largest(log_scale)) > rules.prune_scale;
 }
 
 }  // namespace gs

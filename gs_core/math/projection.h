@@ -126,7 +126,7 @@ GS_HD Sym2<T> conic_vjp(const Sym2<T>& conic, const Sym2<T>& dL_dconic) {
 }
 
 /// Opacity compensation of the antialiased mode: sqrt(max(|S| / |S + blur I|, 0)), S the covariance before
-/// the blur. It keeps a splat's energy when the blur widens it.   Yu et al. 2024, Eq. 9
+/// the blur. It keeps a splat's energy when the blur widens it.   Yu et al. 2024
 ///
 /// cov2d  covariance with the blur added   pixels^2
 template <class T>

@@ -84,7 +84,7 @@ GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
   const T blur = blur_of<T>(settings);
   result.cov2d = project_covariance(projection_jacobian(camera, p), sigma, blur);
   const T det = determinant(result.cov2d);
-  if (!(det >= T(kMinCovarianceDeterminant) && det < T(1e30f))) return result;
+  if (!(det >= T(kMinCovarianceDeterminant) && det < T(kMaxCovarianceDeterminant))) return result;
 
   BasicSplat<T>& splat = result.splat;
   splat.opacity = sigmoid(gaussian.logit_opacity);

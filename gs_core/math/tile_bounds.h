@@ -2,6 +2,8 @@
 // Stages 1 and 2: where a splat ends: its cutoff, its bounding rectangle, and the tiles that it really hits.
 #pragma once
 
+#include <limits>
+
 #include "gs_core/math/constants.h"
 #include "gs_core/types.h"
 
@@ -76,19 +78,20 @@ GS_HD bool tile_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cuto
   const float fx = (left ? x_min : right ? x_max : mean2d.x) - mean2d.x;
   const float fy = (above ? y_min : below ? y_max : mean2d.y) - mean2d.y;
   const bool outside_x = left || right, outside_y = above || below;
-  float best = 0.0f;
-  bool found = false;
+  const auto quadratic = [&](float x, float y) {
+    const float square = multiply_add(conic.xx * x, x, conic.yy * y * y);
+    return multiply_add(conic.xy * x, y, 0.5f * square);
+  };
+  float least = std::numeric_limits<float>::infinity();
   if (outside_x) {  // the edge x = const: free in y
     const float y = clamp_to(-conic.xy * fx / conic.yy, y_min - mean2d.y, y_max - mean2d.y);
-    best = 0.5f * (conic.xx * fx * fx + conic.yy * y * y) + conic.xy * fx * y;
-    found = true;
+    least = quadratic(fx, y);
   }
   if (outside_y) {  // the edge y = const: free in x
     const float x = clamp_to(-conic.xy * fy / conic.xx, x_min - mean2d.x, x_max - mean2d.x);
-    const float value = 0.5f * (conic.xx * x * x + conic.yy * fy * fy) + conic.xy * x * fy;
-    best = found ? min_of(best, value) : value;
+    least = min_of(least, quadratic(x, fy));
   }
-  return best <= cutoff;
+  return least <= cutoff;
 }
 
 /// Calls visit(tile_x, tile_y) for each tile that the splat hits, row by row. Counting and emitting instances

@@ -232,6 +232,14 @@ TEST(LoadScene, DamagedPhotoIsNamed) {
   EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("c.png"));
 }
 
+TEST(LoadScene, PointBeyondSinglePrecisionIsRefused) {
+  const TempFolder temp;
+  ColmapModel model = small_model(2);
+  model.points[1].position.y = -1e60;
+  write_scene(temp.path(), model);
+  EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("point 900000000000"));
+}
+
 TEST(LoadScene, PoseBeyondSinglePrecisionIsRefused) {
   const TempFolder temp;
   ColmapModel model = small_model(2);

@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -319,15 +320,17 @@ TEST_F(Ply, FailureHalfwayLeavesTheOlderFileAndNoOther) {
   EXPECT_EQ(file_count(), 1u);
 }
 
-TEST_F(Ply, LinksStayAndDevicesAreNotReplaced) {
+TEST_F(Ply, LinksStayAndPipesAreNotReplaced) {
   write_bytes(folder_.path() / "real/target.ply", "older");
   std::filesystem::create_symlink("real/target.ply", file());
   write_gaussian_ply(file(), random_model(2, 0));
   EXPECT_TRUE(std::filesystem::is_symlink(file()));
   EXPECT_EQ(read_gaussian_ply(folder_.path() / "real/target.ply").gaussians.count(), 2u);
-  EXPECT_THAT(error_of([&] { write_gaussian_ply("/dev/null", random_model(2, 0)); }),
-              HasSubstr("cannot write /dev/null"));
-  EXPECT_TRUE(std::filesystem::is_character_file("/dev/null"));
+  const auto pipe = folder_.path() / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_THAT(error_of([&] { write_gaussian_ply(pipe, random_model(2, 0)); }),
+              HasSubstr("cannot write " + pipe.string()));
+  EXPECT_TRUE(std::filesystem::is_fifo(pipe));
 }
 
 TEST_F(Ply, FolderInThePlaceOfTheFileLeavesNoOtherFile) {

@@ -231,8 +231,8 @@ TEST(Undistort, SmoothScenePhotographedThroughTheLensComesBack) {
           worst = std::max(worst, error);
           sum += error;
         }
-    // Rounding twice gives 0.3 on the mean and 1.3 at worst. The scene changes by 1 to 4 a pixel: half
-    // a pixel off gives 1 on the mean.
+    // Rounding twice gives 0.3 on the mean and 1.3 at worst. The scene changes by 1 to 4 a pixel:
+    // half a pixel off gives 1 on the mean.
     EXPECT_LT(sum / double(result.pixels.size()), 0.4) << lens.label;
     EXPECT_LT(worst, 2) << lens.label;
   }

@@ -86,22 +86,31 @@ TEST(SplitLogScale, DividesTheScaleByOnePointSix) {
 }
 
 TEST(IsPruned, BelowTheOpacityButNotAtIt) {
-  EXPECT_FALSE(is_pruned(0.0f, {0.0f, 0.0f, 0.0f}, kUpright, rules(0.5f, kInfinity)));
-  EXPECT_TRUE(is_pruned(-1e-6f, {0.0f, 0.0f, 0.0f}, kUpright, rules(0.5f, kInfinity)));
+  EXPECT_FALSE(is_pruned(Vec3f(0.0f), {0.0f, 0.0f, 0.0f}, kUpright, 0.0f, rules(0.5f, kInfinity)));
+  EXPECT_TRUE(is_pruned(Vec3f(0.0f), {0.0f, 0.0f, 0.0f}, kUpright, -1e-6f, rules(0.5f, kInfinity)));
 }
 
 TEST(IsPruned, AboveTheScaleButNotAtIt) {
-  EXPECT_FALSE(is_pruned(3.0f, {0.0f, -1.0f, -1.0f}, kUpright, rules(0.1f, 1.0f)));
-  EXPECT_TRUE(is_pruned(3.0f, {-1.0f, 1e-6f, -1.0f}, kUpright, rules(0.1f, 1.0f)));
+  EXPECT_FALSE(is_pruned(Vec3f(0.0f), {0.0f, -1.0f, -1.0f}, kUpright, 3.0f, rules(0.1f, 1.0f)));
+  EXPECT_TRUE(is_pruned(Vec3f(0.0f), {-1.0f, 1e-6f, -1.0f}, kUpright, 3.0f, rules(0.1f, 1.0f)));
 }
 
 TEST(IsPruned, AtNoScaleWhenTheLimitIsInfinite) {
-  EXPECT_FALSE(is_pruned(3.0f, {50.0f, 50.0f, 50.0f}, kUpright, rules(0.1f, kInfinity)));
+  EXPECT_FALSE(is_pruned(Vec3f(0.0f), {50.0f, 50.0f, 50.0f}, kUpright, 3.0f, rules(0.1f, kInfinity)));
 }
 
 TEST(IsPruned, WithoutARotation) {
   EXPECT_TRUE(
-      is_pruned(3.0f, {0.0f, 0.0f, 0.0f}, {0.0f, 1e-5f, 0.0f, 0.0f}, rules(0.1f, kInfinity)));
+      is_pruned(Vec3f(0.0f), {0.0f, 0.0f, 0.0f}, {0.0f, 1e-5f, 0.0f, 0.0f}, 3.0f, rules(0.1f, kInfinity)));
+}
+
+TEST(IsPruned, WithAValueThatIsNotFinite) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const AdaptiveRules all = rules(0.1f, kInfinity);
+  EXPECT_TRUE(is_pruned({0.0f, nan, 0.0f}, Vec3f(0.0f), kUpright, 3.0f, all));
+  EXPECT_TRUE(is_pruned(Vec3f(0.0f), {0.0f, kInfinity, 0.0f}, kUpright, 3.0f, all));
+  EXPECT_TRUE(is_pruned(Vec3f(0.0f), Vec3f(0.0f), {nan, 0.0f, 0.0f, 0.0f}, 3.0f, all));
+  EXPECT_TRUE(is_pruned(Vec3f(0.0f), Vec3f(0.0f), kUpright, nan, all));
 }
 
 }  // namespace
