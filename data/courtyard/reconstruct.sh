@@ -17,11 +17,11 @@ mkdir -p "$work/sparse"
 colmap feature_extractor \
     --database_path "$work/database.db" --image_path "$here/images" \
     --ImageReader.camera_model PINHOLE --ImageReader.single_camera 1 \
-    --SiftExtraction.use_gpu 0
+    --SiftExtraction.use_gpu 0 --SiftExtraction.max_num_features 3000
 
 colmap exhaustive_matcher \
     --database_path "$work/database.db" \
-    --SiftMatching.use_gpu 0 --SiftMatching.guided_matching 1
+    --SiftMatching.use_gpu 0
 
 colmap mapper \
     --database_path "$work/database.db" --image_path "$here/images" \
