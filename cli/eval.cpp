@@ -85,7 +85,7 @@ void add_eval(CLI::App& program) {
       ->type_name("STEP");
   verb.add_option("--split", command->split, "which views [test]")
       ->check(CLI::IsMember({"test", "train", "all"}))
-      ->type_name("test|train|all");
+      ->type_name("");
   verb.add_flag("--json", command->json, "print JSON, with the figures of every view");
   verb.add_option("-o,--output", command->output, "write that JSON to a file, too")
       ->type_name("FILE");

@@ -40,7 +40,7 @@ void info(const InfoCommand& command) {
   if (command.json) {
     std::cout << to_json_text(model_info) << '\n';
   } else {
-    std::cout << opened.ply.string() << '\n' << describe(model_info) << std::flush;
+    std::cout << opened.ply.string() << '\n' << describe(model_info) << '\n';
   }
 }
 

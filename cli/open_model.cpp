@@ -34,6 +34,7 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
     opened.run.emplace(path);
     opened.ply = ply_of(*opened.run, step);
     if (fs::exists(opened.run->config())) load_config(opened.config, opened.run->config());
+    opened.config.train = {};  // where a model was trained says nothing of where it is looked at
   }
   opened.model = read_gaussian_ply(opened.ply);
   opened.config.model.sh_degree = opened.model.sh_degree;

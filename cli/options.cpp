@@ -57,6 +57,11 @@ Verbosity CommandLine::verbosity() const {
   return quiet ? Verbosity::quiet : verbose ? Verbosity::verbose : Verbosity::normal;
 }
 
+bool CommandLine::has(const std::string& key) const {
+  return std::any_of(flags.begin(), flags.end(),
+                     [&](const std::string& flag) { return flag.starts_with(key + "="); });
+}
+
 void add_setting(CLI::App& verb, CommandLine& line, const std::string& names,
                  const std::string& key, const std::string& group, const std::string& help) {
   const SettingHelp setting = help_of(key);

@@ -24,6 +24,8 @@ struct CommandLine {
   bool quiet = false, verbose = false;
 
   Verbosity verbosity() const;
+  /// Whether a flag for that setting was given.
+  bool has(const std::string& key) const;
 };
 
 /// Adds a flag for the setting `key`: `names` as CLI11 takes them, `help` where the setting's own meaning

@@ -2,8 +2,17 @@
 #include "cli/pictures.h"
 
 #include <algorithm>
+#include <cctype>
+#include <iterator>
+#include <string_view>
 
 namespace gs {
+namespace {
+
+constexpr std::string_view kPhotoExtensions[] = {".jpg",  ".jpeg", ".png",  ".tif",
+                                                 ".tiff", ".bmp",  ".webp", ".exr"};
+
+}  // namespace
 
 Image8 to_image8(const ImageF& image) {
   Image8 result(image.width, image.height, image.channels);
@@ -24,7 +33,14 @@ std::filesystem::path picture_path(const std::filesystem::path& folder,
                                    const std::string& view_name) {
   std::filesystem::path name = std::filesystem::path(view_name).lexically_normal();
   if (name.is_absolute() || (!name.empty() && *name.begin() == "..")) name = name.filename();
-  return folder / name.replace_extension(".png");
+  std::string extension = name.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return char(std::tolower(c)); });
+  // cameras.json has names without extension: the ".7" of "frame.7" is none.
+  if (std::find(std::begin(kPhotoExtensions), std::end(kPhotoExtensions), extension) !=
+      std::end(kPhotoExtensions))
+    name.replace_extension();
+  return folder / (name += ".png");
 }
 
 }  // namespace gs

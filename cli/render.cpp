@@ -5,12 +5,14 @@
 #include <cmath>
 #include <iostream>
 #include <memory>
+#include <set>
 
 #include "cli/devices.h"
 #include "cli/open_model.h"
 #include "cli/options.h"
 #include "cli/pictures.h"
 #include "cli/progress_bar.h"
+#include "cli/run_folder.h"
 #include "cli/verbs.h"
 #include "data_loaders/camera_file.h"
 #include "data_loaders/load_scene.h"
@@ -41,6 +43,18 @@ std::vector<NamedCamera> cameras_of_file(const std::filesystem::path& file, int 
   return cameras;
 }
 
+// The run's own cameras, those of its training or test views where asked.
+std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
+                                        const std::string& split) {
+  std::vector<NamedCamera> cameras = cameras_of_file(run.cameras(), resolution);
+  if (split == "all") return cameras;
+  std::set<std::string> wanted;  // names as in cameras.json
+  for (const std::string& name : split_names(run, split))
+    wanted.insert(std::filesystem::path(name).replace_extension().generic_string());
+  std::erase_if(cameras, [&](const NamedCamera& named) { return !wanted.contains(named.name); });
+  return cameras;
+}
+
 std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::string& split) {
   dataset.eval = split != "all";
   const Scene scene = load_scene(dataset);
@@ -50,32 +64,32 @@ std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::stri
   return cameras;
 }
 
-bool is_given(const CommandLine& line, const std::string& key) {
-  return std::any_of(line.flags.begin(), line.flags.end(),
-                     [&](const std::string& flag) { return flag.starts_with(key + "="); });
+// From --cameras, --data, or the run itself.
+std::vector<NamedCamera> cameras_of(const RenderCommand& command, const OpenedModel& opened,
+                                    const Config& config) {
+  const int resolution = config.dataset.resolution;
+  if (command.has("dataset.source")) return cameras_of_scene(config.dataset, command.split);
+  if (command.cameras.empty() && opened.run)
+    return cameras_of_run(*opened.run, resolution, command.split);
+  if (command.cameras.empty())
+    throw UsageError("from where? give --cameras FILE (a cameras.json) or --data SCENE");
+  if (command.split != "all")
+    throw UsageError("--split goes with --data or a run, not with --cameras");
+  return cameras_of_file(command.cameras, resolution);
 }
 
 void render(const RenderCommand& command) {
   setup_log(command.verbosity());
   OpenedModel opened = open_model(command.model, command.step);
-  const bool from_scene = is_given(command, "dataset.source");
   // A cameras.json has the size of its pictures already; only -r makes them smaller.
-  if (!from_scene) opened.config.dataset.resolution = 1;
+  if (!command.has("dataset.source")) opened.config.dataset.resolution = 1;
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
-
-  std::filesystem::path file = command.cameras;
-  if (file.empty() && opened.run) file = opened.run->cameras();
-  if (file.empty() && !from_scene)
-    throw UsageError("from where? give --cameras FILE (a cameras.json) or --data SCENE");
-  const std::vector<NamedCamera> cameras = from_scene
-                                               ? cameras_of_scene(config.dataset, command.split)
-                                               : cameras_of_file(file, config.dataset.resolution);
-
+  const std::vector<NamedCamera> cameras = cameras_of(command, opened, config);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
   const RenderSettings settings = view_settings(opened, config);
-  RenderPass pass;
+  RenderPass pass(backend->memory());
   ProgressBar bar(std::int64_t(cameras.size()), !command.quiet);
   std::int64_t done = 0;
   for (const auto& [name, camera] : cameras) {
@@ -109,9 +123,9 @@ void add_render(CLI::App& program) {
       ->group("Scene");
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
   verb.get_option("--data")->excludes("--cameras");
-  verb.add_option("--split", command->split, "which views of --data [all]")
+  verb.add_option("--split", command->split, "which views of the run or of --data [all]")
       ->check(CLI::IsMember({"test", "train", "all"}))
-      ->type_name("test|train|all")
+      ->type_name("")
       ->group("Scene");
   add_render_options(verb, *command);
   add_general_options(verb, *command);

@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <charconv>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "data_loaders/atomic_file.h"
@@ -130,6 +131,16 @@ void write_run_description(const RunFolder& folder, const Config& config, const 
   write_text(folder.split(), split_json(config, scene));
   write_cameras_json(folder.cameras(), scene);
   write_point_ply(folder.input_points(), scene.points);
+}
+
+std::vector<std::string> split_names(const RunFolder& folder, const std::string& split) {
+  std::ifstream file(folder.split());
+  try {
+    return nlohmann::json::parse(file).at(split).get<std::vector<std::string>>();
+  } catch (const nlohmann::json::exception&) {
+    throw Error("cannot read the " + split + " views from " + folder.split().string() +
+                ": the file is missing or damaged; leave --split out, or give --data SCENE");
+  }
 }
 
 void write_text(const fs::path& path, std::string_view text) {

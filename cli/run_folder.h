@@ -5,7 +5,9 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "gs_core/config.h"
 #include "gs_core/scene.h"
@@ -48,6 +50,9 @@ void make_run_folder(const RunFolder& folder);
 
 /// What is known before the first step: config.toml, cfg_args, split.json, cameras.json, input.ply.
 void write_run_description(const RunFolder& folder, const Config& config, const Scene& scene);
+
+/// The names of the run's views in a split, "train" or "test", as split.json has them. Throws Error.
+std::vector<std::string> split_names(const RunFolder& folder, const std::string& split);
 
 /// Writes a text file, whole or not at all. Throws Error.
 void write_text(const std::filesystem::path& path, std::string_view text);

@@ -186,9 +186,10 @@ void add_train(CLI::App& program) {
   add_setting(verb, line, "-o,--output,-m,--model-path", "model.output", "Output");
   verb.add_flag("--force", command->force, "move a run that is there already to OUT.bak-N first")
       ->group("Output");
-  add_setting(verb, line, "--save-steps,--save-iterations", "train.save_steps", "Output");
+  add_setting(verb, line, "--save-steps,--save-iterations", "train.save_steps", "Output",
+              "save the PLY after these steps, besides the last");
   add_setting(verb, line, "--test-steps,--test-iterations,--eval-steps", "train.test_steps",
-              "Output");
+              "Output", "evaluate the test views after these steps, besides the last");
   add_setting(verb, line, "-i,--iterations,--iter,--max-steps", "train.iterations", "Training");
   add_setting(verb, line, "--steps-scaler", "train.steps_scaler", "Training");
   add_setting(verb, line, "--max-gaussians,--max-cap,--cap-max", "density.max_gaussians",
