@@ -268,7 +268,7 @@ TEST_F(Program, AWrittenConfigRepeatsTheRun) {
 
 TEST_F(Program, EvalOfARunFindsTheFiguresOfItsTraining) {
   ASSERT_EQ(train("out").code, 0);
-  const Outcome outcome = run("eval " + text("out") + " --json -q");
+  const Outcome outcome = run("eval " + text("out") + " --json -q --device cpu");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const nlohmann::json figures = nlohmann::json::parse(outcome.out);
   const nlohmann::json expected = json("out/results.json").at("test");
@@ -287,7 +287,7 @@ TEST_F(Program, EvalOfARunFindsTheFiguresOfItsTraining) {
 
 TEST_F(Program, RenderOfARunRepeatsItsTestPictures) {
   ASSERT_EQ(train("out").code, 0);
-  const Outcome outcome = run("render " + text("out") + " -o " + text("pictures"));
+  const Outcome outcome = run("render " + text("out") + " --device cpu -o " + text("pictures"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Image8 rendered = read_photo(path("pictures/view_0.png"));
   const Image8 expected = read_photo(path("out/test/ours_20/renders/00000.png"));
@@ -295,6 +295,9 @@ TEST_F(Program, RenderOfARunRepeatsItsTestPictures) {
   for (std::size_t i = 0; i < rendered.pixels.size(); ++i)
     ASSERT_NEAR(rendered.pixels[i], expected.pixels[i], 1) << i;  // rotations, as above
   EXPECT_TRUE(fs::exists(path("pictures/view_5.png")));
+  ASSERT_EQ(run("render " + text("out") + " --split test -o " + text("test")).code, 0);
+  EXPECT_TRUE(fs::exists(path("test/view_3.png")));
+  EXPECT_FALSE(fs::exists(path("test/view_5.png")));
 }
 
 TEST_F(Program, RenderTakesACameraFileOrASceneAndASmallerSize) {
@@ -312,6 +315,23 @@ TEST_F(Program, RenderTakesACameraFileOrASceneAndASmallerSize) {
   EXPECT_FALSE(fs::exists(path("test/view_1.png")));
   EXPECT_EQ(run("render " + ply + " -o " + text("none")).code, 2);
   EXPECT_EQ(run("render " + text("absent.ply") + " -o " + text("none")).code, 3);
+}
+
+TEST_F(Program, PicturesKeepDotsAndFoldersOfTheirNames) {
+  ASSERT_EQ(train("out").code, 0);
+  nlohmann::json cameras = json("out/cameras.json");
+  cameras = {cameras[0], cameras[1], cameras[2]};
+  cameras[0]["img_name"] = "left/frame.7";
+  cameras[1]["img_name"] = "left/frame.8.JPG";
+  cameras[2]["img_name"] = "../../outside";
+  write_bytes(path("named.json"), cameras.dump());
+  ASSERT_EQ(
+      run("render " + text("out") + " --cameras " + text("named.json") + " -o " + text("pictures"))
+          .code,
+      0);
+  EXPECT_TRUE(fs::exists(path("pictures/left/frame.7.png")));
+  EXPECT_TRUE(fs::exists(path("pictures/left/frame.8.png")));
+  EXPECT_TRUE(fs::exists(path("pictures/outside.png")));
 }
 
 TEST_F(Program, InfoDescribesAModelAndTheBuild) {

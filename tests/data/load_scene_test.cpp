@@ -75,7 +75,6 @@ TEST(LoadScene, ModelIsFoundInAllItsPlaces) {
   for (const char* place : {"sparse/0", "sparse", ".", "elsewhere/2"}) {
     const TempFolder temp;
     write_scene(temp.path(), small_model(2));
-    const auto copy = temp.path() / "copy";
     std::filesystem::create_directories(temp.path() / "scene" / place);
     for (const char* file : {"cameras.bin", "images.bin", "points3D.bin"})
       std::filesystem::copy(temp.path() / "sparse/0" / file, temp.path() / "scene" / place);

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// What must not change a picture: the order of the Gaussians in memory, and Gaussians that nobody sees.
+#include <gtest/gtest.h>
+
+#include "gs_core/math/constants.h"
+#include "gs_train/backend.h"
+#include "tests/support/models.h"
+
+namespace gs {
+namespace {
+
+class Invariance : public ::testing::Test {
+ protected:
+  const Camera camera_ = random_camera(120, 80);
+  const std::unique_ptr<Backend> backend_ = make_scalar_backend();
+
+  /// Picture and transmittance.
+  std::pair<std::vector<float>, std::vector<float>> render(const Gaussians& gaussians,
+                                                           const RenderSettings& settings = {}) {
+    RenderPass pass;
+    backend_->renderer().forward(gaussians.span(), camera_, settings, pass);
+    return {pass.image.download(), pass.transmittance.download()};
+  }
+};
+
+// Random depths are distinct (the Gaussians behind the camera do not count), so that blending has one order.
+TEST_F(Invariance, PermutingTheGaussiansLeavesEachBitOfThePicture) {
+  const Gaussians gaussians = mixed_gaussians(200, camera_, 1);
+  const auto before = render(gaussians);
+  for (const std::uint64_t seed : {1, 2, 3})
+    EXPECT_EQ(render(reordered(gaussians, random_permutation(gaussians.count(), seed))), before);
+}
+
+TEST_F(Invariance, PermutingTheGaussiansPermutesTheirGradients) {
+  const Gaussians gaussians = mixed_gaussians(100, camera_, 2);
+  const std::vector<std::uint32_t> order = random_permutation(gaussians.count(), 4);
+  const Gaussians permuted = reordered(gaussians, order);
+  Buffer<float> dL_dimage(3 * std::size_t(120) * 80, host_memory());
+  Draws draws(5);
+  for (float& weight : dL_dimage) weight = draws.uniform(-1, 1);
+  const auto gradients_of = [&](const Gaussians& rows) {
+    RenderPass pass;
+    Gaussians gradients(rows.count(), host_memory());
+    Buffer<Vec2f> dL_dmean2d(rows.count(), host_memory());
+    backend_->renderer().forward(rows.span(), camera_, {}, pass);
+    backend_->renderer().backward(rows.span(), camera_, {}, pass, dL_dimage.span(),
+                                  gradients.span(), dL_dmean2d.span());
+    return gradients;
+  };
+  EXPECT_TRUE(same_bits(reordered(gradients_of(gaussians), order), gradients_of(permuted)));
+}
+
+TEST_F(Invariance, SortingAlongTheMortonCurveLeavesEachBitOfThePicture) {
+  TrainingModel model = model_of(mixed_gaussians(200, camera_, 3));
+  const auto before = render(model.gaussians);
+  const std::vector<float> opacities = model.gaussians.logit_opacity.download();
+  backend_->rows().sort_by_morton(model);
+  EXPECT_NE(model.gaussians.logit_opacity.download(), opacities);
+  EXPECT_EQ(render(model.gaussians), before);
+}
+
+TEST_F(Invariance, PruningWhatIsTooFaintLeavesEachBitOfThePicture) {
+  for (const bool antialias : {false, true}) {
+    RenderSettings settings;
+    settings.antialias = antialias;
+    TrainingModel model = model_of(mixed_gaussians(200, camera_, 4));
+    for (std::size_t i = 0; i < model.count(); i += 10) model.gaussians.rotation[i] = {0, 0, 0, 0};
+    const auto before = render(model.gaussians, settings);
+    EXPECT_GT(backend_->rows().prune(model, kMinAlpha), 200u);
+    EXPECT_EQ(render(model.gaussians, settings), before);
+  }
+}
+
+TEST_F(Invariance, RenderingTwiceGivesTheSameBits) {
+  const Gaussians gaussians = mixed_gaussians(100, camera_, 5);
+  EXPECT_EQ(render(gaussians), render(gaussians));
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+// The renderer that every other one is held against: each Gaussian at each pixel in depth order, in double,
+// without tiles, rectangles or early ends. Beside each pixel it says whether a decision there (keep a
+// fragment, end the pixel) hangs on the last digits of a float.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "gs_core/gaussians.h"
+#include "gs_core/math/blend.h"
+#include "gs_core/math/splat.h"
+#include "gs_render/render_pass.h"
+
+namespace gs {
+
+/// The parameters of one Gaussian in double; number(k) addresses them one by one, in the order of gaussians.h.
+struct DoubleGaussian {
+  Vec3d mean, log_scale;
+  Quat<double> rotation;
+  double logit_opacity;
+  Vec3d sh0, sh_rest[kShRestCount];
+
+  double& number(int k) { return reinterpret_cast<double*>(this)[k]; }
+};
+inline constexpr int kNumbersPerGaussian = 59;
+static_assert(sizeof(DoubleGaussian) == kNumbersPerGaussian * sizeof(double));
+
+inline std::vector<DoubleGaussian> in_double(const Gaussians& from) {
+  std::vector<DoubleGaussian> result(from.count());
+  for (std::size_t i = 0; i < from.count(); ++i) {
+    const Quatf& q = from.rotation[i];
+    result[i] = {Vec3d(from.mean[i]),   Vec3d(from.log_scale[i]), {q.w, q.x, q.y, q.z},
+                 from.logit_opacity[i], Vec3d(from.sh0[i]),       {}};
+    for (int k = 0; k < kShRestCount; ++k)
+      result[i].sh_rest[k] = Vec3d(from.sh_rest[i].coefficient[k]);
+  }
+  return result;
+}
+
+template <class T>
+PinholeCamera<T> camera_in(const Camera& camera) {
+  const Mat3<float>& R = camera.cam_from_world_rotation;
+  return {camera.width,
+          camera.height,
+          T(camera.fx),
+          T(camera.fy),
+          T(camera.cx),
+          T(camera.cy),
+          {Vec3<T>(R.row0), Vec3<T>(R.row1), Vec3<T>(R.row2)},
+          Vec3<T>(camera.cam_from_world_translation)};
+}
+
+/// The visible splats of a view, near to far, equal depths by index.
+struct ReferenceSplats {
+  struct Entry {
+    std::uint32_t gaussian;
+    double depth;
+    BasicSplat<double> splat;
+  };
+  std::vector<Entry> entries;
+  double conic_error, mean_error;  // of a float renderer's splats: relative; pixels
+};
+
+/// Projects every Gaussian in the scalar T. `float` gives the very splats of a renderer in float, so that
+/// ill-conditioned ones (needles, huge ones) can be compared too; `double` leaves its rounding to be seen.
+template <class T>
+ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians, const Camera& camera,
+                                 const RenderSettings& settings) {
+  constexpr bool kExact = std::is_same_v<T, float>;
+  // Exact splats: an offset from the mean is rounded to half a unit in the last place of 16 pixels. Others:
+  // a mean of some 100 pixels is the sum of rounded products; a conic divides by a difference of products.
+  ReferenceSplats result{{}, kExact ? 0 : 1e-5, kExact ? 1e-6 : 3e-5};
+  const PinholeCamera<T> camera_t = camera_in<T>(camera);
+  for (std::uint32_t i = 0; i < gaussians.size(); ++i) {
+    const DoubleGaussian& g = gaussians[i];
+    Vec3<T> sh_rest[kShRestCount];
+    for (int k = 0; k < kShRestCount; ++k) sh_rest[k] = Vec3<T>(g.sh_rest[k]);
+    const GaussianParameters<T> parameters{
+        Vec3<T>(g.mean),
+        Vec3<T>(g.log_scale),
+        {T(g.rotation.w), T(g.rotation.x), T(g.rotation.y), T(g.rotation.z)},
+        T(g.logit_opacity),
+        Vec3<T>(g.sh0),
+        sh_rest};
+    const ProjectedGaussian<T> p = project_gaussian(camera_t, parameters, settings);
+    if (!p.is_visible) continue;
+    const BasicSplat<T>& s = p.splat;
+    result.entries.push_back({i,
+                              double(p.depth),
+                              {Vec2<double>(s.mean2d),
+                               {s.conic.xx, s.conic.xy, s.conic.yy},
+                               s.opacity,
+                               s.cutoff,
+                               Vec3d(s.color)}});
+  }
+  std::stable_sort(result.entries.begin(), result.entries.end(),
+                   [](const auto& a, const auto& b) { return a.depth < b.depth; });
+  return result;
+}
+
+inline constexpr std::uint32_t kNoGaussian = ~0u;
+
+struct ReferencePixel {
+  Vec3d color{0.0};                     // with background
+  double transmittance = 1;
+  std::uint32_t last = kNoGaussian;     // the last one blended
+  bool is_doubtful = false;             // in float, a decision may fall the other way
+  std::uint64_t decisions = 14695981039346656037u;  // FNV-1a hash of all decisions
+
+  void decide(std::uint64_t what) { decisions = (decisions ^ what) * 1099511628211u; }
+};
+
+/// One pixel, from all splats.
+template <BlendRule rule>
+ReferencePixel reference_pixel(const ReferenceSplats& splats, const Vec3f& background, int x,
+                               int y) {
+  constexpr double kFloatRounding = 5e-7;  // eight roundings of 6e-8 on the terms of an exponent
+  constexpr double kDoubt = 1e-5;          // besides the rounding: of alpha and of transmittance, relative
+  ReferencePixel pixel;
+  PixelState<double> state;
+  double transmittance_error = kDoubt;  // relative
+  for (const ReferenceSplats::Entry& entry : splats.entries) {
+    const BasicSplat<double>& s = entry.splat;
+    const Sym2<double>& Q = s.conic;
+    const double dx = x + 0.5 - s.mean2d.x, dy = y + 0.5 - s.mean2d.y;
+    const double exponent = fragment_exponent(Q, dx, dy);
+    const double terms = Q.xx * dx * dx + 2 * std::abs(Q.xy * dx * dy) + Q.yy * dy * dy;
+    const double slope = std::abs(Q.xx * dx + Q.xy * dy) + std::abs(Q.xy * dx + Q.yy * dy);
+    const double error = (splats.conic_error + kFloatRounding) * terms + splats.mean_error * slope;
+    if (std::abs(exponent + s.cutoff) < kDoubt + error) pixel.is_doubtful = true;
+    if (exponent < -s.cutoff) continue;
+
+    const double gaussian = std::exp(exponent);
+    const double alpha = fragment_alpha<rule>(s.opacity, gaussian);
+    const double remaining = state.transmittance * (1 - alpha);
+    transmittance_error += alpha / std::max(1 - alpha, 1e-7) * (error + 1e-6);
+    if (std::abs(remaining / kMinTransmittance - 1) < transmittance_error) pixel.is_doubtful = true;
+    const bool ends = is_opaque(remaining);
+    pixel.decide(entry.gaussian);
+    pixel.decide((alpha < s.opacity * gaussian) + 2 * ends + 4 * (s.color.x >= 0) +
+                 8 * (s.color.y >= 0) + 16 * (s.color.z >= 0));
+    if (rule == BlendRule::classic && ends) break;
+    composite(state, s.color, alpha);
+    pixel.last = entry.gaussian;
+    if (ends) break;
+  }
+  pixel.transmittance = state.transmittance;
+  pixel.color = state.color + state.transmittance * Vec3d(background);
+  return pixel;
+}
+
+struct ReferencePicture {
+  int width, height;
+  std::vector<ReferencePixel> pixels;  // (height, width)
+
+  const ReferencePixel& at(int x, int y) const { return pixels[std::size_t(y) * width + x]; }
+  /// Colours as (3, H, W), like RenderPass::image.
+  std::vector<double> planes() const {
+    std::vector<double> result(3 * pixels.size());
+    for (std::size_t i = 0; i < pixels.size(); ++i)
+      for (int c = 0; c < 3; ++c) result[c * pixels.size() + i] = pixels[i].color[c];
+    return result;
+  }
+  /// Equal for two pictures that took the same decisions at every pixel.
+  std::uint64_t decisions() const {
+    ReferencePixel all;
+    for (const ReferencePixel& pixel : pixels) all.decide(pixel.decisions);
+    return all.decisions;
+  }
+};
+
+/// The whole picture.
+inline ReferencePicture reference_picture(const ReferenceSplats& splats,
+                                          const RenderSettings& settings, int width, int height) {
+  ReferencePicture picture{width, height, {}};
+  picture.pixels.reserve(std::size_t(width) * height);
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      picture.pixels.push_back(
+          settings.blend_rule == BlendRule::classic
+              ? reference_pixel<BlendRule::classic>(splats, settings.background, x, y)
+              : reference_pixel<BlendRule::faster_gs>(splats, settings.background, x, y));
+  return picture;
+}
+
+}  // namespace gs

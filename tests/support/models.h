@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// Training models for tests: made of Gaussians, filled with telling values, compared bit by bit.
+#pragma once
+
+#include <cstring>
+
+#include "gs_train/optimizer.h"
+#include "tests/support/scenes.h"
+
+namespace gs {
+
+template <class T>
+bool same_bits(const Buffer<T>& a, const Buffer<T>& b) {
+  return a.size() == b.size() &&
+         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
+}
+inline bool same_bits(const Gaussians& a, const Gaussians& b) {
+  bool same = true;
+  for_each_array([&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); }, a, b);
+  return same;
+}
+/// Parameters and moments, whatever the statistics are.
+inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
+  return same_bits(a.gaussians, b.gaussians) && same_bits(a.first_moment, b.first_moment) &&
+         same_bits(a.second_moment, b.second_moment) && a.adam_steps == b.adam_steps;
+}
+
+/// A model of these Gaussians with zero moments and statistics.
+inline TrainingModel model_of(const Gaussians& gaussians) {
+  TrainingModel model;
+  model.gaussians = copy_of(gaussians);
+  for (Gaussians* moment : {&model.first_moment, &model.second_moment}) {
+    moment->resize(gaussians.count());
+    moment->fill_zero();
+  }
+  for (Buffer<float>* statistic : {&model.statistics.visits, &model.statistics.gradient_norm}) {
+    statistic->resize(gaussians.count());
+    statistic->fill_zero();
+  }
+  return model;
+}
+
+/// The numbers of an array one after another.
+template <class T>
+Span<float> numbers_of(const Buffer<T>& rows) {
+  return {reinterpret_cast<float*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
+}
+
+/// Fills an array with first, first + 1, ... over its rows, each number of a row the same.
+template <class T>
+void number_rows(const Buffer<T>& rows, float first) {
+  const Span<float> numbers = numbers_of(rows);
+  for (std::size_t i = 0; i < numbers.size; ++i)
+    numbers[i] = first + float(i / (sizeof(T) / sizeof(float)));
+}
+
+/// True where each number of row i is `value`.
+template <class T>
+bool row_is(const Buffer<T>& rows, std::size_t i, float value) {
+  constexpr std::size_t width = sizeof(T) / sizeof(float);
+  const Span<float> numbers = numbers_of(rows);
+  return std::all_of(numbers.begin() + i * width, numbers.begin() + (i + 1) * width,
+                     [&](float number) { return number == value; });
+}
+
+}  // namespace gs

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_train/metrics.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/support/scenes.h"
+
+namespace gs {
+namespace {
+
+/// The photo's own values as a rendered picture.
+ImageF picture_of(const Image8& photo) {
+  ImageF picture(photo.width, photo.height, 3);
+  for (std::size_t i = 0; i < picture.pixels.size(); ++i)
+    picture.pixels[i] = photo.pixels[i] / 255.0f;
+  return picture;
+}
+
+/// A pattern that can be written down: the pictures whose SSIM is known from elsewhere.
+Image8 pattern_photo() {
+  Image8 photo(16, 12, 3);
+  for (int y = 0; y < 12; ++y)
+    for (int x = 0; x < 16; ++x)
+      for (int c = 0; c < 3; ++c) photo.at(x, y, c) = std::uint8_t((13 * x + 7 * y + 50 * c) % 256);
+  return photo;
+}
+ImageF pattern_picture() {
+  ImageF picture(16, 12, 3);
+  for (int y = 0; y < 12; ++y)
+    for (int x = 0; x < 16; ++x)
+      for (int c = 0; c < 3; ++c) picture.at(x, y, c) = float(x * y * (c + 1) % 17) / 16;
+  return picture;
+}
+
+// mse = (51 / 255)^2 = 0.04: -10 log10(0.04) = 13.979400.
+TEST(Psnr, OfAConstantDifferenceIsTheHandValue) {
+  EXPECT_NEAR(psnr(ImageF(5, 4, 3, 0.0f), Image8(5, 4, 3, 51)), 13.979400086720375, 1e-9);
+}
+
+TEST(Psnr, OfIdenticalPicturesIs100) {
+  EXPECT_EQ(psnr(ImageF(5, 4, 3, 1.0f), Image8(5, 4, 3, 255)), 100.0);
+  const Image8 photo = random_photo(20, 10, 1);
+  EXPECT_EQ(psnr(picture_of(photo), photo), 100.0);
+}
+
+// Both by plain double loops in Python over the definition, windows by their exponentials.
+TEST(Metrics, OfAPatternAreTheKnownValues) {
+  EXPECT_NEAR(psnr(pattern_picture(), pattern_photo()), 7.528615595109183, 1e-6);
+  EXPECT_NEAR(ssim(pattern_picture(), pattern_photo()), 0.2653530827635873, 1e-5);  // float moments
+}
+
+TEST(Ssim, OfIdenticalPicturesIsOne) {
+  const Image8 photo = random_photo(20, 10, 2);
+  EXPECT_NEAR(ssim(picture_of(photo), photo), 1, 1e-6);
+  EXPECT_NEAR(ssim(ImageF(3, 2, 3, 0.0f), Image8(3, 2, 3, 0)), 1, 1e-6);
+}
+
+TEST(Evaluate, AveragesOverViewsAndShowsEachPictureInOrder) {
+  const Gaussians gaussians = random_gaussians(kTypical, 50, random_camera(40, 30, 1), 3);
+  std::vector<View> views;
+  for (const std::uint64_t seed : {1, 2})
+    views.push_back(
+        {"view " + std::to_string(seed), random_camera(40, 30, seed), random_photo(40, 30, seed)});
+  const auto renderer = make_scalar_renderer();
+  std::vector<ImageF> pictures;
+  const Evaluation evaluation =
+      evaluate(*renderer, gaussians.span(), views, {},
+               [&](std::size_t i, const View& view, const ImageF& picture) {
+                 EXPECT_EQ(i, pictures.size());
+                 EXPECT_EQ(view.name, views[i].name);
+                 pictures.push_back(picture);
+               });
+  ASSERT_EQ(evaluation.views.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(evaluation.views[i].name, views[i].name);
+    EXPECT_EQ(evaluation.views[i].psnr, psnr(pictures[i], views[i].photo));
+    EXPECT_EQ(evaluation.views[i].ssim, ssim(pictures[i], views[i].photo));
+  }
+  EXPECT_NEAR(evaluation.psnr, (evaluation.views[0].psnr + evaluation.views[1].psnr) / 2, 1e-12);
+  EXPECT_NEAR(evaluation.ssim, (evaluation.views[0].ssim + evaluation.views[1].ssim) / 2, 1e-12);
+}
+
+TEST(Evaluate, OfNoViewsIsZero) {
+  const auto renderer = make_scalar_renderer();
+  const Evaluation evaluation = evaluate(*renderer, Gaussians().span(), {}, {});
+  EXPECT_EQ(evaluation.psnr, 0);
+  EXPECT_EQ(evaluation.ssim, 0);
+}
+
+}  // namespace
+}  // namespace gs

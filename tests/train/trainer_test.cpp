@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole runs on a small scene that the test renders itself from Gaussians that it knows.
+#include "gs_train/trainer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "gs_core/error.h"
+#include "gs_core/parallel.h"
+#include "gs_train/metrics.h"
+#include "tests/support/models.h"
+
+namespace gs {
+namespace {
+
+/// A camera at 3 units from the origin that looks at it, `turn` radians around the y axis.
+Camera orbit_camera(float turn) {
+  Camera camera;
+  camera.width = 48;
+  camera.height = 36;
+  camera.fx = camera.fy = 50;
+  camera.cx = 24;
+  camera.cy = 18;
+  const float c = std::cos(turn), s = std::sin(turn);
+  camera.cam_from_world_rotation = {{c, 0, s}, {0, 1, 0}, {-s, 0, c}};
+  camera.cam_from_world_translation = {0, 0, 3};
+  return camera;
+}
+
+/// Forty coloured Gaussians seen from eight sides; the points of the start are near them, and grey.
+Scene small_scene() {
+  Draws draws(1);
+  Gaussians truth(40, host_memory());
+  Scene scene;
+  scene.source = "a scene of the test";
+  for (std::size_t i = 0; i < truth.count(); ++i) {
+    const Vec3f place = draws.uniform3(-0.8f, 0.8f);
+    set_gaussian(truth, i, place, draws.uniform(0.05f, 0.25f), draws.uniform(0.5f, 0.95f),
+                 draws.uniform3(0, 1));
+    scene.points.push_back({place + draws.uniform3(-0.1f, 0.1f), {128, 128, 128}});
+  }
+  const auto renderer = make_scalar_renderer();
+  RenderPass pass;
+  for (int k = 0; k < 8; ++k) {
+    const Camera camera = orbit_camera(0.785f * float(k));
+    renderer->forward(truth.span(), camera, {}, pass);
+    const ImageF picture = image_of(pass);
+    Image8 photo(camera.width, camera.height, 3);
+    for (std::size_t i = 0; i < photo.pixels.size(); ++i)
+      photo.pixels[i] = std::uint8_t(std::lround(255 * picture.pixels[i]));
+    scene.train_views.push_back({"view " + std::to_string(k), camera, photo});
+  }
+  scene.extent = camera_extent(scene.train_views);
+  return scene;
+}
+
+/// 250 steps, at rates that get somewhere in so few.
+Config short_run() {
+  Config config;
+  config.train.iterations = 250;
+  config.optimizer.position_lr_initial = 1e-3f;
+  config.optimizer.log_scale_lr = 0.02f;
+  config.optimizer.sh0_lr = 0.02f;
+  return config;
+}
+
+class SmallRun : public ::testing::Test {
+ protected:
+  double psnr_of(const Gaussians& gaussians, const RenderSettings& settings) {
+    return evaluate(backend_->renderer(), gaussians.span(), scene_.train_views, settings).psnr;
+  }
+  /// The Gaussians after a run.
+  Gaussians trained(const Config& config) {
+    Trainer trainer(scene_, config, *backend_);
+    trainer.run();
+    return copy_of(trainer.model().gaussians);
+  }
+
+  const Scene scene_ = small_scene();
+  const std::unique_ptr<Backend> backend_ = make_scalar_backend();
+};
+
+TEST_F(SmallRun, BringsThePicturesCloseToThePhotos) {
+  Trainer trainer(scene_, short_run(), *backend_);
+  const double before = psnr_of(trainer.model().gaussians, trainer.settings());
+  trainer.run();
+  const double after = psnr_of(trainer.model().gaussians, trainer.evaluation_settings());
+  EXPECT_GT(after, before + 6) << before << " dB at the start";
+  EXPECT_GT(after, 22);
+}
+
+TEST_F(SmallRun, GivesTheSameBitsForTheSameSeedAndAnyNumberOfThreads) {
+  Config config = short_run();
+  config.render.background = "random";
+  set_thread_count(1);
+  const Gaussians one = trained(config);
+  set_thread_count(2);
+  EXPECT_TRUE(same_bits(trained(config), one));
+  set_thread_count(0);
+  EXPECT_TRUE(same_bits(trained(config), one));
+}
+
+TEST_F(SmallRun, DependsOnTheSeed) {
+  Config config = short_run();
+  config.train.iterations = 20;
+  const Gaussians one = trained(config);
+  config.train.seed += 1;
+  EXPECT_FALSE(same_bits(trained(config), one));
+}
+
+/// Notes what it sees; asks for the end after one step.
+class Watcher : public Observer {
+ public:
+  explicit Watcher(int stop_after = 0) : stop_after_(stop_after) {}
+  void after_step(int step, Trainer& trainer) override {
+    steps.push_back(step);
+    EXPECT_TRUE(std::isfinite(trainer.loss()));
+    if (step == stop_after_) trainer.stop();
+  }
+  void after_run(Trainer&) override { ++runs; }
+
+  std::vector<int> steps;
+  int runs = 0;
+
+ private:
+  int stop_after_;
+};
+
+TEST_F(SmallRun, ShowsEveryStepAndTheEndToItsObservers) {
+  Config config = short_run();
+  config.train.iterations = 12;
+  Watcher watcher;
+  Trainer trainer(scene_, config, *backend_);
+  trainer.add_observer(watcher);
+  trainer.run();
+  EXPECT_EQ(watcher.steps, (std::vector<int>{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}));
+  EXPECT_EQ(watcher.runs, 1);
+  EXPECT_FALSE(trainer.stopped_early());
+}
+
+TEST_F(SmallRun, EndsWithTheStepAfterStopAndAsIfThatWereTheLast) {
+  Watcher watcher(5);
+  Trainer stopped(scene_, short_run(), *backend_);
+  stopped.add_observer(watcher);
+  stopped.run();
+  EXPECT_TRUE(stopped.stopped_early());
+  EXPECT_EQ(watcher.steps.back(), 6);
+  EXPECT_EQ(watcher.runs, 1);
+  TrainingModel finished = model_of(stopped.model().gaussians);
+  EXPECT_EQ(backend_->rows().prune(finished, kMinAlpha), 0u);
+  backend_->rows().sort_by_morton(finished);
+  EXPECT_TRUE(same_bits(finished.gaussians, stopped.model().gaussians));
+}
+
+TEST_F(SmallRun, TrainsUnderEverySettingOfTheRenderer) {
+  for (const char* background : {"white", "random"})
+    for (const bool antialias : {false, true}) {
+      Config config = short_run();
+      config.train.iterations = 60;
+      config.render.background = background;
+      config.render.antialias = antialias;
+      config.render.blend_rule = antialias ? "classic" : "faster_gs";
+      config.render.truncation = antialias ? "sigma3" : "alpha";
+      const Gaussians gaussians = trained(config);
+      for (const float value : numbers_of(gaussians.mean)) EXPECT_TRUE(std::isfinite(value));
+    }
+}
+
+TEST_F(SmallRun, EndsWithoutFaintGaussians) {
+  for (const float logit : trained(short_run()).logit_opacity)
+    EXPECT_GE(sigmoid(logit), 1.0f / 255);
+}
+
+TEST_F(SmallRun, KeepsShDegreesThatWereNotReachedAtZero) {
+  Config config = short_run();
+  config.model.sh_degree = 0;
+  const Gaussians gaussians = trained(config);
+  for (std::size_t i = 0; i < gaussians.count(); ++i)
+    EXPECT_TRUE(row_is(gaussians.sh_rest, i, 0.0f));
+}
+
+TEST(Trainer, WithoutViewsSaysSo) {
+  Scene scene = small_scene();
+  scene.train_views.clear();
+  const auto backend = make_scalar_backend();
+  EXPECT_THROW(Trainer(scene, {}, *backend), Error);
+}
+
+}  // namespace
+}  // namespace gs
