@@ -53,7 +53,7 @@ Capability openimageio_capability() {
 
 Capability opencv_capability() {
 #ifdef GS_HAVE_OPENCV
-  return {"OpenCV", true, "undistorts SIMPLE_RADIAL, RADIAL, OPENCV and OPENCV_FISHEYE photos"};
+  return {"OpenCV", true, "undistorts photos of radial, tangential and fisheye lens models"};
 #else
   return {
       "OpenCV", false,

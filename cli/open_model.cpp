@@ -39,6 +39,7 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
   opened.model = read_gaussian_ply(opened.ply);
   opened.config.model.sh_degree = opened.model.sh_degree;
   opened.config.render.antialias = opened.model.antialiased;
+  if (!opened.model.is_ours) opened.config.render.blend_rule = "classic";  // as it was trained
   return opened;
 }
 

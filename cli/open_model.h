@@ -16,8 +16,8 @@ struct OpenedModel {
   std::filesystem::path ply;
   std::optional<RunFolder> run;  // where a folder was named
   GaussianModel model;
-  Config
-      config;  // the run's, but its [train], or the defaults; SH degree and antialiasing of the PLY
+  Config config;  // the run's, but its [train], or the defaults; SH degree, antialiasing and, where another
+                  // trainer wrote it, the classic blending rule of the PLY
 };
 
 /// Opens `path`; of a run's folder the newest PLY, or that of `step`. Throws Error where there is none.

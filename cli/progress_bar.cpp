@@ -26,8 +26,7 @@ int terminal_width() {
 }  // namespace
 
 ProgressBar::ProgressBar(std::int64_t total, bool enabled)
-    : total_(std::max<std::int64_t>(total, 1)),
-      enabled_(enabled),
+    : total_(std::max<std::int64_t>(total, 1)), enabled_(enabled),
       is_terminal_(::isatty(STDERR_FILENO) == 1) {}
 
 bool ProgressBar::due(std::int64_t done) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The folder of one run: where everything lies, in the layout that users of the reference trainer (Kerbl et
-// al. 2023) and its viewers expect, with our own files beside it. docs/formats.md lists them.
+// al. 2023) and its viewers expect, with our own files beside it. docs/conventions.md lists them.
 #pragma once
 
 #include <filesystem>

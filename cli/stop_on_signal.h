@@ -8,7 +8,8 @@
 
 namespace gs {
 
-/// While it lives, the first SIGINT or SIGTERM stops the trainer; a second one ends the program at once.
+/// While it lives, the first SIGINT or SIGTERM stops the trainer; a second one of the same kind ends the
+/// program at once.
 /// One at a time.
 class StopOnSignal {
  public:

@@ -17,19 +17,16 @@ const char* remedy(int error) {
   switch (error) {
     case ENOSPC:
     case EDQUOT:
-    case EFBIG:
-      return "free some space or write elsewhere";
+    case EFBIG: return "free some space or write elsewhere";
     case EACCES:
     case EPERM:
-    case EROFS:
-      return "write to a folder that you may change";
+    case EROFS: return "write to a folder that you may change";
     case EISDIR:
     case ENOTDIR:
     case EEXIST:
       return "choose another name: a file stands where a folder is needed, or a folder in its "
              "place";
-    default:
-      return "check the path and the disk, or write elsewhere";
+    default: return "check the path and the disk, or write elsewhere";
   }
 }
 

@@ -32,8 +32,7 @@ std::string camera_line(const View& view, std::size_t id) {
   const Mat3<float>& R = camera.cam_from_world_rotation;
   const Mat3<double> R_double{Vec3d(R.row0), Vec3d(R.row1), Vec3d(R.row2)};
   const Vec3d position =
-      Vec3d(0.0) -
-      multiply_transposed(R_double, Vec3d(camera.cam_from_world_translation));  // no -0
+      Vec3d(0.0) - multiply_transposed(R_double, Vec3d(camera.cam_from_world_translation));  // no -0
   Json json;
   json["id"] = id;
   json["img_name"] = without_extension(view.name);

@@ -83,41 +83,20 @@ LensCamera lens_camera(const ColmapCamera& camera, const std::string& photo) {
   };
   using enum LensCamera::Lens;
   switch (camera.model) {
-    case CameraModel::simple_pinhole:
-      one_focal();
-      break;
-    case CameraModel::pinhole:
-      two_focals();
-      break;
-    case CameraModel::simple_radial:
-      one_focal(), polynomial(radial_tangential, 1);
-      break;
-    case CameraModel::radial:
-      one_focal(), polynomial(radial_tangential, 2);
-      break;
-    case CameraModel::opencv:
-      two_focals(), polynomial(radial_tangential, 2, 2);
-      break;
+    case CameraModel::simple_pinhole: one_focal(); break;
+    case CameraModel::pinhole: two_focals(); break;
+    case CameraModel::simple_radial: one_focal(), polynomial(radial_tangential, 1); break;
+    case CameraModel::radial: one_focal(), polynomial(radial_tangential, 2); break;
+    case CameraModel::opencv: two_focals(), polynomial(radial_tangential, 2, 2); break;
     case CameraModel::full_opencv:
       two_focals(), polynomial(radial_tangential, 2, 2), std::copy_n(p, 4, result.k + 2);
       break;
-    case CameraModel::simple_fisheye:
-      one_focal(), polynomial(fisheye, 0);
-      break;
-    case CameraModel::fisheye:
-      two_focals(), polynomial(fisheye, 0);
-      break;
-    case CameraModel::simple_radial_fisheye:
-      one_focal(), polynomial(fisheye, 1);
-      break;
-    case CameraModel::radial_fisheye:
-      one_focal(), polynomial(fisheye, 2);
-      break;
-    case CameraModel::opencv_fisheye:
-      two_focals(), polynomial(fisheye, 4);
-      break;
-    default:
-      fail(camera, photo, "has a lens model that gemsplat does not know");
+    case CameraModel::simple_fisheye: one_focal(), polynomial(fisheye, 0); break;
+    case CameraModel::fisheye: two_focals(), polynomial(fisheye, 0); break;
+    case CameraModel::simple_radial_fisheye: one_focal(), polynomial(fisheye, 1); break;
+    case CameraModel::radial_fisheye: one_focal(), polynomial(fisheye, 2); break;
+    case CameraModel::opencv_fisheye: two_focals(), polynomial(fisheye, 4); break;
+    default: fail(camera, photo, "has a lens model that gemsplat does not know");
   }
   if (!(pinhole.fx > 0 && pinhole.fy > 0))
     fail(camera, photo, "has a focal length that is not positive");
@@ -130,12 +109,9 @@ LensCamera lens_camera(const ColmapCamera& camera, const std::string& photo) {
 
 Vec2d distorted(const LensCamera& camera, const Vec2d& ideal) {
   switch (camera.lens) {
-    case LensCamera::Lens::radial_tangential:
-      return radial_tangential(camera, ideal);
-    case LensCamera::Lens::fisheye:
-      return fisheye(camera, ideal);
-    default:
-      return ideal;
+    case LensCamera::Lens::radial_tangential: return radial_tangential(camera, ideal);
+    case LensCamera::Lens::fisheye: return fisheye(camera, ideal);
+    default: return ideal;
   }
 }
 

@@ -24,8 +24,7 @@ using Vec2d = Vec2<double>;
 struct LensCamera {
   enum class Lens { none, radial_tangential, fisheye };
 
-  PinholeCamera<double>
-      pinhole;  // of the photo: size, focal lengths, principal point; its pose is unused
+  PinholeCamera<double> pinhole;  // of the photo: size, focal lengths, principal point; its pose is unused
   Lens lens = Lens::none;
   double k[6] = {};
   double p[2] = {};
@@ -36,7 +35,8 @@ inline constexpr const char* kUndistortRemedy =
     "convert the photos with `colmap image_undistorter --image_path IMAGES --input_path MODEL "
     "--output_path NEW` and train on NEW";
 
-/// The camera of a photo. A lens whose coefficients are all zero is none. Throws Error that names
+/// The camera of a photo. A radial or tangential lens whose coefficients
+/// are all zero is none. Throws Error that names
 /// the model, the camera, the photo and the remedy for models that are none of the above, and for
 /// focal lengths that are not positive.
 LensCamera lens_camera(const ColmapCamera& camera, const std::string& photo);

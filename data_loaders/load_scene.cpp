@@ -96,7 +96,7 @@ PinholeCamera<double> at_resolution(const PinholeCamera<double>& camera, int res
   if (!divides && resolution <= 8)
     throw UsageError(fmt::format(
         "dataset.resolution is {}; give 1, 2, 4 or 8 to divide the photos' size, or a width "
-        "in pixels above 8",
+        "of at least 16 pixels",
         resolution));
   if (!divides && resolution > camera.width)
     throw UsageError(fmt::format(
@@ -123,8 +123,7 @@ std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel
                [&](std::size_t i) { plans[i].photo_size = read_photo_size(plans[i].file); });
 
   std::size_t scaled = 0;
-  std::map<std::tuple<std::uint32_t, int, int>, PinholeCamera<double>>
-      undistorted;  // one search per camera
+  std::map<std::tuple<std::uint32_t, int, int>, PinholeCamera<double>> undistorted;  // one search per camera
   for (ViewPlan& plan : plans) {
     const ColmapCamera& camera = model.cameras.at(plan.image.camera_id);
     plan.lens = fitted_to_photo(lens_camera(camera, plan.image.name), plan);

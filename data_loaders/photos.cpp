@@ -31,10 +31,8 @@ struct Coverage {
   std::int64_t source_size, target_size, begin, end;
 
   Coverage(int source_size, int target_size, int target)
-      : source_size(source_size),
-        target_size(target_size),
-        begin(std::int64_t(target) * source_size),
-        end(begin + source_size) {}
+      : source_size(source_size), target_size(target_size),
+        begin(std::int64_t(target) * source_size), end(begin + source_size) {}
   int first() const { return int(begin / target_size); }
   int last() const { return int((end - 1) / target_size); }
   std::uint32_t weight(int source) const {

@@ -5,6 +5,8 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
+
 #include "data_loaders/ply_file.h"
 #include "data_loaders/ply_layout.h"
 
@@ -86,6 +88,11 @@ void check_properties(const PlyElement& vertex, int sh_degree, const PlyFile& fi
   if (!missing.empty()) fail_without(missing, vertex, file);
 }
 
+bool is_ours(const PlyHeader& header) {
+  return std::any_of(header.comments.begin(), header.comments.end(),
+                     [](const std::string& comment) { return comment.starts_with("gemsplat "); });
+}
+
 bool is_antialiased(const PlyHeader& header) {
   for (const std::string& comment : header.comments) {
     const std::size_t colon = comment.find_first_of(": ");
@@ -126,6 +133,7 @@ GaussianModel read_gaussian_ply(const std::filesystem::path& path) {
   model.sh_degree = sh_degree_of(*vertex, file);
   check_properties(*vertex, model.sh_degree, file);
   model.antialiased = is_antialiased(file.header());
+  model.is_ours = is_ours(file.header());
   model.gaussians.resize(vertex->count);
   if (model.sh_degree < kMaxShDegree) model.gaussians.sh_rest.fill_zero();
   file.read_columns(*vertex, gaussian_columns(model.gaussians, model.sh_degree));

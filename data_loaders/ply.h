@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trained Gaussians as PLY, the format that every viewer and trainer of 3D Gaussians reads; and
-// sparse points as PLY. docs/formats.md describes both.
+// sparse points as PLY. docs/conventions.md describes both.
 #pragma once
 
 #include <filesystem>
@@ -14,7 +14,7 @@ namespace gs {
 /// Reads trained Gaussians. Properties are looked up by name: their order, their types and whatever
 /// else the file holds do not matter; nor does its format (ascii, binary of either byte order). The
 /// number of f_rest_ properties gives the SH degree; the comments "SplatRenderMode: mip" and
-/// "antialiased 1" set `antialiased`.
+/// "antialiased 1" set `antialiased`; "gemsplat ..." sets `is_ours`.
 /// Values are taken as they are, NaN and infinity too (inspect() counts them).
 /// Throws Error, with file, place and remedy, for a file that is damaged or holds something else.
 GaussianModel read_gaussian_ply(const std::filesystem::path& path);

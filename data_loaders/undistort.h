@@ -21,8 +21,7 @@ bool can_undistort();
 /// and in a build without OpenCV.
 PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::string& photo);
 
-inline constexpr double kMostEnlargement =
-    2;  // COLMAP's max_scale; wide lenses would grow without end
+inline constexpr double kMostEnlargement = 2;  // COLMAP's max_scale; wide lenses would grow without end
 
 /// The photo as `pinhole` sees it. `image` has the size of `camera`. `photo` names the photo in
 /// errors. Throws Error for photos larger than OpenCV takes, and in a build without OpenCV.

@@ -15,7 +15,7 @@ struct DatasetConfig {
   std::string source;             // the scene's folder
   std::string images = "images";  // the photos' folder inside it (or an absolute path)
   std::string model;   // the COLMAP model's folder; empty: sparse/0, sparse, the scene itself
-  int resolution = 1;  // 1, 2, 4, 8: photos divided by it; larger: the width in pixels
+  int resolution = 1;  // 1, 2, 4, 8: photos divided by it; 16 and more: the width in pixels
   bool eval = false;   // hold out every test_every-th view by sorted name
   int test_every = 8;
 };

@@ -72,8 +72,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.sh_rest_lr",         optimizer.sh_rest_lr,         "",       at_least(0),        "Adam rate of SH degrees 1 to 3", kKerbl);
 
   auto& density = config.density;
-  field("density.from_step",            density.from_step,            "steps",  steps_from(0),      "first refinement (clone, split, prune), of a 30,000-step run", kKerbl);
-  field("density.until_step",           density.until_step,           "steps",  steps_from(0),      "last refinement", kKerbl);
+  field("density.from_step",            density.from_step,            "steps",  steps_from(0),      "first refinement (clone, split, prune), of a 30,000-step run", kFaster);
+  field("density.until_step",           density.until_step,           "steps",  steps_from(0),      "last refinement", kFaster);
   field("density.every",                density.every,                "steps",  steps_from(1),      "between refinements", kKerbl);
   field("density.gradient_threshold",   density.gradient_threshold,   "NDC",    at_least(0),        "mean image-plane gradient above which a Gaussian is cloned or split", kKerbl);
   field("density.small_scale",          density.small_scale,          "extent", at_least(0),        "smaller Gaussians are cloned, larger ones split", kKerbl);
@@ -81,7 +81,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.prune_scale",          density.prune_scale,          "extent", above(0),           "larger Gaussians are removed, after the first opacity reset", kKerbl);
   field("density.reset_opacity_every",  density.reset_opacity_every,  "steps",  steps_from(1),      "between opacity resets", kKerbl);
   field("density.reset_opacity_until",  density.reset_opacity_until,  "steps",  steps_from(0),      "last opacity reset; 0: none", kKerbl);
-  field("density.max_gaussians",        density.max_gaussians,        "",       between(0, 4e9),    "no clone or split beyond so many; 0: no cap");
+  field("density.max_gaussians",        density.max_gaussians,        "",       between(0, 4e9),    "no clone or split beyond so many, however many points there are; 0: no cap");
 
   auto& train = config.train;
   field("train.iterations",             train.iterations,             "steps",  steps_from(1),      "of training, one photo each; the schedule scales with it", kKerbl);

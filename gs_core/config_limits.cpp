@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace gs {
 
@@ -30,8 +31,8 @@ bool Limits::allow(std::string_view word) const {
 std::string Limits::text() const {
   if (!words.empty()) return fmt::format("one of {}", words);
   if (above_low) return fmt::format("above {}", low);
-  if (high >= limits::kLargestInt) return fmt::format("at least {}", low);
-  return fmt::format("from {} to {}", low, high);
+  if (high >= limits::kLargestFloat) return fmt::format("at least {}", low);
+  return fmt::format("from {} to {:.{}f}", low, high, high == std::floor(high) ? 0 : 3);
 }
 
 }  // namespace gs

@@ -10,6 +10,7 @@ namespace gs {
 /// What the program returns to the shell.
 enum class ExitCode : int {
   done = 0,
+  bug = 1,            // a GS_CHECK failed
   usage = 2,          // the command line or a config value cannot be taken
   bad_data = 3,       // a file or a data set cannot be used
   out_of_memory = 4,  // after every fallback

@@ -45,8 +45,9 @@ using GaussiansSpan = GaussianArrays<Span>;
 /// Owns the arrays of N Gaussians. Moves; copies are made on purpose with copy_of().
 struct Gaussians : GaussianArrays<Buffer> {
   explicit Gaussians(Memory& memory = host_memory())
-      : GaussianArrays<Buffer>{Buffer<Vec3f>(memory), Buffer<Vec3f>(memory), Buffer<Quatf>(memory),
-                               Buffer<float>(memory), Buffer<Vec3f>(memory), Buffer<ShRest>(memory)} {}
+      : GaussianArrays<Buffer>{Buffer<Vec3f>(memory), Buffer<Vec3f>(memory),
+                               Buffer<Quatf>(memory), Buffer<float>(memory),
+                               Buffer<Vec3f>(memory), Buffer<ShRest>(memory)} {}
   Gaussians(std::size_t count, Memory& memory) : Gaussians(memory) { resize(count); }
 
   std::size_t count() const { return mean.size(); }
@@ -59,7 +60,8 @@ struct Gaussians : GaussianArrays<Buffer> {
   }
   GaussiansSpan span() const {
     GaussiansSpan result;
-    for_each_array([](const char*, auto& to, const auto& from) { to = from.span(); }, result, *this);
+    for_each_array([](const char*, auto& to, const auto& from) { to = from.span(); }, result,
+                   *this);
     return result;
   }
 };
@@ -80,6 +82,7 @@ inline Gaussians copy_of(const Gaussians& from) {
 struct GaussianModel {
   Gaussians gaussians;
   int sh_degree = kMaxShDegree;  // 0..3; coefficients beyond it are zero
+  bool is_ours = true;           // false: read from a file that another trainer wrote
   bool antialiased = false;      // trained with the antialiased projection (math/projection.h)
 };
 

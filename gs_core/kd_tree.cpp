@@ -16,7 +16,9 @@ struct KdTree::Nearest {
   int k, found = 0;
   float distance2[8];
 
-  float bound() const { return found < k ? std::numeric_limits<float>::infinity() : distance2[k - 1]; }
+  float bound() const {
+    return found < k ? std::numeric_limits<float>::infinity() : distance2[k - 1];
+  }
   void add(float d2) {
     if (d2 >= bound()) return;
     int place = found < k ? found++ : k - 1;

@@ -8,7 +8,8 @@
 
 namespace gs {
 
-/// A balanced k-d tree (Bentley 1975) over points that somebody else owns and that must not be moved.
+/// A balanced k-d tree (Bentley 1975) over points that somebody else owns and that must not be moved;
+/// all of them finite.
 class KdTree {
  public:
   explicit KdTree(Span<const Vec3f> points);

@@ -27,7 +27,9 @@ class HostMemory final : public Memory {
   void deallocate(void* pointer, std::size_t) noexcept override {
     ::operator delete(pointer, kAlignment);
   }
-  void copy(void* to, const void* from, std::size_t bytes) override { std::memcpy(to, from, bytes); }
+  void copy(void* to, const void* from, std::size_t bytes) override {
+    std::memcpy(to, from, bytes);
+  }
   void fill_zero(void* to, std::size_t bytes) override { std::memset(to, 0, bytes); }
   void upload(void* to, const void* from, std::size_t bytes) override { copy(to, from, bytes); }
   void download(void* to, const void* from, std::size_t bytes) override { copy(to, from, bytes); }

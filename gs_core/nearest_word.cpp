@@ -14,8 +14,7 @@ std::string_view last_part(std::string_view word) {
 }  // namespace
 
 int edit_distance(std::string_view a, std::string_view b) {
-  std::vector<int> row(b.size() +
-                       1);  // distances from the first i letters of a to each prefix of b
+  std::vector<int> row(b.size() + 1);  // distances from the first i letters of a to each prefix of b
   std::iota(row.begin(), row.end(), 0);
   for (std::size_t i = 1; i <= a.size(); ++i) {
     int diagonal = row[0];

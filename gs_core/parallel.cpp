@@ -114,7 +114,8 @@ void set_thread_count(int threads) {
 }
 
 int thread_count() {
-  return g_thread_count > 0 ? g_thread_count : std::max(1, int(std::thread::hardware_concurrency()));
+  return g_thread_count > 0 ? g_thread_count
+                            : std::max(1, int(std::thread::hardware_concurrency()));
 }
 
 void detail::run_chunks(std::size_t count, std::size_t grain, ChunkBody body, void* context) {

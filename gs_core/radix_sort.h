@@ -17,7 +17,9 @@ void radix_sort_by_key(Span<std::uint32_t> indices, Buffer<std::uint32_t>& scrat
   scratch.resize_discard(indices.size);
   Span<std::uint32_t> from = indices, to = scratch.span();
   for (int shift = 0; shift < int(8 * sizeof(KeyType)); shift += kDigitBits) {
-    const auto digit = [&](std::uint32_t i) { return std::size_t(key(i) >> shift) & (kDigits - 1); };
+    const auto digit = [&](std::uint32_t i) {
+      return std::size_t(key(i) >> shift) & (kDigits - 1);
+    };
     std::array<std::uint32_t, kDigits> start{};
     for (const std::uint32_t i : from) ++start[digit(i)];
     if (!from.empty() && start[digit(from[0])] == from.size) continue;

@@ -9,7 +9,13 @@
 namespace gs {
 
 /// What the numbers are for; one stream never repeats another's.
-enum class RandomStream : std::uint32_t { view_order, background, split, initialise, test };
+enum class RandomStream : std::uint32_t {
+  view_order,
+  background,
+  split_gaussians,
+  initialise,
+  test
+};
 
 struct RandomBits {
   std::uint32_t word[4];
@@ -34,8 +40,9 @@ struct Random {
   RandomStream stream;
 
   GS_HD RandomBits bits(std::uint64_t major, std::uint32_t minor = 0) const {
-    return philox({{std::uint32_t(major), std::uint32_t(major >> 32), minor, std::uint32_t(stream)}},
-                  std::uint32_t(seed), std::uint32_t(seed >> 32));
+    return philox(
+        {{std::uint32_t(major), std::uint32_t(major >> 32), minor, std::uint32_t(stream)}},
+        std::uint32_t(seed), std::uint32_t(seed >> 32));
   }
   /// Four numbers uniform in (0, 1).
   GS_HD Vec4f uniform4(std::uint64_t major, std::uint32_t minor = 0) const {
@@ -52,7 +59,8 @@ struct Random {
             r1 * sin(kTwoPi * u.w)};
   }
   /// A whole number in [0, bound), bound > 0.
-  GS_HD std::uint32_t below(std::uint32_t bound, std::uint64_t major, std::uint32_t minor = 0) const {
+  GS_HD std::uint32_t below(std::uint32_t bound, std::uint64_t major,
+                            std::uint32_t minor = 0) const {
     return std::uint32_t((std::uint64_t(bits(major, minor).word[0]) * bound) >> 32);
   }
 

@@ -39,7 +39,8 @@ inline void blend_lanes(const Splat& splat, float dx, float dy, std::uint32_t po
   const Splat s = splat;
   for (int lane = 0; lane < kLanes; ++lane) {
     const int i = first + lane;
-    PixelState<float> state{{pixels.red[i], pixels.green[i], pixels.blue[i]}, pixels.transmittance[i]};
+    PixelState<float> state{{pixels.red[i], pixels.green[i], pixels.blue[i]},
+                            pixels.transmittance[i]};
     const float exponent = fragment_exponent(s.conic, dx + float(lane), dy);
     const float gaussian = exp_fragment(max_of(exponent, kMinExponent));
     const float alpha = fragment_alpha<rule>(s.opacity, gaussian);

@@ -78,7 +78,8 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
                                     pixels.transmittance[i],
                                     {pixels.d_red[i], pixels.d_green[i], pixels.d_blue[i]},
                                     pixels.d_final[i]};
-    const CompositeGradient<float> dL = composite_vjp(state, s.color, alpha, position + 1 == pixels.last[i]);
+    const CompositeGradient<float> dL =
+        composite_vjp(state, s.color, alpha, position + 1 == pixels.last[i]);
     pixels.red[i] = state.color_behind.x;
     pixels.green[i] = state.color_behind.y;
     pixels.blue[i] = state.color_behind.z;
@@ -101,8 +102,8 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
 }
 
 template <BlendRule rule>
-void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_dimage, RenderPass& pass,
-                         std::size_t tile_index) {
+void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_dimage,
+                         RenderPass& pass, std::size_t tile_index) {
   const Tile tile(pass, tile_index);
   TilePixels pixels(pass, tile, settings.background, dL_dimage);
   for (std::uint32_t k = tile.begin; k < tile.end; ++k) {
@@ -111,10 +112,10 @@ void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_di
     if (position < pixels.largest_last) {
       const std::uint32_t gaussian = pass.instance_splats[instance];
       const Splat& splat = pass.splats[gaussian];
-      for_each_lane_group(tile, pass.pixel_rects[gaussian], splat.mean2d,
-                          [&](int first, float dx, float dy) {
-                            blend_backward_lanes<rule>(splat, dx, dy, position, first, pixels, sums);
-                          });
+      for_each_lane_group(
+          tile, pass.pixel_rects[gaussian], splat.mean2d, [&](int first, float dx, float dy) {
+            blend_backward_lanes<rule>(splat, dx, dy, position, first, pixels, sums);
+          });
     }
     pass.instance_gradients[instance] = sums.total();
   }

@@ -20,9 +20,8 @@ void order_by_depth(RenderPass& pass) {
     if (pass.tile_counts[i]) pass.depth_order[visible++] = std::uint32_t(i);
   pass.depth_order.resize(visible);
   // Visible depths are positive, and positive floats are ordered as their bits are.
-  radix_sort_by_key(pass.depth_order.span(), pass.sort_scratch, [&](std::uint32_t i) {
-    return std::bit_cast<std::uint32_t>(pass.depths[i]);
-  });
+  radix_sort_by_key(pass.depth_order.span(), pass.sort_scratch,
+                    [&](std::uint32_t i) { return std::bit_cast<std::uint32_t>(pass.depths[i]); });
 }
 
 }  // namespace
@@ -37,9 +36,10 @@ void create_instances(RenderPass& pass) {
     total += pass.tile_counts[pass.depth_order[k]];
   }
   if (total > std::numeric_limits<std::uint32_t>::max())
-    throw Error("a view has more than 2^32 splats in tiles; lower the resolution (-r) or the number of "
-                "Gaussians (--max-gaussians)",
-                ExitCode::out_of_memory);
+    throw Error(
+        "a view has more than 2^32 splats in tiles; lower the resolution (-r) or the number of "
+        "Gaussians (--max-gaussians)",
+        ExitCode::out_of_memory);
   pass.first_instance[visible] = std::uint32_t(total);
   pass.instance_tiles.resize_discard(total);
   pass.instance_splats.resize_discard(total);

@@ -6,8 +6,8 @@
 
 namespace gs {
 
-void preprocess(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
-                RenderPass& pass) {
+void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
+                const RenderSettings& settings, RenderPass& pass) {
   const std::size_t count = gaussians.mean.size;
   GS_CHECK(camera.width > 0 && camera.width <= kMaxPictureSide && camera.height > 0 &&
            camera.height <= kMaxPictureSide);

@@ -6,7 +6,8 @@
 namespace gs {
 namespace {
 
-void write_row(const GaussiansSpan& gradients, std::size_t i, const GaussianGradient<float>& gradient) {
+void write_row(const GaussiansSpan& gradients, std::size_t i,
+               const GaussianGradient<float>& gradient) {
   gradients.mean[i] = gradient.mean;
   gradients.log_scale[i] = gradient.log_scale;
   gradients.rotation[i] = gradient.rotation;

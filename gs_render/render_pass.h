@@ -31,7 +31,7 @@ struct RenderPass {
   Buffer<std::uint32_t> depth_order;    // (V)   visible Gaussians, near to far, equal depths by index
   Buffer<std::uint32_t> first_instance; // (V+1) where the k-th of depth_order begins; the last is I
   Buffer<std::uint32_t> instance_tiles; // (I)   tile of each instance, in depth order of its Gaussian
-  Buffer<std::uint32_t> instance_splats;// (I)   its Gaussian
+  Buffer<std::uint32_t> instance_splats;  // (I)   its Gaussian
 
   Buffer<std::uint32_t> sort_scratch;   // (V)   working room of the depth sort
 
@@ -50,9 +50,8 @@ struct RenderPass {
   explicit RenderPass(Memory& memory = host_memory())
       : splats(memory), depths(memory), pixel_rects(memory), tile_counts(memory),
         depth_order(memory), first_instance(memory), instance_tiles(memory),
-        instance_splats(memory), sort_scratch(memory), tile_instances(memory),
-        tile_ranges(memory), image(memory), transmittance(memory), last_instance(memory),
-        instance_gradients(memory) {}
+        instance_splats(memory), sort_scratch(memory), tile_instances(memory), tile_ranges(memory),
+        image(memory), transmittance(memory), last_instance(memory), instance_gradients(memory) {}
 
   std::size_t pixel_count() const { return std::size_t(width) * height; }
   std::size_t tile_count() const { return std::size_t(tiles_x) * tiles_y; }

@@ -28,8 +28,9 @@ class Renderer {
   /// gradients   N rows, written whole: zero where a Gaussian was not visible
   /// dL_dmean2d  (N) gradient by the image-plane mean, per pixel; zero where not visible
   virtual void backward(const GaussiansSpan& gaussians, const Camera& camera,
-                        const RenderSettings& settings, RenderPass& pass, Span<const float> dL_dimage,
-                        const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) = 0;
+                        const RenderSettings& settings, RenderPass& pass,
+                        Span<const float> dL_dimage, const GaussiansSpan& gradients,
+                        Span<Vec2f> dL_dmean2d) = 0;
 };
 
 /// The scalar renderer: it defines what every other one must compute.

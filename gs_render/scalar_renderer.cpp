@@ -19,9 +19,9 @@ class ScalarRenderer final : public Renderer {
     blend(settings, pass);
   }
 
-  void backward(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
-                RenderPass& pass, Span<const float> dL_dimage, const GaussiansSpan& gradients,
-                Span<Vec2f> dL_dmean2d) override {
+  void backward(const GaussiansSpan& gaussians, const Camera& camera,
+                const RenderSettings& settings, RenderPass& pass, Span<const float> dL_dimage,
+                const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) override {
     GS_CHECK(dL_dimage.size == 3 * pass.pixel_count());
     blend_backward(settings, dL_dimage, pass);
     preprocess_backward(gaussians, camera, settings, pass, gradients, dL_dmean2d);

@@ -11,8 +11,8 @@
 namespace gs {
 
 /// 1  Activate, cull, project, colour: one splat per Gaussian, and how many tiles it hits.
-void preprocess(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
-                RenderPass& pass);
+void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
+                const RenderSettings& settings, RenderPass& pass);
 
 /// 2  Order the visible Gaussians near to far; then one instance per (splat, tile), in that order.
 void create_instances(RenderPass& pass);

@@ -34,14 +34,16 @@ struct Tile {
 /// Calls visit(first, dx, dy) for each group of kLanes pixels of the tile that meets the splat's rectangle:
 /// the group's first pixel in the tile, and its offset from the splat's mean.
 template <class Visit>
-inline void for_each_lane_group(const Tile& tile, const Rect& rect, const Vec2f& mean2d, Visit&& visit) {
+inline void for_each_lane_group(const Tile& tile, const Rect& rect, const Vec2f& mean2d,
+                                Visit&& visit) {
   const int y_begin = std::max(int(rect.y_begin) - tile.y, 0);
   const int y_end = std::min(int(rect.y_end) - tile.y, kTileHeight);
   const int x_begin = std::max(int(rect.x_begin) - tile.x, 0) / kLanes * kLanes;
   const int x_end = std::min(int(rect.x_end) - tile.x, kTileWidth);
   for (int y = y_begin; y < y_end; ++y)
     for (int x = x_begin; x < x_end; x += kLanes)
-      visit(y * kTileWidth + x, float(tile.x + x) + 0.5f - mean2d.x, float(tile.y + y) + 0.5f - mean2d.y);
+      visit(y * kTileWidth + x, float(tile.x + x) + 0.5f - mean2d.x,
+            float(tile.y + y) + 0.5f - mean2d.y);
 }
 
 }  // namespace gs

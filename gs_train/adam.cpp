@@ -29,8 +29,8 @@ class ScalarOptimizer final : public Optimizer {
   }
 
  private:
-  static void update(Span<float> parameters, Span<float> m, Span<float> v, Span<const float> gradient,
-                     const AdamStep& step) {
+  static void update(Span<float> parameters, Span<float> m, Span<float> v,
+                     Span<const float> gradient, const AdamStep& step) {
     parallel_chunks(parameters.size, 16384, [=](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i)
         adam_update(parameters[i], m[i], v[i], gradient[i], step);

@@ -33,7 +33,8 @@ class Backend {
 
  protected:
   /// statistics += this step's visibility and image-plane gradients.
-  virtual void gather(TrainingModel& model, const RenderPass& pass, Span<const Vec2f> dL_dmean2d) = 0;
+  virtual void gather(TrainingModel& model, const RenderPass& pass,
+                      Span<const Vec2f> dL_dmean2d) = 0;
 
   RenderPass pass_;
   Buffer<float> dL_dimage_;

@@ -9,8 +9,9 @@ DensityControl::DensityControl(const Config& config, float scene_extent)
     : rules_{config.density.gradient_threshold, config.density.small_scale * scene_extent,
              config.density.prune_opacity, std::numeric_limits<float>::infinity(),
              config.density.max_gaussians},
-      prune_scale_(config.density.prune_scale * scene_extent),
-      random_{config.train.seed, RandomStream::split} {}
+      prune_scale_(config.density.prune_scale * scene_extent), random_{
+                                                                   config.train.seed,
+                                                                   RandomStream::split_gaussians} {}
 
 RefineReport DensityControl::refine(TrainingModel& model, Backend& backend, int step,
                                     bool prune_large) const {

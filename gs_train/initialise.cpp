@@ -16,7 +16,8 @@ bool sees(const Camera& camera, const Vec3f& point, float near_plane) {
   const Vec3f p = to_camera(camera, point);
   if (!(p.z >= near_plane)) return false;
   const Vec2f pixel = project_mean(camera, p);
-  return pixel.x >= 0 && pixel.y >= 0 && pixel.x < float(camera.width) && pixel.y < float(camera.height);
+  return pixel.x >= 0 && pixel.y >= 0 && pixel.x < float(camera.width) &&
+         pixel.y < float(camera.height);
 }
 
 // Uniform in a box around the training cameras, kept where some training camera sees them.

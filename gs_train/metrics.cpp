@@ -48,8 +48,8 @@ double ssim(const ImageF& render, const Image8& photo) {
   return sum / double(n);
 }
 
-Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
-                    const RenderSettings& settings,
+Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
+                    const std::vector<View>& views, const RenderSettings& settings,
                     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view) {
   Evaluation evaluation;
   RenderPass pass(renderer.memory());
@@ -57,7 +57,8 @@ Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians, const st
     renderer.forward(gaussians, views[i].camera, settings, pass);
     const ImageF render = image_of(pass);
     if (on_view) on_view(i, views[i], render);
-    evaluation.views.push_back({views[i].name, psnr(render, views[i].photo), ssim(render, views[i].photo)});
+    evaluation.views.push_back(
+        {views[i].name, psnr(render, views[i].photo), ssim(render, views[i].photo)});
     evaluation.psnr += evaluation.views.back().psnr / double(views.size());
     evaluation.ssim += evaluation.views.back().ssim / double(views.size());
   }

@@ -31,8 +31,9 @@ struct Evaluation {
 };
 
 /// Renders each view and compares it with its photo. `on_view` (may be empty) sees each picture, in order.
-Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
-                    const RenderSettings& settings,
-                    const std::function<void(std::size_t, const View&, const ImageF&)>& on_view = {});
+Evaluation evaluate(
+    Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
+    const RenderSettings& settings,
+    const std::function<void(std::size_t, const View&, const ImageF&)>& on_view = {});
 
 }  // namespace gs

@@ -22,7 +22,8 @@ Buffer<std::uint32_t> morton_order(Span<const Vec3f> means) {
       std::max({high.x - low.x, high.y - low.y, high.z - low.z, std::numeric_limits<float>::min()});
 
   std::vector<std::uint64_t> codes(means.size);
-  parallel_for(means.size, 4096, [&](std::size_t i) { codes[i] = morton_code(means[i], low, size); });
+  parallel_for(means.size, 4096,
+               [&](std::size_t i) { codes[i] = morton_code(means[i], low, size); });
   Buffer<std::uint32_t> order(means.size, host_memory()), scratch;
   std::iota(order.begin(), order.end(), 0u);
   radix_sort_by_key(order.span(), scratch, [&](std::uint32_t i) { return codes[i]; });

@@ -16,7 +16,8 @@ struct DensityStatistics {
   Buffer<float> visits;         // (N) steps in which the Gaussian was visible
   Buffer<float> gradient_norm;  // (N) sum of |(W/2, H/2) * dL/dmean2d| over those steps
 
-  explicit DensityStatistics(Memory& memory = host_memory()) : visits(memory), gradient_norm(memory) {}
+  explicit DensityStatistics(Memory& memory = host_memory())
+      : visits(memory), gradient_norm(memory) {}
 };
 
 /// Everything that training changes: parameters, both Adam moments, statistics.
@@ -34,7 +35,8 @@ class Optimizer {
  public:
   virtual ~Optimizer() = default;
   /// One Adam update of every row, visible or not (dense semantics). Counts model.adam_steps up.
-  virtual void step(TrainingModel& model, const Gaussians& gradients, const LearningRates& rates) = 0;
+  virtual void step(TrainingModel& model, const Gaussians& gradients,
+                    const LearningRates& rates) = 0;
 };
 
 }  // namespace gs

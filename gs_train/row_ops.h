@@ -19,11 +19,11 @@ class RowOps {
 
   /// Clones, splits and prunes by `rules`; clears the statistics. Survivors keep their order, clones come
   /// after them, then the halves of split rows. New rows start with zero moments.
-  virtual RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
-                              int step) = 0;
+  virtual RefineReport refine(TrainingModel& model, const AdaptiveRules& rules,
+                              const Random& random, int step) = 0;
   /// Lowers every opacity to at most `opacity` and clears the moments of the opacities.
   virtual void reset_opacity(TrainingModel& model, float opacity) = 0;
-  /// Removes rows below `opacity` and degenerate ones. Returns how many.
+  /// Removes rows that cannot be seen: below `opacity`, degenerate, or not finite. Returns how many.
   virtual std::size_t prune(TrainingModel& model, float opacity) = 0;
   /// Sorts all rows (parameters, moments, statistics) along the Morton curve of their means.
   virtual void sort_by_morton(TrainingModel& model) = 0;

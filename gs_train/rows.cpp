@@ -37,7 +37,10 @@ std::vector<Fate> fates(const TrainingModel& model, const AdaptiveRules& rules) 
     const bool small = is_small(rows.log_scale[i], rules.small_scale);
     const bool pruned = row_is_pruned(rows, i, rules);
     // A row too large to keep may still be split into halves that are not.
-    fate[i] = grows && !small ? Fate::split : pruned ? Fate::prune : grows ? Fate::clone : Fate::keep;
+    fate[i] = grows && !small ? Fate::split
+              : pruned        ? Fate::prune
+              : grows         ? Fate::clone
+                              : Fate::keep;
   });
   return fate;
 }
@@ -127,8 +130,9 @@ class ScalarRowOps final : public RowOps {
   }
 
   // Puts each half of a split at its own draw from the parent and shrinks it.
-  static void move_halves(Gaussians& rows, std::size_t first, const std::vector<std::uint32_t>& parents,
-                          const Random& random, int step) {
+  static void move_halves(Gaussians& rows, std::size_t first,
+                          const std::vector<std::uint32_t>& parents, const Random& random,
+                          int step) {
     parallel_for(parents.size(), 4096, [&](std::size_t k) {
       const std::size_t i = first + k;
       const Vec4f normal = random.normal4(std::uint64_t(step), std::uint32_t(k));

@@ -17,7 +17,8 @@ constexpr int kExtraResetStep = 500;      // on a white background; Kerbl et al.
 
 Schedule::Schedule(const Config& config, float scene_extent)
     : rates_(config.optimizer), extent_(scene_extent) {
-  steps_ = std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));
+  steps_ =
+      std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));
   const DensityConfig& density = config.density;
   refine_from_ = std::max(scaled(density.from_step), std::min(density.from_step, kMinRefineFrom));
   refine_until_ = refine_from_ + scaled(density.until_step) - scaled(density.from_step);
@@ -54,7 +55,9 @@ bool Schedule::reset_opacity(int step) const {
 
 bool Schedule::raise_sh_degree(int step) const { return step % sh_every_ == 0; }
 
-bool Schedule::reorder(int step) const { return step % morton_every_ == 0 && step <= morton_until_; }
+bool Schedule::reorder(int step) const {
+  return step % morton_every_ == 0 && step <= morton_until_;
+}
 
 bool Schedule::gather_statistics(int step) const { return step <= refine_until_; }
 

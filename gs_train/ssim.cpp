@@ -87,7 +87,8 @@ class ScalarLoss final : public Loss {
       out[i] = l1 * sign + m[i] + 2.0f * X[i] * m[n + i] + Y[i] * m[2 * n + i];
       return std::abs(difference);
     });
-    value_ = (1.0 - lambda_dssim) * l1_sum / double(n) + lambda_dssim * (1.0 - ssim_sum_ / double(n));
+    value_ =
+        (1.0 - lambda_dssim) * l1_sum / double(n) + lambda_dssim * (1.0 - ssim_sum_ / double(n));
   }
 
   // Sum of f(i) over all values: rows in parallel, then the rows' sums one after the other.

@@ -41,9 +41,10 @@ RenderSettings render_settings(const Config& config) {
 }
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
-    : scene_(with_views(scene)), config_(config), backend_(backend), schedule_(config, scene.extent),
-      settings_(render_settings(config)), views_(scene.train_views.size(), config.train.seed),
-      density_(config, scene.extent), model_(initial_model(scene, config, backend.memory())) {
+    : scene_(with_views(scene)), config_(config), backend_(backend),
+      schedule_(config, scene.extent), settings_(render_settings(config)),
+      views_(scene.train_views.size(), config.train.seed), density_(config, scene.extent),
+      model_(initial_model(scene, config, backend.memory())) {
   settings_.sh_degree = 0;  // raised by the schedule
 }
 

@@ -132,8 +132,8 @@ GS_HD CompositeGradient<T> composite_vjp(PixelBackwardState<T>& pixel, const Vec
   const Vec3<T>& g = pixel.dL_dcolor;
   pixel.color_behind = (is_last ? T(0) : T(1)) * (pixel.color_behind - weight * clamped);
   const T q = T(1) / max_of(T(1) - alpha, T(kMinOneMinusAlpha));
-  const T dL_dalpha = inner(pixel.transmittance * clamped - q * pixel.color_behind, g) +
-                      q * pixel.background_term;
+  const T dL_dalpha =
+      inner(pixel.transmittance * clamped - q * pixel.color_behind, g) + q * pixel.background_term;
   pixel.transmittance = pixel.transmittance * (T(1) - alpha);
   return {{color.x >= T(0) ? weight * g.x : T(0), color.y >= T(0) ? weight * g.y : T(0),
            color.z >= T(0) ? weight * g.z : T(0)},

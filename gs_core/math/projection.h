@@ -70,10 +70,11 @@ GS_HD Vec3<T> projection_jacobian_vjp(const PinholeCamera<T>& camera, const Vec3
   const T x_moves = x == x_free ? T(1) : T(0), y_moves = y == y_free ? T(1) : T(0);
   const T jx = camera.fx / p.z, jy = camera.fy / p.z;
   const Mat3<T>& W = camera.cam_from_world_rotation;
-  const T d_jx = inner(dL_dA.row0, W.row0 - x * W.row2), d_jy = inner(dL_dA.row1, W.row1 - y * W.row2);
-  const T d_x = -jx * inner(dL_dA.row0, W.row2) * x_moves, d_y = -jy * inner(dL_dA.row1, W.row2) * y_moves;
-  return {d_x / p.z, d_y / p.z,
-          -(jx * d_jx + jy * d_jy + x_free * d_x + y_free * d_y) / p.z};
+  const T d_jx = inner(dL_dA.row0, W.row0 - x * W.row2),
+          d_jy = inner(dL_dA.row1, W.row1 - y * W.row2);
+  const T d_x = -jx * inner(dL_dA.row0, W.row2) * x_moves,
+          d_y = -jy * inner(dL_dA.row1, W.row2) * y_moves;
+  return {d_x / p.z, d_y / p.z, -(jx * d_jx + jy * d_jy + x_free * d_x + y_free * d_y) / p.z};
 }
 
 /// Image-plane covariance: Sigma' = A Sigma A^T + blur I   Kerbl et al. 2023, Eq. 5

@@ -33,7 +33,8 @@ template <class T>
 GS_HD Quat<T> rotation_matrix_vjp(const Quat<T>& q, const Mat3<T>& dR) {
   const T n = T(2) / squared_norm(q);
   // dL by the products in the bracket above: d_xx stands for dL/d(xx), and so on.
-  const T d_xx = -dR.row1.y - dR.row2.z, d_yy = -dR.row0.x - dR.row2.z, d_zz = -dR.row0.x - dR.row1.y;
+  const T d_xx = -dR.row1.y - dR.row2.z, d_yy = -dR.row0.x - dR.row2.z,
+          d_zz = -dR.row0.x - dR.row1.y;
   const T d_xy = dR.row0.y + dR.row1.x, d_xz = dR.row0.z + dR.row2.x, d_yz = dR.row1.z + dR.row2.y;
   const T d_wx = dR.row2.y - dR.row1.z, d_wy = dR.row0.z - dR.row2.x, d_wz = dR.row1.x - dR.row0.y;
   // Radial part: the change of 1/|q|^2.

@@ -19,7 +19,8 @@ GS_HD Vec3<T> unit_direction(const Vec3<T>& from, const Vec3<T>& to) {
 }
 /// dL/dto of unit_direction(): the part of the gradient across the direction, over the distance.
 template <class T>
-GS_HD Vec3<T> unit_direction_vjp(const Vec3<T>& from, const Vec3<T>& to, const Vec3<T>& dL_ddirection) {
+GS_HD Vec3<T> unit_direction_vjp(const Vec3<T>& from, const Vec3<T>& to,
+                                 const Vec3<T>& dL_ddirection) {
   using std::sqrt;
   const Vec3<T> v = to - from;
   const T inverse = T(1) / sqrt(inner(v, v));

@@ -80,7 +80,8 @@ GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
   if (!(p.z >= T(settings.near_plane) && p.z <= T(settings.far_plane))) return result;
   if (is_degenerate(gaussian.rotation)) return result;
 
-  const Sym3<T> sigma = covariance(rotation_matrix(gaussian.rotation), variance(gaussian.log_scale));
+  const Sym3<T> sigma =
+      covariance(rotation_matrix(gaussian.rotation), variance(gaussian.log_scale));
   const T blur = blur_of<T>(settings);
   result.cov2d = project_covariance(projection_jacobian(camera, p), sigma, blur);
   const T det = determinant(result.cov2d);

@@ -21,8 +21,7 @@ struct BenchScene {
   explicit BenchScene(const benchmark::State& state)
       : view{"", random_camera(int(state.range(1)), int(state.range(2))), {}},
         model(model_of(random_gaussians(kSpread, std::size_t(state.range(0)), view.camera, 1))),
-        gradients(model.count(), host_memory()),
-        dL_dmean2d(model.count(), host_memory()) {
+        gradients(model.count(), host_memory()), dL_dmean2d(model.count(), host_memory()) {
     view.photo = random_photo(view.camera.width, view.camera.height, 2);
     forward();
     loss();

@@ -180,12 +180,12 @@ TEST_F(ConfigFile, WrongTypeNamesLineKeyValueAndType) {
 TEST_F(ConfigFile, OutOfRangeNamesLineKeyValueAndRange) {
   EXPECT_THAT(refusal("[model]\nsh_degree = 4\n"),
               AllOf(HasSubstr("run.toml:2: model.sh_degree = 4"), HasSubstr("from 0 to 3")));
-  EXPECT_THAT(refusal("[train]\niterations = 0\n"), HasSubstr("at least 1"));
+  EXPECT_THAT(refusal("[train]\niterations = 0\n"), HasSubstr("from 1 to 2147483647"));
   EXPECT_THAT(refusal("[render]\nbackground = 'blue'\n"), HasSubstr("one of black, white, random"));
 }
 
 TEST_F(ConfigFile, NumbersBeyondTheirTypeAreRefusedNotWrapped) {
-  EXPECT_THAT(refusal("[train]\niterations = 4294967297\n"), HasSubstr("at least 1"));
+  EXPECT_THAT(refusal("[train]\niterations = 4294967297\n"), HasSubstr("from 1 to 2147483647"));
   EXPECT_THAT(refusal("[train]\nseed = -1\n"), HasSubstr("train.seed = -1"));
   EXPECT_THAT(refusal("[render]\nfar_plane = 1e39\n"), HasSubstr("render.far_plane"));
   EXPECT_THAT(refusal("[render]\nfar_plane = inf\n"), HasSubstr("render.far_plane"));

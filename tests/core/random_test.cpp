@@ -38,7 +38,7 @@ TEST(Random, DependsOnEachOfSeedStreamAndBothCounters) {
   const std::vector<Words> draws = {at(1, RandomStream::test, 1, 1),
                                     at(2, RandomStream::test, 1, 1),
                                     at(1 + (1ull << 32), RandomStream::test, 1, 1),
-                                    at(1, RandomStream::split, 1, 1),
+                                    at(1, RandomStream::split_gaussians, 1, 1),
                                     at(1, RandomStream::test, 2, 1),
                                     at(1, RandomStream::test, 1 + (1ull << 32), 1),
                                     at(1, RandomStream::test, 1, 2)};

@@ -481,6 +481,12 @@ TEST_F(Ply, CommentsSayWhetherItIsAntialiased) {
   EXPECT_FALSE(antialiased("antialiased"));
 }
 
+TEST_F(Ply, ACommentSaysWhetherItIsOurs) {
+  write_gaussian_ply(file(), random_model(3, 1));
+  EXPECT_TRUE(read_gaussian_ply(file()).is_ours);
+  EXPECT_FALSE(read(ply_of(random_model(3, 1), properties_of_degree(1))).is_ours);
+}
+
 TEST_F(Ply, ReadsALargeStrideAcrossBlocks) {
   const GaussianModel model = random_model(700, 0);
   std::vector<std::string> names = properties_of_degree(0);

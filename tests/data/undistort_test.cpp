@@ -87,17 +87,11 @@ Vec2d projected(const ColmapCamera& camera, double X, double Y, double Z) {
     }
     case CameraModel::opencv_fisheye:
       return fisheye(p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]);
-    case CameraModel::simple_radial_fisheye:
-      return fisheye(p[0], p[0], p[1], p[2], p[3], 0, 0, 0);
-    case CameraModel::radial_fisheye:
-      return fisheye(p[0], p[0], p[1], p[2], p[3], p[4], 0, 0);
-    case CameraModel::simple_fisheye:
-      return fisheye(p[0], p[0], p[1], p[2], 0, 0, 0, 0);
-    case CameraModel::fisheye:
-      return fisheye(p[0], p[1], p[2], p[3], 0, 0, 0, 0);
-    default:
-      ADD_FAILURE();
-      return {};
+    case CameraModel::simple_radial_fisheye: return fisheye(p[0], p[0], p[1], p[2], p[3], 0, 0, 0);
+    case CameraModel::radial_fisheye: return fisheye(p[0], p[0], p[1], p[2], p[3], p[4], 0, 0);
+    case CameraModel::simple_fisheye: return fisheye(p[0], p[0], p[1], p[2], 0, 0, 0, 0);
+    case CameraModel::fisheye: return fisheye(p[0], p[1], p[2], p[3], 0, 0, 0, 0);
+    default: ADD_FAILURE(); return {};
   }
 }
 

@@ -96,12 +96,13 @@ TEST(IsPruned, AboveTheScaleButNotAtIt) {
 }
 
 TEST(IsPruned, AtNoScaleWhenTheLimitIsInfinite) {
-  EXPECT_FALSE(is_pruned(Vec3f(0.0f), {50.0f, 50.0f, 50.0f}, kUpright, 3.0f, rules(0.1f, kInfinity)));
+  EXPECT_FALSE(
+      is_pruned(Vec3f(0.0f), {50.0f, 50.0f, 50.0f}, kUpright, 3.0f, rules(0.1f, kInfinity)));
 }
 
 TEST(IsPruned, WithoutARotation) {
-  EXPECT_TRUE(
-      is_pruned(Vec3f(0.0f), {0.0f, 0.0f, 0.0f}, {0.0f, 1e-5f, 0.0f, 0.0f}, 3.0f, rules(0.1f, kInfinity)));
+  EXPECT_TRUE(is_pruned(Vec3f(0.0f), {0.0f, 0.0f, 0.0f}, {0.0f, 1e-5f, 0.0f, 0.0f}, 3.0f,
+                        rules(0.1f, kInfinity)));
 }
 
 TEST(IsPruned, WithAValueThatIsNotFinite) {

@@ -18,7 +18,7 @@ using ::testing::ElementsAre;
 constexpr float kSmall = 0.01f, kLarge = 0.5f;  // scales on both sides of small_scale
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-const Random kRandom{1, RandomStream::split};
+const Random kRandom{1, RandomStream::split_gaussians};
 const AdaptiveRules kRules{.gradient_threshold = 1,
                            .small_scale = 0.1f,
                            .prune_opacity = 0.05f,
@@ -151,7 +151,7 @@ TEST(Refine, DrawsTheSameHalvesForTheSameSeedAndStep) {
   refine(b);
   set_thread_count(0);
   refine(later, kRules, 700);
-  make_scalar_row_ops()->refine(reseeded, kRules, {2, RandomStream::split}, 600);
+  make_scalar_row_ops()->refine(reseeded, kRules, {2, RandomStream::split_gaussians}, 600);
   EXPECT_TRUE(same_bits(a, b));
   EXPECT_FALSE(same_bits(a.gaussians.mean, later.gaussians.mean));
   EXPECT_FALSE(same_bits(a.gaussians.mean, reseeded.gaussians.mean));
