@@ -6,6 +6,7 @@
 #include "data_loaders/undistort.h"
 #include "gs_core/error.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/tiny_photos.h"
 
 namespace gs {
 namespace {
@@ -225,10 +226,14 @@ TEST(LoadScene, UnknownLensNamesThePhoto) {
 
 TEST(LoadScene, DamagedPhotoIsNamed) {
   const TempFolder temp;
-  write_scene(temp.path(), small_model(4));
-  const std::string whole = read_bytes(temp.path() / "images/c.png");
-  write_bytes(temp.path() / "images/c.png", whole.substr(0, whole.size() - 20));
-  EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("c.png"));
+  ColmapModel model = small_model(4);
+  model.cameras[7] = {7, CameraModel::pinhole, 16, 8, {10, 10, 8, 4}};
+  write_scene(temp.path(), model);
+  model.images[2].name = "c.jpg";
+  write_binary_model(temp.path() / "sparse/0", model);
+  const std::string cut(reinterpret_cast<const char*>(kTurnedJpeg), sizeof(kTurnedJpeg) - 20);
+  write_bytes(temp.path() / "images/c.jpg", cut);  // its header is whole
+  EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("c.jpg"));
 }
 
 TEST(LoadScene, PointBeyondSinglePrecisionIsRefused) {

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// For tests that drive a library into an error in which it loses memory of its own.
+#pragma once
+
+#ifdef __SANITIZE_ADDRESS__
+#include <sanitizer/lsan_interface.h>
+#endif
+
+namespace gs {
+
+/// While it lives, LeakSanitizer overlooks what this thread allocates; nothing in other builds.
+class IgnoreForeignLeaks {
+ public:
+  IgnoreForeignLeaks() = default;
+  IgnoreForeignLeaks(const IgnoreForeignLeaks&) = delete;
+  ~IgnoreForeignLeaks() {}
+
+#ifdef __SANITIZE_ADDRESS__
+ private:
+  __lsan::ScopedDisabler disabler_;
+#endif
+};
+
+}  // namespace gs
