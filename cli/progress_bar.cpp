@@ -14,6 +14,7 @@ namespace gs {
 namespace {
 
 constexpr std::chrono::milliseconds kRedrawEvery{200};
+constexpr std::chrono::seconds kQuietStart{1};  // work shorter than this needs no lines in a log
 constexpr int kBarWidth = 24;        // characters
 constexpr double kRateMemory = 0.8;  // weight of the past in the rate shown
 constexpr const char* kEraseLine = "\r\033[K";
@@ -31,8 +32,9 @@ ProgressBar::ProgressBar(std::int64_t total, bool enabled)
 
 bool ProgressBar::due(std::int64_t done) {
   if (!enabled_) return false;
-  if (is_terminal_) return done >= total_ || Clock::now() - last_time_ >= kRedrawEvery;
-  return done * 10 >= next_tenth_ * total_;
+  const Clock::time_point now = Clock::now();
+  if (is_terminal_) return done >= total_ || now - last_time_ >= kRedrawEvery;
+  return done * 10 >= next_tenth_ * total_ && now - start_ >= kQuietStart;
 }
 
 void ProgressBar::measure(std::int64_t done) {

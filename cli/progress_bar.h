@@ -31,7 +31,7 @@ class ProgressBar {
   std::int64_t total_;
   bool enabled_, is_terminal_;
   bool line_is_drawn_ = false;
-  Clock::time_point last_time_ = Clock::now();
+  Clock::time_point start_ = Clock::now(), last_time_ = start_;
   std::int64_t last_done_ = 0, next_tenth_ = 1;
   double rate_ = 0;
 };

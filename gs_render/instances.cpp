@@ -28,26 +28,24 @@ void order_by_depth(RenderPass& pass) {
 
 void create_instances(RenderPass& pass) {
   order_by_depth(pass);
-  const std::size_t visible = pass.depth_order.size();
-  pass.first_instance.resize_discard(visible + 1);
+  pass.first_instance.resize_discard(pass.tile_counts.size());
   std::uint64_t total = 0;
-  for (std::size_t k = 0; k < visible; ++k) {
-    pass.first_instance[k] = std::uint32_t(total);
-    total += pass.tile_counts[pass.depth_order[k]];
+  for (const std::uint32_t gaussian : pass.depth_order) {
+    pass.first_instance[gaussian] = std::uint32_t(total);
+    total += pass.tile_counts[gaussian];
   }
   if (total > std::numeric_limits<std::uint32_t>::max())
     throw Error(
         "a view has more than 2^32 splats in tiles; lower the resolution (-r) or the number of "
         "Gaussians (--max-gaussians)",
         ExitCode::out_of_memory);
-  pass.first_instance[visible] = std::uint32_t(total);
   pass.instance_tiles.resize_discard(total);
   pass.instance_splats.resize_discard(total);
 
-  parallel_for(visible, 512, [&](std::size_t k) {
+  parallel_for(pass.depth_order.size(), 512, [&](std::size_t k) {
     const std::uint32_t gaussian = pass.depth_order[k];
     const Splat& splat = pass.splats[gaussian];
-    std::uint32_t instance = pass.first_instance[k];
+    std::uint32_t instance = pass.first_instance[gaussian];
     for_each_hit_tile(splat.mean2d, splat.conic, splat.cutoff, pass.pixel_rects[gaussian],
                       [&](int x, int y) {
                         pass.instance_tiles[instance] = std::uint32_t(y * pass.tiles_x + x);

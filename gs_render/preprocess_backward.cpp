@@ -15,10 +15,11 @@ void write_row(const GaussiansSpan& gradients, std::size_t i,
   gradients.sh0[i] = gradient.sh0;
 }
 
-SplatGradient sum_of_instances(const RenderPass& pass, std::size_t k) {
+SplatGradient sum_of_instances(const RenderPass& pass, std::size_t i) {
   SplatGradient sum{};
-  for (std::uint32_t slot = pass.first_instance[k]; slot < pass.first_instance[k + 1]; ++slot) {
-    const SplatGradient& part = pass.instance_gradients[slot];
+  const std::uint32_t begin = pass.first_instance[i], end = begin + pass.tile_counts[i];
+  for (std::uint32_t instance = begin; instance < end; ++instance) {
+    const SplatGradient& part = pass.instance_gradients[instance];
     sum.mean2d += part.mean2d;
     sum.conic = {sum.conic.xx + part.conic.xx, sum.conic.xy + part.conic.xy,
                  sum.conic.yy + part.conic.yy};
@@ -33,14 +34,13 @@ SplatGradient sum_of_instances(const RenderPass& pass, std::size_t k) {
 void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
                          const RenderSettings& settings, const RenderPass& pass,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) {
-  parallel_for(gaussians.mean.size, 4096, [&](std::size_t i) {
-    if (pass.tile_counts[i]) return;
-    for_each_array([&](const char*, auto& rows) { rows[i] = {}; }, gradients);
-    dL_dmean2d[i] = {};
-  });
-  parallel_for(pass.depth_order.size(), 512, [&](std::size_t k) {
-    const std::size_t i = pass.depth_order[k];
-    const SplatGradient dL_dsplat = sum_of_instances(pass, k);
+  parallel_for(gaussians.mean.size, 512, [&](std::size_t i) {
+    if (!pass.tile_counts[i]) {
+      for_each_array([&](const char*, auto& rows) { rows[i] = {}; }, gradients);
+      dL_dmean2d[i] = {};
+      return;
+    }
+    const SplatGradient dL_dsplat = sum_of_instances(pass, i);
     gradients.sh_rest[i] = {};  // degrees that are not in use have no gradient
     write_row(gradients, i,
               project_gaussian_vjp(camera, parameters_of(gaussians, i), settings, dL_dsplat,

@@ -29,7 +29,7 @@ struct RenderPass {
 
   // 2 depth order and instances        V visible Gaussians, I instances
   Buffer<std::uint32_t> depth_order;    // (V)   visible Gaussians, near to far, equal depths by index
-  Buffer<std::uint32_t> first_instance; // (V+1) where the k-th of depth_order begins; the last is I
+  Buffer<std::uint32_t> first_instance; // (N)   where a visible Gaussian's instances begin; it has tile_counts
   Buffer<std::uint32_t> instance_tiles; // (I)   tile of each instance, in depth order of its Gaussian
   Buffer<std::uint32_t> instance_splats;  // (I)   its Gaussian
 

@@ -46,36 +46,34 @@ TEST_F(SortedPass, DepthOrderHoldsTheVisibleNearToFarAndEqualDepthsByIndex) {
 }
 
 TEST_F(SortedPass, InstancesOfASplatAreTheTilesThatItHits) {
-  ASSERT_EQ(pass_.first_instance.size(), pass_.depth_order.size() + 1);
-  for (std::size_t k = 0; k < pass_.depth_order.size(); ++k) {
-    const std::uint32_t i = pass_.depth_order[k];
+  ASSERT_EQ(pass_.first_instance.size(), gaussians_.count());
+  std::uint32_t instance = 0;
+  for (const std::uint32_t i : pass_.depth_order) {
     const Splat& splat = pass_.splats[i];
     const Rect tiles = tile_rect(pass_.pixel_rects[i]);
-    std::uint32_t instance = pass_.first_instance[k];
+    ASSERT_EQ(pass_.first_instance[i], instance);
     for (int y = 0; y < pass_.tiles_y; ++y)
       for (int x = 0; x < pass_.tiles_x; ++x) {
         if (x < tiles.x_begin || x >= tiles.x_end || y < tiles.y_begin || y >= tiles.y_end)
           continue;
         if (!tile_is_hit(splat.mean2d, splat.conic, splat.cutoff, x, y)) continue;
-        ASSERT_LT(instance, pass_.first_instance[k + 1]);
+        ASSERT_LT(instance, pass_.first_instance[i] + pass_.tile_counts[i]);
         EXPECT_EQ(pass_.instance_tiles[instance], std::uint32_t(y * pass_.tiles_x + x));
         EXPECT_EQ(pass_.instance_splats[instance], i);
         ++instance;
       }
-    EXPECT_EQ(instance, pass_.first_instance[k + 1]);
-    EXPECT_EQ(pass_.tile_counts[i], instance - pass_.first_instance[k]);
+    EXPECT_EQ(pass_.tile_counts[i], instance - pass_.first_instance[i]);
   }
-  EXPECT_EQ(pass_.first_instance[pass_.depth_order.size()], pass_.instance_splats.size());
+  EXPECT_EQ(instance, pass_.instance_splats.size());
 }
 
 TEST_F(SortedPass, EveryPixelOfASplatLiesInOneOfItsTiles) {
   std::size_t fragments = 0;
-  for (std::size_t k = 0; k < pass_.depth_order.size(); ++k) {
-    const std::uint32_t i = pass_.depth_order[k];
+  for (const std::uint32_t i : pass_.depth_order) {
     const Splat& s = pass_.splats[i];
     std::vector<bool> has_instance(pass_.tile_count());
-    for (std::uint32_t n = pass_.first_instance[k]; n < pass_.first_instance[k + 1]; ++n)
-      has_instance[pass_.instance_tiles[n]] = true;
+    for (std::uint32_t n = 0; n < pass_.tile_counts[i]; ++n)
+      has_instance[pass_.instance_tiles[pass_.first_instance[i] + n]] = true;
     for (int y = 0; y < pass_.height; ++y)
       for (int x = 0; x < pass_.width; ++x) {
         const double dx = x + 0.5 - s.mean2d.x, dy = y + 0.5 - s.mean2d.y;
