@@ -142,10 +142,6 @@ std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel
   return plans;
 }
 
-bool is_finite(const Vec3f& v) {
-  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
-}
-
 Camera single_precision_camera(const ViewPlan& plan) {
   const PinholeCamera<double>& from = plan.target;
   const Mat3<double> R = rotation_matrix(plan.image.cam_from_world_rotation);
@@ -158,8 +154,8 @@ Camera single_precision_camera(const ViewPlan& plan) {
   camera.cy = float(from.cy);
   camera.cam_from_world_rotation = {Vec3f(R.row0), Vec3f(R.row1), Vec3f(R.row2)};
   camera.cam_from_world_translation = Vec3f(plan.image.cam_from_world_translation);
-  if (!is_finite(camera.position()) || !is_finite({camera.fx, camera.cx, 0}) ||
-      !is_finite({camera.fy, camera.cy, 0}))
+  if (!is_finite(camera.position()) || !is_finite(Vec3f(camera.fx, camera.cx, 0)) ||
+      !is_finite(Vec3f(camera.fy, camera.cy, 0)))
     throw Error(fmt::format(
         "the camera of photo '{}' does not fit single precision; leave the photo out of the model, "
         "or move the model nearer to its origin with `colmap model_aligner`",
