@@ -125,8 +125,7 @@ TEST(Photos, TruncationAtEveryByteOfAJpegIsAnErrorNotAGreyPhoto) {
 }
 
 TEST(Photos, TruncatedPngIsAnError) {
-  const IgnoreForeignLeaks
-      ignore;  // OpenImageIO 2.4's PNG reader jumps out of libpng past a string
+  const IgnoreForeignLeaks ignore;  // OpenImageIO 2.4's PNG reader jumps out of libpng past a string
   const TempFolder temp;
   write_png(temp.path() / "whole.png", noise(64, 64, 3));
   const std::string whole = read_bytes(temp.path() / "whole.png");
