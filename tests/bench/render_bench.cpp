@@ -23,6 +23,7 @@ struct BenchScene {
         model(model_of(random_gaussians(kSpread, std::size_t(state.range(0)), view.camera, 1))),
         gradients(model.count(), host_memory()), dL_dmean2d(model.count(), host_memory()) {
     view.photo = random_photo(view.camera.width, view.camera.height, 2);
+    backend->rows().sort_by_morton(model);  // as training keeps its rows
     forward();
     loss();
     backward();
