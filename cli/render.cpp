@@ -2,7 +2,6 @@
 // gemsplat render: pictures of a trained model, of any trainer, from given cameras.
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cmath>
 #include <iostream>
 #include <memory>
 #include <set>
@@ -27,15 +26,6 @@ struct RenderCommand : CommandLine {
   std::string model, output, cameras, split = "all";
   std::optional<int> step;
 };
-
-// The camera with its picture made smaller as -r says for photos.
-Camera at_resolution(const Camera& camera, int resolution) {
-  if (resolution == 1) return camera;
-  const bool is_divisor = resolution <= 8;
-  const double scale = is_divisor ? 1.0 / resolution : double(resolution) / camera.width;
-  const auto scaled = [&](int length) { return std::max(1, int(std::lround(length * scale))); };
-  return resized(camera, scaled(camera.width), scaled(camera.height));
-}
 
 std::vector<NamedCamera> cameras_of_file(const std::filesystem::path& file, int resolution) {
   std::vector<NamedCamera> cameras = read_cameras_json(file);

@@ -60,22 +60,12 @@ Scene load(const DatasetConfig& dataset, bool show_progress) {
   return scene;
 }
 
-// Evaluates the views of those indices; every picture goes to `on_view` (may be empty).
-using OnView = std::function<void(std::size_t index, const View&, const ImageF&)>;
-Evaluation evaluate_some(Trainer& trainer, const std::vector<View>& views,
-                         const std::vector<std::size_t>& indices, const OnView& on_view) {
-  Evaluation sum;
-  for (const std::size_t index : indices) {
-    const auto pass_on = [&](std::size_t, const View& view, const ImageF& render) {
-      if (on_view) on_view(index, view, render);
-    };
-    const Evaluation one = evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
-                                    {views[index]}, trainer.evaluation_settings(), pass_on);
-    sum.views.push_back(one.views.at(0));
-    sum.psnr += one.psnr / double(indices.size());
-    sum.ssim += one.ssim / double(indices.size());
-  }
-  return sum;
+// Some of the views, evenly chosen.
+std::vector<View> sample_of(const std::vector<View>& views, std::size_t wanted) {
+  std::vector<View> sample;
+  for (const std::size_t index : evenly_chosen(views.size(), wanted))
+    sample.push_back(views[index]);
+  return sample;
 }
 
 // The evaluation at the end, with its pictures: test/ours_N/{renders,gt} and comparison.png.
@@ -101,12 +91,13 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, int step, Results& 
                             compare_test(index, view, render);
                           });
 
-  const auto shown = evenly_chosen(scene.train_views.size(), kTrainViewsShown);
-  results.train = evaluate_some(trainer, scene.train_views, shown,
-                                [&](std::size_t, const View& view, const ImageF& image) {
-                                  if (!has_test && comparisons.size() < kComparedViews)
-                                    comparisons.push_back({view.photo, to_image8(image)});
-                                });
+  results.train =
+      evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
+               sample_of(scene.train_views, kTrainViewsShown), trainer.evaluation_settings(),
+               [&](std::size_t, const View& view, const ImageF& image) {
+                 if (!has_test && comparisons.size() < kComparedViews)
+                   comparisons.push_back({view.photo, to_image8(image)});
+               });
   if (!comparisons.empty()) write_png(folder.comparison(), comparison_picture(comparisons));
   write_text(folder.results(), results_json(results));
   write_text(folder.per_view(), per_view_json(results));

@@ -89,9 +89,9 @@ LensCamera fitted_to_photo(LensCamera lens, const ViewPlan& plan) {
       "COLMAP again on these");
 }
 
-/// The camera at dataset.resolution: 1, 2, 4, 8 divide, a larger number is the width.
-PinholeCamera<double> at_resolution(const PinholeCamera<double>& camera, int resolution,
-                                    const std::string& name) {
+/// Refuses a dataset.resolution that is none of 1, 2, 4, 8, or is wider than the photo.
+void check_resolution(int resolution, const PinholeCamera<double>& camera,
+                      const std::string& name) {
   const bool divides = resolution == 1 || resolution == 2 || resolution == 4 || resolution == 8;
   if (!divides && resolution <= 8)
     throw UsageError(fmt::format(
@@ -103,9 +103,6 @@ PinholeCamera<double> at_resolution(const PinholeCamera<double>& camera, int res
         "dataset.resolution asks for {} pixels of width and photo '{}' has {}; give at most {}, "
         "or 1 for the photos' own size",
         resolution, name, camera.width, camera.width));
-  const double scale = divides ? 1.0 / resolution : double(resolution) / camera.width;
-  const auto side = [&](int pixels) { return std::max(1, int(std::lround(pixels * scale))); };
-  return resized(camera, side(camera.width), side(camera.height));
 }
 
 std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel& model,
@@ -132,7 +129,8 @@ std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel
     const auto [found, is_new] = undistorted.try_emplace({camera.id, width, height});
     if (is_new) found->second = undistorted_pinhole(plan.lens, plan.image.name);
     plan.undistorted = found->second;
-    plan.target = at_resolution(plan.undistorted, dataset.resolution, plan.image.name);
+    check_resolution(dataset.resolution, plan.undistorted, plan.image.name);
+    plan.target = at_resolution(plan.undistorted, dataset.resolution);
   }
   if (scaled)
     log_info(
@@ -143,17 +141,10 @@ std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel
 }
 
 Camera single_precision_camera(const ViewPlan& plan) {
-  const PinholeCamera<double>& from = plan.target;
-  const Mat3<double> R = rotation_matrix(plan.image.cam_from_world_rotation);
-  Camera camera;
-  camera.width = from.width;
-  camera.height = from.height;
-  camera.fx = float(from.fx);
-  camera.fy = float(from.fy);
-  camera.cx = float(from.cx);
-  camera.cy = float(from.cy);
-  camera.cam_from_world_rotation = {Vec3f(R.row0), Vec3f(R.row1), Vec3f(R.row2)};
-  camera.cam_from_world_translation = Vec3f(plan.image.cam_from_world_translation);
+  PinholeCamera<double> posed = plan.target;
+  posed.cam_from_world_rotation = rotation_matrix(plan.image.cam_from_world_rotation);
+  posed.cam_from_world_translation = plan.image.cam_from_world_translation;
+  const Camera camera = camera_as<float>(posed);
   if (!is_finite(camera.position()) || !is_finite(Vec3f(camera.fx, camera.cx, 0)) ||
       !is_finite(Vec3f(camera.fy, camera.cy, 0)))
     throw Error(fmt::format(

@@ -2,6 +2,9 @@
 // The one camera that training and rendering know: an undistorted pinhole with a pose.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "gs_core/types.h"
 
 namespace gs {
@@ -34,6 +37,29 @@ PinholeCamera<T> resized(PinholeCamera<T> camera, int width, int height) {
   camera.width = width;
   camera.height = height;
   return camera;
+}
+
+/// The same view at a -r/--resolution: 1 to 8 divides the picture's size, more is its new width in pixels; sides
+/// are rounded to the nearest pixel, at least 1.
+template <class T>
+PinholeCamera<T> at_resolution(const PinholeCamera<T>& camera, int resolution) {
+  const double scale = resolution <= 8 ? 1.0 / resolution : double(resolution) / camera.width;
+  const auto side = [&](int pixels) { return std::max(1, int(std::lround(pixels * scale))); };
+  return resized(camera, side(camera.width), side(camera.height));
+}
+
+/// The same camera in another scalar.
+template <class To, class From>
+PinholeCamera<To> camera_as(const PinholeCamera<From>& camera) {
+  const Mat3<From>& W = camera.cam_from_world_rotation;
+  return {camera.width,
+          camera.height,
+          To(camera.fx),
+          To(camera.fy),
+          To(camera.cx),
+          To(camera.cy),
+          {Vec3<To>(W.row0), Vec3<To>(W.row1), Vec3<To>(W.row2)},
+          Vec3<To>(camera.cam_from_world_translation)};
 }
 
 }  // namespace gs

@@ -68,7 +68,7 @@ void Trainer::run() {
 
 void Trainer::one_step(int step) {
   const View& view = scene_.train_views[views_.view_of(step)];
-  settings_.background = background(step);
+  if (config_.render.background == "random") settings_.background = random_background(step);
   // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec. "Optimization"
   backend_.step(model_, view, settings_, config_.loss.lambda_dssim, schedule_.learning_rates(step),
                 schedule_.gather_statistics(step));
@@ -86,9 +86,7 @@ void Trainer::finish() {
   backend_.rows().sort_by_morton(model_);
 }
 
-Vec3f Trainer::background(int step) const {
-  if (config_.render.background == "white") return Vec3f(1.0f);
-  if (config_.render.background == "black") return Vec3f(0.0f);
+Vec3f Trainer::random_background(int step) const {
   const Vec4f u =
       Random{config_.train.seed, RandomStream::background}.uniform4(std::uint64_t(step));
   return {u.x, u.y, u.z};

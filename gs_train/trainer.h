@@ -54,7 +54,7 @@ class Trainer {
  private:
   void one_step(int step);
   void finish();
-  Vec3f background(int step) const;
+  Vec3f random_background(int step) const;
 
   const Scene& scene_;
   Config config_;

@@ -15,21 +15,6 @@
 namespace gs {
 namespace {
 
-/// The same camera in another scalar; its numbers are constants there.
-template <class T>
-PinholeCamera<T> camera_as(const PinholeCamera<double>& camera) {
-  const auto vec = [](const Vec3d& v) { return Vec3<T>{T(v.x), T(v.y), T(v.z)}; };
-  const Mat3<double>& W = camera.cam_from_world_rotation;
-  return {camera.width,
-          camera.height,
-          T(camera.fx),
-          T(camera.fy),
-          T(camera.cx),
-          T(camera.cy),
-          {vec(W.row0), vec(W.row1), vec(W.row2)},
-          vec(camera.cam_from_world_translation)};
-}
-
 /// A posed camera that is neither centred nor square in anything.
 PinholeCamera<double> draw_camera(TestRandom& random) {
   const double width = 640.0, height = 420.0;

@@ -40,19 +40,6 @@ inline std::vector<DoubleGaussian> in_double(const Gaussians& from) {
   return result;
 }
 
-template <class T>
-PinholeCamera<T> camera_in(const Camera& camera) {
-  const Mat3<float>& R = camera.cam_from_world_rotation;
-  return {camera.width,
-          camera.height,
-          T(camera.fx),
-          T(camera.fy),
-          T(camera.cx),
-          T(camera.cy),
-          {Vec3<T>(R.row0), Vec3<T>(R.row1), Vec3<T>(R.row2)},
-          Vec3<T>(camera.cam_from_world_translation)};
-}
-
 /// The visible splats of a view, near to far, equal depths by index.
 struct ReferenceSplats {
   struct Entry {
@@ -73,7 +60,7 @@ ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians, c
   // Exact splats: an offset from the mean is rounded to half a unit in the last place of 16 pixels. Others:
   // a mean of some 100 pixels is the sum of rounded products; a conic divides by a difference of products.
   ReferenceSplats result{{}, kExact ? 0 : 1e-5, kExact ? 1e-6 : 3e-5};
-  const PinholeCamera<T> camera_t = camera_in<T>(camera);
+  const PinholeCamera<T> camera_t = camera_as<T>(camera);
   for (std::uint32_t i = 0; i < gaussians.size(); ++i) {
     const DoubleGaussian& g = gaussians[i];
     Vec3<T> sh_rest[kShRestCount];
