@@ -68,7 +68,7 @@ void blend_tile(const RenderSettings& settings, RenderPass& pass, std::size_t ti
   TilePixels pixels(pass, tile);
   for (std::uint32_t k = tile.begin; k < tile.end; ++k) {
     if ((k - tile.begin) % kClosedCheckInterval == 0 && pixels.all_closed()) break;
-    const std::uint32_t gaussian = pass.instance_splats[pass.tile_instances[k]];
+    const std::uint32_t gaussian = pass.tile_splats[k];
     const Splat& splat = pass.splats[gaussian];
     for_each_lane_group(tile, pass.pixel_rects[gaussian], splat.mean2d,
                         [&](int first, float dx, float dy) {

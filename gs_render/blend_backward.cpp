@@ -110,7 +110,7 @@ void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_di
     LaneSums sums;
     const std::uint32_t instance = pass.tile_instances[k], position = k - tile.begin;
     if (position < pixels.largest_last) {
-      const std::uint32_t gaussian = pass.instance_splats[instance];
+      const std::uint32_t gaussian = pass.tile_splats[k];
       const Splat& splat = pass.splats[gaussian];
       for_each_lane_group(
           tile, pass.pixel_rects[gaussian], splat.mean2d, [&](int first, float dx, float dy) {

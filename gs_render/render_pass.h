@@ -33,24 +33,26 @@ struct RenderPass {
   Buffer<std::uint32_t> instance_tiles; // (I)   tile of each instance, in depth order of its Gaussian
   Buffer<std::uint32_t> instance_splats;  // (I)   its Gaussian
 
-  Buffer<std::uint32_t> sort_scratch;   // (V)   working room of the depth sort
+  Buffer<std::uint32_t> sort_scratch;   // (V)   working room of the depth sort, scalar backend
 
   // 3 tile order                       each tile's instances, front to back
-  Buffer<std::uint32_t> tile_instances; // (I)   instance numbers, sorted by tile, stable
-  Buffer<std::uint32_t> tile_ranges;    // (tiles+1) tile t owns tile_instances[ranges[t] .. ranges[t+1])
+  Buffer<std::uint32_t> tile_splats;    // (I)   their Gaussians, sorted by tile, stable
+  Buffer<std::uint32_t> tile_instances; // (I)   their numbers, scalar backend
+  Buffer<std::uint32_t> tile_ranges;    // (tiles+1) tile t owns tile_splats[ranges[t] .. ranges[t+1])
 
   // 4 blend
   Buffer<float> image;                  // (3, H, W) with background, not clamped
   Buffer<float> transmittance;          // (H, W)    what is left for the background
   Buffer<std::uint32_t> last_instance;  // (H, W)    1 + position in its tile's list of the last blended; 0 = none
 
-  // 6 blend backward                   scalar backend
-  Buffer<SplatGradient> instance_gradients;  // (I) each instance's share, summed per splat in a fixed order
+  // 6 blend backward
+  Buffer<SplatGradient> instance_gradients;  // (I) each instance's share, summed per splat in a fixed order; scalar backend
 
   explicit RenderPass(Memory& memory = host_memory())
       : splats(memory), depths(memory), pixel_rects(memory), tile_counts(memory),
         depth_order(memory), first_instance(memory), instance_tiles(memory),
-        instance_splats(memory), sort_scratch(memory), tile_instances(memory), tile_ranges(memory),
+        instance_splats(memory), sort_scratch(memory), tile_splats(memory), tile_instances(memory),
+        tile_ranges(memory),
         image(memory), transmittance(memory), last_instance(memory), instance_gradients(memory) {}
 
   std::size_t pixel_count() const { return std::size_t(width) * height; }

@@ -11,14 +11,18 @@ void sort_by_tile(RenderPass& pass) {
   pass.tile_ranges.resize_discard(tiles + 1);
   pass.tile_ranges.fill_zero();
   pass.tile_instances.resize_discard(instances);
+  pass.tile_splats.resize_discard(instances);
 
   for (const std::uint32_t tile : pass.instance_tiles) ++pass.tile_ranges[tile + 1];
   std::partial_sum(pass.tile_ranges.begin(), pass.tile_ranges.end(), pass.tile_ranges.begin());
 
   // While the instances are dealt out, range t holds the next free place of tile t; each ends up at its
   // tile's end, which is where the next tile begins.
-  for (std::size_t i = 0; i < instances; ++i)
-    pass.tile_instances[pass.tile_ranges[pass.instance_tiles[i]]++] = std::uint32_t(i);
+  for (std::size_t i = 0; i < instances; ++i) {
+    const std::uint32_t place = pass.tile_ranges[pass.instance_tiles[i]]++;
+    pass.tile_instances[place] = std::uint32_t(i);
+    pass.tile_splats[place] = pass.instance_splats[i];
+  }
   std::copy_backward(pass.tile_ranges.begin(), pass.tile_ranges.end() - 1, pass.tile_ranges.end());
   pass.tile_ranges[0] = 0;
 }

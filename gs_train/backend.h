@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "gs_render/renderer.h"
 #include "gs_train/loss.h"
@@ -11,6 +12,12 @@
 #include "gs_train/row_ops.h"
 
 namespace gs {
+
+/// How long the runs of one stage took.
+struct StageTime {
+  std::string stage;
+  std::vector<float> milliseconds;  // one per run
+};
 
 /// Everything that the trainer needs of a device. Made by the program, outlives the trainer.
 class Backend {
@@ -25,11 +32,26 @@ class Backend {
   virtual Optimizer& optimizer() = 0;
   virtual RowOps& rows() = 0;
 
+  /// Tells of the views that steps will ask for, so that a device can fetch their photos beforehand. They
+  /// outlive the backend's next prepare() or its end.
+  virtual void prepare(const std::vector<View>&) {}
+  /// Tells which view the step after the next call of step() will take.
+  virtual void announce(const View&) {}
+
   /// One training step: render, compare, differentiate, update, and note the statistics that density
   /// control reads. The body given here is the algorithm in plain words; a backend may override it with a
   /// fused sequence that computes the same.
   virtual void step(TrainingModel& model, const View& view, const RenderSettings& settings,
                     float lambda_dssim, const LearningRates& rates, bool gather_statistics);
+
+  /// Waits until the model is what all steps so far make of it. Steps of a device run behind the host's back:
+  /// whoever looks at a model calls this first; row operations do so themselves.
+  virtual void settle(TrainingModel&) {}
+
+  /// While on, each stage's run is timed.
+  virtual void set_profiling(bool) {}
+  /// The stages' times since then, in pipeline order; empty where the backend does not time stages.
+  virtual std::vector<StageTime> stage_times() { return {}; }
 
  protected:
   /// statistics += this step's visibility and image-plane gradients.

@@ -31,9 +31,9 @@ struct GaussianParameters {
   const Vec3<T>* sh_rest;  // sh_rest_count(degree in use) coefficients
 };
 
-/// A Gaussian's footprint in one view: all that blending reads.
+/// A Gaussian's footprint in one view: all that blending reads. Aligned for loads of 16 bytes.
 template <class T>
-struct BasicSplat {
+struct alignas(16) alignas(T) BasicSplat {
   Vec2<T> mean2d;  // pixels
   Sym2<T> conic;   // inverse image-plane covariance, 1 / pixels^2
   T opacity;       // after the antialiasing factor
@@ -66,40 +66,53 @@ GS_HD T blur_of(const SplatSettings& settings) {
   return T(settings.antialias ? kBlurAntialias : kBlur);
 }
 
-/// Projects one Gaussian into a view.   Kerbl et al. 2023, Sec. 4; Faster-GS, fused activations
+/// Projects one Gaussian into a view: everything but its colour.   Kerbl et al. 2023, Sec. 4; Faster-GS,
+/// fused activations
 ///
 /// Not visible: degenerate rotation, depth outside [near, far], image covariance singular or beyond the
 /// scalar's range, opacity under the truncation rule's threshold, or any value that is not finite.
 template <class T>
-GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
-                                            const GaussianParameters<T>& gaussian,
-                                            const SplatSettings& settings) {
+GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const Vec3<T>& mean,
+                                         const Vec3<T>& log_scale, const Quat<T>& rotation,
+                                         const T& logit_opacity, const SplatSettings& settings) {
   ProjectedGaussian<T> result;
-  const Vec3<T> p = to_camera(camera, gaussian.mean);
+  const Vec3<T> p = to_camera(camera, mean);
   result.depth = p.z;
   if (!(p.z >= T(settings.near_plane) && p.z <= T(settings.far_plane))) return result;
-  if (is_degenerate(gaussian.rotation)) return result;
+  if (is_degenerate(rotation)) return result;
 
-  const Sym3<T> sigma =
-      covariance(rotation_matrix(gaussian.rotation), variance(gaussian.log_scale));
+  const Sym3<T> sigma = covariance(rotation_matrix(rotation), variance(log_scale));
   const T blur = blur_of<T>(settings);
   result.cov2d = project_covariance(projection_jacobian(camera, p), sigma, blur);
   const T det = determinant(result.cov2d);
   if (!(det >= T(kMinCovarianceDeterminant) && det < T(kMaxCovarianceDeterminant))) return result;
 
   BasicSplat<T>& splat = result.splat;
-  splat.opacity = sigmoid(gaussian.logit_opacity);
+  splat.opacity = sigmoid(logit_opacity);
   if (settings.antialias) splat.opacity *= antialias_factor(result.cov2d, blur);
   splat.cutoff = cutoff_of(settings.truncation, splat.opacity);
   if (!(splat.cutoff >= T(0))) return result;
 
   splat.mean2d = project_mean(camera, p);
   splat.conic = conic_of(result.cov2d);
-  splat.color = sh_color(settings.sh_degree, unit_direction(camera.position(), gaussian.mean),
-                         gaussian.sh0, gaussian.sh_rest);
-  const T sum = splat.mean2d.x + splat.mean2d.y + splat.opacity + splat.color.x + splat.color.y +
-                splat.color.z;
+  const T sum = splat.mean2d.x + splat.mean2d.y + splat.opacity;
   result.is_visible = sum - sum == T(0);  // false for NaN and infinity
+  return result;
+}
+
+/// Projects one Gaussian into a view: project_shape() and its colour. Not visible where that is not finite.
+template <class T>
+GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
+                                            const GaussianParameters<T>& gaussian,
+                                            const SplatSettings& settings) {
+  ProjectedGaussian<T> result =
+      project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
+                    gaussian.logit_opacity, settings);
+  if (!result.is_visible) return result;
+  result.splat.color =
+      sh_color(settings.sh_degree, unit_direction(camera.position(), gaussian.mean), gaussian.sh0,
+               gaussian.sh_rest);
+  result.is_visible = is_finite(result.splat.color);
   return result;
 }
 
@@ -111,34 +124,26 @@ struct GaussianGradient {
   T logit_opacity;
   Vec3<T> sh0;
 };
-/// Gradients of project_gaussian(), for a Gaussian that was visible. Everything but the parameters is
-/// computed again. Writes the gradients of the SH coefficients in use into dL_dsh_rest.
+/// Gradients of project_shape(), for a Gaussian that was visible; sh0 and the colour's part of the mean are
+/// left out. Everything but the parameters is computed again.
 template <class T>
-GS_HD GaussianGradient<T> project_gaussian_vjp(const PinholeCamera<T>& camera,
-                                               const GaussianParameters<T>& gaussian,
-                                               const SplatSettings& settings,
-                                               const BasicSplatGradient<T>& dL_dsplat,
-                                               Vec3<T>* dL_dsh_rest) {
-  const Vec3<T> p = to_camera(camera, gaussian.mean);
-  const Mat3<T> R = rotation_matrix(gaussian.rotation);
-  const Vec3<T> variances = variance(gaussian.log_scale);
+GS_HD GaussianGradient<T> project_shape_vjp(const PinholeCamera<T>& camera, const Vec3<T>& mean,
+                                            const Vec3<T>& log_scale, const Quat<T>& rotation,
+                                            const T& logit_opacity, const SplatSettings& settings,
+                                            const BasicSplatGradient<T>& dL_dsplat) {
+  const Vec3<T> p = to_camera(camera, mean);
+  const Mat3<T> R = rotation_matrix(rotation);
+  const Vec3<T> variances = variance(log_scale);
   const Sym3<T> sigma = covariance(R, variances);
   const Mat23<T> A = projection_jacobian(camera, p);
   const T blur = blur_of<T>(settings);
   const Sym2<T> cov2d = project_covariance(A, sigma, blur);
 
   GaussianGradient<T> gradient;
-  // Colour: to the coefficients, and through the viewing direction to the mean.
-  const Vec3<T> eye = camera.position();
-  const ShColorGradient<T> dL_color =
-      sh_color_vjp(settings.sh_degree, unit_direction(eye, gaussian.mean), gaussian.sh_rest,
-                   dL_dsplat.color, dL_dsh_rest);
-  gradient.sh0 = dL_color.sh0;
-  gradient.mean = unit_direction_vjp(eye, gaussian.mean, dL_color.direction);
-
+  gradient.sh0 = Vec3<T>(T(0));
   // Opacity, and the antialiasing factor.
   Sym2<T> dL_dcov2d = conic_vjp(conic_of(cov2d), dL_dsplat.conic);
-  const T opacity = sigmoid(gaussian.logit_opacity);
+  const T opacity = sigmoid(logit_opacity);
   T dL_dopacity = dL_dsplat.opacity;
   if (settings.antialias) {
     if (!settings.antialias_detach) {
@@ -153,10 +158,31 @@ GS_HD GaussianGradient<T> project_gaussian_vjp(const PinholeCamera<T>& camera,
   const ProjectCovarianceGradient<T> dL_projection = project_covariance_vjp(A, sigma, dL_dcov2d);
   const CovarianceGradient<T> dL_covariance = covariance_vjp(R, variances, dL_projection.sigma);
   gradient.log_scale = variance_vjp(variances, dL_covariance.variance);
-  gradient.rotation = rotation_matrix_vjp(gaussian.rotation, dL_covariance.R);
+  gradient.rotation = rotation_matrix_vjp(rotation, dL_covariance.R);
   const Vec3<T> dL_dp = project_mean_vjp(camera, p, dL_dsplat.mean2d) +
                         projection_jacobian_vjp(camera, p, dL_projection.A);
-  gradient.mean += to_camera_vjp(camera, dL_dp);
+  gradient.mean = to_camera_vjp(camera, dL_dp);
+  return gradient;
+}
+
+/// Gradients of project_gaussian(), for a Gaussian that was visible. Writes the gradients of the SH
+/// coefficients in use into dL_dsh_rest.
+template <class T>
+GS_HD GaussianGradient<T> project_gaussian_vjp(const PinholeCamera<T>& camera,
+                                               const GaussianParameters<T>& gaussian,
+                                               const SplatSettings& settings,
+                                               const BasicSplatGradient<T>& dL_dsplat,
+                                               Vec3<T>* dL_dsh_rest) {
+  GaussianGradient<T> gradient =
+      project_shape_vjp(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
+                        gaussian.logit_opacity, settings, dL_dsplat);
+  // Colour: to the coefficients, and through the viewing direction to the mean.
+  const Vec3<T> eye = camera.position();
+  const ShColorGradient<T> dL_color =
+      sh_color_vjp(settings.sh_degree, unit_direction(eye, gaussian.mean), gaussian.sh_rest,
+                   dL_dsplat.color, dL_dsh_rest);
+  gradient.sh0 = dL_color.sh0;
+  gradient.mean += unit_direction_vjp(eye, gaussian.mean, dL_color.direction);
   return gradient;
 }
 

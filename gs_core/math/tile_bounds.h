@@ -61,15 +61,16 @@ GS_HD Rect tile_rect(const Rect& pixels) {
           std::uint16_t((pixels.y_end + kTileHeight - 1) / kTileHeight)};
 }
 
-/// True where some point of the tile's rectangle of pixel centres has an exponent >= -cutoff: the exact
-/// test of Radl et al. 2024 (StopThePop), for the quadratic 1/2 d^T Q d.
+/// True where some point of a rectangle of pixel centres has an exponent >= -cutoff: the exact test of
+/// Radl et al. 2024 (StopThePop), for the quadratic 1/2 d^T Q d.
+///
+/// x_min .. y_max  the outermost pixel centres   pixels
+/// slack           relative rounding error of the quadratic that still counts as a hit; 0: the plain test
 ///
 /// The smallest value over a convex rectangle lies at the mean if that is inside, else on one of the two
 /// edges nearest to it; along an edge the minimum of the parabola is clamped to the edge.
-GS_HD bool tile_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff, int tile_x,
-                       int tile_y) {
-  const float x_min = float(tile_x * kTileWidth) + 0.5f, x_max = x_min + float(kTileWidth - 1);
-  const float y_min = float(tile_y * kTileHeight) + 0.5f, y_max = y_min + float(kTileHeight - 1);
+GS_HD bool rectangle_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
+                            float x_min, float x_max, float y_min, float y_max, float slack = 0) {
   const bool left = mean2d.x <= x_min, right = mean2d.x > x_max;
   const bool above = mean2d.y <= y_min, below = mean2d.y > y_max;
   if (!(left || right || above || below)) return true;
@@ -80,7 +81,7 @@ GS_HD bool tile_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cuto
   const bool outside_x = left || right, outside_y = above || below;
   const auto quadratic = [&](float x, float y) {
     const float square = multiply_add(conic.xx * x, x, conic.yy * y * y);
-    return multiply_add(conic.xy * x, y, 0.5f * square);
+    return multiply_add(conic.xy * x, y, (0.5f - slack) * square);
   };
   float least = std::numeric_limits<float>::infinity();
   if (outside_x) {  // the edge x = const: free in y
@@ -92,6 +93,14 @@ GS_HD bool tile_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cuto
     least = min_of(least, quadratic(x, fy));
   }
   return least <= cutoff;
+}
+
+/// rectangle_is_hit() for a tile.
+GS_HD bool tile_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff, int tile_x,
+                       int tile_y) {
+  const float x = float(tile_x * kTileWidth) + 0.5f, y = float(tile_y * kTileHeight) + 0.5f;
+  return rectangle_is_hit(mean2d, conic, cutoff, x, x + float(kTileWidth - 1), y,
+                          y + float(kTileHeight - 1));
 }
 
 /// Calls visit(tile_x, tile_y) for each tile that the splat hits, row by row. Counting and emitting instances

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// One GPU and its compute stream: every kernel of a backend is launched here, in order, and nothing waits but
+// synchronize().
+#pragma once
+
+#include <cuda_runtime.h>
+
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "gs_core/error.h"
+#include "gs_core/memory.h"
+#include "gs_train/backend.h"
+
+namespace gs::cuda {
+
+/// Throws Error where a CUDA call failed; `what` names the stage or the call.
+void check(cudaError_t error, const char* what);
+
+/// A GPU, its compute stream, and the times of its stages while somebody profiles.
+class Context {
+ public:
+  explicit Context(int device);
+  ~Context();
+  Context(const Context&) = delete;
+  Context& operator=(const Context&) = delete;
+
+  int device() const { return device_; }
+  cudaStream_t stream() const { return stream_; }
+  const std::string& device_name() const { return device_name_; }
+  int multiprocessors() const { return multiprocessors_; }
+
+  /// Waits until all that was launched has run. Never called by a step of training.
+  void synchronize();
+
+  /// Launches a kernel of `blocks` blocks; none where there is nothing to do. The error, if any, names the stage.
+  template <class... Parameters, class... Arguments>
+  void launch(const char* stage, void (*kernel)(Parameters...), std::size_t blocks, int threads,
+              Arguments&&... arguments) {
+    if (blocks == 0) return;
+    kernel<<<unsigned(blocks), unsigned(threads), 0, stream_>>>(
+        std::forward<Arguments>(arguments)...);
+    check(cudaGetLastError(), stage);
+  }
+
+  void set_profiling(bool on);
+  /// Milliseconds of each stage that has run since profiling was set on, in the order of first use. Waits.
+  std::vector<StageTime> stage_times();
+
+ private:
+  friend class StageScope;
+  struct Lap {
+    std::string stage;
+    cudaEvent_t begin, end;
+  };
+  cudaEvent_t event();
+
+  int device_;
+  cudaStream_t stream_ = nullptr;
+  std::string device_name_;
+  int multiprocessors_ = 0;
+  bool profiling_ = false;
+  std::vector<Lap> laps_;
+  std::vector<cudaEvent_t> free_events_;
+};
+
+/// The launches of one stage: named in profilers (NVTX), and timed while the context profiles.
+class StageScope {
+ public:
+  StageScope(Context& context, const char* stage);
+  ~StageScope();
+
+ private:
+  Context& context_;
+  std::size_t lap_ = 0;
+};
+
+/// Memory of the context's GPU. Allocates with cudaMalloc: Buffers only grow, so that steady work never asks.
+class DeviceMemory final : public Memory {
+ public:
+  explicit DeviceMemory(Context& context) : context_(context) {}
+  void* allocate(std::size_t bytes) override;
+  void deallocate(void* pointer, std::size_t bytes) noexcept override;
+  void copy(void* to, const void* from, std::size_t bytes) override;
+  void fill_zero(void* to, std::size_t bytes) override;
+  void upload(void* to, const void* from_host, std::size_t bytes) override;
+  void download(void* to_host, const void* from, std::size_t bytes) override;
+
+ private:
+  Context& context_;
+};
+
+/// Blocks of `threads` that cover `count` items.
+constexpr std::size_t blocks_for(std::size_t count, int threads) {
+  return (count + std::size_t(threads) - 1) / std::size_t(threads);
+}
+
+}  // namespace gs::cuda

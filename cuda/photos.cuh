@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// The photos on the GPU, as bytes: all of them while they fit into a budget; the others are fetched one view
+// ahead on a stream of their own.
+#pragma once
+
+#include <unordered_map>
+
+#include "cuda/context.cuh"
+#include "gs_core/buffer.h"
+#include "gs_core/scene.h"
+
+namespace gs::cuda {
+
+class PhotoStore {
+ public:
+  /// budget_bytes  of GPU memory that photos may take
+  PhotoStore(Context& context, Memory& memory, std::size_t budget_bytes);
+  ~PhotoStore();
+
+  /// Uploads the photos of these views, in order, as far as the budget goes; forgets all others. The views
+  /// outlive the next call or this store.
+  void prepare(const std::vector<View>& views);
+  /// Starts to fetch the photo of a view that photo() will be asked for soon. Does not wait.
+  void announce(const View& view);
+  /// The photo, (height, width, 3) bytes on the GPU, valid for work on the compute stream that is launched
+  /// before the next two calls of photo(). Does not wait for a photo that was prepared or announced.
+  const std::uint8_t* photo(const View& view);
+
+ private:
+  // A place for one photo that does not fit the budget, and its way there.
+  struct Slot {
+    const View* view = nullptr;
+    Buffer<std::uint8_t> on_device;
+    std::uint8_t* pinned = nullptr;  // the bytes on their way, in page-locked host memory
+    std::size_t pinned_bytes = 0;
+    cudaEvent_t arrived = nullptr;   // on the copy stream
+    cudaEvent_t used = nullptr;      // on the compute stream: the last work that was launched before the slot is refilled
+    explicit Slot(Memory& memory) : on_device(memory) {}
+  };
+  Slot& fetch(const View& view);
+
+  Context& context_;
+  Memory& memory_;
+  std::size_t budget_bytes_;
+  cudaStream_t copy_stream_ = nullptr;
+  Buffer<std::uint8_t> resident_;                              // all resident photos, one after another
+  std::unordered_map<const View*, std::size_t> resident_at_;   // where each begins
+  std::vector<Slot> slots_;
+  std::size_t next_slot_ = 0;
+};
+
+}  // namespace gs::cuda

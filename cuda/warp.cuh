@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the threads of a warp do together.
+#pragma once
+
+#include <cuda_runtime.h>
+
+#include <cstdint>
+
+namespace gs::cuda {
+
+inline constexpr int kWarp = 32;
+inline constexpr unsigned kAllLanes = 0xffffffffu;
+
+__device__ inline int lane_of_thread() { return int(threadIdx.x) % kWarp; }
+
+/// The lanes below this one, as a mask.
+__device__ inline unsigned lanes_below() { return (1u << lane_of_thread()) - 1u; }
+
+/// The sum over all lanes, in every lane.
+template <class T>
+__device__ inline T warp_sum(T value) {
+  for (int offset = kWarp / 2; offset > 0; offset /= 2)
+    value += __shfl_xor_sync(kAllLanes, value, offset);
+  return value;
+}
+
+/// The largest value of all lanes, in every lane.
+template <class T>
+__device__ inline T warp_max(T value) {
+  for (int offset = kWarp / 2; offset > 0; offset /= 2) {
+    const T other = __shfl_xor_sync(kAllLanes, value, offset);
+    value = other > value ? other : value;
+  }
+  return value;
+}
+
+/// Sum of the values of the lanes below this one.
+__device__ inline std::uint32_t warp_exclusive_sum(std::uint32_t value) {
+  std::uint32_t sum = value;
+  for (int offset = 1; offset < kWarp; offset *= 2) {
+    const std::uint32_t below = __shfl_up_sync(kAllLanes, sum, offset);
+    if (lane_of_thread() >= offset) sum += below;
+  }
+  return sum - value;
+}
+
+/// *to += value, four floats at once where the GPU can (compute capability 9), without an answer.
+__device__ inline void add_to(float4* to, const float4& value) {
+#if __CUDA_ARCH__ >= 900
+  atomicAdd(to, value);
+#else
+  float* const p = reinterpret_cast<float*>(to);
+  atomicAdd(p, value.x);
+  atomicAdd(p + 1, value.y);
+  atomicAdd(p + 2, value.z);
+  atomicAdd(p + 3, value.w);
+#endif
+}
+
+}  // namespace gs::cuda
