@@ -156,7 +156,7 @@ void train(const TrainCommand& command) {
 
   Results results;
   results.iterations = last;
-  results.num_gaussians = trainer.model().count();
+  results.num_gaussians = trainer.gaussian_count();
   results.train_seconds = trainer.train_seconds();
   results.device = backend->name();
   results.seed = config.train.seed;

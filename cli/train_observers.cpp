@@ -27,7 +27,7 @@ void ProgressObserver::after_step(int step, Trainer& trainer) {
   last_step_ = step;
   if (!bar_.due(step)) return;
   const std::string detail = fmt::format("loss {:.4f} | {} Gaussians", trainer.loss(),
-                                         with_commas(trainer.model().count()));
+                                         with_commas(trainer.gaussian_count()));
   bar_.draw(step, detail, "step");
 }
 
@@ -68,7 +68,7 @@ void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* te
   const double rate = seconds > last_seconds_ ? (step - last_row_) / (seconds - last_seconds_) : 0;
   std::ofstream file(path_, std::ios::app);
   file << fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, trainer.loss(),
-                      trainer.model().count(), seconds, rate, trainer.settings().sh_degree);
+                      trainer.gaussian_count(), seconds, rate, trainer.settings().sh_degree);
   file << (test ? fmt::format("{:.4f},{:.5f}\n", test->psnr, test->ssim) : std::string(",\n"));
   if (!file.flush())
     throw Error("cannot write " + path_.string() +

@@ -3,6 +3,8 @@
 // are the scalar ones'. Each only launches; none waits, none allocates once its buffers have grown.
 #pragma once
 
+#include <memory>
+
 #include "cuda/context.cuh"
 #include "cuda/photos.cuh"
 #include "gs_core/math/adam.h"
@@ -45,6 +47,9 @@ struct WorkingRoom {
         keys(memory), sorted_keys(memory), instance_splats(memory), sort_room(memory),
         splat_gradients(memory), halted(memory) {}
 };
+
+/// True where the tiles of a pass, and the number that stands for no tile, fit keys of 16 bits.
+inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < 65536; }
 
 /// 1  preprocess.cu: activate, cull, project, colour; one splat per Gaussian, and which tiles it hits.
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,

@@ -44,6 +44,29 @@ __device__ inline std::uint32_t warp_exclusive_sum(std::uint32_t value) {
   return sum - value;
 }
 
+/// Reads and writes a value 16 bytes at a time; it is aligned to 16.
+template <class T>
+union InVectors {
+  static constexpr int kVectors = sizeof(T) / sizeof(float4);
+  static_assert(sizeof(T) % sizeof(float4) == 0 && alignof(T) == sizeof(float4));
+  __device__ InVectors() {}
+  float4 vectors[kVectors];
+  T value;
+};
+template <class T>
+__device__ inline T load_in_vectors(const T* from) {
+  InVectors<T> result;
+  for (int k = 0; k < result.kVectors; ++k)
+    result.vectors[k] = reinterpret_cast<const float4*>(from)[k];
+  return result.value;
+}
+template <class T>
+__device__ inline void store_in_vectors(T* to, const T& value) {
+  InVectors<T> copy;
+  copy.value = value;
+  for (int k = 0; k < copy.kVectors; ++k) reinterpret_cast<float4*>(to)[k] = copy.vectors[k];
+}
+
 /// *to += value, four floats at once where the GPU can (compute capability 9), without an answer.
 __device__ inline void add_to(float4* to, const float4& value) {
 #if __CUDA_ARCH__ >= 900

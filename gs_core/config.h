@@ -76,6 +76,7 @@ struct TrainConfig {
   std::uint64_t seed = 42;
   int threads = 0;              // 0: all cores
   std::string device = "auto";  // cpu, cuda, cuda:N, auto
+  float photo_gib = 4;          // of GPU memory for photos; more are fetched as they are needed
   int log_every = 100;
   std::vector<int> save_steps;  // besides the last one
   std::vector<int> test_steps;  // besides the last one

@@ -92,6 +92,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("train.seed",                   train.seed,                   "",       between(0, kLargestExact), "same seed, same bytes");
   field("train.threads",                train.threads,                "",       between(0, 4096),   "of the CPU; 0: all cores; the result does not depend on it");
   field("train.device",                 train.device,                 "",       one_of("auto, cpu, cuda, cuda:N"), "where to train");
+  field("train.photo_gib",              train.photo_gib,              "GiB",    at_least(0),        "of GPU memory for photos; those that do not fit are fetched one step ahead");
   field("train.log_every",              train.log_every,              "steps",  steps_from(1),      "between rows of metrics.csv");
   field("train.save_steps",             train.save_steps,             "steps",  steps_from(1),      "after which the PLY is saved, besides the last; not scaled");
   field("train.test_steps",             train.test_steps,             "steps",  steps_from(1),      "after which the test views are evaluated, besides the last; not scaled");

@@ -32,10 +32,10 @@ class Backend {
   virtual Optimizer& optimizer() = 0;
   virtual RowOps& rows() = 0;
 
-  /// Tells of the views that steps will ask for, so that a device can fetch their photos beforehand. They
-  /// outlive the backend's next prepare() or its end.
-  virtual void prepare(const std::vector<View>&) {}
-  /// Tells which view the step after the next call of step() will take.
+  /// Tells of the views that steps will ask for, so that a device can fetch their photos beforehand, up to so
+  /// many bytes of its memory. The views outlive the next prepare() or the backend.
+  virtual void prepare(const std::vector<View>&, [[maybe_unused]] std::size_t photo_bytes) {}
+  /// Tells which view the step after the next one will take.
   virtual void announce(const View&) {}
 
   /// One training step: render, compare, differentiate, update, and note the statistics that density

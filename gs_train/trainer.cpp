@@ -9,6 +9,8 @@
 namespace gs {
 namespace {
 
+constexpr double kGib = 1024.0 * 1024.0 * 1024.0;  // bytes
+
 double seconds_now() {
   using Clock = std::chrono::steady_clock;
   return std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
@@ -46,6 +48,26 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
       views_(scene.train_views.size(), config.train.seed), density_(config, scene.extent),
       model_(initial_model(scene, config, backend.memory())) {
   settings_.sh_degree = 0;  // raised by the schedule
+  backend_.prepare(scene.train_views, std::size_t(double(config.train.photo_gib) * kGib));
+}
+
+template <class F>
+auto Trainer::timed(F&& f) {
+  const double begin = seconds_now();
+  auto result = f();
+  train_seconds_ += seconds_now() - begin;
+  return result;
+}
+
+const TrainingModel& Trainer::model() {
+  return *timed([&] {
+    backend_.settle(model_);
+    return &model_;
+  });
+}
+
+double Trainer::loss() {
+  return timed([&] { return backend_.loss().value(); });
 }
 
 void Trainer::run() {
@@ -69,6 +91,7 @@ void Trainer::run() {
 void Trainer::one_step(int step) {
   const View& view = scene_.train_views[views_.view_of(step)];
   if (config_.render.background == "random") settings_.background = random_background(step);
+  backend_.announce(scene_.train_views[views_.view_of(step + 1)]);
   // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec. "Optimization"
   backend_.step(model_, view, settings_, config_.loss.lambda_dssim, schedule_.learning_rates(step),
                 schedule_.gather_statistics(step));

@@ -38,7 +38,10 @@ class Trainer {
   void stop() { stop_requested_ = true; }
   bool stopped_early() const { return stop_requested_; }
 
-  const TrainingModel& model() const { return model_; }
+  /// The model after all steps so far; waits for the device.
+  const TrainingModel& model();
+  /// Its number of Gaussians; does not wait.
+  std::size_t gaussian_count() const { return model_.count(); }
   const RenderSettings& settings() const { return settings_; }
   /// The settings for looking at the model: as trained, on the fixed background (black for "random").
   RenderSettings evaluation_settings() const;
@@ -47,11 +50,14 @@ class Trainer {
   const Config& config() const { return config_; }
   Backend& backend() { return backend_; }
   /// The loss of the last step; waits for the device.
-  double loss() { return backend_.loss().value(); }
+  double loss();
   /// Seconds spent in steps and density control so far; observers are not counted.
   double train_seconds() const { return train_seconds_; }
 
  private:
+  // Runs f() as a part of training, not of what observers do.
+  template <class F>
+  auto timed(F&& f);
   void one_step(int step);
   void finish();
   Vec3f random_background(int step) const;

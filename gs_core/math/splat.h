@@ -33,7 +33,7 @@ struct GaussianParameters {
 
 /// A Gaussian's footprint in one view: all that blending reads. Aligned for loads of 16 bytes.
 template <class T>
-struct alignas(16) alignas(T) BasicSplat {
+struct alignas(alignof(T) > 16 ? alignof(T) : 16) BasicSplat {
   Vec2<T> mean2d;  // pixels
   Sym2<T> conic;   // inverse image-plane covariance, 1 / pixels^2
   T opacity;       // after the antialiasing factor

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 8: Adam over every number of every learned quantity, from stored gradients; and the steps that the fused
+// update of preprocess_backward.cu takes.
+#include "cuda/stages.cuh"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = 256;  // numbers are independent: any size that fills a multiprocessor
+
+// The numbers of an array, whatever its rows are.
+template <class T>
+Span<float> numbers_of(const Buffer<T>& rows) {
+  return {reinterpret_cast<float*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
+}
+
+__global__ void adam_kernel(Span<float> parameters, Span<float> m, Span<float> v,
+                            Span<const float> gradient, AdamStep step) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i >= parameters.size) return;
+  adam_update(parameters[i], m[i], v[i], gradient[i], step);
+}
+
+class CudaOptimizer final : public Optimizer {
+ public:
+  explicit CudaOptimizer(Context& context) : context_(context) {}
+
+  void step(TrainingModel& model, const Gaussians& gradients, const LearningRates& rates) override {
+    GS_CHECK(gradients.count() == model.count());
+    StageScope scope(context_, "adam");
+    for_each_array(
+        [&](const char*, auto& parameters, auto& m, auto& v, const auto& gradient,
+            const AdamStep& step) {
+          const Span<float> numbers = numbers_of(parameters);
+          context_.launch("adam", adam_kernel, blocks_for(numbers.size, kThreads), kThreads,
+                          numbers, numbers_of(m), numbers_of(v), numbers_of(gradient), step);
+        },
+        model.gaussians, model.first_moment, model.second_moment, gradients,
+        adam_steps(++model.adam_steps, rates));
+  }
+
+ private:
+  Context& context_;
+};
+
+}  // namespace
+
+AdamSteps adam_steps(int t, const LearningRates& rates) {
+  AdamSteps steps;
+  for_each_array([&](const char*, AdamStep& step, float rate) { step = adam_step(t, rate); }, steps,
+                 rates);
+  return steps;
+}
+
+std::unique_ptr<Optimizer> make_optimizer(Context& context) {
+  return std::make_unique<CudaOptimizer>(context);
+}
+
+}  // namespace gs::cuda

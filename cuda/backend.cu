@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+// The CUDA backend. Its step is a fused sequence of launches that never waits and never asks the device anything:
+//
+//   A view's instances are as many as the device says, but buffers and sorts need a number before. It is guessed
+//   from the view's last visit, with room to spare. Where that is too little, the device raises a flag, and from then
+//   on no step changes the model, until the host sees the flag, makes room, and launches those steps again, in order.
+//   Nothing is lost, and the result is the same as if there had been room.
+#include "cuda/backend.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <deque>
+#include <thread>
+#include <unordered_map>
+
+#include "cuda/renderer.cuh"
+#include "gs_core/math/density.h"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+constexpr std::size_t kMostPending = 64;            // steps that the host may be ahead of the device
+constexpr double kRoomForGrowth = 1.2;              // of the instances of a view's last visit
+constexpr double kRoomForUnseen = 1.5;              // of the most instances per Gaussian seen so far
+constexpr std::size_t kFirstRoom = std::size_t(1) << 20;  // instances, before any view was seen
+constexpr std::size_t kRoomStep = std::size_t(1) << 14;   // instances; room is a multiple of it
+
+__global__ void gather_kernel(Span<const std::uint32_t> tile_counts, const Vec2f* dL_dmean2d,
+                              float* visits, float* gradient_norm, int width, int height) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i >= tile_counts.size || !tile_counts[i]) return;
+  visits[i] += 1.0f;
+  gradient_norm[i] += screen_gradient_norm(dL_dmean2d[i], width, height);
+}
+
+// Reports of steps, in memory of the host that the device writes into.
+class Reports {
+ public:
+  Reports() {
+    void* memory = nullptr;
+    check(cudaHostAlloc(&memory, kMostPending * sizeof(StepReport), cudaHostAllocMapped),
+          "allocating page-locked memory");
+    reports_ = static_cast<StepReport*>(memory);
+    std::fill(reports_, reports_ + kMostPending, StepReport{});
+  }
+  ~Reports() { cudaFreeHost(reports_); }
+  Reports(const Reports&) = delete;
+  Reports& operator=(const Reports&) = delete;
+
+  StepReport* of_step(std::uint32_t step) { return reports_ + step % kMostPending; }
+  void clear(std::uint32_t step) { *of_step(step) = {}; }
+  /// True where the step's report has come; then `report` is it.
+  bool read(std::uint32_t step, StepReport& report) {
+    const volatile StepReport* const from = of_step(step);
+    if (from->step != step) return false;
+    std::atomic_thread_fence(std::memory_order_acquire);
+    report = {from->instances, from->halted, 0, step};
+    return true;
+  }
+
+ private:
+  StepReport* reports_;
+};
+
+// How many instances a view will have.
+class InstanceForecast {
+ public:
+  void note(const View& view, std::size_t instances, std::size_t gaussians) {
+    visits_[&view] = {instances, gaussians};
+    most_per_gaussian_ = std::max(most_per_gaussian_, double(instances) / double(gaussians));
+  }
+  std::uint32_t room_for(const View& view, std::size_t gaussians) const {
+    double room = std::max<double>(kFirstRoom, 16.0 * double(gaussians));
+    if (const auto visit = visits_.find(&view); visit != visits_.end()) {
+      const double growth = double(gaussians) / double(visit->second.gaussians);
+      room = double(visit->second.instances) * std::max(growth, 1.0) * kRoomForGrowth;
+    } else if (most_per_gaussian_ > 0) {
+      room = most_per_gaussian_ * double(gaussians) * kRoomForUnseen;
+    }
+    const double steps = std::min(std::ceil(room / double(kRoomStep)), 0x7fffffff / double(kRoomStep) - 1);
+    return std::uint32_t((std::size_t(steps) + 1) * kRoomStep);
+  }
+  void forget() { *this = {}; }
+
+ private:
+  struct Visit {
+    std::size_t instances, gaussians;
+  };
+  std::unordered_map<const View*, Visit> visits_;
+  double most_per_gaussian_ = 0;
+};
+
+// Made before everything that lives on it, and destroyed after.
+struct Device {
+  explicit Device(int index) : context(index), device_memory(context) {}
+  Context context;
+  DeviceMemory device_memory;
+};
+
+class CudaBackend final : private Device, public Backend {
+ public:
+  explicit CudaBackend(int index)
+      : Device(index), Backend(device_memory), photos_(context, device_memory),
+        renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
+        optimizer_(make_optimizer(context)), rows_(make_row_ops(context, device_memory)) {}
+  ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
+
+  std::string name() const override {
+    return "cuda:" + std::to_string(context.device()) + " (" + context.device_name() + ")";
+  }
+  Memory& memory() override { return device_memory; }
+  Renderer& renderer() override { return renderer_; }
+  Optimizer& optimizer() override { return *optimizer_; }
+  Loss& loss() override {
+    finish_pending();
+    return *loss_;
+  }
+  RowOps& rows() override {
+    finish_pending();
+    return *rows_;
+  }
+
+  void prepare(const std::vector<View>& views, std::size_t photo_bytes) override {
+    finish_pending();
+    photos_.prepare(views, photo_bytes);
+    forecast_.forget();
+  }
+  void announce(const View& view) override { photos_.announce(view); }
+
+  void step(TrainingModel& model, const View& view, const RenderSettings& settings,
+            float lambda_dssim, const LearningRates& rates, bool gather_statistics) override {
+    if (model_ != &model) finish_pending();
+    model_ = &model;
+    read_reports();
+    while (pending_.size() >= kMostPending) {  // the device has enough to do
+      std::this_thread::yield();
+      read_reports();
+    }
+    pending_.push_back({&view, settings, lambda_dssim, adam_steps(++model.adam_steps, rates),
+                        gather_statistics, ++last_step_});
+    enqueue(pending_.back());
+  }
+
+  void settle(TrainingModel&) override {
+    finish_pending();
+    context.synchronize();
+  }
+  void set_profiling(bool on) override { context.set_profiling(on); }
+  std::vector<StageTime> stage_times() override { return context.stage_times(); }
+
+ protected:
+  void gather(TrainingModel& model, const RenderPass& pass, Span<const Vec2f> dL_dmean2d) override {
+    context.launch("statistics", gather_kernel, blocks_for(model.count(), kThreads), kThreads,
+                   Span<const std::uint32_t>{pass.tile_counts.data(), model.count()},
+                   dL_dmean2d.data, model.statistics.visits.data(),
+                   model.statistics.gradient_norm.data(), pass.width, pass.height);
+  }
+
+ private:
+  // A step that was launched and may have to be launched again.
+  struct Step {
+    const View* view;
+    RenderSettings settings;
+    float lambda_dssim;
+    AdamSteps adam;
+    bool gather_statistics;
+    std::uint32_t number;
+  };
+
+  void enqueue(const Step& step) {
+    reports_.clear(step.number);
+    const Camera& camera = step.view->camera;
+    renderer_.reserve_gradients(model_->count());
+    renderer_.forward(model_->gaussians.span(), camera, step.settings, pass_,
+                      forecast_.room_for(*step.view, model_->count()),
+                      reports_.of_step(step.number), step.number);
+    loss_->forward_backward(pass_, *step.view, step.lambda_dssim, dL_dimage_);
+    blend_backward(context, step.settings, dL_dimage_.span(), renderer_.room(), pass_);
+    preprocess_backward_and_update(context, *model_, camera, step.settings, step.adam,
+                                   step.gather_statistics, renderer_.room(), pass_);
+  }
+
+  // Forgets the steps that are known to have had room; repeats those that had not. Waits only for the latter.
+  void read_reports() {
+    StepReport report;
+    while (!pending_.empty() && reports_.read(pending_.front().number, report)) {
+      if (report.halted) return repeat_pending();
+      forecast_.note(*pending_.front().view, report.instances, std::max<std::size_t>(model_->count(), 1));
+      pending_.pop_front();
+    }
+  }
+
+  void repeat_pending() {
+    context.synchronize();
+    for (const Step& step : pending_) {
+      StepReport report;
+      if (reports_.read(step.number, report))
+        forecast_.note(*step.view, report.instances, std::max<std::size_t>(model_->count(), 1));
+    }
+    renderer_.room().halted.fill_zero();
+    for (const Step& step : pending_) enqueue(step);
+  }
+
+  void finish_pending() {
+    while (!pending_.empty()) {
+      context.synchronize();
+      read_reports();
+    }
+  }
+
+  PhotoStore photos_;
+  CudaRenderer renderer_;
+  std::unique_ptr<Loss> loss_;
+  std::unique_ptr<Optimizer> optimizer_;
+  std::unique_ptr<RowOps> rows_;
+  Reports reports_;
+  InstanceForecast forecast_;
+  std::deque<Step> pending_;
+  TrainingModel* model_ = nullptr;
+  std::uint32_t last_step_ = 0;
+};
+
+}  // namespace
+
+int device_count() {
+  int count = 0;
+  if (cudaGetDeviceCount(&count) == cudaSuccess) return count;
+  cudaGetLastError();
+  return 0;
+}
+
+std::unique_ptr<Backend> make_backend(int index) { return std::make_unique<CudaBackend>(index); }
+
+}  // namespace gs::cuda

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 4: blends each tile's list of splats front to back, a pixel per lane; see subtile.cuh for who does what.
+// Kerbl et al. 2023, Eq. 3
+#include "cuda/stages.cuh"
+#include "cuda/subtile.cuh"
+
+namespace gs::cuda {
+namespace {
+
+struct Output {
+  float* image;            // (3, H, W)
+  float* transmittance;    // (H, W)
+  std::uint32_t* last;     // (H, W)
+};
+
+template <BlendRule rule>
+__global__ void __launch_bounds__(kBlendThreads)
+    blend_kernel(TileLists lists, Vec3f background, Output out) {
+  __shared__ ListedSplat rooms[kBlendWarps][kWarp];
+  ListedSplat* const list = rooms[threadIdx.x / kWarp];
+  const Subtile subtile(lists);
+  if (subtile.x0 >= lists.width || subtile.y0 >= lists.height) return;  // the whole warp
+
+  PixelState<float> pixel;
+  bool is_open = subtile.is_inside;  // takes further fragments
+  std::uint32_t last = 0;
+  const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
+  const std::uint32_t begin = lists.ranges[subtile.tile], end = lists.ranges[subtile.tile + 1];
+  for (ListWalk walk(lists, subtile, begin, end); !walk.is_done();) {
+    if (!__any_sync(kAllLanes, is_open)) break;
+    const int count = walk.list_next(list);
+    for (int i = 0; i < count; ++i) {
+      const ListedSplat splat = list[i];
+      const float e = base2_exponent(splat, x - splat.mean2d.x, y - splat.mean2d.y);
+      if (!is_open || e < splat.lowest) continue;
+      const float alpha = fragment_alpha<rule>(splat.opacity, exp2_fragment(e));
+      if (rule == BlendRule::classic && is_opaque(pixel.transmittance * (1.0f - alpha))) {
+        is_open = false;
+        continue;
+      }
+      composite(pixel, {splat.red, splat.green, splat.blue}, alpha);
+      last = splat.position + 1;
+      if (rule == BlendRule::faster_gs && is_opaque(pixel.transmittance)) is_open = false;
+    }
+    __syncwarp();
+  }
+  if (!subtile.is_inside) return;
+  const std::size_t to = subtile.pixel(lists), plane = std::size_t(lists.width) * lists.height;
+  const Vec3f color = pixel.color + pixel.transmittance * background;
+  out.image[to] = color.x;
+  out.image[plane + to] = color.y;
+  out.image[2 * plane + to] = color.z;
+  out.transmittance[to] = pixel.transmittance;
+  out.last[to] = last;
+}
+
+}  // namespace
+
+void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
+  const StageScope scope(context, "blend");
+  pass.image.resize_discard(3 * pass.pixel_count());
+  pass.transmittance.resize_discard(pass.pixel_count());
+  pass.last_instance.resize_discard(pass.pixel_count());
+  const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data()};
+  const auto launch = [&](auto kernel) {
+    context.launch("blend", kernel, blend_blocks(pass), kBlendThreads, tile_lists(pass),
+                   settings.background, out);
+  };
+  if (settings.blend_rule == BlendRule::classic)
+    launch(blend_kernel<BlendRule::classic>);
+  else
+    launch(blend_kernel<BlendRule::faster_gs>);
+}
+
+}  // namespace gs::cuda

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 6: gradients of blending, front to back again; see subtile.cuh for who does what.
+//
+// A lane walks its pixel through the listed splats and finds two numbers for each: f = dL/dE, by the exponent, and
+// w = T alpha, the weight. All that a splat needs are sums of these over the pixels:
+//
+//   sum f {1, x, y, x^2, x y, y^2}   with x, y from the sub-tile's centre: mean, conic and opacity follow
+//   sum w dL/d(pixel)                its colour
+//
+// Two matrix products, [splats x pixels] [pixels x 6] and [splats x pixels] [pixels x 3], made on tensor cores for 16
+// splats at a time. x and y are multiples of 1/2 below 4, so that TF32 holds the first right-hand side exactly, and
+// the left-hand sides are split in two, so that nothing is rounded but the sums.
+#include "cuda/mma.cuh"
+#include "cuda/stages.cuh"
+#include "cuda/subtile.cuh"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kRows = 16;                 // splats of one product
+constexpr int kRowStride = 2 * kWarp + 16;  // floats; neighbouring rows lie 16 banks apart, for loads of 16 bytes
+constexpr int kProducts = kWarp / 8;      // of 8 pixels each
+constexpr int kSumStride = 20;            // floats from one splat's sums to the next, 16-byte aligned
+
+struct WarpRoom {
+  ListedSplat list[kWarp];
+  alignas(16) float rows[kRows * kRowStride];  // f and w of each pixel in turn, one splat a row; then the sums
+};
+
+// The right-hand sides: this lane's part of them.
+struct PixelMatrices {
+  float monomials[kProducts][2];  // columns 1, x, y, x^2, x y, y^2, -, -
+  float colors[kProducts][2];     // columns r, g, b of dL/d(pixel) as TF32 holds them, and what is left of each
+};
+
+__device__ float monomial(int column, float x, float y) {
+  switch (column) {
+    case 0: return 1.0f;
+    case 1: return x;
+    case 2: return y;
+    case 3: return x * x;
+    case 4: return x * y;
+    case 5: return y * y;
+  }
+  return 0.0f;
+}
+
+// Row t of product q is pixel 8 q + 2 t and row t + 4 the one after it: a lane then finds both, with f and w, in 16
+// consecutive bytes.
+__device__ PixelMatrices pixel_matrices(const Vec3f& dL_dpixel) {
+  PixelMatrices matrices;
+  const int column = lane_of_thread() / 4, t = lane_of_thread() % 4;
+  for (int q = 0; q < kProducts; ++q)
+    for (int k = 0; k < 2; ++k) {
+      const int pixel = 8 * q + 2 * t + k;
+      const float x = float(pixel % kSubtileWidth) - 0.5f * (kSubtileWidth - 1);
+      const float y = float(pixel / kSubtileWidth) - 0.5f * (kSubtileHeight - 1);
+      matrices.monomials[q][k] = monomial(column, x, y);
+      const float red = __shfl_sync(kAllLanes, dL_dpixel.x, pixel);
+      const float green = __shfl_sync(kAllLanes, dL_dpixel.y, pixel);
+      const float blue = __shfl_sync(kAllLanes, dL_dpixel.z, pixel);
+      const float channel = column % 3 == 0 ? red : column % 3 == 1 ? green : blue;
+      const float high = tf32_part(channel);
+      matrices.colors[q][k] = column < 3 ? high : column < 6 ? channel - high : 0.0f;
+    }
+  return matrices;
+}
+
+// dL/d(splat) from the sums over the pixels of one sub-tile; colours are not masked yet.
+__device__ SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f& centre,
+                                           const float* sums) {
+  const float4 a = *reinterpret_cast<const float4*>(sums);
+  const float4 b = *reinterpret_cast<const float4*>(sums + 4);
+  const float4 c = *reinterpret_cast<const float4*>(sums + 8);
+  const float4 d = *reinterpret_cast<const float4*>(sums + 12);
+  // From moments about the sub-tile's centre to moments about the splat's mean.
+  const float f = a.x, mx = splat.mean2d.x - centre.x, my = splat.mean2d.y - centre.y;
+  const float fx = a.y - mx * f, fy = a.z - my * f;
+  const float fxx = a.w - mx * (a.y + fx), fxy = b.x - mx * a.z - my * fx,
+              fyy = b.y - my * (a.z + fy);
+  const float xx = -2.0f * kLn2 * splat.xx, xy = -kLn2 * splat.xy, yy = -2.0f * kLn2 * splat.yy;
+  return {{xx * fx + xy * fy, xy * fx + yy * fy},
+          -0.5f * fxx,
+          -0.5f * fxy,
+          -0.5f * fyy,
+          splat.opacity > 0.0f ? f / splat.opacity : 0.0f,
+          c.x + c.w,
+          c.y + d.x,
+          c.z + d.y,
+          {}};
+}
+
+// The whole warp: sums the first `count` rows over the pixels and adds each splat's gradient to its Gaussian's.
+// Row r belongs to splat `slot` of the list, as lane r says.
+__device__ void add_rows(WarpRoom& room, int count, int slot, const PixelMatrices& matrices,
+                         const Vec2f& centre, SplatGradientSum* gradients) {
+  const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
+  __syncwarp();
+  float moments[4] = {}, colors[4] = {};
+#pragma unroll
+  for (int q = 0; q < kProducts; ++q) {
+    const float* const at = room.rows + g * kRowStride + 16 * q + 4 * t;
+    const float4 top = *reinterpret_cast<const float4*>(at);
+    const float4 bottom = *reinterpret_cast<const float4*>(at + 8 * kRowStride);
+    multiply_add_exactly(moments, {top.x, bottom.x, top.z, bottom.z}, matrices.monomials[q]);
+    multiply_add_exactly(colors, {top.y, bottom.y, top.w, bottom.w}, matrices.colors[q]);
+  }
+  __syncwarp();
+  float* const to = room.rows + g * kSumStride + 2 * t;
+  *reinterpret_cast<float2*>(to) = {moments[0], moments[1]};
+  *reinterpret_cast<float2*>(to + 8) = {colors[0], colors[1]};
+  *reinterpret_cast<float2*>(to + 8 * kSumStride) = {moments[2], moments[3]};
+  *reinterpret_cast<float2*>(to + 8 * kSumStride + 8) = {colors[2], colors[3]};
+  __syncwarp();
+  if (lane < count) {
+    const ListedSplat splat = room.list[slot];
+    const SplatGradientSum sum = splat_gradient(splat, centre, room.rows + lane * kSumStride);
+    float4* const into = reinterpret_cast<float4*>(gradients + splat.gaussian);
+    add_to(into, {sum.mean2d.x, sum.mean2d.y, sum.conic_xx, sum.conic_xy});
+    add_to(into + 1, {sum.conic_yy, sum.opacity, sum.red, sum.green});
+    atomicAdd(&gradients[splat.gaussian].blue, sum.blue);
+  }
+  __syncwarp();
+}
+
+// One pixel on its way; gs_core/math/blend.h has the same in terms of the colour behind. Only its product with
+// dL/d(pixel) is needed here.
+struct PixelWalk {
+  Vec3f dL_dpixel{0, 0, 0};
+  float behind = 0;     // <colour behind without background, dL/dpixel> - background_term
+  float last_behind = 0;  // the same behind the last fragment: -background_term
+  float transmittance = 1;
+  std::uint32_t last = 0;
+
+  __device__ PixelWalk(const TileLists& lists, const Subtile& subtile, const Vec3f& background,
+                       const float* image, const float* final_transmittance,
+                       const std::uint32_t* last_instance, const float* dL_dimage) {
+    if (!subtile.is_inside) return;
+    const std::size_t at = subtile.pixel(lists), plane = std::size_t(lists.width) * lists.height;
+    dL_dpixel = {dL_dimage[at], dL_dimage[plane + at], dL_dimage[2 * plane + at]};
+    behind = inner(dL_dpixel, Vec3f(image[at], image[plane + at], image[2 * plane + at]));
+    last_behind = final_transmittance[at] * inner(dL_dpixel, background);
+    last = last_instance[at];
+  }
+
+  /// f and w of a fragment that is kept; advances past it.
+  template <BlendRule rule>
+  __device__ float2 step(const ListedSplat& splat, float e) {
+    const float gaussian = exp2_fragment(e);
+    const float alpha = fragment_alpha<rule>(splat.opacity, gaussian);
+    const float weight = transmittance * alpha;
+    const float shade =
+        fmaf(splat.red, dL_dpixel.x, fmaf(splat.green, dL_dpixel.y, splat.blue * dL_dpixel.z));
+    behind = splat.position + 1 == last ? last_behind : fmaf(-weight, shade, behind);
+    const float q = 1.0f / fmaxf(1.0f - alpha, kMinOneMinusAlpha);
+    float f = fmaf(weight, shade, -alpha * q * behind);
+    if (rule == BlendRule::classic && splat.opacity * gaussian > kMaxAlphaClassic) f = 0.0f;
+    transmittance = transmittance * (1.0f - alpha);
+    return {f, weight};
+  }
+};
+
+template <BlendRule rule>
+__global__ void __launch_bounds__(kBlendThreads)
+    blend_backward_kernel(TileLists lists, Vec3f background, const float* image,
+                          const float* final_transmittance, const std::uint32_t* last_instance,
+                          const float* dL_dimage, SplatGradientSum* gradients) {
+  __shared__ WarpRoom rooms[kBlendWarps];
+  WarpRoom& room = rooms[threadIdx.x / kWarp];
+  const int lane = lane_of_thread();
+  const Subtile subtile(lists);
+  PixelWalk pixel(lists, subtile, background, image, final_transmittance, last_instance, dL_dimage);
+  const std::uint32_t longest = warp_max(pixel.last);
+  if (longest == 0) return;
+  const PixelMatrices matrices = pixel_matrices(pixel.dL_dpixel);
+  const Vec2f centre{float(subtile.x0) + 0.5f * kSubtileWidth, float(subtile.y0) + 0.5f * kSubtileHeight};
+
+  const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
+  const std::uint32_t begin = lists.ranges[subtile.tile];
+  for (ListWalk walk(lists, subtile, begin, begin + longest); !walk.is_done();) {
+    const int count = walk.list_next(room.list);
+    int rows = 0, slot = 0;
+    for (int i = 0; i < count; ++i) {
+      const ListedSplat splat = room.list[i];
+      const float e = base2_exponent(splat, x - splat.mean2d.x, y - splat.mean2d.y);
+      const bool keep = e >= splat.lowest && splat.position < pixel.last;
+      if (!__any_sync(kAllLanes, keep)) continue;
+      float2 fragment{0.0f, 0.0f};
+      if (keep) fragment = pixel.step<rule>(splat, e);
+      *reinterpret_cast<float2*>(room.rows + rows * kRowStride + 2 * lane) = fragment;
+      if (lane == rows) slot = i;
+      if (++rows == kRows) {
+        add_rows(room, rows, slot, matrices, centre, gradients);
+        rows = 0;
+      }
+    }
+    if (rows) add_rows(room, rows, slot, matrices, centre, gradients);
+    __syncwarp();
+  }
+}
+
+}  // namespace
+
+void blend_backward(Context& context, const RenderSettings& settings, Span<const float> dL_dimage,
+                    WorkingRoom& room, RenderPass& pass) {
+  const StageScope scope(context, "blend backward");
+  GS_CHECK(dL_dimage.size == 3 * pass.pixel_count());
+  const auto launch = [&](auto kernel) {
+    context.launch("blend backward", kernel, blend_blocks(pass), kBlendThreads, tile_lists(pass),
+                   settings.background, pass.image.data(), pass.transmittance.data(),
+                   pass.last_instance.data(), dL_dimage.data, room.splat_gradients.data());
+  };
+  if (settings.blend_rule == BlendRule::classic)
+    launch(blend_backward_kernel<BlendRule::classic>);
+  else
+    launch(blend_backward_kernel<BlendRule::faster_gs>);
+}
+
+}  // namespace gs::cuda

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 10: rows along the Morton curve, so that neighbours in space are neighbours in memory.   Faster-GS
+#include "gs_core/math/morton.h"
+
+#include <cub/device/device_radix_sort.cuh>
+#include <cub/device/device_reduce.cuh>
+#include <limits>
+
+#include "cuda/cub_room.cuh"
+#include "cuda/rows.cuh"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = 256;  // rows are independent: any size that fills a multiprocessor
+constexpr float kFar = 1e30f;  // world units; where the corners start, as in the scalar twin
+
+/// The box of one point; an axis where the point is not finite stays empty.
+struct BoundsOf {
+  __device__ Bounds operator()(const Vec3f& point) const {
+    Bounds bounds{Vec3f(kFar), Vec3f(-kFar)};
+    for (int axis = 0; axis < 3; ++axis) {
+      const float p = point[axis];
+      if (p - p != 0.0f) continue;  // infinite or NaN
+      bounds.low[axis] = min_of(bounds.low[axis], p);
+      bounds.high[axis] = max_of(bounds.high[axis], p);
+    }
+    return bounds;
+  }
+};
+
+/// The box around two boxes.
+struct JoinBounds {
+  __device__ Bounds operator()(const Bounds& a, const Bounds& b) const {
+    Bounds joined;
+    for (int axis = 0; axis < 3; ++axis) {
+      joined.low[axis] = min_of(a.low[axis], b.low[axis]);
+      joined.high[axis] = max_of(a.high[axis], b.high[axis]);
+    }
+    return joined;
+  }
+};
+
+__global__ void morton_kernel(Span<const Vec3f> means, const Bounds* bounds,
+                              Span<std::uint64_t> codes) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i >= means.size) return;
+  const Vec3f edges = bounds->high - bounds->low;
+  const float size =
+      max_of(max_of(edges.x, edges.y), max_of(edges.z, std::numeric_limits<float>::min()));
+  codes[i] = morton_code(means[i], bounds->low, size);
+}
+
+__global__ void row_numbers_kernel(Span<std::uint32_t> row_numbers) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i < row_numbers.size) row_numbers[i] = std::uint32_t(i);
+}
+
+}  // namespace
+
+Span<const std::uint32_t> sort_rows(Context& context, const char* stage, RowOrderRoom& room,
+                                    int bits) {
+  const std::size_t count = room.keys.size();
+  if (count == 0) return {};
+  room.other_keys.resize_discard(count);
+  room.row_numbers.resize_discard(count);
+  room.other_rows.resize_discard(count);
+  context.launch(stage, row_numbers_kernel, blocks_for(count, kThreads), kThreads,
+                 room.row_numbers.span());
+  cub::DoubleBuffer<std::uint64_t> keys(room.keys.data(), room.other_keys.data());
+  cub::DoubleBuffer<std::uint32_t> rows(room.row_numbers.data(), room.other_rows.data());
+  with_cub_room(room.cub, stage, [&](void* cub_room, std::size_t& bytes) {
+    return cub::DeviceRadixSort::SortPairs(cub_room, bytes, keys, rows, int(count), 0, bits,
+                                           context.stream());
+  });
+  return {rows.Current(), count};
+}
+
+Span<const std::uint32_t> morton_order(Context& context, RowOrderRoom& room,
+                                       Span<const Vec3f> means) {
+  room.keys.resize_discard(means.size);
+  if (means.empty()) return {};
+  room.bounds.resize_discard(1);
+  const Bounds empty{Vec3f(kFar), Vec3f(-kFar)};
+  with_cub_room(room.cub, "morton", [&](void* cub_room, std::size_t& bytes) {
+    return cub::DeviceReduce::TransformReduce(cub_room, bytes, means.data, room.bounds.data(),
+                                              int(means.size), JoinBounds{}, BoundsOf{}, empty,
+                                              context.stream());
+  });
+  context.launch("morton", morton_kernel, blocks_for(means.size, kThreads), kThreads, means,
+                 room.bounds.data(), room.keys.span());
+  return sort_rows(context, "morton", room, 3 * kMortonBits);
+}
+
+}  // namespace gs::cuda

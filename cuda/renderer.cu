@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cuda/renderer.cuh"
+
+#include <algorithm>
+#include <limits>
+
+namespace gs::cuda {
+namespace {
+
+constexpr std::uint32_t kMostInstances = std::numeric_limits<std::int32_t>::max();  // CUB counts in int
+
+}  // namespace
+
+CudaRenderer::CudaRenderer(Context& context, Memory& memory)
+    : context_(context), memory_(memory), room_(memory) {
+  room_.halted.resize(1);
+  room_.halted.fill_zero();
+}
+
+void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
+                           const RenderSettings& settings, RenderPass& pass,
+                           std::uint32_t capacity, StepReport* report, std::uint32_t step) {
+  preprocess(context_, gaussians, camera, settings, room_, pass);
+  order_by_depth(context_, room_, pass);
+  create_instances(context_, room_, pass, capacity, report, step);
+  sort_by_tile(context_, room_, pass, capacity);
+  blend(context_, settings, pass);
+}
+
+void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
+                           const RenderSettings& settings, RenderPass& pass) {
+  preprocess(context_, gaussians, camera, settings, room_, pass);
+  order_by_depth(context_, room_, pass);
+  const std::uint32_t capacity = std::max(instance_count(pass), 1u);
+  create_instances(context_, room_, pass, capacity, nullptr, 0);
+  sort_by_tile(context_, room_, pass, capacity);
+  blend(context_, settings, pass);
+}
+
+// Waits for the device.
+std::uint32_t CudaRenderer::instance_count(const RenderPass& pass) {
+  if (pass.tile_counts.empty()) return 0;
+  const std::size_t last = pass.depth_order.size() - 1;
+  std::uint32_t gaussian = 0, first = 0, count = 0;
+  memory_.download(&gaussian, pass.depth_order.data() + last, sizeof gaussian);
+  memory_.download(&first, room_.first_of_order.data() + last, sizeof first);
+  memory_.download(&count, pass.tile_counts.data() + gaussian, sizeof count);
+  if (std::uint64_t(first) + count > kMostInstances)
+    throw Error(
+        "a view has more than 2^31 splats in tiles; lower the resolution (-r) or the number of "
+        "Gaussians (--max-gaussians)",
+        ExitCode::out_of_memory);
+  return first + count;
+}
+
+void CudaRenderer::reserve_gradients(std::size_t count) {
+  if (room_.splat_gradients.size() >= count) return;
+  room_.splat_gradients.resize_discard(count);
+  room_.splat_gradients.fill_zero();
+}
+
+void CudaRenderer::backward(const GaussiansSpan& gaussians, const Camera& camera,
+                            const RenderSettings& settings, RenderPass& pass,
+                            Span<const float> dL_dimage, const GaussiansSpan& gradients,
+                            Span<Vec2f> dL_dmean2d) {
+  reserve_gradients(gaussians.mean.size);
+  blend_backward(context_, settings, dL_dimage, room_, pass);
+  preprocess_backward(context_, gaussians, camera, settings, room_, pass, gradients, dL_dmean2d);
+}
+
+}  // namespace gs::cuda

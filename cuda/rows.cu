@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 9: operations on whole rows: clone, split, prune, opacity reset; with the same results as the scalar twin.
+// The host waits where it must know how many rows there will be: twice in a refinement, once in a pruning.
+#include "cuda/rows.cuh"
+
+#include <thrust/iterator/counting_iterator.h>
+
+#include <cub/device/device_select.cuh>
+
+#include "cuda/cub_room.cuh"
+#include "cuda/stages.cuh"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = 256;  // rows are independent: any size that fills a multiprocessor
+constexpr std::uint64_t kGrowsNever = ~std::uint64_t(0);  // a key above those of all that grow
+// The bits of an infinite double: the largest of any positive one that is a number.
+constexpr std::uint64_t kInfinityBits = 0x7ff0000000000000;
+constexpr int kGrowthKeyBits = 64;
+
+enum class Fate : std::uint8_t { keep, clone, split, prune };
+
+/// True for rows of one fate or another; for CUB.
+struct HasFate {
+  const Fate* fate;
+  Fate one, other;
+  __device__ bool operator()(std::uint32_t i) const { return fate[i] == one || fate[i] == other; }
+};
+
+/// What counts of rows the host reads back.
+struct Counts {
+  std::uint32_t survivors, clones, parents, halves;
+  std::uint32_t pruned;  // before the cap
+};
+
+__device__ std::size_t thread_number() { return std::size_t(blockIdx.x) * kThreads + threadIdx.x; }
+
+__device__ bool row_is_pruned(const GaussiansSpan& rows, std::size_t i,
+                              const AdaptiveRules& rules) {
+  return is_pruned(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], rules);
+}
+
+// What the statistics and the rules ask of each row, pruning included.
+__global__ void fates_kernel(GaussiansSpan rows, Span<const float> visits,
+                             Span<const float> gradient_norm, AdaptiveRules rules,
+                             Span<Fate> fate) {
+  const std::size_t i = thread_number();
+  if (i >= fate.size) return;
+  const bool grows = wants_growth(visits[i], gradient_norm[i], rules.gradient_threshold);
+  const bool small = is_small(rows.log_scale[i], rules.small_scale);
+  const bool pruned = row_is_pruned(rows, i, rules);
+  // A row too large to keep may still be split into halves that are not.
+  fate[i] = grows && !small ? Fate::split : pruned ? Fate::prune : grows ? Fate::clone : Fate::keep;
+}
+
+// A number that is the smaller, the larger the row's mean gradient is. The quotient of two floats, in double, tells
+// apart any two that differ; and as positive doubles, so their bits.
+__device__ std::uint64_t growth_key(float visits, float gradient_norm) {
+  const double mean = double(gradient_norm) / double(max_of(visits, 1.0f));
+  return kInfinityBits - std::uint64_t(__double_as_longlong(mean));
+}
+
+// The rows' keys, for those with the largest mean gradients to come first, and those that do not grow last. A block
+// adds up its pruned rows.
+__global__ void growth_keys_kernel(Span<const Fate> fate, Span<const float> visits,
+                                   Span<const float> gradient_norm, Span<std::uint64_t> keys,
+                                   Counts* counts) {
+  const std::size_t i = thread_number();
+  const bool exists = i < fate.size;
+  const int pruned = __syncthreads_count(exists && fate[i] == Fate::prune);
+  if (threadIdx.x == 0) atomicAdd(&counts->pruned, unsigned(pruned));
+  if (!exists) return;
+  const bool grows = fate[i] == Fate::clone || fate[i] == Fate::split;
+  keys[i] = grows ? growth_key(visits[i], gradient_norm[i]) : kGrowsNever;
+}
+
+// Rows that come after as many as there is room for do not grow.
+__global__ void limit_growth_kernel(GaussiansSpan rows, AdaptiveRules rules,
+                                    Span<const std::uint32_t> order, const Counts* counts,
+                                    Span<Fate> fate) {
+  const std::size_t k = thread_number();
+  if (k >= order.size) return;
+  const std::int64_t staying = std::int64_t(order.size) - std::int64_t(counts->pruned);
+  const std::uint32_t i = order[k];
+  const bool grows = fate[i] == Fate::clone || fate[i] == Fate::split;
+  if (!grows || std::int64_t(k) < rules.max_gaussians - staying) return;
+  fate[i] = row_is_pruned(rows, i, rules) ? Fate::prune : Fate::keep;
+}
+
+/// What splitting changes of a row.
+struct Half {
+  Vec3f mean, log_scale;
+};
+
+// Half `number` of all halves of a step, from a row with its parent's values: at its own draw, and shrunk.
+__device__ Half half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t number,
+                        const Random& random, int step) {
+  const Vec4f normal = random.normal4(std::uint64_t(step), number);
+  const Vec3f& log_scale = rows.log_scale[i];
+  return {split_mean(rows.mean[i], log_scale, rows.rotation[i], {normal.x, normal.y, normal.z}),
+          split_log_scale(log_scale)};
+}
+
+// Whether each half, two of each parent in turn, is kept or pruned.
+__global__ void half_fates_kernel(GaussiansSpan rows, Span<const std::uint32_t> parents,
+                                  AdaptiveRules rules, Random random, int step, Span<Fate> fate) {
+  const std::size_t k = thread_number();
+  if (k >= fate.size) return;
+  const std::uint32_t i = parents[k / 2];
+  const Half half = half_of(rows, i, std::uint32_t(k), random, step);
+  const bool pruned =
+      is_pruned(half.mean, half.log_scale, rows.rotation[i], rows.logit_opacity[i], rules);
+  fate[k] = pruned ? Fate::prune : Fate::keep;
+}
+
+// The rows that the kept halves come from.
+__global__ void half_sources_kernel(Span<const std::uint32_t> halves,
+                                    Span<const std::uint32_t> parents, std::uint32_t* source) {
+  const std::size_t k = thread_number();
+  if (k < halves.size) source[k] = parents[halves[k] / 2];
+}
+
+// Makes halves of the rows from `first` on, which are their parents' copies.
+__global__ void move_halves_kernel(GaussiansSpan rows, std::size_t first,
+                                   Span<const std::uint32_t> halves, Random random, int step) {
+  const std::size_t k = thread_number();
+  if (k >= halves.size) return;
+  const Half half = half_of(rows, first + k, halves[k], random, step);
+  rows.mean[first + k] = half.mean;
+  rows.log_scale[first + k] = half.log_scale;
+}
+
+__global__ void visible_fates_kernel(GaussiansSpan rows, float min_opacity, Span<Fate> fate) {
+  const std::size_t i = thread_number();
+  if (i >= fate.size) return;
+  const bool invisible = is_invisible(rows.mean[i], rows.log_scale[i], rows.rotation[i],
+                                      rows.logit_opacity[i], min_opacity);
+  fate[i] = invisible ? Fate::prune : Fate::keep;
+}
+
+__global__ void reset_opacity_kernel(Span<float> logit_opacity, float highest) {
+  const std::size_t i = thread_number();
+  if (i < logit_opacity.size) logit_opacity[i] = min_of(logit_opacity[i], highest);
+}
+
+class CudaRowOps final : public RowOps {
+ public:
+  CudaRowOps(Context& context, Memory& memory)
+      : context_(context), rows_(context, memory), order_room_(memory), fate_(memory),
+        source_(memory), clones_(memory), parents_(memory), halves_(memory), counts_(1, memory) {}
+
+  RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
+                      int step) override {
+    StageScope scope(context_, "refine");
+    const std::size_t count = model.count();
+    if (count == 0) return {};
+    decide(model, rules);
+    const Counts found = choose_rows(count);
+    const std::size_t halves = choose_halves(model.gaussians, rules, random, step, found.parents);
+    const std::size_t first_half = std::size_t(found.survivors) + found.clones;
+    list_sources(found, halves);
+    gather_refined(model, found.survivors);
+    launch(move_halves_kernel, halves, model.gaussians.span(), first_half, halves_.span(), random,
+           step);
+    RefineReport report;
+    report.cloned = found.clones;
+    report.split = found.parents;
+    report.pruned = count - found.survivors + found.parents - halves;
+    return report;
+  }
+
+  void reset_opacity(TrainingModel& model, float opacity) override {
+    StageScope scope(context_, "reset_opacity");
+    launch(reset_opacity_kernel, model.count(), model.gaussians.logit_opacity.span(),
+           logit(opacity));
+    model.first_moment.logit_opacity.fill_zero();
+    model.second_moment.logit_opacity.fill_zero();
+  }
+
+  std::size_t prune(TrainingModel& model, float opacity) override {
+    StageScope scope(context_, "prune");
+    const std::size_t count = model.count();
+    if (count == 0) return 0;
+    fate_.resize_discard(count);
+    launch(visible_fates_kernel, count, model.gaussians.span(), opacity, fate_.span());
+    select(Fate::keep, Fate::keep, source_, &counts_.data()->survivors);
+    source_.resize(counts_.download()[0].survivors);
+    if (source_.size() < count) gather_all(model, source_.span());
+    return count - source_.size();
+  }
+
+  void sort_by_morton(TrainingModel& model) override {
+    StageScope scope(context_, "morton");
+    gather_all(model, morton_order(context_, order_room_, model.gaussians.mean.span()));
+  }
+
+ private:
+  // One thread for each of `count` rows.
+  template <class... Parameters, class... Arguments>
+  void launch(void (*kernel)(Parameters...), std::size_t count, Arguments&&... arguments) {
+    context_.launch("row operations", kernel, blocks_for(count, kThreads), kThreads,
+                    std::forward<Arguments>(arguments)...);
+  }
+
+  // The fate of each row; where growth would pass the cap, only the rows with the largest mean gradients grow.
+  void decide(const TrainingModel& model, const AdaptiveRules& rules) {
+    const std::size_t count = model.count();
+    const GaussiansSpan rows = model.gaussians.span();
+    const Span<float> visits = model.statistics.visits.span();
+    const Span<float> gradient_norm = model.statistics.gradient_norm.span();
+    fate_.resize_discard(count);
+    launch(fates_kernel, count, rows, visits, gradient_norm, rules, fate_.span());
+    if (rules.max_gaussians <= 0 || std::int64_t(2 * count) <= rules.max_gaussians) return;
+    counts_.fill_zero();
+    order_room_.keys.resize_discard(count);
+    launch(growth_keys_kernel, count, fate_.span(), visits, gradient_norm, order_room_.keys.span(),
+           counts_.data());
+    const Span<const std::uint32_t> order =
+        sort_rows(context_, "row operations", order_room_, kGrowthKeyBits);
+    launch(limit_growth_kernel, count, rows, rules, order, counts_.data(), fate_.span());
+  }
+
+  // The numbers of the rows, or halves, whose fate is one or the other, in order; and how many there are.
+  void select(Fate one, Fate other, Buffer<std::uint32_t>& chosen, std::uint32_t* found) {
+    const std::size_t count = fate_.size();
+    chosen.resize_discard(count);
+    with_cub_room(order_room_.cub, "row operations", [&](void* room, std::size_t& bytes) {
+      return cub::DeviceSelect::If(room, bytes, thrust::counting_iterator<std::uint32_t>(0),
+                                   chosen.data(), found, int(count),
+                                   HasFate{fate_.data(), one, other}, context_.stream());
+    });
+  }
+
+  // Lists the survivors, in source_, those of them that are cloned, and the parents of halves. Waits.
+  Counts choose_rows(std::size_t count) {
+    Counts* const counts = counts_.data();
+    select(Fate::keep, Fate::clone, source_, &counts->survivors);
+    select(Fate::clone, Fate::clone, clones_, &counts->clones);
+    select(Fate::split, Fate::split, parents_, &counts->parents);
+    const Counts found = counts_.download()[0];
+    GS_CHECK(std::size_t(found.survivors) + found.parents <= count);
+    return found;
+  }
+
+  // Lists the halves that are not pruned. Returns how many. Waits.
+  std::size_t choose_halves(const Gaussians& gaussians, const AdaptiveRules& rules,
+                            const Random& random, int step, std::size_t parents) {
+    halves_.resize_discard(0);
+    if (parents == 0) return 0;
+    fate_.resize_discard(2 * parents);
+    launch(half_fates_kernel, 2 * parents, gaussians.span(), parents_.span(), rules, random, step,
+           fate_.span());
+    select(Fate::keep, Fate::keep, halves_, &counts_.data()->halves);
+    halves_.resize(counts_.download()[0].halves);
+    return halves_.size();
+  }
+
+  // Completes source_: after the survivors the clones, then the parents of the kept halves.
+  void list_sources(const Counts& found, std::size_t halves) {
+    const std::size_t first_half = std::size_t(found.survivors) + found.clones;
+    source_.resize(found.survivors);
+    source_.resize(first_half + halves);
+    if (found.clones)
+      source_.memory().copy(source_.data() + found.survivors, clones_.data(),
+                            found.clones * sizeof(std::uint32_t));
+    launch(half_sources_kernel, halves, halves_.span(), parents_.span(),
+           source_.data() + first_half);
+  }
+
+  // Gathers by source_; the rows after the survivors are new: their moments start at zero, as all statistics do.
+  void gather_refined(TrainingModel& model, std::size_t survivors) {
+    const Span<const std::uint32_t> source = source_.span();
+    const auto gather = [&](const char*, auto& array) { rows_.gather(array, source); };
+    const auto gather_moment = [&](const char*, auto& array) {
+      rows_.gather(array, {source.data, survivors}, source.size);
+    };
+    for_each_array(gather, model.gaussians);
+    for_each_array(gather_moment, model.first_moment);
+    for_each_array(gather_moment, model.second_moment);
+    for (Buffer<float>* statistic : {&model.statistics.visits, &model.statistics.gradient_norm}) {
+      statistic->resize_discard(source.size);
+      statistic->fill_zero();
+    }
+  }
+
+  void gather_all(TrainingModel& model, Span<const std::uint32_t> source) {
+    const auto gather = [&](const char*, auto& array) { rows_.gather(array, source); };
+    for_each_array(gather, model.gaussians);
+    for_each_array(gather, model.first_moment);
+    for_each_array(gather, model.second_moment);
+    rows_.gather(model.statistics.visits, source);
+    rows_.gather(model.statistics.gradient_norm, source);
+  }
+
+  Context& context_;
+  RowGather rows_;
+  RowOrderRoom order_room_;
+  Buffer<Fate> fate_;                                // (N) of the rows, then of the halves
+  Buffer<std::uint32_t> source_, clones_, parents_;  // row numbers
+  Buffer<std::uint32_t> halves_;                     // numbers of those halves that are kept
+  Buffer<Counts> counts_;                            // (1)
+};
+
+}  // namespace
+
+std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory) {
+  return std::make_unique<CudaRowOps>(context, memory);
+}
+
+}  // namespace gs::cuda

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the row operations, stages 9 and 10, share: the gather of whole rows, and the order of rows by keys.
+#pragma once
+
+#include "cuda/context.cuh"
+#include "gs_core/buffer.h"
+
+namespace gs::cuda {
+
+/// The smallest box around some points; its low corner is above its high one where there is none.
+struct Bounds {
+  Vec3f low, high;
+};
+
+/// Working room of sort_rows() and morton_order().
+struct RowOrderRoom {
+  Buffer<std::uint64_t> keys, other_keys;         // (N)
+  Buffer<std::uint32_t> row_numbers, other_rows;  // (N)
+  Buffer<Bounds> bounds;                          // (1)
+  Buffer<std::uint8_t> cub;
+
+  explicit RowOrderRoom(Memory& memory)
+      : keys(memory), other_keys(memory), row_numbers(memory), other_rows(memory), bounds(memory),
+        cub(memory) {}
+};
+
+/// morton.cu: the numbers of all rows by the lowest `bits` bits of room.keys, ascending, equal keys by row number.
+/// Uses up the keys. What it returns lies in `room`, and holds until the next call.
+Span<const std::uint32_t> sort_rows(Context& context, const char* stage, RowOrderRoom& room,
+                                    int bits);
+
+/// 10  morton.cu: the numbers of all rows along the Morton curve of the means, in their bounding cube, equal codes
+/// by row number. Lies in `room` like that of sort_rows().
+Span<const std::uint32_t> morton_order(Context& context, RowOrderRoom& room,
+                                       Span<const Vec3f> means);
+
+inline constexpr int kGatherThreads = 256;  // of a block, and its rows
+
+/// Row i of `to` becomes row source[i] of `from`, rows of kWords words. A block takes kGatherThreads rows, its
+/// threads one word after another, so that neighbours read and write neighbouring words.
+template <int kWords>
+__global__ void gather_kernel(const std::uint32_t* from, Span<const std::uint32_t> source,
+                              std::uint32_t* to) {
+  const std::size_t first = std::size_t(blockIdx.x) * kGatherThreads;
+  const std::size_t left = source.size - first;
+  const unsigned words = unsigned(min_of(left, std::size_t(kGatherThreads))) * kWords;
+  for (unsigned k = threadIdx.x; k < words; k += kGatherThreads)
+    to[first * kWords + k] = from[std::size_t(source[first + k / kWords]) * kWords + k % kWords];
+}
+
+/// Gathers arrays one by one through a scratch as large as the largest of them.
+class RowGather {
+ public:
+  RowGather(Context& context, Memory& memory) : context_(context), scratch_(memory) {}
+
+  /// The array becomes `count` >= source.size rows: array[source[i]] for each i, then rows of zeros.
+  template <class T>
+  void gather(Buffer<T>& array, Span<const std::uint32_t> source, std::size_t count) {
+    constexpr int kWords = sizeof(T) / sizeof(std::uint32_t);
+    static_assert(sizeof(T) == kWords * sizeof(std::uint32_t));
+    scratch_.resize_discard(source.size * kWords);
+    context_.launch("gather", gather_kernel<kWords>, blocks_for(source.size, kGatherThreads),
+                    kGatherThreads, reinterpret_cast<const std::uint32_t*>(array.data()), source,
+                    scratch_.data());
+    array.resize_discard(count);
+    if (source.size) array.memory().copy(array.data(), scratch_.data(), source.size * sizeof(T));
+    if (count > source.size)
+      array.memory().fill_zero(array.data() + source.size, (count - source.size) * sizeof(T));
+  }
+  template <class T>
+  void gather(Buffer<T>& array, Span<const std::uint32_t> source) {
+    gather(array, source, source.size);
+  }
+
+ private:
+  Context& context_;
+  Buffer<std::uint32_t> scratch_;
+};
+
+}  // namespace gs::cuda

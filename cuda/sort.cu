@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stages 2 and 3: the two sorts of the tile lists: all Gaussians by depth, then all instances by tile; the second is
+// stable, so that each tile's list keeps the depth order.   Faster-GS, two-stage radix sort
+#include <thrust/iterator/transform_iterator.h>
+
+#include <bit>
+#include <cub/device/device_radix_sort.cuh>
+#include <cub/device/device_scan.cuh>
+
+#include "cuda/cub_room.cuh"
+#include "cuda/stages.cuh"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+constexpr int kDepthBits = 32;  // positive floats are ordered as their bits are
+
+__global__ void number_rows_kernel(std::uint32_t* numbers, std::uint32_t count) {
+  const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
+  if (i < count) numbers[i] = i;
+}
+
+// The tile count of a Gaussian, as an iterator over the depth order asks for it.
+struct TileCount {
+  const std::uint32_t* tile_counts;
+  __device__ std::uint32_t operator()(std::uint32_t gaussian) const { return tile_counts[gaussian]; }
+};
+
+// Range t begins at the first instance whose tile is not below t.
+template <class Key>
+__global__ void tile_ranges_kernel(const Key* keys, std::uint32_t capacity, std::uint32_t tiles,
+                                   std::uint32_t* ranges) {
+  const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
+  if (i >= capacity) return;
+  const std::uint32_t key = keys[i];
+  for (std::uint32_t tile = i ? keys[i - 1] + 1u : 0u; tile <= key; ++tile) ranges[tile] = i;
+  if (i + 1 == capacity)
+    for (std::uint32_t tile = key + 1; tile <= tiles; ++tile) ranges[tile] = capacity;
+}
+
+template <class Key>
+void sort_keys(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity) {
+  const auto* const keys = reinterpret_cast<const Key*>(room.keys.data());
+  auto* const sorted = reinterpret_cast<Key*>(room.sorted_keys.data());
+  const int bits = int(std::bit_width(pass.tile_count()));  // the key of no tile included
+  with_cub_room(room.sort_room, "the tile sort", [&](void* temporary, std::size_t& bytes) {
+    return cub::DeviceRadixSort::SortPairs(temporary, bytes, keys, sorted,
+                                           room.instance_splats.data(), pass.tile_splats.data(),
+                                           int(capacity), 0, bits, context.stream());
+  });
+}
+
+}  // namespace
+
+void order_by_depth(Context& context, WorkingRoom& room, RenderPass& pass) {
+  const StageScope scope(context, "depth sort");
+  const std::size_t count = pass.tile_counts.size();
+  pass.depth_order.resize_discard(count);
+  room.sorted_depths.resize_discard(count);
+  room.first_of_order.resize_discard(count);
+  if (count == 0) return;
+  if (room.row_numbers.size() < count) {
+    room.row_numbers.resize_discard(count);
+    context.launch("row numbers", number_rows_kernel, blocks_for(count, kThreads), kThreads,
+                   room.row_numbers.data(), std::uint32_t(count));
+  }
+  with_cub_room(room.sort_room, "the depth sort", [&](void* temporary, std::size_t& bytes) {
+    return cub::DeviceRadixSort::SortPairs(
+        temporary, bytes, reinterpret_cast<const std::uint32_t*>(pass.depths.data()),
+        room.sorted_depths.data(), room.row_numbers.data(), pass.depth_order.data(), int(count), 0,
+        kDepthBits, context.stream());
+  });
+  with_cub_room(room.sort_room, "the sum of the tile counts", [&](void* temporary, std::size_t& bytes) {
+    return cub::DeviceScan::ExclusiveSum(
+        temporary, bytes,
+        thrust::make_transform_iterator(pass.depth_order.data(), TileCount{pass.tile_counts.data()}),
+        room.first_of_order.data(), int(count), context.stream());
+  });
+}
+
+void sort_by_tile(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity) {
+  const StageScope scope(context, "tile sort");
+  room.sorted_keys.resize_discard(capacity);
+  pass.tile_splats.resize_discard(capacity);
+  pass.tile_ranges.resize_discard(pass.tile_count() + 1);
+  const auto run = [&](auto key) {
+    using Key = decltype(key);
+    sort_keys<Key>(context, room, pass, capacity);
+    context.launch("tile ranges", tile_ranges_kernel<Key>, blocks_for(capacity, kThreads), kThreads,
+                   reinterpret_cast<const Key*>(room.sorted_keys.data()), capacity,
+                   std::uint32_t(pass.tile_count()), pass.tile_ranges.data());
+  };
+  if (uses_short_keys(pass))
+    run(std::uint16_t());
+  else
+    run(std::uint32_t());
+}
+
+}  // namespace gs::cuda

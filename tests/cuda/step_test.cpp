@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+// The fused training step: against the contracts one after the other, with too little room for instances, and on its
+// own steady way, where it may ask the driver for nothing.
+#include <cuda_runtime_api.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/cuda.h"
+
+// The linker sends these calls here (-Wl,--wrap): whoever makes them is counted.
+namespace {
+int waits = 0, allocations = 0;
+}
+extern "C" {
+#define GS_COUNT(name, counter, parameters, arguments) \
+  cudaError_t __real_##name parameters;                \
+  cudaError_t __wrap_##name parameters {               \
+    ++counter;                                         \
+    return __real_##name arguments;                    \
+  }
+GS_COUNT(cudaMalloc, allocations, (void** to, size_t bytes), (to, bytes))
+GS_COUNT(cudaFree, allocations, (void* pointer), (pointer))
+GS_COUNT(cudaHostAlloc, allocations, (void** to, size_t bytes, unsigned flags), (to, bytes, flags))
+GS_COUNT(cudaStreamSynchronize, waits, (cudaStream_t stream), (stream))
+GS_COUNT(cudaDeviceSynchronize, waits, (), ())
+GS_COUNT(cudaEventSynchronize, waits, (cudaEvent_t event), (event))
+GS_COUNT(cudaMemcpy, waits, (void* to, const void* from, size_t bytes, cudaMemcpyKind kind),
+         (to, from, bytes, kind))
+}
+
+namespace gs {
+namespace {
+
+const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
+
+double norm_difference(const std::vector<float>& a, const std::vector<float>& b) {
+  EXPECT_EQ(a.size(), b.size());
+  double difference = 0, norm = 0;
+  for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i) {
+    difference += (double(a[i]) - b[i]) * (double(a[i]) - b[i]);
+    norm += double(b[i]) * b[i];
+  }
+  EXPECT_TRUE(std::isfinite(difference));
+  return norm > 0 ? std::sqrt(difference / norm) : std::sqrt(difference);
+}
+
+std::vector<View> some_views(int width, int height, int count) {
+  std::vector<View> views(count);
+  for (int i = 0; i < count; ++i) {
+    views[i].name = "view " + std::to_string(i);
+    views[i].camera = random_camera(width, height, 1);
+    views[i].camera.cx += float(3 * i);
+    views[i].photo = random_photo(width, height, std::uint64_t(i));
+  }
+  return views;
+}
+
+class CudaStep : public CudaTest {
+ protected:
+  void expect_same(const TrainingModel& actual, const TrainingModel& expected, double tolerance) {
+    for_each_array(
+        [&](const char* name, const auto& a, const auto& b) {
+          EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), tolerance) << name;
+        },
+        actual.first_moment, expected.first_moment);
+    for_each_array(
+        [&](const char* name, const auto& a, const auto& b) {
+          EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), 2 * tolerance) << name;
+        },
+        actual.second_moment, expected.second_moment);
+    for_each_array(
+        [&](const char* name, const auto& a, const auto& b) {
+          EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), tolerance) << name;
+        },
+        actual.gaussians, expected.gaussians);
+    EXPECT_EQ(actual.adam_steps, expected.adam_steps);
+    EXPECT_LT(norm_difference(downloaded(actual.statistics.gradient_norm),
+                              downloaded(expected.statistics.gradient_norm)),
+              tolerance);
+    EXPECT_LT(norm_difference(downloaded(actual.statistics.visits),
+                              downloaded(expected.statistics.visits)),
+              tolerance);
+  }
+};
+
+TEST_F(CudaStep, FusedStepIsTheScalarOne) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  for (const int degree : {0, 1, 2, 3})
+    for (const bool classic : {false, true}) {
+      SCOPED_TRACE(degree);
+      RenderSettings settings;
+      settings.sh_degree = degree;
+      settings.background = {0.3f, 0.6f, 0.9f};
+      if (classic) {
+        settings.blend_rule = BlendRule::classic;
+        settings.antialias = true;
+        settings.antialias_detach = false;
+      }
+      TrainingModel expected =
+          model_of(random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)));
+      TrainingModel actual = on_gpu(expected), unfused = on_gpu(expected);
+      for (const View& view : views) {
+        cpu().step(expected, view, settings, 0.2f, kRates, true);
+        gpu().step(actual, view, settings, 0.2f, kRates, true);
+      }
+      gpu().settle(actual);
+      for (const View& view : views)
+        gpu().Backend::step(unfused, view, settings, 0.2f, kRates, true);
+      expect_same(on_host(actual), expected, 1e-2);   // Adam's first steps turn the sign of a tiny gradient into a whole step
+      expect_same(on_host(actual), on_host(unfused), 1e-2);
+      EXPECT_NEAR(gpu().loss().value(), cpu().loss().value(), 2e-3 * cpu().loss().value());
+    }
+}
+
+// Twenty thousand Gaussians of a hundred tiles each are more than the first guess has room for.
+TEST_F(CudaStep, TooLittleRoomLosesNothing) {
+  const std::vector<View> views = some_views(320, 240, 3);
+  const Recipe large{.sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
+  const TrainingModel start = model_of(random_gaussians(large, 20000, views[0].camera, 3));
+  TrainingModel fused = on_gpu(start), plain = on_gpu(start);
+  const RenderSettings settings;
+  for (int step = 0; step < 12; ++step)
+    gpu().step(fused, views[step % 3], settings, 0.2f, kRates, true);
+  gpu().settle(fused);
+  for (int step = 0; step < 12; ++step)
+    gpu().Backend::step(plain, views[step % 3], settings, 0.2f, kRates, true);
+  EXPECT_EQ(fused.adam_steps, 12);
+  expect_same(on_host(fused), on_host(plain), 2e-2);
+}
+
+TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
+  const std::vector<View> views = some_views(200, 150, 5);
+  TrainingModel model = on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7)));
+  RenderSettings settings;
+  gpu().prepare(views, 1 << 30);
+  const auto run = [&](int steps) {
+    for (int step = 0; step < steps; ++step) {
+      gpu().announce(views[(step + 1) % views.size()]);
+      gpu().step(model, views[step % views.size()], settings, 0.2f, kRates, true);
+    }
+  };
+  run(50);
+  gpu().settle(model);
+  ASSERT_GT(waits, 0) << "the calls are not counted";
+  ASSERT_GT(allocations, 0) << "the calls are not counted";
+  waits = allocations = 0;
+  run(100);
+  EXPECT_EQ(waits, 0);
+  EXPECT_EQ(allocations, 0);
+  gpu().settle(model);
+}
+
+// The same with photos that do not fit the budget and come one step ahead.
+TEST_F(CudaStep, StreamedPhotosGiveTheSameSteps) {
+  const std::vector<View> views = some_views(200, 150, 5);
+  const TrainingModel start = model_of(random_gaussians(kTypical, 5000, views[0].camera, 7));
+  TrainingModel streamed = on_gpu(start), resident = on_gpu(start);
+  RenderSettings settings;
+  for (TrainingModel* model : {&streamed, &resident}) {
+    gpu().prepare(views, model == &streamed ? 0 : 1 << 30);
+    for (int step = 0; step < 40; ++step) {
+      gpu().announce(views[(step + 1) % views.size()]);
+      gpu().step(*model, views[step % views.size()], settings, 0.2f, kRates, false);
+    }
+    gpu().settle(*model);
+  }
+  EXPECT_LT(norm_difference(downloaded(streamed.gaussians.sh0), downloaded(resident.gaussians.sh0)),
+            1e-3);
+}
+
+}  // namespace
+}  // namespace gs
