@@ -13,14 +13,16 @@ namespace gs::cuda {
 
 class PhotoStore {
  public:
-  /// budget_bytes  of GPU memory that photos may take
-  PhotoStore(Context& context, Memory& memory, std::size_t budget_bytes);
+  PhotoStore(Context& context, Memory& memory);
   ~PhotoStore();
+  PhotoStore(const PhotoStore&) = delete;
+  PhotoStore& operator=(const PhotoStore&) = delete;
 
-  /// Uploads the photos of these views, in order, as far as the budget goes; forgets all others. The views
-  /// outlive the next call or this store.
-  void prepare(const std::vector<View>& views);
-  /// Starts to fetch the photo of a view that photo() will be asked for soon. Does not wait.
+  /// Uploads the photos of these views, in order, up to so many bytes of the GPU's memory; forgets all others.
+  /// The views outlive the next call or this store.
+  void prepare(const std::vector<View>& views, std::size_t budget_bytes);
+  /// Starts to fetch the photo of a view that photo() will be asked for soon. Does not wait for the GPU but
+  /// where it is several photos behind.
   void announce(const View& view);
   /// The photo, (height, width, 3) bytes on the GPU, valid for work on the compute stream that is launched
   /// before the next two calls of photo(). Does not wait for a photo that was prepared or announced.
@@ -29,24 +31,29 @@ class PhotoStore {
  private:
   // A place for one photo that does not fit the budget, and its way there.
   struct Slot {
-    const View* view = nullptr;
+    const View* view = nullptr;      // announced and not yet asked for
     Buffer<std::uint8_t> on_device;
     std::uint8_t* pinned = nullptr;  // the bytes on their way, in page-locked host memory
     std::size_t pinned_bytes = 0;
     cudaEvent_t arrived = nullptr;   // on the copy stream
     cudaEvent_t used = nullptr;      // on the compute stream: the last work that was launched before the slot is refilled
+    std::uint64_t filled = 0;        // number of the fetch
     explicit Slot(Memory& memory) : on_device(memory) {}
   };
   Slot& fetch(const View& view);
+  Slot& oldest_free_slot();
+  Slot* announced(const View& view);
+  void make_room(Slot& slot, std::size_t bytes);
+  void hand_out(const Slot* slot);
 
   Context& context_;
   Memory& memory_;
-  std::size_t budget_bytes_;
   cudaStream_t copy_stream_ = nullptr;
   Buffer<std::uint8_t> resident_;                              // all resident photos, one after another
   std::unordered_map<const View*, std::size_t> resident_at_;   // where each begins
   std::vector<Slot> slots_;
-  std::size_t next_slot_ = 0;
+  const Slot* handed_out_[2] = {nullptr, nullptr};             // by the last two calls of photo(), null if resident
+  std::uint64_t fetches_ = 0;
 };
 
 }  // namespace gs::cuda

@@ -177,7 +177,7 @@ __device__ inline float similarity_of_four(const Pictures& pictures, const Area&
 /// host adds them up when somebody asks, always in the same order.
 __global__ void __launch_bounds__(kThreads, 5)
     similarity_kernel(Pictures pictures, float dL_dssim, Derivatives derivatives, float2* sums) {
-  __shared__ alignas(16) ColumnMeans<4> means;
+  alignas(16) __shared__ ColumnMeans<4> means;
   const Area area = area_of_block(pictures);
   const float l1_sum = column_moments(pictures, area, means);
   __syncthreads();
@@ -214,68 +214,60 @@ __device__ inline void column_derivatives(const Pictures& pictures, const Area& 
 }
 
 /// The pass across for one row, by a warp that the row belongs to: its means take the place of those down, so that
-/// each lane can go on with other columns than it made.
+/// each lane can go on with other columns than it made. The lanes too many repeat the last group.
 __device__ inline void replace_by_means_across(float (&row)[3][kThreads]) {
-  const int column = kGroup * lane_of_thread();
-  const bool has_columns = column < kBlockColumns;
+  const int column = min(kGroup * lane_of_thread(), kBlockColumns - kGroup);
   float across[3][kGroup];
 #pragma unroll
-  for (int map = 0; map < 3; ++map)
-    if (has_columns) means_across(&row[map][column], across[map]);
+  for (int map = 0; map < 3; ++map) means_across(&row[map][column], across[map]);
   __syncwarp();
 #pragma unroll
-  for (int map = 0; map < 3; ++map)
-    if (has_columns) store_four(&row[map][column], across[map]);
+  for (int map = 0; map < 3; ++map) store_four(&row[map][column], across[map]);
   __syncwarp();
 }
 
 /// One row of the gradient, by a warp: lane l makes columns l, l + 32, ... of `columns`, so that the pictures are
-/// read and written in one piece. The pointers are those of the lane's first value.
+/// read and written in one piece. The pointers are those of the row's first value.
 ///
 ///   dL/dX = l1 sign(X - Y) + G * d_x + 2 X (G * d_xx) + Y (G * d_xy)
 __device__ inline void gradient_of_row(const float* image, const std::uint8_t* photo, int columns,
                                        float l1, float (&means)[3][kThreads], float* dL_dimage) {
   constexpr int kTurns = (kBlockColumns + kWarp - 1) / kWarp;
-  const int lane = lane_of_thread();
   float X[kTurns], Y[kTurns];  // read first: they arrive during the pass across
 #pragma unroll
   for (int turn = 0; turn < kTurns; ++turn) {
-    X[turn] = Y[turn] = 0;
-    if (lane + turn * kWarp >= columns) continue;
-    X[turn] = __ldg(image + turn * kWarp);
-    Y[turn] = photo_value(__ldg(photo + 3 * turn * kWarp));
+    const int i = min(lane_of_thread() + turn * kWarp, columns - 1);
+    X[turn] = __ldg(image + i);
+    Y[turn] = photo_value(__ldg(photo + 3 * i));
   }
   replace_by_means_across(means);
 #pragma unroll
   for (int turn = 0; turn < kTurns; ++turn) {
-    const int i = lane + turn * kWarp;
+    const int i = lane_of_thread() + turn * kWarp;
     const float sign = float(X[turn] > Y[turn]) - float(X[turn] < Y[turn]);
     const float dL_dX =
         l1 * sign + means[0][i] + 2.0f * X[turn] * means[1][i] + Y[turn] * means[2][i];
-    if (i < columns) dL_dimage[turn * kWarp] = dL_dX;
+    if (i < columns) dL_dimage[i] = dL_dX;
   }
 }
 
 /// From the derivatives of SSIM by the moments to dL/d(image).
 __global__ void __launch_bounds__(kThreads, 6)
     image_gradient_kernel(Pictures pictures, float l1, Derivatives derivatives, float* dL_dimage) {
-  __shared__ alignas(16) ColumnMeans<3> means;
+  alignas(16) __shared__ ColumnMeans<3> means;
   const Area area = area_of_block(pictures);
   column_derivatives(pictures, area, derivatives, means);
   __syncthreads();
 
-  const std::int64_t width = pictures.width;
   const int columns = min(kBlockColumns, pictures.width - area.x0);
-  const int rows = min(kBlockRows, pictures.height - area.y0), warp = int(threadIdx.x) / kWarp;
-  const std::int64_t pixel = (area.y0 + warp) * width + area.x0 + lane_of_thread();
-  const std::int64_t value = area.channel * width * pictures.height + pixel;
-  const float* image = pictures.image + value;
-  const std::uint8_t* photo = pictures.photo + (3 * pixel + area.channel);
-  float* to = dL_dimage + value;
+  const int rows = min(kBlockRows, pictures.height - area.y0);
+  const std::int64_t plane = std::int64_t(pictures.width) * pictures.height;
 #pragma unroll 1
-  for (int row = warp; row < rows; row += kWarps) {
-    gradient_of_row(image, photo, columns, l1, means[row], to);
-    image += kWarps * width, photo += 3 * kWarps * width, to += kWarps * width;
+  for (int row = int(threadIdx.x) / kWarp; row < rows; row += kWarps) {
+    const std::int64_t pixel = std::int64_t(area.y0 + row) * pictures.width + area.x0;
+    const std::int64_t value = area.channel * plane + pixel;
+    gradient_of_row(pictures.image + value, pictures.photo + (3 * pixel + area.channel), columns,
+                    l1, means[row], dL_dimage + value);
   }
 }
 

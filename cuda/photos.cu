@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+// The photos that stage 5 compares with: resident ones in one piece of memory, the others by way of page-locked
+// memory into slots.
+//
+// Of the slots, two may be in use by launched work (see photo()), one holds the photo announced for the next step
+// and one takes the photo that is announced meanwhile.
+#include "cuda/photos.cuh"
+
+#include <cstring>
+
+namespace gs::cuda {
+namespace {
+
+constexpr std::size_t kSlots = 4;
+constexpr std::size_t kAlignment = 16;  // bytes: of each resident photo's start
+
+constexpr std::size_t aligned(std::size_t bytes) {
+  return (bytes + kAlignment - 1) / kAlignment * kAlignment;
+}
+
+}  // namespace
+
+PhotoStore::PhotoStore(Context& context, Memory& memory)
+    : context_(context), memory_(memory), resident_(memory) {
+  check(cudaStreamCreateWithFlags(&copy_stream_, cudaStreamNonBlocking), "making a stream");
+  slots_.reserve(kSlots);
+  for (std::size_t i = 0; i < kSlots; ++i) {
+    Slot& slot = slots_.emplace_back(memory);
+    check(cudaEventCreateWithFlags(&slot.arrived, cudaEventDisableTiming), "making an event");
+    check(cudaEventCreateWithFlags(&slot.used, cudaEventDisableTiming), "making an event");
+  }
+}
+
+PhotoStore::~PhotoStore() {
+  cudaStreamSynchronize(copy_stream_);
+  for (const Slot& slot : slots_) {
+    cudaEventDestroy(slot.arrived);
+    cudaEventDestroy(slot.used);
+    cudaFreeHost(slot.pinned);
+  }
+  cudaStreamDestroy(copy_stream_);
+}
+
+void PhotoStore::prepare(const std::vector<View>& views, std::size_t budget_bytes) {
+  for (Slot& slot : slots_) slot.view = nullptr;
+  resident_at_.clear();
+  std::size_t bytes = 0, count = 0;
+  for (; count < views.size(); ++count) {
+    const std::size_t end = aligned(bytes + views[count].photo.pixels.size());
+    if (end > budget_bytes) break;
+    bytes = end;
+  }
+  // A Buffer that grows takes half more than there was, and holds both for a while: not with the budget.
+  if (bytes > resident_.capacity()) resident_ = Buffer<std::uint8_t>(memory_);
+  resident_.resize_discard(bytes);
+  std::size_t at = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::vector<std::uint8_t>& pixels = views[i].photo.pixels;
+    memory_.upload(resident_.data() + at, pixels.data(), pixels.size());
+    resident_at_.emplace(&views[i], at);
+    at = aligned(at + pixels.size());
+  }
+}
+
+void PhotoStore::announce(const View& view) {
+  if (!resident_at_.contains(&view) && !announced(view)) fetch(view);
+}
+
+const std::uint8_t* PhotoStore::photo(const View& view) {
+  const auto resident = resident_at_.find(&view);
+  if (resident != resident_at_.end()) {
+    hand_out(nullptr);
+    return resident_.data() + resident->second;
+  }
+  Slot* slot = announced(view);
+  if (!slot) slot = &fetch(view);
+  check(cudaStreamWaitEvent(context_.stream(), slot->arrived), "waiting for a photo");
+  // An announcement holds for one call: later the view may be gone, and another one have its address.
+  slot->view = nullptr;
+  hand_out(slot);
+  return slot->on_device.data();
+}
+
+PhotoStore::Slot* PhotoStore::announced(const View& view) {
+  for (Slot& slot : slots_)
+    if (slot.view == &view) return &slot;
+  return nullptr;
+}
+
+void PhotoStore::hand_out(const Slot* slot) {
+  handed_out_[0] = handed_out_[1];
+  handed_out_[1] = slot;
+}
+
+PhotoStore::Slot& PhotoStore::oldest_free_slot() {
+  Slot* oldest = nullptr;
+  for (Slot& slot : slots_) {
+    if (&slot == handed_out_[0] || &slot == handed_out_[1]) continue;
+    if (!oldest || slot.filled < oldest->filled) oldest = &slot;
+  }
+  return *oldest;
+}
+
+// Copies the bytes on the host at once; the GPU's copy begins when all that was launched until now has run.
+PhotoStore::Slot& PhotoStore::fetch(const View& view) {
+  Slot& slot = oldest_free_slot();
+  const std::vector<std::uint8_t>& pixels = view.photo.pixels;
+  slot.view = nullptr;  // if anything throws
+  check(cudaEventSynchronize(slot.arrived), "fetching a photo");  // the pinned bytes are free again
+  make_room(slot, pixels.size());
+  std::memcpy(slot.pinned, pixels.data(), pixels.size());
+  check(cudaEventRecord(slot.used, context_.stream()), "fetching a photo");
+  check(cudaStreamWaitEvent(copy_stream_, slot.used), "fetching a photo");
+  check(cudaMemcpyAsync(slot.on_device.data(), slot.pinned, pixels.size(), cudaMemcpyHostToDevice,
+                        copy_stream_),
+        "fetching a photo");
+  check(cudaEventRecord(slot.arrived, copy_stream_), "fetching a photo");
+  slot.view = &view;
+  slot.filled = ++fetches_;
+  return slot;
+}
+
+void PhotoStore::make_room(Slot& slot, std::size_t bytes) {
+  slot.on_device.resize_discard(bytes);
+  if (bytes <= slot.pinned_bytes) return;
+  cudaFreeHost(slot.pinned);
+  slot.pinned = nullptr, slot.pinned_bytes = 0;
+  check(cudaMallocHost(&slot.pinned, bytes), "making room for a photo");
+  slot.pinned_bytes = bytes;
+}
+
+}  // namespace gs::cuda

@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 5 on the GPU against its scalar twin, and the photos' ways to it.
+#include "tests/support/cuda.h"
+
+namespace gs {
+namespace {
+
+/// What the rendered picture is like.
+enum class Picture {
+  noise,   // has nothing to do with the photo
+  near,    // the photo with noise, as while training
+  smooth,  // a smooth photo, a little darker: hardly any local variance
+  equal,   // the photo
+};
+
+/// A view with a photo, and a rendered picture.
+struct Pair {
+  View view;
+  std::vector<float> image;  // (3, H, W)
+
+  Pair(int width, int height, Picture picture, std::uint64_t seed) {
+    view.camera.width = width;
+    view.camera.height = height;
+    view.photo = picture == Picture::smooth ? smooth_photo(width, height)
+                                            : random_photo(width, height, seed);
+    Draws draws(seed + 1);
+    const std::size_t plane = std::size_t(width) * height;
+    image.resize(3 * plane);
+    for (int c = 0; c < 3; ++c)
+      for (std::size_t i = 0; i < plane; ++i)
+        image[c * plane + i] =
+            rendered(picture, view.photo.pixels[3 * i + c] * (1.0f / 255.0f), draws);
+  }
+
+  RenderPass pass(Memory& memory) const {
+    RenderPass pass(memory);
+    pass.width = view.photo.width;
+    pass.height = view.photo.height;
+    pass.image.upload(image);
+    return pass;
+  }
+
+ private:
+  static float rendered(Picture picture, float photo, Draws& draws) {
+    switch (picture) {
+      case Picture::noise: return draws.uniform(-0.1f, 1.2f);  // blending can leave 0..1
+      case Picture::near: return 0.7f * photo + draws.uniform(0, 0.3f);
+      case Picture::smooth: return 0.9f * photo + 0.02f;
+      case Picture::equal: return photo;
+    }
+    return 0;
+  }
+  static Image8 smooth_photo(int width, int height) {
+    Image8 photo(width, height, 3);
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x)
+        for (int c = 0; c < 3; ++c)
+          photo.at(x, y, c) = std::uint8_t(
+              128 + 60 * std::sin(0.02f * float(x + 30 * c)) + 50 * std::cos(0.03f * float(y)));
+    return photo;
+  }
+};
+
+struct Answer {
+  double value;
+  std::vector<float> dL_dimage;
+};
+
+Answer answer_of(Backend& backend, const Pair& pair, float lambda) {
+  const RenderPass pass = pair.pass(backend.memory());
+  Buffer<float> dL_dimage(backend.memory());
+  backend.loss().forward_backward(pass, pair.view, lambda, dL_dimage);
+  return {backend.loss().value(), dL_dimage.download()};
+}
+
+class CudaLossTest : public CudaTest {
+ protected:
+  void expect_parity(const Pair& pair, float lambda, double gradient_tolerance) {
+    const Answer actual = answer_of(gpu(), pair, lambda), expected = answer_of(cpu(), pair, lambda);
+    const auto [width, height, channels] =
+        std::tuple(pair.view.photo.width, pair.view.photo.height, pair.view.photo.channels);
+    const testing::Message where =
+        testing::Message() << width << " x " << height << " x " << channels << ", lambda " << lambda;
+    // The sums are rounded at 6e-8 a few hundred times in float, then added in double. SSIM itself, which is of
+    // the order of 1, is not better than its moments' differences.
+    EXPECT_NEAR(actual.value, expected.value, 1e-5 * std::max(expected.value, 0.1)) << where;
+    EXPECT_LT(relative_difference(actual.dL_dimage, expected.dL_dimage), gradient_tolerance) << where;
+  }
+};
+
+constexpr std::pair<int, int> kSizes[] = {{1, 1},   {5, 3},   {11, 11},   {32, 32},
+                                          {33, 65}, {97, 41}, {640, 360}, {1200, 897}};
+
+// Variances are differences of moments, s_xx = E[xx] - E[x]^2, and each moment is rounded at 6e-8 some twenty times,
+// in another order than in the twin. Over B >= s_xx + C2 >= 9e-4, that is a relative difference of at most some 1e-4.
+constexpr double kCancellation = 2e-4;
+
+TEST_F(CudaLossTest, OfNoiseIsTheScalarOne) {
+  for (const auto& [width, height] : kSizes)
+    for (const float lambda : {0.0f, 0.2f, 1.0f})
+      expect_parity(Pair(width, height, Picture::noise, 1), lambda, kCancellation);
+}
+
+TEST_F(CudaLossTest, OfAPictureNearThePhotoIsTheScalarOne) {
+  for (const auto& [width, height] : kSizes)
+    for (const float lambda : {0.0f, 0.2f, 1.0f})
+      expect_parity(Pair(width, height, Picture::near, 2), lambda, kCancellation);
+}
+
+TEST_F(CudaLossTest, OfASmoothPictureIsTheScalarOne) {
+  for (const auto& [width, height] : kSizes)
+    for (const float lambda : {0.0f, 0.2f, 1.0f})
+      expect_parity(Pair(width, height, Picture::smooth, 3), lambda, kCancellation);
+}
+
+TEST_F(CudaLossTest, OfEqualPicturesIsZeroAndHasNoL1Gradient) {
+  for (const auto& [width, height] : kSizes) {
+    const Pair pair(width, height, Picture::equal, 4);
+    const Answer l1 = answer_of(gpu(), pair, 0.0f);
+    EXPECT_EQ(l1.value, 0);
+    for (const float g : l1.dL_dimage) ASSERT_EQ(g, 0);
+    EXPECT_NEAR(answer_of(gpu(), pair, 1.0f).value, 0, 1e-6);
+  }
+}
+
+TEST_F(CudaLossTest, TellsTheSameTwice) {
+  const Pair pair(97, 41, Picture::near, 5);
+  const Answer first = answer_of(gpu(), pair, 0.2f), second = answer_of(gpu(), pair, 0.2f);
+  EXPECT_EQ(first.value, second.value);
+  EXPECT_EQ(first.dL_dimage, second.dL_dimage);
+}
+
+/// Five views of different sizes with their pictures, and an order in which they are asked for.
+class CudaPhotosTest : public CudaLossTest {
+ protected:
+  static constexpr std::size_t kOrder[] = {0, 3, 1, 1, 4, 2, 0, 4, 3, 2, 2, 1, 0, 0, 3, 4};
+
+  void SetUp() override {
+    CudaLossTest::SetUp();
+    if (IsSkipped()) return;
+    const std::pair<int, int> sizes[] = {{40, 30}, {7, 90}, {130, 20}, {64, 64}, {33, 11}};
+    for (const auto& [width, height] : sizes) {
+      pairs_.emplace_back(width, height, Picture::near, std::uint64_t(10 + width));
+      views_.push_back(pairs_.back().view);
+    }
+    for (std::size_t i = 0; i < pairs_.size(); ++i) {
+      passes_.push_back(pairs_[i].pass(gpu().memory()));
+      expected_.push_back(answer_of(cpu(), pairs_[i], 0.2f).value);
+    }
+  }
+  /// The loss of a view with its picture must be the scalar one; another view's photo would be far off.
+  void expect_loss_of(std::size_t i) {
+    gpu().loss().forward_backward(passes_[i], views_[i], 0.2f, dL_dimage_);
+    EXPECT_NEAR(gpu().loss().value(), expected_[i], 1e-5 * expected_[i]) << "view " << i;
+  }
+
+  std::vector<Pair> pairs_;
+  std::vector<View> views_;
+  std::vector<RenderPass> passes_;
+  std::vector<double> expected_;
+  Buffer<float> dL_dimage_{host_memory()};
+};
+
+TEST_F(CudaPhotosTest, AreFetchedWhenAskedFor) {
+  dL_dimage_ = Buffer<float>(gpu().memory());
+  for (const std::size_t i : kOrder) expect_loss_of(i);
+}
+
+TEST_F(CudaPhotosTest, AreThereOncePrepared) {
+  dL_dimage_ = Buffer<float>(gpu().memory());
+  gpu().prepare(views_, std::size_t(1) << 30);
+  for (const std::size_t i : kOrder) expect_loss_of(i);
+}
+
+TEST_F(CudaPhotosTest, AreFetchedOneViewAhead) {
+  dL_dimage_ = Buffer<float>(gpu().memory());
+  gpu().announce(views_[kOrder[0]]);
+  for (std::size_t step = 0; step < std::size(kOrder); ++step) {
+    if (step + 1 < std::size(kOrder)) gpu().announce(views_[kOrder[step + 1]]);
+    expect_loss_of(kOrder[step]);
+  }
+}
+
+TEST_F(CudaPhotosTest, MayBeAnnouncedInVain) {
+  dL_dimage_ = Buffer<float>(gpu().memory());
+  for (const std::size_t i : kOrder) {
+    for (const View& view : views_) gpu().announce(view);
+    expect_loss_of(i);
+  }
+}
+
+// Steps run behind the host's back: a photo stays until the work on it has run.
+TEST_F(CudaPhotosTest, StayWhileTheHostRunsAhead) {
+  std::vector<Buffer<float>> gradients;
+  gpu().announce(views_[kOrder[0]]);
+  for (std::size_t step = 0; step < std::size(kOrder); ++step) {
+    if (step + 1 < std::size(kOrder)) gpu().announce(views_[kOrder[step + 1]]);
+    Buffer<float>& dL_dimage = gradients.emplace_back(gpu().memory());
+    const std::size_t i = kOrder[step];
+    gpu().loss().forward_backward(passes_[i], views_[i], 0.2f, dL_dimage);
+  }
+  for (std::size_t step = 0; step < std::size(kOrder); ++step) {
+    const Answer expected = answer_of(cpu(), pairs_[kOrder[step]], 0.2f);
+    EXPECT_LT(relative_difference(gradients[step].download(), expected.dL_dimage), kCancellation);
+  }
+}
+
+}  // namespace
+}  // namespace gs
