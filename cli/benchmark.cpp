@@ -176,7 +176,7 @@ std::optional<double> copy_gb_per_second(Backend& backend) {
   Memory& memory = backend.memory();
   const std::size_t bytes = &memory == &host_memory() ? kHostCopyBytes : kDeviceCopyBytes;
   try {
-    const Buffer<std::uint8_t> from(bytes, memory), to(bytes, memory);
+    Buffer<std::uint8_t> from(bytes, memory), to(bytes, memory);
     from.fill_zero();
     const auto milliseconds_of = [&](int copies) {
       const double begin = milliseconds_now();

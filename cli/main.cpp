@@ -58,6 +58,8 @@ int run(int argc, const char* const* argv) {
   add_eval(program);
   add_render(program);
   add_info(program);
+  add_bench(program);
+  add_selftest(program);
   std::vector<std::string> arguments = normalised_arguments(argc, argv);
   std::reverse(arguments.begin(), arguments.end());  // as CLI11 wants them
   try {

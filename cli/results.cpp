@@ -7,6 +7,10 @@
 
 #include "gs_core/version.h"
 
+#ifdef GS_HAVE_CUDA
+#include "cuda/backend.h"
+#endif
+
 namespace gs {
 namespace {
 
@@ -32,15 +36,24 @@ std::string text_of(const Json& json) {
 
 }  // namespace
 
+std::optional<std::size_t> peak_gpu_bytes([[maybe_unused]] Backend& backend) {
+#ifdef GS_HAVE_CUDA
+  if (&backend.memory() != &host_memory()) return cuda::usage().peak_allocated_bytes;
+#endif
+  return std::nullopt;
+}
+
 std::string results_json(const Results& results) {
-  return text_of({{"iterations", results.iterations},
-                  {"num_gaussians", results.num_gaussians},
-                  {"train_seconds", results.train_seconds},
-                  {"test", means(results.test)},
-                  {"train", means(results.train)},
-                  {"device", results.device},
-                  {"version", kVersion},
-                  {"seed", results.seed}});
+  Json json = {{"iterations", results.iterations},
+               {"num_gaussians", results.num_gaussians},
+               {"train_seconds", results.train_seconds},
+               {"test", means(results.test)},
+               {"train", means(results.train)},
+               {"device", results.device},
+               {"version", kVersion},
+               {"seed", results.seed}};
+  if (results.peak_gpu_bytes) json["peak_gpu_bytes"] = *results.peak_gpu_bytes;
+  return text_of(json);
 }
 
 std::string per_view_json(const Results& results) {

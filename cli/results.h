@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "gs_train/backend.h"
 #include "gs_train/metrics.h"
 
 namespace gs {
@@ -18,10 +19,14 @@ struct Results {
   Evaluation test, train;  // train: of a few views, evenly chosen
   std::string device;
   std::uint64_t seed = 0;
+  std::optional<std::size_t> peak_gpu_bytes;  // of a run on a GPU
 };
 
+/// The most GPU memory that this process has held so far; nothing where the backend is not a GPU's.
+std::optional<std::size_t> peak_gpu_bytes(Backend& backend);
+
 /// {"iterations", "num_gaussians", "train_seconds", "test": {"psnr", "ssim", "num_views"}, "train": {...},
-/// "device", "version", "seed"}; "test" is null where no view was held out.
+/// "device", "version", "seed"}; "test" is null where no view was held out. On a GPU "peak_gpu_bytes", too.
 std::string results_json(const Results& results);
 
 /// {"test": {"name": {"psnr", "ssim"}, ...}, "train": {...}}

@@ -160,6 +160,7 @@ void train(const TrainCommand& command) {
   results.train_seconds = trainer.train_seconds();
   results.device = backend->name();
   results.seed = config.train.seed;
+  results.peak_gpu_bytes = peak_gpu_bytes(*backend);
   evaluate_run(trainer, folder, last, results);
   metrics.finish(last, trainer, results.test);
   if (!command.quiet) print_summary(results, folder);

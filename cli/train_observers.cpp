@@ -19,7 +19,7 @@ bool names(const std::vector<int>& steps, int step) {
   return std::find(steps.begin(), steps.end(), step) != steps.end();
 }
 
-bool is_last(int step, const Trainer& trainer) { return step == trainer.schedule().steps(); }
+bool is_last(int step, Trainer& trainer) { return step == trainer.schedule().steps(); }
 
 }  // namespace
 
@@ -77,7 +77,7 @@ void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* te
   last_seconds_ = seconds;
 }
 
-void save_model(const RunFolder& folder, int step, const Trainer& trainer) {
+void save_model(const RunFolder& folder, int step, Trainer& trainer) {
   write_gaussian_ply(folder.ply(step),
                      host_copy(trainer.model().gaussians, trainer.config().model.sh_degree,
                                trainer.settings().antialias));

@@ -70,6 +70,6 @@ class MetricsObserver final : public Observer {
 };
 
 /// Saves the model as it is now to its place in the run's folder.
-void save_model(const RunFolder& folder, int step, const Trainer& trainer);
+void save_model(const RunFolder& folder, int step, Trainer& trainer);
 
 }  // namespace gs

@@ -13,5 +13,7 @@ void add_train(CLI::App& program);
 void add_eval(CLI::App& program);
 void add_render(CLI::App& program);
 void add_info(CLI::App& program);
+void add_bench(CLI::App& program);
+void add_selftest(CLI::App& program);
 
 }  // namespace gs

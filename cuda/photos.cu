@@ -105,7 +105,7 @@ PhotoStore::Slot& PhotoStore::oldest_free_slot() {
 PhotoStore::Slot& PhotoStore::fetch(const View& view) {
   Slot& slot = oldest_free_slot();
   const std::vector<std::uint8_t>& pixels = view.photo.pixels;
-  slot.view = nullptr;  // if anything throws
+  slot.view = nullptr;                                            // if anything throws
   check(cudaEventSynchronize(slot.arrived), "fetching a photo");  // the pinned bytes are free again
   make_room(slot, pixels.size());
   std::memcpy(slot.pinned, pixels.data(), pixels.size());

@@ -20,9 +20,10 @@
 namespace gs::cuda {
 namespace {
 
-constexpr int kThreads = 128;  // columns that a block reads; fewer would read more halo, more leave small pictures' GPU idle
+constexpr int kThreads =
+    128;  // columns that a block reads; fewer would read more halo, more leave small pictures' GPU idle
 constexpr int kWarps = kThreads / kWarp;
-constexpr int kGroup = 4;      // neighbouring means that a thread makes: 16 bytes
+constexpr int kGroup = 4;  // neighbouring means that a thread makes: 16 bytes
 constexpr int kBlockColumns = (kThreads - 2 * kSsimRadius) / kGroup * kGroup;
 constexpr int kBlockRows = 16;  // sums in flight do not depend on it; shared memory and code do
 

@@ -1,0 +1,470 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/self_checks.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <set>
+
+#include "cli/generated_scene.h"
+#include "gs_core/random.h"
+#include "gs_train/schedule.h"
+
+namespace gs {
+namespace {
+
+using Numbers = std::vector<float>;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// The checks in the order of first use; one of a name for all scenes.
+class SelfChecks {
+ public:
+  void add(const std::string& what, const std::string& scene, double tolerance,
+           const Numbers& actual, const Numbers& expected) {
+    if (actual.size() != expected.size())
+      return add(what, scene, tolerance, expected.size(), kInfinity, kInfinity);
+    double largest = 0, squares = 0, expected_squares = 0;
+    for (std::size_t i = 0; i < actual.size(); ++i) {
+      const double difference = std::abs(double(actual[i]) - expected[i]);
+      largest = std::max(largest, std::isfinite(difference) ? difference : kInfinity);
+      squares += difference * difference;
+      expected_squares += double(expected[i]) * expected[i];
+    }
+    const double n = std::max(double(actual.size()), 1.0), scale = std::sqrt(expected_squares / n);
+    const double unit = scale > 0 ? scale : 1;
+    add(what, scene, tolerance, actual.size(), largest / unit, std::sqrt(squares / n) / unit);
+  }
+  void add(const std::string& what, const std::string& scene, double tolerance,
+           std::size_t numbers, double largest, double rms) {
+    auto check = std::find_if(checks_.begin(), checks_.end(),
+                              [&](const SelfCheck& c) { return c.what == what; });
+    if (check == checks_.end())
+      check = checks_.insert(checks_.end(), {what, 0, 0, -1, tolerance, scene});
+    if (!std::isfinite(rms)) rms = kInfinity;
+    check->numbers += numbers;
+    check->largest = std::max(check->largest, largest);
+    if (rms > check->rms) {
+      check->rms = rms;
+      check->scene = scene;
+    }
+  }
+  std::vector<SelfCheck> take() { return std::move(checks_); }
+
+ private:
+  std::vector<SelfCheck> checks_;
+};
+
+/// The numbers of an array of any Memory, one after another.
+template <class T>
+Numbers numbers_of(const Buffer<T>& array) {
+  const std::vector<T> rows = array.download();
+  Numbers numbers(rows.size() * sizeof(T) / sizeof(float));
+  if (!rows.empty()) std::memcpy(numbers.data(), rows.data(), rows.size() * sizeof(T));
+  return numbers;
+}
+
+Numbers random_normals(std::size_t count, std::uint64_t seed) {
+  const Random random{seed, RandomStream::test};
+  Numbers numbers(count);
+  for (std::size_t i = 0; i < count; ++i) numbers[i] = random.normal4(i).x;
+  return numbers;
+}
+
+// Gradients against slopes ---------------------------------------------------------------------------------------
+
+// A slope sees fragments come and go at the rims of splats, a gradient does not: Gaussians that end at four standard
+// deviations (3e-4 of their height) keep that under a part in a hundred. Most of what is seen comes from there.
+constexpr double kSlopeTolerance = 0.02;
+constexpr std::uint64_t kDirections = 16;  // per quantity and scene
+
+/// How far to go in each direction: large beside the rounding of floats, small beside what bends the picture.
+template <class T>
+using StepOf = float;
+constexpr GaussianArrays<StepOf> kSteps{0.004f, 0.01f, 0.02f, 0.03f, 0.05f, 0.05f};
+
+struct SmallScene {
+  std::string name;
+  RenderSettings settings;
+};
+
+std::vector<SmallScene> gradient_scenes() {
+  SmallScene faster_gs{"faster_gs", {}}, classic{"classic", {}}, antialias{"antialias", {}};
+  classic.settings.blend_rule = BlendRule::classic;
+  antialias.settings.antialias = true;
+  antialias.settings.antialias_detach = false;
+  antialias.settings.background = {0.2f, 0.5f, 0.8f};
+  for (SmallScene* scene : {&faster_gs, &classic, &antialias})
+    scene->settings.truncation = Truncation::sigma4;
+  return {faster_gs, classic, antialias};
+}
+
+/// A picture of a few Gaussians, and a smooth loss of it: the sum of its values, with weights that vary slowly.
+class SlopeCheck {
+ public:
+  explicit SlopeCheck(const RenderSettings& settings) : settings_(settings) {
+    SceneRecipe recipe{.gaussians = 24, .width = 53, .height = 38, .views = 1};
+    recipe.reach = 0.45f;
+    recipe.sigma_low = 2;
+    recipe.sigma_high = 6;
+    recipe.opacity_high = 0.8f;
+    GeneratedScene scene = generated_scene(recipe);
+    camera_ = scene.views[0].camera;
+    gaussians_ = std::move(scene.model.gaussians);
+    for (Vec3f& color : gaussians_.sh0) color *= 0.5f;  // away from black, where colours are clamped
+    weights_.resize_discard(std::size_t(3) * recipe.width * recipe.height);
+    for (std::size_t i = 0; i < weights_.size(); ++i) weights_[i] = std::sin(0.01f * float(i));
+  }
+
+  const Gaussians& gaussians() const { return gaussians_; }
+
+  Gaussians gradients() {
+    Gaussians result(gaussians_.count(), host_memory());
+    Buffer<Vec2f> by_mean2d(gaussians_.count(), host_memory());
+    loss();
+    renderer_->backward(gaussians_.span(), camera_, settings_, pass_, weights_.span(),
+                        result.span(), by_mean2d.span());
+    return result;
+  }
+
+  /// The slope along `direction` of the numbers of `array`, one of gaussians(): central differences of two steps,
+  /// whose errors of second order cancel.
+  template <class T>
+  double slope(const Buffer<T>& array, const Numbers& direction, float step) {
+    const double near = loss_at(array, direction, step) - loss_at(array, direction, -step);
+    const double far = loss_at(array, direction, 2 * step) - loss_at(array, direction, -2 * step);
+    return (8 * near - far) / (12.0 * step);
+  }
+
+ private:
+  double loss() {
+    renderer_->forward(gaussians_.span(), camera_, settings_, pass_);
+    double sum = 0;
+    for (std::size_t i = 0; i < weights_.size(); ++i) sum += double(weights_[i]) * pass_.image[i];
+    return sum;
+  }
+  template <class T>
+  double loss_at(const Buffer<T>& array, const Numbers& direction, float step) {
+    const std::vector<T> before = array.download();
+    float* const numbers = reinterpret_cast<float*>(array.data());
+    for (std::size_t i = 0; i < direction.size(); ++i) numbers[i] += step * direction[i];
+    const double result = loss();
+    std::copy(before.begin(), before.end(), array.begin());
+    return result;
+  }
+
+  RenderSettings settings_;
+  Camera camera_;
+  Gaussians gaussians_;
+  Buffer<float> weights_;
+  RenderPass pass_;
+  std::unique_ptr<Renderer> renderer_ = make_scalar_renderer();
+};
+
+void check_slopes(const SmallScene& scene, SelfChecks& checks) {
+  SlopeCheck check(scene.settings);
+  const Gaussians gradients = check.gradients();
+  std::uint64_t seed = 100;
+  for_each_array(
+      [&](const char* name, const auto& array, const auto& gradient, float step) {
+        const Numbers by_number = numbers_of(gradient);
+        Numbers expected, actual;
+        for (std::uint64_t k = 0; k < kDirections; ++k) {
+          const Numbers direction = random_normals(by_number.size(), ++seed);
+          double sum = 0;
+          for (std::size_t i = 0; i < direction.size(); ++i)
+            sum += double(by_number[i]) * direction[i];
+          actual.push_back(float(sum));
+          expected.push_back(float(check.slope(array, direction, step)));
+        }
+        checks.add(name, scene.name, kSlopeTolerance, actual, expected);
+      },
+      check.gaussians(), gradients, kSteps);
+}
+
+// A GPU against the CPU ------------------------------------------------------------------------------------------
+
+// exp, log and the order of sums differ in the last bits; a fragment or a tile that lies on its threshold is kept by
+// one and dropped by the other. These allow for several times what an H200 shows.
+constexpr double kSplatTolerance = 1e-4;
+constexpr double kConicTolerance = 1e-3;  // the determinant of a thin splat cancels
+constexpr double kTileTolerance = 5e-3;   // of the instances
+constexpr double kPictureTolerance = 1e-3;
+constexpr double kLossTolerance = 1e-3;
+constexpr double kGradientTolerance = 5e-3;
+constexpr double kStepTolerance = 2e-2;   // Adam divides tiny gradients by their own size
+constexpr int kStepsBefore = 20;          // so that the moments are those of a training under way
+constexpr float kLambdaDssim = 0.2f;
+constexpr std::size_t kPhotoBytes = std::size_t(1) << 28;
+
+struct ParityScene {
+  std::string name;
+  SceneRecipe recipe;
+  RenderSettings settings;
+};
+
+std::vector<ParityScene> parity_scenes() {
+  std::vector<ParityScene> scenes;
+  const auto add = [&](const char* name, int width, int height, int degree) -> ParityScene& {
+    SceneRecipe recipe{.gaussians = 3000, .width = width, .height = height, .views = 3};
+    recipe.seed = scenes.size() + 1;
+    recipe.reach = 0.8f;
+    scenes.push_back({name, recipe, {}});
+    scenes.back().settings.sh_degree = degree;
+    return scenes.back();
+  };
+  add("faster_gs", 160, 120, 3);
+  add("degree 2, odd size", 131, 77, 2).settings.background = {0.3f, 0.6f, 0.9f};
+  add("classic, degree 1", 97, 113, 1).settings.blend_rule = BlendRule::classic;
+  add("antialias, degree 0", 160, 96, 0).settings.antialias = true;
+  ParityScene& opaque = add("classic, antialias, opaque", 75, 50, 3);
+  opaque.settings.blend_rule = BlendRule::classic;
+  opaque.settings.antialias = true;
+  opaque.settings.antialias_detach = false;
+  opaque.recipe.opacity_low = 0.9f;
+  opaque.recipe.opacity_high = 0.999f;
+  return scenes;
+}
+
+/// A copy of every array of a model, in another memory.
+TrainingModel copied(const TrainingModel& from, Memory& memory) {
+  TrainingModel model(memory);
+  const auto copy = [](const char*, auto& to, const auto& array) { to.upload(array.download()); };
+  for_each_array(copy, model.gaussians, from.gaussians);
+  for_each_array(copy, model.first_moment, from.first_moment);
+  for_each_array(copy, model.second_moment, from.second_moment);
+  model.statistics.visits.upload(from.statistics.visits.download());
+  model.statistics.gradient_norm.upload(from.statistics.gradient_norm.download());
+  model.adam_steps = from.adam_steps;
+  return model;
+}
+
+TrainingModel untrained(const Gaussians& gaussians) {
+  TrainingModel model;
+  model.gaussians = copy_of(gaussians);
+  for (Gaussians* moment : {&model.first_moment, &model.second_moment}) {
+    moment->resize(gaussians.count());
+    moment->fill_zero();
+  }
+  for (Buffer<float>* statistic : {&model.statistics.visits, &model.statistics.gradient_norm}) {
+    statistic->resize(gaussians.count());
+    statistic->fill_zero();
+  }
+  return model;
+}
+
+/// One generated scene on both backends, stage after stage.
+class ParityCheck {
+ public:
+  ParityCheck(const ParityScene& scene, Backend& cpu, Backend& device, SelfChecks& checks)
+      : name_(scene.name), settings_(scene.settings), scene_(generated_scene(scene.recipe)),
+        view_(scene_.views[0]), cpu_(cpu), device_(device), checks_(checks),
+        on_device_(copy_to(device.memory(), scene_.model)), device_pass_(device.memory()) {}
+
+  void run() {
+    cpu_.renderer().forward(on_host().span(), view_.camera, settings_, cpu_pass_);
+    device_.renderer().forward(on_device_.span(), view_.camera, settings_, device_pass_);
+    compare_splats();
+    compare_tile_lists();
+    compare("image", kPictureTolerance, device_pass_.image, cpu_pass_.image);
+    compare("transmittance", kPictureTolerance, device_pass_.transmittance,
+            cpu_pass_.transmittance);
+    device_.prepare(scene_.views, kPhotoBytes);
+    compare_loss();
+    compare_gradients();
+    compare_step();
+    device_.prepare({}, 0);  // this scene's views end here
+  }
+
+ private:
+  const Gaussians& on_host() const { return scene_.model.gaussians; }
+
+  void compare(const std::string& what, double tolerance, const Numbers& actual,
+               const Numbers& expected) {
+    checks_.add(what, name_, tolerance, actual, expected);
+  }
+  template <class T>
+  void compare(const std::string& what, double tolerance, const Buffer<T>& actual,
+               const Buffer<T>& expected) {
+    compare(what, tolerance, numbers_of(actual), numbers_of(expected));
+  }
+
+  // Those that both see; which they see, the tile lists tell.
+  void compare_splats() {
+    const auto cpu_counts = cpu_pass_.tile_counts.download();
+    const auto device_counts = device_pass_.tile_counts.download();
+    std::array<Numbers, 2> depth, mean, conic, opacity, color;
+    const auto collect = [&](std::size_t side, const RenderPass& pass) {
+      const std::vector<Splat> splats = pass.splats.download();
+      const std::vector<float> depths = pass.depths.download();
+      for (std::size_t i = 0; i < splats.size(); ++i) {
+        if (!cpu_counts[i] || !device_counts[i]) continue;
+        const Splat& s = splats[i];
+        depth[side].push_back(depths[i]);
+        mean[side].insert(mean[side].end(), {s.mean2d.x, s.mean2d.y});
+        conic[side].insert(conic[side].end(), {s.conic.xx, s.conic.xy, s.conic.yy});
+        opacity[side].push_back(s.opacity);
+        color[side].insert(color[side].end(), {s.color.x, s.color.y, s.color.z});
+      }
+    };
+    collect(0, device_pass_);
+    collect(1, cpu_pass_);
+    compare("splats: depth", kSplatTolerance, depth[0], depth[1]);
+    compare("splats: mean2d", kSplatTolerance, mean[0], mean[1]);
+    compare("splats: conic", kConicTolerance, conic[0], conic[1]);
+    compare("splats: opacity", kConicTolerance, opacity[0], opacity[1]);
+    compare("splats: color", kSplatTolerance, color[0], color[1]);
+  }
+
+  using TileList = std::vector<std::uint32_t>;  // Gaussians, front to back
+  static std::vector<TileList> tile_lists(const RenderPass& pass) {
+    const TileList ranges = pass.tile_ranges.download(), splats = pass.tile_splats.download();
+    std::vector<TileList> lists(pass.tile_count());
+    for (std::size_t tile = 0; tile < lists.size(); ++tile)
+      lists[tile].assign(splats.begin() + ranges[tile], splats.begin() + ranges[tile + 1]);
+    return lists;
+  }
+  /// Those of a list that another has, too, in their order.
+  static TileList shared(const TileList& list, const TileList& other) {
+    const std::set<std::uint32_t> wanted(other.begin(), other.end());
+    TileList result;
+    for (const std::uint32_t gaussian : list)
+      if (wanted.contains(gaussian)) result.push_back(gaussian);
+    return result;
+  }
+  /// Instances that only one list has, and those in another order.
+  static std::size_t differing(const TileList& a, const TileList& b) {
+    const TileList in_a = shared(a, b), in_b = shared(b, a);
+    std::size_t result = a.size() + b.size() - in_a.size() - in_b.size();
+    for (std::size_t i = 0; i < in_a.size(); ++i) result += in_a[i] != in_b[i];
+    return result;
+  }
+  void compare_tile_lists() {
+    const auto actual = tile_lists(device_pass_), expected = tile_lists(cpu_pass_);
+    std::size_t instances = 0, differ = 0, most = 0;
+    for (std::size_t tile = 0; tile < expected.size(); ++tile) {
+      const std::size_t here = differing(actual[tile], expected[tile]);
+      instances += expected[tile].size();
+      differ += here;
+      most = std::max(most, here);
+    }
+    checks_.add("tile lists", name_, kTileTolerance, instances, double(most),
+                double(differ) / std::max(double(instances), 1.0));
+  }
+
+  // Of the CPU's picture on both sides.
+  void compare_loss() {
+    RenderPass pass(device_.memory());
+    pass.width = cpu_pass_.width;
+    pass.height = cpu_pass_.height;
+    pass.image.upload(cpu_pass_.image.download());
+    Buffer<float> cpu_dL, device_dL(device_.memory());
+    cpu_.loss().forward_backward(cpu_pass_, view_, kLambdaDssim, cpu_dL);
+    device_.loss().forward_backward(pass, view_, kLambdaDssim, device_dL);
+    compare_loss_values();
+    compare("loss: dL_dimage", kLossTolerance, device_dL, cpu_dL);
+  }
+  void compare_loss_values() {
+    compare("loss", kLossTolerance, Numbers{float(device_.loss().value())},
+            Numbers{float(cpu_.loss().value())});
+  }
+
+  void compare_gradients() {
+    const Numbers dL_dimage = random_normals(cpu_pass_.image.size(), 99);
+    const std::size_t count = on_host().count();
+    Buffer<float> cpu_dL, device_dL(device_.memory());
+    cpu_dL.upload(dL_dimage);
+    device_dL.upload(dL_dimage);
+    Gaussians expected(count, host_memory()), actual(count, device_.memory());
+    Buffer<Vec2f> expected_mean2d(count, host_memory()), mean2d(count, device_.memory());
+    cpu_.renderer().backward(on_host().span(), view_.camera, settings_, cpu_pass_, cpu_dL.span(),
+                             expected.span(), expected_mean2d.span());
+    device_.renderer().backward(on_device_.span(), view_.camera, settings_, device_pass_,
+                                device_dL.span(), actual.span(), mean2d.span());
+    compare("gradient: mean2d", kGradientTolerance, mean2d, expected_mean2d);
+    for_each_array(
+        [&](const char* name, const auto& a, const auto& b) {
+          compare(std::string("gradient: ") + name, kGradientTolerance, a, b);
+        },
+        actual, expected);
+  }
+
+  // What one more step changes, after some on the CPU.
+  void compare_step() {
+    const LearningRates rates = Schedule(Config{}, 1).learning_rates(1);
+    const auto step = [&](Backend& backend, TrainingModel& model, int index) {
+      backend.step(model, scene_.views[std::size_t(index) % scene_.views.size()], settings_,
+                   kLambdaDssim, rates, true);
+      backend.settle(model);
+    };
+    TrainingModel expected = untrained(on_host());
+    for (int i = 0; i < kStepsBefore; ++i) step(cpu_, expected, i);
+    const TrainingModel before = copied(expected, host_memory());
+    TrainingModel actual = copied(expected, device_.memory());
+    step(cpu_, expected, kStepsBefore);
+    step(device_, actual, kStepsBefore);
+    compare_changes(before, actual, expected);
+    compare_loss_values();
+  }
+  void compare_changes(const TrainingModel& before, const TrainingModel& actual,
+                       const TrainingModel& expected) {
+    const auto compare_change = [&](const std::string& what, const auto& old, const auto& a,
+                                    const auto& b) {
+      Numbers change = numbers_of(a), expected_change = numbers_of(b);
+      const Numbers start = numbers_of(old);
+      for (std::size_t i = 0; i < start.size(); ++i) {
+        change[i] -= start[i];
+        expected_change[i] -= start[i];
+      }
+      compare(what, kStepTolerance, change, expected_change);
+    };
+    for_each_array(
+        [&](const char* name, const auto& old, const auto& a, const auto& b) {
+          compare_change(std::string("step: ") + name, old, a, b);
+        },
+        before.gaussians, actual.gaussians, expected.gaussians);
+    const auto compare_all = [&](const char* what, const Gaussians& old, const Gaussians& a,
+                                 const Gaussians& b) {
+      for_each_array([&](const char*, const auto& x, const auto& y,
+                         const auto& z) { compare_change(what, x, y, z); },
+                     old, a, b);
+    };
+    compare_all("step: first moments", before.first_moment, actual.first_moment,
+                expected.first_moment);
+    compare_all("step: second moments", before.second_moment, actual.second_moment,
+                expected.second_moment);
+    compare_change("step: visits", before.statistics.visits, actual.statistics.visits,
+                   expected.statistics.visits);
+    compare_change("step: gradient norms", before.statistics.gradient_norm,
+                   actual.statistics.gradient_norm, expected.statistics.gradient_norm);
+  }
+
+  std::string name_;
+  RenderSettings settings_;
+  GeneratedScene scene_;
+  const View& view_;
+  Backend& cpu_;
+  Backend& device_;
+  SelfChecks& checks_;
+  Gaussians on_device_;
+  RenderPass cpu_pass_, device_pass_;
+};
+
+}  // namespace
+
+std::vector<SelfCheck> gradient_checks() {
+  SelfChecks checks;
+  for (const SmallScene& scene : gradient_scenes()) check_slopes(scene, checks);
+  return checks.take();
+}
+
+std::vector<SelfCheck> parity_checks(Backend& device) {
+  const std::unique_ptr<Backend> cpu = make_scalar_backend();
+  SelfChecks checks;
+  for (const ParityScene& scene : parity_scenes()) ParityCheck(scene, *cpu, device, checks).run();
+  return checks.take();
+}
+
+}  // namespace gs
