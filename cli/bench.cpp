@@ -83,8 +83,7 @@ Subject trained_subject(const BenchCommand& command) {
   Subject subject;
   subject.config = resolve(command, opened.config);
   const DatasetConfig& dataset = subject.config.dataset;
-  if (dataset.source.empty())
-    throw UsageError("on which views? give the scene with --data SCENE");
+  if (dataset.source.empty()) throw UsageError("on which views? give the scene with --data SCENE");
   set_thread_count(subject.config.train.threads);
   subject.model = opened.ply.string();
   subject.scene = dataset.source;
@@ -102,10 +101,12 @@ Subject trained_subject(const BenchCommand& command) {
 Subject subject_of(const BenchCommand& command) {
   const bool is_generated = command.gaussians > 0;
   if (is_generated == !command.model.empty())
-    throw UsageError("what to time? give a run's folder, a PLY with --data SCENE, or --gaussians N "
-                     "to generate them; one of these");
-  if (is_generated && command.has("dataset.source"))
-    throw UsageError("--data goes with a run or a PLY; for --gaussians give --width and --height");
+    throw UsageError(
+        "what to time? give a run's folder, a PLY with --data SCENE, or --gaussians N "
+        "to generate them; one of these");
+  if (is_generated && (command.has("dataset.source") || command.has("dataset.resolution")))
+    throw UsageError(
+        "--data and -r go with a run or a PLY; for --gaussians give --width and --height");
   return is_generated ? generated_subject(command) : trained_subject(command);
 }
 
@@ -119,12 +120,12 @@ Report measure(const Subject& subject, const BenchmarkPlan& plan) {
     log_info("training: {} steps after {}", plan.steps, plan.warmup);
     report.training = time_training(*backend, model, subject.train_views, subject.settings,
                                     subject.config, plan, report.workload);
+    report.peak_gpu_bytes = peak_gpu_bytes(*backend);
     for (const double scale : plan.scales) {
       log_info("rendering: {} views at scale {:g}", subject.rendered_views().size(), scale);
-      report.rendering.push_back(time_rendering(*backend, model, subject.rendered_views(),
-                                                subject.settings, plan, scale));
+      report.rendering.push_back(
+          time_rendering(*backend, model, subject.rendered_views(), subject.settings, plan, scale));
     }
-    report.peak_gpu_bytes = peak_gpu_bytes(*backend);
   }
   report.copy_gb_per_second = copy_gb_per_second(*backend);  // last, since it takes memory itself
   return report;
@@ -201,7 +202,8 @@ std::string stages_text(const std::vector<StageFigures>& stages, const Report& r
                         100 * stage.share);
     if (stage.bytes && stage.gb_per_second)
       text += fmt::format(" {:>9.1f} {:>7.0f}", *stage.bytes * 1e-6, *stage.gb_per_second);
-    if (const auto share = share_of_copy(stage, report)) text += fmt::format(" {:>7.0f}%", 100 * *share);
+    if (const auto share = share_of_copy(stage, report))
+      text += fmt::format(" {:>7.0f}%", 100 * *share);
     text += "\n";
   }
   return text;
@@ -225,8 +227,8 @@ std::string report_text(const Subject& subject, const BenchmarkPlan& plan, const
   text += "  " + workload_text(report.workload) + "\n";
   text += stages_text(report.training.stages, report);
   for (const RenderingFigures& figures : report.rendering) {
-    text += fmt::format("\nrendering: {:.3f} ms a frame, {}x{}, {} {} views\n", figures.ms_per_frame,
-                        figures.width, figures.height, rendered,
+    text += fmt::format("\nrendering: {:.3f} ms a frame, {}x{}, {} {} views\n",
+                        figures.ms_per_frame, figures.width, figures.height, rendered,
                         subject.test_views.empty() ? "training" : "test");
     text += "  " + workload_text(figures.mean) + "\n" + stages_text(figures.stages, report);
   }
@@ -237,13 +239,15 @@ std::string report_text(const Subject& subject, const BenchmarkPlan& plan, const
     text += fmt::format("copies in its memory: {:.0f} GB/s, read and written\n",
                         *report.copy_gb_per_second);
   if (report.peak_gpu_bytes)
-    text += fmt::format("GPU memory at most: {} MiB\n", with_commas(*report.peak_gpu_bytes >> 20));
+    text += fmt::format("GPU memory, at most, until the last step: {} MiB\n",
+                        with_commas(*report.peak_gpu_bytes >> 20));
   return text;
 }
 
 void bench(const BenchCommand& command) {
-  setup_log(command.json ? Verbosity::quiet : command.verbosity());
+  setup_log(command.verbosity());
   const Subject subject = subject_of(command);
+  check_scales(subject.rendered_views(), command.plan.scales);
   const Report report = measure(subject, command.plan);
   const std::string json = report_json(subject, command.plan, report);
   if (!command.output.empty()) write_text(command.output, json);

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "cli/untrained.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/constants.h"
@@ -31,7 +32,8 @@ double median(std::vector<T> values) {
   return (double(values[(n - 1) / 2]) + double(values[n / 2])) / 2;
 }
 
-std::vector<StageFigures> figures_of(const std::vector<StageTime>& times, const Workload& workload) {
+std::vector<StageFigures> figures_of(const std::vector<StageTime>& times,
+                                     const Workload& workload) {
   std::vector<StageFigures> figures;
   double sum = 0;
   for (const StageTime& time : times) {
@@ -72,27 +74,25 @@ void add_to_mean(const Workload& view, std::size_t count, Workload& mean) {
 
 Camera at_scale(const Camera& camera, double scale) {
   const auto side = [&](int pixels) { return std::max(1, int(std::lround(pixels * scale))); };
-  const int width = side(camera.width), height = side(camera.height);
-  if (std::max(width, height) > kMaxPictureSide)
-    throw UsageError(fmt::format("a picture of {}x{} is too large: a side has at most {} pixels; "
-                                 "give a smaller scale with --scales",
-                                 width, height, kMaxPictureSide));
-  return resized(camera, width, height);
+  return resized(camera, side(camera.width), side(camera.height));
 }
 
 }  // namespace
 
+void check_scales(const std::vector<View>& views, const std::vector<double>& scales) {
+  for (const View& view : views)
+    for (const double scale : scales) {
+      const Camera camera = at_scale(view.camera, scale);
+      if (std::max(camera.width, camera.height) > kMaxPictureSide)
+        throw UsageError(
+            fmt::format("a picture of {}x{} is too large: a side has at most {} "
+                        "pixels; give smaller --scales",
+                        camera.width, camera.height, kMaxPictureSide));
+    }
+}
+
 TrainingModel benchmark_model(Backend& backend, const GaussianModel& from) {
-  TrainingModel model(backend.memory());
-  model.gaussians = copy_to(backend.memory(), from);
-  for (Gaussians* moment : {&model.first_moment, &model.second_moment}) {
-    moment->resize(model.count());
-    moment->fill_zero();
-  }
-  for (Buffer<float>* statistic : {&model.statistics.visits, &model.statistics.gradient_norm}) {
-    statistic->resize(model.count());
-    statistic->fill_zero();
-  }
+  TrainingModel model = untrained(from, backend.memory());
   backend.rows().sort_by_morton(model);
   return model;
 }
@@ -108,9 +108,10 @@ Workload mean_workload(Backend& backend, const TrainingModel& model, const std::
   return mean;
 }
 
-TrainingFigures time_training(Backend& backend, TrainingModel& model, const std::vector<View>& views,
-                              const RenderSettings& settings, const Config& config,
-                              const BenchmarkPlan& plan, const Workload& workload) {
+TrainingFigures time_training(Backend& backend, TrainingModel& model,
+                              const std::vector<View>& views, const RenderSettings& settings,
+                              const Config& config, const BenchmarkPlan& plan,
+                              const Workload& workload) {
   backend.prepare(views, std::size_t(double(config.train.photo_gib) * kBytesPerGib));
   std::size_t next = 0;
   const auto milliseconds_of = [&](int steps) {

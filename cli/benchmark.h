@@ -42,6 +42,9 @@ struct RenderingFigures {
   std::vector<StageFigures> stages;
 };
 
+/// Throws UsageError where a view at a scale is too large a picture.
+void check_scales(const std::vector<View>& views, const std::vector<double>& scales);
+
 /// A model of these Gaussians in the backend's memory, rows in Morton order as training keeps them, moments zero.
 TrainingModel benchmark_model(Backend& backend, const GaussianModel& from);
 
@@ -52,11 +55,12 @@ Workload mean_workload(Backend& backend, const TrainingModel& model, const std::
 /// Training steps on all views in turn, at learning rates of zero, so that each step finds the same model; what is
 /// computed and moved is what any step computes and moves. The views outlive the backend's next prepare().
 /// workload: for the stages' bytes
-TrainingFigures time_training(Backend& backend, TrainingModel& model, const std::vector<View>& views,
-                              const RenderSettings& settings, const Config& config,
-                              const BenchmarkPlan& plan, const Workload& workload);
+TrainingFigures time_training(Backend& backend, TrainingModel& model,
+                              const std::vector<View>& views, const RenderSettings& settings,
+                              const Config& config, const BenchmarkPlan& plan,
+                              const Workload& workload);
 
-/// Frames of every view at `scale` times its size. Throws UsageError for a size that cannot be rendered.
+/// Frames of every view at `scale` times its size; see check_scales().
 RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
                                 const std::vector<View>& views, const RenderSettings& settings,
                                 const BenchmarkPlan& plan, double scale);

@@ -83,11 +83,11 @@ GeneratedScene generated_scene(const SceneRecipe& recipe) {
   GeneratedScene scene;
   const Random random{recipe.seed, RandomStream::test};
   scene.model.gaussians.resize(recipe.gaussians);
-  parallel_for(recipe.gaussians, 1024, [&](std::size_t i) {
-    draw_gaussian(recipe, random, scene.model.gaussians, i);
-  });
+  parallel_for(recipe.gaussians, 1024,
+               [&](std::size_t i) { draw_gaussian(recipe, random, scene.model.gaussians, i); });
   for (int i = 0; i < recipe.views; ++i)
-    scene.views.push_back({"view " + std::to_string(i), ring_camera(recipe, i), random_photo(recipe, i)});
+    scene.views.push_back(
+        {"view " + std::to_string(i), ring_camera(recipe, i), random_photo(recipe, i)});
   return scene;
 }
 

@@ -40,8 +40,8 @@ struct SelftestReport {
 std::string why_there_is_no_gpu(const std::string& device) {
   if (device == "cpu") return "--device cpu was given";
   for (const Capability& capability : capabilities())
-    if (capability.name == "CUDA") return capability.detail;
-  return "this build has no CUDA";
+    if (capability.name == "CUDA") return "there is no GPU to use: " + capability.detail;
+  return "there is no GPU to use";
 }
 
 SelftestReport run_checks(const std::string& device) {
@@ -90,8 +90,9 @@ std::string table(const std::vector<SelfCheck>& checks) {
 }
 
 std::string report_text(const SelftestReport& report) {
-  std::string text = "Differences over the root mean square of what is expected; the RMS has to be "
-                     "within the tolerance.\n\n";
+  std::string text =
+      "Differences over the root mean square of what is expected; the RMS has to be "
+      "within the tolerance.\n\n";
   text += "gradients of the CPU's renderer, against slopes of its pictures\n";
   text += table(report.gradients);
   text += "\n" + (report.left_out.empty() ? report.device + ", against the CPU\n"

@@ -1,190 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/self_checks.h"
-
+// Half of `gemsplat selftest`: every stage of a GPU against the scalar backend.
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <cstring>
-#include <limits>
 #include <set>
 
 #include "cli/generated_scene.h"
-#include "gs_core/random.h"
+#include "cli/self_check_list.h"
+#include "cli/untrained.h"
 #include "gs_train/schedule.h"
 
 namespace gs {
 namespace {
-
-using Numbers = std::vector<float>;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-/// The checks in the order of first use; one of a name for all scenes.
-class SelfChecks {
- public:
-  void add(const std::string& what, const std::string& scene, double tolerance,
-           const Numbers& actual, const Numbers& expected) {
-    if (actual.size() != expected.size())
-      return add(what, scene, tolerance, expected.size(), kInfinity, kInfinity);
-    double largest = 0, squares = 0, expected_squares = 0;
-    for (std::size_t i = 0; i < actual.size(); ++i) {
-      const double difference = std::abs(double(actual[i]) - expected[i]);
-      largest = std::max(largest, std::isfinite(difference) ? difference : kInfinity);
-      squares += difference * difference;
-      expected_squares += double(expected[i]) * expected[i];
-    }
-    const double n = std::max(double(actual.size()), 1.0), scale = std::sqrt(expected_squares / n);
-    const double unit = scale > 0 ? scale : 1;
-    add(what, scene, tolerance, actual.size(), largest / unit, std::sqrt(squares / n) / unit);
-  }
-  void add(const std::string& what, const std::string& scene, double tolerance,
-           std::size_t numbers, double largest, double rms) {
-    auto check = std::find_if(checks_.begin(), checks_.end(),
-                              [&](const SelfCheck& c) { return c.what == what; });
-    if (check == checks_.end())
-      check = checks_.insert(checks_.end(), {what, 0, 0, -1, tolerance, scene});
-    if (!std::isfinite(rms)) rms = kInfinity;
-    check->numbers += numbers;
-    check->largest = std::max(check->largest, largest);
-    if (rms > check->rms) {
-      check->rms = rms;
-      check->scene = scene;
-    }
-  }
-  std::vector<SelfCheck> take() { return std::move(checks_); }
-
- private:
-  std::vector<SelfCheck> checks_;
-};
-
-/// The numbers of an array of any Memory, one after another.
-template <class T>
-Numbers numbers_of(const Buffer<T>& array) {
-  const std::vector<T> rows = array.download();
-  Numbers numbers(rows.size() * sizeof(T) / sizeof(float));
-  if (!rows.empty()) std::memcpy(numbers.data(), rows.data(), rows.size() * sizeof(T));
-  return numbers;
-}
-
-Numbers random_normals(std::size_t count, std::uint64_t seed) {
-  const Random random{seed, RandomStream::test};
-  Numbers numbers(count);
-  for (std::size_t i = 0; i < count; ++i) numbers[i] = random.normal4(i).x;
-  return numbers;
-}
-
-// Gradients against slopes ---------------------------------------------------------------------------------------
-
-// A slope sees fragments come and go at the rims of splats, a gradient does not: Gaussians that end at four standard
-// deviations (3e-4 of their height) keep that under a part in a hundred. Most of what is seen comes from there.
-constexpr double kSlopeTolerance = 0.02;
-constexpr std::uint64_t kDirections = 16;  // per quantity and scene
-
-/// How far to go in each direction: large beside the rounding of floats, small beside what bends the picture.
-template <class T>
-using StepOf = float;
-constexpr GaussianArrays<StepOf> kSteps{0.004f, 0.01f, 0.02f, 0.03f, 0.05f, 0.05f};
-
-struct SmallScene {
-  std::string name;
-  RenderSettings settings;
-};
-
-std::vector<SmallScene> gradient_scenes() {
-  SmallScene faster_gs{"faster_gs", {}}, classic{"classic", {}}, antialias{"antialias", {}};
-  classic.settings.blend_rule = BlendRule::classic;
-  antialias.settings.antialias = true;
-  antialias.settings.antialias_detach = false;
-  antialias.settings.background = {0.2f, 0.5f, 0.8f};
-  for (SmallScene* scene : {&faster_gs, &classic, &antialias})
-    scene->settings.truncation = Truncation::sigma4;
-  return {faster_gs, classic, antialias};
-}
-
-/// A picture of a few Gaussians, and a smooth loss of it: the sum of its values, with weights that vary slowly.
-class SlopeCheck {
- public:
-  explicit SlopeCheck(const RenderSettings& settings) : settings_(settings) {
-    SceneRecipe recipe{.gaussians = 24, .width = 53, .height = 38, .views = 1};
-    recipe.reach = 0.45f;
-    recipe.sigma_low = 2;
-    recipe.sigma_high = 6;
-    recipe.opacity_high = 0.8f;
-    GeneratedScene scene = generated_scene(recipe);
-    camera_ = scene.views[0].camera;
-    gaussians_ = std::move(scene.model.gaussians);
-    for (Vec3f& color : gaussians_.sh0) color *= 0.5f;  // away from black, where colours are clamped
-    weights_.resize_discard(std::size_t(3) * recipe.width * recipe.height);
-    for (std::size_t i = 0; i < weights_.size(); ++i) weights_[i] = std::sin(0.01f * float(i));
-  }
-
-  const Gaussians& gaussians() const { return gaussians_; }
-
-  Gaussians gradients() {
-    Gaussians result(gaussians_.count(), host_memory());
-    Buffer<Vec2f> by_mean2d(gaussians_.count(), host_memory());
-    loss();
-    renderer_->backward(gaussians_.span(), camera_, settings_, pass_, weights_.span(),
-                        result.span(), by_mean2d.span());
-    return result;
-  }
-
-  /// The slope along `direction` of the numbers of `array`, one of gaussians(): central differences of two steps,
-  /// whose errors of second order cancel.
-  template <class T>
-  double slope(const Buffer<T>& array, const Numbers& direction, float step) {
-    const double near = loss_at(array, direction, step) - loss_at(array, direction, -step);
-    const double far = loss_at(array, direction, 2 * step) - loss_at(array, direction, -2 * step);
-    return (8 * near - far) / (12.0 * step);
-  }
-
- private:
-  double loss() {
-    renderer_->forward(gaussians_.span(), camera_, settings_, pass_);
-    double sum = 0;
-    for (std::size_t i = 0; i < weights_.size(); ++i) sum += double(weights_[i]) * pass_.image[i];
-    return sum;
-  }
-  template <class T>
-  double loss_at(const Buffer<T>& array, const Numbers& direction, float step) {
-    const std::vector<T> before = array.download();
-    float* const numbers = reinterpret_cast<float*>(array.data());
-    for (std::size_t i = 0; i < direction.size(); ++i) numbers[i] += step * direction[i];
-    const double result = loss();
-    std::copy(before.begin(), before.end(), array.begin());
-    return result;
-  }
-
-  RenderSettings settings_;
-  Camera camera_;
-  Gaussians gaussians_;
-  Buffer<float> weights_;
-  RenderPass pass_;
-  std::unique_ptr<Renderer> renderer_ = make_scalar_renderer();
-};
-
-void check_slopes(const SmallScene& scene, SelfChecks& checks) {
-  SlopeCheck check(scene.settings);
-  const Gaussians gradients = check.gradients();
-  std::uint64_t seed = 100;
-  for_each_array(
-      [&](const char* name, const auto& array, const auto& gradient, float step) {
-        const Numbers by_number = numbers_of(gradient);
-        Numbers expected, actual;
-        for (std::uint64_t k = 0; k < kDirections; ++k) {
-          const Numbers direction = random_normals(by_number.size(), ++seed);
-          double sum = 0;
-          for (std::size_t i = 0; i < direction.size(); ++i)
-            sum += double(by_number[i]) * direction[i];
-          actual.push_back(float(sum));
-          expected.push_back(float(check.slope(array, direction, step)));
-        }
-        checks.add(name, scene.name, kSlopeTolerance, actual, expected);
-      },
-      check.gaussians(), gradients, kSteps);
-}
-
-// A GPU against the CPU ------------------------------------------------------------------------------------------
 
 // exp, log and the order of sums differ in the last bits; a fragment or a tile that lies on its threshold is kept by
 // one and dropped by the other. These allow for several times what an H200 shows.
@@ -210,7 +36,6 @@ std::vector<ParityScene> parity_scenes() {
   const auto add = [&](const char* name, int width, int height, int degree) -> ParityScene& {
     SceneRecipe recipe{.gaussians = 3000, .width = width, .height = height, .views = 3};
     recipe.seed = scenes.size() + 1;
-    recipe.reach = 0.8f;
     scenes.push_back({name, recipe, {}});
     scenes.back().settings.sh_degree = degree;
     return scenes.back();
@@ -241,24 +66,10 @@ TrainingModel copied(const TrainingModel& from, Memory& memory) {
   return model;
 }
 
-TrainingModel untrained(const Gaussians& gaussians) {
-  TrainingModel model;
-  model.gaussians = copy_of(gaussians);
-  for (Gaussians* moment : {&model.first_moment, &model.second_moment}) {
-    moment->resize(gaussians.count());
-    moment->fill_zero();
-  }
-  for (Buffer<float>* statistic : {&model.statistics.visits, &model.statistics.gradient_norm}) {
-    statistic->resize(gaussians.count());
-    statistic->fill_zero();
-  }
-  return model;
-}
-
 /// One generated scene on both backends, stage after stage.
 class ParityCheck {
  public:
-  ParityCheck(const ParityScene& scene, Backend& cpu, Backend& device, SelfChecks& checks)
+  ParityCheck(const ParityScene& scene, Backend& cpu, Backend& device, SelfCheckList& checks)
       : name_(scene.name), settings_(scene.settings), scene_(generated_scene(scene.recipe)),
         view_(scene_.views[0]), cpu_(cpu), device_(device), checks_(checks),
         on_device_(copy_to(device.memory(), scene_.model)), device_pass_(device.memory()) {}
@@ -399,7 +210,7 @@ class ParityCheck {
                    kLambdaDssim, rates, true);
       backend.settle(model);
     };
-    TrainingModel expected = untrained(on_host());
+    TrainingModel expected = untrained(scene_.model, host_memory());
     for (int i = 0; i < kStepsBefore; ++i) step(cpu_, expected, i);
     const TrainingModel before = copied(expected, host_memory());
     TrainingModel actual = copied(expected, device_.memory());
@@ -420,11 +231,9 @@ class ParityCheck {
       }
       compare(what, kStepTolerance, change, expected_change);
     };
-    for_each_array(
-        [&](const char* name, const auto& old, const auto& a, const auto& b) {
-          compare_change(std::string("step: ") + name, old, a, b);
-        },
-        before.gaussians, actual.gaussians, expected.gaussians);
+    for_each_array([&](const char* name, const auto& old, const auto& a,
+                       const auto& b) { compare_change(std::string("step: ") + name, old, a, b); },
+                   before.gaussians, actual.gaussians, expected.gaussians);
     const auto compare_all = [&](const char* what, const Gaussians& old, const Gaussians& a,
                                  const Gaussians& b) {
       for_each_array([&](const char*, const auto& x, const auto& y,
@@ -447,22 +256,16 @@ class ParityCheck {
   const View& view_;
   Backend& cpu_;
   Backend& device_;
-  SelfChecks& checks_;
+  SelfCheckList& checks_;
   Gaussians on_device_;
   RenderPass cpu_pass_, device_pass_;
 };
 
 }  // namespace
 
-std::vector<SelfCheck> gradient_checks() {
-  SelfChecks checks;
-  for (const SmallScene& scene : gradient_scenes()) check_slopes(scene, checks);
-  return checks.take();
-}
-
 std::vector<SelfCheck> parity_checks(Backend& device) {
   const std::unique_ptr<Backend> cpu = make_scalar_backend();
-  SelfChecks checks;
+  SelfCheckList checks;
   for (const ParityScene& scene : parity_scenes()) ParityCheck(scene, *cpu, device, checks).run();
   return checks.take();
 }
