@@ -1,24 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 2: one instance for each tile that a visible Gaussian hits, in depth order. A warp writes the instances of
-// 32 Gaussians together, so that its stores are next to each other however unequal the Gaussians are.
+// Stage 2: one instance for each tile that a visible Gaussian hits, in depth order. Work is dealt out by places of
+// the list and not by Gaussians: a warp fills so many places in a row, whether they belong to many small splats or to
+// a piece of one that covers the picture.
+#include "cuda/row_spans.cuh"
 #include "cuda/stages.cuh"
-#include "cuda/tile_mask.cuh"
 
 namespace gs::cuda {
 namespace {
 
 constexpr int kThreads = 128;
+constexpr std::uint32_t kPlacesPerWarp = 512;
 
 struct Input {
-  std::uint32_t count;                 // of Gaussians
-  const std::uint32_t* depth_order;    // (N)
-  const std::uint32_t* first_of_order; // (N)
-  const std::uint32_t* tile_counts;    // (N) by Gaussian, as all that follow
-  const std::uint64_t* tile_masks;
+  std::uint32_t count;                  // of Gaussians
+  const std::uint32_t* depth_order;     // (N)
+  const std::uint32_t* first_of_order;  // (N)
+  const std::uint32_t* tile_counts;     // (N) by Gaussian, as all that follow
   const Rect* pixel_rects;
   const Splat* splats;
   int tiles_x;
   std::uint32_t tiles;
+
+  __device__ std::uint32_t instances() const {
+    return count ? first_of_order[count - 1] + tile_counts[depth_order[count - 1]] : 0;
+  }
 };
 
 template <class Key>
@@ -29,100 +34,108 @@ struct Output {
   std::uint32_t* halted;
   volatile StepReport* report;
   std::uint32_t step;
-
-  __device__ void write(std::uint32_t place, std::uint32_t tile, std::uint32_t gaussian) const {
-    if (place >= capacity) return;
-    keys[place] = Key(tile);
-    splats[place] = gaussian;
-  }
 };
 
-// The Gaussians of a warp whose hits are a mask.
+// One warp's room: the rows of 32 splats, and the spans of 32 rows.
 struct WarpRoom {
-  std::uint32_t begin[kWarp];           // number of the Gaussian's first instance among those of the warp
-  std::uint32_t first[kWarp], gaussian[kWarp];
-  Rect tiles[kWarp];
-  std::uint64_t mask[kWarp];
+  TileRows rows;
+  std::uint32_t gaussian_of_splat[kWarp];
+  std::uint32_t first[kWarp];  // number of the span's first instance among those of the 32
+  std::uint32_t tile[kWarp];   // its first tile
+  std::uint32_t gaussian[kWarp];
 };
 
-// The whole warp: the instances of all lanes whose hits are a mask.
-template <class Key>
-__device__ void write_masked(WarpRoom& room, const Input& in, const Output<Key>& out,
-                             std::uint32_t total) {
-  for (std::uint32_t k = lane_of_thread(); k < total; k += kWarp) {
-    const int owner = owner_of(k, room.begin);
-    const std::uint32_t n = k - room.begin[owner];
-    const TilePosition tile = nth_tile(room.tiles[owner], nth_set_bit(room.mask[owner], n));
-    out.write(room.first[owner] + n, tile.y * in.tiles_x + tile.x, room.gaussian[owner]);
+// The whole warp: the last place in depth order whose instances begin at `place` or before. Each round asks 32 of the
+// places that are left.
+__device__ std::uint32_t order_of_place(const Input& in, std::uint32_t place) {
+  std::uint32_t begin = 0, count = in.count;
+  while (count > 1) {
+    const std::uint32_t step = (count + kWarp - 1) / kWarp;
+    const std::uint32_t at = lane_of_thread() * step;
+    const bool is_before = at < count && in.first_of_order[begin + at] <= place;
+    const std::uint32_t passed = __popc(__ballot_sync(kAllLanes, is_before));
+    const std::uint32_t skipped = (passed - 1) * step;  // the first of all begins at 0: some lane has passed
+    begin += skipped;
+    count = min(step, count - skipped);
   }
+  return begin;
 }
 
-// The whole warp: the instances of one Gaussian with many candidates, tested as the count tested them.
+// The whole warp: the spans of rows row .. row + 31, which begin at `place`, as far as they lie in [begin, end).
+// Returns where the next ones begin.
 template <class Key>
-__device__ void write_tested(const Input& in, const Output<Key>& out, std::uint32_t gaussian,
-                             std::uint32_t first) {
-  const Splat splat = in.splats[gaussian];
-  const Rect tiles = tile_rect(in.pixel_rects[gaussian]);
-  const std::uint32_t area = tile_area(tiles);
-  for (std::uint32_t base = 0; base < area; base += kWarp) {
-    const std::uint32_t k = base + lane_of_thread();
-    const TilePosition tile = nth_tile(tiles, k);
-    const bool hit =
-        k < area && tile_is_hit(splat.mean2d, splat.conic, splat.cutoff, tile.x, tile.y);
-    const unsigned hits = __ballot_sync(kAllLanes, hit);
-    if (hit)
-      out.write(first + __popc(hits & lanes_below()), tile.y * in.tiles_x + tile.x, gaussian);
-    first += __popc(hits);
+__device__ std::uint32_t write_spans(WarpRoom& room, const Input& in, const Output<Key>& out,
+                                     std::uint32_t row, std::uint32_t rows, std::uint32_t place,
+                                     std::uint32_t begin, std::uint32_t end) {
+  const int lane = lane_of_thread();
+  std::uint32_t length = 0;
+  if (row + lane < rows) {
+    const int owner = owner_of(row + lane, room.rows.first);
+    const TileSpan span = room.rows.span(row + lane, owner);
+    length = max(span.end - span.begin, 0);
+    room.tile[lane] = room.rows.tile_y(row + lane, owner) * in.tiles_x + span.begin;
+    room.gaussian[lane] = room.gaussian_of_splat[owner];
   }
+  const std::uint32_t first = warp_exclusive_sum(length);
+  room.first[lane] = first;
+  const std::uint32_t total = __shfl_sync(kAllLanes, first + length, kWarp - 1);
+  __syncwarp();
+  const std::uint32_t last = min(total, end - min(place, end));
+  for (std::uint32_t k = (begin > place ? begin - place : 0) + lane; k < last; k += kWarp) {
+    const int owner = owner_of(k, room.first);
+    out.keys[place + k] = Key(room.tile[owner] + (k - room.first[owner]));
+    out.splats[place + k] = room.gaussian[owner];
+  }
+  __syncwarp();
+  return place + total;
 }
 
-// Gives the places behind the last instance to no tile; one thread tells how many instances there are.
+// The whole warp: the instances of places [begin, end).
 template <class Key>
-__device__ void finish(const Input& in, const Output<Key>& out, std::uint32_t thread) {
-  std::uint32_t total = 0;
-  if (in.count)
-    total = in.first_of_order[in.count - 1] + in.tile_counts[in.depth_order[in.count - 1]];
-  for (std::uint32_t place = total + thread; place < out.capacity; place += gridDim.x * kThreads)
-    out.write(place, in.tiles, 0);
-  if (thread > 0) return;
-  if (total > out.capacity) *out.halted = 1;
-  if (!out.report) return;
-  out.report->instances = total;
-  out.report->halted = *out.halted;
-  __threadfence_system();
-  out.report->step = out.step;
+__device__ void write_places(WarpRoom& room, const Input& in, const Output<Key>& out,
+                             std::uint32_t begin, std::uint32_t end) {
+  const int lane = lane_of_thread();
+  std::uint32_t order = order_of_place(in, begin);
+  for (std::uint32_t place = in.first_of_order[order]; place < end; order += kWarp) {
+    Splat splat;
+    Rect pixels{0, 0, 0, 0};
+    if (order + lane < in.count && in.first_of_order[order + lane] < end) {
+      const std::uint32_t gaussian = in.depth_order[order + lane];
+      if (in.tile_counts[gaussian]) {
+        splat = load_in_vectors(in.splats + gaussian);
+        pixels = in.pixel_rects[gaussian];
+        room.gaussian_of_splat[lane] = gaussian;
+      }
+    }
+    const std::uint32_t rows = room.rows.take(splat, pixels);
+    for (std::uint32_t row = 0; row < rows && place < end; row += kWarp)
+      place = write_spans(room, in, out, row, rows, place, begin, end);
+    if (rows == 0) return;  // cannot be, unless count and spans disagree
+    __syncwarp();
+  }
 }
 
 template <class Key>
 __global__ void __launch_bounds__(kThreads) create_instances_kernel(Input in, Output<Key> out) {
   __shared__ WarpRoom rooms[kThreads / kWarp];
-  WarpRoom& room = rooms[threadIdx.x / kWarp];
-  const std::uint32_t thread = blockIdx.x * kThreads + threadIdx.x;
-  finish(in, out, thread);
-
-  const int lane = lane_of_thread();
-  std::uint32_t gaussian = 0, hits = 0, first = 0;
-  if (thread < in.count) {
-    gaussian = in.depth_order[thread];
-    hits = in.tile_counts[gaussian];
-    first = in.first_of_order[thread];
+  const std::uint32_t warp = (blockIdx.x * kThreads + threadIdx.x) / kWarp;
+  const std::uint32_t begin = min(warp * kPlacesPerWarp, out.capacity);
+  const std::uint32_t end = min(begin + kPlacesPerWarp, out.capacity), total = in.instances();
+  if (blockIdx.x == 0 && threadIdx.x == 0) {
+    if (total > out.capacity) *out.halted = 1;
+    if (out.report) {
+      out.report->instances = total;
+      out.report->halted = *out.halted;
+      __threadfence_system();
+      out.report->step = out.step;
+    }
   }
-  if (!__any_sync(kAllLanes, hits > 0)) return;
-  Rect tiles{0, 0, 0, 0};
-  if (hits) tiles = tile_rect(in.pixel_rects[gaussian]);
-  const bool is_masked = hits && tile_area(tiles) <= kTileMaskBits;
-  const std::uint32_t masked_hits = is_masked ? hits : 0;
-  const std::uint32_t begin = warp_exclusive_sum(masked_hits);
-  room.begin[lane] = begin;
-  room.first[lane] = first;
-  room.gaussian[lane] = gaussian;
-  room.tiles[lane] = tiles;
-  room.mask[lane] = is_masked ? in.tile_masks[gaussian] : 0;
-  __syncwarp();
-  write_masked(room, in, out, __shfl_sync(kAllLanes, begin + masked_hits, kWarp - 1));
-  for (unsigned large = __ballot_sync(kAllLanes, hits && !is_masked); large; large &= large - 1) {
-    const int owner = __ffs(int(large)) - 1;
-    write_tested(in, out, room.gaussian[owner], room.first[owner]);
+  if (begin < min(end, total))
+    write_places(rooms[threadIdx.x / kWarp], in, out, begin, min(end, total));
+  // The places behind the last instance are given to no tile.
+  for (std::uint32_t place = max(begin, total) + lane_of_thread(); place < end; place += kWarp) {
+    out.keys[place] = Key(in.tiles);
+    out.splats[place] = 0;
   }
 }
 
@@ -131,17 +144,22 @@ __global__ void __launch_bounds__(kThreads) create_instances_kernel(Input in, Ou
 void create_instances(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity,
                       StepReport* report, std::uint32_t step) {
   const StageScope scope(context, "instances");
-  const std::size_t count = pass.tile_counts.size();
   room.keys.resize_discard(capacity);
   room.instance_splats.resize_discard(capacity);
-  const Input in{std::uint32_t(count),        pass.depth_order.data(), room.first_of_order.data(),
-                 pass.tile_counts.data(),     room.tile_masks.data(),  pass.pixel_rects.data(),
-                 pass.splats.data(),          pass.tiles_x,            std::uint32_t(pass.tile_count())};
+  const Input in{std::uint32_t(pass.tile_counts.size()),
+                 pass.depth_order.data(),
+                 room.first_of_order.data(),
+                 pass.tile_counts.data(),
+                 pass.pixel_rects.data(),
+                 pass.splats.data(),
+                 pass.tiles_x,
+                 std::uint32_t(pass.tile_count())};
   const auto launch = [&](auto* keys) {
     using Key = std::remove_pointer_t<decltype(keys)>;
-    const Output<Key> out{keys, room.instance_splats.data(), capacity, room.halted.data(), report, step};
+    const Output<Key> out{keys,   room.instance_splats.data(), capacity, room.halted.data(),
+                          report, step};
     context.launch("instances", create_instances_kernel<Key>,
-                   std::max<std::size_t>(blocks_for(count, kThreads), 1), kThreads, in, out);
+                   blocks_for(capacity, kPlacesPerWarp * (kThreads / kWarp)), kThreads, in, out);
   };
   if (uses_short_keys(pass))
     launch(reinterpret_cast<std::uint16_t*>(room.keys.data()));

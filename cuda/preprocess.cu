@@ -1,67 +1,38 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas. A thread projects one Gaussian; the
-// candidate tiles of a warp's 32 splats are tested by all its lanes together, whoever they belong to, and the SH
-// rows of its visible Gaussians are read together.   Faster-GS, fused activations, exact tile culling
+// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas. A thread projects one Gaussian; the tile
+// rows of a warp's 32 splats are counted by all its lanes together, whoever they belong to, and the SH rows of its
+// visible Gaussians are read together.   Faster-GS, fused activations, exact and balanced tile culling
 #include <algorithm>
 
+#include "cuda/row_spans.cuh"
 #include "cuda/sh_rows.cuh"
 #include "cuda/stages.cuh"
-#include "cuda/tile_mask.cuh"
-#include "gs_core/math/splat.h"
+#include "gs_core/math/depth_key.h"
 
 namespace gs::cuda {
 namespace {
 
 constexpr int kThreads = 128;  // four warps, each with its own room: 28 warps fit a multiprocessor's shared memory
 
-// The candidate tiles of a warp's splats, numbered through.
-struct CandidateTiles {
-  Vec2f mean2d[kWarp];
-  Sym2<float> conic[kWarp];
-  float cutoff[kWarp];
-  Rect tiles[kWarp];
-  std::uint32_t first[kWarp];       // number of the splat's first candidate
-  std::uint32_t hits[kWarp];
-  unsigned long long mask[kWarp];   // of the first 64 candidates
-};
-
 struct WarpRoom {
-  CandidateTiles candidates;
+  TileRows tile_rows;
+  std::uint32_t hits[kWarp];            // tiles that each lane's splat hits
   std::uint8_t lane_of_row[kWarp];      // the visible lanes
   float sh_rows[kWarp * kShRowNumbers];  // their SH rows
 };
 
-struct TileHits {
-  std::uint32_t count;
-  std::uint64_t mask;
-};
-
-// The whole warp: which tiles each lane's splat hits. `pixels` is empty where a lane has no splat.
-__device__ TileHits hit_tiles(CandidateTiles& room, const Splat& splat, const Rect& pixels) {
+// The whole warp: how many tiles each lane's splat hits. `pixels` is empty where a lane has no splat.
+__device__ std::uint32_t count_hit_tiles(WarpRoom& room, const Splat& splat, const Rect& pixels) {
   const int lane = lane_of_thread();
-  const Rect tiles = tile_rect(pixels);
-  const std::uint32_t area = pixels.empty() ? 0 : tile_area(tiles);
-  const std::uint32_t first = warp_exclusive_sum(area);
-  room.mean2d[lane] = splat.mean2d;
-  room.conic[lane] = splat.conic;
-  room.cutoff[lane] = splat.cutoff;
-  room.tiles[lane] = tiles;
-  room.first[lane] = first;
   room.hits[lane] = 0;
-  room.mask[lane] = 0;
-  const std::uint32_t total = __shfl_sync(kAllLanes, first + area, kWarp - 1);
-  __syncwarp();
-  for (std::uint32_t candidate = lane; candidate < total; candidate += kWarp) {
-    const int owner = owner_of(candidate, room.first);
-    const std::uint32_t k = candidate - room.first[owner];
-    const TilePosition tile = nth_tile(room.tiles[owner], k);
-    if (!tile_is_hit(room.mean2d[owner], room.conic[owner], room.cutoff[owner], tile.x, tile.y))
-      continue;
-    atomicAdd(&room.hits[owner], 1u);
-    if (k < kTileMaskBits) atomicOr(&room.mask[owner], 1ull << k);
+  const std::uint32_t rows = room.tile_rows.take(splat, pixels);
+  for (std::uint32_t row = lane; row < rows; row += kWarp) {
+    const int owner = owner_of(row, room.tile_rows.first);
+    const TileSpan span = room.tile_rows.span(row, owner);
+    if (span.begin < span.end) atomicAdd(&room.hits[owner], std::uint32_t(span.end - span.begin));
   }
   __syncwarp();
-  return {room.hits[lane], room.mask[lane]};
+  return room.hits[lane];
 }
 
 // The whole warp: copies the SH rows of the visible lanes into shared memory, and returns where this lane's
@@ -89,12 +60,13 @@ __device__ const float* stage_sh_rows(WarpRoom& room, const ShRest* rows, bool i
 // What the kernel writes, one row per Gaussian.
 struct Output {
   Splat* splats;
-  std::uint32_t* depth_keys;  // the bits of the depth; culled ones sort behind all others
+  float* depths;
+  std::uint32_t* depth_keys;
   Rect* pixel_rects;
   std::uint32_t* tile_counts;
-  std::uint64_t* tile_masks;
+  DepthKeys keys;
 };
-constexpr std::uint32_t kCulledDepth = 0xffffffffu;
+constexpr std::uint32_t kCulledKey = (1u << kDepthKeyBits) - 1;  // sorts behind every depth
 
 template <int degree>
 __global__ void __launch_bounds__(kThreads)
@@ -115,25 +87,24 @@ __global__ void __launch_bounds__(kThreads)
                           tiles_y);
   }
   Splat& splat = projected.splat;
-  TileHits hits{0, 0};
+  std::uint32_t hits = 0;
   if (__any_sync(kAllLanes, !pixels.empty())) {
-    hits = hit_tiles(room.candidates, splat, pixels);
-    const bool is_visible = hits.count > 0;
+    hits = count_hit_tiles(room, splat, pixels);
     const float* const row =
-        stage_sh_rows<degree>(room, gaussians.sh_rest.data + first_of_warp, is_visible);
-    if (is_visible) {
+        stage_sh_rows<degree>(room, gaussians.sh_rest.data + first_of_warp, hits > 0);
+    if (hits > 0) {
       splat.color = sh_color(degree, unit_direction(camera.position(), gaussians.mean[i]),
                              gaussians.sh0[i], reinterpret_cast<const Vec3f*>(row));
-      if (!is_finite(splat.color)) hits.count = 0;
+      if (!is_finite(splat.color)) hits = 0;
     }
   }
   if (i >= gaussians.mean.size) return;
-  out.tile_counts[i] = hits.count;
-  out.depth_keys[i] = hits.count ? __float_as_uint(projected.depth) : kCulledDepth;
-  if (!hits.count) return;
+  out.tile_counts[i] = hits;
+  out.depth_keys[i] = hits ? depth_key(out.keys, projected.depth) : kCulledKey;
+  if (!hits) return;
   store_in_vectors(out.splats + i, splat);
+  out.depths[i] = projected.depth;
   out.pixel_rects[i] = pixels;
-  out.tile_masks[i] = hits.mask;
 }
 
 }  // namespace
@@ -152,9 +123,10 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
   pass.depths.resize_discard(count);
   pass.pixel_rects.resize_discard(count);
   pass.tile_counts.resize_discard(count);
-  room.tile_masks.resize_discard(count);
-  const Output out{pass.splats.data(), reinterpret_cast<std::uint32_t*>(pass.depths.data()),
-                   pass.pixel_rects.data(), pass.tile_counts.data(), room.tile_masks.data()};
+  room.depth_keys.resize_discard(count);
+  const Output out{pass.splats.data(),      pass.depths.data(),
+                   room.depth_keys.data(),  pass.pixel_rects.data(),
+                   pass.tile_counts.data(), depth_keys(settings.near_plane, settings.far_plane)};
   with_sh_degree(settings.sh_degree, [&](auto degree) {
     context.launch("preprocess", preprocess_kernel<degree()>, blocks_for(count, kThreads), kThreads,
                    gaussians, camera, settings, pass.tiles_x, pass.tiles_y, out);

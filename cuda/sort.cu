@@ -14,7 +14,6 @@ namespace gs::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-constexpr int kDepthBits = 32;  // positive floats are ordered as their bits are
 
 __global__ void number_rows_kernel(std::uint32_t* numbers, std::uint32_t count) {
   const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
@@ -57,7 +56,7 @@ void order_by_depth(Context& context, WorkingRoom& room, RenderPass& pass) {
   const StageScope scope(context, "depth sort");
   const std::size_t count = pass.tile_counts.size();
   pass.depth_order.resize_discard(count);
-  room.sorted_depths.resize_discard(count);
+  room.sorted_depth_keys.resize_discard(count);
   room.first_of_order.resize_discard(count);
   if (count == 0) return;
   if (room.row_numbers.size() < count) {
@@ -67,9 +66,9 @@ void order_by_depth(Context& context, WorkingRoom& room, RenderPass& pass) {
   }
   with_cub_room(room.sort_room, "the depth sort", [&](void* temporary, std::size_t& bytes) {
     return cub::DeviceRadixSort::SortPairs(
-        temporary, bytes, reinterpret_cast<const std::uint32_t*>(pass.depths.data()),
-        room.sorted_depths.data(), room.row_numbers.data(), pass.depth_order.data(), int(count), 0,
-        kDepthBits, context.stream());
+        temporary, bytes, room.depth_keys.data(), room.sorted_depth_keys.data(),
+        room.row_numbers.data(), pass.depth_order.data(), int(count), 0, kDepthKeyBits,
+        context.stream());
   });
   with_cub_room(room.sort_room, "the sum of the tile counts", [&](void* temporary, std::size_t& bytes) {
     return cub::DeviceScan::ExclusiveSum(

@@ -32,9 +32,8 @@ struct StepReport {
 /// What one render needs besides the RenderPass: working room of the sorts, and what only the GPU's stages hand
 /// to each other.
 struct WorkingRoom {
-  Buffer<std::uint64_t> tile_masks;       // (N)   hit tiles of small rectangles, one bit each, row by row
+  Buffer<std::uint32_t> depth_keys, sorted_depth_keys;  // (N)  culled ones behind all others
   Buffer<std::uint32_t> row_numbers;      // (N)   0, 1, 2, ...
-  Buffer<std::uint32_t> sorted_depths;    // (N)
   Buffer<std::uint32_t> first_of_order;   // (N)   first instance of each Gaussian in depth order
   Buffer<std::uint32_t> keys, sorted_keys;  // (room for instances) their tiles, in 16 or 32 bits
   Buffer<std::uint32_t> instance_splats;  // (room for instances) their Gaussians, in depth order
@@ -43,7 +42,7 @@ struct WorkingRoom {
   Buffer<std::uint32_t> halted;           // (1)   1: a view had more instances than room; nothing is updated until cleared
 
   explicit WorkingRoom(Memory& memory)
-      : tile_masks(memory), row_numbers(memory), sorted_depths(memory), first_of_order(memory),
+      : depth_keys(memory), sorted_depth_keys(memory), row_numbers(memory), first_of_order(memory),
         keys(memory), sorted_keys(memory), instance_splats(memory), sort_room(memory),
         splat_gradients(memory), halted(memory) {}
 };

@@ -98,11 +98,7 @@ __device__ inline float base2_exponent(const ListedSplat& splat, float dx, float
   const float e = fmaf(dx, fmaf(splat.xx, dx, splat.xy * dy), splat.yy * dy * dy);
   return fminf(e, 0.0f);
 }
-__device__ inline float exp2_fragment(float e) {
-  float result;
-  asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(result) : "f"(e));
-  return result;
-}
+__device__ inline float exp2_fragment(float e) { return exp2f(e); }
 
 /// One warp's way through the list of its tile, up to `end`: fetches 32 splats ahead.
 class ListWalk {

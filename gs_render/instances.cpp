@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 2: the visible Gaussians near to far, and one instance for each tile that each of them hits.
-#include <bit>
 #include <limits>
 
 #include "gs_core/error.h"
+#include "gs_core/math/depth_key.h"
 #include "gs_core/parallel.h"
 #include "gs_core/radix_sort.h"
 #include "gs_render/stages.h"
@@ -12,22 +12,22 @@ namespace gs {
 namespace {
 
 // Fills depth_order: indices of visible Gaussians, by depth, equal depths by index.
-void order_by_depth(RenderPass& pass) {
+void order_by_depth(const RenderSettings& settings, RenderPass& pass) {
   const std::size_t count = pass.tile_counts.size();
   pass.depth_order.resize_discard(count);
   std::size_t visible = 0;
   for (std::size_t i = 0; i < count; ++i)
     if (pass.tile_counts[i]) pass.depth_order[visible++] = std::uint32_t(i);
   pass.depth_order.resize(visible);
-  // Visible depths are positive, and positive floats are ordered as their bits are.
+  const DepthKeys keys = depth_keys(settings.near_plane, settings.far_plane);
   radix_sort_by_key(pass.depth_order.span(), pass.sort_scratch,
-                    [&](std::uint32_t i) { return std::bit_cast<std::uint32_t>(pass.depths[i]); });
+                    [&](std::uint32_t i) { return depth_key(keys, pass.depths[i]); });
 }
 
 }  // namespace
 
-void create_instances(RenderPass& pass) {
-  order_by_depth(pass);
+void create_instances(const RenderSettings& settings, RenderPass& pass) {
+  order_by_depth(settings, pass);
   pass.first_instance.resize_discard(pass.tile_counts.size());
   std::uint64_t total = 0;
   for (const std::uint32_t gaussian : pass.depth_order) {

@@ -14,7 +14,7 @@ class ScalarRenderer final : public Renderer {
   void forward(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
                RenderPass& pass) override {
     preprocess(gaussians, camera, settings, pass);
-    create_instances(pass);
+    create_instances(settings, pass);
     sort_by_tile(pass);
     blend(settings, pass);
   }

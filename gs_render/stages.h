@@ -15,7 +15,7 @@ void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, RenderPass& pass);
 
 /// 2  Order the visible Gaussians near to far; then one instance per (splat, tile), in that order.
-void create_instances(RenderPass& pass);
+void create_instances(const RenderSettings& settings, RenderPass& pass);
 
 /// 3  Order the instances by tile, stably, so that each tile's list runs front to back.
 void sort_by_tile(RenderPass& pass);

@@ -11,6 +11,8 @@ inline constexpr int kTileHeight = 16;  // pixels [3DGS]
 
 inline constexpr int kMaxPictureSide = 65520;  // pixels; rectangles are held in 16 bits
 
+inline constexpr int kDepthKeyBits = 24;  // of the depth sort: three passes of a radix sort by bytes
+
 // Fragments.
 inline constexpr float kMinAlpha = 1.0f / 255.0f;       // a fragment below this is not blended [3DGS]
 inline constexpr float kMinTransmittance = 1e-4f;       // a pixel below this is finished [3DGS]

@@ -103,15 +103,54 @@ GS_HD bool tile_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cuto
                           y + float(kTileHeight - 1));
 }
 
+/// Tiles [begin, end) of one row.
+struct TileSpan {
+  int begin, end;
+};
+
+/// The tiles of one row that the splat hits: tile_is_hit() for a whole row at once, solved instead of tested
+/// (Speedy-Splat's idea). Within the row's band of pixel centres the ellipse 1/2 d^T Q d <= cutoff is convex, so
+/// that the hit tiles are those whose columns meet its range of x. That range ends where the ellipse itself does,
+/// or, if that is outside of the band, on the edge of the band next to it; with |Q| = det:
+///
+///   x = (-Q_xy y -+ sqrt(2 cutoff Q_xx - det y^2)) / Q_xx     at y = clamp(+-(Q_xy / Q_yy) x_max, band),
+///   x_max = sqrt(2 cutoff Q_yy / det)                         all about the mean
+///
+/// tiles   tile_rect() of the splat; the span is within it
+/// tile_y  one of its rows
+GS_HD TileSpan hit_tiles_of_row(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
+                                const Rect& tiles, int tile_y) {
+  using std::ceil, std::floor, std::sqrt;
+  const float square = conic.xx * conic.yy;
+  // Of a needle's determinant nothing but rounding may be left.
+  const float det = max_of(multiply_add(-conic.xy, conic.xy, square), 1e-7f * square);
+  const float x_max = sqrt(2.0f * cutoff * conic.yy / det), y_of_x_max = -conic.xy / conic.yy * x_max;
+  const float y_first = float(tile_y * kTileHeight) + 0.5f - mean2d.y;
+  const float y_last = y_first + float(kTileHeight - 1);
+  const float y_right = clamp_to(y_of_x_max, y_first, y_last);
+  const float y_left = clamp_to(-y_of_x_max, y_first, y_last);
+  const float root2_right = multiply_add(-det * y_right, y_right, 2.0f * cutoff * conic.xx);
+  const float root2_left = multiply_add(-det * y_left, y_left, 2.0f * cutoff * conic.xx);
+  if (!(root2_right >= 0.0f && root2_left >= 0.0f)) return {0, 0};
+  const float right = y_right == y_of_x_max ? x_max : (sqrt(root2_right) - conic.xy * y_right) / conic.xx;
+  const float left = y_left == -y_of_x_max ? -x_max : (-sqrt(root2_left) - conic.xy * y_left) / conic.xx;
+  // A tile's columns of pixel centres are 16 x + 0.5 to 16 x + 15.5.
+  const float begin = ceil((mean2d.x + left - (float(kTileWidth) - 0.5f)) / float(kTileWidth));
+  const float end = floor((mean2d.x + right - 0.5f) / float(kTileWidth)) + 1.0f;
+  return {int(clamp_to(begin, float(tiles.x_begin), float(tiles.x_end))),
+          int(clamp_to(end, float(tiles.x_begin), float(tiles.x_end)))};
+}
+
 /// Calls visit(tile_x, tile_y) for each tile that the splat hits, row by row. Counting and emitting instances
 /// both go through here, so that they cannot disagree.
 template <class Visit>
 GS_HD void for_each_hit_tile(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
                              const Rect& pixels, Visit&& visit) {
   const Rect tiles = tile_rect(pixels);
-  for (int y = tiles.y_begin; y < tiles.y_end; ++y)
-    for (int x = tiles.x_begin; x < tiles.x_end; ++x)
-      if (tile_is_hit(mean2d, conic, cutoff, x, y)) visit(x, y);
+  for (int y = tiles.y_begin; y < tiles.y_end; ++y) {
+    const TileSpan span = hit_tiles_of_row(mean2d, conic, cutoff, tiles, y);
+    for (int x = span.begin; x < span.end; ++x) visit(x, y);
+  }
 }
 
 }  // namespace gs

@@ -364,6 +364,36 @@ TEST(HitTiles, LoseNoPixelOfTheSplatAndAddNoTileBesideIt) {
   EXPECT_GT(hits, 10'000);
 }
 
+// The row's span, solved, against the minimiser over each of its tiles; needles of 100 by 0.55 pixels included.
+TEST(HitTilesOfRow, AreThoseThatAMinimiserFinds) {
+  SplatRandom random(100.0);
+  const Rect grid{0, kTilesX, 0, kTilesY};
+  int hits = 0, misses = 0, wrong = 0;
+  for (int i = 0; i < 50'000; ++i) {
+    const Splat s = random.splat(50.0);
+    const int y = int(random.uniform(0.0, kTilesY));
+    const TileSpan span = hit_tiles_of_row(s.mean2d, s.conic, s.cutoff, grid, y);
+    for (int x = 0; x < kTilesX; ++x) {
+      const double smallest = smallest_over_tile(s, x, y);
+      const bool is_hit = x >= span.begin && x < span.end;
+      (is_hit ? hits : misses) += 1;
+      wrong += is_hit != (smallest <= s.cutoff) && std::abs(smallest - s.cutoff) > 1e-3 * s.cutoff;
+    }
+  }
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(hits, 20'000);
+  EXPECT_GT(misses, 20'000);
+}
+
+TEST(HitTilesOfRow, HoldTheTileOfAMeanOnAPixelCentreAtCutoffZero) {
+  const Sym2<float> needle = {3.0f, 2.9f, 3.0f};
+  for (int x = 0; x < kTileWidth; ++x) {
+    const Vec2f mean{float(2 * kTileWidth + x) + 0.5f, float(3 * kTileHeight) + 0.5f};
+    const TileSpan span = hit_tiles_of_row(mean, needle, 0.0f, {0, 5, 0, 5}, 3);
+    EXPECT_EQ(std::make_pair(span.begin, span.end), std::make_pair(2, 3)) << x;
+  }
+}
+
 TEST(HitTiles, AreVisitedRowByRow) {
   std::vector<std::pair<int, int>> visited;
   for_each_hit_tile({16.0f, 16.0f}, {0.01f, 0.0f, 0.01f}, 2.0f, {10, 22, 10, 22},

@@ -17,7 +17,7 @@ namespace {
 RenderPass sorted_pass(const Gaussians& gaussians, const Camera& camera) {
   RenderPass pass;
   preprocess(gaussians.span(), camera, {}, pass);
-  create_instances(pass);
+  create_instances({}, pass);
   sort_by_tile(pass);
   return pass;
 }
@@ -119,7 +119,7 @@ TEST(CreateInstances, RefusesMoreThanCanBeNumbered) {
   pass.tile_counts.upload({1u << 31, 1u << 31});
   pass.depths.upload({1.0f, 2.0f});
   try {
-    create_instances(pass);
+    create_instances({}, pass);
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ExitCode::out_of_memory);

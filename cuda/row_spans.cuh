@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// The tiles that splats hit, as spans of tile rows: the unit of work that both counting (preprocess.cu) and emitting
+// (instances.cu) share among the lanes of a warp, whoever the rows belong to. Both ask hit_tiles_of_row(), and both
+// files are compiled without contraction of products and sums, so that they cannot disagree.
+#pragma once
+
+#include "cuda/warp.cuh"
+#include "gs_core/math/splat.h"
+
+namespace gs::cuda {
+
+/// Of 32 owners of consecutive items, the one of `item`; first[k] is the first item of owner k, and owners
+/// without items have the first item of the next.
+__device__ inline int owner_of(std::uint32_t item, const std::uint32_t* first) {
+  int owner = 0;
+#pragma unroll
+  for (int step = kWarp / 2; step > 0; step /= 2)
+    if (first[owner + step] <= item) owner += step;
+  return owner;
+}
+
+/// The tile rows of a warp's 32 splats, numbered through. In shared memory.
+struct TileRows {
+  Vec2f mean2d[kWarp];
+  Sym2<float> conic[kWarp];
+  float cutoff[kWarp];
+  Rect tiles[kWarp];
+  std::uint32_t first[kWarp];  // number of the splat's first row
+
+  /// The whole warp: takes each lane's splat, or none where `pixels` is empty, and returns the number of rows.
+  __device__ std::uint32_t take(const Splat& splat, const Rect& pixels) {
+    const int lane = lane_of_thread();
+    const Rect rect = tile_rect(pixels);
+    const std::uint32_t rows = pixels.empty() ? 0 : rect.y_end - rect.y_begin;
+    const std::uint32_t before = warp_exclusive_sum(rows);
+    mean2d[lane] = splat.mean2d;
+    conic[lane] = splat.conic;
+    cutoff[lane] = splat.cutoff;
+    tiles[lane] = rect;
+    first[lane] = before;
+    __syncwarp();
+    return __shfl_sync(kAllLanes, before + rows, kWarp - 1);
+  }
+  __device__ int tile_y(std::uint32_t row, int owner) const {
+    return int(tiles[owner].y_begin + (row - first[owner]));
+  }
+  __device__ TileSpan span(std::uint32_t row, int owner) const {
+    return hit_tiles_of_row(mean2d[owner], conic[owner], cutoff[owner], tiles[owner],
+                            tile_y(row, owner));
+  }
+};
+
+}  // namespace gs::cuda
