@@ -7,6 +7,8 @@
 namespace gs::cuda {
 namespace {
 
+constexpr int kBlocks = 10;  // of a multiprocessor: the compiler finds registers for so many
+
 struct Output {
   float* image;            // (3, H, W)
   float* transmittance;    // (H, W)
@@ -14,7 +16,7 @@ struct Output {
 };
 
 template <BlendRule rule>
-__global__ void __launch_bounds__(kBlendThreads)
+__global__ void __launch_bounds__(kBlendThreads, kBlocks)
     blend_kernel(TileLists lists, Vec3f background, Output out) {
   __shared__ ListedSplat rooms[kBlendWarps][kWarp];
   ListedSplat* const list = rooms[threadIdx.x / kWarp];

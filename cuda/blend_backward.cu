@@ -17,6 +17,7 @@
 namespace gs::cuda {
 namespace {
 
+constexpr int kBlocks = 7;                // of a multiprocessor: the compiler finds registers for so many
 constexpr int kRows = 16;                 // splats of one product
 constexpr int kRowStride = 2 * kWarp + 16;  // floats; neighbouring rows lie 16 banks apart, for loads of 16 bytes
 constexpr int kProducts = kWarp / 8;      // of 8 pixels each
@@ -25,45 +26,50 @@ constexpr int kSumStride = 20;            // floats from one splat's sums to the
 struct WarpRoom {
   ListedSplat list[kWarp];
   alignas(16) float rows[kRows * kRowStride];  // f and w of each pixel in turn, one splat a row; then the sums
+  float2 colors[kProducts][kWarp];             // right-hand side of the colours: each lane's part
 };
 
-// The right-hand sides: this lane's part of them.
-struct PixelMatrices {
-  float monomials[kProducts][2];  // columns 1, x, y, x^2, x y, y^2, -, -
-  float colors[kProducts][2];     // columns r, g, b of dL/d(pixel) as TF32 holds them, and what is left of each
-};
-
-__device__ float monomial(int column, float x, float y) {
-  switch (column) {
-    case 0: return 1.0f;
-    case 1: return x;
-    case 2: return y;
-    case 3: return x * x;
-    case 4: return x * y;
-    case 5: return y * y;
-  }
-  return 0.0f;
-}
-
-// Row t of product q is pixel 8 q + 2 t and row t + 4 the one after it: a lane then finds both, with f and w, in 16
+// This lane's part of the right-hand side of the moments, column l / 4: x^a y^b, a + b <= 2. Row t of product q is
+// pixel 8 q + 2 t of the sub-tile, and row t + 4 the one after it: a lane then finds both, with f and w, in 16
 // consecutive bytes.
-__device__ PixelMatrices pixel_matrices(const Vec3f& dL_dpixel) {
-  PixelMatrices matrices;
-  const int column = lane_of_thread() / 4, t = lane_of_thread() % 4;
-  for (int q = 0; q < kProducts; ++q)
+struct Monomials {
+  float x[2];         // x^a of the columns 2 t and 2 t + 1
+  float y[2], sign;   // y^b of the first two rows; those of the last two are mirrored
+
+  __device__ Monomials() {
+    static_assert(kSubtileWidth == 8 && kSubtileHeight == kProducts && kProducts == 4);
+    const int column = lane_of_thread() / 4, t = lane_of_thread() % 4;
+    const int a = column == 3 ? 2 : column == 1 || column == 4 ? 1 : 0;
+    const int b = column == 5 ? 2 : column == 2 || column == 4 ? 1 : 0;
+    for (int k = 0; k < 2; ++k) {
+      x[k] = power(float(2 * t + k) - 3.5f, a) * (column < 6 ? 1.0f : 0.0f);
+      y[k] = power(float(k) - 1.5f, b);
+    }
+    sign = b == 1 ? -1.0f : 1.0f;
+  }
+  __device__ float y_of_row(int q) const { return q < 2 ? y[q] : sign * y[3 - q]; }
+
+ private:
+  __device__ static float power(float base, int n) { return n == 0 ? 1.0f : n == 1 ? base : base * base; }
+};
+
+// The whole warp: the right-hand side of the colours: columns r, g, b of dL/d(pixel) as TF32 holds them, and then
+// what is left of each.
+__device__ void stage_colors(WarpRoom& room, const Vec3f& dL_dpixel) {
+  const int lane = lane_of_thread(), column = lane / 4, t = lane % 4;
+  for (int q = 0; q < kProducts; ++q) {
+    float part[2];
     for (int k = 0; k < 2; ++k) {
       const int pixel = 8 * q + 2 * t + k;
-      const float x = float(pixel % kSubtileWidth) - 0.5f * (kSubtileWidth - 1);
-      const float y = float(pixel / kSubtileWidth) - 0.5f * (kSubtileHeight - 1);
-      matrices.monomials[q][k] = monomial(column, x, y);
       const float red = __shfl_sync(kAllLanes, dL_dpixel.x, pixel);
       const float green = __shfl_sync(kAllLanes, dL_dpixel.y, pixel);
       const float blue = __shfl_sync(kAllLanes, dL_dpixel.z, pixel);
       const float channel = column % 3 == 0 ? red : column % 3 == 1 ? green : blue;
       const float high = tf32_part(channel);
-      matrices.colors[q][k] = column < 3 ? high : column < 6 ? channel - high : 0.0f;
+      part[k] = column < 3 ? high : column < 6 ? channel - high : 0.0f;
     }
-  return matrices;
+    room.colors[q][lane] = {part[0], part[1]};
+  }
 }
 
 // dL/d(splat) from the sums over the pixels of one sub-tile; colours are not masked yet.
@@ -92,7 +98,7 @@ __device__ SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f
 
 // The whole warp: sums the first `count` rows over the pixels and adds each splat's gradient to its Gaussian's.
 // Row r belongs to splat `slot` of the list, as lane r says.
-__device__ void add_rows(WarpRoom& room, int count, int slot, const PixelMatrices& matrices,
+__device__ void add_rows(WarpRoom& room, int count, int slot, const Monomials& monomials,
                          const Vec2f& centre, SplatGradientSum* gradients) {
   const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
   __syncwarp();
@@ -102,8 +108,11 @@ __device__ void add_rows(WarpRoom& room, int count, int slot, const PixelMatrice
     const float* const at = room.rows + g * kRowStride + 16 * q + 4 * t;
     const float4 top = *reinterpret_cast<const float4*>(at);
     const float4 bottom = *reinterpret_cast<const float4*>(at + 8 * kRowStride);
-    multiply_add_exactly(moments, {top.x, bottom.x, top.z, bottom.z}, matrices.monomials[q]);
-    multiply_add_exactly(colors, {top.y, bottom.y, top.w, bottom.w}, matrices.colors[q]);
+    const float y = monomials.y_of_row(q);
+    const float2 color = room.colors[q][lane];
+    multiply_add_exactly(moments, {top.x, bottom.x, top.z, bottom.z},
+                         {monomials.x[0] * y, monomials.x[1] * y});
+    multiply_add_exactly(colors, {top.y, bottom.y, top.w, bottom.w}, {color.x, color.y});
   }
   __syncwarp();
   float* const to = room.rows + g * kSumStride + 2 * t;
@@ -161,7 +170,7 @@ struct PixelWalk {
 };
 
 template <BlendRule rule>
-__global__ void __launch_bounds__(kBlendThreads)
+__global__ void __launch_bounds__(kBlendThreads, kBlocks)
     blend_backward_kernel(TileLists lists, Vec3f background, const float* image,
                           const float* final_transmittance, const std::uint32_t* last_instance,
                           const float* dL_dimage, SplatGradientSum* gradients) {
@@ -172,7 +181,8 @@ __global__ void __launch_bounds__(kBlendThreads)
   PixelWalk pixel(lists, subtile, background, image, final_transmittance, last_instance, dL_dimage);
   const std::uint32_t longest = warp_max(pixel.last);
   if (longest == 0) return;
-  const PixelMatrices matrices = pixel_matrices(pixel.dL_dpixel);
+  stage_colors(room, pixel.dL_dpixel);
+  const Monomials monomials;
   const Vec2f centre{float(subtile.x0) + 0.5f * kSubtileWidth, float(subtile.y0) + 0.5f * kSubtileHeight};
 
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
@@ -190,11 +200,11 @@ __global__ void __launch_bounds__(kBlendThreads)
       *reinterpret_cast<float2*>(room.rows + rows * kRowStride + 2 * lane) = fragment;
       if (lane == rows) slot = i;
       if (++rows == kRows) {
-        add_rows(room, rows, slot, matrices, centre, gradients);
+        add_rows(room, rows, slot, monomials, centre, gradients);
         rows = 0;
       }
     }
-    if (rows) add_rows(room, rows, slot, matrices, centre, gradients);
+    if (rows) add_rows(room, rows, slot, monomials, centre, gradients);
     __syncwarp();
   }
 }

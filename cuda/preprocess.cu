@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas. A thread projects one Gaussian; the tile
-// rows of a warp's 32 splats are counted by all its lanes together, whoever they belong to, and the SH rows of its
-// visible Gaussians are read together.   Faster-GS, fused activations, exact and balanced tile culling
+// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas. A thread projects one Gaussian; its warp
+// reads the parameters of 32 together, in whole cache lines, and counts the tile rows of their splats together, whoever
+// they belong to.   Faster-GS, fused activations, exact and balanced tile culling
+#include <cuda_pipeline.h>
+
 #include <algorithm>
 
 #include "cuda/row_spans.cuh"
@@ -14,12 +16,65 @@ namespace {
 
 constexpr int kThreads = 128;  // four warps, each with its own room: 28 warps fit a multiprocessor's shared memory
 
-struct WarpRoom {
-  TileRows tile_rows;
-  std::uint32_t hits[kWarp];            // tiles that each lane's splat hits
-  std::uint8_t lane_of_row[kWarp];      // the visible lanes
-  float sh_rows[kWarp * kShRowNumbers];  // their SH rows
+// The parameters of a warp's 32 Gaussians but for SH, as they lie in their arrays.
+struct Parameters {
+  float mean[3 * kWarp], log_scale[3 * kWarp], sh0[3 * kWarp], rotation[4 * kWarp], logit_opacity[kWarp];
 };
+
+struct alignas(16) WarpRoom {
+  union {
+    Parameters parameters;                 // at first
+    float sh_rows[kWarp * kShRowNumbers];  // once the parameters were read
+  };
+  TileRows tile_rows;
+  std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
+};
+
+// The whole warp: starts to copy the numbers of `rows` rows from row `first` on.
+template <int kInRow, class T>
+__device__ void start_copy(float* to, const Span<T>& array, std::size_t first, int rows) {
+  const float* const from = reinterpret_cast<const float*>(array.data) + first * kInRow;
+  if (rows == kWarp) {
+    for (int k = 4 * lane_of_thread(); k < kWarp * kInRow; k += 4 * kWarp)
+      __pipeline_memcpy_async(to + k, from + k, sizeof(float4));
+  } else {
+    for (int k = lane_of_thread(); k < rows * kInRow; k += kWarp)
+      __pipeline_memcpy_async(to + k, from + k, sizeof(float));
+  }
+}
+
+// The whole warp: waits for what it started to copy.
+__device__ void finish_copies() {
+  __pipeline_commit();
+  __pipeline_wait_prior(0);
+  __syncwarp();
+}
+
+// One Gaussian's parameters but for SH.
+struct Gaussian {
+  Vec3f mean, log_scale, sh0;
+  Quatf rotation;
+  float logit_opacity;
+};
+
+// The whole warp: its Gaussians, all numbers at once, so that it waits for the memory once.
+__device__ Gaussian load_gaussian(Parameters& room, const GaussiansSpan& gaussians, std::size_t first, int rows) {
+  start_copy<3>(room.mean, gaussians.mean, first, rows);
+  start_copy<3>(room.log_scale, gaussians.log_scale, first, rows);
+  start_copy<3>(room.sh0, gaussians.sh0, first, rows);
+  start_copy<4>(room.rotation, gaussians.rotation, first, rows);
+  start_copy<1>(room.logit_opacity, gaussians.logit_opacity, first, rows);
+  finish_copies();
+  const int lane = lane_of_thread();
+  const auto vector = [&](const float* of) {
+    return Vec3f(of[3 * lane], of[3 * lane + 1], of[3 * lane + 2]);
+  };
+  const float4 q = reinterpret_cast<const float4*>(room.rotation)[lane];
+  const Gaussian gaussian{vector(room.mean), vector(room.log_scale), vector(room.sh0),
+                          {q.x, q.y, q.z, q.w}, room.logit_opacity[lane]};
+  __syncwarp();
+  return gaussian;
+}
 
 // The whole warp: how many tiles each lane's splat hits. `pixels` is empty where a lane has no splat.
 __device__ std::uint32_t count_hit_tiles(WarpRoom& room, const Splat& splat, const Rect& pixels) {
@@ -35,26 +90,19 @@ __device__ std::uint32_t count_hit_tiles(WarpRoom& room, const Splat& splat, con
   return room.hits[lane];
 }
 
-// The whole warp: copies the SH rows of the visible lanes into shared memory, and returns where this lane's
-// begins.
+// The whole warp: starts to copy its SH rows. Its Gaussians are neighbours in space: where one is visible, most are.
 template <int degree>
-__device__ const float* stage_sh_rows(WarpRoom& room, const ShRest* rows, bool is_visible) {
-  if constexpr (degree == 0) return nullptr;
-  constexpr int kNumbers = std::max(kShNumbersInUse<degree>, 1);
-  const int lane = lane_of_thread();
-  const unsigned visible = __ballot_sync(kAllLanes, is_visible);
-  const int row = __popc(visible & lanes_below());
-  if (is_visible) room.lane_of_row[row] = std::uint8_t(lane);
-  __syncwarp();
-  const int total = __popc(visible) * kNumbers;
-#pragma unroll 9
-  for (int k = lane; k < total; k += kWarp) {
-    const int from = k / kNumbers, number = k % kNumbers;
-    room.sh_rows[from * kShRowNumbers + number] =
-        reinterpret_cast<const float*>(rows + room.lane_of_row[from])[number];
+__device__ void start_sh_rows(WarpRoom& room, const Span<ShRest>& sh_rest, std::size_t first, int rows) {
+  if constexpr (degree == kMaxShDegree) {
+    start_copy<kShRowNumbers>(room.sh_rows, sh_rest, first, rows);
+  } else if constexpr (degree > 0) {
+    constexpr int kInUse = kShNumbersInUse<degree>;
+    const float* const from = reinterpret_cast<const float*>(sh_rest.data + first);
+    for (int k = lane_of_thread(); k < rows * kInUse; k += kWarp) {
+      const int at = k / kInUse * kShRowNumbers + k % kInUse;
+      __pipeline_memcpy_async(room.sh_rows + at, from + at, sizeof(float));
+    }
   }
-  __syncwarp();
-  return room.sh_rows + row * kShRowNumbers;
 }
 
 // What the kernel writes, one row per Gaussian.
@@ -75,13 +123,16 @@ __global__ void __launch_bounds__(kThreads)
   __shared__ WarpRoom rooms[kThreads / kWarp];
   WarpRoom& room = rooms[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  const std::size_t first_of_warp = i - lane_of_thread();
+  const std::size_t count = gaussians.mean.size, first = i - lane_of_thread();
+  if (first >= count) return;  // the whole warp
+  const int rows = int(min(count - first, std::size_t(kWarp)));
+  const Gaussian gaussian = load_gaussian(room.parameters, gaussians, first, rows);
 
   ProjectedGaussian<float> projected;
   Rect pixels{0, 0, 0, 0};
-  if (i < gaussians.mean.size) {
-    projected = project_shape(camera, gaussians.mean[i], gaussians.log_scale[i],
-                              gaussians.rotation[i], gaussians.logit_opacity[i], settings);
+  if (i < count) {
+    projected = project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
+                              gaussian.logit_opacity, settings);
     if (projected.is_visible)
       pixels = pixel_rect(projected.splat.mean2d, projected.cov2d, projected.splat.cutoff, tiles_x,
                           tiles_y);
@@ -89,16 +140,17 @@ __global__ void __launch_bounds__(kThreads)
   Splat& splat = projected.splat;
   std::uint32_t hits = 0;
   if (__any_sync(kAllLanes, !pixels.empty())) {
+    start_sh_rows<degree>(room, gaussians.sh_rest, first, rows);
     hits = count_hit_tiles(room, splat, pixels);
-    const float* const row =
-        stage_sh_rows<degree>(room, gaussians.sh_rest.data + first_of_warp, hits > 0);
+    finish_copies();
     if (hits > 0) {
-      splat.color = sh_color(degree, unit_direction(camera.position(), gaussians.mean[i]),
-                             gaussians.sh0[i], reinterpret_cast<const Vec3f*>(row));
+      splat.color = sh_color(
+          degree, unit_direction(camera.position(), gaussian.mean), gaussian.sh0,
+          reinterpret_cast<const Vec3f*>(room.sh_rows + lane_of_thread() * kShRowNumbers));
       if (!is_finite(splat.color)) hits = 0;
     }
   }
-  if (i >= gaussians.mean.size) return;
+  if (i >= count) return;
   out.tile_counts[i] = hits;
   out.depth_keys[i] = hits ? depth_key(out.keys, projected.depth) : kCulledKey;
   if (!hits) return;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stages 7 and 8: from dL/d(splat) to the stored parameters, and in training straight on to their update, so that no
-// gradient of a parameter is ever stored. A thread has one Gaussian; the SH rows of a warp's 32 Gaussians, three
-// quarters of all numbers, are read and updated by all its lanes together, number after number.
-// Faster-GS, backward fused with Adam
+// gradient of a parameter is ever stored. A thread pulls the gradient of one Gaussian back; what becomes of the
+// gradients is done by the whole warp, number after number of its 32 rows, so that it reads and writes whole cache
+// lines.   Faster-GS, backward fused with Adam
 #include <algorithm>
 
 #include "cuda/sh_rows.cuh"
@@ -14,108 +14,97 @@ namespace gs::cuda {
 namespace {
 
 constexpr int kThreads = 128;  // four warps, each with its own room
+constexpr int kBlocks = 6;     // of a multiprocessor: as many as its shared memory holds
 constexpr int kBasisStride = kShBasisCount + 1;  // odd: lanes that read one row each hit different banks
 
-// The SH numbers that a lane loads before it updates the first: 15 loads in flight hide the memory's latency.
-template <int degree>
-inline constexpr int kLoadsAhead = degree == 3 ? 5 : degree == 2 ? 6 : 3;
+// Loads of a lane before it uses the first, so that they wait for the memory together.
+constexpr int kVectorsAhead = 3;
+constexpr int kNumbersAhead = 6;
 
-struct WarpRoom {
+// The gradients of a warp's rows, but for SH: each quantity row after row, as it lies in its array.
+struct RowGradients {
+  float mean[3 * kWarp], log_scale[3 * kWarp], rotation[4 * kWarp], logit_opacity[kWarp], sh0[3 * kWarp];
+};
+
+struct alignas(16) WarpRoom {
   float sh_rows[kWarp * kShRowNumbers];  // as they were before the update
-  float basis[kWarp * kBasisStride];     // of the viewing direction of each Gaussian
+  union {
+    float basis[kWarp * kBasisStride];   // of the viewing direction of each Gaussian
+    RowGradients gradients;              // thereafter
+  };
   float dL_dcolor[kWarp * 3];            // zero where a Gaussian is not visible
 };
 
-// Where gradients go, first way: into arrays.
-struct WriteGradients {
-  GaussiansSpan gradients;
-  Vec2f* dL_dmean2d;
+// The numbers of one quantity and what a gradient does to them, first way: it is written to an array.
+struct GradientNumbers {
+  const float* values;
+  float* gradients;
 
-  struct ShNumber {
-    float value;
+  template <class Vector>
+  struct Loaded {
+    Vector value;
   };
-  __device__ bool is_halted() const { return false; }
-  __device__ ShNumber load_sh(const ShRest* rows, std::size_t number) const {
-    return {reinterpret_cast<const float*>(rows)[number]};
+  template <class Vector>
+  __device__ Loaded<Vector> load(std::size_t at) const {
+    return {reinterpret_cast<const Vector*>(values)[at]};
   }
-  __device__ void finish_sh(std::size_t number, const ShNumber&, float gradient) const {
-    reinterpret_cast<float*>(gradients.sh_rest.data)[number] = gradient;
-  }
-  __device__ void finish_row(std::size_t i, const GaussianGradient<float>& gradient,
-                             const Vec2f& by_mean2d, bool) const {
-    gradients.mean[i] = gradient.mean;
-    gradients.log_scale[i] = gradient.log_scale;
-    gradients.rotation[i] = gradient.rotation;
-    gradients.logit_opacity[i] = gradient.logit_opacity;
-    gradients.sh0[i] = gradient.sh0;
-    dL_dmean2d[i] = by_mean2d;
+  template <class Vector>
+  __device__ void finish(std::size_t at, const Loaded<Vector>&, const Vector& gradient) const {
+    reinterpret_cast<Vector*>(gradients)[at] = gradient;
   }
 };
 
-// Second way: into the parameters, by Adam; and into the statistics of density control.
+// Second way: Adam moves the parameter. Vector is float or float4.
+struct AdamNumbers {
+  float *values, *m, *v;
+  AdamStep step;
+
+  template <class Vector>
+  struct Loaded {
+    Vector value, m, v;
+  };
+  template <class Vector>
+  __device__ Loaded<Vector> load(std::size_t at) const {
+    return {reinterpret_cast<const Vector*>(values)[at], reinterpret_cast<const Vector*>(m)[at],
+            reinterpret_cast<const Vector*>(v)[at]};
+  }
+  template <class Vector>
+  __device__ void finish(std::size_t at, Loaded<Vector> loaded, const Vector& gradient) const {
+    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
+      adam_update(reinterpret_cast<float*>(&loaded.value)[k], reinterpret_cast<float*>(&loaded.m)[k],
+                  reinterpret_cast<float*>(&loaded.v)[k],
+                  reinterpret_cast<const float*>(&gradient)[k], step);
+    reinterpret_cast<Vector*>(values)[at] = loaded.value;
+    reinterpret_cast<Vector*>(m)[at] = loaded.m;
+    reinterpret_cast<Vector*>(v)[at] = loaded.v;
+  }
+};
+
+// All quantities, and what else a row's gradient is good for.
+struct WriteGradients {
+  using Numbers = GradientNumbers;
+  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
+  Vec2f* dL_dmean2d;
+
+  __device__ bool is_halted() const { return false; }
+  __device__ void note(std::size_t i, const Vec2f& by_mean2d, bool) const {
+    dL_dmean2d[i] = by_mean2d;
+  }
+};
 struct UpdateByAdam {
-  GaussiansSpan rows, m, v;
-  AdamSteps steps;
+  using Numbers = AdamNumbers;
+  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   float* visits;         // null: no statistics
   float* gradient_norm;
   int width, height;
   const std::uint32_t* halted;
 
-  struct ShNumber {
-    float value, m, v;
-  };
   __device__ bool is_halted() const { return *halted != 0; }
-  __device__ ShNumber load_sh(const ShRest*, std::size_t number) const {
-    return {reinterpret_cast<const float*>(rows.sh_rest.data)[number],
-            reinterpret_cast<const float*>(m.sh_rest.data)[number],
-            reinterpret_cast<const float*>(v.sh_rest.data)[number]};
+  __device__ void note(std::size_t i, const Vec2f& by_mean2d, bool is_visible) const {
+    if (!visits || !is_visible) return;
+    visits[i] += 1.0f;
+    gradient_norm[i] += screen_gradient_norm(by_mean2d, width, height);
   }
-  __device__ void finish_sh(std::size_t number, ShNumber sh, float gradient) const {
-    adam_update(sh.value, sh.m, sh.v, gradient, steps.sh_rest);
-    reinterpret_cast<float*>(rows.sh_rest.data)[number] = sh.value;
-    reinterpret_cast<float*>(m.sh_rest.data)[number] = sh.m;
-    reinterpret_cast<float*>(v.sh_rest.data)[number] = sh.v;
-  }
-  __device__ void finish_row(std::size_t i, const GaussianGradient<float>& gradient,
-                             const Vec2f& by_mean2d, bool is_visible) const {
-    // All loads before the first store, so that they wait for the memory together.
-    Vector<Vec3f> mean(rows.mean, m.mean, v.mean, i);
-    Vector<Vec3f> log_scale(rows.log_scale, m.log_scale, v.log_scale, i);
-    Vector<Quatf> rotation(rows.rotation, m.rotation, v.rotation, i);
-    Vector<float> logit_opacity(rows.logit_opacity, m.logit_opacity, v.logit_opacity, i);
-    Vector<Vec3f> sh0(rows.sh0, m.sh0, v.sh0, i);
-    mean.update(gradient.mean, steps.mean, rows.mean, m.mean, v.mean, i);
-    log_scale.update(gradient.log_scale, steps.log_scale, rows.log_scale, m.log_scale, v.log_scale, i);
-    rotation.update(gradient.rotation, steps.rotation, rows.rotation, m.rotation, v.rotation, i);
-    logit_opacity.update(gradient.logit_opacity, steps.logit_opacity, rows.logit_opacity,
-                         m.logit_opacity, v.logit_opacity, i);
-    sh0.update(gradient.sh0, steps.sh0, rows.sh0, m.sh0, v.sh0, i);
-    if (visits && is_visible) {
-      visits[i] += 1.0f;
-      gradient_norm[i] += screen_gradient_norm(by_mean2d, width, height);
-    }
-  }
-
- private:
-  // One quantity of a row with its moments.
-  template <class T>
-  struct Vector {
-    T p, m, v;
-    __device__ Vector(const Span<T>& from_p, const Span<T>& from_m, const Span<T>& from_v,
-                      std::size_t i)
-        : p(from_p[i]), m(from_m[i]), v(from_v[i]) {}
-    __device__ void update(const T& gradient, const AdamStep& step, const Span<T>& to_p,
-                           const Span<T>& to_m, const Span<T>& to_v, std::size_t i) {
-      constexpr int kNumbers = sizeof(T) / sizeof(float);
-      for (int k = 0; k < kNumbers; ++k)
-        adam_update(reinterpret_cast<float*>(&p)[k], reinterpret_cast<float*>(&m)[k],
-                    reinterpret_cast<float*>(&v)[k], reinterpret_cast<const float*>(&gradient)[k],
-                    step);
-      to_p[i] = p;
-      to_m[i] = m;
-      to_v[i] = v;
-    }
-  };
 };
 
 // dL/d(splat) of a visible Gaussian, with colours masked where blending clamped them; clears the sum.
@@ -129,93 +118,189 @@ __device__ SplatGradient take_sum(SplatGradientSum& sum, const Vec3f& color) {
            color.z >= 0.0f ? total.blue : 0.0f}};
 }
 
-// The whole warp: the gradients of `rows` SH rows from row `first` on, and what becomes of them.
-template <int degree, class Sink>
-__device__ void finish_sh_rows(WarpRoom& room, const ShRest* sh_rest, std::size_t first, int rows,
-                               const Sink& sink) {
-  constexpr int kNumbers = std::max(kShNumbersInUse<degree>, 1), kAhead = kLoadsAhead<degree>;
-  const int lane = lane_of_thread(), total = rows * kNumbers;
-  for (int begin = lane; begin < total; begin += kWarp * kAhead) {
-    typename Sink::ShNumber loaded[kAhead];
+// dL/d(number `number` of SH row `row` of the warp).
+__device__ float sh_gradient(const WarpRoom& room, int row, int number) {
+  return room.basis[row * kBasisStride + 1 + number / 3] * room.dL_dcolor[row * 3 + number % 3];
+}
+
+// The whole warp: the numbers in use of its SH rows, one at a time.
+template <int degree, class Numbers>
+__device__ void finish_sh_numbers(WarpRoom& room, const Numbers& numbers, std::size_t first, int rows) {
+  constexpr int kInUse = std::max(kShNumbersInUse<degree>, 1);
+  const int total = rows * kInUse;
+  for (int begin = lane_of_thread(); begin < total; begin += kWarp * kNumbersAhead) {
+    typename Numbers::template Loaded<float> loaded[kNumbersAhead];
 #pragma unroll
-    for (int k = 0; k < kAhead; ++k) {
-      const int item = begin + k * kWarp, row = item / kNumbers, number = item % kNumbers;
-      if (item < total) loaded[k] = sink.load_sh(sh_rest, (first + row) * kShRowNumbers + number);
+    for (int k = 0; k < kNumbersAhead; ++k) {
+      const int item = begin + k * kWarp, row = item / kInUse, number = item % kInUse;
+      if (item < total)
+        loaded[k] = numbers.template load<float>((first + row) * kShRowNumbers + number);
     }
 #pragma unroll
-    for (int k = 0; k < kAhead; ++k) {
-      const int item = begin + k * kWarp, row = item / kNumbers, number = item % kNumbers;
+    for (int k = 0; k < kNumbersAhead; ++k) {
+      const int item = begin + k * kWarp, row = item / kInUse, number = item % kInUse;
       if (item >= total) continue;
       room.sh_rows[row * kShRowNumbers + number] = loaded[k].value;
-      const float gradient =
-          room.basis[row * kBasisStride + 1 + number / 3] * room.dL_dcolor[row * 3 + number % 3];
-      sink.finish_sh((first + row) * kShRowNumbers + number, loaded[k], gradient);
+      numbers.finish((first + row) * kShRowNumbers + number, loaded[k],
+                     sh_gradient(room, row, number));
     }
   }
 }
 
-// The whole warp: through colour to the SH coefficients; returns dL/d(mean) by way of the viewing direction.
-template <int degree, class Sink>
-__device__ Vec3f color_backward(WarpRoom& room, const GaussiansSpan& rows, const Camera& camera,
-                                std::size_t i, bool is_visible, const Vec3f& dL_dcolor,
-                                const Sink& sink) {
+// The same for 32 whole rows, four numbers at a time.
+template <class Numbers>
+__device__ void finish_sh_vectors(WarpRoom& room, const Numbers& numbers, std::size_t first) {
+  constexpr int kVectors = kWarp * kShRowNumbers / 4;
+  const std::size_t base = first / 4 * kShRowNumbers;  // `first` is a multiple of 32
+  for (int begin = lane_of_thread(); begin < kVectors; begin += kWarp * kVectorsAhead) {
+    typename Numbers::template Loaded<float4> loaded[kVectorsAhead];
+#pragma unroll
+    for (int k = 0; k < kVectorsAhead; ++k)
+      if (begin + k * kWarp < kVectors)
+        loaded[k] = numbers.template load<float4>(base + begin + k * kWarp);
+#pragma unroll
+    for (int k = 0; k < kVectorsAhead; ++k) {
+      const int item = begin + k * kWarp;
+      if (item >= kVectors) continue;
+      reinterpret_cast<float4*>(room.sh_rows)[item] = loaded[k].value;
+      const int row = 4 * item / kShRowNumbers, number = 4 * item % kShRowNumbers;
+      float gradient[4];
+      for (int j = 0; j < 4; ++j) {
+        const bool is_next = number + j >= kShRowNumbers;
+        gradient[j] = sh_gradient(room, row + is_next, number + j - (is_next ? kShRowNumbers : 0));
+      }
+      numbers.finish(base + item, loaded[k],
+                     float4{gradient[0], gradient[1], gradient[2], gradient[3]});
+    }
+  }
+}
+
+// The whole warp: through colour to the SH coefficients of its `rows` rows; returns dL/d(mean) by way of the viewing
+// direction.
+template <int degree, class Numbers>
+__device__ Vec3f color_backward(WarpRoom& room, const Vec3f* means, const Camera& camera,
+                                std::size_t i, int rows, bool is_visible, const Vec3f& dL_dcolor,
+                                const Numbers& numbers) {
   if constexpr (degree == 0) return Vec3f(0.0f);
   const int lane = lane_of_thread();
   const std::size_t first = i - lane;
   float* const basis = room.basis + lane * kBasisStride;
   Vec3f direction(0.0f);
   if (is_visible) {
-    direction = unit_direction(camera.position(), rows.mean[i]);
+    direction = unit_direction(camera.position(), means[i]);
     sh_basis(degree, direction, basis);
   } else {
     for (int k = 0; k < kShBasisCount; ++k) basis[k] = 0.0f;
   }
   for (int c = 0; c < 3; ++c) room.dL_dcolor[3 * lane + c] = dL_dcolor[c];
   __syncwarp();
-  const std::size_t left = rows.mean.size - min(first, rows.mean.size);
-  finish_sh_rows<degree>(room, rows.sh_rest.data, first, int(min(left, std::size_t(kWarp))), sink);
+  if (degree == kMaxShDegree && rows == kWarp)
+    finish_sh_vectors(room, numbers, first);
+  else
+    finish_sh_numbers<degree>(room, numbers, first, rows);
   __syncwarp();
   if (!is_visible) return Vec3f(0.0f);
   const Vec3f* const row = reinterpret_cast<const Vec3f*>(room.sh_rows + lane * kShRowNumbers);
   float dL_dbasis[kShBasisCount];
   for (int k = 1; k < (degree + 1) * (degree + 1); ++k)
     dL_dbasis[k] = inner(row[k - 1], dL_dcolor);
-  return unit_direction_vjp(camera.position(), rows.mean[i],
-                            sh_basis_vjp(degree, direction, dL_dbasis));
+  return unit_direction_vjp(camera.position(), means[i], sh_basis_vjp(degree, direction, dL_dbasis));
+}
+
+// A quantity with kInRow numbers a row: this lane's share of the numbers of a warp's rows.
+template <int kInRow, class Numbers>
+struct Share {
+  typename Numbers::template Loaded<float> loaded[kInRow];
+
+  __device__ Share(const Numbers& numbers, std::size_t first, int rows) {
+#pragma unroll
+    for (int k = 0; k < kInRow; ++k) {
+      const int item = lane_of_thread() + k * kWarp;
+      if (item < rows * kInRow) loaded[k] = numbers.template load<float>(first * kInRow + item);
+    }
+  }
+  __device__ void finish(const Numbers& numbers, std::size_t first, int rows,
+                         const float* gradients) const {
+#pragma unroll
+    for (int k = 0; k < kInRow; ++k) {
+      const int item = lane_of_thread() + k * kWarp;
+      if (item < rows * kInRow) numbers.finish(first * kInRow + item, loaded[k], gradients[item]);
+    }
+  }
+};
+
+// The whole warp: all quantities but SH, with the gradients in its room.
+template <class Sink>
+__device__ void finish_rows(const RowGradients& gradients, const Sink& sink, std::size_t first, int rows) {
+  using Numbers = typename Sink::Numbers;
+  const Share<3, Numbers> mean(sink.mean, first, rows), log_scale(sink.log_scale, first, rows),
+      sh0(sink.sh0, first, rows);
+  const Share<4, Numbers> rotation(sink.rotation, first, rows);
+  const Share<1, Numbers> logit_opacity(sink.logit_opacity, first, rows);
+  mean.finish(sink.mean, first, rows, gradients.mean);
+  log_scale.finish(sink.log_scale, first, rows, gradients.log_scale);
+  sh0.finish(sink.sh0, first, rows, gradients.sh0);
+  rotation.finish(sink.rotation, first, rows, gradients.rotation);
+  logit_opacity.finish(sink.logit_opacity, first, rows, gradients.logit_opacity);
+}
+
+__device__ void stage(RowGradients& to, const GaussianGradient<float>& gradient) {
+  const int lane = lane_of_thread();
+  for (int c = 0; c < 3; ++c) {
+    to.mean[3 * lane + c] = gradient.mean[c];
+    to.log_scale[3 * lane + c] = gradient.log_scale[c];
+    to.sh0[3 * lane + c] = gradient.sh0[c];
+  }
+  to.rotation[4 * lane] = gradient.rotation.w;
+  to.rotation[4 * lane + 1] = gradient.rotation.x;
+  to.rotation[4 * lane + 2] = gradient.rotation.y;
+  to.rotation[4 * lane + 3] = gradient.rotation.z;
+  to.logit_opacity[lane] = gradient.logit_opacity;
 }
 
 template <int degree, class Sink>
-__global__ void __launch_bounds__(kThreads)
-    preprocess_backward_kernel(GaussiansSpan rows, Camera camera, SplatSettings settings,
+__global__ void __launch_bounds__(kThreads, kBlocks)
+    preprocess_backward_kernel(GaussiansSpan gaussians, Camera camera, SplatSettings settings,
                                const std::uint32_t* tile_counts, const Splat* splats,
                                SplatGradientSum* sums, Sink sink) {
   __shared__ WarpRoom rooms[kThreads / kWarp];
   WarpRoom& room = rooms[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  const bool is_visible = i < rows.mean.size && tile_counts[i] > 0;
+  const std::size_t count = gaussians.mean.size, first = i - lane_of_thread();
+  if (first >= count) return;  // the whole warp
+  const int rows = int(min(count - first, std::size_t(kWarp)));
+  const bool is_visible = i < count && tile_counts[i] > 0;
   SplatGradient dL_dsplat{};
   if (is_visible) dL_dsplat = take_sum(sums[i], splats[i].color);
   if (sink.is_halted()) return;
 
-  const Vec3f by_direction = color_backward<degree>(room, rows, camera, i, is_visible,
-                                                    dL_dsplat.color, sink);
-  if (i >= rows.mean.size) return;
   GaussianGradient<float> gradient{};
+  const Vec3f by_direction = color_backward<degree>(room, gaussians.mean.data, camera, i, rows,
+                                                    is_visible, dL_dsplat.color, sink.sh_rest);
   if (is_visible) {
-    gradient = project_shape_vjp(camera, rows.mean[i], rows.log_scale[i], rows.rotation[i],
-                                 rows.logit_opacity[i], settings, dL_dsplat);
+    gradient = project_shape_vjp(camera, gaussians.mean[i], gaussians.log_scale[i],
+                                 gaussians.rotation[i], gaussians.logit_opacity[i], settings,
+                                 dL_dsplat);
     gradient.mean += by_direction;
     gradient.sh0 = float(kSh0) * dL_dsplat.color;
   }
-  sink.finish_row(i, gradient, dL_dsplat.mean2d, is_visible);
+  if (i < count) sink.note(i, dL_dsplat.mean2d, is_visible);
+  stage(room.gradients, gradient);
+  __syncwarp();
+  finish_rows(room.gradients, sink, first, rows);
+}
+
+template <class T>
+float* numbers_of(const Span<T>& rows) {
+  return reinterpret_cast<float*>(rows.data);
 }
 
 template <class Sink>
-void launch(Context& context, const GaussiansSpan& rows, const Camera& camera,
+void launch(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
             const RenderSettings& settings, WorkingRoom& room, RenderPass& pass, const Sink& sink) {
   with_sh_degree(settings.sh_degree, [&](auto degree) {
     context.launch("preprocess backward", preprocess_backward_kernel<degree(), Sink>,
-                   blocks_for(rows.mean.size, kThreads), kThreads, rows, camera, settings,
+                   blocks_for(gaussians.mean.size, kThreads), kThreads, gaussians, camera, settings,
                    pass.tile_counts.data(), pass.splats.data(), room.splat_gradients.data(), sink);
   });
 }
@@ -230,25 +315,41 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
     check(cudaMemsetAsync(gradients.sh_rest.data, 0, gradients.sh_rest.size * sizeof(ShRest),
                           context.stream()),
           "preprocess backward");
-  launch(context, gaussians, camera, settings, room, pass,
-         WriteGradients{gradients, dL_dmean2d.data});
+  const auto numbers = [](const auto& rows, const auto& to) {
+    return GradientNumbers{numbers_of(rows), numbers_of(to)};
+  };
+  const WriteGradients sink{numbers(gaussians.mean, gradients.mean),
+                            numbers(gaussians.log_scale, gradients.log_scale),
+                            numbers(gaussians.rotation, gradients.rotation),
+                            numbers(gaussians.logit_opacity, gradients.logit_opacity),
+                            numbers(gaussians.sh0, gradients.sh0),
+                            numbers(gaussians.sh_rest, gradients.sh_rest),
+                            dL_dmean2d.data};
+  launch(context, gaussians, camera, settings, room, pass, sink);
 }
 
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
                                     const RenderSettings& settings, const AdamSteps& steps,
                                     bool gather_statistics, WorkingRoom& room, RenderPass& pass) {
   const StageScope scope(context, "preprocess backward, Adam");
-  const DensityStatistics& statistics = model.statistics;
-  const UpdateByAdam sink{model.gaussians.span(),
-                          model.first_moment.span(),
-                          model.second_moment.span(),
-                          steps,
-                          gather_statistics ? statistics.visits.data() : nullptr,
-                          statistics.gradient_norm.data(),
-                          pass.width,
-                          pass.height,
-                          room.halted.data()};
-  launch(context, model.gaussians.span(), camera, settings, room, pass, sink);
+  const GaussiansSpan rows = model.gaussians.span(), m = model.first_moment.span(),
+                      v = model.second_moment.span();
+  const auto numbers = [](const auto& rows, const auto& m, const auto& v, const AdamStep& step) {
+    return AdamNumbers{numbers_of(rows), numbers_of(m), numbers_of(v), step};
+  };
+  const UpdateByAdam sink{
+      numbers(rows.mean, m.mean, v.mean, steps.mean),
+      numbers(rows.log_scale, m.log_scale, v.log_scale, steps.log_scale),
+      numbers(rows.rotation, m.rotation, v.rotation, steps.rotation),
+      numbers(rows.logit_opacity, m.logit_opacity, v.logit_opacity, steps.logit_opacity),
+      numbers(rows.sh0, m.sh0, v.sh0, steps.sh0),
+      numbers(rows.sh_rest, m.sh_rest, v.sh_rest, steps.sh_rest),
+      gather_statistics ? model.statistics.visits.data() : nullptr,
+      model.statistics.gradient_norm.data(),
+      pass.width,
+      pass.height,
+      room.halted.data()};
+  launch(context, rows, camera, settings, room, pass, sink);
 }
 
 }  // namespace gs::cuda
