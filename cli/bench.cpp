@@ -161,6 +161,7 @@ Json rendering_json(const RenderingFigures& figures, const Report& report) {
           {"height", figures.height},
           {"visible", figures.mean.visible},
           {"instances", figures.mean.instances},
+          {"longest_list", figures.mean.longest_list},
           {"ms_per_frame", figures.ms_per_frame},
           {"stages", stages_json(figures.stages, report)}};
 }
@@ -177,6 +178,7 @@ std::string report_json(const Subject& subject, const BenchmarkPlan& plan, const
                {"num_gaussians", subject.gaussians.gaussians.count()},
                {"visible", report.workload.visible},
                {"instances", report.workload.instances},
+               {"longest_list", report.workload.longest_list},
                {"train_views", subject.train_views.size()},
                {"test_views", subject.test_views.size()}};
   json["train"] = {{"steps", plan.steps},
@@ -210,9 +212,10 @@ std::string stages_text(const std::vector<StageFigures>& stages, const Report& r
 }
 
 std::string workload_text(const Workload& workload) {
-  return fmt::format("{} Gaussians visible and {} instances a view",
+  return fmt::format("{} Gaussians visible and {} instances a view, {} in the fullest tile",
                      with_commas(std::uint64_t(workload.visible + 0.5)),
-                     with_commas(std::uint64_t(workload.instances + 0.5)));
+                     with_commas(std::uint64_t(workload.instances + 0.5)),
+                     with_commas(std::uint64_t(workload.longest_list + 0.5)));
 }
 
 std::string report_text(const Subject& subject, const BenchmarkPlan& plan, const Report& report) {

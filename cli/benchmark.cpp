@@ -58,6 +58,10 @@ Workload workload_of(const RenderPass& pass, const RenderSettings& settings) {
     workload.visible += tiles > 0;
     workload.instances += tiles;
   }
+  const std::vector<std::uint32_t> ranges = pass.tile_ranges.download();
+  for (std::size_t tile = 0; tile < pass.tile_count(); ++tile)
+    workload.longest_list =
+        std::max(workload.longest_list, double(ranges[tile + 1] - ranges[tile]));
   return workload;
 }
 
@@ -67,6 +71,7 @@ void add_to_mean(const Workload& view, std::size_t count, Workload& mean) {
   mean.gaussians += weight * view.gaussians;
   mean.visible += weight * view.visible;
   mean.instances += weight * view.instances;
+  mean.longest_list += weight * view.longest_list;
   mean.pixels += weight * view.pixels;
   mean.tiles += weight * view.tiles;
   mean.sh_degree = view.sh_degree;

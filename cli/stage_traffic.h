@@ -13,6 +13,7 @@ struct Workload {
   double gaussians = 0;  // N
   double visible = 0;    // V  of them
   double instances = 0;  // I
+  double longest_list = 0;  // instances of the fullest tile
   double pixels = 0;     // P
   double tiles = 0;
   int sh_degree = 3;

@@ -9,7 +9,7 @@ namespace gs::cuda {
 namespace {
 
 constexpr int kThreads = 128;
-constexpr std::uint32_t kPlacesPerWarp = 512;
+constexpr std::uint32_t kPlacesPerWarp = 128;  // so few that short lists, too, occupy the GPU
 
 struct Input {
   std::uint32_t count;                  // of Gaussians

@@ -4,11 +4,11 @@
 #include <thrust/iterator/transform_iterator.h>
 
 #include <bit>
-#include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
 
-#include "cuda/cub_room.cuh"
+#include "cuda/radix_sort.cuh"
 #include "cuda/stages.cuh"
+#include "cuda/warp.cuh"
 
 namespace gs::cuda {
 namespace {
@@ -38,16 +38,44 @@ __global__ void tile_ranges_kernel(const Key* keys, std::uint32_t capacity, std:
     for (std::uint32_t tile = key + 1; tile <= tiles; ++tile) ranges[tile] = capacity;
 }
 
+constexpr int kOrderThreads = 1024;  // one block: there are few tiles
+constexpr int kLengthClasses = 128;  // four to a doubling of the length, the longest first
+
+// The class of a list's length: the exponent and two bits of its mantissa.
+__device__ int length_class(std::uint32_t length) {
+  const int quarter_octaves = int(__float_as_uint(float(length)) >> 21) - int(0x3f800000u >> 21);
+  return length ? max(kLengthClasses - 2 - quarter_octaves, 0) : kLengthClasses - 1;
+}
+
+// All tiles, those with the longest lists first, so that blending does not end with a few long ones.
+__global__ void __launch_bounds__(kOrderThreads)
+    tile_order_kernel(const std::uint32_t* ranges, std::uint32_t tiles, std::uint32_t* order) {
+  __shared__ std::uint32_t next[kLengthClasses];
+  if (threadIdx.x < kLengthClasses) next[threadIdx.x] = 0;
+  __syncthreads();
+  for (std::uint32_t tile = threadIdx.x; tile < tiles; tile += kOrderThreads)
+    atomicAdd(&next[length_class(ranges[tile + 1] - ranges[tile])], 1u);
+  __syncthreads();
+  if (threadIdx.x < kWarp) {
+    std::uint32_t before = 0;
+    for (int base = 0; base < kLengthClasses; base += kWarp) {
+      const std::uint32_t count = next[base + threadIdx.x], sum = warp_exclusive_sum(count);
+      next[base + threadIdx.x] = before + sum;
+      before += __shfl_sync(kAllLanes, sum + count, kWarp - 1);
+    }
+  }
+  __syncthreads();
+  for (std::uint32_t tile = threadIdx.x; tile < tiles; tile += kOrderThreads)
+    order[atomicAdd(&next[length_class(ranges[tile + 1] - ranges[tile])], 1u)] = tile;
+}
+
 template <class Key>
 void sort_keys(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity) {
   const auto* const keys = reinterpret_cast<const Key*>(room.keys.data());
   auto* const sorted = reinterpret_cast<Key*>(room.sorted_keys.data());
   const int bits = int(std::bit_width(pass.tile_count()));  // the key of no tile included
-  with_cub_room(room.sort_room, "the tile sort", [&](void* temporary, std::size_t& bytes) {
-    return cub::DeviceRadixSort::SortPairs(temporary, bytes, keys, sorted,
-                                           room.instance_splats.data(), pass.tile_splats.data(),
-                                           int(capacity), 0, bits, context.stream());
-  });
+  sort_pairs(context, room.sort_room, "the tile sort", keys, sorted, static_cast<const std::uint32_t*>(room.instance_splats.data()),
+             pass.tile_splats.data(), capacity, bits);
 }
 
 }  // namespace
@@ -64,12 +92,11 @@ void order_by_depth(Context& context, WorkingRoom& room, RenderPass& pass) {
     context.launch("row numbers", number_rows_kernel, blocks_for(count, kThreads), kThreads,
                    room.row_numbers.data(), std::uint32_t(count));
   }
-  with_cub_room(room.sort_room, "the depth sort", [&](void* temporary, std::size_t& bytes) {
-    return cub::DeviceRadixSort::SortPairs(
-        temporary, bytes, room.depth_keys.data(), room.sorted_depth_keys.data(),
-        room.row_numbers.data(), pass.depth_order.data(), int(count), 0, kDepthKeyBits,
-        context.stream());
-  });
+  sort_pairs(context, room.sort_room, "the depth sort",
+             static_cast<const std::uint32_t*>(room.depth_keys.data()),
+             room.sorted_depth_keys.data(),
+             static_cast<const std::uint32_t*>(room.row_numbers.data()), pass.depth_order.data(),
+             std::uint32_t(count), kDepthKeyBits);
   with_cub_room(room.sort_room, "the sum of the tile counts", [&](void* temporary, std::size_t& bytes) {
     return cub::DeviceScan::ExclusiveSum(
         temporary, bytes,
@@ -94,6 +121,9 @@ void sort_by_tile(Context& context, WorkingRoom& room, RenderPass& pass, std::ui
     run(std::uint16_t());
   else
     run(std::uint32_t());
+  pass.tile_order.resize_discard(pass.tile_count());
+  context.launch("tile order", tile_order_kernel, 1, kOrderThreads, pass.tile_ranges.data(),
+                 std::uint32_t(pass.tile_count()), pass.tile_order.data());
 }
 
 }  // namespace gs::cuda

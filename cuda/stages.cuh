@@ -63,7 +63,7 @@ void order_by_depth(Context& context, WorkingRoom& room, RenderPass& pass);
 void create_instances(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity,
                       StepReport* report, std::uint32_t step);
 
-/// 3  sort.cu: order the instances by tile, stably, and find each tile's list.
+/// 3  sort.cu: order the instances by tile, stably, and find each tile's list; and order the tiles by its length.
 void sort_by_tile(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity);
 
 /// 4  blend.cu: blend each tile's list front to back over the background.

@@ -31,12 +31,18 @@ inline constexpr float kLog2E = 1.44269504f, kLn2 = 0.693147181f;
 /// A picture and its tiles' lists.
 struct TileLists {
   int width, height, tiles_x;
+  const std::uint32_t* order;   // (tiles) in which they are blended
   const std::uint32_t* ranges;  // (tiles + 1)
   const std::uint32_t* splats;  // (I) Gaussian of each place
   const Splat* of_gaussian;     // (N)
 };
 inline TileLists tile_lists(const RenderPass& pass) {
-  return {pass.width,  pass.height, pass.tiles_x, pass.tile_ranges.data(), pass.tile_splats.data(),
+  return {pass.width,
+          pass.height,
+          pass.tiles_x,
+          pass.tile_order.data(),
+          pass.tile_ranges.data(),
+          pass.tile_splats.data(),
           pass.splats.data()};
 }
 /// Blocks of kBlendThreads that cover all sub-tiles.
@@ -54,7 +60,7 @@ struct Subtile {
   __device__ explicit Subtile(const TileLists& lists) {
     const int warp = int(blockIdx.x) * kBlendWarps + int(threadIdx.x) / kWarp;
     const int lane = lane_of_thread(), subtile = warp % kSubtilesPerTile;
-    tile = warp / kSubtilesPerTile;
+    tile = lists.order[warp / kSubtilesPerTile];
     x0 = int(tile) % lists.tiles_x * kTileWidth + subtile % kSubtilesPerRow * kSubtileWidth;
     y0 = int(tile) / lists.tiles_x * kTileHeight + subtile / kSubtilesPerRow * kSubtileHeight;
     x = x0 + lane % kSubtileWidth;

@@ -39,6 +39,7 @@ struct RenderPass {
   Buffer<std::uint32_t> tile_splats;    // (I)   their Gaussians, sorted by tile, stable
   Buffer<std::uint32_t> tile_instances; // (I)   their numbers, scalar backend
   Buffer<std::uint32_t> tile_ranges;    // (tiles+1) tile t owns tile_splats[ranges[t] .. ranges[t+1])
+  Buffer<std::uint32_t> tile_order;     // (tiles) those with the longest lists first, CUDA backend
 
   // 4 blend
   Buffer<float> image;                  // (3, H, W) with background, not clamped
@@ -52,8 +53,7 @@ struct RenderPass {
       : splats(memory), depths(memory), pixel_rects(memory), tile_counts(memory),
         depth_order(memory), first_instance(memory), instance_tiles(memory),
         instance_splats(memory), sort_scratch(memory), tile_splats(memory), tile_instances(memory),
-        tile_ranges(memory),
-        image(memory), transmittance(memory), last_instance(memory), instance_gradients(memory) {}
+        tile_ranges(memory), tile_order(memory), image(memory), transmittance(memory), last_instance(memory), instance_gradients(memory) {}
 
   std::size_t pixel_count() const { return std::size_t(width) * height; }
   std::size_t tile_count() const { return std::size_t(tiles_x) * tiles_y; }
