@@ -79,7 +79,8 @@ class InstanceForecast {
     } else if (most_per_gaussian_ > 0) {
       room = most_per_gaussian_ * double(gaussians) * kRoomForUnseen;
     }
-    const double steps = std::min(std::ceil(room / double(kRoomStep)), 0x7fffffff / double(kRoomStep) - 1);
+    const double steps =
+        std::min(std::ceil(room / double(kRoomStep)), 0x7fffffff / double(kRoomStep) - 1);
     return std::uint32_t((std::size_t(steps) + 1) * kRoomStep);
   }
   void forget() { *this = {}; }
@@ -187,7 +188,8 @@ class CudaBackend final : private Device, public Backend {
     StepReport report;
     while (!pending_.empty() && reports_.read(pending_.front().number, report)) {
       if (report.halted) return repeat_pending();
-      forecast_.note(*pending_.front().view, report.instances, std::max<std::size_t>(model_->count(), 1));
+      forecast_.note(*pending_.front().view, report.instances,
+                     std::max<std::size_t>(model_->count(), 1));
       pending_.pop_front();
     }
   }

@@ -10,26 +10,33 @@ namespace {
 constexpr int kBlocks = 10;  // of a multiprocessor: the compiler finds registers for so many
 
 struct Output {
-  float* image;            // (3, H, W)
-  float* transmittance;    // (H, W)
-  std::uint32_t* last;     // (H, W)
+  float* image;                            // (3, H, W)
+  float* transmittance;                    // (H, W)
+  std::uint32_t* last;                     // (H, W)
+  const std::uint32_t* first_checkpoints;  // (tiles)
+  Vec4f* checkpoints;                      // (.., pixels of a tile)
 };
 
 template <BlendRule rule>
 __global__ void __launch_bounds__(kBlendThreads, kBlocks)
-    blend_kernel(TileLists lists, Vec3f background, Output out) {
+    blend_kernel(TileLists lists, const std::uint32_t* tile_order, Vec3f background, Output out) {
   __shared__ ListedSplat rooms[kBlendWarps][kWarp];
   ListedSplat* const list = rooms[threadIdx.x / kWarp];
-  const Subtile subtile(lists);
+  const WarpWork work;
+  const Subtile subtile(lists, tile_order[work.item], work.subtile);
   if (subtile.x0 >= lists.width || subtile.y0 >= lists.height) return;  // the whole warp
 
   PixelState<float> pixel;
   bool is_open = subtile.is_inside;  // takes further fragments
   std::uint32_t last = 0;
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
-  const std::uint32_t begin = lists.ranges[subtile.tile], end = lists.ranges[subtile.tile + 1];
-  for (ListWalk walk(lists, subtile, begin, end); !walk.is_done();) {
+  const std::uint32_t length = lists.ranges[subtile.tile + 1] - lists.ranges[subtile.tile];
+  for (ListWalk walk(lists, subtile, 0, length); !walk.is_done();) {
     if (!__any_sync(kAllLanes, is_open)) break;
+    const std::uint32_t segment = walk.position() / kSegmentLength;
+    if (segment > 0 && walk.position() % kSegmentLength == 0)
+      out.checkpoints[subtile.checkpoint(out.first_checkpoints[subtile.tile] + segment - 1)] = {
+          pixel.color.x, pixel.color.y, pixel.color.z, pixel.transmittance};
     const int count = walk.list_next(list);
     for (int i = 0; i < count; ++i) {
       const ListedSplat splat = list[i];
@@ -63,10 +70,11 @@ void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
   pass.image.resize_discard(3 * pass.pixel_count());
   pass.transmittance.resize_discard(pass.pixel_count());
   pass.last_instance.resize_discard(pass.pixel_count());
-  const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data()};
+  const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
+                   pass.first_checkpoints.data(), pass.checkpoints.data()};
   const auto launch = [&](auto kernel) {
-    context.launch("blend", kernel, blend_blocks(pass), kBlendThreads, tile_lists(pass),
-                   settings.background, out);
+    context.launch("blend", kernel, blend_blocks(pass.tile_count()), kBlendThreads,
+                   tile_lists(pass), pass.tile_order.data(), settings.background, out);
   };
   if (settings.blend_rule == BlendRule::classic)
     launch(blend_kernel<BlendRule::classic>);

@@ -50,7 +50,9 @@ struct Monomials {
   __device__ float y_of_row(int q) const { return q < 2 ? y[q] : sign * y[3 - q]; }
 
  private:
-  __device__ static float power(float base, int n) { return n == 0 ? 1.0f : n == 1 ? base : base * base; }
+  __device__ static float power(float base, int n) {
+    return n == 0 ? 1.0f : n == 1 ? base : base * base;
+  }
 };
 
 // The whole warp: the right-hand side of the colours: columns r, g, b of dL/d(pixel) as TF32 holds them, and then
@@ -152,6 +154,12 @@ struct PixelWalk {
     last = last_instance[at];
   }
 
+  /// From the first segment to one behind: (colour, transmittance) before it.
+  __device__ void skip_to(const Vec4f& checkpoint) {
+    behind -= inner(dL_dpixel, Vec3f(checkpoint.x, checkpoint.y, checkpoint.z));
+    transmittance = checkpoint.w;
+  }
+
   /// f and w of a fragment that is kept; advances past it.
   template <BlendRule rule>
   __device__ float2 step(const ListedSplat& splat, float e) {
@@ -169,25 +177,41 @@ struct PixelWalk {
   }
 };
 
+// What the forward pass left.
+struct Forward {
+  const float* image;                      // (3, H, W)
+  const float* transmittance;              // (H, W)
+  const std::uint32_t* last;               // (H, W)
+  const std::uint32_t* first_checkpoints;  // (tiles)
+  const Vec4f* checkpoints;                // (.., pixels of a tile)
+};
+
 template <BlendRule rule>
 __global__ void __launch_bounds__(kBlendThreads, kBlocks)
-    blend_backward_kernel(TileLists lists, Vec3f background, const float* image,
-                          const float* final_transmittance, const std::uint32_t* last_instance,
-                          const float* dL_dimage, SplatGradientSum* gradients) {
+    blend_backward_kernel(TileLists lists, const ListSegment* segments, Vec3f background,
+                          Forward forward, const float* dL_dimage, SplatGradientSum* gradients) {
   __shared__ WarpRoom rooms[kBlendWarps];
   WarpRoom& room = rooms[threadIdx.x / kWarp];
   const int lane = lane_of_thread();
-  const Subtile subtile(lists);
-  PixelWalk pixel(lists, subtile, background, image, final_transmittance, last_instance, dL_dimage);
-  const std::uint32_t longest = warp_max(pixel.last);
-  if (longest == 0) return;
+  const WarpWork work;
+  const ListSegment segment = segments[work.item];
+  if (segment.tile == kNoTile) return;
+  const Subtile subtile(lists, segment.tile, work.subtile);
+  PixelWalk pixel(lists, subtile, background, forward.image, forward.transmittance, forward.last,
+                  dL_dimage);
+  const std::uint32_t longest = warp_max(pixel.last), first = segment.number * kSegmentLength;
+  if (longest <= first) return;
+  if (segment.number > 0)
+    pixel.skip_to(forward.checkpoints[subtile.checkpoint(forward.first_checkpoints[segment.tile] +
+                                                         segment.number - 1)]);
   stage_colors(room, pixel.dL_dpixel);
   const Monomials monomials;
-  const Vec2f centre{float(subtile.x0) + 0.5f * kSubtileWidth, float(subtile.y0) + 0.5f * kSubtileHeight};
+  const Vec2f centre{float(subtile.x0) + 0.5f * kSubtileWidth,
+                     float(subtile.y0) + 0.5f * kSubtileHeight};
 
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
-  const std::uint32_t begin = lists.ranges[subtile.tile];
-  for (ListWalk walk(lists, subtile, begin, begin + longest); !walk.is_done();) {
+  for (ListWalk walk(lists, subtile, first, min(longest, first + kSegmentLength));
+       !walk.is_done();) {
     const int count = walk.list_next(room.list);
     int rows = 0, slot = 0;
     for (int i = 0; i < count; ++i) {
@@ -215,10 +239,12 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
                     WorkingRoom& room, RenderPass& pass) {
   const StageScope scope(context, "blend backward");
   GS_CHECK(dL_dimage.size == 3 * pass.pixel_count());
+  const Forward forward{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
+                        pass.first_checkpoints.data(), pass.checkpoints.data()};
   const auto launch = [&](auto kernel) {
-    context.launch("blend backward", kernel, blend_blocks(pass), kBlendThreads, tile_lists(pass),
-                   settings.background, pass.image.data(), pass.transmittance.data(),
-                   pass.last_instance.data(), dL_dimage.data, room.splat_gradients.data());
+    context.launch("blend backward", kernel, blend_blocks(pass.segments.size()), kBlendThreads,
+                   tile_lists(pass), pass.segments.data(), settings.background, forward,
+                   dL_dimage.data, room.splat_gradients.data());
   };
   if (settings.blend_rule == BlendRule::classic)
     launch(blend_backward_kernel<BlendRule::classic>);

@@ -10,10 +10,11 @@ namespace gs::cuda {
 void check(cudaError_t error, const char* what) {
   if (error == cudaSuccess) return;
   const bool memory = error == cudaErrorMemoryAllocation;
-  throw Error(std::string("the GPU failed in ") + what + ": " + cudaGetErrorString(error) +
-                  (memory ? "; lower the resolution (-r) or the number of Gaussians (--max-gaussians)"
-                          : "; check nvidia-smi, or use --device cpu"),
-              memory ? ExitCode::out_of_memory : ExitCode::bad_data);
+  throw Error(
+      std::string("the GPU failed in ") + what + ": " + cudaGetErrorString(error) +
+          (memory ? "; lower the resolution (-r) or the number of Gaussians (--max-gaussians)"
+                  : "; check nvidia-smi, or use --device cpu"),
+      memory ? ExitCode::out_of_memory : ExitCode::bad_data);
 }
 
 Context::Context(int device) : device_(device) {

@@ -156,8 +156,8 @@ void create_instances(Context& context, WorkingRoom& room, RenderPass& pass, std
                  std::uint32_t(pass.tile_count())};
   const auto launch = [&](auto* keys) {
     using Key = std::remove_pointer_t<decltype(keys)>;
-    const Output<Key> out{keys,   room.instance_splats.data(), capacity, room.halted.data(),
-                          report, step};
+    const Output<Key> out{keys, room.instance_splats.data(), capacity, room.halted.data(), report,
+                          step};
     context.launch("instances", create_instances_kernel<Key>,
                    blocks_for(capacity, kPlacesPerWarp * (kThreads / kWarp)), kThreads, in, out);
   };

@@ -17,8 +17,8 @@ void* DeviceMemory::allocate(std::size_t bytes) {
   const cudaError_t error = cudaMalloc(&pointer, bytes);
   if (error == cudaErrorMemoryAllocation) {
     cudaGetLastError();  // the next call starts clean
-    throw Error("the GPU has no room for another " + std::to_string(bytes >> 20) + " MiB beside the " +
-                    std::to_string(allocated >> 20) +
+    throw Error("the GPU has no room for another " + std::to_string(bytes >> 20) +
+                    " MiB beside the " + std::to_string(allocated >> 20) +
                     " MiB in use; lower the resolution (-r), the number of Gaussians "
                     "(--max-gaussians) or the photos kept on the GPU (train.photo_gib)",
                 ExitCode::out_of_memory);

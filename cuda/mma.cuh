@@ -17,9 +17,11 @@ namespace gs::cuda {
 ///              A, by rows                         B                            D
 ///
 /// PTX ISA, mma.m16n8k8 for .tf32. Before compute capability 8 the same sums are made lane by lane.
-__device__ inline void multiply_add_16x8x8(float (&d)[4], const float (&a)[4], const float (&b)[2]) {
+__device__ inline void multiply_add_16x8x8(float (&d)[4], const float (&a)[4],
+                                           const float (&b)[2]) {
 #if __CUDA_ARCH__ >= 800
-  asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, "
+  asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, "
+      "%9}, "
       "{%0, %1, %2, %3};"
       : "+f"(d[0]), "+f"(d[1]), "+f"(d[2]), "+f"(d[3])
       : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])),
@@ -42,7 +44,8 @@ __device__ inline float tf32_part(float number) {
 }
 
 /// D += A B with A to float's precision, in two products; B holds what TF32 can hold.
-__device__ inline void multiply_add_exactly(float (&d)[4], const float (&a)[4], const float (&b)[2]) {
+__device__ inline void multiply_add_exactly(float (&d)[4], const float (&a)[4],
+                                            const float (&b)[2]) {
   float high[4], low[4];
   for (int i = 0; i < 4; ++i) {
     high[i] = tf32_part(a[i]);

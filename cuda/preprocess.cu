@@ -18,7 +18,8 @@ constexpr int kThreads = 128;  // four warps, each with its own room: 28 warps f
 
 // The parameters of a warp's 32 Gaussians but for SH, as they lie in their arrays.
 struct Parameters {
-  float mean[3 * kWarp], log_scale[3 * kWarp], sh0[3 * kWarp], rotation[4 * kWarp], logit_opacity[kWarp];
+  float mean[3 * kWarp], log_scale[3 * kWarp], sh0[3 * kWarp], rotation[4 * kWarp],
+      logit_opacity[kWarp];
 };
 
 struct alignas(16) WarpRoom {
@@ -58,7 +59,8 @@ struct Gaussian {
 };
 
 // The whole warp: its Gaussians, all numbers at once, so that it waits for the memory once.
-__device__ Gaussian load_gaussian(Parameters& room, const GaussiansSpan& gaussians, std::size_t first, int rows) {
+__device__ Gaussian load_gaussian(Parameters& room, const GaussiansSpan& gaussians,
+                                  std::size_t first, int rows) {
   start_copy<3>(room.mean, gaussians.mean, first, rows);
   start_copy<3>(room.log_scale, gaussians.log_scale, first, rows);
   start_copy<3>(room.sh0, gaussians.sh0, first, rows);
@@ -70,8 +72,11 @@ __device__ Gaussian load_gaussian(Parameters& room, const GaussiansSpan& gaussia
     return Vec3f(of[3 * lane], of[3 * lane + 1], of[3 * lane + 2]);
   };
   const float4 q = reinterpret_cast<const float4*>(room.rotation)[lane];
-  const Gaussian gaussian{vector(room.mean), vector(room.log_scale), vector(room.sh0),
-                          {q.x, q.y, q.z, q.w}, room.logit_opacity[lane]};
+  const Gaussian gaussian{vector(room.mean),
+                          vector(room.log_scale),
+                          vector(room.sh0),
+                          {q.x, q.y, q.z, q.w},
+                          room.logit_opacity[lane]};
   __syncwarp();
   return gaussian;
 }
@@ -92,7 +97,8 @@ __device__ std::uint32_t count_hit_tiles(WarpRoom& room, const Splat& splat, con
 
 // The whole warp: starts to copy its SH rows. Its Gaussians are neighbours in space: where one is visible, most are.
 template <int degree>
-__device__ void start_sh_rows(WarpRoom& room, const Span<ShRest>& sh_rest, std::size_t first, int rows) {
+__device__ void start_sh_rows(WarpRoom& room, const Span<ShRest>& sh_rest, std::size_t first,
+                              int rows) {
   if constexpr (degree == kMaxShDegree) {
     start_copy<kShRowNumbers>(room.sh_rows, sh_rest, first, rows);
   } else if constexpr (degree > 0) {
@@ -144,9 +150,9 @@ __global__ void __launch_bounds__(kThreads)
     hits = count_hit_tiles(room, splat, pixels);
     finish_copies();
     if (hits > 0) {
-      splat.color = sh_color(
-          degree, unit_direction(camera.position(), gaussian.mean), gaussian.sh0,
-          reinterpret_cast<const Vec3f*>(room.sh_rows + lane_of_thread() * kShRowNumbers));
+      splat.color =
+          sh_color(degree, unit_direction(camera.position(), gaussian.mean), gaussian.sh0,
+                   reinterpret_cast<const Vec3f*>(room.sh_rows + lane_of_thread() * kShRowNumbers));
       if (!is_finite(splat.color)) hits = 0;
     }
   }

@@ -2,7 +2,9 @@
 // Stages 7 and 8: from dL/d(splat) to the stored parameters, and in training straight on to their update, so that no
 // gradient of a parameter is ever stored. A thread pulls the gradient of one Gaussian back; what becomes of the
 // gradients is done by the whole warp, number after number of its 32 rows, so that it reads and writes whole cache
-// lines.   Faster-GS, backward fused with Adam
+// lines; all is asked for at the start, so that it waits for the memory once.   Faster-GS, backward fused with Adam
+#include <cuda_pipeline.h>
+
 #include <algorithm>
 
 #include "cuda/sh_rows.cuh"
@@ -13,70 +15,52 @@
 namespace gs::cuda {
 namespace {
 
-constexpr int kThreads = 128;  // four warps, each with its own room
-constexpr int kBlocks = 6;     // of a multiprocessor: as many as its shared memory holds
+constexpr int kThreads = 64;  // two warps, each with its own room: ten fit a multiprocessor, with registers to spare
 constexpr int kBasisStride = kShBasisCount + 1;  // odd: lanes that read one row each hit different banks
-
-// Loads of a lane before it uses the first, so that they wait for the memory together.
-constexpr int kVectorsAhead = 3;
-constexpr int kNumbersAhead = 6;
+constexpr int kMostArrays = 3;                   // of a quantity: the parameters and both moments
 
 // The gradients of a warp's rows, but for SH: each quantity row after row, as it lies in its array.
 struct RowGradients {
-  float mean[3 * kWarp], log_scale[3 * kWarp], rotation[4 * kWarp], logit_opacity[kWarp], sh0[3 * kWarp];
+  float mean[3 * kWarp], log_scale[3 * kWarp], rotation[4 * kWarp], logit_opacity[kWarp],
+      sh0[3 * kWarp];
 };
 
 struct alignas(16) WarpRoom {
-  float sh_rows[kWarp * kShRowNumbers];  // as they were before the update
+  float sh_rows[kMostArrays][kWarp * kShRowNumbers];  // parameters and moments
   union {
-    float basis[kWarp * kBasisStride];   // of the viewing direction of each Gaussian
-    RowGradients gradients;              // thereafter
+    float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian
+    RowGradients gradients;             // thereafter
   };
-  float dL_dcolor[kWarp * 3];            // zero where a Gaussian is not visible
+  float dL_dcolor[kWarp * 3];           // zero where a Gaussian is not visible
 };
 
-// The numbers of one quantity and what a gradient does to them, first way: it is written to an array.
+// The numbers of one quantity and what a gradient does to them, first way: it is written to an array. Vector is float
+// or float4.
 struct GradientNumbers {
-  const float* values;
+  static constexpr int kArrays = 1;
+  float* arrays[kArrays];
   float* gradients;
 
   template <class Vector>
-  struct Loaded {
-    Vector value;
-  };
-  template <class Vector>
-  __device__ Loaded<Vector> load(std::size_t at) const {
-    return {reinterpret_cast<const Vector*>(values)[at]};
-  }
-  template <class Vector>
-  __device__ void finish(std::size_t at, const Loaded<Vector>&, const Vector& gradient) const {
+  __device__ void finish(std::size_t at, Vector (&)[kArrays], const Vector& gradient) const {
     reinterpret_cast<Vector*>(gradients)[at] = gradient;
   }
 };
 
-// Second way: Adam moves the parameter. Vector is float or float4.
+// Second way: Adam moves the parameter.
 struct AdamNumbers {
-  float *values, *m, *v;
+  static constexpr int kArrays = 3;
+  float* arrays[kArrays];  // parameters, first and second moments
   AdamStep step;
 
   template <class Vector>
-  struct Loaded {
-    Vector value, m, v;
-  };
-  template <class Vector>
-  __device__ Loaded<Vector> load(std::size_t at) const {
-    return {reinterpret_cast<const Vector*>(values)[at], reinterpret_cast<const Vector*>(m)[at],
-            reinterpret_cast<const Vector*>(v)[at]};
-  }
-  template <class Vector>
-  __device__ void finish(std::size_t at, Loaded<Vector> loaded, const Vector& gradient) const {
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient) const {
     for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
-      adam_update(reinterpret_cast<float*>(&loaded.value)[k], reinterpret_cast<float*>(&loaded.m)[k],
-                  reinterpret_cast<float*>(&loaded.v)[k],
+      adam_update(reinterpret_cast<float*>(&numbers[0])[k],
+                  reinterpret_cast<float*>(&numbers[1])[k],
+                  reinterpret_cast<float*>(&numbers[2])[k],
                   reinterpret_cast<const float*>(&gradient)[k], step);
-    reinterpret_cast<Vector*>(values)[at] = loaded.value;
-    reinterpret_cast<Vector*>(m)[at] = loaded.m;
-    reinterpret_cast<Vector*>(v)[at] = loaded.v;
+    for (int a = 0; a < kArrays; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
   }
 };
 
@@ -123,105 +107,101 @@ __device__ float sh_gradient(const WarpRoom& room, int row, int number) {
   return room.basis[row * kBasisStride + 1 + number / 3] * room.dL_dcolor[row * 3 + number % 3];
 }
 
-// The whole warp: the numbers in use of its SH rows, one at a time.
+// The whole warp: starts to copy its SH rows into its room, past the registers, so that they come while other work is
+// done.
 template <int degree, class Numbers>
-__device__ void finish_sh_numbers(WarpRoom& room, const Numbers& numbers, std::size_t first, int rows) {
+__device__ void start_sh_rows(WarpRoom& room, const Numbers& numbers, std::size_t first, int rows) {
   constexpr int kInUse = std::max(kShNumbersInUse<degree>, 1);
-  const int total = rows * kInUse;
-  for (int begin = lane_of_thread(); begin < total; begin += kWarp * kNumbersAhead) {
-    typename Numbers::template Loaded<float> loaded[kNumbersAhead];
-#pragma unroll
-    for (int k = 0; k < kNumbersAhead; ++k) {
-      const int item = begin + k * kWarp, row = item / kInUse, number = item % kInUse;
-      if (item < total)
-        loaded[k] = numbers.template load<float>((first + row) * kShRowNumbers + number);
+  for (int a = 0; a < Numbers::kArrays; ++a) {
+    const float* const from = numbers.arrays[a] + first * kShRowNumbers;
+    if (degree == kMaxShDegree && rows == kWarp) {
+      for (int k = 4 * lane_of_thread(); k < kWarp * kShRowNumbers; k += 4 * kWarp)
+        __pipeline_memcpy_async(room.sh_rows[a] + k, from + k, sizeof(float4));
+    } else {
+      for (int k = lane_of_thread(); k < rows * kInUse; k += kWarp) {
+        const int at = k / kInUse * kShRowNumbers + k % kInUse;
+        __pipeline_memcpy_async(room.sh_rows[a] + at, from + at, sizeof(float));
+      }
     }
-#pragma unroll
-    for (int k = 0; k < kNumbersAhead; ++k) {
-      const int item = begin + k * kWarp, row = item / kInUse, number = item % kInUse;
-      if (item >= total) continue;
-      room.sh_rows[row * kShRowNumbers + number] = loaded[k].value;
-      numbers.finish((first + row) * kShRowNumbers + number, loaded[k],
-                     sh_gradient(room, row, number));
-    }
+  }
+  __pipeline_commit();
+}
+
+// The whole warp: what the gradients do to its SH rows, one number at a time.
+template <int degree, class Numbers>
+__device__ void finish_sh_numbers(WarpRoom& room, const Numbers& numbers, std::size_t first,
+                                  int rows) {
+  constexpr int kInUse = std::max(kShNumbersInUse<degree>, 1);
+  for (int item = lane_of_thread(); item < rows * kInUse; item += kWarp) {
+    const int row = item / kInUse, number = item % kInUse, at = row * kShRowNumbers + number;
+    float loaded[Numbers::kArrays];
+    for (int a = 0; a < Numbers::kArrays; ++a) loaded[a] = room.sh_rows[a][at];
+    numbers.finish(first * kShRowNumbers + at, loaded, sh_gradient(room, row, number));
   }
 }
 
 // The same for 32 whole rows, four numbers at a time.
 template <class Numbers>
 __device__ void finish_sh_vectors(WarpRoom& room, const Numbers& numbers, std::size_t first) {
-  constexpr int kVectors = kWarp * kShRowNumbers / 4;
   const std::size_t base = first / 4 * kShRowNumbers;  // `first` is a multiple of 32
-  for (int begin = lane_of_thread(); begin < kVectors; begin += kWarp * kVectorsAhead) {
-    typename Numbers::template Loaded<float4> loaded[kVectorsAhead];
-#pragma unroll
-    for (int k = 0; k < kVectorsAhead; ++k)
-      if (begin + k * kWarp < kVectors)
-        loaded[k] = numbers.template load<float4>(base + begin + k * kWarp);
-#pragma unroll
-    for (int k = 0; k < kVectorsAhead; ++k) {
-      const int item = begin + k * kWarp;
-      if (item >= kVectors) continue;
-      reinterpret_cast<float4*>(room.sh_rows)[item] = loaded[k].value;
-      const int row = 4 * item / kShRowNumbers, number = 4 * item % kShRowNumbers;
-      float gradient[4];
-      for (int j = 0; j < 4; ++j) {
-        const bool is_next = number + j >= kShRowNumbers;
-        gradient[j] = sh_gradient(room, row + is_next, number + j - (is_next ? kShRowNumbers : 0));
-      }
-      numbers.finish(base + item, loaded[k],
-                     float4{gradient[0], gradient[1], gradient[2], gradient[3]});
+  for (int item = lane_of_thread(); item < kWarp * kShRowNumbers / 4; item += kWarp) {
+    const int row = 4 * item / kShRowNumbers, number = 4 * item % kShRowNumbers;
+    float gradient[4];
+    for (int k = 0; k < 4; ++k) {
+      const bool is_next = number + k >= kShRowNumbers;
+      gradient[k] = sh_gradient(room, row + is_next, number + k - (is_next ? kShRowNumbers : 0));
     }
+    float4 loaded[Numbers::kArrays];
+    for (int a = 0; a < Numbers::kArrays; ++a)
+      loaded[a] = reinterpret_cast<const float4*>(room.sh_rows[a])[item];
+    numbers.finish(base + item, loaded, float4{gradient[0], gradient[1], gradient[2], gradient[3]});
   }
 }
 
 // The whole warp: through colour to the SH coefficients of its `rows` rows; returns dL/d(mean) by way of the viewing
 // direction.
 template <int degree, class Numbers>
-__device__ Vec3f color_backward(WarpRoom& room, const Vec3f* means, const Camera& camera,
-                                std::size_t i, int rows, bool is_visible, const Vec3f& dL_dcolor,
-                                const Numbers& numbers) {
+__device__ Vec3f color_backward(WarpRoom& room, const Vec3f& mean, const Camera& camera,
+                                std::size_t first, int rows, bool is_visible,
+                                const Vec3f& dL_dcolor, const Numbers& numbers) {
   if constexpr (degree == 0) return Vec3f(0.0f);
   const int lane = lane_of_thread();
-  const std::size_t first = i - lane;
   float* const basis = room.basis + lane * kBasisStride;
   Vec3f direction(0.0f);
   if (is_visible) {
-    direction = unit_direction(camera.position(), means[i]);
+    direction = unit_direction(camera.position(), mean);
     sh_basis(degree, direction, basis);
   } else {
     for (int k = 0; k < kShBasisCount; ++k) basis[k] = 0.0f;
   }
   for (int c = 0; c < 3; ++c) room.dL_dcolor[3 * lane + c] = dL_dcolor[c];
+  __pipeline_wait_prior(0);
   __syncwarp();
   if (degree == kMaxShDegree && rows == kWarp)
     finish_sh_vectors(room, numbers, first);
   else
     finish_sh_numbers<degree>(room, numbers, first, rows);
-  __syncwarp();
   if (!is_visible) return Vec3f(0.0f);
-  const Vec3f* const row = reinterpret_cast<const Vec3f*>(room.sh_rows + lane * kShRowNumbers);
+  const Vec3f* const row = reinterpret_cast<const Vec3f*>(room.sh_rows[0] + lane * kShRowNumbers);
   float dL_dbasis[kShBasisCount];
-  for (int k = 1; k < (degree + 1) * (degree + 1); ++k)
-    dL_dbasis[k] = inner(row[k - 1], dL_dcolor);
-  return unit_direction_vjp(camera.position(), means[i], sh_basis_vjp(degree, direction, dL_dbasis));
+  for (int k = 1; k < (degree + 1) * (degree + 1); ++k) dL_dbasis[k] = inner(row[k - 1], dL_dcolor);
+  return unit_direction_vjp(camera.position(), mean, sh_basis_vjp(degree, direction, dL_dbasis));
 }
 
 // A quantity with kInRow numbers a row: this lane's share of the numbers of a warp's rows.
 template <int kInRow, class Numbers>
 struct Share {
-  typename Numbers::template Loaded<float> loaded[kInRow];
+  float loaded[kInRow][Numbers::kArrays];
 
   __device__ Share(const Numbers& numbers, std::size_t first, int rows) {
-#pragma unroll
     for (int k = 0; k < kInRow; ++k) {
       const int item = lane_of_thread() + k * kWarp;
-      if (item < rows * kInRow) loaded[k] = numbers.template load<float>(first * kInRow + item);
+      for (int a = 0; a < Numbers::kArrays; ++a)
+        if (item < rows * kInRow) loaded[k][a] = numbers.arrays[a][first * kInRow + item];
     }
   }
   __device__ void finish(const Numbers& numbers, std::size_t first, int rows,
-                         const float* gradients) const {
-#pragma unroll
+                         const float* gradients) {
     for (int k = 0; k < kInRow; ++k) {
       const int item = lane_of_thread() + k * kWarp;
       if (item < rows * kInRow) numbers.finish(first * kInRow + item, loaded[k], gradients[item]);
@@ -229,20 +209,27 @@ struct Share {
   }
 };
 
-// The whole warp: all quantities but SH, with the gradients in its room.
+// All quantities but SH: this lane's shares.
 template <class Sink>
-__device__ void finish_rows(const RowGradients& gradients, const Sink& sink, std::size_t first, int rows) {
+struct Shares {
   using Numbers = typename Sink::Numbers;
-  const Share<3, Numbers> mean(sink.mean, first, rows), log_scale(sink.log_scale, first, rows),
-      sh0(sink.sh0, first, rows);
-  const Share<4, Numbers> rotation(sink.rotation, first, rows);
-  const Share<1, Numbers> logit_opacity(sink.logit_opacity, first, rows);
-  mean.finish(sink.mean, first, rows, gradients.mean);
-  log_scale.finish(sink.log_scale, first, rows, gradients.log_scale);
-  sh0.finish(sink.sh0, first, rows, gradients.sh0);
-  rotation.finish(sink.rotation, first, rows, gradients.rotation);
-  logit_opacity.finish(sink.logit_opacity, first, rows, gradients.logit_opacity);
-}
+  Share<3, Numbers> mean, log_scale, sh0;
+  Share<4, Numbers> rotation;
+  Share<1, Numbers> logit_opacity;
+
+  __device__ Shares(const Sink& sink, std::size_t first, int rows)
+      : mean(sink.mean, first, rows), log_scale(sink.log_scale, first, rows),
+        sh0(sink.sh0, first, rows), rotation(sink.rotation, first, rows),
+        logit_opacity(sink.logit_opacity, first, rows) {}
+  __device__ void finish(const Sink& sink, std::size_t first, int rows,
+                         const RowGradients& gradients) {
+    mean.finish(sink.mean, first, rows, gradients.mean);
+    log_scale.finish(sink.log_scale, first, rows, gradients.log_scale);
+    sh0.finish(sink.sh0, first, rows, gradients.sh0);
+    rotation.finish(sink.rotation, first, rows, gradients.rotation);
+    logit_opacity.finish(sink.logit_opacity, first, rows, gradients.logit_opacity);
+  }
+};
 
 __device__ void stage(RowGradients& to, const GaussianGradient<float>& gradient) {
   const int lane = lane_of_thread();
@@ -259,7 +246,7 @@ __device__ void stage(RowGradients& to, const GaussianGradient<float>& gradient)
 }
 
 template <int degree, class Sink>
-__global__ void __launch_bounds__(kThreads, kBlocks)
+__global__ void __launch_bounds__(kThreads)
     preprocess_backward_kernel(GaussiansSpan gaussians, Camera camera, SplatSettings settings,
                                const std::uint32_t* tile_counts, const Splat* splats,
                                SplatGradientSum* sums, Sink sink) {
@@ -269,25 +256,36 @@ __global__ void __launch_bounds__(kThreads, kBlocks)
   const std::size_t count = gaussians.mean.size, first = i - lane_of_thread();
   if (first >= count) return;  // the whole warp
   const int rows = int(min(count - first, std::size_t(kWarp)));
-  const bool is_visible = i < count && tile_counts[i] > 0;
+  // First all that comes from memory, so that it is waited for once; no store comes before.
+  if (degree > 0) start_sh_rows<degree>(room, sink.sh_rest, first, rows);
+  const bool is_halted = sink.is_halted(), is_visible = i < count && tile_counts[i] > 0;
+  Shares<Sink> shares(sink, first, rows);
+  Vec3f mean(0.0f), log_scale(0.0f);
+  Quatf rotation{1, 0, 0, 0};
+  float logit_opacity = 0;
   SplatGradient dL_dsplat{};
-  if (is_visible) dL_dsplat = take_sum(sums[i], splats[i].color);
-  if (sink.is_halted()) return;
+  if (is_visible) {
+    mean = gaussians.mean[i];
+    log_scale = gaussians.log_scale[i];
+    rotation = gaussians.rotation[i];
+    logit_opacity = gaussians.logit_opacity[i];
+    dL_dsplat = take_sum(sums[i], splats[i].color);
+  }
+  if (is_halted) return;
 
   GaussianGradient<float> gradient{};
-  const Vec3f by_direction = color_backward<degree>(room, gaussians.mean.data, camera, i, rows,
-                                                    is_visible, dL_dsplat.color, sink.sh_rest);
   if (is_visible) {
-    gradient = project_shape_vjp(camera, gaussians.mean[i], gaussians.log_scale[i],
-                                 gaussians.rotation[i], gaussians.logit_opacity[i], settings,
-                                 dL_dsplat);
-    gradient.mean += by_direction;
+    gradient =
+        project_shape_vjp(camera, mean, log_scale, rotation, logit_opacity, settings, dL_dsplat);
     gradient.sh0 = float(kSh0) * dL_dsplat.color;
   }
+  gradient.mean += color_backward<degree>(room, mean, camera, first, rows, is_visible,
+                                          dL_dsplat.color, sink.sh_rest);
   if (i < count) sink.note(i, dL_dsplat.mean2d, is_visible);
+  __syncwarp();
   stage(room.gradients, gradient);
   __syncwarp();
-  finish_rows(room.gradients, sink, first, rows);
+  shares.finish(sink, first, rows, room.gradients);
 }
 
 template <class T>
@@ -316,7 +314,7 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
                           context.stream()),
           "preprocess backward");
   const auto numbers = [](const auto& rows, const auto& to) {
-    return GradientNumbers{numbers_of(rows), numbers_of(to)};
+    return GradientNumbers{{numbers_of(rows)}, numbers_of(to)};
   };
   const WriteGradients sink{numbers(gaussians.mean, gradients.mean),
                             numbers(gaussians.log_scale, gradients.log_scale),
@@ -335,7 +333,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
   const GaussiansSpan rows = model.gaussians.span(), m = model.first_moment.span(),
                       v = model.second_moment.span();
   const auto numbers = [](const auto& rows, const auto& m, const auto& v, const AdamStep& step) {
-    return AdamNumbers{numbers_of(rows), numbers_of(m), numbers_of(v), step};
+    return AdamNumbers{{numbers_of(rows), numbers_of(m), numbers_of(v)}, step};
   };
   const UpdateByAdam sink{
       numbers(rows.mean, m.mean, v.mean, steps.mean),

@@ -17,18 +17,17 @@ inline constexpr std::uint32_t kLongList = 1500000;
 /// CUB's policies, but for the size of the blocks that sort by one digit.
 template <class Key>
 struct ShortBlocks {
-  using Standard = typename cub::detail::radix::policy_hub<Key, std::uint32_t, std::uint32_t>::Policy900;
+  using Standard =
+      typename cub::detail::radix::policy_hub<Key, std::uint32_t, std::uint32_t>::Policy900;
   struct MaxPolicy : cub::ChainedPolicy<500, MaxPolicy, MaxPolicy> {
     static constexpr bool ONESWEEP = true;
     static constexpr int ONESWEEP_RADIX_BITS = Standard::ONESWEEP_RADIX_BITS;
     static constexpr int kThreads = 256, kItems = 10;
     using HistogramPolicy = typename Standard::HistogramPolicy;
     using ExclusiveSumPolicy = typename Standard::ExclusiveSumPolicy;
-    using OnesweepPolicy =
-        cub::AgentRadixSortOnesweepPolicy<kThreads, kItems, std::uint32_t, 1,
-                                          cub::RADIX_RANK_MATCH_EARLY_COUNTS_ANY,
-                                          cub::BLOCK_SCAN_RAKING_MEMOIZE,
-                                          cub::RADIX_SORT_STORE_DIRECT, ONESWEEP_RADIX_BITS>;
+    using OnesweepPolicy = cub::AgentRadixSortOnesweepPolicy<
+        kThreads, kItems, std::uint32_t, 1, cub::RADIX_RANK_MATCH_EARLY_COUNTS_ANY,
+        cub::BLOCK_SCAN_RAKING_MEMOIZE, cub::RADIX_SORT_STORE_DIRECT, ONESWEEP_RADIX_BITS>;
     using ScanPolicy = typename Standard::ScanPolicy;
     using DownsweepPolicy = typename Standard::DownsweepPolicy;
     using AltDownsweepPolicy = typename Standard::AltDownsweepPolicy;
@@ -50,9 +49,11 @@ void sort_pairs(Context& context, Buffer<std::uint8_t>& room, const char* what, 
 #if defined(CCCL_MAJOR_VERSION) && CCCL_MAJOR_VERSION >= 3
     if (count < kLongList) {
       cub::DoubleBuffer<Key> both_keys(const_cast<Key*>(keys), sorted_keys);
-      cub::DoubleBuffer<std::uint32_t> both_values(const_cast<std::uint32_t*>(values), sorted_values);
-      using Sort = cub::DispatchRadixSort<cub::SortOrder::Ascending, Key, std::uint32_t, std::uint32_t,
-                                          cub::detail::identity_decomposer_t, ShortBlocks<Key>>;
+      cub::DoubleBuffer<std::uint32_t> both_values(const_cast<std::uint32_t*>(values),
+                                                   sorted_values);
+      using Sort =
+          cub::DispatchRadixSort<cub::SortOrder::Ascending, Key, std::uint32_t, std::uint32_t,
+                                 cub::detail::identity_decomposer_t, ShortBlocks<Key>>;
       return Sort::Dispatch(temporary, bytes, both_keys, both_values, count, 0, bits, false,
                             context.stream());
     }

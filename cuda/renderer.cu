@@ -18,8 +18,8 @@ CudaRenderer::CudaRenderer(Context& context, Memory& memory)
 }
 
 void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
-                           const RenderSettings& settings, RenderPass& pass,
-                           std::uint32_t capacity, StepReport* report, std::uint32_t step) {
+                           const RenderSettings& settings, RenderPass& pass, std::uint32_t capacity,
+                           StepReport* report, std::uint32_t step) {
   preprocess(context_, gaussians, camera, settings, room_, pass);
   order_by_depth(context_, room_, pass);
   create_instances(context_, room_, pass, capacity, report, step);

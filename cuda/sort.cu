@@ -23,7 +23,9 @@ __global__ void number_rows_kernel(std::uint32_t* numbers, std::uint32_t count) 
 // The tile count of a Gaussian, as an iterator over the depth order asks for it.
 struct TileCount {
   const std::uint32_t* tile_counts;
-  __device__ std::uint32_t operator()(std::uint32_t gaussian) const { return tile_counts[gaussian]; }
+  __device__ std::uint32_t operator()(std::uint32_t gaussian) const {
+    return tile_counts[gaussian];
+  }
 };
 
 // Range t begins at the first instance whose tile is not below t.
@@ -41,32 +43,103 @@ __global__ void tile_ranges_kernel(const Key* keys, std::uint32_t capacity, std:
 constexpr int kOrderThreads = 1024;  // one block: there are few tiles
 constexpr int kLengthClasses = 128;  // four to a doubling of the length, the longest first
 
-// The class of a list's length: the exponent and two bits of its mantissa.
+// The class of a length: the exponent and two bits of its mantissa.
 __device__ int length_class(std::uint32_t length) {
   const int quarter_octaves = int(__float_as_uint(float(length)) >> 21) - int(0x3f800000u >> 21);
   return length ? max(kLengthClasses - 2 - quarter_octaves, 0) : kLengthClasses - 1;
 }
 
-// All tiles, those with the longest lists first, so that blending does not end with a few long ones.
-__global__ void __launch_bounds__(kOrderThreads)
-    tile_order_kernel(const std::uint32_t* ranges, std::uint32_t tiles, std::uint32_t* order) {
-  __shared__ std::uint32_t next[kLengthClasses];
-  if (threadIdx.x < kLengthClasses) next[threadIdx.x] = 0;
-  __syncthreads();
-  for (std::uint32_t tile = threadIdx.x; tile < tiles; tile += kOrderThreads)
-    atomicAdd(&next[length_class(ranges[tile + 1] - ranges[tile])], 1u);
-  __syncthreads();
-  if (threadIdx.x < kWarp) {
+// A counting sort by class, of one block.
+struct ClassSort {
+  std::uint32_t next[kLengthClasses];
+
+  __device__ void clear() {
+    if (threadIdx.x < kLengthClasses) next[threadIdx.x] = 0;
+  }
+  __device__ void count(std::uint32_t length) { atomicAdd(&next[length_class(length)], 1u); }
+  /// One warp: from counts to the first place of each class; returns the number of all.
+  __device__ std::uint32_t sum() {
     std::uint32_t before = 0;
     for (int base = 0; base < kLengthClasses; base += kWarp) {
-      const std::uint32_t count = next[base + threadIdx.x], sum = warp_exclusive_sum(count);
-      next[base + threadIdx.x] = before + sum;
-      before += __shfl_sync(kAllLanes, sum + count, kWarp - 1);
+      const std::uint32_t counted = next[base + lane_of_thread()],
+                          first = warp_exclusive_sum(counted);
+      next[base + lane_of_thread()] = before + first;
+      before += __shfl_sync(kAllLanes, first + counted, kWarp - 1);
     }
+    return before;
+  }
+  __device__ std::uint32_t place(std::uint32_t length) {
+    return atomicAdd(&next[length_class(length)], 1u);
+  }
+};
+
+struct BlendOrder {
+  std::uint32_t* tiles;              // (tiles)
+  std::uint32_t* first_checkpoints;  // (tiles)
+  ListSegment* segments;             // (room)
+  std::uint32_t room;
+};
+
+// Calls visit(number, length) for each segment of a list; an empty list is one segment.
+template <class Visit>
+__device__ void for_each_segment(std::uint32_t length, Visit&& visit) {
+  std::uint32_t number = 0;
+  do {
+    const std::uint32_t first = number * kSegmentLength;
+    visit(number++, min(length - first, kSegmentLength));
+  } while (number * kSegmentLength < length);
+}
+
+// All tiles, and all segments of their lists, the longest first, so that blending does not end with a few long ones.
+__global__ void __launch_bounds__(kOrderThreads)
+    blend_order_kernel(const std::uint32_t* ranges, std::uint32_t tiles, BlendOrder order) {
+  __shared__ ClassSort by_list, by_segment;
+  __shared__ std::uint32_t checkpoints, segments;
+  by_list.clear();
+  by_segment.clear();
+  if (threadIdx.x == 0) checkpoints = 0;
+  __syncthreads();
+  for (std::uint32_t tile = threadIdx.x; tile < tiles; tile += kOrderThreads) {
+    const std::uint32_t length = ranges[tile + 1] - ranges[tile];
+    by_list.count(length);
+    for_each_segment(length, [&](std::uint32_t, std::uint32_t part) { by_segment.count(part); });
   }
   __syncthreads();
-  for (std::uint32_t tile = threadIdx.x; tile < tiles; tile += kOrderThreads)
-    order[atomicAdd(&next[length_class(ranges[tile + 1] - ranges[tile])], 1u)] = tile;
+  if (threadIdx.x < kWarp) {
+    by_list.sum();
+  } else if (threadIdx.x < 2 * kWarp) {
+    const std::uint32_t sum = by_segment.sum();
+    if (lane_of_thread() == 0) segments = sum;
+  }
+  __syncthreads();
+  for (std::uint32_t tile = threadIdx.x; tile < tiles; tile += kOrderThreads) {
+    const std::uint32_t length = ranges[tile + 1] - ranges[tile];
+    order.tiles[by_list.place(length)] = tile;
+    order.first_checkpoints[tile] =
+        length > kSegmentLength ? atomicAdd(&checkpoints, (length - 1) / kSegmentLength) : 0;
+    for_each_segment(length, [&](std::uint32_t number, std::uint32_t part) {
+      order.segments[by_segment.place(part)] = {tile, number};
+    });
+  }
+  for (std::uint32_t k = segments + threadIdx.x; k < order.room; k += kOrderThreads)
+    order.segments[k] = {kNoTile, 0};
+}
+
+// As many segments as lists of so many instances can have.
+std::size_t most_segments(std::size_t tiles, std::uint32_t instances) {
+  return tiles + instances / kSegmentLength;
+}
+
+void order_for_blending(Context& context, RenderPass& pass, std::uint32_t capacity) {
+  const std::size_t tiles = pass.tile_count(), segments = most_segments(tiles, capacity);
+  pass.tile_order.resize_discard(tiles);
+  pass.first_checkpoints.resize_discard(tiles);
+  pass.segments.resize_discard(segments);
+  pass.checkpoints.resize_discard((segments - tiles) * kTileWidth * kTileHeight);
+  const BlendOrder order{pass.tile_order.data(), pass.first_checkpoints.data(),
+                         pass.segments.data(), std::uint32_t(segments)};
+  context.launch("blend order", blend_order_kernel, 1, kOrderThreads, pass.tile_ranges.data(),
+                 std::uint32_t(tiles), order);
 }
 
 template <class Key>
@@ -74,7 +147,8 @@ void sort_keys(Context& context, WorkingRoom& room, RenderPass& pass, std::uint3
   const auto* const keys = reinterpret_cast<const Key*>(room.keys.data());
   auto* const sorted = reinterpret_cast<Key*>(room.sorted_keys.data());
   const int bits = int(std::bit_width(pass.tile_count()));  // the key of no tile included
-  sort_pairs(context, room.sort_room, "the tile sort", keys, sorted, static_cast<const std::uint32_t*>(room.instance_splats.data()),
+  sort_pairs(context, room.sort_room, "the tile sort", keys, sorted,
+             static_cast<const std::uint32_t*>(room.instance_splats.data()),
              pass.tile_splats.data(), capacity, bits);
 }
 
@@ -97,12 +171,14 @@ void order_by_depth(Context& context, WorkingRoom& room, RenderPass& pass) {
              room.sorted_depth_keys.data(),
              static_cast<const std::uint32_t*>(room.row_numbers.data()), pass.depth_order.data(),
              std::uint32_t(count), kDepthKeyBits);
-  with_cub_room(room.sort_room, "the sum of the tile counts", [&](void* temporary, std::size_t& bytes) {
-    return cub::DeviceScan::ExclusiveSum(
-        temporary, bytes,
-        thrust::make_transform_iterator(pass.depth_order.data(), TileCount{pass.tile_counts.data()}),
-        room.first_of_order.data(), int(count), context.stream());
-  });
+  with_cub_room(room.sort_room, "the sum of the tile counts",
+                [&](void* temporary, std::size_t& bytes) {
+                  return cub::DeviceScan::ExclusiveSum(
+                      temporary, bytes,
+                      thrust::make_transform_iterator(pass.depth_order.data(),
+                                                      TileCount{pass.tile_counts.data()}),
+                      room.first_of_order.data(), int(count), context.stream());
+                });
 }
 
 void sort_by_tile(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity) {
@@ -121,9 +197,7 @@ void sort_by_tile(Context& context, WorkingRoom& room, RenderPass& pass, std::ui
     run(std::uint16_t());
   else
     run(std::uint32_t());
-  pass.tile_order.resize_discard(pass.tile_count());
-  context.launch("tile order", tile_order_kernel, 1, kOrderThreads, pass.tile_ranges.data(),
-                 std::uint32_t(pass.tile_count()), pass.tile_order.data());
+  order_for_blending(context, pass, capacity);
 }
 
 }  // namespace gs::cuda

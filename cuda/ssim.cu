@@ -20,8 +20,7 @@
 namespace gs::cuda {
 namespace {
 
-constexpr int kThreads =
-    128;  // columns that a block reads; fewer would read more halo, more leave small pictures' GPU idle
+constexpr int kThreads = 128;  // columns that a block reads; fewer would read more halo, more leave small pictures' GPU idle
 constexpr int kWarps = kThreads / kWarp;
 constexpr int kGroup = 4;  // neighbouring means that a thread makes: 16 bytes
 constexpr int kBlockColumns = (kThreads - 2 * kSsimRadius) / kGroup * kGroup;

@@ -47,6 +47,9 @@ struct WorkingRoom {
         splat_gradients(memory), halted(memory) {}
 };
 
+/// Instances of a list that one warp walks back; a checkpoint of each pixel lies between two segments.
+inline constexpr std::uint32_t kSegmentLength = 512;
+
 /// True where the tiles of a pass, and the number that stands for no tile, fit keys of 16 bits.
 inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < 65536; }
 
@@ -63,7 +66,7 @@ void order_by_depth(Context& context, WorkingRoom& room, RenderPass& pass);
 void create_instances(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity,
                       StepReport* report, std::uint32_t step);
 
-/// 3  sort.cu: order the instances by tile, stably, and find each tile's list; and order the tiles by its length.
+/// 3  sort.cu: order the instances by tile, stably, find each tile's list, and put the longest first.
 void sort_by_tile(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity);
 
 /// 4  blend.cu: blend each tile's list front to back over the background.

@@ -5,7 +5,7 @@
 // Sub-tiles of a warp: Yang et al. 2026 (warp-level culling); the exact test: Radl et al. 2024.
 #pragma once
 
-#include "cuda/context.cuh"
+#include "cuda/stages.cuh"
 #include "cuda/warp.cuh"
 #include "gs_core/math/blend.h"
 #include "gs_core/math/splat.h"
@@ -31,7 +31,6 @@ inline constexpr float kLog2E = 1.44269504f, kLn2 = 0.693147181f;
 /// A picture and its tiles' lists.
 struct TileLists {
   int width, height, tiles_x;
-  const std::uint32_t* order;   // (tiles) in which they are blended
   const std::uint32_t* ranges;  // (tiles + 1)
   const std::uint32_t* splats;  // (I) Gaussian of each place
   const Splat* of_gaussian;     // (N)
@@ -40,35 +39,50 @@ inline TileLists tile_lists(const RenderPass& pass) {
   return {pass.width,
           pass.height,
           pass.tiles_x,
-          pass.tile_order.data(),
           pass.tile_ranges.data(),
           pass.tile_splats.data(),
           pass.splats.data()};
 }
-/// Blocks of kBlendThreads that cover all sub-tiles.
-inline std::size_t blend_blocks(const RenderPass& pass) {
-  return pass.tile_count() * kSubtilesPerTile / kBlendWarps;
+/// Blocks of kBlendThreads that have a warp for each sub-tile of so many tiles, or segments.
+inline std::size_t blend_blocks(std::size_t tiles) {
+  return tiles * kSubtilesPerTile / kBlendWarps;
 }
+
+/// Which tile, or segment, and which of its sub-tiles this warp has.
+struct WarpWork {
+  std::uint32_t item;
+  int subtile;
+
+  __device__ WarpWork() {
+    const std::uint32_t warp = blockIdx.x * kBlendWarps + threadIdx.x / kWarp;
+    item = warp / kSubtilesPerTile;
+    subtile = int(warp % kSubtilesPerTile);
+  }
+};
 
 /// The sub-tile of this warp and the pixel of this lane.
 struct Subtile {
   std::uint32_t tile;
-  int x0, y0;   // upper left pixel
-  int x, y;     // this lane's pixel
+  int number;      // within the tile, row by row
+  int x0, y0;      // upper left pixel
+  int x, y;        // this lane's pixel
   bool is_inside;  // the picture
 
-  __device__ explicit Subtile(const TileLists& lists) {
-    const int warp = int(blockIdx.x) * kBlendWarps + int(threadIdx.x) / kWarp;
-    const int lane = lane_of_thread(), subtile = warp % kSubtilesPerTile;
-    tile = lists.order[warp / kSubtilesPerTile];
-    x0 = int(tile) % lists.tiles_x * kTileWidth + subtile % kSubtilesPerRow * kSubtileWidth;
-    y0 = int(tile) / lists.tiles_x * kTileHeight + subtile / kSubtilesPerRow * kSubtileHeight;
+  __device__ Subtile(const TileLists& lists, std::uint32_t tile, int number)
+      : tile(tile), number(number) {
+    const int lane = lane_of_thread();
+    x0 = int(tile) % lists.tiles_x * kTileWidth + number % kSubtilesPerRow * kSubtileWidth;
+    y0 = int(tile) / lists.tiles_x * kTileHeight + number / kSubtilesPerRow * kSubtileHeight;
     x = x0 + lane % kSubtileWidth;
     y = y0 + lane / kSubtileWidth;
     is_inside = x < lists.width && y < lists.height;
   }
   __device__ std::size_t pixel(const TileLists& lists) const {
     return std::size_t(y) * lists.width + x;
+  }
+  /// This lane's place among the pixels of a tile as checkpoints hold them.
+  __device__ std::size_t checkpoint(std::uint32_t slot) const {
+    return std::size_t(slot) * kTileWidth * kTileHeight + number * kWarp + lane_of_thread();
   }
 };
 
@@ -106,17 +120,19 @@ __device__ inline float base2_exponent(const ListedSplat& splat, float dx, float
 }
 __device__ inline float exp2_fragment(float e) { return exp2f(e); }
 
-/// One warp's way through the list of its tile, up to `end`: fetches 32 splats ahead.
+/// One warp's way through positions [first, last) of its tile's list: fetches 32 splats ahead.
 class ListWalk {
  public:
-  __device__ ListWalk(const TileLists& lists, const Subtile& subtile, std::uint32_t begin,
-                      std::uint32_t end)
+  __device__ ListWalk(const TileLists& lists, const Subtile& subtile, std::uint32_t first,
+                      std::uint32_t last)
       : lists_(lists), x_min_(float(subtile.x0) + 0.5f), y_min_(float(subtile.y0) + 0.5f),
-        begin_(begin), end_(end), next_(begin) {
+        begin_(lists.ranges[subtile.tile]), end_(begin_ + last), next_(begin_ + first) {
     gaussian_ahead_ = gaussian_at(next_ + lane_of_thread());
     fetch();
   }
   __device__ bool is_done() const { return next_ >= end_; }
+  /// Where the next splats stand in the list.
+  __device__ std::uint32_t position() const { return next_ - begin_; }
 
   /// The whole warp: lists the splats of the next 32 that hit the sub-tile, and returns how many they are.
   __device__ int list_next(ListedSplat* list) {
@@ -124,10 +140,9 @@ class ListWalk {
     const Splat splat = splat_;
     next_ += kWarp;
     fetch();
-    const bool hit =
-        place < end_ &&
-        rectangle_is_hit(splat.mean2d, splat.conic, splat.cutoff, x_min_, x_min_ + kSubtileWidth - 1,
-                         y_min_, y_min_ + kSubtileHeight - 1, kSubtileSlack);
+    const bool hit = place < end_ && rectangle_is_hit(splat.mean2d, splat.conic, splat.cutoff,
+                                                      x_min_, x_min_ + kSubtileWidth - 1, y_min_,
+                                                      y_min_ + kSubtileHeight - 1, kSubtileSlack);
     const unsigned hits = __ballot_sync(kAllLanes, hit);
     if (hit) list[__popc(hits & lanes_below())] = listed(splat, place - begin_, gaussian);
     __syncwarp();

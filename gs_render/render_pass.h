@@ -15,6 +15,13 @@ struct RenderSettings : SplatSettings {
   BlendRule blend_rule = BlendRule::faster_gs;
 };
 
+/// A piece of a tile's list.
+struct ListSegment {
+  std::uint32_t tile;    // kNoTile: none
+  std::uint32_t number;  // within the list: 0, 1, ...
+};
+inline constexpr std::uint32_t kNoTile = 0xffffffffu;
+
 /// Every stage's output. Filled by forward, consumed by backward; reused from step to step, so that
 /// steady work allocates nothing.
 struct RenderPass {
@@ -39,7 +46,11 @@ struct RenderPass {
   Buffer<std::uint32_t> tile_splats;    // (I)   their Gaussians, sorted by tile, stable
   Buffer<std::uint32_t> tile_instances; // (I)   their numbers, scalar backend
   Buffer<std::uint32_t> tile_ranges;    // (tiles+1) tile t owns tile_splats[ranges[t] .. ranges[t+1])
-  Buffer<std::uint32_t> tile_order;     // (tiles) those with the longest lists first, CUDA backend
+  // for blending on the GPU: what is done first, and lists in segments that can be walked back by themselves
+  Buffer<std::uint32_t> tile_order;     // (tiles) those with the longest lists first
+  Buffer<std::uint32_t> first_checkpoints;  // (tiles) where a tile's checkpoints begin; one per segment but the first
+  Buffer<ListSegment> segments;         // (room for S) the longest first, then empty ones
+  Buffer<Vec4f> checkpoints;            // (room for S - tiles, pixels of a tile) colour and transmittance before a segment
 
   // 4 blend
   Buffer<float> image;                  // (3, H, W) with background, not clamped
@@ -53,7 +64,9 @@ struct RenderPass {
       : splats(memory), depths(memory), pixel_rects(memory), tile_counts(memory),
         depth_order(memory), first_instance(memory), instance_tiles(memory),
         instance_splats(memory), sort_scratch(memory), tile_splats(memory), tile_instances(memory),
-        tile_ranges(memory), tile_order(memory), image(memory), transmittance(memory), last_instance(memory), instance_gradients(memory) {}
+        tile_ranges(memory), tile_order(memory), first_checkpoints(memory), segments(memory),
+        checkpoints(memory), image(memory), transmittance(memory), last_instance(memory),
+        instance_gradients(memory) {}
 
   std::size_t pixel_count() const { return std::size_t(width) * height; }
   std::size_t tile_count() const { return std::size_t(tiles_x) * tiles_y; }

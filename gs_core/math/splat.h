@@ -105,9 +105,8 @@ template <class T>
 GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
                                             const GaussianParameters<T>& gaussian,
                                             const SplatSettings& settings) {
-  ProjectedGaussian<T> result =
-      project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
-                    gaussian.logit_opacity, settings);
+  ProjectedGaussian<T> result = project_shape(camera, gaussian.mean, gaussian.log_scale,
+                                              gaussian.rotation, gaussian.logit_opacity, settings);
   if (!result.is_visible) return result;
   result.splat.color =
       sh_color(settings.sh_degree, unit_direction(camera.position(), gaussian.mean), gaussian.sh0,

@@ -124,7 +124,8 @@ GS_HD TileSpan hit_tiles_of_row(const Vec2f& mean2d, const Sym2<float>& conic, f
   const float square = conic.xx * conic.yy;
   // Of a needle's determinant nothing but rounding may be left.
   const float det = max_of(multiply_add(-conic.xy, conic.xy, square), 1e-7f * square);
-  const float x_max = sqrt(2.0f * cutoff * conic.yy / det), y_of_x_max = -conic.xy / conic.yy * x_max;
+  const float x_max = sqrt(2.0f * cutoff * conic.yy / det),
+              y_of_x_max = -conic.xy / conic.yy * x_max;
   const float y_first = float(tile_y * kTileHeight) + 0.5f - mean2d.y;
   const float y_last = y_first + float(kTileHeight - 1);
   const float y_right = clamp_to(y_of_x_max, y_first, y_last);
@@ -132,8 +133,10 @@ GS_HD TileSpan hit_tiles_of_row(const Vec2f& mean2d, const Sym2<float>& conic, f
   const float root2_right = multiply_add(-det * y_right, y_right, 2.0f * cutoff * conic.xx);
   const float root2_left = multiply_add(-det * y_left, y_left, 2.0f * cutoff * conic.xx);
   if (!(root2_right >= 0.0f && root2_left >= 0.0f)) return {0, 0};
-  const float right = y_right == y_of_x_max ? x_max : (sqrt(root2_right) - conic.xy * y_right) / conic.xx;
-  const float left = y_left == -y_of_x_max ? -x_max : (-sqrt(root2_left) - conic.xy * y_left) / conic.xx;
+  const float right =
+      y_right == y_of_x_max ? x_max : (sqrt(root2_right) - conic.xy * y_right) / conic.xx;
+  const float left =
+      y_left == -y_of_x_max ? -x_max : (-sqrt(root2_left) - conic.xy * y_left) / conic.xx;
   // A tile's columns of pixel centres are 16 x + 0.5 to 16 x + 15.5.
   const float begin = ceil((mean2d.x + left - (float(kTileWidth) - 0.5f)) / float(kTileWidth));
   const float end = floor((mean2d.x + right - 0.5f) / float(kTileWidth)) + 1.0f;

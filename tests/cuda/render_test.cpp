@@ -35,7 +35,8 @@ struct Rendered {
 
 class CudaRender : public CudaTest {
  protected:
-  Rendered render(const Gaussians& gaussians, const Camera& camera, const RenderSettings& settings) {
+  Rendered render(const Gaussians& gaussians, const Camera& camera,
+                  const RenderSettings& settings) {
     Rendered result(gpu().memory());
     result.on_gpu = copy_to(gpu().memory(), model_of_file(gaussians));
     cpu().renderer().forward(gaussians.span(), camera, settings, result.cpu);
@@ -48,8 +49,8 @@ class CudaRender : public CudaTest {
     const auto add = [&](std::string name, const Recipe& recipe, int width, int height,
                          RenderSettings settings = {}) {
       const Camera camera = random_camera(width, height, all.size() + 1);
-      all.push_back({std::move(name), random_gaussians(recipe, 2000, camera, all.size() + 10), camera,
-                     settings});
+      all.push_back({std::move(name), random_gaussians(recipe, 2000, camera, all.size() + 10),
+                     camera, settings});
     };
     RenderSettings classic, antialias, white;
     classic.blend_rule = BlendRule::classic;
@@ -66,7 +67,8 @@ class CudaRender : public CudaTest {
     add("huge", kHuge, 200, 150);
     add("faint", kFaint, 160, 120);
     add("negative colours", kNegativeColors, 160, 120, white);
-    for (const Truncation truncation : {Truncation::sigma2, Truncation::sigma3, Truncation::sigma4}) {
+    for (const Truncation truncation :
+         {Truncation::sigma2, Truncation::sigma3, Truncation::sigma4}) {
       RenderSettings settings;
       settings.truncation = truncation;
       add("truncation " + std::to_string(int(truncation)), kTypical, 160, 120, settings);
@@ -155,8 +157,10 @@ TEST_F(CudaRender, PicturesAgree) {
     const auto cpu_last = r.cpu.last_instance.download(), gpu_last = r.gpu.last_instance.download();
     ASSERT_EQ(cpu_image.size(), gpu_image.size());
     std::size_t image_differs = 0, T_differs = 0, last_differs = 0;
-    for (std::size_t i = 0; i < cpu_image.size(); ++i)
-      image_differs += !(std::abs(cpu_image[i] - gpu_image[i]) <= 1e-4f);
+    for (std::size_t i = 0; i < cpu_image.size(); ++i) {
+      ASSERT_TRUE(std::isfinite(gpu_image[i]));
+      image_differs += std::abs(cpu_image[i] - gpu_image[i]) > 1e-4f;
+    }
     for (std::size_t i = 0; i < cpu_T.size(); ++i) {
       T_differs += !(std::abs(cpu_T[i] - gpu_T[i]) <= 1e-4f);
       last_differs += cpu_last[i] != gpu_last[i];
@@ -226,7 +230,10 @@ class CudaEdge : public CudaRender {
     const auto a = r.gpu.image.download(), b = r.cpu.image.download();
     ASSERT_EQ(a.size(), b.size());
     std::size_t differ = 0;
-    for (std::size_t i = 0; i < a.size(); ++i) differ += !(std::abs(a[i] - b[i]) <= 1e-4f);
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      ASSERT_TRUE(std::isfinite(a[i]));
+      differ += std::abs(a[i] - b[i]) > 1e-4f;
+    }
     EXPECT_LE(double(differ), kBorderline * double(a.size()) + 1);
     // And the way back, which may touch nothing that it should not.
     Buffer<float> dL(r.gpu.image.size(), gpu().memory());
@@ -238,9 +245,9 @@ class CudaEdge : public CudaRender {
     for_each_array(
         [&](const char* name, const auto& array) {
           const std::vector<float> numbers = downloaded(array);
-          EXPECT_TRUE(std::all_of(numbers.begin(), numbers.end(),
-                                  [](float x) { return std::isfinite(x); }))
-              << name;
+          EXPECT_TRUE(std::all_of(numbers.begin(), numbers.end(), [](float x) {
+            return std::isfinite(x);
+          })) << name;
         },
         gradients);
   }

@@ -114,7 +114,8 @@ TEST_F(CudaStep, FusedStepIsTheScalarOne) {
 // Twenty thousand Gaussians of a hundred tiles each are more than the first guess has room for.
 TEST_F(CudaStep, TooLittleRoomLosesNothing) {
   const std::vector<View> views = some_views(320, 240, 3);
-  const Recipe large{.sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
+  const Recipe large{
+      .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
   const TrainingModel start = model_of(random_gaussians(large, 20000, views[0].camera, 3));
   TrainingModel fused = on_gpu(start), plain = on_gpu(start);
   const RenderSettings settings;
