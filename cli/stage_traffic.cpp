@@ -13,7 +13,6 @@ namespace {
 
 constexpr double kShape = sizeof(Vec3f) + sizeof(Vec3f) + sizeof(Quatf) + sizeof(float);  // bytes a Gaussian
 constexpr double kCount = 4, kDepth = 4, kIndex = 4;  // bytes of one
-constexpr double kTileMask = 8;                       // bytes; which tiles of its rectangle a splat hits
 constexpr double kGradientSum = 48;                   // bytes; dL/d(splat), padded
 constexpr double kDigit = 8;                          // bits that one pass of a radix sort takes
 
@@ -31,21 +30,22 @@ struct Rule {
 };
 
 constexpr Rule kRules[] = {
-    // Reads the shape of all and the colour of the visible; writes count and depth of all, the splat of the visible.
+    // Reads shape and SH degree 0 of all and the other degrees of the visible; writes count and key of all, splat and
+    // depth of the visible.
     {"preprocess",
      [](const Workload& w) {
-       return w.gaussians * (kShape + kCount + kDepth) +
-              w.visible * (12 + sh_rest_bytes(w) + sizeof(Splat) + sizeof(Rect) + kTileMask);
+       return w.gaussians * (kShape + 12 + kCount + kDepth) +
+              w.visible * (sh_rest_bytes(w) + sizeof(Splat) + kDepth + sizeof(Rect));
      }},
-    // Sorts all by the 32 bits of the depth; sums the counts in that order (reads order and count, writes the sum).
+    // Sorts all by the bits of the depth that make its key; sums the counts in that order (reads order and count, writes the sum).
     {"depth sort",
      [](const Workload& w) {
-       return sort_bytes(w.gaussians, kDepth, 32) + w.gaussians * (kIndex + 2 * kCount);
+       return sort_bytes(w.gaussians, kDepth, kDepthKeyBits) + w.gaussians * (kIndex + 2 * kCount);
      }},
-    // Reads order, count and sum of all, rectangle and mask of the visible; writes key and index of each instance.
+    // Reads order, count and sum of all, rectangle and splat of the visible; writes key and index of each instance.
     {"instances",
      [](const Workload& w) {
-       return w.gaussians * (kIndex + 2 * kCount) + w.visible * (sizeof(Rect) + kTileMask) +
+       return w.gaussians * (kIndex + 2 * kCount) + w.visible * (sizeof(Rect) + sizeof(Splat)) +
               w.instances * (tile_key(w) + kIndex);
      }},
     // Sorts by as many bits as there are tiles; reads the keys once more for the tiles' ranges.
