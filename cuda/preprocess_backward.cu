@@ -19,8 +19,8 @@ constexpr int kThreads = 64;  // two warps, each with its own room: ten fit a mu
 constexpr int kBasisStride = kShBasisCount + 1;  // odd: lanes that read one row each hit different banks
 constexpr int kMostArrays = 3;                   // of a quantity: the parameters and both moments
 
-// The gradients of a warp's rows, but for SH: each quantity row after row, as it lies in its array.
-struct RowGradients {
+// Parameters or gradients of a warp's rows, but for SH: each quantity row after row, as it lies in its array.
+struct RowNumbers {
   float mean[3 * kWarp], log_scale[3 * kWarp], rotation[4 * kWarp], logit_opacity[kWarp],
       sh0[3 * kWarp];
 };
@@ -28,8 +28,8 @@ struct RowGradients {
 struct alignas(16) WarpRoom {
   float sh_rows[kMostArrays][kWarp * kShRowNumbers];  // parameters and moments
   union {
-    float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian
-    RowGradients gradients;             // thereafter
+    RowNumbers numbers;                 // parameters at first, gradients in the end
+    float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian, between
   };
   float dL_dcolor[kWarp * 3];           // zero where a Gaussian is not visible
 };
@@ -70,8 +70,10 @@ struct WriteGradients {
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   Vec2f* dL_dmean2d;
 
+  struct Statistics {};
   __device__ bool is_halted() const { return false; }
-  __device__ void note(std::size_t i, const Vec2f& by_mean2d, bool) const {
+  __device__ Statistics load_statistics(std::size_t) const { return {}; }
+  __device__ void note(std::size_t i, const Statistics&, const Vec2f& by_mean2d, bool) const {
     dL_dmean2d[i] = by_mean2d;
   }
 };
@@ -83,23 +85,29 @@ struct UpdateByAdam {
   int width, height;
   const std::uint32_t* halted;
 
+  struct Statistics {
+    float visits = 0, gradient_norm = 0;
+  };
   __device__ bool is_halted() const { return *halted != 0; }
-  __device__ void note(std::size_t i, const Vec2f& by_mean2d, bool is_visible) const {
+  __device__ Statistics load_statistics(std::size_t i) const {
+    if (!visits) return {};
+    return {visits[i], gradient_norm[i]};
+  }
+  __device__ void note(std::size_t i, const Statistics& before, const Vec2f& by_mean2d,
+                       bool is_visible) const {
     if (!visits || !is_visible) return;
-    visits[i] += 1.0f;
-    gradient_norm[i] += screen_gradient_norm(by_mean2d, width, height);
+    visits[i] = before.visits + 1.0f;
+    gradient_norm[i] = before.gradient_norm + screen_gradient_norm(by_mean2d, width, height);
   }
 };
 
-// dL/d(splat) of a visible Gaussian, with colours masked where blending clamped them; clears the sum.
-__device__ SplatGradient take_sum(SplatGradientSum& sum, const Vec3f& color) {
-  const SplatGradientSum total = load_in_vectors(&sum);
-  store_in_vectors(&sum, SplatGradientSum{});
-  return {total.mean2d,
-          {total.conic_xx, total.conic_xy, total.conic_yy},
-          total.opacity,
-          {color.x >= 0.0f ? total.red : 0.0f, color.y >= 0.0f ? total.green : 0.0f,
-           color.z >= 0.0f ? total.blue : 0.0f}};
+// dL/d(splat) of a visible Gaussian, with colours masked where blending clamped them.
+__device__ SplatGradient masked(const SplatGradientSum& sum, const Vec3f& color) {
+  return {sum.mean2d,
+          {sum.conic_xx, sum.conic_xy, sum.conic_yy},
+          sum.opacity,
+          {color.x >= 0.0f ? sum.red : 0.0f, color.y >= 0.0f ? sum.green : 0.0f,
+           color.z >= 0.0f ? sum.blue : 0.0f}};
 }
 
 // dL/d(number `number` of SH row `row` of the warp).
@@ -200,6 +208,13 @@ struct Share {
         if (item < rows * kInRow) loaded[k][a] = numbers.arrays[a][first * kInRow + item];
     }
   }
+  /// Lays the parameters out in the rows' order.
+  __device__ void lay_out(int rows, float* to) const {
+    for (int k = 0; k < kInRow; ++k) {
+      const int item = lane_of_thread() + k * kWarp;
+      if (item < rows * kInRow) to[item] = loaded[k][0];
+    }
+  }
   __device__ void finish(const Numbers& numbers, std::size_t first, int rows,
                          const float* gradients) {
     for (int k = 0; k < kInRow; ++k) {
@@ -207,6 +222,13 @@ struct Share {
       if (item < rows * kInRow) numbers.finish(first * kInRow + item, loaded[k], gradients[item]);
     }
   }
+};
+
+// The parameters of one Gaussian but for colour.
+struct Shape {
+  Vec3f mean, log_scale;
+  Quatf rotation;
+  float logit_opacity;
 };
 
 // All quantities but SH: this lane's shares.
@@ -221,8 +243,27 @@ struct Shares {
       : mean(sink.mean, first, rows), log_scale(sink.log_scale, first, rows),
         sh0(sink.sh0, first, rows), rotation(sink.rotation, first, rows),
         logit_opacity(sink.logit_opacity, first, rows) {}
+  /// The whole warp: this lane's row of parameters, by way of the room.
+  __device__ Shape row(RowNumbers& room, int rows) const {
+    mean.lay_out(rows, room.mean);
+    log_scale.lay_out(rows, room.log_scale);
+    rotation.lay_out(rows, room.rotation);
+    logit_opacity.lay_out(rows, room.logit_opacity);
+    __syncwarp();
+    const int lane = lane_of_thread();
+    const auto vector = [&](const float* of) {
+      return Vec3f(of[3 * lane], of[3 * lane + 1], of[3 * lane + 2]);
+    };
+    const float* const q = room.rotation + 4 * lane;
+    const Shape shape{vector(room.mean),
+                      vector(room.log_scale),
+                      {q[0], q[1], q[2], q[3]},
+                      room.logit_opacity[lane]};
+    __syncwarp();
+    return shape;
+  }
   __device__ void finish(const Sink& sink, std::size_t first, int rows,
-                         const RowGradients& gradients) {
+                         const RowNumbers& gradients) {
     mean.finish(sink.mean, first, rows, gradients.mean);
     log_scale.finish(sink.log_scale, first, rows, gradients.log_scale);
     sh0.finish(sink.sh0, first, rows, gradients.sh0);
@@ -231,7 +272,7 @@ struct Shares {
   }
 };
 
-__device__ void stage(RowGradients& to, const GaussianGradient<float>& gradient) {
+__device__ void stage(RowNumbers& to, const GaussianGradient<float>& gradient) {
   const int lane = lane_of_thread();
   for (int c = 0; c < 3; ++c) {
     to.mean[3 * lane + c] = gradient.mean[c];
@@ -247,45 +288,43 @@ __device__ void stage(RowGradients& to, const GaussianGradient<float>& gradient)
 
 template <int degree, class Sink>
 __global__ void __launch_bounds__(kThreads)
-    preprocess_backward_kernel(GaussiansSpan gaussians, Camera camera, SplatSettings settings,
+    preprocess_backward_kernel(std::size_t count, Camera camera, SplatSettings settings,
                                const std::uint32_t* tile_counts, const Splat* splats,
                                SplatGradientSum* sums, Sink sink) {
   __shared__ WarpRoom rooms[kThreads / kWarp];
   WarpRoom& room = rooms[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  const std::size_t count = gaussians.mean.size, first = i - lane_of_thread();
+  const std::size_t first = i - lane_of_thread();
   if (first >= count) return;  // the whole warp
   const int rows = int(min(count - first, std::size_t(kWarp)));
   // First all that comes from memory, so that it is waited for once; no store comes before.
   if (degree > 0) start_sh_rows<degree>(room, sink.sh_rest, first, rows);
-  const bool is_halted = sink.is_halted(), is_visible = i < count && tile_counts[i] > 0;
+  const bool is_halted = sink.is_halted(), is_row = i < count;
   Shares<Sink> shares(sink, first, rows);
-  Vec3f mean(0.0f), log_scale(0.0f);
-  Quatf rotation{1, 0, 0, 0};
-  float logit_opacity = 0;
-  SplatGradient dL_dsplat{};
-  if (is_visible) {
-    mean = gaussians.mean[i];
-    log_scale = gaussians.log_scale[i];
-    rotation = gaussians.rotation[i];
-    logit_opacity = gaussians.logit_opacity[i];
-    dL_dsplat = take_sum(sums[i], splats[i].color);
-  }
+  const typename Sink::Statistics statistics =
+      is_row ? sink.load_statistics(i) : typename Sink::Statistics{};
+  const SplatGradientSum sum = is_row ? load_in_vectors(sums + i) : SplatGradientSum{};
+  const Vec3f color = is_row ? splats[i].color : Vec3f(0.0f);  // undefined where not visible
+  const bool is_visible = is_row && tile_counts[i] > 0;
+  if (is_visible) store_in_vectors(sums + i, SplatGradientSum{});  // clear for the next step
   if (is_halted) return;
 
+  const Shape shape = shares.row(room.numbers, rows);
+  SplatGradient dL_dsplat{};
   GaussianGradient<float> gradient{};
   if (is_visible) {
-    gradient =
-        project_shape_vjp(camera, mean, log_scale, rotation, logit_opacity, settings, dL_dsplat);
+    dL_dsplat = masked(sum, color);
+    gradient = project_shape_vjp(camera, shape.mean, shape.log_scale, shape.rotation,
+                                 shape.logit_opacity, settings, dL_dsplat);
     gradient.sh0 = float(kSh0) * dL_dsplat.color;
   }
-  gradient.mean += color_backward<degree>(room, mean, camera, first, rows, is_visible,
+  gradient.mean += color_backward<degree>(room, shape.mean, camera, first, rows, is_visible,
                                           dL_dsplat.color, sink.sh_rest);
-  if (i < count) sink.note(i, dL_dsplat.mean2d, is_visible);
+  if (is_row) sink.note(i, statistics, dL_dsplat.mean2d, is_visible);
   __syncwarp();
-  stage(room.gradients, gradient);
+  stage(room.numbers, gradient);
   __syncwarp();
-  shares.finish(sink, first, rows, room.gradients);
+  shares.finish(sink, first, rows, room.numbers);
 }
 
 template <class T>
@@ -298,8 +337,9 @@ void launch(Context& context, const GaussiansSpan& gaussians, const Camera& came
             const RenderSettings& settings, WorkingRoom& room, RenderPass& pass, const Sink& sink) {
   with_sh_degree(settings.sh_degree, [&](auto degree) {
     context.launch("preprocess backward", preprocess_backward_kernel<degree(), Sink>,
-                   blocks_for(gaussians.mean.size, kThreads), kThreads, gaussians, camera, settings,
-                   pass.tile_counts.data(), pass.splats.data(), room.splat_gradients.data(), sink);
+                   blocks_for(gaussians.mean.size, kThreads), kThreads, gaussians.mean.size, camera,
+                   settings, pass.tile_counts.data(), pass.splats.data(),
+                   room.splat_gradients.data(), sink);
   });
 }
 
