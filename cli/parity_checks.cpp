@@ -53,19 +53,6 @@ std::vector<ParityScene> parity_scenes() {
   return scenes;
 }
 
-/// A copy of every array of a model, in another memory.
-TrainingModel copied(const TrainingModel& from, Memory& memory) {
-  TrainingModel model(memory);
-  const auto copy = [](const char*, auto& to, const auto& array) { to.upload(array.download()); };
-  for_each_array(copy, model.gaussians, from.gaussians);
-  for_each_array(copy, model.first_moment, from.first_moment);
-  for_each_array(copy, model.second_moment, from.second_moment);
-  model.statistics.visits.upload(from.statistics.visits.download());
-  model.statistics.gradient_norm.upload(from.statistics.gradient_norm.download());
-  model.adam_steps = from.adam_steps;
-  return model;
-}
-
 /// One generated scene on both backends, stage after stage.
 class ParityCheck {
  public:
@@ -212,8 +199,8 @@ class ParityCheck {
     };
     TrainingModel expected = untrained(scene_.model, host_memory());
     for (int i = 0; i < kStepsBefore; ++i) step(cpu_, expected, i);
-    const TrainingModel before = copied(expected, host_memory());
-    TrainingModel actual = copied(expected, device_.memory());
+    const TrainingModel before = copy_to(host_memory(), expected);
+    TrainingModel actual = copy_to(device_.memory(), expected);
     step(cpu_, expected, kStepsBefore);
     step(device_, actual, kStepsBefore);
     compare_changes(before, actual, expected);

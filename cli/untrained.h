@@ -9,14 +9,7 @@ namespace gs {
 inline TrainingModel untrained(const GaussianModel& from, Memory& memory) {
   TrainingModel model(memory);
   model.gaussians = copy_to(memory, from);
-  for (Gaussians* moment : {&model.first_moment, &model.second_moment}) {
-    moment->resize(model.count());
-    moment->fill_zero();
-  }
-  for (Buffer<float>* statistic : {&model.statistics.visits, &model.statistics.gradient_norm}) {
-    statistic->resize(model.count());
-    statistic->fill_zero();
-  }
+  clear_history(model);
   return model;
 }
 

@@ -171,16 +171,7 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
                 const RenderSettings& settings, WorkingRoom& room, RenderPass& pass) {
   const StageScope scope(context, "preprocess");
   const std::size_t count = gaussians.mean.size;
-  GS_CHECK(camera.width > 0 && camera.width <= kMaxPictureSide && camera.height > 0 &&
-           camera.height <= kMaxPictureSide);
-  pass.width = camera.width;
-  pass.height = camera.height;
-  pass.tiles_x = (camera.width + kTileWidth - 1) / kTileWidth;
-  pass.tiles_y = (camera.height + kTileHeight - 1) / kTileHeight;
-  pass.splats.resize_discard(count);
-  pass.depths.resize_discard(count);
-  pass.pixel_rects.resize_discard(count);
-  pass.tile_counts.resize_discard(count);
+  pass.begin(camera, count);
   room.depth_keys.resize_discard(count);
   const Output out{pass.splats.data(),      pass.depths.data(),
                    room.depth_keys.data(),  pass.pixel_rects.data(),

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas.
-#include "gs_core/error.h"
 #include "gs_core/parallel.h"
 #include "gs_render/stages.h"
 
@@ -9,16 +8,7 @@ namespace gs {
 void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, RenderPass& pass) {
   const std::size_t count = gaussians.mean.size;
-  GS_CHECK(camera.width > 0 && camera.width <= kMaxPictureSide && camera.height > 0 &&
-           camera.height <= kMaxPictureSide);
-  pass.width = camera.width;
-  pass.height = camera.height;
-  pass.tiles_x = (camera.width + kTileWidth - 1) / kTileWidth;
-  pass.tiles_y = (camera.height + kTileHeight - 1) / kTileHeight;
-  pass.splats.resize_discard(count);
-  pass.depths.resize_discard(count);
-  pass.pixel_rects.resize_discard(count);
-  pass.tile_counts.resize_discard(count);
+  pass.begin(camera, count);
 
   parallel_for(count, 512, [&](std::size_t i) {
     pass.tile_counts[i] = 0;

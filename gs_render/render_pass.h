@@ -4,6 +4,7 @@
 #pragma once
 
 #include "gs_core/buffer.h"
+#include "gs_core/error.h"
 #include "gs_core/math/blend.h"
 #include "gs_core/math/splat.h"
 
@@ -67,6 +68,20 @@ struct RenderPass {
         tile_ranges(memory), tile_order(memory), first_checkpoints(memory), segments(memory),
         checkpoints(memory), image(memory), transmittance(memory), last_instance(memory),
         instance_gradients(memory) {}
+
+  /// Sizes what stage 1 fills, for a view and so many Gaussians.
+  void begin(const Camera& camera, std::size_t gaussians) {
+    GS_CHECK(camera.width > 0 && camera.width <= kMaxPictureSide && camera.height > 0 &&
+             camera.height <= kMaxPictureSide);
+    width = camera.width;
+    height = camera.height;
+    tiles_x = (camera.width + kTileWidth - 1) / kTileWidth;
+    tiles_y = (camera.height + kTileHeight - 1) / kTileHeight;
+    splats.resize_discard(gaussians);
+    depths.resize_discard(gaussians);
+    pixel_rects.resize_discard(gaussians);
+    tile_counts.resize_discard(gaussians);
+  }
 
   std::size_t pixel_count() const { return std::size_t(width) * height; }
   std::size_t tile_count() const { return std::size_t(tiles_x) * tiles_y; }

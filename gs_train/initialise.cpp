@@ -68,19 +68,9 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
   });
 
   TrainingModel model(memory);
-  for_each_array(
-      [&](const char*, auto& to, auto& m, auto& v, const auto& from) {
-        to.upload(from.download());
-        m.resize(from.size());
-        v.resize(from.size());
-      },
-      model.gaussians, model.first_moment, model.second_moment, start);
-  model.first_moment.fill_zero();
-  model.second_moment.fill_zero();
-  model.statistics.visits.resize(model.count());
-  model.statistics.visits.fill_zero();
-  model.statistics.gradient_norm.resize(model.count());
-  model.statistics.gradient_norm.fill_zero();
+  for_each_array([](const char*, auto& to, const auto& from) { to.upload(from.download()); },
+                 model.gaussians, start);
+  clear_history(model);
   return model;
 }
 

@@ -31,6 +31,32 @@ struct TrainingModel {
   std::size_t count() const { return gaussians.count(); }
 };
 
+/// Gives a model whose Gaussians are set the moments and statistics of before its first step: zero.
+inline void clear_history(TrainingModel& model) {
+  for (Gaussians* moment : {&model.first_moment, &model.second_moment}) {
+    moment->resize(model.count());
+    moment->fill_zero();
+  }
+  for (Buffer<float>* statistic : {&model.statistics.visits, &model.statistics.gradient_norm}) {
+    statistic->resize(model.count());
+    statistic->fill_zero();
+  }
+  model.adam_steps = 0;
+}
+
+/// A copy of everything, in another memory.
+inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
+  TrainingModel model(memory);
+  const auto copy = [](const char*, auto& to, const auto& array) { to.upload(array.download()); };
+  for_each_array(copy, model.gaussians, from.gaussians);
+  for_each_array(copy, model.first_moment, from.first_moment);
+  for_each_array(copy, model.second_moment, from.second_moment);
+  copy("visits", model.statistics.visits, from.statistics.visits);
+  copy("gradient_norm", model.statistics.gradient_norm, from.statistics.gradient_norm);
+  model.adam_steps = from.adam_steps;
+  return model;
+}
+
 class Optimizer {
  public:
   virtual ~Optimizer() = default;

@@ -171,19 +171,6 @@ TEST_F(CudaRender, PicturesAgree) {
   }
 }
 
-/// ||a - b|| / ||b||; NaN counts as infinite.
-double norm_difference(const std::vector<float>& a, const std::vector<float>& b) {
-  EXPECT_EQ(a.size(), b.size());
-  double difference = 0, norm = 0;
-  for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i) {
-    const double d = double(a[i]) - b[i];
-    if (!(d * d >= 0)) return std::numeric_limits<double>::infinity();
-    difference += d * d;
-    norm += double(b[i]) * b[i];
-  }
-  return norm > 0 ? std::sqrt(difference / norm) : std::sqrt(difference);
-}
-
 TEST_F(CudaRender, GradientsAgree) {
   for (const Scene& scene : scenes()) {
     SCOPED_TRACE(scene.name);

@@ -32,17 +32,6 @@ namespace {
 
 const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
 
-double norm_difference(const std::vector<float>& a, const std::vector<float>& b) {
-  EXPECT_EQ(a.size(), b.size());
-  double difference = 0, norm = 0;
-  for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i) {
-    difference += (double(a[i]) - b[i]) * (double(a[i]) - b[i]);
-    norm += double(b[i]) * b[i];
-  }
-  EXPECT_TRUE(std::isfinite(difference));
-  return norm > 0 ? std::sqrt(difference / norm) : std::sqrt(difference);
-}
-
 std::vector<View> some_views(int width, int height, int count) {
   std::vector<View> views(count);
   for (int i = 0; i < count; ++i) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -24,30 +25,9 @@ class CudaTest : public testing::Test {
   Backend& gpu() { return *gpu_; }
   Backend& cpu() { return *cpu_; }
 
-  /// A model of the GPU with the same contents.
-  TrainingModel on_gpu(const TrainingModel& from) {
-    TrainingModel model(gpu().memory());
-    const auto copy = [](const char*, auto& to, const auto& array) { to.upload(array.download()); };
-    for_each_array(copy, model.gaussians, from.gaussians);
-    for_each_array(copy, model.first_moment, from.first_moment);
-    for_each_array(copy, model.second_moment, from.second_moment);
-    model.statistics.visits.upload(from.statistics.visits.download());
-    model.statistics.gradient_norm.upload(from.statistics.gradient_norm.download());
-    model.adam_steps = from.adam_steps;
-    return model;
-  }
-  /// And back, in host memory.
-  TrainingModel on_host(const TrainingModel& from) {
-    TrainingModel model;
-    const auto copy = [](const char*, auto& to, const auto& array) { to.upload(array.download()); };
-    for_each_array(copy, model.gaussians, from.gaussians);
-    for_each_array(copy, model.first_moment, from.first_moment);
-    for_each_array(copy, model.second_moment, from.second_moment);
-    model.statistics.visits.upload(from.statistics.visits.download());
-    model.statistics.gradient_norm.upload(from.statistics.gradient_norm.download());
-    model.adam_steps = from.adam_steps;
-    return model;
-  }
+  /// A model of the GPU with the same contents, and back.
+  TrainingModel on_gpu(const TrainingModel& from) { return copy_to(gpu().memory(), from); }
+  TrainingModel on_host(const TrainingModel& from) { return copy_to(host_memory(), from); }
 
  private:
   std::unique_ptr<Backend> gpu_, cpu_;
@@ -64,6 +44,18 @@ inline double relative_difference(const std::vector<float>& actual,
     scale = std::max(scale, std::abs(double(expected[i])));
   }
   return scale > 0 ? difference / scale : difference;
+}
+/// ||actual - expected|| / ||expected||; infinite where a number is not one.
+inline double norm_difference(const std::vector<float>& actual,
+                              const std::vector<float>& expected) {
+  EXPECT_EQ(actual.size(), expected.size());
+  double difference = 0, norm = 0;
+  for (std::size_t i = 0; i < std::min(actual.size(), expected.size()); ++i) {
+    difference += (double(actual[i]) - expected[i]) * (double(actual[i]) - expected[i]);
+    norm += double(expected[i]) * expected[i];
+  }
+  if (!std::isfinite(difference)) return std::numeric_limits<double>::infinity();
+  return norm > 0 ? std::sqrt(difference / norm) : std::sqrt(difference);
 }
 /// The numbers of an array of any Memory, in host memory.
 template <class T>

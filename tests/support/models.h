@@ -29,14 +29,7 @@ inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
 inline TrainingModel model_of(const Gaussians& gaussians) {
   TrainingModel model;
   model.gaussians = copy_of(gaussians);
-  for (Gaussians* moment : {&model.first_moment, &model.second_moment}) {
-    moment->resize(gaussians.count());
-    moment->fill_zero();
-  }
-  for (Buffer<float>* statistic : {&model.statistics.visits, &model.statistics.gradient_norm}) {
-    statistic->resize(gaussians.count());
-    statistic->fill_zero();
-  }
+  clear_history(model);
   return model;
 }
 
