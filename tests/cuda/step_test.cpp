@@ -20,6 +20,10 @@ extern "C" {
 GS_COUNT(cudaMalloc, allocations, (void** to, size_t bytes), (to, bytes))
 GS_COUNT(cudaFree, allocations, (void* pointer), (pointer))
 GS_COUNT(cudaHostAlloc, allocations, (void** to, size_t bytes, unsigned flags), (to, bytes, flags))
+GS_COUNT(cudaMallocHost, allocations, (void** to, size_t bytes), (to, bytes))
+GS_COUNT(cudaFreeHost, allocations, (void* pointer), (pointer))
+GS_COUNT(cudaMallocAsync, allocations, (void** to, size_t bytes, cudaStream_t stream),
+         (to, bytes, stream))
 GS_COUNT(cudaStreamSynchronize, waits, (cudaStream_t stream), (stream))
 GS_COUNT(cudaDeviceSynchronize, waits, (), ())
 GS_COUNT(cudaEventSynchronize, waits, (cudaEvent_t event), (event))
