@@ -86,7 +86,8 @@ __device__ SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f
   const float fx = a.y - mx * f, fy = a.z - my * f;
   const float fxx = a.w - mx * (a.y + fx), fxy = b.x - mx * a.z - my * fx,
               fyy = b.y - my * (a.z + fy);
-  const float xx = -2.0f * kLn2 * splat.xx, xy = -kLn2 * splat.xy, yy = -2.0f * kLn2 * splat.yy;
+  constexpr float kScale = -float(kLn2);  // back from base 2; see listed()
+  const float xx = 2.0f * kScale * splat.xx, xy = kScale * splat.xy, yy = 2.0f * kScale * splat.yy;
   return {{xx * fx + xy * fy, xy * fx + yy * fy},
           -0.5f * fxx,
           -0.5f * fxy,

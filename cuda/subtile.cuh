@@ -26,8 +26,6 @@ static_assert(kSubtilesPerTile % kBlendWarps == 0);
 // granted to rounding, also that of needles, whose terms cancel.
 inline constexpr float kSubtileSlack = 4e-6f;
 
-inline constexpr float kLog2E = 1.44269504f, kLn2 = 0.693147181f;
-
 /// A picture and its tiles' lists.
 struct TileLists {
   int width, height, tiles_x;
@@ -99,11 +97,12 @@ struct alignas(16) ListedSplat {
 
 __device__ inline ListedSplat listed(const Splat& splat, std::uint32_t position,
                                      std::uint32_t gaussian) {
+  constexpr float kScale = float(kLog2E);
   return {splat.mean2d,
-          -0.5f * kLog2E * splat.conic.xx,
-          -kLog2E * splat.conic.xy,
-          -0.5f * kLog2E * splat.conic.yy,
-          -kLog2E * splat.cutoff,
+          -0.5f * kScale * splat.conic.xx,
+          -kScale * splat.conic.xy,
+          -0.5f * kScale * splat.conic.yy,
+          -kScale * splat.cutoff,
           splat.opacity,
           max_of(splat.color.x, 0.0f),
           max_of(splat.color.y, 0.0f),

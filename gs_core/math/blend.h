@@ -36,6 +36,53 @@ GS_HD ExponentGradient<T> fragment_exponent_vjp(const Sym2<T>& conic, const T& d
           {(conic.xx * dx + conic.xy * dy) * dL_dE, (conic.xy * dx + conic.yy * dy) * dL_dE}};
 }
 
+/// The conic in factors: (log2 e / 2) Q = L L^T, so that -log2(e) E = |u|^2 with u = L^T d. Unlike those of Q, the terms
+/// of |u|^2 do not cancel, however long a needle is.
+///
+///   u_x = xx d_x + xy d_y,   u_y = yy d_y
+template <class T>
+struct ConicFactors {
+  T xx, xy, yy;  // 1 / pixels
+};
+/// The factors of a splat's conic, from its image-plane covariance.
+template <class T>
+GS_HD ConicFactors<T> conic_factors(const Sym2<T>& cov2d) {
+  using std::sqrt;
+  const T scale = sqrt(T(kLog2E) / T(2));
+  const T det = cov2d.xx * cov2d.yy - cov2d.xy * cov2d.xy;
+  const T xx = scale * sqrt(cov2d.yy / det);
+  return {xx, -cov2d.xy / cov2d.yy * xx, scale / sqrt(cov2d.yy)};
+}
+
+/// log2(alpha) of a splat as a polynomial of the pixel's place, so that many splats at many pixels are one matrix
+/// product (GEMM-GS): alpha = 2^<coefficients, monomials>.
+inline constexpr int kExponentTerms = 6;
+template <class T>
+struct ExponentTerms {
+  T of[kExponentTerms];
+};
+/// The pixel's side: 1, x, y, x^2, x y, y^2 of its offset from a reference point. About the centre of a tile of 16
+/// pixels these are multiples of 1/4 up to 56.25 and fit half precision exactly.
+template <class T>
+GS_HD ExponentTerms<T> pixel_monomials(const T& x, const T& y) {
+  return {{T(1), x, y, x * x, x * y, y * y}};
+}
+/// The splat's side, opacity and log2(e) included. `mean` is its offset from the same reference point.
+template <class T>
+GS_HD ExponentTerms<T> exponent_coefficients(const ConicFactors<T>& L, const Vec2<T>& mean,
+                                             const T& log2_opacity) {
+  const T u_x = L.xx * mean.x + L.xy * mean.y, u_y = L.yy * mean.y;
+  return {{log2_opacity - u_x * u_x - u_y * u_y, T(2) * u_x * L.xx,
+           T(2) * (u_x * L.xy + u_y * L.yy), -L.xx * L.xx, T(-2) * L.xx * L.xy,
+           -(L.xy * L.xy + L.yy * L.yy)}};
+}
+template <class T>
+GS_HD T inner(const ExponentTerms<T>& a, const ExponentTerms<T>& b) {
+  T sum = a.of[0] * b.of[0];
+  for (int k = 1; k < kExponentTerms; ++k) sum += a.of[k] * b.of[k];
+  return sum;
+}
+
 /// exp(x) for the exponents of fragments, -80 <= x <= 0. For float: exp(x) = 2^n * 2^f with |f| <= 1/2 and a
 /// polynomial for 2^f (Taylor series of e^{f ln 2}, relative error under 3e-7), free of branches, so that
 /// compilers vectorise loops around it.
@@ -46,7 +93,7 @@ GS_HD T exp_fragment(const T& x) {
 }
 #ifndef __CUDA_ARCH__
 inline float exp_fragment(const float& x) {
-  const float t = x * 1.44269504f;  // log2(e)
+  const float t = x * float(kLog2E);
   const float rounded = (t + 12582912.0f) - 12582912.0f;  // 1.5 * 2^23: rounds to the nearest integer
   const float f = x - rounded * 0.693359375f + rounded * 2.12194440e-4f;  // ln 2 in two parts
   float p = 1.0f / 720.0f;

@@ -20,6 +20,9 @@ inline constexpr float kMaxAlphaClassic = 0.99f;        // upper clamp of the cl
 inline constexpr float kMinExponent = -80.0f;           // exp(-80) is a normal float; no fragment comes near it
 inline constexpr float kMinOneMinusAlpha = 1e-6f;       // guard of the backward residual [FGS]
 
+inline constexpr double kLog2E = 1.4426950408889634;    // log2(e)
+inline constexpr double kLn2 = 0.6931471805599453;      // ln(2)
+
 // Projection.
 inline constexpr float kBlur = 0.3f;                    // pixels^2 added to the image covariance [3DGS]
 inline constexpr float kBlurAntialias = 0.1f;           // pixels^2, with opacity compensation [Mip]

@@ -50,6 +50,80 @@ TEST(FragmentExponent, GradientMatchesJet) {
   EXPECT_LT(worst, kJetTolerance);
 }
 
+// ---- log2(alpha) as a product.
+
+/// A covariance with standard deviations of 0.55 to 400 pixels: round ones and needles, and its conic.
+struct Shape {
+  Sym2<double> cov2d, conic;
+};
+Shape draw_shape(TestRandom& random) {
+  const double a = std::pow(10.0, random.uniform(-0.5, 5.2)),
+               b = std::pow(10.0, random.uniform(-0.5, 5.2));
+  const double angle = random.uniform(0.0, 3.2), c = std::cos(angle), s = std::sin(angle);
+  const Sym2<double> S{a * c * c + b * s * s, (a - b) * c * s, a * s * s + b * c * c};
+  // The conic from its own eigenvalues: the inverse of S would lose the digits that this is about.
+  return {S, {c * c / a + s * s / b, (1 / a - 1 / b) * c * s, s * s / a + c * c / b}};
+}
+
+// The determinant of a needle of 1 : 700 keeps some 10 of a double's 16 digits.
+TEST(ConicFactors, MultiplyToTheConic) {
+  TestRandom random;
+  for (int i = 0; i < 10'000; ++i) {
+    const Shape shape = draw_shape(random);
+    const ConicFactors<double> L = conic_factors(shape.cov2d);
+    const double half = kLog2E / 2, size = half * (shape.conic.xx + shape.conic.yy);
+    EXPECT_NEAR(L.xx * L.xx, half * shape.conic.xx, 1e-9 * size);
+    EXPECT_NEAR(L.xx * L.xy, half * shape.conic.xy, 1e-9 * size);
+    EXPECT_NEAR(L.xy * L.xy + L.yy * L.yy, half * shape.conic.yy, 1e-9 * size);
+  }
+}
+
+// Means up to 2,000 pixels away, as the far end of a needle has them. The sum's terms are what rounding is relative to.
+TEST(ExponentCoefficients, TimesMonomialsAreLog2OfAlpha) {
+  TestRandom random;
+  double worst = 0;
+  for (int i = 0; i < 100'000; ++i) {
+    const ConicFactors<double> L = conic_factors(draw_shape(random).cov2d);
+    const double reach = std::pow(10.0, random.uniform(0.0, 3.3));
+    const Vec2<double> mean{random.uniform(-reach, reach), random.uniform(-reach, reach)};
+    const double x = random.uniform(-8.0, 8.0), y = random.uniform(-8.0, 8.0);
+    const double opacity = random.uniform(1.0 / 255.0, 1.0);
+    // The original exponent: E = -1/2 d^T Q d with the conic that the factors stand for.
+    const double scale = 2 / kLog2E;
+    const Sym2<double> Q{scale * L.xx * L.xx, scale * L.xx * L.xy,
+                         scale * (L.xy * L.xy + L.yy * L.yy)};
+    const double dx = x - mean.x, dy = y - mean.y;
+    const double E = -0.5 * (Q.xx * dx * dx + Q.yy * dy * dy) - Q.xy * dx * dy;
+    const auto coefficients = exponent_coefficients(L, mean, std::log2(opacity));
+    const auto monomials = pixel_monomials(x, y);
+    double size = 1 + Q.xx * dx * dx + Q.yy * dy * dy;
+    for (int k = 0; k < kExponentTerms; ++k) size += std::abs(coefficients.of[k] * monomials.of[k]);
+    const double error = inner(coefficients, monomials) - (std::log2(opacity) + kLog2E * E);
+    worst = std::max(worst, std::abs(error) / size);
+  }
+  EXPECT_LT(worst, 1e-12);
+}
+
+// At its own centre a splat has its whole opacity, wherever the reference point is.
+TEST(ExponentCoefficients, GiveTheOpacityAtTheMean) {
+  TestRandom random;
+  for (int i = 0; i < 10'000; ++i) {
+    const ConicFactors<double> L = conic_factors(draw_shape(random).cov2d);
+    const Vec2<double> mean{random.uniform(-8.0, 8.0), random.uniform(-8.0, 8.0)};
+    const double log2_opacity = random.uniform(-8.0, 0.0);
+    EXPECT_NEAR(
+        inner(exponent_coefficients(L, mean, log2_opacity), pixel_monomials(mean.x, mean.y)),
+        log2_opacity, 1e-11);
+  }
+}
+
+TEST(PixelMonomials, AboutATileCentreFitElevenBits) {
+  for (int y = 0; y < 16; ++y)
+    for (int x = 0; x < 16; ++x)
+      for (const double term : pixel_monomials(x - 7.5, y - 7.5).of)
+        EXPECT_TRUE(4 * term == std::round(4 * term) && std::abs(4 * term) < 2048);
+}
+
 // Along a needle of 300 pixels the terms of E cancel, and rounding alone would lift it above 0.
 TEST(FragmentExponent, IsNeverAboveZeroInFloat) {
   TestRandom random;
