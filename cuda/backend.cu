@@ -198,8 +198,9 @@ class CudaBackend final : private Device, public Backend {
     context.synchronize();
     for (const Step& step : pending_) {
       StepReport report;
-      if (reports_.read(step.number, report))
-        forecast_.note(*step.view, report.instances, std::max<std::size_t>(model_->count(), 1));
+      if (!reports_.read(step.number, report)) continue;
+      check_can_be_sorted(report.instances);
+      forecast_.note(*step.view, report.instances, std::max<std::size_t>(model_->count(), 1));
     }
     renderer_.room().halted.fill_zero();
     for (const Step& step : pending_) enqueue(step);

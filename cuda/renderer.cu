@@ -11,6 +11,14 @@ constexpr std::uint32_t kMostInstances = std::numeric_limits<std::int32_t>::max(
 
 }  // namespace
 
+void check_can_be_sorted(std::uint64_t instances) {
+  if (instances > kMostInstances)
+    throw Error(
+        "a view has more than 2^31 splats in tiles; lower the resolution (-r) or the number of "
+        "Gaussians (--max-gaussians)",
+        ExitCode::out_of_memory);
+}
+
 CudaRenderer::CudaRenderer(Context& context, Memory& memory)
     : context_(context), memory_(memory), room_(memory) {
   room_.halted.resize(1);
@@ -45,11 +53,7 @@ std::uint32_t CudaRenderer::instance_count(const RenderPass& pass) {
   memory_.download(&gaussian, pass.depth_order.data() + last, sizeof gaussian);
   memory_.download(&first, room_.first_of_order.data() + last, sizeof first);
   memory_.download(&count, pass.tile_counts.data() + gaussian, sizeof count);
-  if (std::uint64_t(first) + count > kMostInstances)
-    throw Error(
-        "a view has more than 2^31 splats in tiles; lower the resolution (-r) or the number of "
-        "Gaussians (--max-gaussians)",
-        ExitCode::out_of_memory);
+  check_can_be_sorted(std::uint64_t(first) + count);
   return first + count;
 }
 

@@ -6,6 +6,9 @@
 
 namespace gs::cuda {
 
+/// Throws Error where a view has more instances than the sorts can count.
+void check_can_be_sorted(std::uint64_t instances);
+
 class CudaRenderer final : public Renderer {
  public:
   CudaRenderer(Context& context, Memory& memory);
