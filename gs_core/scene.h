@@ -29,11 +29,15 @@ struct Scene {
   std::vector<View> train_views, test_views;
   std::vector<ScenePoint> points;
   std::string source;  // the folder it was loaded from
-  float extent = 1;    // 1.1 * the largest distance of a training camera from their mean; world units
+  float extent = 1;    // 1.1 * the largest distance of a training camera from their mean, strays left out; world units
 };
 
+/// Cameras that stand far away from all others, mostly by a wrong pose: more than ten times as far from the median
+/// position as nine in ten of the cameras. Indices, ascending; at most a tenth of all.
+std::vector<std::size_t> stray_cameras(const std::vector<View>& views);
+
 /// Extent of a set of cameras, as the position learning rate and the density rules use it
-/// (Kerbl et al. 2023). Returns 1 for fewer than two distinct positions.
+/// (Kerbl et al. 2023), stray cameras left out. Returns 1 for fewer than two distinct positions.
 float camera_extent(const std::vector<View>& views);
 
 }  // namespace gs

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// The extent of a set of cameras, and the strays that it leaves out.
+#include "gs_core/scene.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace gs {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+View view_at(const Vec3f& position) {
+  View view;
+  view.camera.cam_from_world_translation = -position;  // without rotation
+  return view;
+}
+
+/// `count` cameras on a circle of radius 2 around (5, 0, 0).
+std::vector<View> ring(int count) {
+  std::vector<View> views;
+  for (int i = 0; i < count; ++i) {
+    const float angle = 6.2831853f * float(i) / float(count);
+    views.push_back(view_at({5 + 2 * std::cos(angle), 0, 2 * std::sin(angle)}));
+  }
+  return views;
+}
+
+TEST(CameraExtent, IsElevenTenthsOfTheLargestDistanceFromTheMean) {
+  EXPECT_NEAR(camera_extent(ring(40)), 2.2f, 1e-5f);
+  EXPECT_NEAR(camera_extent({view_at({0, 0, 0}), view_at({2, 0, 0}), view_at({4, 0, 0})}), 2.2f,
+              1e-5f);
+}
+
+TEST(CameraExtent, IsOneWithoutTwoPlaces) {
+  EXPECT_EQ(camera_extent({}), 1.0f);
+  EXPECT_EQ(camera_extent({view_at({3, 4, 5})}), 1.0f);
+  EXPECT_EQ(camera_extent({view_at({3, 4, 5}), view_at({3, 4, 5})}), 1.0f);
+}
+
+TEST(CameraExtent, DoesNotGrowByAStrayCamera) {
+  std::vector<View> views = ring(40);
+  views.insert(views.begin() + 7, view_at({1e4f, -300, 70}));
+  views.push_back(view_at({0, 900, 0}));
+  EXPECT_THAT(stray_cameras(views), ElementsAre(7, 41));
+  EXPECT_NEAR(camera_extent(views), 2.2f, 1e-4f);
+}
+
+// A path that leads away, or a second place of some cameras, is no stray.
+TEST(StrayCameras, AreNotTheFarEndOfAPath) {
+  std::vector<View> path, places = ring(30);
+  for (int i = 0; i < 50; ++i) path.push_back(view_at({float(i * i), 0, 0}));
+  for (int i = 0; i < 10; ++i) places.push_back(view_at({80, float(i), 0}));
+  EXPECT_THAT(stray_cameras(path), IsEmpty());
+  EXPECT_THAT(stray_cameras(places), IsEmpty());
+}
+
+TEST(StrayCameras, AreFoundAmongFive) {
+  std::vector<View> views = ring(4);
+  views.push_back(view_at({500, 0, 0}));
+  EXPECT_THAT(stray_cameras(views), ElementsAre(4));
+}
+
+TEST(StrayCameras, DoNotExistWhereAllStandAtOnePlace) {
+  EXPECT_THAT(stray_cameras(std::vector<View>(20, view_at({1, 2, 3}))), IsEmpty());
+}
+
+}  // namespace
+}  // namespace gs
