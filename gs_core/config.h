@@ -26,6 +26,7 @@ struct ModelConfig {
   int sh_degree = 3;
   float initial_opacity = 0.1f;
   int random_points = 100000;  // used when the model has no points
+  int most_points = 2000000;   // to start from; denser clouds are thinned
 };
 
 struct RenderConfig {

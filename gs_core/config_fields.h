@@ -49,6 +49,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("model.sh_degree",              model.sh_degree,              "",       between(0, 3),      "highest degree of the spherical harmonics that hold colour", kKerbl);
   field("model.initial_opacity",        model.initial_opacity,        "",       between(1e-4, 0.999), "of every Gaussian at the start", kKerbl);
   field("model.random_points",          model.random_points,          "points", steps_from(1),      "drawn where the COLMAP model has no points", kKerbl);
+  field("model.most_points",            model.most_points,            "points", steps_from(1),      "to start from; of a denser COLMAP model one point of each cell of a grid is taken");
 
   auto& render = config.render;
   field("render.background",            render.background,            "",       one_of("black, white, random"), "behind the Gaussians; random: another colour each step", kKerbl);

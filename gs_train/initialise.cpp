@@ -3,14 +3,16 @@
 
 #include "gs_core/error.h"
 #include "gs_core/kd_tree.h"
+#include "gs_core/log.h"
 #include "gs_core/math/splat.h"
 #include "gs_core/parallel.h"
 #include "gs_core/random.h"
+#include "gs_train/thin_points.h"
 
 namespace gs {
 namespace {
 
-constexpr float kRandomBoxSize = 3;   // half the edge of the box of random points, in scene extents
+constexpr float kRandomBoxSize = 3;  // half the edge of the box of random points, in scene extents
 
 bool sees(const Camera& camera, const Vec3f& point, float near_plane) {
   const Vec3f p = to_camera(camera, point);
@@ -45,7 +47,11 @@ std::vector<ScenePoint> random_points(const Scene& scene, const Config& config) 
 
 TrainingModel initial_model(const Scene& scene, const Config& config, Memory& memory) {
   const std::vector<ScenePoint> points =
-      scene.points.empty() ? random_points(scene, config) : scene.points;
+      scene.points.empty() ? random_points(scene, config)
+                           : thinned(scene.points, std::size_t(config.model.most_points));
+  if (!scene.points.empty() && points.size() < scene.points.size())
+    log_info("of {} points, {} are taken to start from (model.most_points)", scene.points.size(),
+             points.size());
   if (points.empty())
     throw Error("there is nothing to start from in " + scene.source +
                 ": the model has no points and no training camera sees a random one; check the "
