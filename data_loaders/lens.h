@@ -12,22 +12,26 @@ namespace gs {
 
 using Vec2d = Vec2<double>;
 
-/// A COLMAP camera written out: an ideal pinhole, and the lens polynomial in front of it. Points
-/// are in normalised coordinates (x, y) = (X / Z, Y / Z).
+/// A COLMAP camera written out: an ideal pinhole, and the lens in front of it. Points are in
+/// normalised coordinates u = (x, y) = (X / Z, Y / Z), the pixel of the photo is
+/// (fx x' + cx, fy y' + cy) for u' = (x', y') = distorted(u). The formulas stand in lens.cpp.
 ///
-///   radial_tangential   r^2 = x^2 + y^2                             Brown 1966; OpenCV's naming
-///     s = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
-///     x' = s x + 2 p1 x y + p2 (r^2 + 2 x^2),   y' = s y + p1 (r^2 + 2 y^2) + 2 p2 x y
-///   fisheye             theta = atan r                              Kannala & Brandt 2006
-///     (x', y') = (x, y) / r * theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)
-///   photo pixel         (fx x' + cx, fy y' + cy)
+///   lens                     u'                               COLMAP models
+///   none                     u                                (SIMPLE_)PINHOLE
+///   radial_tangential        brown(u)                         (SIMPLE_)RADIAL, (FULL_)OPENCV
+///   fisheye                  brown(angle(u))                  *_FISHEYE, FISHEYE
+///   fisheye_rad_tan          decentred(radial(angle(u)))      RAD_TAN_THIN_PRISM_FISHEYE
+///   fov, division, unified   closed forms                     FOV, (SIMPLE_)DIVISION, EUCM
 struct LensCamera {
-  enum class Lens { none, radial_tangential, fisheye };
+  enum class Lens { none, radial_tangential, fisheye, fisheye_rad_tan, fov, division, unified };
 
+  CameraModel model = CameraModel::pinhole;  // for messages only
   PinholeCamera<double> pinhole;  // of the photo: size, focal lengths, principal point; its pose is unused
   Lens lens = Lens::none;
-  double k[6] = {};
-  double p[2] = {};
+  double k[6] = {};  // radial; fov: omega (radians); division: k; unified: alpha, beta
+  double d[3] = {};  // radial, below the line
+  double p[2] = {};  // tangential
+  double s[4] = {};  // thin prism: two for x, two for y
 };
 
 /// What a user can do about a lens that gemsplat cannot undistort.
@@ -35,22 +39,21 @@ inline constexpr const char* kUndistortRemedy =
     "convert the photos with `colmap image_undistorter --image_path IMAGES --input_path MODEL "
     "--output_path NEW` and train on NEW";
 
-/// The camera of a photo. A radial or tangential lens whose coefficients
-/// are all zero is none. Throws Error that names
-/// the model, the camera, the photo and the remedy for models that are none of the above, and for
-/// focal lengths that are not positive.
+/// The camera of a photo. A lens whose coefficients make it the ideal pinhole is none.
+/// Throws Error that names the model, the camera, the photo and the remedy for EQUIRECTANGULAR, for
+/// focal lengths that are not positive and for an omega of FOV of 180 degrees and more.
 LensCamera lens_camera(const ColmapCamera& camera, const std::string& photo);
 
-/// Where the ray through `ideal` lands, normalised.
+/// Where the ray through `ideal` lands, normalised; not a number where the model has no answer.
 Vec2d distorted(const LensCamera& camera, const Vec2d& ideal);
 
 /// Whether the lens keeps left and right, up and down apart at `ideal` (determinant and trace of
-/// its Jacobian are positive). Beyond the first place where it does not, the polynomial folds back
-/// and means nothing.
+/// its Jacobian are positive). Beyond the first place where it does not, the lens folds back and
+/// means nothing.
 bool is_unfolded(const LensCamera& camera, const Vec2d& ideal);
 
-/// The ray that lands at `landed`, by Newton's method; nothing where there is none in front of the
-/// camera.
+/// The ray that lands at `landed`, by Newton's method or in closed form; nothing where there is
+/// none in front of the camera.
 std::optional<Vec2d> undistorted(const LensCamera& camera, const Vec2d& landed);
 
 }  // namespace gs

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
@@ -70,22 +71,46 @@ PinholeCamera<double> cropped(const PinholeCamera<double>& photo, double scale_x
   return result;
 }
 
-/// Whether every pixel of `pinhole` shows one of the photo's: tried on a grid that has the border
-/// on it.
+/// Whether every pixel of `pinhole` shows one of the photo's: all of the border is tried, and a
+/// grid inside, where only a lens that folds back could go wrong.
 bool is_filled(const LensCamera& camera, const PinholeCamera<double>& pinhole) {
-  constexpr int kGrid = 32;           // steps along each side; lenses are smooth
-  constexpr double kTolerance = 0.1;  // pixels; less than this beyond the border shows nothing
+  constexpr int kGrid = 32;            // steps along each side; lenses are smooth
+  constexpr double kTolerance = 0.01;  // pixels; rounding
+  const auto shows_photo = [&](double x, double y) {
+    const Vec2d at = photo_pixel(camera, pinhole, x, y);
+    return at.x > 0.5 - kTolerance && at.x < camera.pinhole.width - 0.5 + kTolerance &&
+           at.y > 0.5 - kTolerance && at.y < camera.pinhole.height - 0.5 + kTolerance &&
+           is_unfolded(camera, normalised(pinhole, x, y));
+  };
+  const double right = pinhole.width - 0.5, bottom = pinhole.height - 0.5;
   for (int j = 0; j <= kGrid; ++j)
-    for (int i = 0; i <= kGrid; ++i) {
-      const double x = 0.5 + (pinhole.width - 1.0) * i / kGrid,
-                   y = 0.5 + (pinhole.height - 1.0) * j / kGrid;
-      const Vec2d at = photo_pixel(camera, pinhole, x, y);
-      const bool inside =
-          at.x > 0.5 - kTolerance && at.x < camera.pinhole.width - 0.5 + kTolerance &&
-          at.y > 0.5 - kTolerance && at.y < camera.pinhole.height - 0.5 + kTolerance;
-      if (!inside || !is_unfolded(camera, normalised(pinhole, x, y))) return false;
-    }
+    for (int i = 0; i <= kGrid; ++i)
+      if (!shows_photo(0.5 + (right - 0.5) * i / kGrid, 0.5 + (bottom - 0.5) * j / kGrid))
+        return false;
+  for (int x = 0; x < pinhole.width; ++x)
+    if (!shows_photo(x + 0.5, 0.5) || !shows_photo(x + 0.5, bottom)) return false;
+  for (int y = 0; y < pinhole.height; ++y)
+    if (!shows_photo(0.5, y + 0.5) || !shows_photo(right, y + 0.5)) return false;
   return true;
+}
+
+/// Refuses a pinhole whose borders lie too far from the axis: there it stretches the photo beyond
+/// use.
+void check_field_of_view(const LensCamera& camera, const PinholeCamera<double>& pinhole,
+                         const std::string& photo) {
+  const auto degrees = [](double tangent) { return std::atan(tangent) * 180 / std::numbers::pi; };
+  const double left = degrees(pinhole.cx / pinhole.fx),
+               right = degrees((pinhole.width - pinhole.cx) / pinhole.fx);
+  const double up = degrees(pinhole.cy / pinhole.fy),
+               down = degrees((pinhole.height - pinhole.cy) / pinhole.fy);
+  if (std::max({left, right, up, down}) < kWidestHalfField) return;
+  throw Error(fmt::format(
+      "cannot undistort photo '{}': its camera ({}) has too wide a field of view for one pinhole "
+      "picture, which would span {:.0f} x {:.0f} degrees, with borders {:.0f} degrees from the "
+      "axis where {:.0f} is the most; crop the photos before COLMAP sees them, or {}, with "
+      "--max_scale 1 for a smaller field",
+      photo, camera_model_info(camera.model).name, left + right, up + down,
+      std::max({left, right, up, down}), kWidestHalfField, kUndistortRemedy));
 }
 
 [[noreturn]] void fail_without_opencv(const std::string& photo) {
@@ -116,13 +141,16 @@ PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::s
     constexpr double kSmaller = 0.98;
     for (; scale_x > kLeast && scale_y > kLeast; scale_x *= kSmaller, scale_y *= kSmaller) {
       const PinholeCamera<double> result = cropped(from, scale_x, scale_y);
-      if (result.width > 0 && result.height > 0 && is_filled(camera, result)) return result;
+      if (result.width > 0 && result.height > 0 && is_filled(camera, result)) {
+        check_field_of_view(camera, result, photo);
+        return result;
+      }
     }
   }
   throw Error(fmt::format(
-      "cannot undistort photo '{}': the lens coefficients of its camera leave no picture; run "
+      "cannot undistort photo '{}': the lens coefficients of its camera ({}) leave no picture; run "
       "COLMAP again, or {}",
-      photo, kUndistortRemedy));
+      photo, camera_model_info(camera.model).name, kUndistortRemedy));
 }
 
 #ifdef GS_HAVE_OPENCV
@@ -149,7 +177,8 @@ Image8 undistorted_photo(const Image8& image, const LensCamera& camera,
         for (int y = 0; y < target.rows; ++y)
           for (int x = 0; x < target.cols; ++x) {
             const Vec2d at = photo_pixel(camera, pinhole, x + 0.5, double(begin) + y + 0.5);
-            map_x.at<float>(y, x) = float(at.x - 0.5);  // OpenCV's pixel centres are at whole numbers
+            map_x.at<float>(y, x) =
+                float(at.x - 0.5);  // OpenCV's pixel centres are at whole numbers
             map_y.at<float>(y, x) = float(at.y - 0.5);
           }
         cv::remap(source, target, map_x, map_y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);

@@ -18,10 +18,11 @@ bool can_undistort();
 /// be while every pixel lies inside the photo, at most kMostEnlargement times the photo's size.
 /// This is what `colmap image_undistorter` does by default. A camera without a lens is returned as
 /// it is. `photo` names the photo in errors. Throws Error for coefficients that leave no picture,
-/// and in a build without OpenCV.
+/// for a pinhole with a side kWidestHalfField or more from the axis, and in a build without OpenCV.
 PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::string& photo);
 
 inline constexpr double kMostEnlargement = 2;  // COLMAP's max_scale; wide lenses would grow without end
+inline constexpr double kWidestHalfField = 75;  // degrees; a pinhole stretches 15 times there, 1 / cos^2
 
 /// The photo as `pinhole` sees it. `image` has the size of `camera`. `photo` names the photo in
 /// errors. Throws Error for photos larger than OpenCV takes, and in a build without OpenCV.
