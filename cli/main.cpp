@@ -54,6 +54,7 @@ int run(int argc, const char* const* argv) {
                    "gemsplat");
   program.set_version_flag("--version", std::string("gemsplat ") + kVersion);
   program.require_subcommand(1);
+  add_reconstruct(program);
   add_train(program);
   add_eval(program);
   add_render(program);

@@ -9,6 +9,7 @@
 
 #include "data_loaders/atomic_file.h"
 #include "data_loaders/camera_file.h"
+#include "data_loaders/move_aside.h"
 #include "data_loaders/ply.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -50,11 +51,12 @@ std::string split_json(const Config& config, const Scene& scene) {
   nlohmann::ordered_json split;
   split["train"] = names(scene.train_views);
   split["test"] = names(scene.test_views);
-  split["rule"] =
-      config.dataset.eval
-          ? fmt::format("names sorted in byte order; of every {} views the first is for testing",
-                        config.dataset.test_every)
-          : "all views are for training";
+  split["rule"] = config.dataset.eval
+                      ? fmt::format(
+                            "names sorted in byte order; of every {} views the first is for "
+                            "testing; views of one rig frame stay together",
+                            config.dataset.test_every)
+                      : "all views are for training";
   return split.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
@@ -106,17 +108,8 @@ void check_is_free(const RunFolder& folder, bool force) {
 
 void make_run_folder(const RunFolder& folder) {
   if (folder.holds_run()) {
-    fs::path from = fs::absolute(folder.root()).lexically_normal();
-    if (!from.has_filename()) from = from.parent_path();  // "runs/a/"
-    fs::path backup;
-    for (int n = 1; backup.empty() || fs::exists(backup); ++n)
-      backup = from.string() + fmt::format(".bak-{}", n);
-    std::error_code error;
-    fs::rename(from, backup, error);
-    if (error)
-      throw Error(fmt::format("cannot move {} to {}: {}; choose another folder with -o",
-                              from.string(), backup.string(), error.message()));
-    log_warning("the run in {} was moved to {}", from.string(), backup.string());
+    const fs::path backup = move_aside(folder.root());
+    log_warning("the run in {} was moved to {}", folder.root().string(), backup.string());
   }
   std::error_code error;
   fs::create_directories(folder.root(), error);

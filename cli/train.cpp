@@ -11,6 +11,7 @@
 #include "cli/devices.h"
 #include "cli/options.h"
 #include "cli/pictures.h"
+#include "cli/reconstruct.h"
 #include "cli/results.h"
 #include "cli/run_folder.h"
 #include "cli/stop_on_signal.h"
@@ -18,6 +19,7 @@
 #include "cli/train_observers.h"
 #include "cli/verbs.h"
 #include "data_loaders/load_scene.h"
+#include "data_loaders/photo_folder.h"
 #include "data_loaders/photos.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
@@ -44,6 +46,21 @@ Config resolve_run(const TrainCommand& command) {
   config.dataset.source =
       std::filesystem::absolute(config.dataset.source).lexically_normal().string();
   return config;
+}
+
+// A folder of photos alone becomes a scene first, in OUT/scene, and that is trained on.
+void reconstruct_bare_photos(Config& config, const RunFolder& folder, bool show_progress) {
+  DatasetConfig& dataset = config.dataset;
+  const bool places_are_named = !dataset.model.empty() || dataset.images != DatasetConfig{}.images;
+  if (places_are_named || !holds_only_photos(dataset.source)) return;
+  log_info("{} holds photos and no camera poses: COLMAP looks for them first", dataset.source);
+  make_run_folder(folder);  // before the scene: an older run is moved away without it
+  const auto scene = std::filesystem::absolute(folder.root() / "scene").lexically_normal();
+  const Reconstruction result =
+      run_colmap({dataset.source, scene, config.reconstruct, config.train.threads, false},
+                 ColmapBar(show_progress));
+  log_info("{}", describe(result));
+  dataset.source = scene.string();
 }
 
 Scene load(const DatasetConfig& dataset, bool show_progress) {
@@ -117,7 +134,7 @@ void print_summary(const Results& results, const RunFolder& folder) {
 }
 
 void train(const TrainCommand& command) {
-  const Config config = resolve_run(command);
+  Config config = resolve_run(command);
   if (command.print_config) {
     std::cout << to_toml(config);
     return;
@@ -128,6 +145,7 @@ void train(const TrainCommand& command) {
   set_thread_count(config.train.threads);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   log_info("training on {} with {} threads", backend->name(), thread_count());
+  reconstruct_bare_photos(config, folder, !command.quiet);
   const Scene scene = load(config.dataset, !command.quiet);
 
   Trainer trainer(scene, config, *backend);

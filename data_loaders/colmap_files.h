@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <unordered_set>
 
 #include "data_loaders/colmap_model.h"
 
@@ -17,19 +18,41 @@ namespace gs::colmap {
 /// The model of a name as in cameras.txt.
 std::optional<CameraModel> camera_model_of(std::string_view name);
 
-/// Each puts one record into the model. Returns what is wrong with the record, "" if nothing: the
-/// reader knows the place in the file.
-std::string add_camera(ColmapModel& model, ColmapCamera camera, std::uint64_t width,
-                       std::uint64_t height);
-std::string add_image(ColmapModel& model, ColmapImage image);
-std::string add_point(ColmapModel& model, const ColmapPoint& point);
+/// The number of a camera among the kinds of sensor.
+inline constexpr std::int32_t kCameraSensor = 0;
+
+/// What has been read of a model so far. Each function puts one record into it and returns what is
+/// wrong with the record, "" if nothing: the reader knows the place in the file.
+class ModelBuilder {
+ public:
+  explicit ModelBuilder(ColmapModel& model) : model_(model) {}
+
+  std::string add_camera(ColmapCamera camera, std::uint64_t width, std::uint64_t height);
+  std::string add_image(ColmapImage image);  // after the cameras
+  void add_point(const ColmapPoint& point) { model_.points.push_back(point); }
+  std::string add_rig(ColmapRig rig);
+  std::string add_frame(ColmapFrame frame);
+
+ private:
+  ColmapModel& model_;
+  std::unordered_set<std::uint64_t> image_ids_, rig_ids_, frame_ids_, framed_image_ids_;
+  std::unordered_set<std::string> image_names_;
+};
+
+/// The number of images in one file. Throw Error.
+std::uint64_t count_binary_images(const std::filesystem::path& file);
+std::uint64_t count_text_images(const std::filesystem::path& file);
 
 /// Read one file of a model. Throw Error.
-void read_binary_cameras(const std::filesystem::path& file, ColmapModel& model);
-void read_binary_images(const std::filesystem::path& file, ColmapModel& model);
-void read_binary_points(const std::filesystem::path& file, ColmapModel& model);
-void read_text_cameras(const std::filesystem::path& file, ColmapModel& model);
-void read_text_images(const std::filesystem::path& file, ColmapModel& model);
-void read_text_points(const std::filesystem::path& file, ColmapModel& model);
+void read_binary_cameras(const std::filesystem::path& file, ModelBuilder& model);
+void read_binary_images(const std::filesystem::path& file, ModelBuilder& model);
+void read_binary_points(const std::filesystem::path& file, ModelBuilder& model);
+void read_binary_rigs(const std::filesystem::path& file, ModelBuilder& model);
+void read_binary_frames(const std::filesystem::path& file, ModelBuilder& model);
+void read_text_cameras(const std::filesystem::path& file, ModelBuilder& model);
+void read_text_images(const std::filesystem::path& file, ModelBuilder& model);
+void read_text_points(const std::filesystem::path& file, ModelBuilder& model);
+void read_text_rigs(const std::filesystem::path& file, ModelBuilder& model);
+void read_text_frames(const std::filesystem::path& file, ModelBuilder& model);
 
 }  // namespace gs::colmap

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <unordered_set>
 
 #include "data_loaders/colmap_files.h"
 #include "gs_core/error.h"
@@ -47,20 +46,23 @@ bool has_pair(const fs::path& folder, const char* extension) {
          fs::is_regular_file(folder / ("images" + std::string(extension)), ignored);
 }
 
-/// The checks that need the whole model.
-void check_references(const ColmapModel& model, const fs::path& images_file) {
-  std::unordered_set<std::uint32_t> ids;
-  std::unordered_set<std::string> names;
-  for (const ColmapImage& image : model.images) {
-    if (!model.cameras.count(image.camera_id))
-      colmap::fail(images_file,
-                   fmt::format("image '{}' names camera {}, which the cameras file does not have",
-                               image.name, image.camera_id));
-    if (!ids.insert(image.id).second)
-      colmap::fail(images_file, fmt::format("image id {} occurs twice", image.id));
-    if (!names.insert(image.name).second)
-      colmap::fail(images_file, fmt::format("image name '{}' occurs twice", image.name));
-  }
+/// Makes a rotation unit length. Returns what is wrong with the pose, "" if nothing.
+std::string check_pose(Quat<double>& q, const Vec3d& t) {
+  const double length = std::sqrt(squared_norm(q));
+  if (!std::isfinite(length) || !is_finite(t)) return "the pose has a number that is not finite";
+  if (!(length > 1e-8)) return "the rotation is a zero quaternion";
+  q = {q.w / length, q.x / length, q.y / length, q.z / length};
+  return "";
+}
+
+/// Text from broken programs has `nan` and `-nan(ind)` for points that they could not place.
+void leave_out_bad_points(ColmapModel& model, const fs::path& file) {
+  const std::size_t count = model.points.size();
+  const std::size_t bad = std::erase_if(
+      model.points, [](const ColmapPoint& point) { return !is_finite(point.position); });
+  if (bad)
+    log_warning("{} of {} points in {} have a position that is not finite: left out", bad, count,
+                file.string());
 }
 
 }  // namespace
@@ -80,8 +82,8 @@ std::optional<CameraModel> camera_model_of(std::string_view name) {
   return std::nullopt;
 }
 
-std::string add_camera(ColmapModel& model, ColmapCamera camera, std::uint64_t width,
-                       std::uint64_t height) {
+std::string ModelBuilder::add_camera(ColmapCamera camera, std::uint64_t width,
+                                     std::uint64_t height) {
   if (width == 0 || height == 0 || width > kLongestSide || height > kLongestSide)
     return fmt::format("camera {} has the picture size {} x {}", camera.id, width, height);
   for (double param : camera.params)
@@ -90,30 +92,44 @@ std::string add_camera(ColmapModel& model, ColmapCamera camera, std::uint64_t wi
   camera.width = int(width);
   camera.height = int(height);
   const std::uint32_t id = camera.id;
-  if (!model.cameras.emplace(id, std::move(camera)).second)
+  if (!model_.cameras.emplace(id, std::move(camera)).second)
     return fmt::format("camera id {} occurs twice", id);
   return "";
 }
 
-std::string add_image(ColmapModel& model, ColmapImage image) {
+std::string ModelBuilder::add_image(ColmapImage image) {
   if (image.name.empty()) return fmt::format("image {} has no name", image.id);
-  Quat<double>& q = image.cam_from_world_rotation;
-  const Vec3d& t = image.cam_from_world_translation;
-  const double length = std::sqrt(squared_norm(q));
-  if (!std::isfinite(length) || !std::isfinite(t.x) || !std::isfinite(t.y) || !std::isfinite(t.z))
-    return fmt::format("the pose of image '{}' has a number that is not finite", image.name);
-  if (!(length > 1e-8))
-    return fmt::format("the rotation of image '{}' is a zero quaternion", image.name);
-  q = {q.w / length, q.x / length, q.y / length, q.z / length};
-  model.images.push_back(std::move(image));
+  const std::string fault =
+      check_pose(image.cam_from_world_rotation, image.cam_from_world_translation);
+  if (!fault.empty()) return fmt::format("image '{}': {}", image.name, fault);
+  if (!model_.cameras.count(image.camera_id))
+    return fmt::format("image '{}' names camera {}, which the cameras file does not have",
+                       image.name, image.camera_id);
+  if (!image_ids_.insert(image.id).second) return fmt::format("image id {} occurs twice", image.id);
+  if (!image_names_.insert(image.name).second)
+    return fmt::format("image name '{}' occurs twice", image.name);
+  model_.images.push_back(std::move(image));
   return "";
 }
 
-std::string add_point(ColmapModel& model, const ColmapPoint& point) {
-  const Vec3d& p = point.position;
-  if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
-    return fmt::format("the position of point {} is not finite", point.id);
-  model.points.push_back(point);
+std::string ModelBuilder::add_rig(ColmapRig rig) {
+  if (!rig_ids_.insert(rig.id).second) return fmt::format("rig id {} occurs twice", rig.id);
+  for (ColmapRigCamera& camera : rig.cameras) {
+    const std::string fault =
+        check_pose(camera.cam_from_rig_rotation, camera.cam_from_rig_translation);
+    if (!fault.empty())
+      return fmt::format("camera {} of rig {}: {}", camera.camera_id, rig.id, fault);
+  }
+  model_.rigs.push_back(std::move(rig));
+  return "";
+}
+
+std::string ModelBuilder::add_frame(ColmapFrame frame) {
+  if (!frame_ids_.insert(frame.id).second) return fmt::format("frame id {} occurs twice", frame.id);
+  for (std::uint64_t image : frame.image_ids)
+    if (!framed_image_ids_.insert(image).second)
+      return fmt::format("image {} belongs to frame {} and to one before it", image, frame.id);
+  model_.frames.push_back(std::move(frame));
   return "";
 }
 
@@ -128,6 +144,11 @@ bool is_colmap_model(const fs::path& folder) {
   return has_pair(folder, ".bin") || has_pair(folder, ".txt");
 }
 
+std::uint64_t count_colmap_images(const fs::path& folder) {
+  return has_pair(folder, ".bin") ? colmap::count_binary_images(folder / "images.bin")
+                                  : colmap::count_text_images(folder / "images.txt");
+}
+
 ColmapModel read_colmap_model(const fs::path& folder) {
   const bool binary = has_pair(folder, ".bin");
   if (!binary && !has_pair(folder, ".txt"))
@@ -135,20 +156,30 @@ ColmapModel read_colmap_model(const fs::path& folder) {
         "{} is no COLMAP model: it needs cameras.bin and images.bin, or cameras.txt and "
         "images.txt; name another model with --set dataset.model=FOLDER",
         folder.string()));
-  const std::string extension = binary ? ".bin" : ".txt";
-  const fs::path images_file = folder / ("images" + extension);
-  const fs::path points_file = folder / ("points3D" + extension);
+  const auto file = [&](const char* stem) {
+    return folder / (std::string(stem) + (binary ? ".bin" : ".txt"));
+  };
 
   ColmapModel model;
   model.folder = folder;
-  (binary ? colmap::read_binary_cameras : colmap::read_text_cameras)(
-      folder / ("cameras" + extension), model);
-  (binary ? colmap::read_binary_images : colmap::read_text_images)(images_file, model);
-  check_references(model, images_file);
-  if (fs::exists(points_file))
-    (binary ? colmap::read_binary_points : colmap::read_text_points)(points_file, model);
+  colmap::ModelBuilder builder(model);
+  (binary ? colmap::read_binary_cameras : colmap::read_text_cameras)(file("cameras"), builder);
+  (binary ? colmap::read_binary_images : colmap::read_text_images)(file("images"), builder);
+  if (fs::exists(file("points3D")))
+    (binary ? colmap::read_binary_points : colmap::read_text_points)(file("points3D"), builder);
   else
-    log_warning("{} does not exist: the model has no points", points_file.string());
+    log_warning("{} does not exist: the model has no points", file("points3D").string());
+  try {
+    if (fs::exists(file("rigs")))
+      (binary ? colmap::read_binary_rigs : colmap::read_text_rigs)(file("rigs"), builder);
+  } catch (const Error& error) {  // programs other than COLMAP write them in their own ways
+    log_warning("{}; going on without rigs", error.what());
+    model.rigs.clear();
+  }
+  if (fs::exists(file("frames")))
+    (binary ? colmap::read_binary_frames : colmap::read_text_frames)(file("frames"), builder);
+
+  leave_out_bad_points(model, file("points3D"));
   std::stable_sort(model.points.begin(), model.points.end(),
                    [](const ColmapPoint& a, const ColmapPoint& b) { return a.id < b.id; });
   return model;

@@ -71,21 +71,49 @@ struct ColmapPoint {
   std::array<std::uint8_t, 3> color{0, 0, 0};  // sRGB
 };
 
+/// One camera of a rig and where it sits on it.
+struct ColmapRigCamera {
+  std::uint32_t camera_id = 0;
+  bool has_pose = false;  // COLMAP knows its place; the rig's first camera is its origin
+  Quat<double> cam_from_rig_rotation{1, 0, 0, 0};  // unit length
+  Vec3d cam_from_rig_translation{0.0, 0.0, 0.0};   // world units
+};
+
+/// Cameras that are fixed to one another (COLMAP 3.12 and later). Other sensors are passed over.
+struct ColmapRig {
+  std::uint32_t id = 0;
+  std::vector<ColmapRigCamera> cameras;  // in the file's order
+};
+
+/// The photos that the cameras of a rig took at one moment.
+struct ColmapFrame {
+  std::uint32_t id = 0;
+  std::uint32_t rig_id = 0;
+  std::vector<std::uint64_t> image_ids;  // some may be none of the model's; none is in two frames
+};
+
 /// A whole model, checked: every number is finite, every quaternion has unit length, every image's
 /// camera exists, and no id or image name occurs twice.
 struct ColmapModel {
   std::map<std::uint32_t, ColmapCamera> cameras;  // by id
   std::vector<ColmapImage> images;                // in the file's order
   std::vector<ColmapPoint> points;                // by ascending id
+  std::vector<ColmapRig> rigs;                    // in the file's order; empty before COLMAP 3.12
+  std::vector<ColmapFrame> frames;                // likewise
   std::filesystem::path folder;
 };
 
 /// Whether a folder holds cameras and images, both binary or both text.
 bool is_colmap_model(const std::filesystem::path& folder);
 
-/// Reads cameras, images and points3D: the .bin files where cameras.bin and images.bin exist, else
-/// the .txt files. A model without a points3D file has no points. Throws Error that names the file,
-/// the place in it and the remedy; a damaged file never costs more memory than its size.
+/// How many images a model has, without reading it whole: from the count at the head of images.bin,
+/// or from the lines of images.txt. Throws Error.
+std::uint64_t count_colmap_images(const std::filesystem::path& folder);
+
+/// Reads cameras, images, points3D, rigs and frames: the .bin files where cameras.bin and images.bin
+/// exist, else the .txt files. The last three may be absent. Points whose position is not finite are
+/// left out, and so are rigs that cannot be read, with a warning. Throws Error that names the file, the place in it and the remedy; a
+/// damaged file never costs more memory than its size.
 ColmapModel read_colmap_model(const std::filesystem::path& folder);
 
 }  // namespace gs

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// cameras.txt, images.txt and points3D.txt: one record a line, '#' begins a comment line (COLMAP,
-// doc/format.rst). Other programs write these files too, so CRLF, tabs, empty lines and missing
-// POINTS2D lines are taken as they come.
+// cameras.txt, images.txt, points3D.txt, rigs.txt and frames.txt: one record a line, '#' begins a
+// comment line (COLMAP, doc/format.rst). Other programs write these files too, so CRLF, tabs, empty
+// lines and missing POINTS2D lines are taken as they come.
 //
 //   cameras.txt   CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]
 //   images.txt    IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME     (NAME is the rest of the line)
 //                 POINTS2D[] as (X Y POINT3D_ID)                   (may be empty)
 //   points3D.txt  POINT3D_ID X Y Z R G B ERROR TRACK[]
+//   rigs.txt      RIG_ID NUM_SENSORS REF_SENSOR_TYPE REF_SENSOR_ID
+//                 SENSORS[] as (SENSOR_TYPE SENSOR_ID HAS_POSE [QW QX QY QZ TX TY TZ])
+//   frames.txt    FRAME_ID RIG_ID QW QX QY QZ TX TY TZ NUM_DATA_IDS
+//                 DATA_IDS[] as (SENSOR_TYPE SENSOR_ID DATA_ID)    (of a camera: an image id)
 #include <spdlog/fmt/fmt.h>
 
 #include <cerrno>
@@ -97,13 +101,34 @@ class TextFile {
   std::uint64_t line_number_ = 0;
 };
 
-/// Whether a line that stands where POINTS2D belongs is the next image: nine numbers, then a name.
+/// Whether a line that stands where POINTS2D belongs is the next image: nine numbers, then a name,
+/// or a tenth number that ends the line, for points come in threes.
 bool is_image_line(std::string_view line) {
   double number;
   for (int i = 0; i < 9; ++i)
     if (!parse(next_word(line), number)) return false;
   const std::string_view name = next_word(line);
-  return !name.empty() && !parse(name, number);
+  return !name.empty() && (!parse(name, number) || trimmed(line).empty());
+}
+
+/// Calls `visit` with every line of images.txt that has an image.
+template <class Visit>
+void for_each_image_line(TextFile& file, Visit visit) {
+  std::string_view line;
+  bool has_record = file.next_record(line);
+  while (has_record) {
+    visit(line);
+    // POINTS2D stands in the next line, which may be empty; if an image stands there, it was left
+    // out.
+    if (!file.next_line(line)) break;
+    has_record = is_image_line(line) || file.next_record(line);
+  }
+}
+
+Quat<double> take_quaternion(TextFile& file, std::string_view& line) {
+  Quat<double> q;
+  for (double* part : {&q.w, &q.x, &q.y, &q.z}) *part = file.take<double>(line, "the rotation");
+  return q;
 }
 
 Vec3d take_vector(TextFile& file, std::string_view& line, const char* what) {
@@ -114,11 +139,15 @@ Vec3d take_vector(TextFile& file, std::string_view& line, const char* what) {
   return v;
 }
 
+/// COLMAP writes names of sensors; some programs write its numbers.
+bool is_camera_sensor(std::string_view kind) {
+  return kind == "CAMERA" || kind == std::to_string(kCameraSensor);
+}
+
 ColmapImage parse_image(TextFile& file, std::string_view line) {
   ColmapImage image;
   image.id = file.take<std::uint32_t>(line, "IMAGE_ID");
-  Quat<double>& q = image.cam_from_world_rotation;
-  for (double* part : {&q.w, &q.x, &q.y, &q.z}) *part = file.take<double>(line, "the rotation");
+  image.cam_from_world_rotation = take_quaternion(file, line);
   image.cam_from_world_translation = take_vector(file, line, "the translation");
   image.camera_id = file.take<std::uint32_t>(line, "CAMERA_ID");
   image.name = trimmed(line);
@@ -127,7 +156,7 @@ ColmapImage parse_image(TextFile& file, std::string_view line) {
 
 }  // namespace
 
-void read_text_cameras(const fs::path& path, ColmapModel& model) {
+void read_text_cameras(const fs::path& path, ModelBuilder& model) {
   TextFile file(path);
   for (std::string_view line; file.next_record(line);) {
     ColmapCamera camera;
@@ -144,31 +173,73 @@ void read_text_cameras(const fs::path& path, ColmapModel& model) {
     if (int(camera.params.size()) != wanted)
       file.fail(fmt::format("camera {} is {}, which has {} parameters, and gives {}", camera.id,
                             name, wanted, camera.params.size()));
-    file.expect_good(add_camera(model, std::move(camera), width, height));
+    file.expect_good(model.add_camera(std::move(camera), width, height));
   }
 }
 
-void read_text_images(const fs::path& path, ColmapModel& model) {
+std::uint64_t count_text_images(const fs::path& path) {
   TextFile file(path);
-  std::string_view line;
-  bool has_record = file.next_record(line);
-  while (has_record) {
-    file.expect_good(add_image(model, parse_image(file, line)));
-    // POINTS2D stands in the next line, which may be empty; if an image stands there, it was left
-    // out.
-    if (!file.next_line(line)) break;
-    has_record = is_image_line(line) || file.next_record(line);
-  }
+  std::uint64_t count = 0;
+  for_each_image_line(file, [&](std::string_view) { ++count; });
+  return count;
 }
 
-void read_text_points(const fs::path& path, ColmapModel& model) {
+void read_text_images(const fs::path& path, ModelBuilder& model) {
+  TextFile file(path);
+  for_each_image_line(file, [&](std::string_view line) {
+    file.expect_good(model.add_image(parse_image(file, line)));
+  });
+}
+
+void read_text_points(const fs::path& path, ModelBuilder& model) {
   TextFile file(path);
   for (std::string_view line; file.next_record(line);) {
     ColmapPoint point;
     point.id = file.take<std::uint64_t>(line, "POINT3D_ID");
     point.position = take_vector(file, line, "the position");
     for (std::uint8_t& channel : point.color) channel = file.take<std::uint8_t>(line, "the colour");
-    file.expect_good(add_point(model, point));
+    model.add_point(point);
+  }
+}
+
+void read_text_rigs(const fs::path& path, ModelBuilder& model) {
+  TextFile file(path);
+  for (std::string_view line; file.next_record(line);) {
+    ColmapRig rig;
+    rig.id = file.take<std::uint32_t>(line, "RIG_ID");
+    const auto sensors = file.take<std::uint32_t>(line, "NUM_SENSORS");
+    for (std::uint32_t k = 0; k < sensors; ++k) {
+      const std::string_view kind = next_word(line);
+      ColmapRigCamera camera;
+      camera.camera_id = file.take<std::uint32_t>(line, "SENSOR_ID");
+      const bool is_reference = k == 0;
+      camera.has_pose = is_reference || file.take<std::uint32_t>(line, "HAS_POSE") != 0;
+      if (camera.has_pose && !is_reference) {
+        camera.cam_from_rig_rotation = take_quaternion(file, line);
+        camera.cam_from_rig_translation = take_vector(file, line, "the translation");
+      }
+      if (is_camera_sensor(kind)) rig.cameras.push_back(camera);
+    }
+    file.expect_good(model.add_rig(std::move(rig)));
+  }
+}
+
+void read_text_frames(const fs::path& path, ModelBuilder& model) {
+  TextFile file(path);
+  for (std::string_view line; file.next_record(line);) {
+    ColmapFrame frame;
+    frame.id = file.take<std::uint32_t>(line, "FRAME_ID");
+    frame.rig_id = file.take<std::uint32_t>(line, "RIG_ID");
+    take_quaternion(file, line);  // every image has its own pose
+    take_vector(file, line, "the translation");
+    const auto data = file.take<std::uint32_t>(line, "NUM_DATA_IDS");
+    for (std::uint32_t k = 0; k < data; ++k) {
+      const std::string_view kind = next_word(line);
+      file.take<std::uint32_t>(line, "SENSOR_ID");
+      const auto id = file.take<std::uint64_t>(line, "DATA_ID");
+      if (is_camera_sensor(kind)) frame.image_ids.push_back(id);
+    }
+    file.expect_good(model.add_frame(std::move(frame)));
   }
 }
 

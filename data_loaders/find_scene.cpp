@@ -4,11 +4,13 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <optional>
+#include <utility>
 #include <vector>
 
 #include "data_loaders/colmap_model.h"
+#include "data_loaders/photo_names.h"
 #include "gs_core/error.h"
+#include "gs_core/log.h"
 
 namespace gs {
 namespace {
@@ -35,14 +37,57 @@ fs::path parent_of(const fs::path& folder) {
   return fs::absolute(folder / "").lexically_normal().parent_path().parent_path();
 }
 
-/// Where a scene's model may lie, in the order in which it is looked for.
-std::vector<fs::path> model_places(const fs::path& scene) {
-  return {scene / "sparse" / "0", scene / "sparse", scene};
+/// The models in a folder that COLMAP's mapper filled: 0, 1, 2, ..., in this order. It begins a new
+/// one wherever it can place no more photos in the last.
+std::vector<fs::path> sub_models(const fs::path& sparse) {
+  std::vector<fs::path> models;
+  for (const fs::path& folder : folders_in(sparse)) {
+    const std::string name = folder.filename().string();
+    if (name.find_first_not_of("0123456789") == std::string::npos && is_colmap_model(folder))
+      models.push_back(folder);
+  }
+  std::stable_sort(models.begin(), models.end(), [](const fs::path& a, const fs::path& b) {
+    return a.native().size() < b.native().size();  // 2 before 10
+  });
+  return models;
 }
 
-std::optional<fs::path> first_model(const std::vector<fs::path>& places) {
-  const auto found = std::find_if(places.begin(), places.end(), is_colmap_model);
-  return found == places.end() ? std::nullopt : std::optional(*found);
+/// The model with the most photos, the first one among equals.
+fs::path largest_model(const std::vector<fs::path>& models, const fs::path& images) {
+  if (models.size() == 1) return models[0];
+  std::vector<std::pair<std::uint64_t, fs::path>> counted;
+  for (const fs::path& model : models) counted.emplace_back(count_colmap_images(model), model);
+  std::stable_sort(counted.begin(), counted.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
+
+  const auto name_of = [](const fs::path& model) {
+    return (model.parent_path().filename() / model.filename()).string();
+  };
+  std::string others;
+  for (std::size_t i = 1; i < counted.size(); ++i)
+    others += fmt::format("{}{} holds {}", i > 1 ? ", " : "", name_of(counted[i].second),
+                          counted[i].first);
+  log_info("{} holds {} of {} photos; {}", name_of(counted[0].second), counted[0].first,
+           picture_names_in(images).size(), others);
+  return counted[0].second;
+}
+
+/// Where a scene's model may lie, in the order in which it is looked for; 0 stands for any number.
+std::vector<fs::path> model_places(const fs::path& scene) {
+  return {scene / "sparse" / "0", scene / "sparse", scene / "colmap" / "sparse" / "0", scene};
+}
+
+/// The models in the first of these places that has any.
+std::vector<fs::path> models_of(const fs::path& scene) {
+  for (const fs::path& place : model_places(scene)) {
+    if (place.filename() == "0") {
+      std::vector<fs::path> models = sub_models(place.parent_path());
+      if (!models.empty()) return models;
+    } else if (is_colmap_model(place)) {
+      return {place};
+    }
+  }
+  return {};
 }
 
 /// What to try instead of a folder without a model.
@@ -53,9 +98,9 @@ std::string nearest_model(const fs::path& source) {
                          folder.lexically_relative(source).string());
   std::vector<fs::path> neighbours = folders_in(source);
   neighbours.insert(neighbours.begin(), parent_of(source));
+  neighbours.push_back(source / "dense" / "0");  // COLMAP's undistorted photos and their model
   for (const fs::path& scene : neighbours)
-    if (first_model(model_places(scene)))
-      return fmt::format("{} has one: train on that", scene.string());
+    if (!models_of(scene).empty()) return fmt::format("{} has one: train on that", scene.string());
   return "name it with --set dataset.model=FOLDER, or make one with COLMAP";
 }
 
@@ -86,21 +131,24 @@ SceneFolders find_scene(const DatasetConfig& dataset) {
     throw Error(fmt::format("cannot find the scene {}: there is no such folder; check the path",
                             dataset.source));
 
-  const std::vector<fs::path> places =
-      dataset.model.empty() ? model_places(source)
-                            : std::vector{source / dataset.model, fs::path(dataset.model)};
-  const std::optional<fs::path> model = first_model(places);
-  if (!model)
-    throw Error(
-        fmt::format("cannot find a scene in {}: there is no COLMAP model (cameras and images, .bin "
-                    "or .txt) in {}; {}",
-                    dataset.source, joined(places), nearest_model(source)));
+  const bool is_named = !dataset.model.empty();
+  const std::vector<fs::path> named = {source / dataset.model, fs::path(dataset.model)};
+  std::vector<fs::path> models = is_named ? std::vector<fs::path>{} : models_of(source);
+  if (is_named) {
+    const auto found = std::find_if(named.begin(), named.end(), is_colmap_model);
+    if (found != named.end()) models.push_back(*found);
+  }
+  if (models.empty())
+    throw Error(fmt::format(
+        "cannot find a scene in {}: there is no COLMAP model (cameras and images, .bin "
+        "or .txt) in {}; {}",
+        dataset.source, joined(is_named ? named : model_places(source)), nearest_model(source)));
   const fs::path images = source / dataset.images;
   if (!is_folder(images))
     throw Error(fmt::format("cannot find the photos of {}: there is no folder {}; {}",
                             dataset.source, images.string(),
                             nearest_images(source, dataset.images)));
-  return {*model, images};
+  return {largest_model(models, images), images};
 }
 
 }  // namespace gs

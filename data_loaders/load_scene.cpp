@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages, in order: find, read the model, plan every view from the photos' headers, decode, split.
+// Stages, in order: find, read the model, split, plan every view from the photos' headers, decode.
 #include "data_loaders/load_scene.h"
 
 #include <spdlog/fmt/fmt.h>
@@ -12,7 +12,9 @@
 
 #include "data_loaders/colmap_model.h"
 #include "data_loaders/find_scene.h"
+#include "data_loaders/photo_names.h"
 #include "data_loaders/photos.h"
+#include "data_loaders/split.h"
 #include "data_loaders/undistort.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -46,20 +48,19 @@ void check_name(const ColmapImage& image, const fs::path& model) {
                     model.string(), image.name));
 }
 
-void check_photos_exist(const std::vector<ViewPlan>& plans, const fs::path& folder) {
-  constexpr std::size_t kMostNamed = 5;
-  std::size_t missing = 0;
-  std::string names;
-  for (const ViewPlan& plan : plans) {
-    std::error_code ignored;
-    if (fs::exists(plan.file, ignored)) continue;
-    if (missing++ < kMostNamed) names += (names.empty() ? "" : ", ") + plan.image.name;
-  }
-  if (missing)
-    throw Error(fmt::format(
-        "{} of the model's {} photos are not in {}: {}{}; copy them there or name another folder "
-        "with --set dataset.images=FOLDER",
-        missing, plans.size(), folder.string(), names, missing > kMostNamed ? ", ..." : ""));
+/// Refuses a model with next to nothing of the photos: COLMAP gave up, or began anew elsewhere.
+void check_registered(const ColmapModel& model, const fs::path& images) {
+  constexpr std::size_t kFewRegistered = 3;  // fewer are suspicious
+  constexpr std::size_t kManyTimes = 3;      // as many photos or more are "many more"
+  const std::size_t registered = model.images.size();
+  if (registered >= kFewRegistered) return;
+  const std::size_t photos = picture_names_in(images).size();
+  if (photos < kManyTimes * registered) return;
+  throw Error(fmt::format(
+      "the model in {} holds only {} of the {} photos in {}: COLMAP could not register the others; "
+      "run COLMAP again (exhaustive matching, or photos that overlap more), or take this model all "
+      "the same by naming it with --set dataset.model=FOLDER",
+      model.folder.string(), registered, photos, images.string()));
 }
 
 /// Whether a picture of size a has the shape of one of size b, to a pixel.
@@ -80,9 +81,11 @@ LensCamera fitted_to_photo(LensCamera lens, const ViewPlan& plan) {
       fmt::format("photo {} has {} x {} pixels and its camera in the model {} x {}",
                   plan.file.string(), photo.width, photo.height, model.width, model.height);
   if (has_shape_of(photo, {model.height, model.width}))
-    throw Error(sizes +
-                ": width and height are swapped, so one of the two was turned by the photo's EXIF "
-                "orientation; give COLMAP and gemsplat the same files, without that orientation");
+    throw Error(
+        sizes +
+        ": width and height are swapped, so one of the two was turned by the photo's EXIF "
+        "orientation; turn the pixels themselves (`mogrify -auto-orient` on copies of the photos) "
+        "and give COLMAP and gemsplat these same files");
   throw Error(
       sizes +
       ": the shapes differ, so this is not the photo that COLMAP saw; use the same photos, or run "
@@ -107,14 +110,15 @@ void check_resolution(int resolution, const PinholeCamera<double>& camera,
 
 std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel& model,
                                  const fs::path& images) {
-  std::vector<ViewPlan> plans;
+  std::vector<std::string> names;
   for (const ColmapImage& image : model.images) {
     check_name(image, model.folder);
-    plans.push_back({image, images / image.name, {}, {}, {}, {}});
+    names.push_back(image.name);
   }
-  std::sort(plans.begin(), plans.end(),
-            [](const ViewPlan& a, const ViewPlan& b) { return a.image.name < b.image.name; });
-  check_photos_exist(plans, images);
+  const std::vector<fs::path> files = find_photos(names, images);
+  std::vector<ViewPlan> plans;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    plans.push_back({model.images[i], files[i], {}, {}, {}, {}});
   constexpr std::size_t kHeadersPerChunk = 8;
   parallel_for(plans.size(), kHeadersPerChunk,
                [&](std::size_t i) { plans[i].photo_size = read_photo_size(plans[i].file); });
@@ -201,40 +205,20 @@ std::vector<ScenePoint> single_precision_points(const ColmapModel& model) {
   return points;
 }
 
-bool is_test_view(const DatasetConfig& dataset, std::size_t index) {
-  return dataset.eval && index % std::size_t(dataset.test_every) == 0;
-}
-
-/// Refuses a split that leaves nothing to train on.
-void check_split(const DatasetConfig& dataset, const ColmapModel& model) {
-  if (dataset.eval && dataset.test_every < 1)
-    throw UsageError(fmt::format("dataset.test_every is {}; give 2 or more", dataset.test_every));
-  std::size_t train_count = 0;
-  for (std::size_t i = 0; i < model.images.size(); ++i) train_count += !is_test_view(dataset, i);
-  if (train_count > 0) return;
-  if (model.images.empty())
-    throw Error(fmt::format(
-        "the model in {} has no images; run COLMAP again or name another model with --set "
-        "dataset.model=FOLDER",
-        model.folder.string()));
-  throw UsageError(
-      fmt::format("no view is left to train on: dataset.eval holds out every {}th of {}; raise "
-                  "dataset.test_every, or train without dataset.eval",
-                  dataset.test_every, model.images.size()));
-}
-
 }  // namespace
 
 Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress) {
   const SceneFolders folders = find_scene(dataset);
-  const ColmapModel model = read_colmap_model(folders.model);
-  check_split(dataset, model);
+  ColmapModel model = read_colmap_model(folders.model);
+  std::sort(model.images.begin(), model.images.end(),
+            [](const ColmapImage& a, const ColmapImage& b) { return a.name < b.name; });
+  const std::vector<bool> is_test = test_views_of(dataset, model);
+  if (dataset.model.empty()) check_registered(model, folders.images);
   Scene scene;
   scene.source = dataset.source;
   std::vector<View> views = load_views(plan_views(dataset, model, folders.images), progress);
   for (std::size_t i = 0; i < views.size(); ++i)
-    (is_test_view(dataset, i) ? scene.test_views : scene.train_views)
-        .push_back(std::move(views[i]));
+    (is_test[i] ? scene.test_views : scene.train_views).push_back(std::move(views[i]));
   scene.points = single_precision_points(model);
   scene.extent = camera_extent(scene.train_views);
   return scene;

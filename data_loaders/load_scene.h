@@ -14,7 +14,7 @@ using ProgressFn = std::function<void(std::size_t done, std::size_t total)>;
 
 /// Finds the model and the photos, undistorts and resizes every photo to dataset.resolution, and
 /// splits the views: with dataset.eval, every test_every-th in byte order of the names, the first
-/// one among them, is a test view. Every size and name is checked before the first photo is
+/// one among them, is a test view (split.h: photos of one rig frame stay together). Every size and name is checked before the first photo is
 /// decoded. Throws Error that names the file and the remedy; UsageError for a resolution that
 /// cannot be taken.
 Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress = {});

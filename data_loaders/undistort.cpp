@@ -177,8 +177,7 @@ Image8 undistorted_photo(const Image8& image, const LensCamera& camera,
         for (int y = 0; y < target.rows; ++y)
           for (int x = 0; x < target.cols; ++x) {
             const Vec2d at = photo_pixel(camera, pinhole, x + 0.5, double(begin) + y + 0.5);
-            map_x.at<float>(y, x) =
-                float(at.x - 0.5);  // OpenCV's pixel centres are at whole numbers
+            map_x.at<float>(y, x) = float(at.x - 0.5);  // OpenCV's pixel centres are at whole numbers
             map_y.at<float>(y, x) = float(at.y - 0.5);
           }
         cv::remap(source, target, map_x, map_y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);

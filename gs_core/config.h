@@ -20,6 +20,16 @@ struct DatasetConfig {
   int test_every = 8;
 };
 
+/// How the colmap program finds where photos were taken.
+struct ReconstructConfig {
+  std::string colmap = "colmap";               // the program
+  std::string matching = "auto";               // auto, exhaustive, sequential
+  std::string camera_model = "SIMPLE_RADIAL";  // COLMAP's name
+  std::string single_camera = "auto";          // auto, yes, no
+  int max_features = 8192;                     // in one photo
+  bool use_gpu = false;
+};
+
 /// What is learned, and where it starts.
 struct ModelConfig {
   std::string output;  // the run's folder
@@ -85,6 +95,7 @@ struct TrainConfig {
 
 struct Config {
   DatasetConfig dataset;
+  ReconstructConfig reconstruct;
   ModelConfig model;
   RenderConfig render;
   LossConfig loss;

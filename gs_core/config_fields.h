@@ -44,6 +44,14 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("dataset.eval",                 dataset.eval,                 "",       any(),              "hold out every test_every-th view, by sorted name, to measure on", kKerbl);
   field("dataset.test_every",           dataset.test_every,           "views",  steps_from(2),      "with eval, one of so many views is held out, the first among them", "Barron et al. 2022");
 
+  auto& reconstruct = config.reconstruct;
+  field("reconstruct.colmap",           reconstruct.colmap,           "file",   any(),              "the colmap program");
+  field("reconstruct.matching",         reconstruct.matching,         "",       one_of("auto, exhaustive, sequential"), "which photos are compared: all, or neighbours by name; auto: all of up to 200");
+  field("reconstruct.camera_model",     reconstruct.camera_model,     "",       one_of("SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE"), "the lens, as COLMAP calls it");
+  field("reconstruct.single_camera",    reconstruct.single_camera,    "",       one_of("auto, yes, no"), "one lens for all photos; auto: if all have the same size");
+  field("reconstruct.max_features",     reconstruct.max_features,     "features", steps_from(1),    "in one photo", "COLMAP");
+  field("reconstruct.use_gpu",          reconstruct.use_gpu,          "",       any(),              "SIFT on the GPU; needs a colmap with CUDA");
+
   auto& model = config.model;
   field("model.output",                 model.output,                 "folder", any(),              "where the run is written");
   field("model.sh_degree",              model.sh_degree,              "",       between(0, 3),      "highest degree of the spherical harmonics that hold colour", kKerbl);

@@ -75,6 +75,9 @@ Config everything_changed() {
   config.render.blend_rule = "classic";
   config.render.truncation = "sigma3";
   config.train.device = "cuda:12";
+  config.reconstruct.matching = "sequential";
+  config.reconstruct.camera_model = "OPENCV";
+  config.reconstruct.single_camera = "no";
   return config;
 }
 
@@ -118,12 +121,12 @@ TEST(Config, EveryFieldHasKeyMeaningAndADefaultWithinItsLimits) {
 }
 
 TEST(Config, TheListHoldsEveryFieldOfTheStructs) {
-  constexpr std::size_t kFields = field_count<DatasetConfig>() + field_count<ModelConfig>() +
-                                  field_count<RenderConfig>() + field_count<LossConfig>() +
-                                  field_count<OptimizerConfig>() + field_count<DensityConfig>() +
-                                  field_count<TrainConfig>();
+  constexpr std::size_t kFields = field_count<DatasetConfig>() + field_count<ReconstructConfig>() +
+                                  field_count<ModelConfig>() + field_count<RenderConfig>() +
+                                  field_count<LossConfig>() + field_count<OptimizerConfig>() +
+                                  field_count<DensityConfig>() + field_count<TrainConfig>();
   EXPECT_EQ(fields_of(Config{}).size(), kFields);
-  EXPECT_EQ(field_count<Config>(), 7u);
+  EXPECT_EQ(field_count<Config>(), 8u);
 }
 
 TEST(Config, EveryFieldOfTheListIsItsOwn) {

@@ -199,7 +199,6 @@ TEST(ColmapModel, FaultsAreNamed) {
        "zero quaternion"},
       {[](ColmapModel& m) { m.images[1].cam_from_world_rotation.y = kNaN; }, "not finite"},
       {[](ColmapModel& m) { m.images[1].cam_from_world_translation.z = INFINITY; }, "not finite"},
-      {[](ColmapModel& m) { m.points[1].position.x = kNaN; }, "position of point 900000000000"},
       {[](ColmapModel& m) { m.cameras[7].params[2] = INFINITY; }, "not a finite number"},
       {[](ColmapModel& m) { m.cameras[7].width = 0; }, "picture size 0 x 8"},
       {[](ColmapModel& m) { m.cameras[7].height = 0; }, "picture size 12 x 0"},
@@ -214,6 +213,36 @@ TEST(ColmapModel, FaultsAreNamed) {
     EXPECT_THAT(error_of(temp.path() / "bin"), HasSubstr(fault.complaint));
     EXPECT_THAT(error_of(temp.path() / "txt"), HasSubstr(fault.complaint));
   }
+}
+
+TEST(ColmapModel, PointsWithoutAFinitePositionAreLeftOutAndCounted) {
+  const TempFolder temp;
+  ColmapModel model = small_model(1);
+  model.points.push_back({6, {kNaN, 0.0, 0.0}, {1, 2, 3}});
+  model.points.push_back({7, {0.0, -INFINITY, 0.0}, {1, 2, 3}});
+  write_binary_model(temp.path() / "bin", model);
+  write_text_model(temp.path() / "txt", model);
+  write_bytes(temp.path() / "txt/points3D.txt",
+              "5 1 2 3 10 20 30 0.5\n6 -nan(ind) 0 0 1 2 3 nan\n7 0 -inf nan 1 2 3 0.5\n"
+              "8 nan nan nan 1 2 3 0\n900000000000 -1 0.5 4 255 0 1 -nan(ind)\n");
+  for (const auto& [name, count] : {std::pair{"bin", "2 of 4 points"}, {"txt", "3 of 5 points"}}) {
+    testing::internal::CaptureStdout();
+    const ColmapModel read = read_colmap_model(temp.path() / name);
+    EXPECT_THAT(testing::internal::GetCapturedStdout(),
+                AllOf(HasSubstr(count), HasSubstr("points3D"), HasSubstr("left out")));
+    expect_same(read, small_model(1));
+  }
+}
+
+TEST(ColmapModel, ImagesAreCountedWithoutReadingThem) {
+  const TempFolder temp;
+  write_binary_model(temp.path() / "bin", rich_model());
+  write_text_model(temp.path() / "txt", rich_model());
+  EXPECT_EQ(count_colmap_images(temp.path() / "bin"), 3u);
+  EXPECT_EQ(count_colmap_images(temp.path() / "txt"), 3u);
+  write_bytes(temp.path() / "txt/images.txt",  // without POINTS2D lines
+              "# c\n1 1 0 0 0 0 0 0 1 a.png\n2 1 0 0 0 0 0 0 1 b c.png\n");
+  EXPECT_EQ(count_colmap_images(temp.path() / "txt"), 2u);
 }
 
 TEST(ColmapModel, QuaternionsAreMadeUnitLength) {
@@ -246,12 +275,37 @@ TEST(ColmapText, MissingPointLinesCarriageReturnsTabsAndNoLastLineFeedAreTaken) 
   EXPECT_EQ(model.images[3].name, "d.png");
 }
 
+TEST(ColmapText, NamesThatAreNumbersArePossibleWithoutPointLines) {
+  const TempFolder temp;
+  write_bytes(temp.path() / "cameras.txt", "1 PINHOLE 12 8 10 10 6 4\n");
+  write_bytes(temp.path() / "images.txt",
+              "1 1 0 0 0 0 0 0 1 0001\n2 1 0 0 0 0 0 0 1 0002\n3 1 0 0 0 0 0 0 1 0003\n");
+  const ColmapModel model = read_colmap_model(temp.path());
+  ASSERT_EQ(model.images.size(), 3u);
+  EXPECT_EQ(model.images[2].name, "0003");
+}
+
+TEST(ColmapText, FaultsBetweenLinesAreNamedByNumberToo) {
+  const TempFolder temp;
+  write_text_model(temp.path(), small_model(2));
+  write_bytes(temp.path() / "images.txt",
+              "1 1 0 0 0 0 0 0 7 a.png\n\n# c\n1 1 0 0 0 0 0 0 7 b.png\n");
+  EXPECT_THAT(error_of(temp.path()),
+              AllOf(HasSubstr("images.txt"), HasSubstr("image id 1 occurs twice in line 4")));
+  write_bytes(temp.path() / "images.txt", "1 1 0 0 0 0 0 0 7 a.png\n2 1 0 0 0 0 0 0 3 b.png\n");
+  EXPECT_THAT(error_of(temp.path()), AllOf(HasSubstr("names camera 3"), HasSubstr("in line 2")));
+}
+
 TEST(ColmapText, WrongLinesAreNamedByNumber) {
   const TempFolder temp;
   write_text_model(temp.path(), small_model(2));
   write_bytes(temp.path() / "cameras.txt", "# c\n7 PINHOLE 12 8 10 10 6\n");
   EXPECT_THAT(error_of(temp.path()),
               AllOf(HasSubstr("has 4 parameters, and gives 3"), HasSubstr("line 2")));
+  write_bytes(temp.path() / "cameras.txt", "# c\n\n7 PINHOLE 12 8 10 10 6 4 0.1 0.2\n");
+  EXPECT_THAT(error_of(temp.path()),
+              AllOf(HasSubstr("camera 7 is PINHOLE, which has 4 parameters, and gives 6"),
+                    HasSubstr("line 3")));
   write_bytes(temp.path() / "cameras.txt", "7 PINHOLE 12 8 10 10 6 four\n");
   EXPECT_THAT(error_of(temp.path()), AllOf(HasSubstr("'four'"), HasSubstr("line 1")));
   write_bytes(temp.path() / "cameras.txt", "7 PINHOLE -12 8 10 10 6 4\n");

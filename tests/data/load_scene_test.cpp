@@ -73,7 +73,8 @@ TEST(LoadScene, RotationTakesWorldToCamera) {
 }
 
 TEST(LoadScene, ModelIsFoundInAllItsPlaces) {
-  for (const char* place : {"sparse/0", "sparse", ".", "elsewhere/2"}) {
+  for (const char* place :
+       {"sparse/0", "sparse/1", "sparse", "colmap/sparse/0", ".", "elsewhere/2"}) {
     const TempFolder temp;
     write_scene(temp.path(), small_model(2));
     std::filesystem::create_directories(temp.path() / "scene" / place);
@@ -84,6 +85,54 @@ TEST(LoadScene, ModelIsFoundInAllItsPlaces) {
     if (std::string(place) == "elsewhere/2") dataset.model = place;
     EXPECT_EQ(load_scene(dataset).train_views.size(), 2u) << place;
   }
+}
+
+/// What load_scene() says while it loads.
+std::string log_of(const DatasetConfig& dataset) {
+  testing::internal::CaptureStdout();
+  try {
+    load_scene(dataset);
+  } catch (const Error& error) {
+    ADD_FAILURE() << error.what();
+  }
+  return testing::internal::GetCapturedStdout();
+}
+
+TEST(LoadScene, SubModelWithTheMostPhotosIsTakenAndSaid) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(5));
+  write_png(temp.path() / "images/unplaced.png", plain_photo(12, 8, 5));
+  write_bytes(temp.path() / "images/notes.txt", "");
+  std::filesystem::rename(temp.path() / "sparse/0", temp.path() / "sparse/10");
+  write_text_model(temp.path() / "sparse/0", small_model(2));
+  write_binary_model(temp.path() / "sparse/2", small_model(3));
+  write_binary_model(temp.path() / "sparse/11", small_model(5));      // no more than sparse/10
+  write_binary_model(temp.path() / "sparse/backup", small_model(6));  // not of COLMAP's naming
+  EXPECT_THAT(log_of(dataset_at(temp.path())),
+              HasSubstr("sparse/10 holds 5 of 6 photos; sparse/11 holds 5, sparse/2 holds 3, "
+                        "sparse/0 holds 2"));
+  EXPECT_EQ(load_scene(dataset_at(temp.path())).train_views.size(), 5u);
+
+  DatasetConfig named = dataset_at(temp.path());
+  named.model = "sparse/2";
+  EXPECT_THAT(log_of(named), Not(HasSubstr("holds")));
+  EXPECT_EQ(load_scene(named).train_views.size(), 3u);
+}
+
+TEST(LoadScene, NextToNothingOfThePhotosIsRefusedUnlessNamed) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(6));
+  write_binary_model(temp.path() / "sparse/0", small_model(2));
+  EXPECT_THAT(
+      error_of(dataset_at(temp.path())),
+      AllOf(HasSubstr("only 2 of the 6 photos"), HasSubstr((temp.path() / "images").string()),
+            HasSubstr("run COLMAP again"), HasSubstr("dataset.model")));
+  DatasetConfig named = dataset_at(temp.path());
+  named.model = "sparse/0";
+  EXPECT_EQ(load_scene(named).train_views.size(), 2u);
+
+  std::filesystem::remove(temp.path() / "images/f.png");  // 2 of 5 is few, and not next to nothing
+  EXPECT_EQ(load_scene(dataset_at(temp.path())).train_views.size(), 2u);
 }
 
 TEST(LoadScene, ViewsAreSortedByNameAndEveryNthIsHeldOut) {
@@ -147,13 +196,89 @@ TEST(LoadScene, ResolutionDividesOrIsTheWidth) {
 
 TEST(LoadScene, MissingPhotosAreNamedAndCounted) {
   const TempFolder temp;
-  write_scene(temp.path(), small_model(9));
-  for (char name = 'b'; name <= 'h'; ++name)
-    std::filesystem::remove(temp.path() / "images" / (std::string(1, name) + ".png"));
+  write_scene(temp.path(), small_model(14));
+  const auto remove_photos = [&](char first, char last) {
+    for (char name = first; name <= last; ++name)
+      std::filesystem::remove(temp.path() / "images" / (std::string(1, name) + ".png"));
+  };
+  remove_photos('b', 'k');
+  EXPECT_THAT(
+      error_of(dataset_at(temp.path())),
+      AllOf(HasSubstr("10 of the model's 14 photos"),
+            HasSubstr("b.png, c.png, d.png, e.png, f.png, g.png, h.png, i.png, j.png, k.png;"),
+            HasSubstr((temp.path() / "images").string())));
+  remove_photos('l', 'm');
+  write_png(temp.path() / "images/other.png", plain_photo(12, 8, 5));
   EXPECT_THAT(error_of(dataset_at(temp.path())),
-              AllOf(HasSubstr("7 of the model's 9 photos"),
-                    HasSubstr("b.png, c.png, d.png, e.png, f.png, ..."), Not(HasSubstr("g.png")),
-                    HasSubstr((temp.path() / "images").string())));
+              AllOf(HasSubstr("12 of the model's 14 photos"), HasSubstr("j.png, k.png and 2 more"),
+                    Not(HasSubstr("l.png")), HasSubstr("1 photos there"), HasSubstr("other.png")));
+}
+
+/// A scene with photos named otherwise than in the model: (in the model, on disk).
+DatasetConfig renamed_scene(const TempFolder& temp,
+                            const std::vector<std::pair<const char*, const char*>>& names) {
+  ColmapModel model = small_model(int(names.size()));
+  for (std::size_t i = 0; i < names.size(); ++i) model.images[i].name = names[i].first;
+  write_binary_model(temp.path() / "sparse/0", model);
+  for (std::size_t i = 0; i < names.size(); ++i)
+    write_png(temp.path() / "images" / names[i].second, plain_photo(12, 8, std::uint8_t(10 * i)));
+  return dataset_at(temp.path());
+}
+
+TEST(LoadScene, PhotosOfAnotherExtensionOrCaseAreTakenAndCounted) {
+  const TempFolder temp;
+  const DatasetConfig dataset = renamed_scene(temp, {{"a.jpg", "a.png"},
+                                                     {"b 1.tif", "b 1.png"},
+                                                     {"Left/C.png", "left/c.PNG"},
+                                                     {"Left/D.JPG", "left/d.png"},
+                                                     {"e.png", "e.png"}});
+  write_bytes(temp.path() / "images/a.txt", "a note on a.png");
+  write_bytes(temp.path() / "images/._a.png", "what macOS leaves behind");
+  EXPECT_THAT(log_of(dataset),
+              AllOf(HasSubstr("1 photos are taken for names in the model that differ in upper and "
+                              "lower case: left/c.PNG for 'Left/C.png'"),
+                    HasSubstr("2 photos are taken for names in the model that differ in extension: "
+                              "a.png for 'a.jpg', ..."),
+                    HasSubstr("1 photos are taken for names in the model that differ in case and "
+                              "extension: left/d.png for 'Left/D.JPG'")));
+  const Scene scene = load_scene(dataset);
+  EXPECT_THAT(names_of(scene.train_views),  // as the model has them
+              ElementsAre("Left/C.png", "Left/D.JPG", "a.jpg", "b 1.tif", "e.png"));
+  EXPECT_EQ(scene.train_views[0].photo.pixels[0], 20);
+  EXPECT_EQ(scene.train_views[1].photo.pixels[0], 30);
+  EXPECT_EQ(scene.train_views[2].photo.pixels[0], 0);
+}
+
+TEST(LoadScene, PhotoThatCouldBelongToTwoNamesIsTakenForNone) {
+  {
+    const TempFolder temp;  // two files for one name
+    const DatasetConfig dataset = renamed_scene(temp, {{"a.jpg", "a.png"}, {"b.png", "b.png"}});
+    write_png(temp.path() / "images/a.tif.png", plain_photo(12, 8, 5));
+    std::filesystem::rename(temp.path() / "images/a.tif.png", temp.path() / "images/a.tif");
+    EXPECT_THAT(error_of(dataset), HasSubstr("1 of the model's 2 photos"));
+  }
+  {
+    const TempFolder temp;  // one file for two names
+    const DatasetConfig dataset = renamed_scene(temp, {{"a.jpg", "a.png"}, {"a.tif", "a.png"}});
+    EXPECT_THAT(error_of(dataset), HasSubstr("2 of the model's 2 photos"));
+  }
+  {
+    const TempFolder temp;  // a file that another name owns
+    const DatasetConfig dataset = renamed_scene(temp, {{"a.jpg", "a.png"}, {"a.png", "a.png"}});
+    EXPECT_THAT(error_of(dataset), HasSubstr("1 of the model's 2 photos are not in"));
+  }
+}
+
+TEST(LoadScene, PhotosOfOneNameInTwoFoldersAreTwoPhotos) {
+  const TempFolder temp;
+  const DatasetConfig dataset =
+      renamed_scene(temp, {{"left/1.png", "left/1.png"}, {"right/1.png", "right/1.png"}});
+  const Scene scene = load_scene(dataset);
+  EXPECT_THAT(names_of(scene.train_views), ElementsAre("left/1.png", "right/1.png"));
+  EXPECT_EQ(scene.train_views[0].photo.pixels[0], 0);
+  EXPECT_EQ(scene.train_views[1].photo.pixels[0], 10);
+  std::filesystem::rename(temp.path() / "images/left/1.png", temp.path() / "images/1.png");
+  EXPECT_THAT(error_of(dataset), HasSubstr("1 of the model's 2 photos"));
 }
 
 TEST(LoadScene, NamesMayNotLeaveTheImagesFolder) {
@@ -185,8 +310,9 @@ TEST(LoadScene, SwappedSizeIsCalledSo) {
   const TempFolder temp;
   write_scene(temp.path(), small_model(1));
   write_png(temp.path() / "images/a.png", plain_photo(8, 12, 5));
-  EXPECT_THAT(error_of(dataset_at(temp.path())), AllOf(HasSubstr("8 x 12"), HasSubstr("12 x 8"),
-                                                       HasSubstr("swapped"), HasSubstr("EXIF")));
+  EXPECT_THAT(error_of(dataset_at(temp.path())),
+              AllOf(HasSubstr("8 x 12"), HasSubstr("12 x 8"), HasSubstr("swapped"),
+                    HasSubstr("EXIF"), HasSubstr("auto-orient")));
 }
 
 TEST(LoadScene, OtherShapeIsRefusedWithBothSizes) {
@@ -219,9 +345,10 @@ TEST(LoadScene, LensIsUndistorted) {
 TEST(LoadScene, UnknownLensNamesThePhoto) {
   const TempFolder temp;
   ColmapModel model = small_model(1);
-  model.cameras[7] = {7, CameraModel::fov, 12, 8, {10, 10, 6, 4, 0.9}};
+  model.cameras[7] = {7, CameraModel::equirectangular, 12, 8, {12, 8}};
   write_scene(temp.path(), model);
-  EXPECT_THAT(error_of(dataset_at(temp.path())), AllOf(HasSubstr("a.png"), HasSubstr("FOV")));
+  EXPECT_THAT(error_of(dataset_at(temp.path())),
+              AllOf(HasSubstr("a.png"), HasSubstr("EQUIRECTANGULAR")));
 }
 
 TEST(LoadScene, DamagedPhotoIsNamed) {
@@ -270,8 +397,11 @@ TEST(LoadScene, NotASceneListsThePlacesAndTheNearestMatch) {
               HasSubstr(scene.string() + " has one"));  // one level up
   EXPECT_THAT(error_of(dataset_at(scene / "sparse/0")),
               HasSubstr("train on " + scene.string()));  // photos two up
-  std::filesystem::rename(scene / "sparse/0", scene / "sparse/1");
-  EXPECT_THAT(error_of(dataset_at(scene)), HasSubstr("--set dataset.model=sparse/1"));
+  std::filesystem::rename(scene / "sparse/0", scene / "sparse/aligned");
+  EXPECT_THAT(error_of(dataset_at(scene)), HasSubstr("--set dataset.model=sparse/aligned"));
+
+  write_binary_model(temp.path() / "work/dense/0/sparse", small_model(1));
+  EXPECT_THAT(error_of(dataset_at(temp.path() / "work")), HasSubstr("work/dense/0 has one"));
 }
 
 TEST(LoadScene, ProgressCountsEveryPhotoInOrder) {

@@ -75,10 +75,79 @@ inline std::string binary_points(const ColmapModel& model) {
   return out.str();
 }
 
+inline std::string binary_rigs(const ColmapModel& model) {
+  Bytes out;
+  out.add<std::uint64_t>(model.rigs.size());
+  for (const ColmapRig& rig : model.rigs) {
+    out.add<std::uint32_t>(rig.id).add<std::uint32_t>(rig.cameras.size());
+    for (std::size_t k = 0; k < rig.cameras.size(); ++k) {
+      const ColmapRigCamera& camera = rig.cameras[k];
+      out.add<std::int32_t>(0).add<std::uint32_t>(camera.camera_id);
+      if (k > 0) out.add<std::uint8_t>(camera.has_pose);
+      if (k == 0 || !camera.has_pose) continue;
+      const Quat<double>& q = camera.cam_from_rig_rotation;
+      const Vec3d& t = camera.cam_from_rig_translation;
+      out.add(q.w).add(q.x).add(q.y).add(q.z).add(t.x).add(t.y).add(t.z);
+    }
+  }
+  return out.str();
+}
+
+/// Every frame also has data of a sensor that is no camera, with an id that no image has.
+inline std::string binary_frames(const ColmapModel& model) {
+  Bytes out;
+  out.add<std::uint64_t>(model.frames.size());
+  for (const ColmapFrame& frame : model.frames) {
+    out.add<std::uint32_t>(frame.id).add<std::uint32_t>(frame.rig_id);
+    for (double value : {1, 0, 0, 0, 0, 0, 0}) out.add(value);
+    out.add<std::uint32_t>(frame.image_ids.size() + 1);
+    for (std::uint64_t id : frame.image_ids)
+      out.add<std::int32_t>(0).add<std::uint32_t>(7).add<std::uint64_t>(id);
+    out.add<std::int32_t>(1).add<std::uint32_t>(1).add<std::uint64_t>(77);
+  }
+  return out.str();
+}
+
+/// rigs and frames are written where the model has any.
 inline void write_binary_model(const std::filesystem::path& folder, const ColmapModel& model) {
   write_bytes(folder / "cameras.bin", binary_cameras(model));
   write_bytes(folder / "images.bin", binary_images(model));
   write_bytes(folder / "points3D.bin", binary_points(model));
+  if (!model.rigs.empty()) write_bytes(folder / "rigs.bin", binary_rigs(model));
+  if (!model.frames.empty()) write_bytes(folder / "frames.bin", binary_frames(model));
+}
+
+inline std::string text_rigs(const ColmapModel& model) {
+  std::ostringstream out;
+  out.precision(17);
+  out << "# Rig calib list with one line of data per calib:\n";
+  for (const ColmapRig& rig : model.rigs) {
+    out << rig.id << " " << rig.cameras.size();
+    for (std::size_t k = 0; k < rig.cameras.size(); ++k) {
+      const ColmapRigCamera& camera = rig.cameras[k];
+      out << " CAMERA " << camera.camera_id;
+      if (k > 0) out << " " << camera.has_pose;
+      if (k == 0 || !camera.has_pose) continue;
+      const Quat<double>& q = camera.cam_from_rig_rotation;
+      const Vec3d& t = camera.cam_from_rig_translation;
+      out << " " << q.w << " " << q.x << " " << q.y << " " << q.z << " " << t.x << " " << t.y << " "
+          << t.z;
+    }
+    out << "\n";
+  }
+  return out.str();
+}
+
+/// Like binary_frames().
+inline std::string text_frames(const ColmapModel& model) {
+  std::ostringstream out;
+  out << "# Frame list with one line of data per frame:\n";
+  for (const ColmapFrame& frame : model.frames) {
+    out << frame.id << " " << frame.rig_id << " 1 0 0 0 0 0 0 " << frame.image_ids.size() + 1;
+    for (std::uint64_t id : frame.image_ids) out << " CAMERA 7 " << id;
+    out << " IMU 1 77\n";
+  }
+  return out.str();
 }
 
 inline void write_text_model(const std::filesystem::path& folder, const ColmapModel& model) {
@@ -112,6 +181,8 @@ inline void write_text_model(const std::filesystem::path& folder, const ColmapMo
   write_bytes(folder / "cameras.txt", cameras.str());
   write_bytes(folder / "images.txt", images.str());
   write_bytes(folder / "points3D.txt", points.str());
+  if (!model.rigs.empty()) write_bytes(folder / "rigs.txt", text_rigs(model));
+  if (!model.frames.empty()) write_bytes(folder / "frames.txt", text_frames(model));
 }
 
 /// A photo of one colour.

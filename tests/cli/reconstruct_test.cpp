@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gemsplat reconstruct` and `gemsplat train` on bare photos as users run them, with a shell script in
+// colmap's place.
+#include <gmock/gmock.h>
+#include <sys/wait.h>
+
+#include <cmath>
+#include <cstdlib>
+
+#include "tests/support/colmap_writer.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+
+constexpr int kWidth = 40, kHeight = 32;  // pixels; SSIM needs 11
+
+/// Three photos of one size, and a colmap that always gives the same model of them.
+class Reconstruct : public testing::Test {
+ protected:
+  Reconstruct() {
+    ColmapModel model = small_model(3);
+    ColmapCamera& camera = model.cameras.begin()->second;
+    camera.width = kWidth;
+    camera.height = kHeight;
+    camera.params = {40, 40, 20, 16};
+    write_binary_model(temp_.path() / "model", model);
+    for (const ColmapImage& image : model.images)
+      write_png(temp_.path() / "photos" / image.name, plain_photo(kWidth, kHeight, 90));
+    write_bytes(colmap(),
+                "#!/bin/sh\n"
+                "[ \"$1 $2\" = 'mapper --database_path' ] || exit 0\n"
+                "while [ \"$1\" != --output_path ]; do shift; done\n"
+                "cp -r '" +
+                    (temp_.path() / "model").string() + "' \"$2/0\"\n");
+    fs::permissions(colmap(), fs::perms::owner_all);
+  }
+
+  fs::path colmap() const { return temp_.path() / "colmap"; }
+  std::string path(const std::string& name) const { return (temp_.path() / name).string(); }
+  /// The exit code; what was printed is in printed().
+  int run(const std::string& arguments) const {
+    const std::string command =
+        std::string(GS_PROGRAM) + " " + arguments + " > " + path("out") + " 2>&1";
+    return WEXITSTATUS(std::system(command.c_str()));
+  }
+  std::string printed() const { return read_bytes(temp_.path() / "out"); }
+
+  TempFolder temp_;
+};
+
+TEST_F(Reconstruct, EndsWithAVerdictAndTheNextCommand) {
+  ASSERT_EQ(
+      run("reconstruct " + path("photos") + " -o " + path("scene") + " --colmap " + path("colmap")),
+      0)
+      << printed();
+  EXPECT_THAT(printed(), AllOf(HasSubstr("3 of 3 photos placed"), HasSubstr("gemsplat train ")));
+  EXPECT_TRUE(is_colmap_model(path("scene/sparse/0")));
+}
+
+TEST_F(Reconstruct, MissingProgramIsBadDataAndMissingOutputIsUsage) {
+  EXPECT_EQ(run("reconstruct " + path("photos") + " -o " + path("scene") + " --colmap /no/colmap"),
+            3);
+  EXPECT_THAT(printed(), HasSubstr("apt install colmap"));
+  EXPECT_EQ(run("reconstruct " + path("photos")), 2);
+}
+
+TEST_F(Reconstruct, TrainOnBarePhotosMakesTheSceneFirstAndNamesItInItsConfig) {
+  const std::string train =
+      "train " + path("photos") + " -o " + path("run") +
+      " --iterations 5 --device cpu --set reconstruct.colmap=" + path("colmap");
+  ASSERT_EQ(run(train), 0) << printed();
+  EXPECT_THAT(printed(), HasSubstr("3 of 3 photos placed"));
+  EXPECT_TRUE(is_colmap_model(path("run/scene/sparse/0")));
+  EXPECT_THAT(read_bytes(path("run/config.toml")), HasSubstr(path("run/scene")));
+  EXPECT_EQ(run(train + " --force"), 0) << printed();
+  EXPECT_TRUE(is_colmap_model(path("run.bak-1/scene/sparse/0")));
+  EXPECT_EQ(run("eval " + path("run") + " --split train"), 0) << printed();
+}
+
+}  // namespace
+}  // namespace gs
