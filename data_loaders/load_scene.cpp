@@ -221,6 +221,11 @@ Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress) {
     (is_test[i] ? scene.test_views : scene.train_views).push_back(std::move(views[i]));
   scene.points = single_precision_points(model);
   scene.extent = camera_extent(scene.train_views);
+  for (const std::size_t stray : stray_cameras(scene.train_views))
+    log_warning(
+        "the camera of {} stands far away from all others; its pose may be wrong, and the scene's "
+        "extent leaves it out",
+        scene.train_views[stray].name);
   return scene;
 }
 
