@@ -16,8 +16,8 @@
 #include "data_loaders/byte_reader.h"
 #include "data_loaders/colmap_log.h"
 #include "data_loaders/colmap_model.h"
-#include "data_loaders/photo_folder.h"
 #include "data_loaders/move_aside.h"
+#include "data_loaders/photo_folder.h"
 #include "data_loaders/subprocess.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -30,8 +30,7 @@ namespace fs = std::filesystem;
 constexpr std::size_t kExhaustivePhotos = 200;  // with more, `auto` matches neighbours by name only
 constexpr std::size_t kFewestPhotos = 3;        // that a model to train on may have
 constexpr int kFewFeatures = 200;               // in a photo: hardly enough to match it
-constexpr int kNeededPoints =
-    30;  // that a photo must see to be placed; COLMAP's abs_pose_min_num_inliers
+constexpr int kNeededPoints = 30;  // that a photo must see to be placed; COLMAP's abs_pose_min_num_inliers
 constexpr std::size_t kLinesShown = 8;     // of COLMAP's log in an error
 constexpr std::size_t kMissingShown = 20;  // names in the verdict
 
@@ -49,9 +48,7 @@ struct SceneFiles {
   fs::path root;
   fs::path images() const { return root / "images"; }
   fs::path sparse() const { return root / "sparse"; }
-  fs::path attempt() const {
-    return root / "mapping";
-  }  // the mapper's models, until they are complete
+  fs::path attempt() const { return root / "mapping"; }  // the mapper's models, until they are complete
   fs::path database() const { return root / "database.db"; }
   fs::path log() const { return root / "colmap.log"; }
   fs::path state() const { return root / "reconstruct.json"; }
