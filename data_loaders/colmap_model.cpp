@@ -144,6 +144,16 @@ bool is_colmap_model(const fs::path& folder) {
   return has_pair(folder, ".bin") || has_pair(folder, ".txt");
 }
 
+std::vector<fs::path> colmap_models_in(const fs::path& folder) {
+  std::vector<fs::path> models;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error))
+    if (is_colmap_model(entry->path())) models.push_back(entry->path());
+  std::sort(models.begin(), models.end());
+  return models;
+}
+
 std::uint64_t count_colmap_images(const fs::path& folder) {
   return has_pair(folder, ".bin") ? colmap::count_binary_images(folder / "images.bin")
                                   : colmap::count_text_images(folder / "images.txt");

@@ -106,6 +106,9 @@ struct ColmapModel {
 /// Whether a folder holds cameras and images, both binary or both text.
 bool is_colmap_model(const std::filesystem::path& folder);
 
+/// The folders inside a folder that are models, sorted; none where it cannot be read.
+std::vector<std::filesystem::path> colmap_models_in(const std::filesystem::path& folder);
+
 /// How many images a model has, without reading it whole: from the count at the head of images.bin,
 /// or from the lines of images.txt. Throws Error.
 std::uint64_t count_colmap_images(const std::filesystem::path& folder);

@@ -41,11 +41,9 @@ fs::path parent_of(const fs::path& folder) {
 /// one wherever it can place no more photos in the last.
 std::vector<fs::path> sub_models(const fs::path& sparse) {
   std::vector<fs::path> models;
-  for (const fs::path& folder : folders_in(sparse)) {
-    const std::string name = folder.filename().string();
-    if (name.find_first_not_of("0123456789") == std::string::npos && is_colmap_model(folder))
+  for (const fs::path& folder : colmap_models_in(sparse))
+    if (folder.filename().string().find_first_not_of("0123456789") == std::string::npos)
       models.push_back(folder);
-  }
   std::stable_sort(models.begin(), models.end(), [](const fs::path& a, const fs::path& b) {
     return a.native().size() < b.native().size();  // 2 before 10
   });

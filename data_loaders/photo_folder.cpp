@@ -69,13 +69,8 @@ fs::path photo_root(const fs::path& folder) {
 
 bool has_model(const fs::path& scene) {
   if (is_colmap_model(scene)) return true;
-  for (const fs::path& sparse : {scene / "sparse", scene / "colmap" / "sparse"}) {
-    if (is_colmap_model(sparse)) return true;
-    std::error_code error;
-    for (fs::directory_iterator entry(sparse, error), end; !error && entry != end;
-         entry.increment(error))
-      if (is_colmap_model(entry->path())) return true;
-  }
+  for (const fs::path& sparse : {scene / "sparse", scene / "colmap" / "sparse"})
+    if (is_colmap_model(sparse) || !colmap_models_in(sparse).empty()) return true;
   return false;
 }
 

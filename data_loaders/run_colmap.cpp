@@ -367,20 +367,10 @@ double mean_error_of(const fs::path& model) {
   return count ? sum / double(count) : 0;
 }
 
-std::vector<fs::path> models_in(const fs::path& folder) {
-  std::vector<fs::path> models;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error))
-    if (is_colmap_model(entry->path())) models.push_back(entry->path());
-  std::sort(models.begin(), models.end());
-  return models;
-}
-
 // The mapper's models become sparse/0, sparse/1, ..., the one with most photos first.
 void keep_models(const SceneFiles& files) {
   std::vector<std::pair<std::size_t, fs::path>> models;
-  for (const fs::path& folder : models_in(files.attempt()))
+  for (const fs::path& folder : colmap_models_in(files.attempt()))
     models.emplace_back(read_colmap_model(folder).images.size(), folder);
   std::stable_sort(models.begin(), models.end(),
                    [](const auto& a, const auto& b) { return a.first > b.first; });
@@ -416,7 +406,7 @@ class Reasons {
     for (const ColmapImage& image : largest.images)
       if (const auto id = ids_.find(image.name); id != ids_.end() && id->second != image.id)
         log_.seen_points.clear();  // ids are not what they should be
-    for (const fs::path& folder : models_in(files.sparse()))
+    for (const fs::path& folder : colmap_models_in(files.sparse()))
       if (folder != largest.folder)
         for (const ColmapImage& image : read_colmap_model(folder).images)
           other_models_.emplace(image.name, "sparse/" + folder.filename().string());
@@ -456,7 +446,7 @@ Reconstruction verdict_of(const Plan& plan) {
   result.photos = plan.photos.size();
   result.registered = model.images.size();
   result.points = model.points.size();
-  result.models = models_in(plan.files.sparse()).size();
+  result.models = colmap_models_in(plan.files.sparse()).size();
   result.mean_error = mean_error_of(model.folder);
   for (const PhotoFile& photo : plan.photos)
     if (!registered.contains(photo.name))
