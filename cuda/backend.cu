@@ -68,6 +68,7 @@ class Reports {
 class InstanceForecast {
  public:
   void note(const View& view, std::size_t instances, std::size_t gaussians) {
+    gaussians = std::max<std::size_t>(gaussians, 1);
     visits_[&view] = {instances, gaussians};
     most_per_gaussian_ = std::max(most_per_gaussian_, double(instances) / double(gaussians));
   }
@@ -188,8 +189,7 @@ class CudaBackend final : private Device, public Backend {
     StepReport report;
     while (!pending_.empty() && reports_.read(pending_.front().number, report)) {
       if (report.halted) return repeat_pending();
-      forecast_.note(*pending_.front().view, report.instances,
-                     std::max<std::size_t>(model_->count(), 1));
+      forecast_.note(*pending_.front().view, report.instances, model_->count());
       pending_.pop_front();
     }
   }
@@ -200,7 +200,7 @@ class CudaBackend final : private Device, public Backend {
       StepReport report;
       if (!reports_.read(step.number, report)) continue;
       check_can_be_sorted(report.instances);
-      forecast_.note(*step.view, report.instances, std::max<std::size_t>(model_->count(), 1));
+      forecast_.note(*step.view, report.instances, model_->count());
     }
     renderer_.room().halted.fill_zero();
     for (const Step& step : pending_) enqueue(step);

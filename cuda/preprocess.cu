@@ -2,8 +2,6 @@
 // Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas. A thread projects one Gaussian; its warp
 // reads the parameters of 32 together, in whole cache lines, and counts the tile rows of their splats together, whoever
 // they belong to.   Faster-GS, fused activations, exact and balanced tile culling
-#include <cuda_pipeline.h>
-
 #include <algorithm>
 
 #include "cuda/row_spans.cuh"
@@ -31,24 +29,17 @@ struct alignas(16) WarpRoom {
   std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
 };
 
-// The whole warp: starts to copy the numbers of `rows` rows from row `first` on.
-template <int kInRow, class T>
-__device__ void start_copy(float* to, const Span<T>& array, std::size_t first, int rows) {
-  const float* const from = reinterpret_cast<const float*>(array.data) + first * kInRow;
-  if (rows == kWarp) {
-    for (int k = 4 * lane_of_thread(); k < kWarp * kInRow; k += 4 * kWarp)
-      __pipeline_memcpy_async(to + k, from + k, sizeof(float4));
-  } else {
-    for (int k = lane_of_thread(); k < rows * kInRow; k += kWarp)
-      __pipeline_memcpy_async(to + k, from + k, sizeof(float));
-  }
-}
-
 // The whole warp: waits for what it started to copy.
 __device__ void finish_copies() {
   __pipeline_commit();
   __pipeline_wait_prior(0);
   __syncwarp();
+}
+
+// The numbers of an array from row `first` on.
+template <class T>
+__device__ const float* numbers_from(const Span<T>& array, std::size_t first) {
+  return reinterpret_cast<const float*>(array.data + first);
 }
 
 // One Gaussian's parameters but for SH.
@@ -61,11 +52,11 @@ struct Gaussian {
 // The whole warp: its Gaussians, all numbers at once, so that it waits for the memory once.
 __device__ Gaussian load_gaussian(Parameters& room, const GaussiansSpan& gaussians,
                                   std::size_t first, int rows) {
-  start_copy<3>(room.mean, gaussians.mean, first, rows);
-  start_copy<3>(room.log_scale, gaussians.log_scale, first, rows);
-  start_copy<3>(room.sh0, gaussians.sh0, first, rows);
-  start_copy<4>(room.rotation, gaussians.rotation, first, rows);
-  start_copy<1>(room.logit_opacity, gaussians.logit_opacity, first, rows);
+  start_copy<3>(room.mean, numbers_from(gaussians.mean, first), rows);
+  start_copy<3>(room.log_scale, numbers_from(gaussians.log_scale, first), rows);
+  start_copy<3>(room.sh0, numbers_from(gaussians.sh0, first), rows);
+  start_copy<4>(room.rotation, numbers_from(gaussians.rotation, first), rows);
+  start_copy<1>(room.logit_opacity, numbers_from(gaussians.logit_opacity, first), rows);
   finish_copies();
   const int lane = lane_of_thread();
   const auto vector = [&](const float* of) {
@@ -93,22 +84,6 @@ __device__ std::uint32_t count_hit_tiles(WarpRoom& room, const Splat& splat, con
   }
   __syncwarp();
   return room.hits[lane];
-}
-
-// The whole warp: starts to copy its SH rows. Its Gaussians are neighbours in space: where one is visible, most are.
-template <int degree>
-__device__ void start_sh_rows(WarpRoom& room, const Span<ShRest>& sh_rest, std::size_t first,
-                              int rows) {
-  if constexpr (degree == kMaxShDegree) {
-    start_copy<kShRowNumbers>(room.sh_rows, sh_rest, first, rows);
-  } else if constexpr (degree > 0) {
-    constexpr int kInUse = kShNumbersInUse<degree>;
-    const float* const from = reinterpret_cast<const float*>(sh_rest.data + first);
-    for (int k = lane_of_thread(); k < rows * kInUse; k += kWarp) {
-      const int at = k / kInUse * kShRowNumbers + k % kInUse;
-      __pipeline_memcpy_async(room.sh_rows + at, from + at, sizeof(float));
-    }
-  }
 }
 
 // What the kernel writes, one row per Gaussian.
@@ -146,7 +121,8 @@ __global__ void __launch_bounds__(kThreads)
   Splat& splat = projected.splat;
   std::uint32_t hits = 0;
   if (__any_sync(kAllLanes, !pixels.empty())) {
-    start_sh_rows<degree>(room, gaussians.sh_rest, first, rows);
+    // A warp's Gaussians are neighbours in space: where one is visible, most are.
+    start_sh_copy<degree>(room.sh_rows, numbers_from(gaussians.sh_rest, first), rows);
     hits = count_hit_tiles(room, splat, pixels);
     finish_copies();
     if (hits > 0) {

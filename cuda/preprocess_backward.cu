@@ -3,8 +3,6 @@
 // gradient of a parameter is ever stored. A thread pulls the gradient of one Gaussian back; what becomes of the
 // gradients is done by the whole warp, number after number of its 32 rows, so that it reads and writes whole cache
 // lines; all is asked for at the start, so that it waits for the memory once.   Faster-GS, backward fused with Adam
-#include <cuda_pipeline.h>
-
 #include <algorithm>
 
 #include "cuda/row_updates.cuh"
@@ -40,23 +38,11 @@ __device__ float sh_gradient(const WarpRoom& room, int row, int number) {
   return room.basis[row * kBasisStride + 1 + number / 3] * room.dL_dcolor[row * 3 + number % 3];
 }
 
-// The whole warp: starts to copy its SH rows into its room, past the registers, so that they come while other work is
-// done.
+// The whole warp: starts to copy its SH rows into its room, so that they come while other work is done.
 template <int degree, class Numbers>
 __device__ void start_sh_rows(WarpRoom& room, const Numbers& numbers, std::size_t first, int rows) {
-  constexpr int kInUse = std::max(kShNumbersInUse<degree>, 1);
-  for (int a = 0; a < Numbers::kArrays; ++a) {
-    const float* const from = numbers.arrays[a] + first * kShRowNumbers;
-    if (degree == kMaxShDegree && rows == kWarp) {
-      for (int k = 4 * lane_of_thread(); k < kWarp * kShRowNumbers; k += 4 * kWarp)
-        __pipeline_memcpy_async(room.sh_rows[a] + k, from + k, sizeof(float4));
-    } else {
-      for (int k = lane_of_thread(); k < rows * kInUse; k += kWarp) {
-        const int at = k / kInUse * kShRowNumbers + k % kInUse;
-        __pipeline_memcpy_async(room.sh_rows[a] + at, from + at, sizeof(float));
-      }
-    }
-  }
+  for (int a = 0; a < Numbers::kArrays; ++a)
+    start_sh_copy<degree>(room.sh_rows[a], numbers.arrays[a] + first * kShRowNumbers, rows);
   __pipeline_commit();
 }
 

@@ -3,6 +3,8 @@
 // cache lines, through a copy in shared memory that each lane then reads its own row of.
 #pragma once
 
+#include <cuda_pipeline.h>
+
 #include <type_traits>
 
 #include "cuda/warp.cuh"
@@ -18,6 +20,32 @@ static_assert(kShRowNumbers % 2 == 1 && sizeof(ShRest) == kShRowNumbers * sizeof
 /// Numbers of an SH row that a degree uses.
 template <int degree>
 inline constexpr int kShNumbersInUse = 3 * sh_rest_count(degree);
+
+/// The whole warp: starts to copy `rows` rows of kInRow numbers into shared memory, past the registers.
+template <int kInRow>
+__device__ void start_copy(float* to, const float* from, int rows) {
+  if (rows == kWarp) {
+    for (int k = 4 * lane_of_thread(); k < kWarp * kInRow; k += 4 * kWarp)
+      __pipeline_memcpy_async(to + k, from + k, sizeof(float4));
+  } else {
+    for (int k = lane_of_thread(); k < rows * kInRow; k += kWarp)
+      __pipeline_memcpy_async(to + k, from + k, sizeof(float));
+  }
+}
+
+/// The same for SH rows: of each row, the numbers that a degree uses.
+template <int degree>
+__device__ void start_sh_copy(float* to, const float* from, int rows) {
+  if constexpr (degree == kMaxShDegree) {
+    start_copy<kShRowNumbers>(to, from, rows);
+  } else if constexpr (degree > 0) {
+    constexpr int kInUse = kShNumbersInUse<degree>;
+    for (int k = lane_of_thread(); k < rows * kInUse; k += kWarp) {
+      const int at = k / kInUse * kShRowNumbers + k % kInUse;
+      __pipeline_memcpy_async(to + at, from + at, sizeof(float));
+    }
+  }
+}
 
 /// Calls f(std::integral_constant<int, degree>) for the degree in use.
 template <class F>
