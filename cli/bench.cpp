@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // gemsplat bench: how fast one device trains and renders a trained model or a generated one.
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "cli/benchmark.h"
+#include "cli/blenders.h"
 #include "cli/devices.h"
 #include "cli/generated_scene.h"
 #include "cli/open_model.h"
@@ -34,7 +36,7 @@ struct BenchCommand : CommandLine {
   int gaussians = 0;  // 0: none are generated
   int width = 1280, height = 720, views = 8;
   BenchmarkPlan plan;
-  bool json = false;
+  bool json = false, blenders = false;
 };
 
 /// What is timed.
@@ -55,6 +57,7 @@ struct Report {
   TrainingFigures training;
   Workload workload;  // of a training view, in the mean
   std::vector<RenderingFigures> rendering;
+  std::vector<BlenderFigures> blenders;
   std::optional<double> copy_gb_per_second;
   std::optional<std::size_t> peak_gpu_bytes;
 };
@@ -110,8 +113,10 @@ Subject subject_of(const BenchCommand& command) {
   return is_generated ? generated_subject(command) : trained_subject(command);
 }
 
-Report measure(const Subject& subject, const BenchmarkPlan& plan) {
+Report measure(const Subject& subject, const BenchmarkPlan& plan, bool with_blenders) {
   const std::unique_ptr<Backend> backend = make_backend(subject.config.train.device);
+  if (with_blenders && &backend->memory() == &host_memory())
+    throw UsageError("--blenders compares those of a GPU; give --device cuda");
   Report report;
   report.device = backend->name();
   {
@@ -126,6 +131,9 @@ Report measure(const Subject& subject, const BenchmarkPlan& plan) {
       report.rendering.push_back(
           time_rendering(*backend, model, subject.rendered_views(), subject.settings, plan, scale));
     }
+    if (with_blenders)
+      report.blenders =
+          compare_blenders(*backend, model, subject.rendered_views(), subject.settings, plan);
   }
   report.copy_gb_per_second = copy_gb_per_second(*backend);  // last, since it takes memory itself
   return report;
@@ -166,6 +174,22 @@ Json rendering_json(const RenderingFigures& figures, const Report& report) {
           {"stages", stages_json(figures.stages, report)}};
 }
 
+Json blender_json(const BlenderFigures& figures) {
+  return {{"bounds", figures.bounds},
+          {"blender", figures.blender},
+          {"scale", figures.scale},
+          {"width", figures.width},
+          {"height", figures.height},
+          {"instances", figures.instances},
+          {"ms_per_frame", figures.ms_per_frame},
+          {"blend_ms", figures.blend_ms},
+          {"psnr", std::isfinite(figures.psnr) ? Json(figures.psnr) : Json(nullptr)},
+          {"largest_difference", figures.largest},
+          {"pixels", figures.pixels},
+          {"pixels_apart", figures.apart},
+          {"unexplained", figures.unexplained}};
+}
+
 std::string report_json(const Subject& subject, const BenchmarkPlan& plan, const Report& report) {
   const Camera& camera = subject.train_views.front().camera;
   Json json = {{"device", report.device},
@@ -188,6 +212,8 @@ std::string report_json(const Subject& subject, const BenchmarkPlan& plan, const
   json["render"] = Json::array();
   for (const RenderingFigures& figures : report.rendering)
     json["render"].push_back(rendering_json(figures, report));
+  for (const BlenderFigures& figures : report.blenders)
+    json["blenders"].push_back(blender_json(figures));
   json["copy_gb_per_s"] = or_null(report.copy_gb_per_second);
   if (report.peak_gpu_bytes) json["peak_gpu_bytes"] = *report.peak_gpu_bytes;
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
@@ -208,6 +234,24 @@ std::string stages_text(const std::vector<StageFigures>& stages, const Report& r
       text += fmt::format(" {:>7.0f}%", 100 * *share);
     text += "\n";
   }
+  return text;
+}
+
+std::string blenders_text(const std::vector<BlenderFigures>& blenders) {
+  if (blenders.empty()) return "";
+  std::string text = fmt::format(
+      "\nblenders, against simt under the same bounds; apart: pixels that differ by more than "
+      "{:g}, and how many of them "
+      "have no fragment within {:g} of a threshold\n  {:<7} {:<10} {:>11} {:>9} {:>9} {:>9} {:>7} "
+      "{:>9} {:>7} {:>5}\n",
+      kBlendersAgree, kBorderline, "bounds", "blender", "size", "instances", "frame ms", "blend ms",
+      "PSNR", "largest", "apart", "of these");
+  for (const BlenderFigures& f : blenders)
+    text +=
+        fmt::format("  {:<7} {:<10} {:>11} {:>9} {:>9.3f} {:>9.3f} {:>7.1f} {:>9.1e} {:>7} {:>5}\n",
+                    f.bounds, f.blender, fmt::format("{}x{}", f.width, f.height),
+                    with_commas(std::uint64_t(f.instances + 0.5)), f.ms_per_frame, f.blend_ms,
+                    f.psnr, f.largest, f.apart, f.unexplained);
   return text;
 }
 
@@ -235,7 +279,7 @@ std::string report_text(const Subject& subject, const BenchmarkPlan& plan, const
                         subject.test_views.empty() ? "training" : "test");
     text += "  " + workload_text(figures.mean) + "\n" + stages_text(figures.stages, report);
   }
-  text += "\n";
+  text += blenders_text(report.blenders) + "\n";
   if (report.training.stages.empty())
     text += "stages: not timed, " + report.device + " only times whole steps and frames\n";
   if (report.copy_gb_per_second)
@@ -251,7 +295,7 @@ void bench(const BenchCommand& command) {
   setup_log(command.verbosity());
   const Subject subject = subject_of(command);
   check_scales(subject.rendered_views(), command.plan.scales);
-  const Report report = measure(subject, command.plan);
+  const Report report = measure(subject, command.plan, command.blenders);
   const std::string json = report_json(subject, command.plan, report);
   if (!command.output.empty()) write_text(command.output, json);
   std::cout << (command.json ? json : report_text(subject, command.plan, report));
@@ -301,6 +345,9 @@ void add_bench(CLI::App& program) {
   verb.add_flag("--json", command->json, "print JSON");
   verb.add_option("-o,--output", command->output, "write that JSON to a file, too")
       ->type_name("FILE");
+  verb.add_flag(
+      "--blenders", command->blenders,
+      "compare the GPU's blenders under each kind of tile bounds: speed, and how far apart");
   add_generator_options(verb, *command);
   add_plan_options(verb, command->plan);
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");

@@ -77,12 +77,12 @@ void add_to_mean(const Workload& view, std::size_t count, Workload& mean) {
   mean.sh_degree = view.sh_degree;
 }
 
+}  // namespace
+
 Camera at_scale(const Camera& camera, double scale) {
   const auto side = [&](int pixels) { return std::max(1, int(std::lround(pixels * scale))); };
   return resized(camera, side(camera.width), side(camera.height));
 }
-
-}  // namespace
 
 void check_scales(const std::vector<View>& views, const std::vector<double>& scales) {
   for (const View& view : views)
@@ -117,6 +117,8 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
                               const std::vector<View>& views, const RenderSettings& settings,
                               const Config& config, const BenchmarkPlan& plan,
                               const Workload& workload) {
+  RenderSettings training = settings;
+  training.for_backward = true;
   backend.prepare(views, std::size_t(double(config.train.photo_gib) * kBytesPerGib));
   std::size_t next = 0;
   const auto milliseconds_of = [&](int steps) {
@@ -124,7 +126,7 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
     const double begin = milliseconds_now();
     for (int step = 0; step < steps; ++step, ++next) {
       backend.announce(views[(next + 1) % views.size()]);
-      backend.step(model, views[next % views.size()], settings, config.loss.lambda_dssim, kNoRates,
+      backend.step(model, views[next % views.size()], training, config.loss.lambda_dssim, kNoRates,
                    true);
     }
     backend.settle(model);
@@ -146,9 +148,11 @@ RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
                                 const std::vector<View>& views, const RenderSettings& settings,
                                 const BenchmarkPlan& plan, double scale) {
   RenderPass pass(backend.memory());
+  RenderSettings viewing = settings;
+  viewing.for_backward = false;
   const auto milliseconds_of_frame = [&](const Camera& camera) {
     const double begin = milliseconds_now();
-    backend.renderer().forward(model.gaussians.span(), camera, settings, pass);
+    backend.renderer().forward(model.gaussians.span(), camera, viewing, pass);
     backend.settle(model);
     return milliseconds_now() - begin;
   };

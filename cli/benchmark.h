@@ -42,6 +42,9 @@ struct RenderingFigures {
   std::vector<StageFigures> stages;
 };
 
+/// The same view in a picture so many times as large.
+Camera at_scale(const Camera& camera, double scale);
+
 /// Throws UsageError where a view at a scale is too large a picture.
 void check_scales(const std::vector<View>& views, const std::vector<double>& scales);
 

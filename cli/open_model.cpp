@@ -46,7 +46,9 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
 RenderSettings view_settings(const OpenedModel& opened, Config config) {
   if (config.render.background == "random") config.render.background = "black";
   config.model.sh_degree = std::min(config.model.sh_degree, opened.model.sh_degree);
-  return render_settings(config);
+  RenderSettings settings = render_settings(config);
+  settings.for_backward = false;
+  return settings;
 }
 
 }  // namespace gs

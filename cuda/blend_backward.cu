@@ -25,6 +25,7 @@ constexpr int kSumStride = 20;            // floats from one splat's sums to the
 
 struct WarpRoom {
   ListedSplat list[kWarp];
+  ListWalk::Ahead ahead;
   alignas(16) float rows[kRows * kRowStride];  // f and w of each pixel in turn, one splat a row; then the sums
   float2 colors[kProducts][kWarp];             // right-hand side of the colours: each lane's part
 };
@@ -86,9 +87,8 @@ __device__ SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f
   const float fx = a.y - mx * f, fy = a.z - my * f;
   const float fxx = a.w - mx * (a.y + fx), fxy = b.x - mx * a.z - my * fx,
               fyy = b.y - my * (a.z + fy);
-  constexpr float kScale = -float(kLn2);  // back from base 2; see listed()
-  const float xx = 2.0f * kScale * splat.xx, xy = kScale * splat.xy, yy = 2.0f * kScale * splat.yy;
-  return {{xx * fx + xy * fy, xy * fx + yy * fy},
+  const Sym2<float> Q = conic_of(splat.L);
+  return {{Q.xx * fx + Q.xy * fy, Q.xy * fx + Q.yy * fy},
           -0.5f * fxx,
           -0.5f * fxy,
           -0.5f * fyy,
@@ -211,7 +211,8 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
                      float(subtile.y0) + 0.5f * kSubtileHeight};
 
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
-  for (ListWalk walk(lists, subtile, first, min(longest, first + kSegmentLength));
+  for (ListWalk walk(room.ahead, lists, subtile.tile, subtile.pixels(), first,
+                     min(longest, first + kSegmentLength));
        !walk.is_done();) {
     const int count = walk.list_next(room.list);
     int rows = 0, slot = 0;

@@ -23,6 +23,7 @@ Context::Context(int device) : device_(device) {
   check(cudaGetDeviceProperties(&properties, device), "asking for the GPU's properties");
   device_name_ = properties.name;
   multiprocessors_ = properties.multiProcessorCount;
+  has_tensor_cores_ = properties.major >= 8;
   check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
 }
 

@@ -31,6 +31,8 @@ class Context {
   cudaStream_t stream() const { return stream_; }
   const std::string& device_name() const { return device_name_; }
   int multiprocessors() const { return multiprocessors_; }
+  /// For halves and TF32 with fp32 sums: compute capability 8 and later.
+  bool has_tensor_cores() const { return has_tensor_cores_; }
 
   /// Waits until all that was launched has run. Never called by a step of training.
   void synchronize();
@@ -61,6 +63,7 @@ class Context {
   cudaStream_t stream_ = nullptr;
   std::string device_name_;
   int multiprocessors_ = 0;
+  bool has_tensor_cores_ = false;
   bool profiling_ = false;
   std::vector<Lap> laps_;
   std::vector<cudaEvent_t> free_events_;

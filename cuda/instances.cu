@@ -18,6 +18,7 @@ struct Input {
   const std::uint32_t* tile_counts;     // (N) by Gaussian, as all that follow
   const Rect* pixel_rects;
   const Splat* splats;
+  TileBounds bounds;
   int tiles_x;
   std::uint32_t tiles;
 
@@ -107,7 +108,7 @@ __device__ void write_places(WarpRoom& room, const Input& in, const Output<Key>&
         room.gaussian_of_splat[lane] = gaussian;
       }
     }
-    const std::uint32_t rows = room.rows.take(splat, pixels);
+    const std::uint32_t rows = room.rows.take(splat, pixels, in.bounds);
     for (std::uint32_t row = 0; row < rows && place < end; row += kWarp)
       place = write_spans(room, in, out, row, rows, place, begin, end);
     if (rows == 0) return;  // cannot be, unless count and spans disagree
@@ -141,8 +142,9 @@ __global__ void __launch_bounds__(kThreads) create_instances_kernel(Input in, Ou
 
 }  // namespace
 
-void create_instances(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity,
-                      StepReport* report, std::uint32_t step) {
+void create_instances(Context& context, const RenderSettings& settings, WorkingRoom& room,
+                      RenderPass& pass, std::uint32_t capacity, StepReport* report,
+                      std::uint32_t step) {
   const StageScope scope(context, "instances");
   room.keys.resize_discard(capacity);
   room.instance_splats.resize_discard(capacity);
@@ -152,6 +154,7 @@ void create_instances(Context& context, WorkingRoom& room, RenderPass& pass, std
                  pass.tile_counts.data(),
                  pass.pixel_rects.data(),
                  pass.splats.data(),
+                 settings.bounds,
                  pass.tiles_x,
                  std::uint32_t(pass.tile_count())};
   const auto launch = [&](auto* keys) {

@@ -1,10 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// Matrix products of a warp on tensor cores, with their layouts: the only inline PTX of the project.
+// Matrix products of a warp on tensor cores, with their layouts, and what feeds them: the only inline PTX of the
+// project.
 #pragma once
 
 #include "cuda/warp.cuh"
 
 namespace gs::cuda {
+
+/// The part of a number that TF32 holds; the rest, number - part, is exact.
+__device__ inline float tf32_part(float number) {
+  return __uint_as_float(__float_as_uint(number) & 0xffffe000u);
+}
+
+/// The nearest number that TF32 holds.
+__device__ inline float tf32_rounded(float number) {
+  return tf32_part(__uint_as_float(__float_as_uint(number) + 0x1000u));
+}
 
 /// D += A B for one warp: A is 16 x 8, B is 8 x 8, D is 16 x 8. Inputs are read as TF32 (their lowest 13 bits
 /// count as zero), sums are float. Lane l = 4 g + t, g = 0..7, t = 0..3, holds
@@ -30,29 +41,65 @@ __device__ inline void multiply_add_16x8x8(float (&d)[4], const float (&a)[4],
   const int g = lane_of_thread() / 4, t = lane_of_thread() % 4;
   for (int k = 0; k < 8; ++k)
     for (int i = 0; i < 4; ++i) {
-      const float top = __shfl_sync(kAllLanes, k < 4 ? a[0] : a[2], 4 * g + k % 4);
-      const float bottom = __shfl_sync(kAllLanes, k < 4 ? a[1] : a[3], 4 * g + k % 4);
-      const float right = __shfl_sync(kAllLanes, k < 4 ? b[0] : b[1], 4 * (2 * t + i % 2) + k % 4);
+      const float top = tf32_part(__shfl_sync(kAllLanes, k < 4 ? a[0] : a[2], 4 * g + k % 4));
+      const float bottom = tf32_part(__shfl_sync(kAllLanes, k < 4 ? a[1] : a[3], 4 * g + k % 4));
+      const float right =
+          tf32_part(__shfl_sync(kAllLanes, k < 4 ? b[0] : b[1], 4 * (2 * t + i % 2) + k % 4));
       d[i] = fmaf(i < 2 ? top : bottom, right, d[i]);
     }
 #endif
 }
 
-/// The part of a number that TF32 holds; the rest, number - part, is exact.
-__device__ inline float tf32_part(float number) {
-  return __uint_as_float(__float_as_uint(number) & 0xffffe000u);
+/// D += A B for one warp: A is 16 x 16, B is 16 x 8, D is 16 x 8. Inputs are halves, two to a word, sums are float.
+/// Lane l = 4 g + t holds
+///
+///        columns 2t, 2t+1   2t+8, 2t+9               column g                column 2t   column 2t + 1
+///      +------------------+------------+            +---------+            +-----------+-----------+
+///  g   |       a[0]       |    a[2]    |   2t, 2t+1 |  b[0]   |     g      |   d[0]    |   d[1]    |
+///  g+8 |       a[1]       |    a[3]    |   2t+8, +9 |  b[1]   |     g+8    |   d[2]    |   d[3]    |
+///      +------------------+------------+            +---------+            +-----------+-----------+
+///                A, by rows                            B                            D
+///
+/// PTX ISA, mma.m16n8k16 for .f16. Compute capability 8 and later; before it the kernel that asks is not launched.
+__device__ inline void multiply_add_16x8x16(float (&d)[4], const unsigned (&a)[4],
+                                            const unsigned (&b)[2]) {
+#if __CUDA_ARCH__ >= 800
+  asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, "
+      "%9}, "
+      "{%0, %1, %2, %3};"
+      : "+f"(d[0]), "+f"(d[1]), "+f"(d[2]), "+f"(d[3])
+      : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b[0]), "r"(b[1]));
+#else
+  __trap();
+#endif
 }
 
-/// D += A B with A to float's precision, in two products; B holds what TF32 can hold.
+/// Four matrices of 8 rows of 16 bytes out of shared memory, each given as a right-hand side B above: its columns are the
+/// rows in memory, and lane 4 g + t gets halves 2t and 2t + 1 of row g. Lane l says where row l % 8 of matrix l / 8
+/// lies.   PTX ISA, ldmatrix
+__device__ inline void load_four_matrices(unsigned (&words)[4], const void* row) {
+#if __CUDA_ARCH__ >= 800
+  asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0, %1, %2, %3}, [%4];"
+               : "=r"(words[0]), "=r"(words[1]), "=r"(words[2]), "=r"(words[3])
+               : "r"(static_cast<unsigned>(__cvta_generic_to_shared(row)))
+               : "memory");
+#else
+  __trap();
+#endif
+}
+
+/// A B with A to float's precision, in two products added to two sums; B holds what TF32 can hold.
+__device__ inline void multiply_add_in_parts(float (&high_sum)[4], float (&low_sum)[4],
+                                             const float (&a)[4], const float (&b)[2]) {
+  float low[4];
+  for (int i = 0; i < 4; ++i) low[i] = a[i] - tf32_part(a[i]);
+  multiply_add_16x8x8(high_sum, a, b);
+  multiply_add_16x8x8(low_sum, low, b);
+}
+/// D += A B in that way.
 __device__ inline void multiply_add_exactly(float (&d)[4], const float (&a)[4],
                                             const float (&b)[2]) {
-  float high[4], low[4];
-  for (int i = 0; i < 4; ++i) {
-    high[i] = tf32_part(a[i]);
-    low[i] = a[i] - high[i];
-  }
-  multiply_add_16x8x8(d, high, b);
-  multiply_add_16x8x8(d, low, b);
+  multiply_add_in_parts(d, d, a, b);
 }
 
 }  // namespace gs::cuda

@@ -73,10 +73,11 @@ __device__ Gaussian load_gaussian(Parameters& room, const GaussiansSpan& gaussia
 }
 
 // The whole warp: how many tiles each lane's splat hits. `pixels` is empty where a lane has no splat.
-__device__ std::uint32_t count_hit_tiles(WarpRoom& room, const Splat& splat, const Rect& pixels) {
+__device__ std::uint32_t count_hit_tiles(WarpRoom& room, const Splat& splat, const Rect& pixels,
+                                         TileBounds bounds) {
   const int lane = lane_of_thread();
   room.hits[lane] = 0;
-  const std::uint32_t rows = room.tile_rows.take(splat, pixels);
+  const std::uint32_t rows = room.tile_rows.take(splat, pixels, bounds);
   for (std::uint32_t row = lane; row < rows; row += kWarp) {
     const int owner = owner_of(row, room.tile_rows.first);
     const TileSpan span = room.tile_rows.span(row, owner);
@@ -115,15 +116,15 @@ __global__ void __launch_bounds__(kThreads)
     projected = project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
                               gaussian.logit_opacity, settings);
     if (projected.is_visible)
-      pixels = pixel_rect(projected.splat.mean2d, projected.cov2d, projected.splat.cutoff, tiles_x,
-                          tiles_y);
+      pixels = pixels_of(settings.bounds, projected.splat.mean2d, projected.cov2d,
+                         projected.splat.cutoff, tiles_x, tiles_y);
   }
   Splat& splat = projected.splat;
   std::uint32_t hits = 0;
   if (__any_sync(kAllLanes, !pixels.empty())) {
     // A warp's Gaussians are neighbours in space: where one is visible, most are.
     start_sh_copy<degree>(room.sh_rows, numbers_from(gaussians.sh_rest, first), rows);
-    hits = count_hit_tiles(room, splat, pixels);
+    hits = count_hit_tiles(room, splat, pixels, settings.bounds);
     finish_copies();
     if (hits > 0) {
       splat.color =

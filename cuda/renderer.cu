@@ -30,7 +30,7 @@ void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            StepReport* report, std::uint32_t step) {
   preprocess(context_, gaussians, camera, settings, room_, pass);
   order_by_depth(context_, room_, pass);
-  create_instances(context_, room_, pass, capacity, report, step);
+  create_instances(context_, settings, room_, pass, capacity, report, step);
   sort_by_tile(context_, room_, pass, capacity);
   blend(context_, settings, pass);
 }
@@ -40,7 +40,7 @@ void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
   preprocess(context_, gaussians, camera, settings, room_, pass);
   order_by_depth(context_, room_, pass);
   const std::uint32_t capacity = std::max(instance_count(pass), 1u);
-  create_instances(context_, room_, pass, capacity, nullptr, 0);
+  create_instances(context_, settings, room_, pass, capacity, nullptr, 0);
   sort_by_tile(context_, room_, pass, capacity);
   blend(context_, settings, pass);
 }

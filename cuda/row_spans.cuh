@@ -28,14 +28,14 @@ struct TileRows {
   std::uint32_t first[kWarp];  // number of the splat's first row
 
   /// The whole warp: takes each lane's splat, or none where `pixels` is empty, and returns the number of rows.
-  __device__ std::uint32_t take(const Splat& splat, const Rect& pixels) {
+  __device__ std::uint32_t take(const Splat& splat, const Rect& pixels, TileBounds bounds) {
     const int lane = lane_of_thread();
     const Rect rect = tile_rect(pixels);
     const std::uint32_t rows = pixels.empty() ? 0 : rect.y_end - rect.y_begin;
     const std::uint32_t before = warp_exclusive_sum(rows);
     mean2d[lane] = splat.mean2d;
     conic[lane] = splat.conic;
-    cutoff[lane] = splat.cutoff;
+    cutoff[lane] = tile_cutoff(bounds, splat.cutoff);
     tiles[lane] = rect;
     first[lane] = before;
     __syncwarp();

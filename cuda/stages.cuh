@@ -63,14 +63,18 @@ void order_by_depth(Context& context, WorkingRoom& room, RenderPass& pass);
 /// 2  instances.cu: one instance for each tile hit, in that order; the places up to `capacity` that are left are
 /// given to no tile. More instances than that raise room.halted. `report` may be null, or lies in memory that
 /// both sides see.
-void create_instances(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity,
-                      StepReport* report, std::uint32_t step);
+void create_instances(Context& context, const RenderSettings& settings, WorkingRoom& room,
+                      RenderPass& pass, std::uint32_t capacity, StepReport* report,
+                      std::uint32_t step);
 
 /// 3  sort.cu: order the instances by tile, stably, find each tile's list, and put the longest first.
 void sort_by_tile(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity);
 
 /// 4  blend.cu: blend each tile's list front to back over the background.
 void blend(Context& context, const RenderSettings& settings, RenderPass& pass);
+
+/// 4  blend_gemm.cu: the same on tensor cores; the images are sized already. Compute capability 8 and later.
+void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pass);
 
 /// 6  blend_backward.cu: from dL/d(image), (3, H, W), to dL/d(splat), added to room.splat_gradients.
 void blend_backward(Context& context, const RenderSettings& settings, Span<const float> dL_dimage,

@@ -5,6 +5,8 @@
 // Sub-tiles of a warp: Yang et al. 2026 (warp-level culling); the exact test: Radl et al. 2024.
 #pragma once
 
+#include <cuda_pipeline.h>
+
 #include "cuda/stages.cuh"
 #include "cuda/warp.cuh"
 #include "gs_core/math/blend.h"
@@ -58,6 +60,15 @@ struct WarpWork {
   }
 };
 
+/// The outermost pixel centres of a sub-tile.
+struct PixelRange {
+  float x_min, x_max, y_min, y_max;
+
+  __device__ PixelRange(int x0, int y0, int width, int height)
+      : x_min(float(x0) + 0.5f), x_max(float(x0 + width) - 0.5f), y_min(float(y0) + 0.5f),
+        y_max(float(y0 + height) - 0.5f) {}
+};
+
 /// The sub-tile of this warp and the pixel of this lane.
 struct Subtile {
   std::uint32_t tile;
@@ -75,6 +86,7 @@ struct Subtile {
     y = y0 + lane / kSubtileWidth;
     is_inside = x < lists.width && y < lists.height;
   }
+  __device__ PixelRange pixels() const { return {x0, y0, kSubtileWidth, kSubtileHeight}; }
   __device__ std::size_t pixel(const TileLists& lists) const {
     return std::size_t(y) * lists.width + x;
   }
@@ -84,11 +96,11 @@ struct Subtile {
   }
 };
 
-/// A splat as the pixels of a sub-tile read it. Exponents are to base 2: e = xx dx^2 + xy dx dy + yy dy^2.
+/// A splat as the pixels of a sub-tile read it. Exponents are to base 2: e = -|u|^2 with u = L^T d, d = pixel - mean.
 struct alignas(16) ListedSplat {
   Vec2f mean2d;
-  float xx, xy;
-  float yy, lowest;         // a fragment is kept iff e >= lowest
+  ConicFactors<float> L;
+  float lowest;             // a fragment is kept iff e >= lowest
   float opacity, red;       // colours are not below 0
   float green, blue;
   std::uint32_t position;   // in the tile's list
@@ -97,12 +109,9 @@ struct alignas(16) ListedSplat {
 
 __device__ inline ListedSplat listed(const Splat& splat, std::uint32_t position,
                                      std::uint32_t gaussian) {
-  constexpr float kScale = float(kLog2E);
   return {splat.mean2d,
-          -0.5f * kScale * splat.conic.xx,
-          -kScale * splat.conic.xy,
-          -0.5f * kScale * splat.conic.yy,
-          -kScale * splat.cutoff,
+          conic_factors(splat.conic, splat.variance_y),
+          -float(kLog2E) * splat.cutoff,
           splat.opacity,
           max_of(splat.color.x, 0.0f),
           max_of(splat.color.y, 0.0f),
@@ -111,21 +120,22 @@ __device__ inline ListedSplat listed(const Splat& splat, std::uint32_t position,
           gaussian};
 }
 
-/// exp(E) of a fragment to base 2: the exponent e, never above 0. Forward and backward both ask here, so that
-/// they keep the same fragments.
+/// The exponent e of a fragment. Forward and backward both ask here, so that they keep the same fragments.
 __device__ inline float base2_exponent(const ListedSplat& splat, float dx, float dy) {
-  const float e = fmaf(dx, fmaf(splat.xx, dx, splat.xy * dy), splat.yy * dy * dy);
-  return fminf(e, 0.0f);
+  const float u_x = fmaf(splat.L.xx, dx, splat.L.xy * dy), u_y = splat.L.yy * dy;
+  return -fmaf(u_x, u_x, u_y * u_y);
 }
 __device__ inline float exp2_fragment(float e) { return exp2f(e); }
 
-/// One warp's way through positions [first, last) of its tile's list: fetches 32 splats ahead.
+/// One warp's way through positions [first, last) of a tile's list: fetches 32 splats ahead, into shared memory.
 class ListWalk {
  public:
-  __device__ ListWalk(const TileLists& lists, const Subtile& subtile, std::uint32_t first,
-                      std::uint32_t last)
-      : lists_(lists), x_min_(float(subtile.x0) + 0.5f), y_min_(float(subtile.y0) + 0.5f),
-        begin_(lists.ranges[subtile.tile]), end_(begin_ + last), next_(begin_ + first) {
+  using Ahead = Splat[kWarp];  // shared memory, one of each warp
+
+  __device__ ListWalk(Ahead& ahead, const TileLists& lists, std::uint32_t tile,
+                      const PixelRange& pixels, std::uint32_t first, std::uint32_t last)
+      : splat_(ahead[lane_of_thread()]), lists_(lists), pixels_(pixels), begin_(lists.ranges[tile]),
+        end_(begin_ + last), next_(begin_ + first) {
     gaussian_ahead_ = gaussian_at(next_ + lane_of_thread());
     fetch();
   }
@@ -133,37 +143,51 @@ class ListWalk {
   /// Where the next splats stand in the list.
   __device__ std::uint32_t position() const { return next_ - begin_; }
 
-  /// The whole warp: lists the splats of the next 32 that hit the sub-tile, and returns how many they are.
-  __device__ int list_next(ListedSplat* list) {
+  /// The whole warp: finds those of the next 32 splats that hit the sub-tile, calls
+  /// take(k, splat, position, gaussian) for the k-th of them in a lane of its own, and returns how many they are.
+  template <class Take>
+  __device__ int take_next(const Take& take) {
+    __pipeline_wait_prior(0);
     const std::uint32_t place = next_ + lane_of_thread(), gaussian = gaussian_;
-    const Splat splat = splat_;
+    const Splat splat = load_in_vectors(&splat_);
+    // Both are evaluated: a branch would cost more.
+    const bool hit = (place < end_) & rectangle_is_hit(splat.mean2d, splat.conic, splat.cutoff,
+                                                       pixels_.x_min, pixels_.x_max, pixels_.y_min,
+                                                       pixels_.y_max, kSubtileSlack);
+    const unsigned hits = __ballot_sync(kAllLanes, hit);
     next_ += kWarp;
     fetch();
-    const bool hit = place < end_ && rectangle_is_hit(splat.mean2d, splat.conic, splat.cutoff,
-                                                      x_min_, x_min_ + kSubtileWidth - 1, y_min_,
-                                                      y_min_ + kSubtileHeight - 1, kSubtileSlack);
-    const unsigned hits = __ballot_sync(kAllLanes, hit);
-    if (hit) list[__popc(hits & lanes_below())] = listed(splat, place - begin_, gaussian);
+    if (hit) take(__popc(hits & lanes_below()), splat, place - begin_, gaussian);
     __syncwarp();
     return __popc(hits);
+  }
+  /// The same into a list.
+  __device__ int list_next(ListedSplat* list) {
+    return take_next([&](int k, const Splat& splat, std::uint32_t position,
+                         std::uint32_t gaussian) { list[k] = listed(splat, position, gaussian); });
   }
 
  private:
   __device__ std::uint32_t gaussian_at(std::uint32_t place) const {
     return place < end_ ? lists_.splats[place] : 0;
   }
-  // Starts to load this lane's splat of the next 32, and the number of the one after.
+  // Starts to copy this lane's splat of the next 32, and to load the number of the one after.
   __device__ void fetch() {
     gaussian_ = gaussian_ahead_;
-    if (next_ + lane_of_thread() < end_) splat_ = load_in_vectors(lists_.of_gaussian + gaussian_);
+    if (next_ + lane_of_thread() < end_) {
+      const float4* const from = reinterpret_cast<const float4*>(lists_.of_gaussian + gaussian_);
+      for (int k = 0; k < int(sizeof(Splat) / sizeof(float4)); ++k)
+        __pipeline_memcpy_async(reinterpret_cast<float4*>(&splat_) + k, from + k, sizeof(float4));
+    }
+    __pipeline_commit();
     gaussian_ahead_ = gaussian_at(next_ + kWarp + lane_of_thread());
   }
 
+  Splat& splat_;  // this lane's of the next 32
   const TileLists& lists_;
-  float x_min_, y_min_;
+  const PixelRange pixels_;
   std::uint32_t begin_, end_, next_;
   std::uint32_t gaussian_ = 0, gaussian_ahead_ = 0;
-  Splat splat_;
 };
 
 }  // namespace gs::cuda

@@ -43,6 +43,9 @@ struct RenderConfig {
   std::string background = "black";      // black, white, random
   std::string blend_rule = "faster_gs";  // faster_gs, classic
   std::string truncation = "alpha";      // alpha, sigma2, sigma3, sigma4
+  std::string bounds = "exact";          // exact, box, square
+  std::string blend = "gemm";            // gemm, simt
+  std::string precision = "full";        // full, half
   bool antialias = false;
   bool antialias_detach = true;  // no gradient from the opacity compensation to the covariance
   float near_plane = 0.2f;

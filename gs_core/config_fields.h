@@ -63,6 +63,9 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("render.background",            render.background,            "",       one_of("black, white, random"), "behind the Gaussians; random: another colour each step", kKerbl);
   field("render.blend_rule",            render.blend_rule,            "",       one_of("faster_gs, classic"), "classic: alpha at most 0.99, a pixel ends before its last fragment", kFaster);
   field("render.truncation",            render.truncation,            "",       one_of("alpha, sigma2, sigma3, sigma4"), "where a Gaussian ends: at alpha 1/255, or at so many standard deviations", kFaster);
+  field("render.bounds",                render.bounds,                "",       one_of("exact, box, square"), "which tiles list a Gaussian: those it hits, its bounding box, a square of 3 standard deviations", kFaster);
+  field("render.blend",                 render.blend,                 "",       one_of("gemm, simt"), "on CUDA: gemm blends on tensor cores, where there are any", "GEMM-GS");
+  field("render.precision",             render.precision,             "",       one_of("full, half"), "half: pictures to look at with weights of 11 bits; training is always full");
   field("render.antialias",             render.antialias,             "",       any(),              "smaller dilation with opacity compensation", kMip);
   field("render.antialias_detach",      render.antialias_detach,      "",       any(),              "no gradient from that compensation to the covariance", kFaster);
   field("render.near_plane",            render.near_plane,            "world units", above(0),         "nothing nearer is drawn", kKerbl);

@@ -46,8 +46,8 @@ void create_instances(const RenderSettings& settings, RenderPass& pass) {
     const std::uint32_t gaussian = pass.depth_order[k];
     const Splat& splat = pass.splats[gaussian];
     std::uint32_t instance = pass.first_instance[gaussian];
-    for_each_hit_tile(splat.mean2d, splat.conic, splat.cutoff, pass.pixel_rects[gaussian],
-                      [&](int x, int y) {
+    for_each_hit_tile(splat.mean2d, splat.conic, tile_cutoff(settings.bounds, splat.cutoff),
+                      pass.pixel_rects[gaussian], [&](int x, int y) {
                         pass.instance_tiles[instance] = std::uint32_t(y * pass.tiles_x + x);
                         pass.instance_splats[instance] = gaussian;
                         ++instance;

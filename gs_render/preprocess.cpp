@@ -16,11 +16,12 @@ void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
         project_gaussian(camera, parameters_of(gaussians, i), settings);
     if (!projected.is_visible) return;
     const Splat& splat = projected.splat;
-    const Rect pixels =
-        pixel_rect(splat.mean2d, projected.cov2d, splat.cutoff, pass.tiles_x, pass.tiles_y);
+    const Rect pixels = pixels_of(settings.bounds, splat.mean2d, projected.cov2d, splat.cutoff,
+                                  pass.tiles_x, pass.tiles_y);
     if (pixels.empty()) return;
     std::uint32_t hits = 0;
-    for_each_hit_tile(splat.mean2d, splat.conic, splat.cutoff, pixels, [&](int, int) { ++hits; });
+    for_each_hit_tile(splat.mean2d, splat.conic, tile_cutoff(settings.bounds, splat.cutoff), pixels,
+                      [&](int, int) { ++hits; });
     pass.splats[i] = splat;
     pass.depths[i] = projected.depth;
     pass.pixel_rects[i] = pixels;

@@ -14,6 +14,10 @@ namespace gs {
 struct RenderSettings : SplatSettings {
   Vec3f background{0, 0, 0};                   // sRGB 0..1
   BlendRule blend_rule = BlendRule::faster_gs;
+  // How the CUDA backend blends; the scalar one does not ask.
+  bool use_tensor_cores = true;   // where the GPU has them: exponents as matrix products, blend_gemm.cu
+  bool half_precision = false;    // with them: weights of 11 bits, for viewing
+  bool for_backward = true;       // false: what only the backward pass reads may be left out
 };
 
 /// A piece of a tile's list.

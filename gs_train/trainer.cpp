@@ -32,6 +32,11 @@ RenderSettings render_settings(const Config& config) {
                         : config.render.truncation == "sigma3" ? Truncation::sigma3
                         : config.render.truncation == "sigma4" ? Truncation::sigma4
                                                                : Truncation::alpha;
+  settings.bounds = config.render.bounds == "box"      ? TileBounds::box
+                    : config.render.bounds == "square" ? TileBounds::square
+                                                       : TileBounds::exact;
+  settings.use_tensor_cores = config.render.blend == "gemm";
+  settings.half_precision = config.render.precision == "half";
   settings.blend_rule =
       config.render.blend_rule == "classic" ? BlendRule::classic : BlendRule::faster_gs;
   settings.antialias = config.render.antialias;
@@ -118,6 +123,7 @@ Vec3f Trainer::random_background(int step) const {
 RenderSettings Trainer::evaluation_settings() const {
   RenderSettings settings = render_settings(config_);
   settings.sh_degree = settings_.sh_degree;
+  settings.for_backward = false;
   return settings;
 }
 

@@ -72,6 +72,7 @@ find_sanitizer() {
 sanitize() {
   local check=("$sanitizer" --tool "$1" --error-exitcode 9)
   part "$1-render" "${check[@]}" build/minimal/tests/cuda_render_test --gtest_filter='CudaEdge.*-*65536*'
+  part "$1-blend" "${check[@]}" build/minimal/tests/cuda_blend_gemm_test --gtest_filter='*TwoOpaque*:*AtItsCentre'
   part "$1-step" "${check[@]}" build/minimal/tests/cuda_step_test --gtest_filter='*FusedStep*'
 }
 
@@ -90,7 +91,7 @@ train() {
     part "train-$name-$seed" "$program" train "$scene" -o "$out/$name-$seed" --force --eval --seed "$seed" \
       --device cuda "${train_flags[@]}"
   done
-  bench "$name" "$out/$name-$runs" --scales 1,2,3
+  bench "$name" "$out/$name-$runs" --scales 1,2,3 --blenders
 }
 
 # All results in one file, from those of the parts. Arguments: DIR RUNS COMMIT GPU SCENE...

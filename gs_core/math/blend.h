@@ -44,14 +44,21 @@ template <class T>
 struct ConicFactors {
   T xx, xy, yy;  // 1 / pixels
 };
-/// The factors of a splat's conic, from its image-plane covariance.
+/// The factors of a splat's conic; `variance_y` is the image-plane covariance's yy, in pixels^2. From the conic alone
+/// yy would be a difference that cancels.
 template <class T>
-GS_HD ConicFactors<T> conic_factors(const Sym2<T>& cov2d) {
+GS_HD ConicFactors<T> conic_factors(const Sym2<T>& conic, const T& variance_y) {
   using std::sqrt;
   const T scale = sqrt(T(kLog2E) / T(2));
-  const T det = cov2d.xx * cov2d.yy - cov2d.xy * cov2d.xy;
-  const T xx = scale * sqrt(cov2d.yy / det);
-  return {xx, -cov2d.xy / cov2d.yy * xx, scale / sqrt(cov2d.yy)};
+  const T xx = scale * sqrt(conic.xx);
+  return {xx, conic.xy / conic.xx * xx, scale / sqrt(variance_y)};
+}
+
+/// The conic of its factors: Q = 2 ln 2 L L^T.
+template <class T>
+GS_HD Sym2<T> conic_of(const ConicFactors<T>& L) {
+  const T scale = T(2 * kLn2);
+  return {scale * L.xx * L.xx, scale * L.xx * L.xy, scale * (L.xy * L.xy + L.yy * L.yy)};
 }
 
 /// log2(alpha) of a splat as a polynomial of the pixel's place, so that many splats at many pixels are one matrix

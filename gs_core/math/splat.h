@@ -16,6 +16,7 @@ namespace gs {
 struct SplatSettings {
   int sh_degree = 3;                          // degrees in use, 0..3
   Truncation truncation = Truncation::alpha;  // where a Gaussian ends
+  TileBounds bounds = TileBounds::exact;      // which tiles list it
   bool antialias = false;                     // smaller dilation with opacity compensation
   bool antialias_detach = true;               // no gradient from the compensation to the covariance
   float near_plane = 0.2f, far_plane = 1e4f;  // world units along the viewing axis
@@ -39,6 +40,7 @@ struct alignas(alignof(T) > 16 ? alignof(T) : 16) BasicSplat {
   T opacity;       // after the antialiasing factor
   T cutoff;        // a fragment is kept iff its exponent >= -cutoff
   Vec3<T> color;   // not clamped; blending takes max(color, 0)
+  T variance_y;    // image-plane covariance's yy, pixels^2: with it the conic is factored without cancellation
 };
 using Splat = BasicSplat<float>;
 
@@ -95,6 +97,7 @@ GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const V
 
   splat.mean2d = project_mean(camera, p);
   splat.conic = conic_of(result.cov2d);
+  splat.variance_y = result.cov2d.yy;
   const T sum = splat.mean2d.x + splat.mean2d.y + splat.opacity;
   result.is_visible = sum - sum == T(0);  // false for NaN and infinity
   return result;

@@ -27,6 +27,10 @@ GS_HD T cutoff_of(Truncation truncation, const T& opacity) {
   return log(opacity / T(kMinAlpha));
 }
 
+/// Which tiles list a splat: those that it hits; all of its bounding box; or all of a square of three standard
+/// deviations along its longer axis, whatever the opacity (Kerbl et al. 2023, code), which cuts off a little.
+enum class TileBounds : int { exact, box, square };
+
 /// Half-open rectangle of pixels, or of tiles.
 struct Rect {
   std::uint16_t x_begin, x_end, y_begin, y_end;
@@ -53,6 +57,31 @@ GS_HD Rect pixel_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, float cutof
   return {std::uint16_t(x0), std::uint16_t(x1), std::uint16_t(y0), std::uint16_t(y1)};
 }
 
+/// The pixels of the tiles that the square of TileBounds::square touches; arguments as above.
+GS_HD Rect square_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, int tiles_x, int tiles_y) {
+  using std::ceil, std::floor, std::sqrt;
+  const float mid = 0.5f * (cov2d.xx + cov2d.yy), half = 0.5f * (cov2d.xx - cov2d.yy);
+  const float radius = ceil(3.0f * sqrt(mid + sqrt(half * half + cov2d.xy * cov2d.xy)));
+  const float width = float(kTileWidth), height = float(kTileHeight);
+  const float x0 = max_of(floor((mean2d.x - radius) / width) * width, 0.0f);
+  const float y0 = max_of(floor((mean2d.y - radius) / height) * height, 0.0f);
+  const float x1 = min_of(ceil((mean2d.x + radius) / width), float(tiles_x)) * width;
+  const float y1 = min_of(ceil((mean2d.y + radius) / height), float(tiles_y)) * height;
+  if (!(x0 < x1) || !(y0 < y1)) return {0, 0, 0, 0};
+  return {std::uint16_t(x0), std::uint16_t(x1), std::uint16_t(y0), std::uint16_t(y1)};
+}
+
+/// The rectangle of pixels within which a splat is looked for.
+GS_HD Rect pixels_of(TileBounds bounds, const Vec2f& mean2d, const Sym2<float>& cov2d, float cutoff,
+                     int tiles_x, int tiles_y) {
+  return bounds == TileBounds::square ? square_rect(mean2d, cov2d, tiles_x, tiles_y)
+                                      : pixel_rect(mean2d, cov2d, cutoff, tiles_x, tiles_y);
+}
+/// The cutoff with which tiles of that rectangle are tested: only TileBounds::exact leaves any out.
+GS_HD float tile_cutoff(TileBounds bounds, float cutoff) {
+  return bounds == TileBounds::exact ? cutoff : 1e30f;
+}
+
 /// The tiles that a rectangle of pixels touches.
 GS_HD Rect tile_rect(const Rect& pixels) {
   return {std::uint16_t(pixels.x_begin / kTileWidth),
@@ -67,32 +96,24 @@ GS_HD Rect tile_rect(const Rect& pixels) {
 /// x_min .. y_max  the outermost pixel centres   pixels
 /// slack           relative rounding error of the quadratic that still counts as a hit; 0: the plain test
 ///
-/// The smallest value over a convex rectangle lies at the mean if that is inside, else on one of the two
-/// edges nearest to it; along an edge the minimum of the parabola is clamped to the edge.
+/// The smallest value over the rectangle lies at the mean if that is inside, else on one of the two edges nearest to
+/// it; along an edge the minimum of the parabola is clamped to the edge. Edges that the mean is not outside of are
+/// replaced by the column or row through it, so that nothing branches.
 GS_HD bool rectangle_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
                             float x_min, float x_max, float y_min, float y_max, float slack = 0) {
-  const bool left = mean2d.x <= x_min, right = mean2d.x > x_max;
-  const bool above = mean2d.y <= y_min, below = mean2d.y > y_max;
-  if (!(left || right || above || below)) return true;
-
-  // Offset of the corner nearest to the mean, and the way along both edges that meet there.
-  const float fx = (left ? x_min : right ? x_max : mean2d.x) - mean2d.x;
-  const float fy = (above ? y_min : below ? y_max : mean2d.y) - mean2d.y;
-  const bool outside_x = left || right, outside_y = above || below;
-  const auto quadratic = [&](float x, float y) {
-    const float square = multiply_add(conic.xx * x, x, conic.yy * y * y);
-    return multiply_add(conic.xy * x, y, (0.5f - slack) * square);
+  using std::fmax, std::fmin;
+  const float left = x_min - mean2d.x, right = x_max - mean2d.x;
+  const float up = y_min - mean2d.y, down = y_max - mean2d.y;
+  // From the mean to the rectangle's nearest column and row; 0 where the mean is between the edges.
+  const float fx = fmin(fmax(left, 0.0f), right), fy = fmin(fmax(up, 0.0f), down);
+  // The least along that column, and along that row.
+  const float x = fmin(fmax(-conic.xy / conic.xx * fy, left), right);
+  const float y = fmin(fmax(-conic.xy / conic.yy * fx, up), down);
+  const auto quadratic = [&](float dx, float dy) {
+    const float square = multiply_add(conic.xx * dx, dx, conic.yy * dy * dy);
+    return multiply_add(conic.xy * dx, dy, (0.5f - slack) * square);
   };
-  float least = std::numeric_limits<float>::infinity();
-  if (outside_x) {  // the edge x = const: free in y
-    const float y = clamp_to(-conic.xy * fx / conic.yy, y_min - mean2d.y, y_max - mean2d.y);
-    least = quadratic(fx, y);
-  }
-  if (outside_y) {  // the edge y = const: free in x
-    const float x = clamp_to(-conic.xy * fy / conic.xx, x_min - mean2d.x, x_max - mean2d.x);
-    least = min_of(least, quadratic(x, fy));
-  }
-  return least <= cutoff;
+  return min_of(quadratic(fx, y), quadratic(x, fy)) <= cutoff;
 }
 
 /// rectangle_is_hit() for a tile.

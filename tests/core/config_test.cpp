@@ -74,6 +74,9 @@ Config everything_changed() {
   config.render.background = "white";
   config.render.blend_rule = "classic";
   config.render.truncation = "sigma3";
+  config.render.bounds = "box";
+  config.render.blend = "simt";
+  config.render.precision = "half";
   config.train.device = "cuda:12";
   config.reconstruct.matching = "sequential";
   config.reconstruct.camera_model = "OPENCV";

@@ -73,6 +73,14 @@ class CudaRender : public CudaTest {
       settings.truncation = truncation;
       add("truncation " + std::to_string(int(truncation)), kTypical, 160, 120, settings);
     }
+    for (const TileBounds bounds : {TileBounds::box, TileBounds::square}) {
+      RenderSettings settings;
+      settings.bounds = bounds;
+      add("bounds " + std::to_string(int(bounds)), kTypical, 160, 120, settings);
+    }
+    white.use_tensor_cores = classic.use_tensor_cores = false;
+    add("simt", kTypical, 131, 77, white);
+    add("simt, classic", kOpaque, 160, 120, classic);
     for (int degree = 0; degree < 3; ++degree) {
       RenderSettings settings;
       settings.sh_degree = degree;

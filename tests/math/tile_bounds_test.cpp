@@ -66,6 +66,34 @@ class SplatRandom {
   double largest_sigma_;
 };
 
+// ---- Tile bounds.
+
+// Of a splat with standard deviations 4 and 2 turned by 45 degrees: a square of 12 pixels around the mean, in whole tiles.
+TEST(TileBounds, ASquareReachesThreeDeviationsOfTheLongerAxis) {
+  const Sym2<float> cov2d{10, 6, 10};
+  const Rect rect = pixels_of(TileBounds::square, {50, 40}, cov2d, 0.1f, 20, 20);
+  EXPECT_EQ(rect.x_begin, 32);  // 38
+  EXPECT_EQ(rect.x_end, 64);    // 62
+  EXPECT_EQ(rect.y_begin, 16);  // 28
+  EXPECT_EQ(rect.y_end, 64);    // 52
+  EXPECT_TRUE(pixels_of(TileBounds::square, {-13, 40}, cov2d, 0.1f, 20, 20).empty());
+}
+
+TEST(TileBounds, OnlyExactOnesLeaveOutTilesOfTheBox) {
+  const Vec2f mean2d{80, 80};
+  const Sym2<float> cov2d{900, -890, 900};  // a needle along a diagonal
+  const Sym2<float> conic = conic_of(cov2d);
+  const Rect box = pixels_of(TileBounds::box, mean2d, cov2d, 2.0f, 10, 10);
+  const auto count = [&](TileBounds bounds) {
+    int tiles = 0;
+    for_each_hit_tile(mean2d, conic, tile_cutoff(bounds, 2.0f), box, [&](int, int) { ++tiles; });
+    return tiles;
+  };
+  const Rect tiles = tile_rect(box);
+  EXPECT_EQ(count(TileBounds::box), (tiles.x_end - tiles.x_begin) * (tiles.y_end - tiles.y_begin));
+  EXPECT_LT(count(TileBounds::exact), count(TileBounds::box) / 2);
+}
+
 // ---- Cutoffs.
 
 TEST(Cutoff, InAlphaModeIsTheLogarithmOf255Opacities) {

@@ -71,6 +71,29 @@ TEST_F(Invariance, PruningWhatIsTooFaintLeavesEachBitOfThePicture) {
   }
 }
 
+// More tiles list a splat than it hits; what they find there is nothing.
+TEST_F(Invariance, ListingTheWholeBoundingBoxLeavesEachBitOfThePicture) {
+  const Gaussians gaussians = mixed_gaussians(200, camera_, 6);
+  RenderSettings box;
+  box.bounds = TileBounds::box;
+  EXPECT_EQ(render(gaussians, box), render(gaussians));
+}
+
+// The square of three standard deviations cuts off what alpha >= 1/255 has beyond: at most exp(-4.5) of a splat.
+TEST_F(Invariance, ListingTheSquareOf3SigmaChangesThePictureLittle) {
+  const Gaussians gaussians = mixed_gaussians(200, camera_, 7);
+  RenderSettings square;
+  square.bounds = TileBounds::square;
+  const auto [image, transmittance] = render(gaussians, square);
+  const auto exact = render(gaussians).first;
+  double sum = 0;
+  for (std::size_t i = 0; i < image.size(); ++i) {
+    EXPECT_NEAR(image[i], exact[i], 0.05f);
+    sum += std::abs(double(image[i]) - exact[i]);
+  }
+  EXPECT_LT(sum / double(image.size()), 1e-3);
+}
+
 TEST_F(Invariance, RenderingTwiceGivesTheSameBits) {
   const Gaussians gaussians = mixed_gaussians(100, camera_, 5);
   EXPECT_EQ(render(gaussians), render(gaussians));

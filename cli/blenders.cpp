@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/blenders.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "gs_core/log.h"
+#include "gs_core/math/blend.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+struct Blender {
+  const char* name;
+  bool use_tensor_cores, half_precision;
+};
+constexpr Blender kBlenders[] = {
+    {"simt", false, false}, {"gemm", true, false}, {"gemm half", true, true}};
+struct Bounds {
+  const char* name;
+  TileBounds bounds;
+};
+constexpr Bounds kBounds[] = {{"square", TileBounds::square},
+                              {"box", TileBounds::box},
+                              {"exact", TileBounds::exact}};
+
+// The lists of a pass, on the host.
+struct HostLists {
+  int tiles_x;
+  std::vector<Splat> splats;
+  std::vector<std::uint32_t> ranges, tile_splats;
+
+  explicit HostLists(const RenderPass& pass)
+      : tiles_x(pass.tiles_x), splats(pass.splats.download()), ranges(pass.tile_ranges.download()),
+        tile_splats(pass.tile_splats.download()) {}
+};
+
+bool is_near(double value, double threshold) {
+  return std::abs(value / threshold - 1) < kBorderline;
+}
+
+// Whether rounding may decide about some fragment of a pixel. In double, from the splats as both blenders read them.
+bool has_borderline_fragment(const HostLists& lists, const RenderSettings& settings, int x, int y) {
+  const std::size_t tile = std::size_t(y / kTileHeight) * lists.tiles_x + x / kTileWidth;
+  double transmittance = 1;
+  for (std::uint32_t k = lists.ranges[tile]; k < lists.ranges[tile + 1]; ++k) {
+    const Splat& splat = lists.splats[lists.tile_splats[k]];
+    const Sym2<double> conic{splat.conic.xx, splat.conic.xy, splat.conic.yy};
+    const auto L = conic_factors(conic, double(splat.variance_y));
+    const double dx = x + 0.5 - splat.mean2d.x, dy = y + 0.5 - splat.mean2d.y;
+    const double u_x = L.xx * dx + L.xy * dy, u_y = L.yy * dy;
+    double alpha = splat.opacity * std::exp2(-(u_x * u_x + u_y * u_y));
+    if (is_near(alpha, kMinAlpha)) return true;
+    if (alpha < kMinAlpha) continue;
+    const bool is_classic = settings.blend_rule == BlendRule::classic;
+    if (is_classic) alpha = std::min(alpha, double(kMaxAlphaClassic));
+    const double after = transmittance * (1 - alpha);
+    if (is_near(after, kMinTransmittance)) return true;
+    if (after < kMinTransmittance) return false;
+    transmittance = after;
+  }
+  return false;
+}
+
+struct Difference {
+  double squares = 0, largest = 0;
+  std::size_t pixels = 0, apart = 0, unexplained = 0;
+};
+
+void add_difference(const RenderPass& expected, const RenderPass& actual,
+                    const RenderSettings& settings, Difference& sum) {
+  const std::vector<float> a = expected.image.download(), b = actual.image.download();
+  const std::size_t plane = expected.pixel_count();
+  std::vector<std::size_t> apart;
+  for (std::size_t i = 0; i < plane; ++i) {
+    double farthest = 0;
+    for (int c = 0; c < 3; ++c) {
+      const double difference = std::abs(double(a[c * plane + i]) - b[c * plane + i]);
+      sum.squares += difference * difference;
+      farthest = std::max(farthest, difference);
+    }
+    sum.largest = std::max(sum.largest, farthest);
+    if (!(farthest <= kBlendersAgree)) apart.push_back(i);
+  }
+  sum.pixels += plane;
+  sum.apart += apart.size();
+  if (apart.empty()) return;
+  const HostLists lists(expected);
+  std::vector<char> unexplained(apart.size());
+  parallel_for(apart.size(), 16, [&](std::size_t k) {
+    unexplained[k] = !has_borderline_fragment(lists, settings, int(apart[k] % expected.width),
+                                              int(apart[k] / expected.width));
+  });
+  sum.unexplained += std::size_t(std::count(unexplained.begin(), unexplained.end(), 1));
+}
+
+}  // namespace
+
+std::vector<BlenderFigures> compare_blenders(Backend& backend, TrainingModel& model,
+                                             const std::vector<View>& views,
+                                             const RenderSettings& settings,
+                                             const BenchmarkPlan& plan) {
+  std::vector<BlenderFigures> all;
+  RenderPass expected(backend.memory()), actual(backend.memory());
+  for (const double scale : plan.scales)
+    for (const Bounds& bounds : kBounds)
+      for (const Blender& blender : kBlenders) {
+        log_info("blenders: {}, {} at scale {:g}", bounds.name, blender.name, scale);
+        RenderSettings simt = settings;
+        simt.bounds = bounds.bounds;
+        simt.for_backward = simt.use_tensor_cores = simt.half_precision = false;
+        RenderSettings own = simt;
+        own.use_tensor_cores = blender.use_tensor_cores;
+        own.half_precision = blender.half_precision;
+        const RenderingFigures timed = time_rendering(backend, model, views, own, plan, scale);
+
+        BlenderFigures figures{bounds.name, blender.name, scale, timed.width, timed.height};
+        figures.instances = timed.mean.instances;
+        figures.ms_per_frame = timed.ms_per_frame;
+        for (const StageFigures& stage : timed.stages)
+          if (stage.stage == "blend") figures.blend_ms = stage.milliseconds;
+        Difference difference;
+        for (const View& view : views) {
+          const Camera camera = at_scale(view.camera, scale);
+          backend.renderer().forward(model.gaussians.span(), camera, simt, expected);
+          backend.renderer().forward(model.gaussians.span(), camera, own, actual);
+          add_difference(expected, actual, own, difference);
+        }
+        figures.psnr = difference.squares > 0
+                           ? -10 * std::log10(difference.squares / double(3 * difference.pixels))
+                           : std::numeric_limits<double>::infinity();
+        figures.largest = difference.largest;
+        figures.pixels = difference.pixels;
+        figures.apart = difference.apart;
+        figures.unexplained = difference.unexplained;
+        all.push_back(figures);
+      }
+  return all;
+}
+
+}  // namespace gs

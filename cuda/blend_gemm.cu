@@ -1,0 +1,354 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 4 on tensor cores (GEMM-GS): log2(alpha) of 32 splats at the pixels of a sub-tile is one matrix product, and what
+// they add to the pixels' colours is another; splat_queue.cuh has their right-hand sides.
+//
+// A warp owns 8 x 8 or 8 x 4 pixels and walks its tile's list as subtile.cuh says. A batch of 32 splats is blended into two
+// rows of the picture at a time: 16 pixels are the rows of the products. The layout of the exponents (mma.cuh, D) gives each
+// pixel to four lanes: lane 4 g + t has column g of the picture and splats 8 t to 8 t + 7. The four composite theirs as if
+// nothing were before them, learn from each other how much light reaches each (two shuffles), and weigh. The weights lie as
+// the left-hand side of the colours must.
+//
+// Exponents are as good as fp32's: the monomials of a pixel fit half precision, a coefficient is split into two halves that
+// fill the 16 places of one product, sums are fp32. Weights are split in two, too, unless half precision is asked for.
+#include "cuda/splat_queue.cuh"
+#include "cuda/stages.cuh"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kBlocks = 7;         // of a multiprocessor: the compiler finds registers for so many
+constexpr int kHistoryBlocks = 5;
+constexpr int kSmallPicture = 3;   // in warps of 8 x 8 pixels, over as many as the GPU runs at a time
+
+constexpr float kLowestExponent = -7.994353436858858f;  // log2(1/255): fragments below are dropped
+constexpr float kClosed = -1.0f;
+
+struct Output {
+  float* image;                            // (3, H, W)
+  float* transmittance;                    // (H, W)
+  std::uint32_t* last;                     // (H, W)
+  const std::uint32_t* first_checkpoints;  // (tiles)
+  float* checkpoints;                      // (.., pixels of a tile, 4)
+};
+
+// What the variants of the kernel differ in.
+template <BlendRule rule_, bool with_history_, bool half_precision_, int height_>
+struct Variant {
+  static constexpr BlendRule rule = rule_;
+  static constexpr bool with_history = with_history_;      // for the backward pass: last, checkpoints
+  static constexpr bool half_precision = half_precision_;  // weights as TF32 holds them
+  static constexpr int height = height_;                   // pixels of a sub-tile
+  static constexpr int blocks = with_history ? kHistoryBlocks : kBlocks;
+};
+
+// The pixels of one warp between batches, row by row of the sub-tile.
+template <int height, bool with_history>
+struct PixelRoom {
+  float transmittance[height][kSubtileWidth];  // what reaches the next batch; kClosed: the pixel takes no more
+  float4 sums[height / 2][kWarp];              // of the second product: a lane's part of two rows
+  std::uint32_t last[height][kWarp];           // 1 + position of a lane's last blended splat; 0: none
+};
+template <int height>
+struct PixelRoom<height, false> {
+  float transmittance[height][kSubtileWidth];
+  float4 sums[height / 2][kWarp];
+};
+
+template <class Kind>
+struct WarpRoom {
+  QueueRoom<Kind::with_history> queue;
+  PixelRoom<Kind::height, Kind::with_history> pixels;
+  ListWalk::Ahead ahead;
+};
+
+__device__ float of_partner(float value, int distance) {
+  return __shfl_xor_sync(kAllLanes, value, distance);
+}
+__device__ std::uint32_t greatest_of_owners(std::uint32_t value) {
+  value = max(value, __shfl_xor_sync(kAllLanes, value, 1));
+  return max(value, __shfl_xor_sync(kAllLanes, value, 2));
+}
+
+template <class Kind>
+class SubtilePixels {
+ public:
+  using Queue = SplatQueue<Kind::with_history>;
+  using Room = PixelRoom<Kind::height, Kind::with_history>;
+
+  __device__ SubtilePixels(Room& room, const TileLists& lists, int x0, int y0) : room_(room) {
+    const int t = owner();
+    const float x = float(column()) - 0.5f * float(kSubtileWidth - 1);
+    if (t == 0 || t == 3) monomials_[0] = __floats2half2_rn(1.0f, x);
+    if (t == 1) monomials_[0] = __floats2half2_rn(0.0f, x * x);
+    if (t == 1) monomials_[1] = __floats2half2_rn(1.0f, 0.0f);
+    if (t == 2) monomials_[1] = __floats2half2_rn(x, 0.0f);
+    if (t == 2) monomials_[2] = __floats2half2_rn(0.0f, 1.0f);
+    for (int y = 0; y < Kind::height; ++y) {
+      const bool is_inside = x0 + column() < lists.width && y0 + y < lists.height;
+      room_.transmittance[y][column()] = is_inside ? 1.0f : kClosed;
+      if constexpr (Kind::with_history) room_.last[y][lane_of_thread()] = 0;
+    }
+    for (int m = 0; m < Kind::height / 2; ++m) room_.sums[m][lane_of_thread()] = {0, 0, 0, 0};
+    __syncwarp();
+  }
+
+  /// The whole warp: false where no pixel takes further fragments.
+  __device__ bool any_open() const { return any_open_; }
+
+  /// The whole warp: blends the next batch of the queue.
+  __device__ void blend(Queue& queue) {
+    unsigned exponent_columns[kProducts][2];
+    queue.load_exponents(exponent_columns);
+    float color_columns[kProducts][2];
+    queue.load_colors(color_columns);
+    const __half2 one = __float2half2_rn(1.0f);
+    __half2 y = __float2half2_rn(-0.5f * float(Kind::height - 1));
+    bool any_open = false;
+#pragma unroll 1
+    for (int row = 0; row < Kind::height; row += 2) {
+      const unsigned top = left_hand_side(y), bottom = left_hand_side(__hadd2(y, one));
+      y = __hadd2(__hadd2(y, one), one);
+      const float open[2] = {open_transmittance(row), open_transmittance(row + 1)};
+      if (!__any_sync(kAllLanes, fmaxf(open[0], open[1]) > 0)) continue;
+      float exponents[kProducts][4] = {};
+#pragma unroll
+      for (int j = 0; j < kProducts; ++j)
+        multiply_add_16x8x16(exponents[j], {top, bottom, top, bottom}, exponent_columns[j]);
+      any_open |= blend_rows(row, exponents, open, color_columns, queue);
+    }
+    any_open_ = __any_sync(kAllLanes, any_open);
+    queue.pop_batch();
+  }
+
+  /// The column of the picture that this lane has, and which of its four lanes it is.
+  __device__ int column() const { return lane_of_thread() / kOwners; }
+  __device__ int owner() const { return lane_of_thread() % kOwners; }
+  /// This lane's part of the pixel in a row: red, green, blue, transmittance.
+  __device__ float part(int row) const {
+    const float4 sums = room_.sums[row / 2][lane_of_thread()];
+    const float sum = row % 2 == 0 ? sums.x + sums.y : sums.z + sums.w;
+    if (owner() < 3) return sum;
+    const float reaching = room_.transmittance[row][column()];
+    return reaching > 0 ? reaching : transmittance_at_the_end(1.0f - sum);
+  }
+  /// The whole warp: 1 + position of a pixel's last blended splat; 0: none.
+  __device__ std::uint32_t last(int row) const {
+    return greatest_of_owners(room_.last[row][lane_of_thread()]);
+  }
+
+ private:
+  __device__ float open_transmittance(int row) const {
+    return fmaxf(room_.transmittance[row][column()], 0.0f);
+  }
+  // Of a closed pixel, from the sum of its weights.
+  __device__ static float transmittance_at_the_end(float left) {
+    return Kind::rule == BlendRule::classic ? fmaxf(left, float(kMinTransmittance))
+                                            : clamp_to(left, 0.0f, float(kMinTransmittance));
+  }
+
+  // This lane's part of a row of the exponents' left-hand side: two of 1, x, y, x^2, x y, y^2, 1, x.
+  __device__ unsigned left_hand_side(const __half2& y) const {
+    const __half2 part = __hfma2(y, __hfma2(y, monomials_[2], monomials_[1]), monomials_[0]);
+    return *reinterpret_cast<const unsigned*>(&part);
+  }
+
+  // Blends a batch into two pixels, one above the other. True where one of them takes further fragments.
+  __device__ bool blend_rows(int row, const float (&exponents)[kProducts][4], const float (&open)[2],
+                             const float (&color_columns)[kProducts][2], const Queue& queue) {
+    // This lane's fragments by themselves: what they let through.
+    float weights[kOwned][2], through[2] = {1, 1};  // alphas at first
+    int last[2] = {-1, -1};
+#pragma unroll
+    for (int i = 0; i < kOwned; ++i)
+#pragma unroll
+      for (int r = 0; r < 2; ++r) {
+        const float e = exponents[i / 2][2 * r + i % 2];
+        const bool is_kept = e >= kLowestExponent;
+        float& alpha = weights[i][r];
+        alpha = is_kept ? exp2_fragment(e) : 0.0f;
+        if (Kind::rule == BlendRule::classic) alpha = fminf(alpha, float(kMaxAlphaClassic));
+        if (Kind::with_history && is_kept) last[r] = i;
+        through[r] = fmaf(-alpha, through[r], through[r]);
+      }
+    // What reaches them, and what the whole batch leaves.
+    float reaching[2], left[2];
+    bool ends[2];
+#pragma unroll
+    for (int r = 0; r < 2; ++r) {
+      const float next = of_partner(through[r], 1), pair = through[r] * next;
+      const float other_pair = of_partner(pair, 2);
+      reaching[r] = open[r] * ((owner() & 1 ? next : 1.0f) * (owner() & 2 ? other_pair : 1.0f));
+      left[r] = open[r] * (pair * other_pair);
+      ends[r] = left[r] < fminf(open[r], float(kMinTransmittance));
+    }
+    if (__any_sync(kAllLanes, ends[0] || ends[1])) {
+#pragma unroll
+      for (int r = 0; r < 2; ++r) {
+        weigh_to_the_end(weights, r, reaching[r], last[r]);
+        if (ends[r]) left[r] = kClosed;
+      }
+    } else {
+#pragma unroll
+      for (int i = 0; i < kOwned; ++i)
+#pragma unroll
+        for (int r = 0; r < 2; ++r) {
+          weights[i][r] *= reaching[r];
+          reaching[r] -= weights[i][r];
+        }
+    }
+    add_colors(room_.sums[row / 2][lane_of_thread()], weights, color_columns);
+#pragma unroll
+    for (int r = 0; r < 2; ++r) {
+      if (open[r] == 0) continue;
+      room_.transmittance[row + r][column()] = left[r];
+      if constexpr (Kind::with_history)
+        if (last[r] >= 0) room_.last[row + r][lane_of_thread()] = queue.position(last[r]) + 1;
+    }
+    return fmaxf(open[0] > 0 ? left[0] : 0.0f, open[1] > 0 ? left[1] : 0.0f) > 0;
+  }
+
+  // From alphas to weights where the pixel may end within them: what comes behind the end has none.
+  __device__ static void weigh_to_the_end(float (&weights)[kOwned][2], int r, float reaching,
+                                          int& last) {
+    last = -1;
+#pragma unroll
+    for (int i = 0; i < kOwned; ++i) {
+      const float weight = weights[i][r] * reaching, after = reaching - weight;
+      const bool is_blended = !is_opaque(Kind::rule == BlendRule::classic ? after : reaching);
+      weights[i][r] = is_blended ? weight : 0.0f;
+      if (Kind::with_history && weights[i][r] > 0) last = i;
+      reaching = after;
+    }
+  }
+
+  // sums += [pixels x splats] [splats x colours]
+  __device__ static void add_colors(float4& sums, const float (&weights)[kOwned][2],
+                                    const float (&columns)[kProducts][2]) {
+    float high[4] = {sums.x, sums.y, sums.z, sums.w}, low[4] = {};
+#pragma unroll
+    for (int j = 0; j < kProducts; ++j) {
+      const float part[4] = {weights[2 * j][0], weights[2 * j][1], weights[2 * j + 1][0],
+                             weights[2 * j + 1][1]};
+      if (Kind::half_precision)
+        multiply_add_16x8x8(high, {tf32_rounded(part[0]), tf32_rounded(part[1]),
+                                   tf32_rounded(part[2]), tf32_rounded(part[3])},
+                            columns[j]);
+      else
+        multiply_add_in_parts(high, low, part, columns[j]);
+    }
+    sums = {high[0] + low[0], high[1] + low[1], high[2] + low[2], high[3] + low[3]};
+  }
+
+  Room& room_;
+  // This lane's part of the exponents' left-hand side as a polynomial of y; half precision rounds nothing.
+  __half2 monomials_[3] = {};
+  bool any_open_ = true;
+};
+
+template <class Kind>
+__global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
+    blend_gemm_kernel(TileLists lists, const std::uint32_t* tile_order, Vec3f background,
+                      Output out) {
+  constexpr int kPerRow = kTileWidth / kSubtileWidth;
+  constexpr int kPerTile = kPerRow * kTileHeight / Kind::height;
+  __shared__ WarpRoom<Kind> rooms[kBlendWarps];
+  WarpRoom<Kind>& room = rooms[threadIdx.x / kWarp];
+  const std::uint32_t warp = blockIdx.x * kBlendWarps + threadIdx.x / kWarp;
+  const std::uint32_t tile = tile_order[warp / kPerTile];
+  const int number = int(warp % kPerTile);
+  const int x_in_tile = number % kPerRow * kSubtileWidth;
+  const int y_in_tile = number / kPerRow * Kind::height;
+  const int x0 = int(tile) % lists.tiles_x * kTileWidth + x_in_tile;
+  const int y0 = int(tile) / lists.tiles_x * kTileHeight + y_in_tile;
+  if (x0 >= lists.width || y0 >= lists.height) return;  // the whole warp
+
+  SubtilePixels<Kind> pixels(room.pixels, lists, x0, y0);
+  SplatQueue<Kind::with_history> queue(
+      room.queue, {float(x0) + 0.5f * kSubtileWidth, float(y0) + 0.5f * Kind::height});
+  const std::uint32_t length = lists.ranges[tile + 1] - lists.ranges[tile];
+  ListWalk walk(room.ahead, lists, tile, PixelRange(x0, y0, kSubtileWidth, Kind::height), 0, length);
+  while (pixels.any_open()) {
+    // Segments begin with an empty queue: what the pixels have then is what the list before them comes to.
+    const bool at_segment = Kind::with_history && walk.position() % kSegmentLength == 0;
+    if (queue.count() >= kBatch || (queue.count() > 0 && (at_segment || walk.is_done()))) {
+      queue.fill_up();
+      pixels.blend(queue);
+      continue;
+    }
+    if (walk.is_done()) break;
+    if (at_segment && walk.position() > 0) {
+      const std::size_t slot = out.first_checkpoints[tile] + walk.position() / kSegmentLength - 1;
+      for (int row = 0; row < Kind::height; ++row) {
+        const int x = x_in_tile + pixels.column(), y = y_in_tile + row;
+        const int subtile = y / kSubtileHeight * kPerRow + x / kSubtileWidth;
+        const int pixel = subtile * kWarp + y % kSubtileHeight * kSubtileWidth + x % kSubtileWidth;
+        out.checkpoints[4 * (slot * kTileWidth * kTileHeight + pixel) + pixels.owner()] =
+            pixels.part(row);
+      }
+    }
+    queue.take(walk);
+  }
+
+  // Each lane writes one plane: red, green, blue, or what is left for the background.
+  const int x = x0 + pixels.column(), channel = pixels.owner();
+  const std::size_t plane = std::size_t(lists.width) * lists.height;
+  float* const to = channel == 3 ? out.transmittance : out.image + channel * plane;
+  const float behind = channel == 0   ? background.x
+                       : channel == 1 ? background.y
+                       : channel == 2 ? background.z
+                                      : 0.0f;
+#pragma unroll 2
+  for (int row = 0; row < Kind::height; ++row) {
+    const float part = pixels.part(row);
+    const float transmittance = __shfl_sync(kAllLanes, part, lane_of_thread() | 3);
+    std::uint32_t last = 0;
+    if constexpr (Kind::with_history) last = pixels.last(row);
+    if (x >= lists.width || y0 + row >= lists.height) continue;
+    const std::size_t at = std::size_t(y0 + row) * lists.width + x;
+    to[at] = fmaf(transmittance, behind, part);
+    if (Kind::with_history && channel == 3) out.last[at] = last;
+  }
+}
+
+// Calls f(std::bool_constant<value>()).
+template <class F>
+void with_constant(bool value, F&& f) {
+  if (value)
+    f(std::true_type());
+  else
+    f(std::false_type());
+}
+
+}  // namespace
+
+void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pass) {
+  const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
+                   pass.first_checkpoints.data(),
+                   reinterpret_cast<float*>(pass.checkpoints.data())};
+  const auto launch = [&](auto kind) {
+    using Kind = decltype(kind);
+    constexpr int kPerTile = kTileWidth / kSubtileWidth * kTileHeight / Kind::height;
+    static_assert(kPerTile % kBlendWarps == 0);
+    context.launch("blend", blend_gemm_kernel<Kind>, pass.tile_count() * kPerTile / kBlendWarps,
+                   kBlendThreads, tile_lists(pass), pass.tile_order.data(), settings.background, out);
+  };
+  // Sub-tiles of twice the size need less for each pixel, but only half as many warps share the work.
+  const bool is_small = pass.tile_count() * kTileWidth * kTileHeight / 64 <
+                        std::size_t(kSmallPicture * kBlocks * kBlendWarps * context.multiprocessors());
+  const auto launch_rule = [&](auto rule) {
+    with_constant(is_small, [&](auto small) {
+      constexpr int height = small() ? 4 : 8;
+      if (settings.for_backward)
+        launch(Variant<rule(), true, false, height>());
+      else
+        with_constant(settings.half_precision,
+                      [&](auto half) { launch(Variant<rule(), false, half(), height>()); });
+    });
+  };
+  if (settings.blend_rule == BlendRule::classic)
+    launch_rule(std::integral_constant<BlendRule, BlendRule::classic>());
+  else
+    launch_rule(std::integral_constant<BlendRule, BlendRule::faster_gs>());
+}
+
+}  // namespace gs::cuda

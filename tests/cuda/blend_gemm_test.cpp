@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 4 on tensor cores against blend.cu, from the same lists: the picture, what is left for the background, and the last
+// fragment of each pixel.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "tests/support/cuda.h"
+
+namespace gs {
+namespace {
+
+// A fragment within rounding of a threshold may be kept by one and not by the other: so many numbers may differ by it.
+constexpr double kBorderline = 1e-3;
+
+// Decibels between two pictures, without the few numbers that differ most.
+double psnr(const std::vector<float>& a, const std::vector<float>& b) {
+  std::vector<double> squares(a.size());
+  for (std::size_t i = 0; i < a.size(); ++i) squares[i] = (double(a[i]) - b[i]) * (double(a[i]) - b[i]);
+  std::sort(squares.begin(), squares.end());
+  squares.resize(squares.size() - std::size_t(kBorderline * double(squares.size())));
+  double sum = 0;
+  for (const double square : squares) sum += square;
+  return sum > 0 ? -10 * std::log10(sum / double(squares.size()))
+                 : std::numeric_limits<double>::infinity();
+}
+
+struct Pictures {
+  std::vector<float> image, transmittance;
+  std::vector<std::uint32_t> last;
+};
+
+class CudaBlendGemm : public CudaTest {
+ protected:
+  Pictures render(const Gaussians& gaussians, const Camera& camera, const RenderSettings& settings) {
+    const Gaussians on_gpu =
+        copy_to(gpu().memory(), GaussianModel{copy_of(gaussians), kMaxShDegree, true, false});
+    RenderPass pass(gpu().memory());
+    gpu().renderer().forward(on_gpu.span(), camera, settings, pass);
+    return {pass.image.download(), pass.transmittance.download(), pass.last_instance.download()};
+  }
+  Pictures simt(const Gaussians& gaussians, const Camera& camera, RenderSettings settings) {
+    settings.use_tensor_cores = false;
+    return render(gaussians, camera, settings);
+  }
+
+  void expect_same(const Gaussians& gaussians, const Camera& camera, RenderSettings settings = {}) {
+    constexpr double decibels = 100;
+    settings.background = {0.25f, 0.5f, 0.75f};
+    const Pictures a = render(gaussians, camera, settings), b = simt(gaussians, camera, settings);
+    EXPECT_GT(psnr(a.image, b.image), decibels);
+    const std::size_t pixels = a.last.size();
+    std::size_t T_differs = 0, last_differs = 0;
+    for (std::size_t i = 0; i < pixels; ++i) {
+      T_differs += !(std::abs(a.transmittance[i] - b.transmittance[i]) <= 1e-5f);
+      last_differs += a.last[i] != b.last[i];
+    }
+    EXPECT_LE(double(T_differs), kBorderline * double(pixels) + 1);
+    EXPECT_LE(double(last_differs), kBorderline * double(pixels) + 1);
+    // For viewing, without what the backward pass reads; and faster, with weights of 11 bits.
+    settings.for_backward = false;
+    EXPECT_GT(psnr(render(gaussians, camera, settings).image, b.image), decibels);
+    settings.half_precision = true;
+    EXPECT_GT(psnr(render(gaussians, camera, settings).image, b.image), 70);
+  }
+};
+
+TEST_F(CudaBlendGemm, RandomScenes) {
+  const Camera small = random_camera(160, 120, 3), large = random_camera(1300, 900, 4);
+  RenderSettings classic, antialias, box, square;
+  classic.blend_rule = BlendRule::classic;
+  antialias.antialias = true;
+  box.bounds = TileBounds::box;
+  square.bounds = TileBounds::square;
+  int seed = 20;
+  for (const Camera& camera : {small, large})
+    for (const Recipe& recipe : {kTypical, kSharp, kHuge, kFaint, kOpaque, kNegativeColors}) {
+      SCOPED_TRACE(seed);
+      const Gaussians gaussians = random_gaussians(recipe, 3000, camera, ++seed);
+      expect_same(gaussians, camera);
+      expect_same(gaussians, camera, classic);
+      expect_same(gaussians, camera, antialias);
+      expect_same(gaussians, camera, box);
+      expect_same(gaussians, camera, square);
+    }
+}
+
+TEST_F(CudaBlendGemm, Needles) {
+  const Camera camera = random_camera(640, 480, 5);
+  expect_same(random_gaussians(kNeedles, 3000, camera, 6), camera);
+}
+
+// Rounding must not lift a fragment above its opacity and drop it: each splat is seen at its own centre.
+TEST_F(CudaBlendGemm, NoFragmentIsLostAtItsCentre) {
+  const Camera camera = plain_camera(64, 48);
+  for (const float opacity : {0.9999f, 0.99f, 0.5f, 1.0f / 254}) {
+    Gaussians one(1, host_memory());
+    set_gaussian(one, 0, behind_pixel(camera, 21.5f, 17.5f, 2), 0.01f, opacity, {1, 1, 1});
+    const Pictures a = render(one, camera, {});
+    EXPECT_NEAR(a.image[17 * 64 + 21], opacity, 1e-4f);
+    expect_same(one, camera);
+  }
+}
+
+// (1 - 0.99)^2 is the threshold itself.
+TEST_F(CudaBlendGemm, TwoOpaqueSplatsEndAPixelAlike) {
+  const Camera camera = plain_camera(64, 48);
+  Gaussians layers(6, host_memory());
+  for (std::size_t i = 0; i < layers.count(); ++i)
+    set_gaussian(layers, i, behind_pixel(camera, 32, 24, 2 + 0.1f * float(i)), 5, 0.9999f,
+                 {float(i % 2), float(i % 3) / 2, 1});
+  RenderSettings classic;
+  classic.blend_rule = BlendRule::classic;
+  expect_same(layers, camera, classic);
+  expect_same(layers, camera);
+}
+
+// Lists that are no multiple of a batch, longer than a segment, or empty; tiles of which only a part is picture.
+TEST_F(CudaBlendGemm, ListsOfAnyLength) {
+  for (const int side : {1, 7, 15, 16, 17, 33}) {
+    const Camera camera = plain_camera(side, 49 - side);
+    for (const std::size_t count : {0, 1, 31, 32, 33, 64, 100, 511, 512, 513, 1100}) {
+      SCOPED_TRACE(count);
+      Gaussians layers(count, host_memory());
+      for (std::size_t i = 0; i < count; ++i)
+        set_gaussian(layers, i,
+                     behind_pixel(camera, float(i % 5) * 0.2f * float(side), float(i % 7), 2 + 0.01f * float(i)),
+                     0.5f, 0.01f, {float(i % 3) / 2, float(i % 5) / 4, float(i % 7) / 6});
+      expect_same(layers, camera);
+    }
+  }
+}
+
+// The backward pass reads what the forward pass left: gradients must not depend on who blended.
+TEST_F(CudaBlendGemm, GradientsAgree) {
+  const Camera camera = random_camera(160, 120, 3);
+  for (const Recipe& recipe : {kTypical, kOpaque, kFaint}) {
+    const Gaussians gaussians = random_gaussians(recipe, 3000, camera, 8);
+    const Gaussians on_gpu =
+        copy_to(gpu().memory(), GaussianModel{copy_of(gaussians), kMaxShDegree, true, false});
+    std::vector<std::vector<float>> by_mean;
+    for (const bool use_tensor_cores : {true, false}) {
+      RenderSettings settings;
+      settings.use_tensor_cores = use_tensor_cores;
+      RenderPass pass(gpu().memory());
+      gpu().renderer().forward(on_gpu.span(), camera, settings, pass);
+      std::vector<float> ones(pass.image.size());
+      Draws draws(5);
+      for (float& value : ones) value = draws.normal();
+      Buffer<float> dL(gpu().memory());
+      dL.upload(ones);
+      Gaussians gradients(gaussians.count(), gpu().memory());
+      Buffer<Vec2f> by_mean2d(gaussians.count(), gpu().memory());
+      gpu().renderer().backward(on_gpu.span(), camera, settings, pass, dL.span(), gradients.span(),
+                                by_mean2d.span());
+      by_mean.push_back(downloaded(gradients.mean));
+    }
+    EXPECT_LT(norm_difference(by_mean[0], by_mean[1]), 1e-3);
+  }
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a warp of cuda/blend_gemm.cu does with one batch, played on the CPU in double: the lanes get the entries that the
+// hardware gives them (cuda/gemm_layout.h), composite their own splats, and exchange what blend_gemm.cu exchanges.
+#include "cuda/gemm_layout.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <set>
+#include <vector>
+
+#include "gs_core/math/blend.h"
+#include "tests/support/scenes.h"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kLanes = 32, kPixels = 16;
+using Matrix = std::vector<std::vector<double>>;
+
+Matrix zeros(int rows, int columns) { return Matrix(rows, std::vector<double>(columns, 0.0)); }
+
+Matrix product(const Matrix& a, const Matrix& b) {
+  Matrix c = zeros(int(a.size()), int(b[0].size()));
+  for (std::size_t i = 0; i < a.size(); ++i)
+    for (std::size_t k = 0; k < b.size(); ++k)
+      for (std::size_t j = 0; j < b[0].size(); ++j) c[i][j] += a[i][k] * b[k][j];
+  return c;
+}
+
+TEST(GemmLayout, EveryEntryIsHeldOnce) {
+  std::set<std::pair<int, int>> sums, left16, right16, left8, right8;
+  const auto put = [](auto& set, Entry e) { EXPECT_TRUE(set.insert({e.row, e.column}).second); };
+  for (int lane = 0; lane < kLanes; ++lane) {
+    for (int i = 0; i < 4; ++i) {
+      put(sums, sum_entry(lane, i));
+      put(left8, left_entry(lane, i));
+      for (int h = 0; h < 2; ++h) put(left16, left_entry_of_halves(lane, i, h));
+    }
+    for (int i = 0; i < 2; ++i) {
+      put(right8, right_entry(lane, i));
+      for (int h = 0; h < 2; ++h) put(right16, right_entry_of_halves(lane, i, h));
+    }
+  }
+  EXPECT_EQ(sums.size(), 16u * 8);
+  EXPECT_EQ(left16.size(), 16u * 16);
+  EXPECT_EQ(right16.size(), 16u * 8);
+  EXPECT_EQ(left8.size(), 16u * 8);
+  EXPECT_EQ(right8.size(), 8u * 8);
+}
+
+TEST(GemmLayout, ALaneHasConsecutiveSplats) {
+  std::array<int, kBatch> splat_of_column;
+  splat_of_column.fill(-1);
+  for (int splat = 0; splat < kBatch; ++splat) splat_of_column[column_of_splat(splat)] = splat;
+  for (int lane = 0; lane < kLanes; ++lane)
+    for (int j = 0; j < kProducts; ++j)
+      for (int i = 0; i < 4; ++i)
+        EXPECT_EQ(splat_of_column[8 * j + sum_entry(lane, i).column],
+                  lane % kOwners * kOwned + 2 * j + i % 2);
+}
+
+// ldmatrix gives lane 4 g + t the halves 2 t and 2 t + 1 of row g: the right-hand side whose columns are those rows.
+TEST(GemmLayout, RowsOfMemoryAreColumnsOfTheProduct) {
+  for (int lane = 0; lane < kLanes; ++lane)
+    for (int h = 0; h < 2; ++h) {
+      const Entry entry = right_entry_of_halves(lane, 0, h);
+      EXPECT_EQ(entry.column, lane / 4);
+      EXPECT_EQ(entry.row, 2 * (lane % 4) + h);
+    }
+}
+
+// The sums of the first product, taken as they lie, are the left-hand side of the second: entry k of its inner dimension
+// is splat 2 j of the lane for k < 4, else splat 2 j + 1.
+TEST(GemmLayout, WeightsLieAsALeftHandSide) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const int from[4] = {0, 2, 1, 3};  // sums that become a[0], a[1], a[2], a[3]
+    for (int i = 0; i < 4; ++i) {
+      const Entry sum = sum_entry(lane, from[i]), a = left_entry(lane, i);
+      EXPECT_EQ(sum.row, a.row);
+      EXPECT_EQ(sum.column, a.column % 4 * 2 + a.column / 4);
+    }
+  }
+}
+
+TEST(GemmLayout, AWarpCompositesLikeOnePixelAfterTheOther) {
+  Draws draws(7);
+  // Alphas of 32 splats at 16 pixels, and colours.
+  Matrix alpha = zeros(kPixels, kBatch), colors = zeros(kBatch, 3);
+  for (auto& row : alpha)
+    for (double& a : row) a = draws.uniform(0.0f, 1.0f) < 0.4f ? 0.0 : draws.uniform(0.004f, 0.3f);
+  for (auto& row : colors)
+    for (double& c : row) c = draws.uniform(0.0f, 1.0f);
+
+  // What the lanes hold after the first products.
+  double own[kLanes][kOwned][2];
+  for (int splat = 0; splat < kBatch; ++splat)
+    for (int lane = 0; lane < kLanes; ++lane)
+      for (int i = 0; i < 4; ++i) {
+        const unsigned column = column_of_splat(splat);
+        const Entry entry = sum_entry(lane, i);
+        if (entry.column != int(column % 8)) continue;
+        own[lane][2 * (column / 8) + i % 2][i / 2] = alpha[entry.row][splat];
+      }
+  // By itself, then with what reaches it.
+  double weights[kLanes][kOwned][2];
+  for (int r = 0; r < 2; ++r) {
+    double through[kLanes];
+    for (int lane = 0; lane < kLanes; ++lane) {
+      through[lane] = 1;
+      for (int i = 0; i < kOwned; ++i) through[lane] *= 1 - own[lane][i][r];
+    }
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const double next = through[lane ^ 1];
+      const double other_pair = through[lane ^ 2] * through[(lane ^ 2) ^ 1];
+      double reaching = (lane & 1 ? next : 1.0) * (lane & 2 ? other_pair : 1.0);
+      for (int i = 0; i < kOwned; ++i) {
+        weights[lane][i][r] = reaching * own[lane][i][r];
+        reaching -= weights[lane][i][r];
+      }
+    }
+  }
+  // The second products.
+  Matrix sums = zeros(kPixels, 8);
+  for (int j = 0; j < kProducts; ++j) {
+    Matrix left = zeros(kPixels, 8), right = zeros(8, 8);
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const double a[4] = {weights[lane][2 * j][0], weights[lane][2 * j][1],
+                           weights[lane][2 * j + 1][0], weights[lane][2 * j + 1][1]};
+      for (int i = 0; i < 4; ++i) {
+        const Entry entry = left_entry(lane, i);
+        left[entry.row][entry.column] = a[i];
+      }
+      for (int i = 0; i < 2; ++i) {
+        const Entry entry = right_entry(lane, i);
+        const int splat = lane % kOwners * kOwned + 2 * j + i;
+        right[entry.row][entry.column] = entry.column < 3 ? colors[splat][entry.column] : 0.0;
+      }
+    }
+    const Matrix part = product(left, right);
+    for (int p = 0; p < kPixels; ++p)
+      for (int c = 0; c < 8; ++c) sums[p][c] += part[p][c];
+  }
+
+  for (int p = 0; p < kPixels; ++p) {
+    PixelState<double> pixel;
+    for (int splat = 0; splat < kBatch; ++splat)
+      composite(pixel, Vec3<double>(colors[splat][0], colors[splat][1], colors[splat][2]),
+                alpha[p][splat]);
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(sums[p][c], pixel.color[c], 1e-14);
+  }
+}
+
+}  // namespace
+}  // namespace gs::cuda
