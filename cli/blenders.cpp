@@ -22,9 +22,8 @@ struct Bounds {
   const char* name;
   TileBounds bounds;
 };
-constexpr Bounds kBounds[] = {{"square", TileBounds::square},
-                              {"box", TileBounds::box},
-                              {"exact", TileBounds::exact}};
+constexpr Bounds kBounds[] = {
+    {"square", TileBounds::square}, {"box", TileBounds::box}, {"exact", TileBounds::exact}};
 
 // The lists of a pass, on the host.
 struct HostLists {

@@ -153,8 +153,9 @@ class SubtilePixels {
   }
 
   // Blends a batch into two pixels, one above the other. True where one of them takes further fragments.
-  __device__ bool blend_rows(int row, const float (&exponents)[kProducts][4], const float (&open)[2],
-                             const float (&color_columns)[kProducts][2], const Queue& queue) {
+  __device__ bool blend_rows(int row, const float (&exponents)[kProducts][4],
+                             const float (&open)[2], const float (&color_columns)[kProducts][2],
+                             const Queue& queue) {
     // This lane's fragments by themselves: what they let through.
     float weights[kOwned][2], through[2] = {1, 1};  // alphas at first
     int last[2] = {-1, -1};
@@ -230,8 +231,9 @@ class SubtilePixels {
       const float part[4] = {weights[2 * j][0], weights[2 * j][1], weights[2 * j + 1][0],
                              weights[2 * j + 1][1]};
       if (Kind::half_precision)
-        multiply_add_16x8x8(high, {tf32_rounded(part[0]), tf32_rounded(part[1]),
-                                   tf32_rounded(part[2]), tf32_rounded(part[3])},
+        multiply_add_16x8x8(high,
+                            {tf32_rounded(part[0]), tf32_rounded(part[1]), tf32_rounded(part[2]),
+                             tf32_rounded(part[3])},
                             columns[j]);
       else
         multiply_add_in_parts(high, low, part, columns[j]);
@@ -266,7 +268,8 @@ __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
   SplatQueue<Kind::with_history> queue(
       room.queue, {float(x0) + 0.5f * kSubtileWidth, float(y0) + 0.5f * Kind::height});
   const std::uint32_t length = lists.ranges[tile + 1] - lists.ranges[tile];
-  ListWalk walk(room.ahead, lists, tile, PixelRange(x0, y0, kSubtileWidth, Kind::height), 0, length);
+  ListWalk walk(room.ahead, lists, tile, PixelRange(x0, y0, kSubtileWidth, Kind::height), 0,
+                length);
   while (pixels.any_open()) {
     // Segments begin with an empty queue: what the pixels have then is what the list before them comes to.
     const bool at_segment = Kind::with_history && walk.position() % kSegmentLength == 0;
@@ -330,11 +333,13 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
     constexpr int kPerTile = kTileWidth / kSubtileWidth * kTileHeight / Kind::height;
     static_assert(kPerTile % kBlendWarps == 0);
     context.launch("blend", blend_gemm_kernel<Kind>, pass.tile_count() * kPerTile / kBlendWarps,
-                   kBlendThreads, tile_lists(pass), pass.tile_order.data(), settings.background, out);
+                   kBlendThreads, tile_lists(pass), pass.tile_order.data(), settings.background,
+                   out);
   };
   // Sub-tiles of twice the size need less for each pixel, but only half as many warps share the work.
-  const bool is_small = pass.tile_count() * kTileWidth * kTileHeight / 64 <
-                        std::size_t(kSmallPicture * kBlocks * kBlendWarps * context.multiprocessors());
+  const bool is_small =
+      pass.tile_count() * kTileWidth * kTileHeight / 64 <
+      std::size_t(kSmallPicture * kBlocks * kBlendWarps * context.multiprocessors());
   const auto launch_rule = [&](auto rule) {
     with_constant(is_small, [&](auto small) {
       constexpr int height = small() ? 4 : 8;

@@ -161,9 +161,10 @@ void read_binary_points(const fs::path& path, ModelBuilder& model) {
     point.id = file.take<std::uint64_t>();
     point.position = take_vector(file);
     for (std::uint8_t& channel : point.color) channel = file.take<std::uint8_t>();
-    file.skip(sizeof(double));  // reprojection error
+    point.error = file.take<double>();
+    point.observations = file.take_count("track elements", kTrackBytes);
+    file.skip(point.observations * kTrackBytes);
     model.add_point(point);
-    file.skip(file.take_count("track elements", kTrackBytes) * kTrackBytes);
   }
   file.expect_end();
 }

@@ -64,11 +64,13 @@ struct ColmapImage {
   Vec3d cam_from_world_translation{0.0, 0.0, 0.0};   // world units
 };
 
-/// One triangulated point. Its track is passed over.
+/// One triangulated point. Of its track only the length is kept.
 struct ColmapPoint {
   std::uint64_t id = 0;
   Vec3d position{0.0, 0.0, 0.0};               // world units
   std::array<std::uint8_t, 3> color{0, 0, 0};  // sRGB
+  double error = 0;                            // mean reprojection error, pixels; as the file says
+  std::uint64_t observations = 0;              // photos that it was found in
 };
 
 /// One camera of a rig and where it sits on it.

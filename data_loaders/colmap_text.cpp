@@ -198,6 +198,8 @@ void read_text_points(const fs::path& path, ModelBuilder& model) {
     point.id = file.take<std::uint64_t>(line, "POINT3D_ID");
     point.position = take_vector(file, line, "the position");
     for (std::uint8_t& channel : point.color) channel = file.take<std::uint8_t>(line, "the colour");
+    if (!trimmed(line).empty()) point.error = file.take<double>(line, "the error");
+    while (!next_word(line).empty() && !next_word(line).empty()) ++point.observations;
     model.add_point(point);
   }
 }

@@ -9,6 +9,7 @@
 
 #include "data_loaders/colmap_model.h"
 #include "data_loaders/photo_names.h"
+#include "data_loaders/transforms_json.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 
@@ -137,9 +138,12 @@ SceneFolders find_scene(const DatasetConfig& dataset) {
     if (found != named.end()) models.push_back(*found);
   }
   if (models.empty())
+    for (const fs::path& folder : is_named ? named : std::vector<fs::path>{source})
+      if (has_transforms(folder)) return {folder, folder};
+  if (models.empty())
     throw Error(fmt::format(
         "cannot find a scene in {}: there is no COLMAP model (cameras and images, .bin "
-        "or .txt) in {}; {}",
+        "or .txt) and no transforms.json in {}; {}",
         dataset.source, joined(is_named ? named : model_places(source)), nearest_model(source)));
   const fs::path images = source / dataset.images;
   if (!is_folder(images))

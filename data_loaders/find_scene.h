@@ -9,13 +9,14 @@
 namespace gs {
 
 struct SceneFolders {
-  std::filesystem::path model;   // holds cameras.bin or cameras.txt
+  std::filesystem::path model;   // holds cameras.bin or cameras.txt, or transforms.json
   std::filesystem::path images;  // what the model's image names are relative to
 };
 
 /// Finds the model in dataset.model, or else in sparse/0, sparse, colmap/sparse/0 or the scene's folder
 /// itself, and the photos in dataset.images. Where COLMAP has left several models (sparse/0,
-/// sparse/1, ...) the one with the most photos is taken, and the log says so. Throws Error that lists
+/// sparse/1, ...) the one with the most photos is taken, and the log says so. Where COLMAP has left none, a
+/// transforms.json, or the three files of a Blender scene, is taken with the photos that it names. Throws Error that lists
 /// the places looked at and, where there is one, names a scene one level up or down.
 SceneFolders find_scene(const DatasetConfig& dataset);
 

@@ -12,9 +12,10 @@
 
 #include "data_loaders/colmap_model.h"
 #include "data_loaders/find_scene.h"
+#include "data_loaders/photo_fit.h"
 #include "data_loaders/photo_names.h"
 #include "data_loaders/photos.h"
-#include "data_loaders/split.h"
+#include "data_loaders/scene_model.h"
 #include "data_loaders/undistort.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -63,24 +64,18 @@ void check_registered(const ColmapModel& model, const fs::path& images) {
       model.folder.string(), registered, photos, images.string()));
 }
 
-/// Whether a picture of size a has the shape of one of size b, to a pixel.
-bool has_shape_of(const PhotoSize& a, const PhotoSize& b) {
-  const double by_height = double(b.width) * a.height / b.height;
-  const double by_width = double(b.height) * a.width / b.width;
-  return std::abs(a.width - by_height) <= 1 || std::abs(a.height - by_width) <= 1;
-}
-
 /// The camera of the model at the size that its photo really has.
 LensCamera fitted_to_photo(LensCamera lens, const ViewPlan& plan) {
   const PhotoSize model = {lens.pinhole.width, lens.pinhole.height}, photo = plan.photo_size;
-  if (has_shape_of(photo, model)) {
+  const PhotoFit fit = fit_of(photo, model);
+  if (fit == PhotoFit::fits) {
     lens.pinhole = resized(lens.pinhole, photo.width, photo.height);
     return lens;
   }
   const std::string sizes =
       fmt::format("photo {} has {} x {} pixels and its camera in the model {} x {}",
                   plan.file.string(), photo.width, photo.height, model.width, model.height);
-  if (has_shape_of(photo, {model.height, model.width}))
+  if (fit == PhotoFit::turned)
     throw Error(
         sizes +
         ": width and height are swapped, so one of the two was turned by the photo's EXIF "
@@ -205,21 +200,38 @@ std::vector<ScenePoint> single_precision_points(const ColmapModel& model) {
   return points;
 }
 
+/// A scene before its photos are decoded.
+struct ScenePlan {
+  std::vector<ViewPlan> views;  // sorted by name
+  std::vector<bool> is_test;
+  std::vector<ScenePoint> points;
+};
+
+ScenePlan plan_scene(const DatasetConfig& dataset) {
+  const SceneFolders folders = find_scene(dataset);
+  auto [model, is_test] = read_scene_model(dataset, folders);
+  ScenePlan plan;
+  plan.is_test = std::move(is_test);
+  if (dataset.model.empty()) check_registered(model, folders.images);
+  plan.views = plan_views(dataset, model, folders.images);
+  plan.points = single_precision_points(model);
+  return plan;
+}
+
 }  // namespace
 
+void check_scene(const DatasetConfig& dataset) {
+  for (const ViewPlan& view : plan_scene(dataset).views) single_precision_camera(view);
+}
+
 Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress) {
-  const SceneFolders folders = find_scene(dataset);
-  ColmapModel model = read_colmap_model(folders.model);
-  std::sort(model.images.begin(), model.images.end(),
-            [](const ColmapImage& a, const ColmapImage& b) { return a.name < b.name; });
-  const std::vector<bool> is_test = test_views_of(dataset, model);
-  if (dataset.model.empty()) check_registered(model, folders.images);
+  ScenePlan plan = plan_scene(dataset);
   Scene scene;
   scene.source = dataset.source;
-  std::vector<View> views = load_views(plan_views(dataset, model, folders.images), progress);
+  std::vector<View> views = load_views(plan.views, progress);
   for (std::size_t i = 0; i < views.size(); ++i)
-    (is_test[i] ? scene.test_views : scene.train_views).push_back(std::move(views[i]));
-  scene.points = single_precision_points(model);
+    (plan.is_test[i] ? scene.test_views : scene.train_views).push_back(std::move(views[i]));
+  scene.points = std::move(plan.points);
   scene.extent = camera_extent(scene.train_views);
   for (const std::size_t stray : stray_cameras(scene.train_views))
     log_warning(

@@ -19,4 +19,7 @@ using ProgressFn = std::function<void(std::size_t done, std::size_t total)>;
 /// cannot be taken.
 Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress = {});
 
+/// All that load_scene() checks before it decodes the first photo. Throws like it.
+void check_scene(const DatasetConfig& dataset);
+
 }  // namespace gs

@@ -21,6 +21,7 @@ void check_photo_size(const std::filesystem::path& path, const PhotoSize& size);
 /// whole photo.
 Image8 decode_photo(const std::filesystem::path& path);
 PhotoSize decode_photo_size(const std::filesystem::path& path);
+int decode_photo_orientation(const std::filesystem::path& path);
 
 /// The bytes of a PNG file with 1 or 3 channels.
 std::vector<std::uint8_t> encode_png(const Image8& image);

@@ -60,6 +60,10 @@ Image8 decode_photo(const std::filesystem::path& path) {
 
 PhotoSize decode_photo_size(const std::filesystem::path& path) { return open_photo(path).size; }
 
+int decode_photo_orientation(const std::filesystem::path& path) {
+  return open_photo(path).input->spec().get_int_attribute("Orientation", 1);
+}
+
 std::vector<std::uint8_t> encode_png(const Image8& image) {
   std::vector<unsigned char> bytes;
   OIIO::Filesystem::IOVecOutput sink(bytes);

@@ -82,6 +82,10 @@ std::unordered_map<std::string, std::string> pair_off(std::set<std::string>& mis
   return pairs;
 }
 
+/// The pictures below a folder that no image name is the path of.
+std::set<std::string> unnamed_pictures(const std::vector<std::string>& names,
+                                       const fs::path& folder);
+
 [[noreturn]] void fail_missing(const std::set<std::string>& missing, std::size_t name_count,
                                const std::set<std::string>& unused, const fs::path& folder) {
   constexpr std::size_t kMostNamed = 10;
@@ -122,31 +126,50 @@ std::vector<std::string> picture_names_in(const fs::path& folder) {
   return names;
 }
 
-std::vector<fs::path> find_photos(const std::vector<std::string>& names, const fs::path& folder) {
+namespace {
+
+std::set<std::string> unnamed_pictures(const std::vector<std::string>& names,
+                                       const fs::path& folder) {
+  const std::unordered_set<std::string> wanted(names.begin(), names.end());
+  std::set<std::string> files;
+  for (std::string& file : picture_names_in(folder))
+    if (!wanted.contains(file)) files.insert(std::move(file));
+  return files;
+}
+
+}  // namespace
+
+std::vector<fs::path> match_photos(const std::vector<std::string>& names, const fs::path& folder) {
   std::set<std::string> missing;
   for (const std::string& name : names) {
     std::error_code ignored;
     if (!fs::exists(folder / name, ignored)) missing.insert(name);
   }
-
   std::unordered_map<std::string, std::string> file_of;
   if (!missing.empty()) {
-    const std::size_t missing_at_first = missing.size();
-    const std::unordered_set<std::string> wanted(names.begin(), names.end());
-    std::set<std::string> files;
-    for (std::string& file : picture_names_in(folder))
-      if (!wanted.count(file)) files.insert(std::move(file));
+    std::set<std::string> files = unnamed_pictures(names, folder);
     for (const Likeness& likeness : kLikenesses) file_of.merge(pair_off(missing, files, likeness));
-    if (!missing.empty()) fail_missing(missing, names.size(), files, folder);
-    GS_CHECK(file_of.size() == missing_at_first);
   }
-
   std::vector<fs::path> paths;
   for (const std::string& name : names) {
     const auto found = file_of.find(name);
-    paths.push_back(folder / (found == file_of.end() ? name : found->second));
+    if (missing.contains(name))
+      paths.emplace_back();
+    else
+      paths.push_back(folder / (found == file_of.end() ? name : found->second));
   }
   return paths;
+}
+
+std::vector<fs::path> find_photos(const std::vector<std::string>& names, const fs::path& folder) {
+  std::vector<fs::path> paths = match_photos(names, folder);
+  std::set<std::string> missing;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (paths[i].empty()) missing.insert(names[i]);
+  if (missing.empty()) return paths;
+  std::set<std::string> unused = unnamed_pictures(names, folder);
+  for (const fs::path& path : paths) unused.erase(path.lexically_relative(folder).generic_string());
+  fail_missing(missing, names.size(), unused, folder);
 }
 
 }  // namespace gs

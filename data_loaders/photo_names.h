@@ -14,11 +14,14 @@ namespace gs {
 /// has none.
 std::vector<std::string> picture_names_in(const std::filesystem::path& folder);
 
-/// The file of each image name. A name leads to the file of that name; where there is none, to the
+/// The file of each image name, empty where there is none. A name leads to the file of that name; where there is none, to the
 /// one picture that differs only in upper and lower case, or else in its extension, or else in both,
 /// if it belongs to no other name. The folder is part of the name: photos of one name in two
-/// sub-folders are two photos. Warns with a count where names differ; throws Error that names the
-/// photos that are missing.
+/// sub-folders are two photos. Warns with a count where names differ.
+std::vector<std::filesystem::path> match_photos(const std::vector<std::string>& names,
+                                                const std::filesystem::path& folder);
+
+/// The same; throws Error that names the photos that are missing.
 std::vector<std::filesystem::path> find_photos(const std::vector<std::string>& names,
                                                const std::filesystem::path& folder);
 

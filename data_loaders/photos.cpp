@@ -87,6 +87,11 @@ PhotoSize read_photo_size(const fs::path& path) {
   return decode_photo_size(path);
 }
 
+int read_photo_orientation(const fs::path& path) {
+  check_exists(path);
+  return decode_photo_orientation(path);
+}
+
 Image8 area_resized(const Image8& image, int width, int height) {
   GS_CHECK(width > 0 && height > 0 && !image.empty());
   if (width == image.width && height == image.height) return image;

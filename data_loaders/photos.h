@@ -21,6 +21,10 @@ Image8 read_photo(const std::filesystem::path& path);
 /// The size of a photo from its header. Throws Error like read_photo.
 PhotoSize read_photo_size(const std::filesystem::path& path);
 
+/// The EXIF orientation that a photo's header gives, 1 to 8; 1, upright, where it gives none or this build, without
+/// OpenImageIO, does not read it. Nothing here follows it. Throws Error like read_photo.
+int read_photo_orientation(const std::filesystem::path& path);
+
 /// The picture at another size: every target pixel is the mean of the source area that it covers,
 /// with pixels that it covers in part counted by that part; halves are rounded up. Exact (whole
 /// numbers), so the same on every machine. `width` and `height` are > 0.

@@ -350,21 +350,10 @@ void run_stage(const Stage& stage, const ColmapCommand& command, const Plan& pla
 
 // ---- the models
 
-/// What points3D.bin says beside the points themselves.
-double mean_error_of(const fs::path& model) {
-  ByteReader file(model / "points3D.bin");  // the layout stands in colmap_binary.cpp
-  const auto take = [&file]<class T>(T value) {
-    std::memcpy(&value, file.take(sizeof value), sizeof value);
-    return value;
-  };
-  const auto count = take(std::uint64_t{});
+double mean_error_of(const ColmapModel& model) {
   double sum = 0;
-  for (std::uint64_t i = 0; i < count; ++i) {
-    file.skip(8 + 3 * 8 + 3);  // id, position, colour
-    sum += take(double{});
-    file.skip(take(std::uint64_t{}) * 8);  // the track
-  }
-  return count ? sum / double(count) : 0;
+  for (const ColmapPoint& point : model.points) sum += point.error;
+  return model.points.empty() ? 0 : sum / double(model.points.size());
 }
 
 // The mapper's models become sparse/0, sparse/1, ..., the one with most photos first.
@@ -447,7 +436,7 @@ Reconstruction verdict_of(const Plan& plan) {
   result.registered = model.images.size();
   result.points = model.points.size();
   result.models = colmap_models_in(plan.files.sparse()).size();
-  result.mean_error = mean_error_of(model.folder);
+  result.mean_error = mean_error_of(model);
   for (const PhotoFile& photo : plan.photos)
     if (!registered.contains(photo.name))
       result.missing.push_back({photo.name, reasons.of(photo.name)});

@@ -17,12 +17,16 @@ enum class ExitCode : int {
   interrupted = 5,    // stopped by a signal, work saved
 };
 
+/// Text as a terminal can show it: control characters but line ends and tabs become '?'. Messages quote files, and files
+/// hold anything.
+std::string printable(std::string text);
+
 /// Trouble in the world outside: says what happened, to which file or value, and what to try.
 /// Thrown anywhere, caught once, in main().
 class Error : public std::runtime_error {
  public:
   explicit Error(const std::string& message, ExitCode code = ExitCode::bad_data)
-      : std::runtime_error(message), code_(code) {}
+      : std::runtime_error(printable(message)), code_(code) {}
   ExitCode code() const { return code_; }
 
  private:

@@ -346,6 +346,20 @@ TEST_F(Program, InfoDescribesAModelAndTheBuild) {
               AllOf(HasSubstr("CUDA"), HasSubstr("OpenImageIO"), HasSubstr("OpenCV")));
 }
 
+TEST_F(Program, DoctorSaysWhetherTrainingCanStart) {
+  write_scene(path("scene"));
+  const Outcome good = run("doctor " + text("scene") + " -q");
+  EXPECT_EQ(good.code, 0) << good.err;
+  EXPECT_THAT(good.out, HasSubstr("training can start"));
+  std::filesystem::create_directories(path("empty"));
+  const Outcome bad = run("doctor " + text("empty") + " --json");
+  EXPECT_EQ(bad.code, 3);
+  const auto json = nlohmann::json::parse(bad.out);
+  EXPECT_EQ(json.at("can_train"), false);
+  EXPECT_EQ(json.at("findings").at(0).at("level"), "fatal");
+  EXPECT_EQ(run("doctor").code, 2);
+}
+
 TEST_F(Program, BenchTimesAGeneratedScene) {
   const Outcome outcome =
       run("bench --gaussians 500 --width 64 --height 48 --views 3 --steps 3 --warmup 1 --frames 2 "

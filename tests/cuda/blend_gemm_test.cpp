@@ -17,7 +17,8 @@ constexpr double kBorderline = 1e-3;
 // Decibels between two pictures, without the few numbers that differ most.
 double psnr(const std::vector<float>& a, const std::vector<float>& b) {
   std::vector<double> squares(a.size());
-  for (std::size_t i = 0; i < a.size(); ++i) squares[i] = (double(a[i]) - b[i]) * (double(a[i]) - b[i]);
+  for (std::size_t i = 0; i < a.size(); ++i)
+    squares[i] = (double(a[i]) - b[i]) * (double(a[i]) - b[i]);
   std::sort(squares.begin(), squares.end());
   squares.resize(squares.size() - std::size_t(kBorderline * double(squares.size())));
   double sum = 0;
@@ -33,7 +34,8 @@ struct Pictures {
 
 class CudaBlendGemm : public CudaTest {
  protected:
-  Pictures render(const Gaussians& gaussians, const Camera& camera, const RenderSettings& settings) {
+  Pictures render(const Gaussians& gaussians, const Camera& camera,
+                  const RenderSettings& settings) {
     const Gaussians on_gpu =
         copy_to(gpu().memory(), GaussianModel{copy_of(gaussians), kMaxShDegree, true, false});
     RenderPass pass(gpu().memory());
@@ -125,7 +127,8 @@ TEST_F(CudaBlendGemm, ListsOfAnyLength) {
       Gaussians layers(count, host_memory());
       for (std::size_t i = 0; i < count; ++i)
         set_gaussian(layers, i,
-                     behind_pixel(camera, float(i % 5) * 0.2f * float(side), float(i % 7), 2 + 0.01f * float(i)),
+                     behind_pixel(camera, float(i % 5) * 0.2f * float(side), float(i % 7),
+                                  2 + 0.01f * float(i)),
                      0.5f, 0.01f, {float(i % 3) / 2, float(i % 5) / 4, float(i % 7) / 6});
       expect_same(layers, camera);
     }

@@ -415,5 +415,49 @@ TEST(LoadScene, ProgressCountsEveryPhotoInOrder) {
   EXPECT_THAT(counts, ElementsAre(1, 2, 3, 4));
 }
 
+// Two cameras of transforms.json, at the origin and one unit to the right of it, both looking along -z of OpenGL.
+std::string transforms_of(const std::vector<std::string>& files) {
+  std::string frames;
+  for (std::size_t i = 0; i < files.size(); ++i)
+    frames +=
+        (i ? ", " : "") + ("{\"file_path\": \"" + files[i] + "\", \"transform_matrix\": [[1,0,0," +
+                           std::to_string(i) + "],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}");
+  return "{\"fl_x\": 10, \"fl_y\": 11, \"cx\": 6, \"cy\": 4, \"w\": 12, \"h\": 8, \"frames\": [" +
+         frames + "]}";
+}
+
+TEST(LoadScene, TakesTransformsWhereColmapHasLeftNothing) {
+  const TempFolder temp;
+  for (const char* name : {"a.png", "b.png"})
+    write_png(temp.path() / "pictures" / name, plain_photo(12, 8, 50));
+  write_bytes(temp.path() / "transforms.json",
+              transforms_of({"./pictures/b.png", "pictures/a.png"}));
+  const Scene scene = load_scene(dataset_at(temp.path()));
+  ASSERT_EQ(scene.train_views.size(), 2u);
+  EXPECT_THAT(names_of(scene.train_views), ElementsAre("pictures/a.png", "pictures/b.png"));
+  EXPECT_EQ(scene.train_views[0].camera.position(), Vec3f(1, 0, 0));
+  EXPECT_EQ(scene.train_views[1].camera.position(), Vec3f(0, 0, 0));
+  // OpenGL's backwards is our forwards: what lies at -z is in front.
+  const Vec3f ahead =
+      multiply(scene.train_views[1].camera.cam_from_world_rotation, Vec3f(0, 0, -1));
+  EXPECT_FLOAT_EQ(ahead.z, 1);
+  EXPECT_TRUE(scene.points.empty());
+}
+
+TEST(LoadScene, ABlenderSceneSaysItselfWhatIsForTesting) {
+  const TempFolder temp;
+  for (const char* name : {"train/a.png", "train/b.png", "test/a.png"})
+    write_png(temp.path() / name, plain_photo(12, 8, 50));
+  write_bytes(temp.path() / "transforms_train.json", transforms_of({"./train/a", "./train/b"}));
+  write_bytes(temp.path() / "transforms_test.json", transforms_of({"./test/a"}));
+  DatasetConfig dataset = dataset_at(temp.path());
+  dataset.eval = true;
+  const Scene scene = load_scene(dataset);
+  EXPECT_THAT(names_of(scene.test_views), ElementsAre("test/a.png"));
+  EXPECT_EQ(scene.train_views.size(), 2u);
+  dataset.eval = false;
+  EXPECT_EQ(load_scene(dataset).train_views.size(), 3u);
+}
+
 }  // namespace
 }  // namespace gs

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/scene_model.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <set>
+
+#include "data_loaders/split.h"
+#include "data_loaders/transforms_json.h"
+#include "gs_core/error.h"
+
+namespace gs {
+
+SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders) {
+  const auto by_name = [](const ColmapImage& a, const ColmapImage& b) { return a.name < b.name; };
+  SceneModel scene;
+  if (is_colmap_model(folders.model)) {
+    scene.model = read_colmap_model(folders.model);
+    std::sort(scene.model.images.begin(), scene.model.images.end(), by_name);
+    scene.is_test = test_views_of(dataset, scene.model);
+    return scene;
+  }
+  TransformsScene transforms = read_transforms(folders.model);
+  scene.model = std::move(transforms.model);
+  std::sort(scene.model.images.begin(), scene.model.images.end(), by_name);
+  if (!transforms.has_split || !dataset.eval) {
+    scene.is_test = test_views_of(dataset, scene.model);
+    return scene;
+  }
+  const std::set<std::string> held_out(transforms.test_names.begin(), transforms.test_names.end());
+  for (const ColmapImage& image : scene.model.images)
+    scene.is_test.push_back(held_out.contains(image.name));
+  if (std::find(scene.is_test.begin(), scene.is_test.end(), false) == scene.is_test.end())
+    throw UsageError(fmt::format(
+        "no view is left to train on: the files in {} put all of them to testing; train without "
+        "dataset.eval",
+        folders.model.string()));
+  return scene;
+}
+
+}  // namespace gs
