@@ -29,7 +29,9 @@ std::atomic<std::size_t> largest_allocation{0};
 
 #ifdef __SANITIZE_ADDRESS__
 extern "C" const char* __asan_default_options();
-const char* __asan_default_options() { return "max_allocation_size_mb=256:allocator_may_return_null=0"; }
+const char* __asan_default_options() {
+  return "max_allocation_size_mb=256:allocator_may_return_null=0";
+}
 #else
 [[gnu::noinline]] void* operator new(std::size_t bytes) {
   std::size_t before = largest_allocation;
@@ -65,7 +67,8 @@ class Corpus {
     ColmapModel model = small_model(4);
     model.cameras[8] = {8, CameraModel::opencv, 12, 8, {10, 11, 6.5, 3.5, 0.1, 0.01, 0, 0}};
     model.images[3].camera_id = 8;
-    model.rigs.push_back({1, {{7, true, {1, 0, 0, 0}, {0, 0, 0}}, {8, true, {1, 0, 0, 0}, {1, 0, 0}}}});
+    model.rigs.push_back(
+        {1, {{7, true, {1, 0, 0, 0}, {0, 0, 0}}, {8, true, {1, 0, 0, 0}, {1, 0, 0}}}});
     model.frames.push_back({1, 1, {1, 2}});
     write_scene(path("binary"), model);
     write_scene(path("text"), model);
@@ -75,12 +78,16 @@ class Corpus {
       targets_.push_back({path("binary/sparse/0") / (std::string(name) + ".bin"), read_binary});
       targets_.push_back({path("text/sparse/0") / (std::string(name) + ".txt"), read_text});
     }
-    write_bytes(path("transforms/transforms.json"),
-                "{\"camera_model\": \"OPENCV\", \"fl_x\": 10.5, \"fl_y\": 11, \"cx\": 6, \"cy\": 4, \"w\": 12, \"h\": 8, "
-                "\"k1\": 0.1, \"ply_file_path\": \"points.ply\", \"frames\": [{\"file_path\": \"a.png\", "
-                "\"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}, {\"file_path\": \"b.png\", \"fl_x\": 12, "
-                "\"transform_matrix\": [[0,-1,0,2],[1,0,0,0.5],[0,0,1,-3e0],[0,0,0,1]]}]}");
-    write_point_ply(path("transforms/points.ply"), {{{1, 2, 3}, {4, 5, 6}}, {{0, 0, 1}, {255, 0, 1}}});
+    write_bytes(
+        path("transforms/transforms.json"),
+        "{\"camera_model\": \"OPENCV\", \"fl_x\": 10.5, \"fl_y\": 11, \"cx\": 6, \"cy\": 4, \"w\": "
+        "12, \"h\": 8, "
+        "\"k1\": 0.1, \"ply_file_path\": \"points.ply\", \"frames\": [{\"file_path\": \"a.png\", "
+        "\"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}, {\"file_path\": "
+        "\"b.png\", \"fl_x\": 12, "
+        "\"transform_matrix\": [[0,-1,0,2],[1,0,0,0.5],[0,0,1,-3e0],[0,0,0,1]]}]}");
+    write_point_ply(path("transforms/points.ply"),
+                    {{{1, 2, 3}, {4, 5, 6}}, {{0, 0, 1}, {255, 0, 1}}});
     const auto transforms = [](const fs::path& root) { read_transforms(root / "transforms"); };
     targets_.push_back({path("transforms/transforms.json"), transforms});
     targets_.push_back({path("transforms/points.ply"), transforms});
@@ -146,7 +153,8 @@ class Corpus {
   }
 
   static std::string damaged(std::string bytes, std::mt19937& random) {
-    for (unsigned round = 0, rounds = 1 + random() % 4; round < rounds; ++round) damage(bytes, random);
+    for (unsigned round = 0, rounds = 1 + random() % 4; round < rounds; ++round)
+      damage(bytes, random);
     return bytes;
   }
   static void damage(std::string& bytes, std::mt19937& random) {
@@ -161,13 +169,15 @@ class Corpus {
       case 4: bytes.insert(at, bytes.substr(random() % bytes.size(), 64)); break;
       case 5: std::fill_n(bytes.begin() + at, length, random() % 2 ? '\xff' : '\0'); break;
       case 6: {  // a number of eight bytes: huge, negative, not a number
-        const std::uint64_t numbers[] = {~0ull, 1ull << 62, 0x7ff8000000000000ull, 0xfff0000000000000ull, 1ull << 31};
+        const std::uint64_t numbers[] = {~0ull, 1ull << 62, 0x7ff8000000000000ull,
+                                         0xfff0000000000000ull, 1ull << 31};
         for (std::size_t i = 0; i < std::min<std::size_t>(8, bytes.size() - at); ++i)
           bytes[at + i] = char(numbers[random() % 5] >> 8 * i);
         break;
       }
       case 7: {  // words in text files
-        const char* const words[] = {"nan", "-1", "1e999", "99999999999999999999", "\"", "[", "}", "\r\n", "0x", " "};
+        const char* const words[] = {"nan",  "-1", "1e999", "99999999999999999999", "\"", "[", "}",
+                                     "\r\n", "0x", " "};
         bytes.insert(at, words[random() % 10]);
         break;
       }
