@@ -7,7 +7,6 @@
 #include <cmath>
 #include <map>
 #include <mutex>
-#include <set>
 
 #include "data_loaders/colmap_model.h"
 #include "data_loaders/find_scene.h"
@@ -77,10 +76,9 @@ class Examination {
   void add(Level level, std::string topic, std::string text, std::vector<std::string> names = {}) {
     diagnosis_.findings.push_back({level, std::move(topic), std::move(text), std::move(names)});
   }
-  const std::string& name_of(std::size_t i) const { return scene_.model.images[i].name; }
   std::vector<std::string> names_of(const std::vector<std::size_t>& images) const {
     std::vector<std::string> names;
-    for (const std::size_t i : images) names.push_back(name_of(i));
+    for (const std::size_t i : images) names.push_back(scene_.model.images[i].name);
     return names;
   }
 
@@ -135,15 +133,9 @@ class Examination {
     for (const ColmapImage& image : scene_.model.images) names.push_back(image.name);
     scene_.files = match_photos(names, scene_.folders.images);
     std::vector<std::size_t> missing;
-    std::set<std::string> unused;
-    for (std::string& name : picture_names_in(scene_.folders.images))
-      unused.insert(std::move(name));
-    for (std::size_t i = 0; i < names.size(); ++i) {
-      if (scene_.files[i].empty())
-        missing.push_back(i);
-      else
-        unused.erase(scene_.files[i].lexically_relative(scene_.folders.images).generic_string());
-    }
+    for (std::size_t i = 0; i < names.size(); ++i)
+      if (scene_.files[i].empty()) missing.push_back(i);
+    const std::vector<std::string> unused = pictures_besides(scene_.files, scene_.folders.images);
     if (missing.empty())
       add(Level::good, "photos", fmt::format("all {} photos of the model are there", names.size()));
     else
@@ -158,7 +150,7 @@ class Examination {
           fmt::format("{} photos there are not in the model: COLMAP could not place them, or never "
                       "saw them",
                       unused.size()),
-          {unused.begin(), unused.end()});
+          unused);
   }
 
   void read_headers() {
@@ -309,8 +301,7 @@ class Examination {
       PinholeCamera<double> camera;
       camera.cam_from_world_rotation = rotation_matrix(image.cam_from_world_rotation);
       camera.cam_from_world_translation = image.cam_from_world_translation;
-      view.camera.cam_from_world_rotation = camera_as<float>(camera).cam_from_world_rotation;
-      view.camera.cam_from_world_translation = camera_as<float>(camera).cam_from_world_translation;
+      view.camera = camera_as<float>(camera);
       view.name = image.name;
       views.push_back(std::move(view));
       up -= camera.cam_from_world_rotation.row1;  // down is the camera's y

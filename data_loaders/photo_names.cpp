@@ -82,12 +82,8 @@ std::unordered_map<std::string, std::string> pair_off(std::set<std::string>& mis
   return pairs;
 }
 
-/// The pictures below a folder that no image name is the path of.
-std::set<std::string> unnamed_pictures(const std::vector<std::string>& names,
-                                       const fs::path& folder);
-
 [[noreturn]] void fail_missing(const std::set<std::string>& missing, std::size_t name_count,
-                               const std::set<std::string>& unused, const fs::path& folder) {
+                               const std::vector<std::string>& unused, const fs::path& folder) {
   constexpr std::size_t kMostNamed = 10;
   std::string list;
   std::size_t named = 0;
@@ -101,7 +97,7 @@ std::set<std::string> unnamed_pictures(const std::vector<std::string>& names,
                      : fmt::format(
                            " ({} photos there are not in the model, or could be more than "
                            "one of it: {}{})",
-                           unused.size(), *unused.begin(), unused.size() > 1 ? ", ..." : "");
+                           unused.size(), unused.front(), unused.size() > 1 ? ", ..." : "");
   throw Error(fmt::format(
       "{} of the model's {} photos are not in {}: {}{}; copy them there or name another folder "
       "with --set dataset.images=FOLDER",
@@ -126,19 +122,6 @@ std::vector<std::string> picture_names_in(const fs::path& folder) {
   return names;
 }
 
-namespace {
-
-std::set<std::string> unnamed_pictures(const std::vector<std::string>& names,
-                                       const fs::path& folder) {
-  const std::unordered_set<std::string> wanted(names.begin(), names.end());
-  std::set<std::string> files;
-  for (std::string& file : picture_names_in(folder))
-    if (!wanted.contains(file)) files.insert(std::move(file));
-  return files;
-}
-
-}  // namespace
-
 std::vector<fs::path> match_photos(const std::vector<std::string>& names, const fs::path& folder) {
   std::set<std::string> missing;
   for (const std::string& name : names) {
@@ -147,7 +130,10 @@ std::vector<fs::path> match_photos(const std::vector<std::string>& names, const 
   }
   std::unordered_map<std::string, std::string> file_of;
   if (!missing.empty()) {
-    std::set<std::string> files = unnamed_pictures(names, folder);
+    const std::unordered_set<std::string> wanted(names.begin(), names.end());
+    std::set<std::string> files;
+    for (std::string& file : picture_names_in(folder))
+      if (!wanted.contains(file)) files.insert(std::move(file));
     for (const Likeness& likeness : kLikenesses) file_of.merge(pair_off(missing, files, likeness));
   }
   std::vector<fs::path> paths;
@@ -161,15 +147,22 @@ std::vector<fs::path> match_photos(const std::vector<std::string>& names, const 
   return paths;
 }
 
+std::vector<std::string> pictures_besides(const std::vector<fs::path>& files,
+                                          const fs::path& folder) {
+  std::unordered_set<std::string> taken;
+  for (const fs::path& file : files) taken.insert(file.lexically_relative(folder).generic_string());
+  std::vector<std::string> names = picture_names_in(folder);
+  std::erase_if(names, [&](const std::string& name) { return taken.contains(name); });
+  return names;
+}
+
 std::vector<fs::path> find_photos(const std::vector<std::string>& names, const fs::path& folder) {
   std::vector<fs::path> paths = match_photos(names, folder);
   std::set<std::string> missing;
   for (std::size_t i = 0; i < names.size(); ++i)
     if (paths[i].empty()) missing.insert(names[i]);
   if (missing.empty()) return paths;
-  std::set<std::string> unused = unnamed_pictures(names, folder);
-  for (const fs::path& path : paths) unused.erase(path.lexically_relative(folder).generic_string());
-  fail_missing(missing, names.size(), unused, folder);
+  fail_missing(missing, names.size(), pictures_besides(paths, folder), folder);
 }
 
 }  // namespace gs

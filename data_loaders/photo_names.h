@@ -21,7 +21,11 @@ std::vector<std::string> picture_names_in(const std::filesystem::path& folder);
 std::vector<std::filesystem::path> match_photos(const std::vector<std::string>& names,
                                                 const std::filesystem::path& folder);
 
-/// The same; throws Error that names the photos that are missing.
+/// The pictures below a folder that are none of `files`, which are empty or begin with the folder; sorted, and relative to it.
+std::vector<std::string> pictures_besides(const std::vector<std::filesystem::path>& files,
+                                          const std::filesystem::path& folder);
+
+/// match_photos(); throws Error that names the photos that are missing.
 std::vector<std::filesystem::path> find_photos(const std::vector<std::string>& names,
                                                const std::filesystem::path& folder);
 
