@@ -45,7 +45,7 @@ bool has_borderline_fragment(const HostLists& lists, const RenderSettings& setti
   const std::size_t tile = std::size_t(y / kTileHeight) * lists.tiles_x + x / kTileWidth;
   double transmittance = 1;
   for (std::uint32_t k = lists.ranges[tile]; k < lists.ranges[tile + 1]; ++k) {
-    const Splat& splat = lists.splats[lists.tile_splats[k]];
+    const Splat& splat = lists.splats[gaussian_of(lists.tile_splats[k])];
     const Sym2<double> conic{splat.conic.xx, splat.conic.xy, splat.conic.yy};
     const auto L = conic_factors(conic, double(splat.variance_y));
     const double dx = x + 0.5 - splat.mean2d.x, dy = y + 0.5 - splat.mean2d.y;
@@ -76,7 +76,8 @@ void add_difference(const RenderPass& expected, const RenderPass& actual,
   for (std::size_t i = 0; i < plane; ++i) {
     double farthest = 0;
     for (int c = 0; c < 3; ++c) {
-      const double difference = std::abs(double(a[c * plane + i]) - b[c * plane + i]);
+      double difference = std::abs(double(a[c * plane + i]) - b[c * plane + i]);
+      if (std::isnan(difference)) difference = std::numeric_limits<double>::infinity();
       sum.squares += difference * difference;
       farthest = std::max(farthest, difference);
     }

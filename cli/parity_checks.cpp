@@ -118,7 +118,8 @@ class ParityCheck {
 
   using TileList = std::vector<std::uint32_t>;  // Gaussians, front to back
   static std::vector<TileList> tile_lists(const RenderPass& pass) {
-    const TileList ranges = pass.tile_ranges.download(), splats = pass.tile_splats.download();
+    TileList ranges = pass.tile_ranges.download(), splats = pass.tile_splats.download();
+    for (std::uint32_t& splat : splats) splat = gaussian_of(splat);
     std::vector<TileList> lists(pass.tile_count());
     for (std::size_t tile = 0; tile < lists.size(); ++tile)
       lists[tile].assign(splats.begin() + ranges[tile], splats.begin() + ranges[tile + 1]);

@@ -37,13 +37,13 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   std::uint32_t last = 0;
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
   const std::uint32_t length = lists.ranges[subtile.tile + 1] - lists.ranges[subtile.tile];
-  for (ListWalk walk(room.ahead, lists, subtile.tile, subtile.pixels(), 0, length);
+  for (ListWalk walk(room.ahead, lists, subtile.tile, subtile.pixels(), 0, length, true);
        !walk.is_done();) {
     if (!__any_sync(kAllLanes, is_open)) break;
-    const std::uint32_t segment = walk.position() / kSegmentLength;
-    if (segment > 0 && walk.position() % kSegmentLength == 0)
-      out.checkpoints[subtile.checkpoint(out.first_checkpoints[subtile.tile] + segment - 1)] = {
-          pixel.color.x, pixel.color.y, pixel.color.z, pixel.transmittance};
+    if (walk.segment_is_done())
+      out.checkpoints[subtile.checkpoint(out.first_checkpoints[subtile.tile] + walk.next_segment() -
+                                         1)] = {pixel.color.x, pixel.color.y, pixel.color.z,
+                                                pixel.transmittance};
     const int count = walk.list_next(room.list);
     for (int i = 0; i < count; ++i) {
       const ListedSplat splat = room.list[i];

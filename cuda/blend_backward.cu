@@ -212,7 +212,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
 
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
   for (ListWalk walk(room.ahead, lists, subtile.tile, subtile.pixels(), first,
-                     min(longest, first + kSegmentLength));
+                     min(longest, first + kSegmentLength), false);
        !walk.is_done();) {
     const int count = walk.list_next(room.list);
     int rows = 0, slot = 0;

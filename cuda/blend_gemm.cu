@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 4 on tensor cores (GEMM-GS): log2(alpha) of 32 splats at the pixels of a sub-tile is one matrix product, and what
+// Stage 4 on tensor cores (GEMM-GS): log2(255 alpha) of 32 splats at the pixels of a sub-tile is one matrix product, and what
 // they add to the pixels' colours is another; splat_queue.cuh has their right-hand sides.
 //
 // A warp owns 8 x 8 or 8 x 4 pixels and walks its tile's list as subtile.cuh says. A batch of 32 splats is blended into two
@@ -20,8 +20,12 @@ constexpr int kBlocks = 7;         // of a multiprocessor: the compiler finds re
 constexpr int kHistoryBlocks = 5;
 constexpr int kSmallPicture = 3;   // in warps of 8 x 8 pixels, over as many as the GPU runs at a time
 
-constexpr float kLowestExponent = -7.994353436858858f;  // log2(1/255): fragments below are dropped
-constexpr float kClosed = -1.0f;
+// A fragment is dropped where 255 alpha < 1. Times the least number that does not flush to zero it becomes 0 there,
+// without a comparison; light that is larger by the inverse of both brings alphas back.
+constexpr float kLeast = 0x1p-126f;
+constexpr float kLight = float(kMinAlpha) / kLeast;
+
+constexpr float kClosed = 0.0f;
 
 struct Output {
   float* image;                            // (3, H, W)
@@ -38,27 +42,30 @@ struct Variant {
   static constexpr bool with_history = with_history_;      // for the backward pass: last, checkpoints
   static constexpr bool half_precision = half_precision_;  // weights as TF32 holds them
   static constexpr int height = height_;                   // pixels of a sub-tile
+  static constexpr bool has_quarter = height == kTileHeight / 2;
+  using Walk = std::conditional_t<has_quarter, QuarterWalk, ListWalk>;
+  using Queue = SplatQueue<with_history, has_quarter ? kBatch : 2 * kBatch>;
   static constexpr int blocks = with_history ? kHistoryBlocks : kBlocks;
 };
 
 // The pixels of one warp between batches, row by row of the sub-tile.
 template <int height, bool with_history>
 struct PixelRoom {
-  float transmittance[height][kSubtileWidth];  // what reaches the next batch; kClosed: the pixel takes no more
-  float4 sums[height / 2][kWarp];              // of the second product: a lane's part of two rows
-  std::uint32_t last[height][kWarp];           // 1 + position of a lane's last blended splat; 0: none
+  float2 transmittance[height / 2][kSubtileWidth];  // of two rows: what reaches the next batch; kClosed: the pixel takes no more
+  float4 sums[height / 2][kWarp];                   // of the second product: a lane's part of two rows
+  std::uint32_t last[height][kWarp];                // 1 + position of a lane's last blended splat; 0: none
 };
 template <int height>
 struct PixelRoom<height, false> {
-  float transmittance[height][kSubtileWidth];
+  float2 transmittance[height / 2][kSubtileWidth];
   float4 sums[height / 2][kWarp];
 };
 
 template <class Kind>
 struct WarpRoom {
-  QueueRoom<Kind::with_history> queue;
+  typename Kind::Queue::Room queue;
   PixelRoom<Kind::height, Kind::with_history> pixels;
-  ListWalk::Ahead ahead;
+  typename Kind::Walk::Ahead ahead;
 };
 
 __device__ float of_partner(float value, int distance) {
@@ -72,8 +79,9 @@ __device__ std::uint32_t greatest_of_owners(std::uint32_t value) {
 template <class Kind>
 class SubtilePixels {
  public:
-  using Queue = SplatQueue<Kind::with_history>;
+  using Queue = typename Kind::Queue;
   using Room = PixelRoom<Kind::height, Kind::with_history>;
+  static constexpr int kPairs = Kind::height / 2;  // of rows
 
   __device__ SubtilePixels(Room& room, const TileLists& lists, int x0, int y0) : room_(room) {
     const int t = owner();
@@ -83,41 +91,46 @@ class SubtilePixels {
     if (t == 1) monomials_[1] = __floats2half2_rn(1.0f, 0.0f);
     if (t == 2) monomials_[1] = __floats2half2_rn(x, 0.0f);
     if (t == 2) monomials_[2] = __floats2half2_rn(0.0f, 1.0f);
-    for (int y = 0; y < Kind::height; ++y) {
-      const bool is_inside = x0 + column() < lists.width && y0 + y < lists.height;
-      room_.transmittance[y][column()] = is_inside ? 1.0f : kClosed;
-      if constexpr (Kind::with_history) room_.last[y][lane_of_thread()] = 0;
+    const int rows = x0 + column() < lists.width ? lists.height - y0 : 0;  // inside the picture
+    for (int pair = 0; pair < kPairs; ++pair) {
+      room_.transmittance[pair][column()] = {2 * pair < rows ? 1.0f : kClosed,
+                                             2 * pair + 1 < rows ? 1.0f : kClosed};
+      room_.sums[pair][lane_of_thread()] = {0, 0, 0, 0};
     }
-    for (int m = 0; m < Kind::height / 2; ++m) room_.sums[m][lane_of_thread()] = {0, 0, 0, 0};
+    if constexpr (Kind::with_history)
+      for (int y = 0; y < Kind::height; ++y) room_.last[y][lane_of_thread()] = 0;
     __syncwarp();
   }
 
   /// The whole warp: false where no pixel takes further fragments.
   __device__ bool any_open() const { return any_open_; }
 
-  /// The whole warp: blends the next batch of the queue.
+  /// The whole warp: blends the next batch of the queue, or the last half.
+  template <int batch>
   __device__ void blend(Queue& queue) {
-    unsigned exponent_columns[kProducts][2];
+    constexpr int products = products_of(batch);
+    unsigned exponent_columns[products][2];
     queue.load_exponents(exponent_columns);
-    float color_columns[kProducts][2];
+    float color_columns[products][2];
     queue.load_colors(color_columns);
     const __half2 one = __float2half2_rn(1.0f);
     __half2 y = __float2half2_rn(-0.5f * float(Kind::height - 1));
-    bool any_open = false;
+    float most_left = 0;
 #pragma unroll 1
-    for (int row = 0; row < Kind::height; row += 2) {
+    for (int pair = 0; pair < kPairs; ++pair) {
       const unsigned top = left_hand_side(y), bottom = left_hand_side(__hadd2(y, one));
       y = __hadd2(__hadd2(y, one), one);
-      const float open[2] = {open_transmittance(row), open_transmittance(row + 1)};
-      if (!__any_sync(kAllLanes, fmaxf(open[0], open[1]) > 0)) continue;
-      float exponents[kProducts][4] = {};
+      const float2 open = room_.transmittance[pair][column()];
+      if (!__any_sync(kAllLanes, fmaxf(open.x, open.y) > 0)) continue;
+      float exponents[products][4] = {};
 #pragma unroll
-      for (int j = 0; j < kProducts; ++j)
+      for (int j = 0; j < products; ++j)
         multiply_add_16x8x16(exponents[j], {top, bottom, top, bottom}, exponent_columns[j]);
-      any_open |= blend_rows(row, exponents, open, color_columns, queue);
+      const float2 left = blend_rows(pair, exponents, open, color_columns, queue);
+      most_left = fmaxf(most_left, fmaxf(left.x, left.y));
     }
-    any_open_ = __any_sync(kAllLanes, any_open);
-    queue.pop_batch();
+    any_open_ = __any_sync(kAllLanes, most_left > 0);
+    queue.pop(batch);
   }
 
   /// The column of the picture that this lane has, and which of its four lanes it is.
@@ -128,8 +141,9 @@ class SubtilePixels {
     const float4 sums = room_.sums[row / 2][lane_of_thread()];
     const float sum = row % 2 == 0 ? sums.x + sums.y : sums.z + sums.w;
     if (owner() < 3) return sum;
-    const float reaching = room_.transmittance[row][column()];
-    return reaching > 0 ? reaching : transmittance_at_the_end(1.0f - sum);
+    const float2 reaching = room_.transmittance[row / 2][column()];
+    const float left = row % 2 == 0 ? reaching.x : reaching.y;
+    return left > 0 ? left : transmittance_at_the_end(1.0f - sum);
   }
   /// The whole warp: 1 + position of a pixel's last blended splat; 0: none.
   __device__ std::uint32_t last(int row) const {
@@ -137,9 +151,6 @@ class SubtilePixels {
   }
 
  private:
-  __device__ float open_transmittance(int row) const {
-    return fmaxf(room_.transmittance[row][column()], 0.0f);
-  }
   // Of a closed pixel, from the sum of its weights.
   __device__ static float transmittance_at_the_end(float left) {
     return Kind::rule == BlendRule::classic ? fmaxf(left, float(kMinTransmittance))
@@ -152,34 +163,35 @@ class SubtilePixels {
     return *reinterpret_cast<const unsigned*>(&part);
   }
 
-  // Blends a batch into two pixels, one above the other. True where one of them takes further fragments.
-  __device__ bool blend_rows(int row, const float (&exponents)[kProducts][4],
-                             const float (&open)[2], const float (&color_columns)[kProducts][2],
-                             const Queue& queue) {
-    // This lane's fragments by themselves: what they let through.
-    float weights[kOwned][2], through[2] = {1, 1};  // alphas at first
+  // Blends a batch into two pixels, one above the other; what is left of what was open.
+  template <int products>
+  __device__ float2 blend_rows(int pair, const float (&exponents)[products][4], const float2& open_,
+                               const float (&color_columns)[products][2], const Queue& queue) {
+    constexpr int batch = 8 * products, owned = owned_of(batch);
+    const float open[2] = {open_.x, open_.y};
+    // This lane's fragments by themselves: their weights, and what they let through.
+    float weights[owned][2], light[2] = {kLight, kLight};
     int last[2] = {-1, -1};
 #pragma unroll
-    for (int i = 0; i < kOwned; ++i)
+    for (int i = 0; i < owned; ++i)
 #pragma unroll
       for (int r = 0; r < 2; ++r) {
-        const float e = exponents[i / 2][2 * r + i % 2];
-        const bool is_kept = e >= kLowestExponent;
-        float& alpha = weights[i][r];
-        alpha = is_kept ? exp2_fragment(e) : 0.0f;
-        if (Kind::rule == BlendRule::classic) alpha = fminf(alpha, float(kMaxAlphaClassic));
-        if (Kind::with_history && is_kept) last[r] = i;
-        through[r] = fmaf(-alpha, through[r], through[r]);
+        float kept = exp2_fragment(exponents[i / 2][2 * r + i % 2]) * kLeast;
+        if (Kind::rule == BlendRule::classic) kept = fminf(kept, float(kMaxAlphaClassic) / kLight);
+        if (Kind::with_history && kept > 0) last[r] = i;
+        weights[i][r] = kept * light[r];
+        light[r] = fmaf(-kLight, weights[i][r], light[r]);
       }
     // What reaches them, and what the whole batch leaves.
     float reaching[2], left[2];
     bool ends[2];
 #pragma unroll
     for (int r = 0; r < 2; ++r) {
-      const float next = of_partner(through[r], 1), pair = through[r] * next;
-      const float other_pair = of_partner(pair, 2);
-      reaching[r] = open[r] * ((owner() & 1 ? next : 1.0f) * (owner() & 2 ? other_pair : 1.0f));
-      left[r] = open[r] * (pair * other_pair);
+      const float through = light[r] * (1.0f / kLight);
+      const float next = of_partner(through, 1), two = through * next;
+      const float other_two = of_partner(two, 2);
+      reaching[r] = open[r] * ((owner() & 1 ? next : 1.0f) * (owner() & 2 ? other_two : 1.0f));
+      left[r] = open[r] * (two * other_two);
       ends[r] = left[r] < fminf(open[r], float(kMinTransmittance));
     }
     if (__any_sync(kAllLanes, ends[0] || ends[1])) {
@@ -190,44 +202,44 @@ class SubtilePixels {
       }
     } else {
 #pragma unroll
-      for (int i = 0; i < kOwned; ++i)
+      for (int i = 0; i < owned; ++i)
 #pragma unroll
-        for (int r = 0; r < 2; ++r) {
-          weights[i][r] *= reaching[r];
-          reaching[r] -= weights[i][r];
-        }
+        for (int r = 0; r < 2; ++r) weights[i][r] *= reaching[r];
     }
-    add_colors(room_.sums[row / 2][lane_of_thread()], weights, color_columns);
+    add_colors(room_.sums[pair][lane_of_thread()], weights, color_columns);
+    room_.transmittance[pair][column()] = {left[0], left[1]};
+    if constexpr (Kind::with_history)
 #pragma unroll
-    for (int r = 0; r < 2; ++r) {
-      if (open[r] == 0) continue;
-      room_.transmittance[row + r][column()] = left[r];
-      if constexpr (Kind::with_history)
-        if (last[r] >= 0) room_.last[row + r][lane_of_thread()] = queue.position(last[r]) + 1;
-    }
-    return fmaxf(open[0] > 0 ? left[0] : 0.0f, open[1] > 0 ? left[1] : 0.0f) > 0;
+      for (int r = 0; r < 2; ++r)
+        if (last[r] >= 0 && open[r] > 0)
+          room_.last[2 * pair + r][lane_of_thread()] = queue.position(batch, last[r]) + 1;
+    return {left[0], left[1]};
   }
 
-  // From alphas to weights where the pixel may end within them: what comes behind the end has none.
-  __device__ static void weigh_to_the_end(float (&weights)[kOwned][2], int r, float reaching,
+  // The same weights where the pixel may end within them: what comes behind the end has none.
+  template <int owned>
+  __device__ static void weigh_to_the_end(float (&weights)[owned][2], int r, float reaching,
                                           int& last) {
     last = -1;
+    float through = 1;
 #pragma unroll
-    for (int i = 0; i < kOwned; ++i) {
-      const float weight = weights[i][r] * reaching, after = reaching - weight;
-      const bool is_blended = !is_opaque(Kind::rule == BlendRule::classic ? after : reaching);
-      weights[i][r] = is_blended ? weight : 0.0f;
+    for (int i = 0; i < owned; ++i) {
+      const float after = through - weights[i][r];
+      const bool is_blended =
+          !is_opaque(reaching * (Kind::rule == BlendRule::classic ? after : through));
+      weights[i][r] = is_blended ? weights[i][r] * reaching : 0.0f;
       if (Kind::with_history && weights[i][r] > 0) last = i;
-      reaching = after;
+      through = after;
     }
   }
 
   // sums += [pixels x splats] [splats x colours]
-  __device__ static void add_colors(float4& sums, const float (&weights)[kOwned][2],
-                                    const float (&columns)[kProducts][2]) {
+  template <int owned, int products>
+  __device__ static void add_colors(float4& sums, const float (&weights)[owned][2],
+                                    const float (&columns)[products][2]) {
     float high[4] = {sums.x, sums.y, sums.z, sums.w}, low[4] = {};
 #pragma unroll
-    for (int j = 0; j < kProducts; ++j) {
+    for (int j = 0; j < products; ++j) {
       const float part[4] = {weights[2 * j][0], weights[2 * j][1], weights[2 * j + 1][0],
                              weights[2 * j + 1][1]};
       if (Kind::half_precision)
@@ -247,6 +259,18 @@ class SubtilePixels {
   bool any_open_ = true;
 };
 
+// The whole warp: blends a batch, or what there is, filled up to half a batch or a whole one.
+template <class Queue, class Pixels>
+__device__ void blend_next(Queue& queue, Pixels& pixels) {
+  if (queue.count() <= kHalfBatch) {
+    queue.fill_up(kHalfBatch);
+    pixels.template blend<kHalfBatch>(queue);
+  } else {
+    queue.fill_up(kBatch);
+    pixels.template blend<kBatch>(queue);
+  }
+}
+
 template <class Kind>
 __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
     blend_gemm_kernel(TileLists lists, const std::uint32_t* tile_order, Vec3f background,
@@ -265,22 +289,20 @@ __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
   if (x0 >= lists.width || y0 >= lists.height) return;  // the whole warp
 
   SubtilePixels<Kind> pixels(room.pixels, lists, x0, y0);
-  SplatQueue<Kind::with_history> queue(
-      room.queue, {float(x0) + 0.5f * kSubtileWidth, float(y0) + 0.5f * Kind::height});
+  typename Kind::Queue queue(room.queue,
+                             {float(x0) + 0.5f * kSubtileWidth, float(y0) + 0.5f * Kind::height});
   const std::uint32_t length = lists.ranges[tile + 1] - lists.ranges[tile];
-  ListWalk walk(room.ahead, lists, tile, PixelRange(x0, y0, kSubtileWidth, Kind::height), 0,
-                length);
+  typename Kind::Walk walk(room.ahead, lists, tile, PixelRange(x0, y0, kSubtileWidth, Kind::height),
+                           0, length, Kind::with_history);
   while (pixels.any_open()) {
     // Segments begin with an empty queue: what the pixels have then is what the list before them comes to.
-    const bool at_segment = Kind::with_history && walk.position() % kSegmentLength == 0;
-    if (queue.count() >= kBatch || (queue.count() > 0 && (at_segment || walk.is_done()))) {
-      queue.fill_up();
-      pixels.blend(queue);
+    if (queue.count() >= kBatch || (queue.count() > 0 && walk.segment_is_done())) {
+      blend_next(queue, pixels);
       continue;
     }
     if (walk.is_done()) break;
-    if (at_segment && walk.position() > 0) {
-      const std::size_t slot = out.first_checkpoints[tile] + walk.position() / kSegmentLength - 1;
+    if (Kind::with_history && walk.segment_is_done()) {
+      const std::size_t slot = out.first_checkpoints[tile] + walk.next_segment() - 1;
       for (int row = 0; row < Kind::height; ++row) {
         const int x = x_in_tile + pixels.column(), y = y_in_tile + row;
         const int subtile = y / kSubtileHeight * kPerRow + x / kSubtileWidth;

@@ -7,16 +7,27 @@
 
 namespace gs::cuda {
 
-inline constexpr int kBatch = 32;                // splats blended at a time
-inline constexpr int kProducts = kBatch / 8;     // of their exponents, eight columns each
-inline constexpr int kOwners = 4;                // lanes that share a pixel
-inline constexpr int kOwned = kBatch / kOwners;  // consecutive splats that one of them has
+inline constexpr int kBatch = 32;      // splats blended at a time; the last of a list are half as many where that is enough
+inline constexpr int kHalfBatch = 16;
+inline constexpr int kOwners = 4;      // lanes that share a pixel
 
-/// The column of a batch's splat among those of all four products. A lane has columns 2 t and 2 t + 1 of each, t = lane % 4;
-/// so that these are splats 8 t to 8 t + 7, column c of product j is splat (c / 2) * 8 + 2 j + c % 2.
-GS_HD constexpr unsigned column_of_splat(unsigned splat) {
-  const unsigned owner = splat / kOwned, own = splat % kOwned;
+/// Products of a batch's exponents, eight columns each.
+constexpr int products_of(int batch) { return batch / 8; }
+/// Consecutive splats that one of a pixel's lanes has.
+constexpr int owned_of(int batch) { return batch / kOwners; }
+
+/// Which of a batch's splats is column c of product j. A lane has columns 2 t and 2 t + 1 of each, t = lane % 4; they are
+/// its consecutive splats.
+GS_HD constexpr unsigned splat_of_column(int batch, unsigned j, unsigned c) {
+  return c / 2 * owned_of(batch) + 2 * j + c % 2;
+}
+/// Where that column lies in memory: in the order of a whole batch's products.
+GS_HD constexpr unsigned place_of_splat(unsigned splat) {
+  const unsigned owner = splat / owned_of(kBatch), own = splat % owned_of(kBatch);
   return own / 2 * 8 + 2 * owner + own % 2;
+}
+GS_HD constexpr unsigned place_of_column(int batch, unsigned j, unsigned c) {
+  return batch == kBatch ? 8 * j + c : place_of_splat(splat_of_column(batch, j, c));
 }
 
 struct Entry {

@@ -4,6 +4,7 @@
 // a piece of one that covers the picture.
 #include "cuda/row_spans.cuh"
 #include "cuda/stages.cuh"
+#include "gs_core/error.h"
 
 namespace gs::cuda {
 namespace {
@@ -42,8 +43,9 @@ struct WarpRoom {
   TileRows rows;
   std::uint32_t gaussian_of_splat[kWarp];
   std::uint32_t first[kWarp];  // number of the span's first instance among those of the 32
-  std::uint32_t tile[kWarp];   // its first tile
-  std::uint32_t gaussian[kWarp];
+  std::uint32_t gaussian[kWarp], tile[kWarp];  // whose it is, and its first tile
+  int tile_x[kWarp];                           // that tile's column
+  QuarterSpans quarters[kWarp];
 };
 
 // The whole warp: the last place in depth order whose instances begin at `place` or before. Each round asks 32 of the
@@ -74,8 +76,10 @@ __device__ std::uint32_t write_spans(WarpRoom& room, const Input& in, const Outp
     const int owner = owner_of(row + lane, room.rows.first);
     const TileSpan span = room.rows.span(row + lane, owner);
     length = max(span.end - span.begin, 0);
-    room.tile[lane] = room.rows.tile_y(row + lane, owner) * in.tiles_x + span.begin;
     room.gaussian[lane] = room.gaussian_of_splat[owner];
+    room.tile[lane] = room.rows.tile_y(row + lane, owner) * in.tiles_x + span.begin;
+    room.tile_x[lane] = span.begin;
+    room.quarters[lane] = room.rows.quarters(row + lane, owner);
   }
   const std::uint32_t first = warp_exclusive_sum(length);
   room.first[lane] = first;
@@ -84,8 +88,10 @@ __device__ std::uint32_t write_spans(WarpRoom& room, const Input& in, const Outp
   const std::uint32_t last = min(total, end - min(place, end));
   for (std::uint32_t k = (begin > place ? begin - place : 0) + lane; k < last; k += kWarp) {
     const int owner = owner_of(k, room.first);
-    out.keys[place + k] = Key(room.tile[owner] + (k - room.first[owner]));
-    out.splats[place + k] = room.gaussian[owner];
+    const std::uint32_t number = k - room.first[owner];
+    out.keys[place + k] = Key(room.tile[owner] + number);
+    out.splats[place + k] = instance_of(
+        room.gaussian[owner], room.quarters[owner].quarters_of(room.tile_x[owner] + int(number)));
   }
   __syncwarp();
   return place + total;
@@ -146,6 +152,10 @@ void create_instances(Context& context, const RenderSettings& settings, WorkingR
                       RenderPass& pass, std::uint32_t capacity, StepReport* report,
                       std::uint32_t step) {
   const StageScope scope(context, "instances");
+  if (pass.tile_counts.size() > kMostGaussians)
+    throw Error(
+        "a GPU renders at most 268 million Gaussians; prune the model or set "
+        "density.max_gaussians");
   room.keys.resize_discard(capacity);
   room.instance_splats.resize_discard(capacity);
   const Input in{std::uint32_t(pass.tile_counts.size()),

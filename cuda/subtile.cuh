@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What both blend kernels share: a warp owns 8 x 4 pixels of a tile and walks the tile's list by itself, 32 splats
-// at a time: each lane fetches one and tests it against the sub-tile; those that hit are listed in shared memory
-// and then blended by all lanes, a pixel each. No block ever waits for another warp.
+// What the blend kernels share: a warp owns 8 x 4 or 8 x 8 pixels of a tile and walks the tile's list by itself. The list
+// says which quarters of the tile a splat hits; 32 of those that hit the warp's are fetched at a time, tested against its
+// pixels if these are less than a quarter, and then blended. No block ever waits for another warp.
 // Sub-tiles of a warp: Yang et al. 2026 (warp-level culling); the exact test: Radl et al. 2024.
 #pragma once
 
@@ -32,8 +32,13 @@ inline constexpr float kSubtileSlack = 4e-6f;
 struct TileLists {
   int width, height, tiles_x;
   const std::uint32_t* ranges;  // (tiles + 1)
-  const std::uint32_t* splats;  // (I) Gaussian of each place
+  const std::uint32_t* splats;  // (I) Gaussian of each place, and the quarters that it hits (instance_of)
   const Splat* of_gaussian;     // (N)
+
+  /// What a place before `end` holds; behind, no splat.
+  __device__ std::uint32_t instance_at(std::uint32_t place, std::uint32_t end) const {
+    return place < end ? splats[place] : 0;
+  }
 };
 inline TileLists tile_lists(const RenderPass& pass) {
   return {pass.width,
@@ -67,6 +72,12 @@ struct PixelRange {
   __device__ PixelRange(int x0, int y0, int width, int height)
       : x_min(float(x0) + 0.5f), x_max(float(x0 + width) - 0.5f), y_min(float(y0) + 0.5f),
         y_max(float(y0 + height) - 0.5f) {}
+
+  /// The bit of the tile's quarter that they lie in.
+  __device__ std::uint32_t quarter() const {
+    return bit_of_quarter(int(x_min) / (kTileWidth / 2) % 2 +
+                          int(y_min) / (kTileHeight / 2) % 2 * 2);
+  }
 };
 
 /// The sub-tile of this warp and the pixel of this lane.
@@ -127,37 +138,53 @@ __device__ inline float base2_exponent(const ListedSplat& splat, float dx, float
 }
 __device__ inline float exp2_fragment(float e) { return exp2f(e); }
 
-/// One warp's way through positions [first, last) of a tile's list: fetches 32 splats ahead, into shared memory.
+/// Starts to copy a splat into shared memory, without a register in between.
+__device__ inline void copy_ahead(Splat& to, const Splat& from) {
+  for (int k = 0; k < int(sizeof(Splat) / sizeof(float4)); ++k)
+    __pipeline_memcpy_async(reinterpret_cast<float4*>(&to) + k,
+                            reinterpret_cast<const float4*>(&from) + k, sizeof(float4));
+}
+
+/// One warp's way through positions [first, last) of a tile's list, segment by segment and 32 places at a time: finds the
+/// splats that hit its pixels and fetches the next ones ahead, into shared memory.
 class ListWalk {
  public:
   using Ahead = Splat[kWarp];  // shared memory, one of each warp
 
+  /// `first` is the beginning of a segment. Without `stops_at_segments` all is one.
   __device__ ListWalk(Ahead& ahead, const TileLists& lists, std::uint32_t tile,
-                      const PixelRange& pixels, std::uint32_t first, std::uint32_t last)
-      : splat_(ahead[lane_of_thread()]), lists_(lists), pixels_(pixels), begin_(lists.ranges[tile]),
-        end_(begin_ + last), next_(begin_ + first) {
-    gaussian_ahead_ = gaussian_at(next_ + lane_of_thread());
+                      const PixelRange& pixels, std::uint32_t first, std::uint32_t last,
+                      bool stops_at_segments)
+      : splat_(ahead[lane_of_thread()]), lists_(lists), pixels_(pixels), quarter_(pixels.quarter()),
+        begin_(lists.ranges[tile]), end_(begin_ + last), next_(begin_ + first),
+        stop_(stops_at_segments ? min(next_ + kSegmentLength, end_) : end_) {
+    instance_ahead_ = lists_.instance_at(next_ + lane_of_thread(), end_);
     fetch();
   }
+  __device__ bool segment_is_done() const { return next_ >= stop_; }
   __device__ bool is_done() const { return next_ >= end_; }
-  /// Where the next splats stand in the list.
-  __device__ std::uint32_t position() const { return next_ - begin_; }
+  /// After a segment that is done: the number of the one that follows, and on to it.
+  __device__ std::uint32_t next_segment() {
+    const std::uint32_t number = (next_ - begin_) / kSegmentLength;
+    stop_ = min(stop_ + kSegmentLength, end_);
+    return number;
+  }
 
-  /// The whole warp: finds those of the next 32 splats that hit the sub-tile, calls
+  /// The whole warp: finds those of the next 32 splats that hit the pixels, calls
   /// take(k, splat, position, gaussian) for the k-th of them in a lane of its own, and returns how many they are.
   template <class Take>
   __device__ int take_next(const Take& take) {
     __pipeline_wait_prior(0);
-    const std::uint32_t place = next_ + lane_of_thread(), gaussian = gaussian_;
+    const std::uint32_t place = next_ + lane_of_thread(), instance = instance_;
     const Splat splat = load_in_vectors(&splat_);
     // Both are evaluated: a branch would cost more.
-    const bool hit = (place < end_) & rectangle_is_hit(splat.mean2d, splat.conic, splat.cutoff,
-                                                       pixels_.x_min, pixels_.x_max, pixels_.y_min,
-                                                       pixels_.y_max, kSubtileSlack);
+    const bool hit = ((instance & quarter_) != 0) &
+                     rectangle_is_hit(splat.mean2d, splat.conic, splat.cutoff, pixels_.x_min,
+                                      pixels_.x_max, pixels_.y_min, pixels_.y_max, kSubtileSlack);
     const unsigned hits = __ballot_sync(kAllLanes, hit);
     next_ += kWarp;
     fetch();
-    if (hit) take(__popc(hits & lanes_below()), splat, place - begin_, gaussian);
+    if (hit) take(__popc(hits & lanes_below()), splat, place - begin_, gaussian_of(instance));
     __syncwarp();
     return __popc(hits);
   }
@@ -168,26 +195,97 @@ class ListWalk {
   }
 
  private:
-  __device__ std::uint32_t gaussian_at(std::uint32_t place) const {
-    return place < end_ ? lists_.splats[place] : 0;
-  }
-  // Starts to copy this lane's splat of the next 32, and to load the number of the one after.
+  // Starts to copy this lane's splat of the next 32 where it hits the quarter, and to load the instance of the one after.
   __device__ void fetch() {
-    gaussian_ = gaussian_ahead_;
-    if (next_ + lane_of_thread() < end_) {
-      const float4* const from = reinterpret_cast<const float4*>(lists_.of_gaussian + gaussian_);
-      for (int k = 0; k < int(sizeof(Splat) / sizeof(float4)); ++k)
-        __pipeline_memcpy_async(reinterpret_cast<float4*>(&splat_) + k, from + k, sizeof(float4));
-    }
+    instance_ = instance_ahead_;
+    if (instance_ & quarter_) copy_ahead(splat_, lists_.of_gaussian[gaussian_of(instance_)]);
     __pipeline_commit();
-    gaussian_ahead_ = gaussian_at(next_ + kWarp + lane_of_thread());
+    instance_ahead_ = lists_.instance_at(next_ + kWarp + lane_of_thread(), end_);
   }
 
   Splat& splat_;  // this lane's of the next 32
   const TileLists& lists_;
   const PixelRange pixels_;
-  std::uint32_t begin_, end_, next_;
-  std::uint32_t gaussian_ = 0, gaussian_ahead_ = 0;
+  const std::uint32_t quarter_;
+  std::uint32_t begin_, end_, next_, stop_;  // places in the list
+  std::uint32_t instance_ = 0, instance_ahead_ = 0;
+};
+
+/// The same for a warp that has a whole quarter of the tile: of the list it fetches only what hits it, 32 splats at a time.
+class QuarterWalk {
+ public:
+  /// Shared memory, one of each warp.
+  struct Ahead {
+    Splat splats[kWarp];
+    std::uint32_t gaussians[2 * kWarp], positions[2 * kWarp];  // of those that were found, in a ring
+  };
+
+  __device__ QuarterWalk(Ahead& ahead, const TileLists& lists, std::uint32_t tile,
+                         const PixelRange& pixels, std::uint32_t first, std::uint32_t last,
+                         bool stops_at_segments)
+      : ahead_(ahead), lists_(lists), quarter_(pixels.quarter()), begin_(lists.ranges[tile]),
+        end_(begin_ + last), next_(begin_ + first),
+        stop_(stops_at_segments ? min(next_ + kSegmentLength, end_) : end_) {
+    instance_ = lists_.instance_at(next_ + lane_of_thread(), end_);
+    instance_after_ = lists_.instance_at(next_ + kWarp + lane_of_thread(), end_);
+    look_ahead();
+  }
+  __device__ bool segment_is_done() const { return found_ == 0 && next_ >= stop_; }
+  __device__ bool is_done() const { return segment_is_done() && stop_ >= end_; }
+  __device__ std::uint32_t next_segment() {
+    const std::uint32_t number = (next_ - begin_) / kSegmentLength;
+    stop_ = min(stop_ + kSegmentLength, end_);
+    look_ahead();
+    return number;
+  }
+
+  /// The whole warp: takes the next up to 32 splats of the segment as ListWalk does.
+  template <class Take>
+  __device__ int take_next(const Take& take) {
+    __pipeline_wait_prior(0);
+    const int lane = lane_of_thread();
+    const unsigned count = min(found_, unsigned(kWarp)), place = (taken_ + lane) % (2 * kWarp);
+    const Splat splat = load_in_vectors(&ahead_.splats[lane]);
+    const std::uint32_t gaussian = ahead_.gaussians[place], position = ahead_.positions[place];
+    taken_ += count;
+    found_ -= count;
+    __syncwarp();
+    look_ahead();
+    if (lane < count) take(lane, splat, position, gaussian);
+    __syncwarp();
+    return int(count);
+  }
+
+ private:
+  // Finds 32 splats, or the rest of the segment's, and starts to copy them.
+  __device__ void look_ahead() {
+    const int lane = lane_of_thread();
+    while (found_ < kWarp && next_ < stop_) {
+      const bool hit = instance_ & quarter_;
+      const unsigned hits = __ballot_sync(kAllLanes, hit);
+      if (hit) {
+        const unsigned place = (taken_ + found_ + __popc(hits & lanes_below())) % (2 * kWarp);
+        ahead_.gaussians[place] = gaussian_of(instance_);
+        ahead_.positions[place] = next_ + lane - begin_;
+      }
+      found_ += __popc(hits);
+      next_ += kWarp;
+      instance_ = instance_after_;
+      instance_after_ = lists_.instance_at(next_ + kWarp + lane, end_);
+    }
+    __syncwarp();
+    if (lane < found_)
+      copy_ahead(ahead_.splats[lane],
+                 lists_.of_gaussian[ahead_.gaussians[(taken_ + lane) % (2 * kWarp)]]);
+    __pipeline_commit();
+  }
+
+  Ahead& ahead_;
+  const TileLists& lists_;
+  const std::uint32_t quarter_;
+  std::uint32_t begin_, end_, next_, stop_;          // places in the list
+  std::uint32_t instance_ = 0, instance_after_ = 0;  // this lane's of the next two times 32
+  unsigned taken_ = 0, found_ = 0;                   // splats: so far, and since then
 };
 
 }  // namespace gs::cuda

@@ -20,6 +20,16 @@ struct RenderSettings : SplatSettings {
   bool for_backward = true;       // false: what only the backward pass reads may be left out
 };
 
+/// What a place of a tile's list holds: a Gaussian and, for the GPU's sub-tiles, which quarters of the tile its splat hits
+/// (hit_quarters_of_row); the scalar backend has the Gaussian alone.
+inline constexpr int kGaussianBits = 28;
+inline constexpr std::uint32_t kMostGaussians = 1u << kGaussianBits;  // a GPU with room for so many is not built yet
+GS_HD std::uint32_t instance_of(std::uint32_t gaussian, unsigned quarters) {
+  return gaussian | quarters << kGaussianBits;
+}
+GS_HD std::uint32_t gaussian_of(std::uint32_t instance) { return instance & (kMostGaussians - 1); }
+GS_HD std::uint32_t bit_of_quarter(int quarter) { return 1u << (kGaussianBits + quarter); }
+
 /// A piece of a tile's list.
 struct ListSegment {
   std::uint32_t tile;    // kNoTile: none
@@ -48,7 +58,7 @@ struct RenderPass {
   Buffer<std::uint32_t> sort_scratch;   // (V)   working room of the depth sort, scalar backend
 
   // 3 tile order                       each tile's instances, front to back
-  Buffer<std::uint32_t> tile_splats;    // (I)   their Gaussians, sorted by tile, stable
+  Buffer<std::uint32_t> tile_splats;    // (I)   their Gaussians (gaussian_of), sorted by tile, stable
   Buffer<std::uint32_t> tile_instances; // (I)   their numbers, scalar backend
   Buffer<std::uint32_t> tile_ranges;    // (tiles+1) tile t owns tile_splats[ranges[t] .. ranges[t+1])
   // for blending on the GPU: what is done first, and lists in segments that can be walked back by themselves

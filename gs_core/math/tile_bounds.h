@@ -129,40 +129,108 @@ struct TileSpan {
   int begin, end;
 };
 
-/// The tiles of one row that the splat hits: tile_is_hit() for a whole row at once, solved instead of tested
-/// (Speedy-Splat's idea). Within the row's band of pixel centres the ellipse 1/2 d^T Q d <= cutoff is convex, so
-/// that the hit tiles are those whose columns meet its range of x. That range ends where the ellipse itself does,
-/// or, if that is outside of the band, on the edge of the band next to it; with |Q| = det:
+/// What a splat's ellipse 1/2 d^T Q d <= cutoff covers of a band of y, as a range of x, both about its mean; empty where
+/// left > right. The ellipse is convex: the range ends where the ellipse itself does, or, if that is outside of the
+/// band, on the edge of the band next to it; with |Q| = det:
 ///
 ///   x = (-Q_xy y -+ sqrt(2 cutoff Q_xx - det y^2)) / Q_xx     at y = clamp(+-(Q_xy / Q_yy) x_max, band),
-///   x_max = sqrt(2 cutoff Q_yy / det)                         all about the mean
+///   x_max = sqrt(2 cutoff Q_yy / det)
+struct BandRange {
+  float left, right;
+};
+/// Quotients and roots as they are defined; others may be faster.
+struct ExactArithmetic {
+  GS_HD static float quotient(float a, float b) { return a / b; }
+  GS_HD static float root(float x) {
+    using std::sqrt;
+    return sqrt(x);
+  }
+};
+template <class Arithmetic = ExactArithmetic>
+GS_HD BandRange range_in_band(const Sym2<float>& conic, float det, float cutoff, float y_first,
+                              float y_last) {
+  using A = Arithmetic;
+  const float x_max = A::root(A::quotient(2.0f * cutoff * conic.yy, det)),
+              y_of_x_max = A::quotient(-conic.xy, conic.yy) * x_max;
+  const float y_right = clamp_to(y_of_x_max, y_first, y_last);
+  const float y_left = clamp_to(-y_of_x_max, y_first, y_last);
+  const float root2_right = multiply_add(-det * y_right, y_right, 2.0f * cutoff * conic.xx);
+  const float root2_left = multiply_add(-det * y_left, y_left, 2.0f * cutoff * conic.xx);
+  if (!(root2_right >= 0.0f && root2_left >= 0.0f)) return {1.0f, -1.0f};
+  return {y_left == -y_of_x_max ? -x_max
+                                : A::quotient(-A::root(root2_left) - conic.xy * y_left, conic.xx),
+          y_right == y_of_x_max ? x_max
+                                : A::quotient(A::root(root2_right) - conic.xy * y_right, conic.xx)};
+}
+/// |Q|. Of a needle's nothing but rounding may be left.
+GS_HD float band_determinant(const Sym2<float>& conic) {
+  const float square = conic.xx * conic.yy;
+  return max_of(multiply_add(-conic.xy, conic.xy, square), 1e-7f * square);
+}
+
+/// The tiles of one row that the splat hits: tile_is_hit() for a whole row at once, solved instead of tested
+/// (Speedy-Splat's idea): the hit tiles are those whose columns meet range_in_band().
 ///
 /// tiles   tile_rect() of the splat; the span is within it
 /// tile_y  one of its rows
 GS_HD TileSpan hit_tiles_of_row(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
                                 const Rect& tiles, int tile_y) {
-  using std::ceil, std::floor, std::sqrt;
-  const float square = conic.xx * conic.yy;
-  // Of a needle's determinant nothing but rounding may be left.
-  const float det = max_of(multiply_add(-conic.xy, conic.xy, square), 1e-7f * square);
-  const float x_max = sqrt(2.0f * cutoff * conic.yy / det),
-              y_of_x_max = -conic.xy / conic.yy * x_max;
+  using std::ceil, std::floor;
   const float y_first = float(tile_y * kTileHeight) + 0.5f - mean2d.y;
-  const float y_last = y_first + float(kTileHeight - 1);
-  const float y_right = clamp_to(y_of_x_max, y_first, y_last);
-  const float y_left = clamp_to(-y_of_x_max, y_first, y_last);
-  const float root2_right = multiply_add(-det * y_right, y_right, 2.0f * cutoff * conic.xx);
-  const float root2_left = multiply_add(-det * y_left, y_left, 2.0f * cutoff * conic.xx);
-  if (!(root2_right >= 0.0f && root2_left >= 0.0f)) return {0, 0};
-  const float right =
-      y_right == y_of_x_max ? x_max : (sqrt(root2_right) - conic.xy * y_right) / conic.xx;
-  const float left =
-      y_left == -y_of_x_max ? -x_max : (-sqrt(root2_left) - conic.xy * y_left) / conic.xx;
+  const BandRange x = range_in_band(conic, band_determinant(conic), cutoff, y_first,
+                                    y_first + float(kTileHeight - 1));
+  if (!(x.left <= x.right)) return {0, 0};
   // A tile's columns of pixel centres are 16 x + 0.5 to 16 x + 15.5.
-  const float begin = ceil((mean2d.x + left - (float(kTileWidth) - 0.5f)) / float(kTileWidth));
-  const float end = floor((mean2d.x + right - 0.5f) / float(kTileWidth)) + 1.0f;
+  const float begin = ceil((mean2d.x + x.left - (float(kTileWidth) - 0.5f)) / float(kTileWidth));
+  const float end = floor((mean2d.x + x.right - 0.5f) / float(kTileWidth)) + 1.0f;
   return {int(clamp_to(begin, float(tiles.x_begin), float(tiles.x_end))),
           int(clamp_to(end, float(tiles.x_begin), float(tiles.x_end)))};
+}
+
+inline constexpr int kQuarterWidth = kTileWidth / 2, kQuarterHeight = kTileHeight / 2;  // pixels
+
+/// The 8 x 8 quarters of a row of tiles that a splat hits: columns [begin, end) of its upper and of its lower half.
+struct QuarterSpans {
+  std::int16_t begin[2], end[2];
+
+  /// Those of one tile, as bits: 0 upper left, 1 upper right, 2 lower left, 3 lower right.
+  GS_HD unsigned quarters_of(int tile_x) const {
+    unsigned bits = 0;
+    for (int quarter = 0; quarter < 4; ++quarter) {
+      const int column = 2 * tile_x + quarter % 2, half = quarter / 2;
+      if (column >= begin[half] && column < end[half]) bits |= 1u << quarter;
+    }
+    return bits;
+  }
+};
+/// They are widened by what rounding may take, so that no fragment is lost that a pixel's own test keeps: the longer a needle
+/// is, the less its determinant is known. The longest are granted all columns. Quotients and roots may be off by 1e-6.
+template <class Arithmetic = ExactArithmetic>
+GS_HD QuarterSpans hit_quarters_of_row(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
+                                       int tile_y) {
+  using std::ceil, std::floor;
+  constexpr float kRounding = 4e-7f;  // of the determinant's terms
+  constexpr float kUnknown = 0.05f;   // of the determinant
+  constexpr float kLeast = 0.02f;     // pixels
+  constexpr float kWidth = float(kQuarterWidth), kEnd = 16384.0f;  // columns: more than any picture has
+  const float det = band_determinant(conic);
+  const float error = Arithmetic::quotient(kRounding * conic.xx * conic.yy, det);
+  const float y_slack =
+      error * Arithmetic::root(Arithmetic::quotient(2.0f * cutoff * conic.xx, det)) + kLeast;
+  QuarterSpans spans{{0, 0}, {std::int16_t(kEnd), std::int16_t(kEnd)}};
+  if (!(error < kUnknown)) return spans;
+  for (int half = 0; half < 2; ++half) {
+    const float y_first = float(tile_y * kTileHeight + half * kQuarterHeight) + 0.5f - mean2d.y;
+    const BandRange x = range_in_band<Arithmetic>(conic, det, cutoff, y_first - y_slack,
+                                                  y_first + float(kQuarterHeight - 1) + y_slack);
+    const float slack = error * (x.right - x.left) + kLeast;
+    const float begin = ceil((mean2d.x + x.left - slack - (kWidth - 0.5f)) * (1.0f / kWidth));
+    const float end = floor((mean2d.x + x.right + slack - 0.5f) * (1.0f / kWidth)) + 1.0f;
+    const bool is_empty = !(x.left <= x.right);
+    spans.begin[half] = std::int16_t(clamp_to(begin, 0.0f, kEnd));
+    spans.end[half] = is_empty ? std::int16_t(0) : std::int16_t(clamp_to(end, 0.0f, kEnd));
+  }
+  return spans;
 }
 
 /// Calls visit(tile_x, tile_y) for each tile that the splat hits, row by row. Counting and emitting instances

@@ -93,7 +93,8 @@ class CudaRender : public CudaTest {
 /// The Gaussians of each tile, front to back.
 std::vector<std::vector<std::uint32_t>> tile_lists(const RenderPass& pass) {
   const std::vector<std::uint32_t> ranges = pass.tile_ranges.download();
-  const std::vector<std::uint32_t> splats = pass.tile_splats.download();
+  std::vector<std::uint32_t> splats = pass.tile_splats.download();
+  for (std::uint32_t& splat : splats) splat = gaussian_of(splat);
   std::vector<std::vector<std::uint32_t>> lists(pass.tile_count());
   for (std::size_t tile = 0; tile < lists.size(); ++tile)
     lists[tile].assign(splats.begin() + ranges[tile], splats.begin() + ranges[tile + 1]);

@@ -275,11 +275,11 @@ TEST(TileRect, OfNoPixelsIsEmpty) { EXPECT_TRUE(tile_rect({0, 0, 0, 0}).empty())
 
 // ---- The exact tile test.
 
-/// Smallest 1/2 d^T Q d over a tile's rectangle of pixel centres: 0 with the mean inside, else the smallest of
-/// the minima of four parabolas, one along each edge.
-double smallest_over_tile(const Splat& s, int tile_x, int tile_y) {
-  const double x0 = tile_x * kTileWidth + 0.5 - s.mean2d.x, x1 = x0 + kTileWidth - 1;
-  const double y0 = tile_y * kTileHeight + 0.5 - s.mean2d.y, y1 = y0 + kTileHeight - 1;
+/// Smallest 1/2 d^T Q d over a rectangle of pixel centres: 0 with the mean inside, else the smallest of the minima of
+/// four parabolas, one along each edge.
+double smallest_over(const Splat& s, int x_begin, int y_begin, int width, int height) {
+  const double x0 = x_begin + 0.5 - s.mean2d.x, x1 = x0 + width - 1;
+  const double y0 = y_begin + 0.5 - s.mean2d.y, y1 = y0 + height - 1;
   if (x0 <= 0.0 && x1 >= 0.0 && y0 <= 0.0 && y1 >= 0.0) return 0.0;
   const double xx = s.conic.xx, xy = s.conic.xy, yy = s.conic.yy;
   const auto value = [&](double x, double y) {
@@ -293,6 +293,10 @@ double smallest_over_tile(const Splat& s, int tile_x, int tile_y) {
     smallest = std::min(smallest, value(std::clamp(-xy * y / xx, x0, x1), y));
   }
   return smallest;
+}
+
+double smallest_over_tile(const Splat& s, int tile_x, int tile_y) {
+  return smallest_over(s, tile_x * kTileWidth, tile_y * kTileHeight, kTileWidth, kTileHeight);
 }
 
 /// True where a pixel centre of the tile has an exponent above the cutoff.
@@ -419,6 +423,33 @@ TEST(HitTilesOfRow, HoldTheTileOfAMeanOnAPixelCentreAtCutoffZero) {
     const Vec2f mean{float(2 * kTileWidth + x) + 0.5f, float(3 * kTileHeight) + 0.5f};
     const TileSpan span = hit_tiles_of_row(mean, needle, 0.0f, {0, 5, 0, 5}, 3);
     EXPECT_EQ(std::make_pair(span.begin, span.end), std::make_pair(2, 3)) << x;
+  }
+}
+
+// Needles of 1000 by 0.55 pixels included: what is left of their float conics is another ellipse, but none of a quarter's
+// fragments may be lost. Few quarters are listed for nothing.
+TEST(HitQuartersOfRow, HoldAllFragmentsAndLittleElse) {
+  for (const double sigma : {3.0, 30.0, 1000.0}) {
+    SplatRandom random(sigma);
+    int hits = 0, lost = 0, spare = 0;
+    for (int i = 0; i < 20'000; ++i) {
+      const Splat s = random.splat(50.0);
+      const auto [tile_x, tile_y] = draw_tile(random, s);
+      if (tile_x < 0 || tile_y < 0) continue;
+      const unsigned bits =
+          hit_quarters_of_row(s.mean2d, s.conic, s.cutoff, tile_y).quarters_of(tile_x);
+      for (int quarter = 0; quarter < 4; ++quarter) {
+        const bool is_hit = smallest_over(s, tile_x * kTileWidth + quarter % 2 * kQuarterWidth,
+                                          tile_y * kTileHeight + quarter / 2 * kQuarterHeight,
+                                          kQuarterWidth, kQuarterHeight) <= s.cutoff;
+        hits += is_hit;
+        lost += is_hit && !(bits >> quarter & 1);
+        spare += !is_hit && (bits >> quarter & 1);
+      }
+    }
+    EXPECT_EQ(lost, 0) << sigma;
+    EXPECT_GT(hits, 4'000) << sigma;
+    EXPECT_LT(spare, (sigma < 100 ? 0.03 : 0.3) * hits) << sigma;
   }
 }
 
