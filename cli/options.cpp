@@ -110,6 +110,9 @@ void add_general_options(CLI::App& verb, CommandLine& line) {
 void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
   add_setting(verb, line, scene_names, "dataset.source", "Scene");
   add_setting(verb, line, "--images", "dataset.images", "Scene");
+  add_setting(verb, line, "--masks", "dataset.masks", "Scene");
+  add_setting(verb, line, "--mask-mode", "dataset.mask_mode", "Scene");
+  add_setting(verb, line, "--invert-masks", "dataset.invert_masks", "Scene");
   add_setting(verb, line, "-r,--resolution", "dataset.resolution", "Scene");
   add_setting(verb, line, "--test-every", "dataset.test_every", "Scene");
 }

@@ -36,7 +36,7 @@ void add_setting(CLI::App& verb, CommandLine& line, const std::string& names,
 /// -c, --set, -q, -v, --threads, --device: what every verb that computes takes.
 void add_general_options(CLI::App& verb, CommandLine& line);
 
-/// The scene (`scene_names`: its flag's names), --images, -r, --test-every.
+/// The scene (`scene_names`: its flag's names), --images, --masks, --mask-mode, --invert-masks, -r, --test-every.
 void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names);
 
 /// --background, -w, --antialiased, --blend-rule, --sh-degree.

@@ -153,20 +153,28 @@ class ParityCheck {
                 double(differ) / std::max(double(instances), 1.0));
   }
 
-  // Of the CPU's picture on both sides.
   void compare_loss() {
+    compare_loss_of(view_, "loss");
+    View masked = view_;
+    masked.mask = Image8(cpu_pass_.width, cpu_pass_.height, 1, 255);
+    std::fill_n(masked.mask.pixels.begin(), masked.mask.pixels.size() / 3, std::uint8_t(0));
+    masked.exposure = {0.9f, 1.0f, 1.1f};
+    compare_loss_of(masked, "masked loss");
+  }
+  // Of the CPU's picture on both sides.
+  void compare_loss_of(const View& view, const std::string& what) {
     RenderPass pass(device_.memory());
     pass.width = cpu_pass_.width;
     pass.height = cpu_pass_.height;
     pass.image.upload(cpu_pass_.image.download());
     Buffer<float> cpu_dL, device_dL(device_.memory());
-    cpu_.loss().forward_backward(cpu_pass_, view_, kLambdaDssim, cpu_dL);
-    device_.loss().forward_backward(pass, view_, kLambdaDssim, device_dL);
-    compare_loss_values();
-    compare("loss: dL_dimage", kLossTolerance, device_dL, cpu_dL);
+    cpu_.loss().forward_backward(cpu_pass_, view, kLambdaDssim, cpu_dL);
+    device_.loss().forward_backward(pass, view, kLambdaDssim, device_dL);
+    compare_loss_values(what);
+    compare(what + ": dL_dimage", kLossTolerance, device_dL, cpu_dL);
   }
-  void compare_loss_values() {
-    compare("loss", kLossTolerance, Numbers{float(device_.loss().value())},
+  void compare_loss_values(const std::string& what) {
+    compare(what, kLossTolerance, Numbers{float(device_.loss().value())},
             Numbers{float(cpu_.loss().value())});
   }
 
@@ -205,7 +213,7 @@ class ParityCheck {
     step(cpu_, expected, kStepsBefore);
     step(device_, actual, kStepsBefore);
     compare_changes(before, actual, expected);
-    compare_loss_values();
+    compare_loss_values("loss");
   }
   void compare_changes(const TrainingModel& before, const TrainingModel& actual,
                        const TrainingModel& expected) {

@@ -48,6 +48,15 @@ Config resolve_run(const TrainCommand& command) {
   return config;
 }
 
+// Masks stay where they are when photos become a scene elsewhere.
+void keep_masks(DatasetConfig& dataset, const std::filesystem::path& scene) {
+  const bool is_named = !dataset.masks.empty();
+  const auto masks = std::filesystem::path(dataset.source) / (is_named ? dataset.masks : "masks");
+  if (dataset.masks != "none" && (is_named || std::filesystem::is_directory(masks)))
+    dataset.masks = masks.string();
+  dataset.source = scene.string();
+}
+
 // A folder of photos alone becomes a scene first, in OUT/scene, and that is trained on.
 void reconstruct_bare_photos(Config& config, const RunFolder& folder, bool show_progress) {
   DatasetConfig& dataset = config.dataset;
@@ -60,7 +69,7 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, bool show_
       run_colmap({dataset.source, scene, config.reconstruct, config.train.threads, false},
                  ColmapBar(show_progress));
   log_info("{}", describe(result));
-  dataset.source = scene.string();
+  keep_masks(dataset, scene);
 }
 
 Scene load(const DatasetConfig& dataset, bool show_progress) {
@@ -89,31 +98,32 @@ std::vector<View> sample_of(const std::vector<View>& views, std::size_t wanted) 
 void evaluate_run(Trainer& trainer, const RunFolder& folder, int step, Results& results) {
   const Scene& scene = trainer.scene();
   const bool has_test = !scene.test_views.empty();
+  const Vec3f background = trainer.evaluation_settings().background;
   std::vector<Comparison> comparisons;
   const auto compare_some_of = [&](const std::vector<View>& views) {
-    return [&comparisons, chosen = evenly_chosen(views.size(), kComparedViews)](
+    return [&comparisons, background, chosen = evenly_chosen(views.size(), kComparedViews)](
                std::size_t index, const View& view, const Image8& render) {
       if (std::binary_search(chosen.begin(), chosen.end(), index))
-        comparisons.push_back({view.photo, render});
+        comparisons.push_back({shown_photo(view, background), render});
     };
   };
   const auto compare_test = compare_some_of(scene.test_views);
-  results.test = evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
-                          scene.test_views, trainer.evaluation_settings(),
-                          [&](std::size_t index, const View& view, const ImageF& image) {
-                            const Image8 render = to_image8(image);
-                            const std::string name = fmt::format(kPictureName, index);
-                            write_png(folder.pictures("test", step) / "renders" / name, render);
-                            write_png(folder.pictures("test", step) / "gt" / name, view.photo);
-                            compare_test(index, view, render);
-                          });
+  results.test = evaluate(
+      trainer.backend().renderer(), trainer.model().gaussians.span(), scene.test_views,
+      trainer.evaluation_settings(), [&](std::size_t index, const View& view, const ImageF& image) {
+        const Image8 render = to_image8(image);
+        const std::string name = fmt::format(kPictureName, index);
+        write_png(folder.pictures("test", step) / "renders" / name, render);
+        write_png(folder.pictures("test", step) / "gt" / name, shown_photo(view, background));
+        compare_test(index, view, render);
+      });
 
   results.train =
       evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
                sample_of(scene.train_views, kTrainViewsShown), trainer.evaluation_settings(),
                [&](std::size_t, const View& view, const ImageF& image) {
                  if (!has_test && comparisons.size() < kComparedViews)
-                   comparisons.push_back({view.photo, to_image8(image)});
+                   comparisons.push_back({shown_photo(view, background), to_image8(image)});
                });
   if (!comparisons.empty()) write_png(folder.comparison(), comparison_picture(comparisons));
   write_text(folder.results(), results_json(results));

@@ -18,6 +18,14 @@ constexpr std::size_t aligned(std::size_t bytes) {
   return (bytes + kAlignment - 1) / kAlignment * kAlignment;
 }
 
+std::size_t bytes_of(const View& view) {
+  return view.photo.pixels.size() + view.mask.pixels.size();
+}
+
+PhotoBytes photo_at(const std::uint8_t* data, const View& view) {
+  return {data, view.mask.empty() ? nullptr : data + view.photo.pixels.size()};
+}
+
 }  // namespace
 
 PhotoStore::PhotoStore(Context& context, Memory& memory)
@@ -46,7 +54,7 @@ void PhotoStore::prepare(const std::vector<View>& views, std::size_t budget_byte
   resident_at_.clear();
   std::size_t bytes = 0, count = 0;
   for (; count < views.size(); ++count) {
-    const std::size_t end = aligned(bytes + views[count].photo.pixels.size());
+    const std::size_t end = aligned(bytes + bytes_of(views[count]));
     if (end > budget_bytes) break;
     bytes = end;
   }
@@ -55,10 +63,12 @@ void PhotoStore::prepare(const std::vector<View>& views, std::size_t budget_byte
   resident_.resize_discard(bytes);
   std::size_t at = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    const std::vector<std::uint8_t>& pixels = views[i].photo.pixels;
-    memory_.upload(resident_.data() + at, pixels.data(), pixels.size());
+    const std::vector<std::uint8_t>&photo = views[i].photo.pixels, &mask = views[i].mask.pixels;
+    memory_.upload(resident_.data() + at, photo.data(), photo.size());
+    if (!mask.empty())
+      memory_.upload(resident_.data() + at + photo.size(), mask.data(), mask.size());
     resident_at_.emplace(&views[i], at);
-    at = aligned(at + pixels.size());
+    at = aligned(at + bytes_of(views[i]));
   }
 }
 
@@ -66,11 +76,11 @@ void PhotoStore::announce(const View& view) {
   if (!resident_at_.contains(&view) && !announced(view)) fetch(view);
 }
 
-const std::uint8_t* PhotoStore::photo(const View& view) {
+PhotoBytes PhotoStore::photo(const View& view) {
   const auto resident = resident_at_.find(&view);
   if (resident != resident_at_.end()) {
     hand_out(nullptr);
-    return resident_.data() + resident->second;
+    return photo_at(resident_.data() + resident->second, view);
   }
   Slot* slot = announced(view);
   if (!slot) slot = &fetch(view);
@@ -78,7 +88,7 @@ const std::uint8_t* PhotoStore::photo(const View& view) {
   // An announcement holds for one call: later the view may be gone, and another one have its address.
   slot->view = nullptr;
   hand_out(slot);
-  return slot->on_device.data();
+  return photo_at(slot->on_device.data(), view);
 }
 
 PhotoStore::Slot* PhotoStore::announced(const View& view) {
@@ -104,14 +114,15 @@ PhotoStore::Slot& PhotoStore::oldest_free_slot() {
 // Copies the bytes on the host at once; the GPU's copy begins when all that was launched until now has run.
 PhotoStore::Slot& PhotoStore::fetch(const View& view) {
   Slot& slot = oldest_free_slot();
-  const std::vector<std::uint8_t>& pixels = view.photo.pixels;
+  const std::vector<std::uint8_t>&photo = view.photo.pixels, &mask = view.mask.pixels;
   slot.view = nullptr;                                            // if anything throws
   check(cudaEventSynchronize(slot.arrived), "fetching a photo");  // the pinned bytes are free again
-  make_room(slot, pixels.size());
-  std::memcpy(slot.pinned, pixels.data(), pixels.size());
+  make_room(slot, bytes_of(view));
+  std::memcpy(slot.pinned, photo.data(), photo.size());
+  if (!mask.empty()) std::memcpy(slot.pinned + photo.size(), mask.data(), mask.size());
   check(cudaEventRecord(slot.used, context_.stream()), "fetching a photo");
   check(cudaStreamWaitEvent(copy_stream_, slot.used), "fetching a photo");
-  check(cudaMemcpyAsync(slot.on_device.data(), slot.pinned, pixels.size(), cudaMemcpyHostToDevice,
+  check(cudaMemcpyAsync(slot.on_device.data(), slot.pinned, bytes_of(view), cudaMemcpyHostToDevice,
                         copy_stream_),
         "fetching a photo");
   check(cudaEventRecord(slot.arrived, copy_stream_), "fetching a photo");

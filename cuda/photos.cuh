@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The photos on the GPU, as bytes: all of them while they fit into a budget; the others are fetched one view
+// The photos on the GPU with their masks, as bytes: all of them while they fit into a budget; the others are fetched one view
 // ahead on a stream of their own.
 #pragma once
 
@@ -11,6 +11,13 @@
 
 namespace gs::cuda {
 
+/// One view's bytes on the GPU.
+struct PhotoBytes {
+  const std::uint8_t* photo;  // (height, width, 3)
+  const std::uint8_t* mask;   // (height, width); null: every pixel trains
+};
+
+/// "Photo" stands for photo and mask: they lie one after the other, and travel together.
 class PhotoStore {
  public:
   PhotoStore(Context& context, Memory& memory);
@@ -24,9 +31,9 @@ class PhotoStore {
   /// Starts to fetch the photo of a view that photo() will be asked for soon. Does not wait for the GPU but
   /// where it is several photos behind.
   void announce(const View& view);
-  /// The photo, (height, width, 3) bytes on the GPU, valid for work on the compute stream that is launched
+  /// The photo and its mask, valid for work on the compute stream that is launched
   /// before the next two calls of photo(). Does not wait for a photo that was prepared or announced.
-  const std::uint8_t* photo(const View& view);
+  PhotoBytes photo(const View& view);
 
  private:
   // A place for one photo that does not fit the budget, and its way there.

@@ -28,6 +28,7 @@ CudaRenderer::CudaRenderer(Context& context, Memory& memory)
 void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            const RenderSettings& settings, RenderPass& pass, std::uint32_t capacity,
                            StepReport* report, std::uint32_t step) {
+  pass.background = settings.background;
   preprocess(context_, gaussians, camera, settings, room_, pass);
   order_by_depth(context_, room_, pass);
   create_instances(context_, settings, room_, pass, capacity, report, step);
@@ -37,6 +38,7 @@ void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
 
 void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            const RenderSettings& settings, RenderPass& pass) {
+  pass.background = settings.background;
   preprocess(context_, gaussians, camera, settings, room_, pass);
   order_by_depth(context_, room_, pass);
   const std::uint32_t capacity = std::max(instance_count(pass), 1u);

@@ -11,10 +11,14 @@
 //   across  each warp takes whole rows of those; a thread makes four neighbouring means from sixteen values
 // All is fp32. SSIM needs xx and yy only as their sum. With p = X + Y and q = X - Y the moments are those of
 // p, q, pp, qq: four windows instead of five, and two multiplications a pixel.
+//
+// Views with a mask or an exposure have instances of both kernels of their own, in which X and Y are what
+// photo_weight() makes of the two pictures; the others are not slowed down by them.
 #include <cstdint>
 
 #include "cuda/stages.cuh"
 #include "cuda/warp.cuh"
+#include "gs_core/math/photo_weight.h"
 #include "gs_core/math/ssim.h"
 
 namespace gs::cuda {
@@ -32,6 +36,10 @@ struct Pictures {
   const std::uint8_t* photo;  // (H, W, 3)
   int width, height;          // pixels
   int blocks_x;               // in a row of blocks
+  // Of weighted views only
+  const std::uint8_t* mask;   // (H, W); null: every pixel trains
+  Vec3f exposure, background;
+  bool over_background;
 };
 
 /// d_x, d_xx, d_xy: (3 channels, H, row_floats / 96, 3 maps, 32 columns), so that one address leads to all three.
@@ -72,6 +80,24 @@ __device__ constexpr float weight(int offset) {
 /// The value in 0..1 of a photo's byte, rounded as in the scalar twin: equal pictures differ by exactly 0.
 __device__ inline float photo_value(std::uint8_t byte) {
   return __fmul_rn(float(byte), 1.0f / 255.0f);
+}
+
+/// X' and Y' at one value, and dX'/dX.
+struct ComparedValue {
+  float X, Y, gain;
+};
+
+/// X and Y as they are compared. Of the products and the sum nothing is fused with what follows: both kernels must see the
+/// same X' - Y'.
+template <bool kIsWeighted>
+__device__ inline ComparedValue compared(const Pictures& pictures, int channel, float X, float Y,
+                                         const std::uint8_t* mask) {
+  if constexpr (!kIsWeighted) return {X, Y, 1.0f};
+  const PhotoWeight<float> weight =
+      photo_weight(mask ? photo_value(__ldg(mask)) : 1.0f, pictures.exposure[channel],
+                   pictures.background[channel], pictures.over_background);
+  return {__fmul_rn(weight.gain, X), __fadd_rn(__fmul_rn(weight.cover, Y), weight.backdrop),
+          weight.gain};
 }
 
 /// The pass down, of one thread: read(i, values) gives the maps at row i of the area with its halo. At most eleven
@@ -122,6 +148,7 @@ __device__ inline void store_four(float* to, const float (&values)[kGroup]) {
 }
 
 /// One column's means of p, q, pp, qq. Returns the thread's share of the sum of |X - Y|.
+template <bool kIsWeighted>
 __device__ inline float column_moments(const Pictures& pictures, const Area& area,
                                        ColumnMeans<4>& means) {
   const int x = area.x0 - kSsimRadius + int(threadIdx.x), top = area.y0 - kSsimRadius;
@@ -130,14 +157,17 @@ __device__ inline float column_moments(const Pictures& pictures, const Area& are
   const std::int64_t first = top * width + x;
   const float* image = pictures.image + (area.channel * width * pictures.height + first);
   const std::uint8_t* photo = pictures.photo + (3 * first + area.channel);
+  const std::uint8_t* mask = pictures.mask ? pictures.mask + first : nullptr;
   float l1_sum = 0;
   const auto read = [&](int i, float(&values)[4]) {
     float X = 0, Y = 0;  // outside
     if (is_inside && unsigned(top + i) < unsigned(pictures.height)) {
-      X = __ldg(image);
-      Y = photo_value(__ldg(photo));
+      const ComparedValue value = compared<kIsWeighted>(pictures, area.channel, __ldg(image),
+                                                        photo_value(__ldg(photo)), mask);
+      X = value.X, Y = value.Y;
     }
     image += width, photo += 3 * width;
+    if (kIsWeighted && mask) mask += width;
     const float p = X + Y, q = X - Y;
     values[0] = p, values[1] = q, values[2] = p * p, values[3] = q * q;
     if (i >= kSsimRadius && i < kSsimRadius + kBlockRows) l1_sum += fabsf(q);
@@ -175,11 +205,12 @@ __device__ inline float similarity_of_four(const Pictures& pictures, const Area&
 
 /// Moments of both pictures, then SSIM and its derivatives. `sums` gets sum |X - Y| and sum SSIM of each warp: the
 /// host adds them up when somebody asks, always in the same order.
+template <bool kIsWeighted>
 __global__ void __launch_bounds__(kThreads, 5)
     similarity_kernel(Pictures pictures, float dL_dssim, Derivatives derivatives, float2* sums) {
   alignas(16) __shared__ ColumnMeans<4> means;
   const Area area = area_of_block(pictures);
-  const float l1_sum = column_moments(pictures, area, means);
+  const float l1_sum = column_moments<kIsWeighted>(pictures, area, means);
   __syncthreads();
 
   const int warp = int(threadIdx.x) / kWarp, column = kGroup * lane_of_thread();
@@ -226,32 +257,43 @@ __device__ inline void replace_by_means_across(float (&row)[3][kThreads]) {
   __syncwarp();
 }
 
+/// Where a row of an area begins in the pictures.
+struct RowPlace {
+  int channel;
+  std::int64_t pixel, value;  // of its first pixel; of that pixel's value in (3, H, W)
+};
+
 /// One row of the gradient, by a warp: lane l makes columns l, l + 32, ... of `columns`, so that the pictures are
-/// read and written in one piece. The pointers are those of the row's first value.
+/// read and written in one piece.
 ///
 ///   dL/dX = l1 sign(X - Y) + G * d_x + 2 X (G * d_xx) + Y (G * d_xy)
-__device__ inline void gradient_of_row(const float* image, const std::uint8_t* photo, int columns,
+template <bool kIsWeighted>
+__device__ inline void gradient_of_row(const Pictures& pictures, const RowPlace& place, int columns,
                                        float l1, float (&means)[3][kThreads], float* dL_dimage) {
   constexpr int kTurns = (kBlockColumns + kWarp - 1) / kWarp;
-  float X[kTurns], Y[kTurns];  // read first: they arrive during the pass across
+  const float* image = pictures.image + place.value;
+  const std::uint8_t* photo = pictures.photo + (3 * place.pixel + place.channel);
+  ComparedValue values[kTurns];  // read first: they arrive during the pass across
 #pragma unroll
   for (int turn = 0; turn < kTurns; ++turn) {
     const int i = min(lane_of_thread() + turn * kWarp, columns - 1);
-    X[turn] = __ldg(image + i);
-    Y[turn] = photo_value(__ldg(photo + 3 * i));
+    values[turn] = compared<kIsWeighted>(
+        pictures, place.channel, __ldg(image + i), photo_value(__ldg(photo + 3 * i)),
+        pictures.mask ? pictures.mask + (place.pixel + i) : nullptr);
   }
   replace_by_means_across(means);
 #pragma unroll
   for (int turn = 0; turn < kTurns; ++turn) {
     const int i = lane_of_thread() + turn * kWarp;
-    const float sign = float(X[turn] > Y[turn]) - float(X[turn] < Y[turn]);
-    const float dL_dX =
-        l1 * sign + means[0][i] + 2.0f * X[turn] * means[1][i] + Y[turn] * means[2][i];
-    if (i < columns) dL_dimage[i] = dL_dX;
+    const float X = values[turn].X, Y = values[turn].Y;
+    const float sign = float(X > Y) - float(X < Y);
+    const float dL_dX = l1 * sign + means[0][i] + 2.0f * X * means[1][i] + Y * means[2][i];
+    if (i < columns) dL_dimage[place.value + i] = kIsWeighted ? values[turn].gain * dL_dX : dL_dX;
   }
 }
 
 /// From the derivatives of SSIM by the moments to dL/d(image).
+template <bool kIsWeighted>
 __global__ void __launch_bounds__(kThreads, 6)
     image_gradient_kernel(Pictures pictures, float l1, Derivatives derivatives, float* dL_dimage) {
   alignas(16) __shared__ ColumnMeans<3> means;
@@ -265,9 +307,8 @@ __global__ void __launch_bounds__(kThreads, 6)
 #pragma unroll 1
   for (int row = int(threadIdx.x) / kWarp; row < rows; row += kWarps) {
     const std::int64_t pixel = std::int64_t(area.y0 + row) * pictures.width + area.x0;
-    const std::int64_t value = area.channel * plane + pixel;
-    gradient_of_row(pictures.image + value, pictures.photo + (3 * pixel + area.channel), columns,
-                    l1, means[row], dL_dimage + value);
+    const RowPlace place{area.channel, pixel, area.channel * plane + pixel};
+    gradient_of_row<kIsWeighted>(pictures, place, columns, l1, means[row], dL_dimage);
   }
 }
 
@@ -280,12 +321,24 @@ class CudaLoss final : public Loss {
                         Buffer<float>& dL_dimage) override {
     GS_CHECK(view.photo.width == pass.width && view.photo.height == pass.height);
     GS_CHECK(view.photo.channels == 3 && pass.image.size() == 3 * pass.pixel_count());
-    const Pictures pictures{pass.image.data(), photos_.photo(view), pass.width, pass.height,
-                            int(blocks_for(std::size_t(pass.width), kBlockColumns))};
+    GS_CHECK(view.mask.empty() || view.mask.pixels.size() == pass.pixel_count());
+    const PhotoBytes bytes = photos_.photo(view);
+    const Pictures pictures{pass.image.data(),
+                            bytes.photo,
+                            pass.width,
+                            pass.height,
+                            int(blocks_for(std::size_t(pass.width), kBlockColumns)),
+                            bytes.mask,
+                            view.exposure,
+                            pass.background,
+                            view.over_background};
     lambda_dssim_ = lambda_dssim;
     values_ = 3 * pass.pixel_count();
     dL_dimage.resize_discard(values_);
-    launch(pictures, dL_dimage.data());
+    if (view.is_weighted())
+      launch<true>(pictures, dL_dimage.data());
+    else
+      launch<false>(pictures, dL_dimage.data());
   }
 
   double value() override {
@@ -296,6 +349,7 @@ class CudaLoss final : public Loss {
   }
 
  private:
+  template <bool kIsWeighted>
   void launch(const Pictures& pictures, float* dL_dimage) {
     const std::size_t blocks =
         3 * pictures.blocks_x * blocks_for(std::size_t(pictures.height), kBlockRows);
@@ -308,9 +362,9 @@ class CudaLoss final : public Loss {
     const float n = float(values_);
 
     StageScope scope(context_, "loss");
-    context_.launch("loss", similarity_kernel, blocks, kThreads, pictures, -lambda_dssim_ / n,
-                    derivatives, sums_.data());
-    context_.launch("loss", image_gradient_kernel, blocks, kThreads, pictures,
+    context_.launch("loss", similarity_kernel<kIsWeighted>, blocks, kThreads, pictures,
+                    -lambda_dssim_ / n, derivatives, sums_.data());
+    context_.launch("loss", image_gradient_kernel<kIsWeighted>, blocks, kThreads, pictures,
                     (1.0f - lambda_dssim_) / n, derivatives, dL_dimage);
   }
 

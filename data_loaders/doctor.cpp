@@ -11,6 +11,7 @@
 #include "data_loaders/colmap_model.h"
 #include "data_loaders/find_scene.h"
 #include "data_loaders/lens.h"
+#include "data_loaders/masks.h"
 #include "data_loaders/photo_fit.h"
 #include "data_loaders/photo_names.h"
 #include "data_loaders/photos.h"
@@ -31,6 +32,7 @@ constexpr std::size_t kFewPhotos = 20;          // fewer seldom show a scene fro
 constexpr std::size_t kFewObservations = 3;     // points seen in fewer photos are not to be relied on
 constexpr double kLargeError = 2;               // pixels, mean reprojection error
 constexpr double kFarFromOrigin = 1e4;          // extents; single precision leaves 1e-3 of the extent there
+constexpr double kHardlyTrained = 0.05;         // of a photo's pixels: less looks like a mask turned round
 constexpr double kUpSpread = 30;                // degrees between the cameras' up and their mean, in the mean
 constexpr double kGib = 1024.0 * 1024.0 * 1024.0;
 // Bytes per Gaussian, as measured on the CUDA backend: parameters, two moments, statistics and the splats of a view;
@@ -53,6 +55,8 @@ struct FoundScene {
   std::vector<fs::path> files;          // of each image; empty: missing
   std::vector<PhotoSize> photo_sizes;   // 0 x 0 where unknown
   std::vector<std::size_t> usable;      // images whose photo can be trained on
+  MaskSource masks;
+  std::vector<fs::path> mask_files;     // of each image; empty: none
 };
 
 class Examination {
@@ -63,6 +67,7 @@ class Examination {
   Diagnosis run(bool look_at_pictures) {
     if (!find() || !read_model()) return std::move(diagnosis_);
     match_photos_to_names();
+    match_masks_to_photos();
     read_headers();
     if (look_at_pictures) look_at_all_pictures();
     examine_cameras();
@@ -151,6 +156,60 @@ class Examination {
                       "saw them",
                       unused.size()),
           unused);
+  }
+
+  void match_masks_to_photos() {
+    const std::size_t count = scene_.files.size();
+    scene_.mask_files.resize(count);
+    std::vector<std::string> names;
+    for (const ColmapImage& image : scene_.model.images) names.push_back(image.name);
+    try {
+      scene_.masks = find_masks(config_.dataset, scene_.folders);
+      scene_.mask_files = match_masks(scene_.masks, names, scene_.files);
+    } catch (const Error& error) {
+      add(Level::fatal, "masks", error.what());
+      return;
+    }
+    std::vector<std::size_t> missing;
+    for (std::size_t i = 0; i < count; ++i)
+      if (scene_.mask_files[i].empty()) missing.push_back(i);
+    if (missing.size() == count) return;
+    add(Level::good, "masks",
+        fmt::format("{} of {} photos have a mask in {}", count - missing.size(), count,
+                    scene_.masks.folder.string()));
+    if (!missing.empty())
+      add(Level::warning, "masks",
+          fmt::format("{} photos have no mask there and train everywhere, but for their alpha",
+                      missing.size()),
+          names_of(missing));
+  }
+
+  // `shares` of the pixels that train, of the photos `readable`; 1 where there is no mask.
+  void report_masks(const std::vector<std::size_t>& readable, const std::vector<double>& shares) {
+    std::vector<std::size_t> masked, hardly;
+    double sum = 0;
+    for (std::size_t k = 0; k < readable.size(); ++k) {
+      if (shares[k] >= 1) continue;
+      masked.push_back(readable[k]);
+      sum += shares[k];
+      if (shares[k] < kHardlyTrained) hardly.push_back(readable[k]);
+    }
+    if (masked.empty()) return;
+    masked_share_ = double(masked.size()) / double(readable.size());
+    const bool is_background = scene_.masks.over_background;
+    add(Level::good, "masks",
+        fmt::format("{} of {} photos are masked; {:.1f} % of their pixels {}", masked.size(),
+                    readable.size(), 100 * sum / double(masked.size()),
+                    is_background ? "show the scene, the others its background" : "train"));
+    if (!hardly.empty())
+      add(Level::warning, "masks",
+          fmt::format("{} masks leave less than {:.0f} % of their photo; if black is what should "
+                      "train, turn them round with --invert-masks",
+                      hardly.size(), 100 * kHardlyTrained),
+          names_of(hardly));
+    if (!is_background && sum == 0 && masked.size() == scene_.files.size())
+      add(Level::fatal, "masks",
+          "no photo has a pixel to train on; turn the masks round with --invert-masks");
   }
 
   void read_headers() {
@@ -243,12 +302,16 @@ class Examination {
   void look_at_all_pictures() {
     const std::size_t count = scene_.usable.size();
     std::vector<PictureQuality> qualities(count);
+    std::vector<double> shares(count, 1);
     std::vector<std::string> errors(count);
     std::mutex mutex;
     std::size_t done = 0;
     parallel_for(count, 1, [&](std::size_t k) {
       try {
-        qualities[k] = quality_of(read_photo(scene_.files[scene_.usable[k]]));
+        const std::size_t i = scene_.usable[k];
+        const PhotoWithAlpha read = read_photo_with_alpha(scene_.files[i]);
+        qualities[k] = quality_of(read.photo);
+        shares[k] = trained_share(read_mask(scene_.masks, scene_.mask_files[i], read));
       } catch (const Error& error) {
         errors[k] = error.what();
       }
@@ -257,6 +320,7 @@ class Examination {
     });
     std::vector<std::size_t> damaged, readable;
     std::vector<PictureQuality> of_readable;
+    std::vector<double> readable_shares;
     for (std::size_t k = 0; k < count; ++k) {
       if (!errors[k].empty()) {
         damaged.push_back(scene_.usable[k]);
@@ -264,12 +328,15 @@ class Examination {
       }
       readable.push_back(scene_.usable[k]);
       of_readable.push_back(qualities[k]);
+      readable_shares.push_back(shares[k]);
     }
     if (!damaged.empty())
       add(Level::fatal, "photos",
-          fmt::format("{} photos are damaged; fetch them again, or leave them out of the model",
-                      damaged.size()),
+          fmt::format(
+              "{} photos or masks are damaged; fetch them again, or leave them out of the model",
+              damaged.size()),
           names_of(damaged));
+    report_masks(readable, readable_shares);
     const QualityOutliers outliers = outliers_of(of_readable);
     const auto named = [&](const std::vector<std::size_t>& which) {
       std::vector<std::size_t> images;
@@ -394,7 +461,7 @@ class Examination {
           resolution <= 8 ? 1.0 / resolution : double(resolution) / scene_.photo_sizes[i].width;
       pixels += all * std::min(scale * scale, 1.0);
     }
-    const double photos = 3 * pixels, cap = double(config_.density.max_gaussians);
+    const double photos = (3 + masked_share_) * pixels, cap = double(config_.density.max_gaussians);
     const double gaussians = cap > 0 ? cap : kForecastGaussians;
     const double on_gpu = std::min(photos, double(config_.train.photo_gib) * kGib);
     const double megapixels =
@@ -415,6 +482,7 @@ class Examination {
   const Config& config_;
   const ProgressFn& progress_;
   FoundScene scene_;
+  double masked_share_ = 0;  // of the photos
   Diagnosis diagnosis_;
 };
 

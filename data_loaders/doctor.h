@@ -18,7 +18,7 @@ struct Finding {
     fatal,    // training cannot start
   };
   Level level;
-  std::string topic;               // scene, model, lenses, photos, orientation, pictures, cameras, points, place, forecast
+  std::string topic;               // scene, model, lenses, photos, masks, orientation, pictures, cameras, points, place, forecast
   std::string text;                // plain words, the remedy included
   std::vector<std::string> names;  // the photos that it is about, all of them
 };

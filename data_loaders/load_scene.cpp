@@ -12,6 +12,7 @@
 
 #include "data_loaders/colmap_model.h"
 #include "data_loaders/find_scene.h"
+#include "data_loaders/masks.h"
 #include "data_loaders/photo_fit.h"
 #include "data_loaders/photo_names.h"
 #include "data_loaders/photos.h"
@@ -31,6 +32,7 @@ namespace fs = std::filesystem;
 struct ViewPlan {
   ColmapImage image;
   fs::path file;
+  fs::path mask_file;                 // empty: none
   PhotoSize photo_size;
   LensCamera lens;                    // at the photo's size
   PinholeCamera<double> undistorted;  // the photo without its lens, at full resolution
@@ -104,19 +106,22 @@ void check_resolution(int resolution, const PinholeCamera<double>& camera,
 }
 
 std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel& model,
-                                 const fs::path& images) {
+                                 const fs::path& images, const MaskSource& masks) {
   std::vector<std::string> names;
   for (const ColmapImage& image : model.images) {
     check_name(image, model.folder);
     names.push_back(image.name);
   }
   const std::vector<fs::path> files = find_photos(names, images);
+  const std::vector<fs::path> mask_files = match_masks(masks, names, files);
   std::vector<ViewPlan> plans;
   for (std::size_t i = 0; i < names.size(); ++i)
-    plans.push_back({model.images[i], files[i], {}, {}, {}, {}});
+    plans.push_back({model.images[i], files[i], mask_files[i], {}, {}, {}, {}});
   constexpr std::size_t kHeadersPerChunk = 8;
-  parallel_for(plans.size(), kHeadersPerChunk,
-               [&](std::size_t i) { plans[i].photo_size = read_photo_size(plans[i].file); });
+  parallel_for(plans.size(), kHeadersPerChunk, [&](std::size_t i) {
+    plans[i].photo_size = read_photo_size(plans[i].file);
+    if (!mask_files[i].empty()) check_mask_size(mask_files[i], plans[i].file, plans[i].photo_size);
+  });
 
   std::size_t scaled = 0;
   std::map<std::tuple<std::uint32_t, int, int>, PinholeCamera<double>> undistorted;  // one search per camera
@@ -153,21 +158,44 @@ Camera single_precision_camera(const ViewPlan& plan) {
   return camera;
 }
 
-View load_view(const ViewPlan& plan) {
+/// Photo and mask as the view's camera sees them, without anything of what the mask covers.
+void fit_to_camera(View& view, const ViewPlan& plan) {
+  constexpr int kReach = 4;  // pixels: bicubic weights of the mask reach 2 beyond its edge, those of the photo 2 more
+  const bool is_masked = !view.mask.empty();
+  const std::string& name = plan.image.name;
+  if (plan.lens.lens != LensCamera::Lens::none) {
+    if (is_masked) fill_masked_edge(view.photo, view.mask, kReach);
+    view.photo = undistorted_photo(view.photo, plan.lens, plan.undistorted, name);
+    if (is_masked) view.mask = undistorted_photo(view.mask, plan.lens, plan.undistorted, name);
+  }
+  const int width = view.camera.width, height = view.camera.height;
+  if (is_masked && (width != view.photo.width || height != view.photo.height)) {
+    multiply_by_mask(view.photo, view.mask);
+    view.mask = area_resized(view.mask, width, height);
+    view.photo = area_resized(view.photo, width, height);
+    divide_by_mask(view.photo, view.mask);
+  } else {
+    view.photo = area_resized(view.photo, width, height);
+  }
+}
+
+View load_view(const ViewPlan& plan, const MaskSource& masks) {
   View view;
   view.name = plan.image.name;
   view.camera = single_precision_camera(plan);
-  view.photo = read_photo(plan.file);
-  if (view.photo.width != plan.photo_size.width || view.photo.height != plan.photo_size.height)
+  PhotoWithAlpha read = read_photo_with_alpha(plan.file);
+  if (read.photo.width != plan.photo_size.width || read.photo.height != plan.photo_size.height)
     throw Error(fmt::format("photo {} has changed while the scene was loaded; start again",
                             plan.file.string()));
-  if (plan.lens.lens != LensCamera::Lens::none)
-    view.photo = undistorted_photo(view.photo, plan.lens, plan.undistorted, plan.image.name);
-  view.photo = area_resized(view.photo, view.camera.width, view.camera.height);
+  view.mask = read_mask(masks, plan.mask_file, read);
+  view.over_background = masks.over_background && !view.mask.empty();
+  view.photo = std::move(read.photo);
+  fit_to_camera(view, plan);
   return view;
 }
 
-std::vector<View> load_views(const std::vector<ViewPlan>& plans, const ProgressFn& progress) {
+std::vector<View> load_views(const std::vector<ViewPlan>& plans, const MaskSource& masks,
+                             const ProgressFn& progress) {
   std::vector<View> views(plans.size());
   std::atomic<bool> has_failed = false;  // then the others need not be decoded
   std::mutex mutex;
@@ -175,7 +203,7 @@ std::vector<View> load_views(const std::vector<ViewPlan>& plans, const ProgressF
   parallel_for(plans.size(), 1, [&](std::size_t i) {
     if (has_failed) return;
     try {
-      views[i] = load_view(plans[i]);
+      views[i] = load_view(plans[i], masks);
     } catch (...) {
       has_failed = true;
       throw;
@@ -202,6 +230,7 @@ std::vector<ScenePoint> single_precision_points(const ColmapModel& model) {
 
 /// A scene before its photos are decoded.
 struct ScenePlan {
+  MaskSource masks;
   std::vector<ViewPlan> views;  // sorted by name
   std::vector<bool> is_test;
   std::vector<ScenePoint> points;
@@ -213,9 +242,47 @@ ScenePlan plan_scene(const DatasetConfig& dataset) {
   ScenePlan plan;
   plan.is_test = std::move(is_test);
   if (dataset.model.empty()) check_registered(model, folders.images);
-  plan.views = plan_views(dataset, model, folders.images);
+  plan.masks = find_masks(dataset, folders);
+  plan.views = plan_views(dataset, model, folders.images, plan.masks);
   plan.points = single_precision_points(model);
   return plan;
+}
+
+/// What is masked, in one line of the log; warns of a mode without masks.
+void report_masks(const std::vector<View>& views, const DatasetConfig& dataset) {
+  double share = 0;
+  std::size_t masked = 0, over_background = 0;
+  for (const View& view : views) {
+    if (view.mask.empty()) continue;
+    share += trained_share(view.mask);
+    ++masked;
+    over_background += view.over_background;
+  }
+  if (masked > 0)
+    log_info("{} of {} photos are masked: {:.1f} % of their pixels {}", masked, views.size(),
+             100 * share / double(masked),
+             over_background ? "show the scene, the others its background" : "train");
+  else if (dataset.mask_mode == "background")
+    log_warning("dataset.mask_mode is background, but no photo has a mask or alpha");
+}
+
+/// Puts the views where they belong, but for those with nothing that trains.
+void split_views(std::vector<View> views, const std::vector<bool>& is_test, Scene& scene) {
+  std::vector<std::string> empty;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    if (views[i].has_untrained_pixels() && trained_share(views[i].mask) == 0)
+      empty.push_back(views[i].name);
+    else
+      (is_test[i] ? scene.test_views : scene.train_views).push_back(std::move(views[i]));
+  }
+  if (empty.empty()) return;
+  if (scene.train_views.empty())
+    throw Error(fmt::format(
+        "no photo of {} has a pixel to train on: the masks are black everywhere; white is what "
+        "trains, so turn them round with --invert-masks, or leave them out with --masks none",
+        scene.source));
+  log_warning("{} photos are masked everywhere and left out: {}{}", empty.size(), empty.front(),
+              empty.size() > 1 ? ", ..." : "");
 }
 
 }  // namespace
@@ -228,9 +295,9 @@ Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress) {
   ScenePlan plan = plan_scene(dataset);
   Scene scene;
   scene.source = dataset.source;
-  std::vector<View> views = load_views(plan.views, progress);
-  for (std::size_t i = 0; i < views.size(); ++i)
-    (plan.is_test[i] ? scene.test_views : scene.train_views).push_back(std::move(views[i]));
+  std::vector<View> views = load_views(plan.views, plan.masks, progress);
+  report_masks(views, dataset);
+  split_views(std::move(views), plan.is_test, scene);
   scene.points = std::move(plan.points);
   scene.extent = camera_extent(scene.train_views);
   for (const std::size_t stray : stray_cameras(scene.train_views))

@@ -17,13 +17,16 @@ namespace gs {
 /// Throws Error for sizes that no photo has.
 void check_photo_size(const std::filesystem::path& path, const PhotoSize& size);
 
-/// A file that exists, decoded to three channels in stored order. Throw Error for all that is not a
-/// whole photo.
+/// A file that exists, decoded in stored order to 1 to 4 channels: grey, grey and alpha, colour, colour and alpha.
+/// Throw Error for all that is not a whole photo.
 Image8 decode_photo(const std::filesystem::path& path);
 PhotoSize decode_photo_size(const std::filesystem::path& path);
 int decode_photo_orientation(const std::filesystem::path& path);
 
-/// The bytes of a PNG file with 1 or 3 channels.
+/// What decode_photo() gives, as colour and alpha.
+PhotoWithAlpha separated(Image8 decoded);
+
+/// The bytes of a PNG file with 1, 3 or 4 channels, the last straight alpha.
 std::vector<std::uint8_t> encode_png(const Image8& image);
 
 }  // namespace gs

@@ -35,26 +35,23 @@ bool is_harmless(const std::string& complaint) {
          complaint.find('\n') == std::string::npos;
 }
 
-void repeat_grey(Image8& image) {
-  for (std::size_t i = image.pixels.size() / 3; i-- > 0;) {
-    const std::uint8_t grey = image.pixels[i];
-    image.pixels[3 * i] = image.pixels[3 * i + 1] = image.pixels[3 * i + 2] = grey;
-  }
+/// Channels to read: grey or colour, and alpha where it follows them.
+int channels_of(const OIIO::ImageSpec& spec) {
+  const int colors = spec.nchannels < 3 ? 1 : 3;
+  return spec.alpha_channel == colors ? colors + 1 : colors;
 }
 
 }  // namespace
 
 Image8 decode_photo(const std::filesystem::path& path) {
   const OpenPhoto photo = open_photo(path);
-  const bool is_grey = photo.input->spec().nchannels < 3;
-  Image8 image(photo.size.width, photo.size.height, 3);
+  Image8 image(photo.size.width, photo.size.height, channels_of(photo.input->spec()));
   const bool done =
-      photo.input->read_image(0, 0, 0, is_grey ? 1 : 3, OIIO::TypeDesc::UINT8, image.pixels.data());
+      photo.input->read_image(0, 0, 0, image.channels, OIIO::TypeDesc::UINT8, image.pixels.data());
   // A JPEG cut short counts as read, its rest grey; only the message tells.
   const std::string complaint = photo.input->geterror();
   if (!done || !(complaint.empty() || is_harmless(complaint))) cannot_read_photo(path, complaint);
   if (!complaint.empty()) log_warning("{}: {}", path.string(), complaint);
-  if (is_grey) repeat_grey(image);
   return image;
 }
 
@@ -68,7 +65,8 @@ std::vector<std::uint8_t> encode_png(const Image8& image) {
   std::vector<unsigned char> bytes;
   OIIO::Filesystem::IOVecOutput sink(bytes);
   const auto output = OIIO::ImageOutput::create("png", &sink);
-  const OIIO::ImageSpec spec(image.width, image.height, image.channels, OIIO::TypeDesc::UINT8);
+  OIIO::ImageSpec spec(image.width, image.height, image.channels, OIIO::TypeDesc::UINT8);
+  spec.attribute("oiio:UnassociatedAlpha", 1);  // colour not multiplied by alpha
   const bool done = output && output->open("picture.png", spec) &&
                     output->write_image(OIIO::TypeDesc::UINT8, image.pixels.data()) &&
                     output->close();

@@ -68,9 +68,9 @@ Image8 decode_photo(const std::filesystem::path& path) {
 
   int width = 0, height = 0, channels = 0;
   const std::unique_ptr<stbi_uc, decltype(&stbi_image_free)> pixels(
-      stbi_load_from_memory(bytes, int(size), &width, &height, &channels, 3), stbi_image_free);
+      stbi_load_from_memory(bytes, int(size), &width, &height, &channels, 0), stbi_image_free);
   if (!pixels) cannot_read_photo(path, stbi_failure_reason());
-  Image8 image(width, height, 3);
+  Image8 image(width, height, channels);
   std::copy(pixels.get(), pixels.get() + image.pixels.size(), image.pixels.begin());
   return image;
 }

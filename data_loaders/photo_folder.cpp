@@ -17,6 +17,7 @@ namespace fs = std::filesystem;
 
 // What both COLMAP and we read.
 const std::set<std::string> kPhotoEndings = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff"};
+constexpr const char* kMasksFolder = "masks/";  // beside the photos: no photos themselves (masks.h)
 const std::set<std::string> kVideoEndings = {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm"};
 
 std::string ending_of(const fs::path& path) {
@@ -103,9 +104,10 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
   for (const fs::path& file : files_in(root, true, without)) {
     if (kVideoEndings.contains(ending_of(file))) ++videos;
     if (!kPhotoEndings.contains(ending_of(file))) continue;
+    const std::string name = file.lexically_relative(root).generic_string();
+    if (name.starts_with(kMasksFolder)) continue;
     try {
-      photos.push_back(
-          {file, file.lexically_relative(root).generic_string(), read_photo_size(file)});
+      photos.push_back({file, name, read_photo_size(file)});
     } catch (const Error& error) {
       log_warning("a photo is left out: {}", error.what());
       ++unreadable;

@@ -17,7 +17,7 @@ struct PhotoFile {
 };
 
 /// The photos in and below a folder, or below its images/ where it has none itself; sorted by name, hidden
-/// files, scenes and runs of ours and all below `without` left out. A photo that cannot be read is left out with a warning.
+/// files, scenes and runs of ours, `masks/` and all below `without` left out. A photo that cannot be read is left out with a warning.
 /// Throws Error where there is none, and says what there is instead.
 std::vector<PhotoFile> find_photos(const std::filesystem::path& folder,
                                    const std::filesystem::path& without);

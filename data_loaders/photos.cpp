@@ -77,9 +77,25 @@ void check_photo_size(const fs::path& path, const PhotoSize& size) {
     cannot_read_photo(path, fmt::format("its header says {} x {} pixels", size.width, size.height));
 }
 
-Image8 read_photo(const fs::path& path) {
+PhotoWithAlpha separated(Image8 decoded) {
+  const int channels = decoded.channels, alpha = channels % 2 == 0 ? channels - 1 : 0;
+  if (channels == 3) return {std::move(decoded), {}};
+  PhotoWithAlpha result;
+  result.photo = Image8(decoded.width, decoded.height, 3);
+  if (alpha) result.alpha = Image8(decoded.width, decoded.height, 1);
+  for (std::size_t i = 0; i < decoded.pixels.size() / channels; ++i) {
+    const std::uint8_t* pixel = &decoded.pixels[i * channels];
+    for (int c = 0; c < 3; ++c) result.photo.pixels[3 * i + c] = pixel[channels < 3 ? 0 : c];
+    if (alpha) result.alpha.pixels[i] = pixel[alpha];
+  }
+  return result;
+}
+
+Image8 read_photo(const fs::path& path) { return read_photo_with_alpha(path).photo; }
+
+PhotoWithAlpha read_photo_with_alpha(const fs::path& path) {
   check_exists(path);
-  return decode_photo(path);
+  return separated(decode_photo(path));
 }
 
 PhotoSize read_photo_size(const fs::path& path) {
@@ -105,7 +121,7 @@ Image8 area_resized(const Image8& image, int width, int height) {
 }
 
 void write_png(const fs::path& path, const Image8& image) {
-  GS_CHECK(!image.empty() && (image.channels == 1 || image.channels == 3));
+  GS_CHECK(!image.empty() && (image.channels == 1 || image.channels == 3 || image.channels == 4));
   const std::vector<std::uint8_t> bytes = encode_png(image);
   AtomicFile file(path);
   file.write(bytes.data(), bytes.size());

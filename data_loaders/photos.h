@@ -18,6 +18,15 @@ struct PhotoSize {
 /// when it is missing, of an unknown format, damaged or cut short.
 Image8 read_photo(const std::filesystem::path& path);
 
+/// A photo and, where its file has one, its alpha.
+struct PhotoWithAlpha {
+  Image8 photo;  // (height, width, 3) as read_photo() gives it
+  Image8 alpha;  // (height, width, 1); empty where there is none
+};
+
+/// Decodes both. Alpha is taken as straight, as PNG has it: colour is not multiplied by it. Throws Error like read_photo.
+PhotoWithAlpha read_photo_with_alpha(const std::filesystem::path& path);
+
 /// The size of a photo from its header. Throws Error like read_photo.
 PhotoSize read_photo_size(const std::filesystem::path& path);
 
@@ -30,7 +39,7 @@ int read_photo_orientation(const std::filesystem::path& path);
 /// numbers), so the same on every machine. `width` and `height` are > 0.
 Image8 area_resized(const Image8& image, int width, int height);
 
-/// Writes an image with 1 or 3 channels as PNG; the file is there whole or not at all. Throws
+/// Writes an image with 1, 3 or 4 channels (the last straight alpha) as PNG; the file is there whole or not at all. Throws
 /// Error.
 void write_png(const std::filesystem::path& path, const Image8& image);
 

@@ -493,6 +493,10 @@ bool has_transforms(const fs::path& folder) {
   return is_file(folder / kOneFile) || is_file(folder / kTrainFile);
 }
 
+bool is_blender_scene(const fs::path& folder) {
+  return is_file(folder / kTrainFile) && !is_file(folder / kOneFile);
+}
+
 TransformsScene read_transforms(const fs::path& folder) {
   if (!has_transforms(folder))
     throw Error(fmt::format("{} holds neither {} nor {}; name a folder that does", folder.string(),

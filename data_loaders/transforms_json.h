@@ -14,6 +14,9 @@ namespace gs {
 /// Whether a folder holds transforms.json, or transforms_train.json.
 bool has_transforms(const std::filesystem::path& folder);
 
+/// Whether it is one of Blender's: transforms_train.json and no transforms.json.
+bool is_blender_scene(const std::filesystem::path& folder);
+
 /// What the files of such a scene say.
 struct TransformsScene {
   ColmapModel model;                    // no rigs or frames; image names are relative to the folder

@@ -14,6 +14,9 @@ namespace gs {
 struct DatasetConfig {
   std::string source;             // the scene's folder
   std::string images = "images";  // the photos' folder inside it (or an absolute path)
+  std::string masks;   // the masks' folder; empty: `masks` in the scene, where there is one; none: no masks, no alpha
+  std::string mask_mode = "auto";  // auto, ignore, background
+  bool invert_masks = false;       // of mask files black trains and white does not
   std::string model;   // the COLMAP model's folder; empty: sparse/0, sparse, the scene itself
   int resolution = 1;  // 1, 2, 4, 8: photos divided by it; 16 and more: the width in pixels
   bool eval = false;   // hold out every test_every-th view by sorted name

@@ -39,6 +39,9 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   auto& dataset = config.dataset;
   field("dataset.source",               dataset.source,               "folder", any(),              "the scene: photos and a COLMAP model");
   field("dataset.images",               dataset.images,               "folder", any(),              "the photos, inside the scene or absolute");
+  field("dataset.masks",                dataset.masks,                "folder", any(),              "which pixels train (white), inside the scene or absolute; empty: `masks`, where there is one; none: no masks, no alpha");
+  field("dataset.mask_mode",            dataset.mask_mode,            "",       one_of("auto, ignore, background"), "masked pixels are ignored, or show the background; auto: background in Blender scenes");
+  field("dataset.invert_masks",         dataset.invert_masks,         "",       any(),              "in mask files, black trains and white does not");
   field("dataset.model",                dataset.model,                "folder", any(),              "the COLMAP model; empty: sparse/0, sparse or the scene itself");
   field("dataset.resolution",           dataset.resolution,           "",       between(1, 65536),  "1, 2, 4, 8: photos divided by it; 16 and more: their width in pixels", kKerbl);
   field("dataset.eval",                 dataset.eval,                 "",       any(),              "hold out every test_every-th view, by sorted name, to measure on", kKerbl);

@@ -11,11 +11,21 @@
 
 namespace gs {
 
-/// One posed photo.
+/// One posed photo. math/photo_weight.h has what the loss makes of mask and exposure.
 struct View {
   std::string name;  // path of the photo relative to the images folder, as in the COLMAP model
   Camera camera;
   Image8 photo;      // (height, width, 3) of the camera's size
+  Image8 mask = {};  // (height, width, 1) of that size: 255 trains, 0 does not; empty: every pixel trains
+  bool over_background = false;  // the mask says what the photo covers: the background is behind it, and every pixel trains
+  Vec3f exposure{1};  // per channel: the photo shows exposure * the scene's colours (display sRGB)
+
+  /// Whether the photo stands for more than itself in the loss.
+  bool is_weighted() const {
+    return !mask.empty() || exposure.x != 1 || exposure.y != 1 || exposure.z != 1;
+  }
+  /// Whether there are pixels that do not train, or less than others.
+  bool has_untrained_pixels() const { return !mask.empty() && !over_background; }
 };
 
 /// A point of the sparse reconstruction.

@@ -42,6 +42,7 @@ inline constexpr std::uint32_t kNoTile = 0xffffffffu;
 struct RenderPass {
   int width = 0, height = 0;            // pixels
   int tiles_x = 0, tiles_y = 0;
+  Vec3f background{0, 0, 0};            // that the image was blended over
 
   // 1 preprocess                       one row per Gaussian; rows of culled ones are undefined, all but tile_counts
   Buffer<Splat> splats;                 // (N)

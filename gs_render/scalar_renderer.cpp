@@ -13,6 +13,7 @@ class ScalarRenderer final : public Renderer {
 
   void forward(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
                RenderPass& pass) override {
+    pass.background = settings.background;
     preprocess(gaussians, camera, settings, pass);
     create_instances(settings, pass);
     sort_by_tile(pass);

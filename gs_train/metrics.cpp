@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/metrics.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "gs_core/error.h"
+#include "gs_core/math/photo_weight.h"
 #include "gs_core/math/ssim.h"
 #include "gs_train/window.h"
 
@@ -17,35 +19,102 @@ void check_sizes(const ImageF& render, const Image8& photo) {
            photo.channels == 3);
 }
 
-}  // namespace
+/// One value of both pictures in 0..1, and the share of its pixel in the mean.
+struct ComparedValue {
+  double x, y, share;
+};
 
-double psnr(const ImageF& render, const Image8& photo) {
-  check_sizes(render, photo);
-  double sum = 0;
+/// at(pixel, channel) gives the values.
+template <class At>
+double psnr_of(const ImageF& render, At&& at) {
+  double sum = 0, shares = 0;
   for (std::size_t i = 0; i < render.pixels.size(); ++i) {
-    const double difference = double(render.pixels[i]) - photo.pixels[i] / 255.0;
-    sum += difference * difference;
+    const ComparedValue value = at(i / 3, int(i % 3));
+    sum += value.share * (value.x - value.y) * (value.x - value.y);
+    shares += value.share;
   }
-  const double mse = sum / double(render.pixels.size());
+  GS_CHECK(shares > 0);
+  const double mse = sum / shares;
   return mse > 0 ? std::min(-10 * std::log10(mse), kIdenticalPsnr) : kIdenticalPsnr;
 }
 
-double ssim(const ImageF& render, const Image8& photo) {
-  check_sizes(render, photo);
+template <class At>
+double ssim_of(const ImageF& render, At&& at) {
   const std::size_t plane = std::size_t(render.width) * render.height, n = 3 * plane;
   Buffer<float> moments(5 * n, host_memory()), scratch;
   for (std::size_t i = 0; i < plane; ++i)
     for (int c = 0; c < 3; ++c) {
-      const float x = render.pixels[3 * i + c], y = photo.pixels[3 * i + c] / 255.0f;
+      const ComparedValue value = at(i, c);
+      const float x = float(value.share * value.x), y = float(value.share * value.y);
       const float values[5] = {x, y, x * x, y * y, x * y};
       for (int k = 0; k < 5; ++k) moments[k * n + c * plane + i] = values[k];
     }
   window_means(moments.span(), 15, render.width, render.height, scratch);
   double sum = 0;
-  for (std::size_t i = 0; i < n; ++i)
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!(at(i % plane, int(i / plane)).share > 0)) continue;
     sum += ssim_index(LocalMoments<float>{moments[i], moments[n + i], moments[2 * n + i],
                                           moments[3 * n + i], moments[4 * n + i]});
-  return sum / double(n);
+    ++count;
+  }
+  GS_CHECK(count > 0);
+  return sum / double(count);
+}
+
+auto plain_values(const ImageF& render, const Image8& photo) {
+  return [&](std::size_t pixel, int c) {
+    return ComparedValue{render.pixels[3 * pixel + c], photo.pixels[3 * pixel + c] / 255.0, 1};
+  };
+}
+
+/// The photo's value as the render is compared with it, in 0..1.
+double photo_value(const View& view, const Vec3f& background, std::size_t pixel, int c) {
+  const double photo = view.photo.pixels[3 * pixel + c] / 255.0;
+  if (!view.over_background || view.mask.empty()) return photo;
+  const PhotoWeight<double> weight = photo_weight(
+      view.mask.pixels[pixel] / 255.0, double(view.exposure[c]), double(background[c]), true);
+  return weight.cover * photo + weight.backdrop;
+}
+
+auto weighted_values(const ImageF& render, const View& view, const Vec3f& background) {
+  return [&](std::size_t pixel, int c) {
+    const double x = double(view.exposure[c]) * render.pixels[3 * pixel + c];
+    return ComparedValue{std::clamp(x, 0.0, 1.0), photo_value(view, background, pixel, c),
+                         view.has_untrained_pixels() ? view.mask.pixels[pixel] / 255.0 : 1.0};
+  };
+}
+
+}  // namespace
+
+double psnr(const ImageF& render, const Image8& photo) {
+  check_sizes(render, photo);
+  return psnr_of(render, plain_values(render, photo));
+}
+
+double ssim(const ImageF& render, const Image8& photo) {
+  check_sizes(render, photo);
+  return ssim_of(render, plain_values(render, photo));
+}
+
+double psnr(const ImageF& render, const View& view, const Vec3f& background) {
+  check_sizes(render, view.photo);
+  return psnr_of(render, weighted_values(render, view, background));
+}
+
+double ssim(const ImageF& render, const View& view, const Vec3f& background) {
+  check_sizes(render, view.photo);
+  return ssim_of(render, weighted_values(render, view, background));
+}
+
+Image8 shown_photo(const View& view, const Vec3f& background) {
+  Image8 shown = view.photo;
+  if (!view.over_background || view.mask.empty()) return shown;
+  for (std::size_t i = 0; i < shown.pixels.size(); ++i) {
+    const double value = photo_value(view, background, i / 3, int(i % 3));
+    shown.pixels[i] = std::uint8_t(std::lround(255 * std::clamp(value, 0.0, 1.0)));
+  }
+  return shown;
 }
 
 Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
@@ -57,8 +126,8 @@ Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
     renderer.forward(gaussians, views[i].camera, settings, pass);
     const ImageF render = image_of(pass);
     if (on_view) on_view(i, views[i], render);
-    evaluation.views.push_back(
-        {views[i].name, psnr(render, views[i].photo), ssim(render, views[i].photo)});
+    evaluation.views.push_back({views[i].name, psnr(render, views[i], settings.background),
+                                ssim(render, views[i], settings.background)});
     evaluation.psnr += evaluation.views.back().psnr / double(views.size());
     evaluation.ssim += evaluation.views.back().ssim / double(views.size());
   }

@@ -19,6 +19,18 @@ double psnr(const ImageF& render, const Image8& photo);
 /// Mean structural similarity (Wang et al. 2004).
 double ssim(const ImageF& render, const Image8& photo);
 
+/// The same of a view with a mask or an exposure: of pictures on this background. Its exposure is given to the render
+/// first, which is clamped after it. Where the mask says what trains, nothing else counts:
+///   psnr  the mean of the squared error is weighted by the mask
+///   ssim  the mean is that over pixels with a mask above 0, of both pictures multiplied by the mask, as in the loss
+/// Where it says what the photo covers, the photo is put over the background, and every pixel counts. The view has a pixel
+/// that trains.
+double psnr(const ImageF& render, const View& view, const Vec3f& background);
+double ssim(const ImageF& render, const View& view, const Vec3f& background);
+
+/// The photo to show beside renders: over the background, where its mask says what it covers.
+Image8 shown_photo(const View& view, const Vec3f& background);
+
 struct ViewMetrics {
   std::string name;
   double psnr, ssim;

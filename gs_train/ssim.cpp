@@ -5,9 +5,12 @@
 //
 // With the moments m = G * (x, y, xx, yy, xy), G the window, and h = dL/dSSIM at each pixel:
 //   dL/dX = G * d_x + 2 X (G * d_xx) + Y (G * d_xy),  (d_x, d_xx, d_xy) = ssim_index_vjp(m, h)
+//
+// Of a view with a mask or an exposure, X and Y are what photo_weight() makes of the two pictures.
 #include "gs_core/math/ssim.h"
 
 #include "gs_core/error.h"
+#include "gs_core/math/photo_weight.h"
 #include "gs_core/parallel.h"
 #include "gs_train/scalar_stages.h"
 #include "gs_train/window.h"
@@ -26,9 +29,11 @@ class ScalarLoss final : public Loss {
     values_ = 3 * pass.pixel_count();
     const float* X = pass.image.data();
     read_photo(view.photo);
+    if (view.is_weighted()) X = weighted(X, view, pass.background);
     windowed_moments(X);
     similarity(lambda_dssim);
     image_gradient(X, lambda_dssim, dL_dimage);
+    if (view.is_weighted()) pull_back_weights(dL_dimage);
   }
   double value() override { return value_; }
 
@@ -40,6 +45,31 @@ class ScalarLoss final : public Loss {
     parallel_for(plane, 4096, [&](std::size_t i) {
       for (int c = 0; c < 3; ++c) photo_[c * plane + i] = photo.pixels[3 * i + c] * (1.0f / 255.0f);
     });
+  }
+
+  // Replaces X and the photo by X' and Y'; leaves dX'/dX in gains_.
+  const float* weighted(const float* X, const View& view, const Vec3f& background) {
+    const std::size_t plane = values_ / 3;
+    GS_CHECK(view.mask.empty() || view.mask.pixels.size() == plane);
+    weighted_.resize_discard(values_);
+    gains_.resize_discard(values_);
+    parallel_for(plane, 4096, [&](std::size_t i) {
+      const float m = view.mask.empty() ? 1.0f : view.mask.pixels[i] * (1.0f / 255.0f);
+      for (int c = 0; c < 3; ++c) {
+        const std::size_t value = c * plane + i;
+        const PhotoWeight<float> weight =
+            photo_weight(m, view.exposure[c], background[c], view.over_background);
+        gains_[value] = weight.gain;
+        weighted_[value] = weight.gain * X[value];
+        photo_[value] = weight.cover * photo_[value] + weight.backdrop;
+      }
+    });
+    return weighted_.data();
+  }
+
+  // From dL/dX' to dL/dX.
+  void pull_back_weights(Buffer<float>& dL_dimage) {
+    parallel_for(values_, 4096, [&](std::size_t i) { dL_dimage[i] *= gains_[i]; });
   }
 
   // moments_ holds five stacks of three planes each: x, y, xx, yy, xy.
@@ -108,7 +138,7 @@ class ScalarLoss final : public Loss {
 
   int width_ = 0, height_ = 0;
   std::size_t values_ = 0;
-  Buffer<float> photo_, moments_, scratch_;
+  Buffer<float> photo_, weighted_, gains_, moments_, scratch_;
   std::vector<double> row_sums_;
   double ssim_sum_ = 0, value_ = 0;
 };

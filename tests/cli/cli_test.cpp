@@ -266,6 +266,34 @@ TEST_F(Program, AWrittenConfigRepeatsTheRun) {
   EXPECT_TRUE(read_bytes(text("out") + ply) == read_bytes(text("repeated") + ply));
 }
 
+TEST_F(Program, MasksCountInTrainingEvaluationAndDoctor) {
+  write_scene(path("scene"));
+  Image8 mask(kWidth, kHeight, 1);
+  std::fill_n(mask.pixels.begin(), mask.pixels.size() / 4, std::uint8_t(255));
+  for (int v = 0; v < kViews; ++v)
+    write_png(path("scene") / "masks" / ("view_" + std::to_string(v) + ".png"), mask);
+  const Outcome trained = train("masked");
+  ASSERT_EQ(trained.code, 0) << trained.err;
+  EXPECT_THAT(trained.out + trained.err,
+              HasSubstr("6 of 6 photos are masked: 25.0 % of their pixels train"));
+  const Outcome turned = train("turned", "--invert-masks");
+  EXPECT_THAT(turned.out + turned.err, HasSubstr("75.0 % of their pixels train"));
+  const Outcome over = train("over", "--mask-mode background --background random");
+  EXPECT_THAT(over.out + over.err, HasSubstr("25.0 % of their pixels show the scene"));
+  EXPECT_THAT(train("none", "--masks none").out, Not(HasSubstr("masked")));
+  EXPECT_NE(read_bytes(path("masked/point_cloud/iteration_20/point_cloud.ply")),
+            read_bytes(path("none/point_cloud/iteration_20/point_cloud.ply")));
+
+  ASSERT_EQ(run("eval " + text("masked") + " -o " + text("eval.json")).code, 0);
+  ASSERT_EQ(run("eval " + text("masked") + " --masks none -o " + text("all.json")).code, 0);
+  EXPECT_NEAR(json("eval.json").at("psnr").get<double>(),
+              json("masked/results.json").at("test").at("psnr").get<double>(), 0.01);
+  EXPECT_NE(json("eval.json").at("psnr"), json("all.json").at("psnr"));
+  EXPECT_THAT(run("doctor " + text("scene") + " --invert-masks").out,
+              HasSubstr("75.0 % of their pixels train"));
+  EXPECT_EQ(run("train " + text("scene") + " -o x --mask-mode both").code, 2);
+}
+
 TEST_F(Program, EvalOfARunFindsTheFiguresOfItsTraining) {
   ASSERT_EQ(train("out").code, 0);
   const Outcome outcome = run("eval " + text("out") + " --json -q --device cpu");

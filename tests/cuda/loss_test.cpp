@@ -32,8 +32,23 @@ struct Pair {
             rendered(picture, view.photo.pixels[3 * i + c] * (1.0f / 255.0f), draws);
   }
 
+  /// Gives the photo a mask of noise with black and white areas.
+  void mask(bool over_background, std::uint64_t seed) {
+    Draws draws(seed);
+    view.mask = Image8(view.photo.width, view.photo.height, 1);
+    for (int y = 0; y < view.photo.height; ++y)
+      for (int x = 0; x < view.photo.width; ++x) {
+        const int area = (x / 20 + y / 15) % 3;
+        view.mask.at(x, y, 0) = area == 0   ? 0
+                                : area == 1 ? 255
+                                            : std::uint8_t(draws.uniform(0, 255.9f));
+      }
+    view.over_background = over_background;
+  }
+
   RenderPass pass(Memory& memory) const {
     RenderPass pass(memory);
+    pass.background = {0.9f, 0.2f, 0.5f};
     pass.width = view.photo.width;
     pass.height = view.photo.height;
     pass.image.upload(image);
@@ -90,9 +105,13 @@ constexpr std::pair<int, int> kSizes[] = {{1, 1},   {5, 3},   {11, 11},   {32, 3
 
 class CudaLossTest : public CudaTest {
  protected:
-  void expect_parity(Picture picture, std::uint64_t seed, const Tolerance& tolerance) {
+  /// `weigh` may give the pair's photo a mask and an exposure.
+  template <class Weigh>
+  void expect_parity(Picture picture, std::uint64_t seed, const Tolerance& tolerance,
+                     Weigh&& weigh) {
     for (const auto& [width, height] : kSizes) {
-      const Pair pair(width, height, picture, seed);
+      Pair pair(width, height, picture, seed);
+      weigh(pair);
       for (const float lambda : {0.0f, 0.2f, 1.0f}) {
         SCOPED_TRACE(testing::Message() << width << " x " << height << ", lambda " << lambda);
         const Answer actual = answer_of(gpu(), pair, lambda);
@@ -102,6 +121,9 @@ class CudaLossTest : public CudaTest {
         EXPECT_LT(relative_difference(actual.dL_dimage, expected.dL_dimage), tolerance.gradient);
       }
     }
+  }
+  void expect_parity(Picture picture, std::uint64_t seed, const Tolerance& tolerance) {
+    expect_parity(picture, seed, tolerance, [](Pair&) {});
   }
 };
 
@@ -113,6 +135,50 @@ TEST_F(CudaLossTest, OfAPictureNearThePhotoIsTheScalarOne) {
 
 TEST_F(CudaLossTest, OfASmoothPictureIsTheScalarOne) {
   expect_parity(Picture::smooth, 3, kCancellation);
+}
+
+TEST_F(CudaLossTest, OfMaskedPhotosIsTheScalarOne) {
+  for (const bool over_background : {false, true}) {
+    SCOPED_TRACE(over_background);
+    expect_parity(Picture::near, 6, kRounding, [&](Pair& pair) { pair.mask(over_background, 7); });
+  }
+}
+
+TEST_F(CudaLossTest, OfExposedPhotosIsTheScalarOne) {
+  const auto expose = [](Pair& pair) { pair.view.exposure = {0.8f, 1.0f, 1.3f}; };
+  expect_parity(Picture::near, 8, kRounding, expose);
+  for (const bool over_background : {false, true}) {
+    SCOPED_TRACE(over_background);
+    expect_parity(Picture::near, 9, kRounding, [&](Pair& pair) {
+      expose(pair);
+      pair.mask(over_background, 10);
+    });
+  }
+}
+
+TEST_F(CudaLossTest, OfAFullMaskIsThatWithoutOne) {
+  const Pair plain(97, 41, Picture::near, 11);
+  Pair masked(97, 41, Picture::near, 11);
+  masked.view.mask = Image8(97, 41, 1, 255);
+  const Answer expected = answer_of(gpu(), plain, 0.2f), actual = answer_of(gpu(), masked, 0.2f);
+  // Products with 1 are exact; what the compiler fuses may differ.
+  EXPECT_NEAR(actual.value, expected.value, 1e-6);
+  EXPECT_LT(relative_difference(actual.dL_dimage, expected.dL_dimage), kRounding.gradient);
+}
+
+TEST_F(CudaLossTest, DoesNotSeeWhatTheMaskCovers) {
+  Pair pair(130, 90, Picture::near, 12);
+  pair.mask(false, 13);
+  Pair garbage = pair;
+  const std::size_t plane = pair.view.mask.pixels.size();
+  for (std::size_t i = 0; i < plane; ++i)
+    for (int c = 0; c < 3 && pair.view.mask.pixels[i] == 0; ++c) {
+      garbage.view.photo.pixels[3 * i + c] ^= 0xa5;
+      garbage.image[c * plane + i] += 5;
+    }
+  const Answer expected = answer_of(gpu(), pair, 0.2f), actual = answer_of(gpu(), garbage, 0.2f);
+  EXPECT_EQ(actual.value, expected.value);
+  EXPECT_EQ(actual.dL_dimage, expected.dL_dimage);
 }
 
 TEST_F(CudaLossTest, OfEqualPicturesIsZeroAndHasNoL1Gradient) {
@@ -143,6 +209,7 @@ class CudaPhotosTest : public CudaLossTest {
     const std::pair<int, int> sizes[] = {{40, 30}, {7, 90}, {130, 20}, {64, 64}, {33, 11}};
     for (const auto& [width, height] : sizes) {
       pairs_.emplace_back(width, height, Picture::near, std::uint64_t(10 + width));
+      if (pairs_.size() % 2 == 0) pairs_.back().mask(false, std::uint64_t(width));
       views_.push_back(pairs_.back().view);
     }
     for (std::size_t i = 0; i < pairs_.size(); ++i) {

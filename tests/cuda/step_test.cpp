@@ -43,6 +43,14 @@ std::vector<View> some_views(int width, int height, int count) {
     views[i].camera = random_camera(width, height, 1);
     views[i].camera.cx += float(3 * i);
     views[i].photo = random_photo(width, height, std::uint64_t(i));
+    if (i == 1) {  // a photo with a mask, and one with alpha
+      views[i].mask = Image8(width, height, 1, 255);
+      std::fill_n(views[i].mask.pixels.begin(), std::size_t(width) * height / 3, std::uint8_t(0));
+    } else if (i == 2) {
+      views[i].mask = Image8(width, height, 1, 150);
+      views[i].over_background = true;
+      views[i].exposure = {0.9f, 1.0f, 1.1f};
+    }
   }
   return views;
 }

@@ -55,6 +55,30 @@ TEST(Photos, GreyIsRepeatedInThreeChannels) {
   EXPECT_THAT(photo.pixels, ElementsAre(10, 10, 10, 200, 200, 200));
 }
 
+TEST(Photos, AlphaIsGivenBesideTheColour) {
+  const TempFolder temp;
+  const auto alpha_of = [&](const std::string& bytes) {
+    write_bytes(temp.path() / "photo.png", bytes);
+    return read_photo_with_alpha(temp.path() / "photo.png").alpha;
+  };
+  EXPECT_THAT(alpha_of(bytes_of(kRgbaPng)).pixels, ElementsAre(128, 0));
+  EXPECT_THAT(alpha_of(bytes_of(kGreyAlphaPng)).pixels, ElementsAre(0, 255));
+  EXPECT_EQ(alpha_of(bytes_of(kRgbaPng)).channels, 1);
+  EXPECT_TRUE(alpha_of(bytes_of(kGreyPng)).empty());
+  EXPECT_TRUE(alpha_of(bytes_of(kRgb16Png)).empty());
+}
+
+TEST(Photos, APngWithAlphaComesBackAsWritten) {
+  const TempFolder temp;
+  const Image8 image = noise(31, 9, 4);
+  write_png(temp.path() / "photo.png", image);
+  const PhotoWithAlpha read = read_photo_with_alpha(temp.path() / "photo.png");
+  for (std::size_t i = 0; i < read.alpha.pixels.size(); ++i) {
+    ASSERT_EQ(read.alpha.pixels[i], image.pixels[4 * i + 3]);
+    for (int c = 0; c < 3; ++c) ASSERT_EQ(read.photo.pixels[3 * i + c], image.pixels[4 * i + c]);
+  }
+}
+
 TEST(Photos, AlphaIsDroppedAndColourStaysAsStored) {
   EXPECT_THAT(decoded(bytes_of(kRgbaPng), "rgba.png").pixels, ElementsAre(200, 100, 50, 1, 2, 3));
   EXPECT_THAT(decoded(bytes_of(kGreyAlphaPng), "ga.png").pixels,

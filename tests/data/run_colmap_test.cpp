@@ -300,6 +300,15 @@ TEST(PhotoFolder, NamesAreRelativeAndHiddenOrUnreadableFilesAreLeftOut) {
   EXPECT_THAT(names, ElementsAre("a.png", "b/1.png"));
 }
 
+TEST(PhotoFolder, MasksAreNoPhotos) {
+  const TempFolder temp;
+  write_png(temp.path() / "a.png", plain_photo(4, 4, 9));
+  write_png(temp.path() / "masks/a.png", plain_photo(4, 4, 9));
+  const std::vector<PhotoFile> photos = find_photos(temp.path(), {});
+  ASSERT_EQ(photos.size(), 1u);
+  EXPECT_EQ(photos[0].name, "a.png");
+}
+
 TEST(PhotoFolder, OnlyPhotosMeansNoPosesNearby) {
   const TempFolder temp;
   write_png(temp.path() / "images/a.png", plain_photo(4, 4, 9));

@@ -57,6 +57,66 @@ TEST(Ssim, OfIdenticalPicturesIsOne) {
   EXPECT_NEAR(ssim(ImageF(3, 2, 3, 0.0f), Image8(3, 2, 3, 0)), 1, 1e-6);
 }
 
+// Half of the pixels trains and is off by 51: 13.979400 dB, as above, whatever the other half shows.
+TEST(Psnr, OfAMaskedViewIsThatOfItsTrainedPixels) {
+  View view;
+  view.photo = Image8(4, 2, 3, 51);
+  view.mask = Image8(4, 2, 1, 0);
+  ImageF render(4, 2, 3, 0.0f);
+  for (int x = 0; x < 2; ++x)
+    for (int y = 0; y < 2; ++y) view.mask.at(x, y, 0) = 255;
+  for (int c = 0; c < 3; ++c) render.at(3, 1, c) = 1;
+  EXPECT_NEAR(psnr(render, view, {}), 13.979400086720375, 1e-9);
+  // A pixel of mask 51 counts a fifth: (4 * 0.04 + 0.2 * 0.64) / 4.2.
+  view.mask.at(3, 1, 0) = 51;
+  EXPECT_NEAR(psnr(render, view, {}), -10 * std::log10((4 * 0.04 + 0.2 * 0.64) / 4.2), 1e-6);
+}
+
+TEST(Ssim, OfAMaskedViewDoesNotSeeTheRest) {
+  View view;
+  view.photo = random_photo(20, 10, 3);
+  view.mask = Image8(20, 10, 1, 0);
+  for (int x = 4; x < 15; ++x)
+    for (int y = 2; y < 7; ++y) view.mask.at(x, y, 0) = 255;
+  ImageF render = picture_of(view.photo);
+  EXPECT_NEAR(ssim(render, view, {}), 1, 1e-6);
+  for (int x = 0; x < 20; ++x)
+    for (int c = 0; c < 3; ++c) render.at(x, 9, c) = 0.3f;
+  EXPECT_NEAR(ssim(render, view, {}), 1, 1e-6);
+  EXPECT_EQ(psnr(render, view, {}), 100);
+  render.at(8, 4, 0) = 1 - render.at(8, 4, 0);
+  EXPECT_LT(ssim(render, view, {}), 0.9999);
+}
+
+TEST(Metrics, OfAViewOverTheBackgroundSeeThePhotoThere) {
+  View view;
+  view.photo = random_photo(20, 10, 4);
+  view.mask = Image8(20, 10, 1, 0);
+  for (int x = 0; x < 12; ++x) view.mask.at(x, 5, 0) = 255;
+  view.over_background = true;
+  const Vec3f background{0.2f, 0.4f, 0.8f};  // 51, 102, 204
+  const Image8 shown = shown_photo(view, background);
+  EXPECT_EQ(shown.at(11, 5, 1), view.photo.at(11, 5, 1));
+  EXPECT_EQ(shown.at(12, 5, 0), 51);
+  EXPECT_EQ(shown.at(0, 0, 2), 204);
+  ImageF render = picture_of(shown);
+  EXPECT_GT(psnr(render, view, background), 99);
+  EXPECT_NEAR(ssim(render, view, background), 1, 1e-6);
+  render.at(0, 0, 0) += 0.3f;  // every pixel counts
+  EXPECT_NEAR(psnr(render, view, background), -10 * std::log10(0.09 / 600), 1e-4);
+}
+
+TEST(Metrics, GiveThePhotosExposureToTheRender) {
+  View view;
+  view.photo = Image8(16, 12, 3, 100);
+  view.exposure = {0.5f, 1, 2};
+  ImageF render(16, 12, 3, 100 / 255.0f);
+  for (std::size_t i = 0; i < render.pixels.size(); ++i)
+    render.pixels[i] /= view.exposure[int(i % 3)];
+  EXPECT_GT(psnr(render, view, {}), 99);
+  EXPECT_NEAR(ssim(render, view, {}), 1, 1e-6);
+}
+
 TEST(Evaluate, AveragesOverViewsAndShowsEachPictureInOrder) {
   const Gaussians gaussians = random_gaussians(kTypical, 50, random_camera(40, 30, 1), 3);
   std::vector<View> views;

@@ -2,6 +2,7 @@
 // Stage 5: the photometric loss against its definition in double, and its gradient against the slope of that.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "gs_core/math/ssim.h"
@@ -72,6 +73,25 @@ struct Pair {
             0.7f * float(target(c, i)) + draws.uniform(0, 0.3f);
   }
   double target(int c, std::size_t i) const { return view.photo.pixels[3 * i + c] / 255.0; }
+
+  /// Gives the photo a mask of noise, black, white and between, an exposure and a background.
+  void weigh(bool over_background, std::uint64_t seed) {
+    Draws draws(seed);
+    view.mask = Image8(pass.width, pass.height, 1);
+    for (std::uint8_t& value : view.mask.pixels)
+      value = std::uint8_t(std::clamp(draws.uniform(-200, 455), 0.0f, 255.0f));
+    view.exposure = {0.8f, 1.0f, 1.3f};
+    view.over_background = over_background;
+    pass.background = {0.9f, 0.2f, 0.5f};
+  }
+  double mask(std::size_t i) const { return view.mask.empty() ? 1 : view.mask.pixels[i] / 255.0; }
+  double compared_image(int c, std::size_t i, double X) const {
+    return (view.over_background ? 1 : mask(i)) * view.exposure[c] * X;
+  }
+  double compared_photo(int c, std::size_t i) const {
+    const double behind = double(view.exposure[c]) * pass.background[c];
+    return mask(i) * target(c, i) + (view.over_background ? (1 - mask(i)) * behind : 0);
+  }
   std::vector<double> image() const { return {pass.image.begin(), pass.image.end()}; }
   std::size_t values() const { return pass.image.size(); }
 
@@ -83,8 +103,10 @@ struct Pair {
       for (int y = 0; y < pass.height; ++y)
         for (int x = 0; x < pass.width; ++x) {
           const auto index = [&](int u, int v) { return std::size_t(v) * pass.width + u; };
-          const auto at = [&](int u, int v) { return X[c * plane + index(u, v)]; };
-          const auto photo = [&](int u, int v) { return target(c, index(u, v)); };
+          const auto at = [&](int u, int v) {
+            return compared_image(c, index(u, v), X[c * plane + index(u, v)]);
+          };
+          const auto photo = [&](int u, int v) { return compared_photo(c, index(u, v)); };
           const auto mean = [&](auto&& f) { return window_mean(x, y, pass.width, pass.height, f); };
           l1 += std::abs(at(x, y) - photo(x, y));
           ssim += ssim_index(LocalMoments<double>{
@@ -112,28 +134,117 @@ TEST_P(PhotometricLoss, HasTheValueOfItsDefinition) {
   }
 }
 
+/// The largest difference between the gradient and the slope of the definition, over the largest slope.
+double worst_slope(const Pair& pair, float lambda, const Buffer<float>& dL_dimage) {
+  constexpr double h = 1e-5;
+  std::vector<double> X = pair.image();
+  double largest = 0, worst = 0;
+  for (std::size_t i = 0; i < pair.values(); i += 1 + pair.values() / 60) {
+    const double value = X[i];
+    X[i] = value + h;
+    const double high = pair.loss(X, lambda);
+    X[i] = value - h;
+    const double low = pair.loss(X, lambda);
+    X[i] = value;
+    const double slope = (high - low) / (2 * h);
+    largest = std::max(largest, std::abs(slope));
+    worst = std::max(worst, std::abs(slope - dL_dimage[i]));
+  }
+  return worst / largest;
+}
+
 TEST_P(PhotometricLoss, HasTheGradientOfItsDefinition) {
   const Pair pair(GetParam().first, GetParam().second, 3);
-  constexpr double h = 1e-5;
   for (const float lambda : {0.2f, 1.0f}) {
     loss_->forward_backward(pair.pass, pair.view, lambda, dL_dimage_);
     ASSERT_EQ(dL_dimage_.size(), pair.values());
-    std::vector<double> X = pair.image();
-    double largest = 0, worst = 0;
-    for (std::size_t i = 0; i < pair.values(); i += 1 + pair.values() / 60) {
-      const double value = X[i];
-      X[i] = value + h;
-      const double high = pair.loss(X, lambda);
-      X[i] = value - h;
-      const double low = pair.loss(X, lambda);
-      X[i] = value;
-      const double slope = (high - low) / (2 * h);
-      largest = std::max(largest, std::abs(slope));
-      worst = std::max(worst, std::abs(slope - dL_dimage_[i]));
-    }
     // Float rounds moments at 6e-8, their differences and quotients at some ten times that.
-    EXPECT_LT(worst / largest, 5e-6);
+    EXPECT_LT(worst_slope(pair, lambda, dL_dimage_), 5e-6);
   }
+}
+
+TEST(WeightedLoss, HasTheValueAndTheGradientOfItsDefinition) {
+  const auto loss = make_scalar_loss();
+  Buffer<float> dL_dimage;
+  for (const bool over_background : {false, true})
+    for (const float lambda : {0.0f, 0.2f, 1.0f}) {
+      Pair pair(23, 14, 8);
+      pair.weigh(over_background, 9);
+      loss->forward_backward(pair.pass, pair.view, lambda, dL_dimage);
+      EXPECT_NEAR(loss->value(), pair.loss(pair.image(), lambda), 2e-6);  // float moments
+      EXPECT_LT(worst_slope(pair, lambda, dL_dimage), 5e-6) << over_background << " " << lambda;
+    }
+}
+
+TEST(WeightedLoss, OfAnExposureAloneIsThatOfThePictureTimesIt) {
+  Pair pair(12, 9, 10);
+  pair.view.exposure = {0.5f, 2.0f, 1.0f};
+  Pair multiplied(12, 9, 10);
+  for (std::size_t i = 0; i < pair.values(); ++i)
+    multiplied.pass.image[i] *= pair.view.exposure[int(i / pair.pass.pixel_count())];
+  const auto loss = make_scalar_loss();
+  Buffer<float> of_exposed, of_multiplied;
+  loss->forward_backward(pair.pass, pair.view, 0.2f, of_exposed);
+  const double value = loss->value();
+  loss->forward_backward(multiplied.pass, multiplied.view, 0.2f, of_multiplied);
+  EXPECT_EQ(value, loss->value());
+  for (std::size_t i = 0; i < pair.values(); ++i)
+    EXPECT_EQ(of_exposed[i],
+              of_multiplied[i] * pair.view.exposure[int(i / pair.pass.pixel_count())]);
+}
+
+TEST(WeightedLoss, OfAFullMaskIsThatWithoutOne) {
+  const Pair plain(20, 15, 11);
+  Pair masked(20, 15, 11);
+  masked.view.mask = Image8(20, 15, 1, 255);
+  const auto loss = make_scalar_loss();
+  Buffer<float> a, b;
+  loss->forward_backward(plain.pass, plain.view, 0.2f, a);
+  const double value = loss->value();
+  loss->forward_backward(masked.pass, masked.view, 0.2f, b);
+  EXPECT_EQ(a.download(), b.download());
+  EXPECT_EQ(value, loss->value());
+}
+
+TEST(WeightedLoss, DoesNotSeeWhatTheMaskCovers) {
+  Pair pair(20, 15, 12), garbage(20, 15, 12);
+  pair.weigh(false, 13);
+  garbage.weigh(false, 13);
+  std::size_t covered = 0;
+  for (std::size_t i = 0; i < pair.pass.pixel_count(); ++i) {
+    if (pair.view.mask.pixels[i] > 0) continue;
+    ++covered;
+    for (int c = 0; c < 3; ++c) {
+      garbage.view.photo.pixels[3 * i + c] ^= 0xa5;
+      garbage.pass.image[c * pair.pass.pixel_count() + i] += 5;
+    }
+  }
+  ASSERT_GT(covered, 20u);
+  const auto loss = make_scalar_loss();
+  Buffer<float> a, b;
+  loss->forward_backward(pair.pass, pair.view, 0.2f, a);
+  const double value = loss->value();
+  loss->forward_backward(garbage.pass, garbage.view, 0.2f, b);
+  EXPECT_EQ(a.download(), b.download());
+  EXPECT_EQ(value, loss->value());
+  for (std::size_t i = 0; i < pair.pass.pixel_count(); ++i) {
+    if (pair.view.mask.pixels[i] == 0) {
+      ASSERT_EQ(a[i], 0) << i;
+    }
+  }
+}
+
+TEST(WeightedLoss, OfThePhotoOverTheBackgroundIsZeroForThatPicture) {
+  Pair pair(20, 15, 14);
+  pair.weigh(true, 15);
+  for (int c = 0; c < 3; ++c)
+    for (std::size_t i = 0; i < pair.pass.pixel_count(); ++i)
+      pair.pass.image[c * pair.pass.pixel_count() + i] =
+          float(pair.compared_photo(c, i) / pair.view.exposure[c]);
+  const auto loss = make_scalar_loss();
+  Buffer<float> dL_dimage;
+  loss->forward_backward(pair.pass, pair.view, 0.2f, dL_dimage);
+  EXPECT_NEAR(loss->value(), 0, 1e-6);
 }
 
 TEST(PhotometricLossOfEqualPictures, IsZeroAndHasNoGradient) {

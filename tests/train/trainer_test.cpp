@@ -28,18 +28,25 @@ Camera orbit_camera(float turn) {
   return camera;
 }
 
-/// Forty coloured Gaussians seen from eight sides; the points of the start are near them, and grey.
-Scene small_scene() {
+/// Forty coloured Gaussians.
+Gaussians small_truth(std::vector<ScenePoint>* points = nullptr) {
   Draws draws(1);
   Gaussians truth(40, host_memory());
-  Scene scene;
-  scene.source = "a scene of the test";
   for (std::size_t i = 0; i < truth.count(); ++i) {
     const Vec3f place = draws.uniform3(-0.8f, 0.8f);
     set_gaussian(truth, i, place, draws.uniform(0.05f, 0.25f), draws.uniform(0.5f, 0.95f),
                  draws.uniform3(0, 1));
-    scene.points.push_back({place + draws.uniform3(-0.1f, 0.1f), {128, 128, 128}});
+    const Vec3f near = place + draws.uniform3(-0.1f, 0.1f);
+    if (points) points->push_back({near, {128, 128, 128}});
   }
+  return truth;
+}
+
+/// They are seen from eight sides; the points of the start are near them, and grey.
+Scene small_scene() {
+  Scene scene;
+  scene.source = "a scene of the test";
+  const Gaussians truth = small_truth(&scene.points);
   const auto renderer = make_scalar_renderer();
   RenderPass pass;
   for (int k = 0; k < 8; ++k) {
@@ -165,6 +172,79 @@ TEST_F(SmallRun, TrainsUnderEverySettingOfTheRenderer) {
       const Gaussians gaussians = trained(config);
       for (const float value : numbers_of(gaussians.mean)) EXPECT_TRUE(std::isfinite(value));
     }
+}
+
+/// The scene with a mask of a disc in each photo, and where it is black, `garbage` xor'ed into the photo.
+Scene masked_scene(const Scene& scene, std::uint8_t garbage) {
+  Scene masked;
+  masked.points = scene.points;
+  masked.extent = scene.extent;
+  for (View view : scene.train_views) {
+    view.mask = Image8(view.photo.width, view.photo.height, 1);
+    for (int y = 0; y < view.photo.height; ++y)
+      for (int x = 0; x < view.photo.width; ++x) {
+        const bool is_inside = (x - 24) * (x - 24) + (y - 18) * (y - 18) < 14 * 14;
+        view.mask.at(x, y, 0) = is_inside ? 255 : 0;
+        for (int c = 0; c < 3 && !is_inside; ++c) view.photo.at(x, y, c) ^= garbage;
+      }
+    masked.train_views.push_back(std::move(view));
+  }
+  return masked;
+}
+
+TEST_F(SmallRun, DoesNotSeeWhatMasksIgnore) {
+  const Scene clean = masked_scene(scene_, 0), dirty = masked_scene(scene_, 0xb7);
+  ASSERT_NE(clean.train_views[0].photo.pixels, dirty.train_views[0].photo.pixels);
+  Trainer on_clean(clean, short_run(), *backend_);
+  on_clean.run();
+  const Gaussians of_clean = copy_of(on_clean.model().gaussians);
+  Trainer on_dirty(dirty, short_run(), *backend_);
+  on_dirty.run();
+  EXPECT_TRUE(same_bits(copy_of(on_dirty.model().gaussians), of_clean));
+  EXPECT_FALSE(same_bits(trained(short_run()), of_clean));  // masks do matter
+  const Evaluation evaluation = evaluate(backend_->renderer(), on_dirty.model().gaussians.span(),
+                                         dirty.train_views, on_dirty.evaluation_settings());
+  EXPECT_GT(evaluation.psnr, 22);  // of what trains
+}
+
+/// The scene's Gaussians without background: colour and what it covers.
+Scene cut_out_scene(const Scene& scene, Renderer& renderer, const GaussiansSpan& truth) {
+  Scene cut_out;
+  cut_out.points = scene.points;
+  cut_out.extent = scene.extent;
+  RenderPass pass;
+  for (View view : scene.train_views) {
+    renderer.forward(truth, view.camera, {}, pass);
+    view.mask = Image8(view.photo.width, view.photo.height, 1);
+    for (std::size_t i = 0; i < pass.pixel_count(); ++i) {
+      const float cover = 1 - pass.transmittance[i];
+      view.mask.pixels[i] = std::uint8_t(std::lround(255 * cover));
+      for (int c = 0; c < 3; ++c) {
+        const float color = cover > 0 ? pass.image[c * pass.pixel_count() + i] / cover : 0.5f;
+        view.photo.pixels[3 * i + c] = std::uint8_t(std::lround(255 * std::min(color, 1.0f)));
+      }
+    }
+    view.over_background = true;
+    cut_out.train_views.push_back(std::move(view));
+  }
+  return cut_out;
+}
+
+// On one background alone, Gaussians of its colour could stand for it.
+TEST_F(SmallRun, OnRandomBackgroundsLearnsWhatAlphaCovers) {
+  Config config = short_run();
+  config.render.background = "random";
+  const Scene cut_out = cut_out_scene(scene_, backend_->renderer(), small_truth().span());
+  Trainer trainer(cut_out, config, *backend_);
+  trainer.run();
+  for (const Vec3f& background : {Vec3f(0.0f), Vec3f(1.0f), Vec3f(0, 1, 0)}) {
+    RenderSettings settings = trainer.evaluation_settings();
+    settings.background = background;
+    EXPECT_GT(evaluate(backend_->renderer(), trainer.model().gaussians.span(), cut_out.train_views,
+                       settings)
+                  .psnr,
+              22);
+  }
 }
 
 TEST_F(SmallRun, EndsWithoutFaintGaussians) {
