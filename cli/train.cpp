@@ -65,11 +65,16 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, bool show_
 
 Scene load(const DatasetConfig& dataset, bool show_progress) {
   std::unique_ptr<ProgressBar> bar;
-  Scene scene = load_scene(dataset, [&](std::size_t done, std::size_t total) {
-    if (!bar) bar = std::make_unique<ProgressBar>(std::int64_t(total), show_progress);
-    if (bar->due(std::int64_t(done))) bar->draw(std::int64_t(done), "photos read", "photo");
-  });
-  bar.reset();
+  LoadStage shown{};
+  const auto show = [&](LoadStage stage, std::size_t done, std::size_t total) {
+    if (!bar || stage != shown)
+      bar = std::make_unique<ProgressBar>(std::int64_t(total), show_progress);
+    shown = stage;
+    const char* const what = stage == LoadStage::headers ? "photos found" : "photos read";
+    if (bar->due(std::int64_t(done))) bar->draw(std::int64_t(done), what, "photo");
+    if (done == total) bar.reset();  // before the log goes on
+  };
+  Scene scene = load_scene(dataset, show);
   const View& first = scene.train_views.empty() ? scene.test_views.at(0) : scene.train_views[0];
   log_info("{}: {} views to train on, {} held out, {}x{} pixels; {} points, extent {:.3g}",
            scene.source, scene.train_views.size(), scene.test_views.size(), first.camera.width,

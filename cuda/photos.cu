@@ -46,7 +46,7 @@ void PhotoStore::prepare(const std::vector<View>& views, std::size_t budget_byte
   resident_at_.clear();
   std::size_t bytes = 0, count = 0;
   for (; count < views.size(); ++count) {
-    const std::size_t end = aligned(bytes + views[count].photo.pixels.size());
+    const std::size_t end = aligned(bytes + photo_bytes(views[count]));
     if (end > budget_bytes) break;
     bytes = end;
   }
@@ -54,16 +54,17 @@ void PhotoStore::prepare(const std::vector<View>& views, std::size_t budget_byte
   if (bytes > resident_.capacity()) resident_ = Buffer<std::uint8_t>(memory_);
   resident_.resize_discard(bytes);
   std::size_t at = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::vector<std::uint8_t>& pixels = views[i].photo.pixels;
+  for_each_with_photo(views, count, [&](std::size_t i, const View& view) {
+    const std::vector<std::uint8_t>& pixels = view.photo.pixels;
     memory_.upload(resident_.data() + at, pixels.data(), pixels.size());
     resident_at_.emplace(&views[i], at);
+    release_photo(views[i]);
     at = aligned(at + pixels.size());
-  }
+  });
 }
 
 void PhotoStore::announce(const View& view) {
-  if (!resident_at_.contains(&view) && !announced(view)) fetch(view);
+  if (!is_resident(view) && !announced(view)) fetch(view);
 }
 
 const std::uint8_t* PhotoStore::photo(const View& view) {
@@ -103,8 +104,9 @@ PhotoStore::Slot& PhotoStore::oldest_free_slot() {
 
 // Copies the bytes on the host at once; the GPU's copy begins when all that was launched until now has run.
 PhotoStore::Slot& PhotoStore::fetch(const View& view) {
+  const std::shared_ptr<const View> decoded = with_photo(view);  // waits for the decoder, if at all
+  const std::vector<std::uint8_t>& pixels = decoded->photo.pixels;
   Slot& slot = oldest_free_slot();
-  const std::vector<std::uint8_t>& pixels = view.photo.pixels;
   slot.view = nullptr;                                            // if anything throws
   check(cudaEventSynchronize(slot.arrived), "fetching a photo");  // the pinned bytes are free again
   make_room(slot, pixels.size());

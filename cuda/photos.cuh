@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The photos on the GPU, as bytes: all of them while they fit into a budget; the others are fetched one view
-// ahead on a stream of their own.
+// ahead on a stream of their own. Photos that are no longer, or not yet, in host memory come from their PhotoSource.
 #pragma once
 
 #include <unordered_map>
@@ -21,8 +21,10 @@ class PhotoStore {
   /// Uploads the photos of these views, in order, up to so many bytes of the GPU's memory; forgets all others.
   /// The views outlive the next call or this store.
   void prepare(const std::vector<View>& views, std::size_t budget_bytes);
+  /// Whether the photo was prepared.
+  bool is_resident(const View& view) const { return resident_at_.contains(&view); }
   /// Starts to fetch the photo of a view that photo() will be asked for soon. Does not wait for the GPU but
-  /// where it is several photos behind.
+  /// where it is several photos behind; waits for a photo that is still being decoded.
   void announce(const View& view);
   /// The photo, (height, width, 3) bytes on the GPU, valid for work on the compute stream that is launched
   /// before the next two calls of photo(). Does not wait for a photo that was prepared or announced.

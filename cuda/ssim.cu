@@ -278,8 +278,8 @@ class CudaLoss final : public Loss {
 
   void forward_backward(const RenderPass& pass, const View& view, float lambda_dssim,
                         Buffer<float>& dL_dimage) override {
-    GS_CHECK(view.photo.width == pass.width && view.photo.height == pass.height);
-    GS_CHECK(view.photo.channels == 3 && pass.image.size() == 3 * pass.pixel_count());
+    GS_CHECK(photo_bytes(view) == 3 * pass.pixel_count());
+    GS_CHECK(pass.image.size() == 3 * pass.pixel_count());
     const Pictures pictures{pass.image.data(), photos_.photo(view), pass.width, pass.height,
                             int(blocks_for(std::size_t(pass.width), kBlockColumns))};
     lambda_dssim_ = lambda_dssim;

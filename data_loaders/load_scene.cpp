@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages, in order: find, read the model, split, plan every view from the photos' headers, decode.
+// Stages, in order: find, read the model, split, plan every view from the photos' headers, decode (or leave that to a
+// PhotoPool).
 #include "data_loaders/load_scene.h"
 
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <mutex>
@@ -12,8 +14,12 @@
 
 #include "data_loaders/colmap_model.h"
 #include "data_loaders/find_scene.h"
+#include "data_loaders/host_ram.h"
+#include "data_loaders/photo_cache.h"
+#include "data_loaders/photo_codec.h"
 #include "data_loaders/photo_fit.h"
 #include "data_loaders/photo_names.h"
+#include "data_loaders/photo_pool.h"
 #include "data_loaders/photos.h"
 #include "data_loaders/scene_model.h"
 #include "data_loaders/undistort.h"
@@ -27,6 +33,20 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr double kGib = 1024.0 * 1024.0 * 1024.0;  // bytes
+constexpr int kMostDecoders = 16;                  // threads of a PhotoPool
+// Smaller photos are not kept in a cache that nobody named: they are decoded in 10 ms.
+constexpr std::int64_t kWorthCaching = std::int64_t(1) << 20;  // pixels
+// Part of the names in the cache: raise it when read_photo(), undistorted_photo() or area_resized() give other bytes.
+constexpr int kPictureVersion = 1;
+
+/// The name of a photo in the cache, and the state of the file that it was found for.
+struct CacheKey {
+  std::string key;
+  std::uintmax_t bytes = 0;
+  fs::file_time_type changed;
+};
+
 /// All that is known of a view before its photo is decoded.
 struct ViewPlan {
   ColmapImage image;
@@ -35,6 +55,12 @@ struct ViewPlan {
   LensCamera lens;                    // at the photo's size
   PinholeCamera<double> undistorted;  // the photo without its lens, at full resolution
   PinholeCamera<double> target;       // as it is trained on
+  CacheKey cached = {};               // once it was needed
+
+  bool has_lens() const { return lens.lens != LensCamera::Lens::none; }
+  bool is_resized() const {
+    return target.width != undistorted.width || target.height != undistorted.height;
+  }
 };
 
 /// Names lead to files below the images folder, here and wherever a run writes pictures by view
@@ -104,7 +130,7 @@ void check_resolution(int resolution, const PinholeCamera<double>& camera,
 }
 
 std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel& model,
-                                 const fs::path& images) {
+                                 const fs::path& images, const LoadProgress& progress) {
   std::vector<std::string> names;
   for (const ColmapImage& image : model.images) {
     check_name(image, model.folder);
@@ -113,10 +139,15 @@ std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel
   const std::vector<fs::path> files = find_photos(names, images);
   std::vector<ViewPlan> plans;
   for (std::size_t i = 0; i < names.size(); ++i)
-    plans.push_back({model.images[i], files[i], {}, {}, {}, {}});
+    plans.push_back({model.images[i], files[i], {}, {}, {}, {}, {}});
   constexpr std::size_t kHeadersPerChunk = 8;
-  parallel_for(plans.size(), kHeadersPerChunk,
-               [&](std::size_t i) { plans[i].photo_size = read_photo_size(plans[i].file); });
+  std::mutex mutex;
+  std::size_t done = 0;
+  parallel_for(plans.size(), kHeadersPerChunk, [&](std::size_t i) {
+    plans[i].photo_size = read_photo_size(plans[i].file);
+    const std::lock_guard lock(mutex);
+    if (progress) progress(LoadStage::headers, ++done, plans.size());
+  });
 
   std::size_t scaled = 0;
   std::map<std::tuple<std::uint32_t, int, int>, PinholeCamera<double>> undistorted;  // one search per camera
@@ -153,21 +184,77 @@ Camera single_precision_camera(const ViewPlan& plan) {
   return camera;
 }
 
-View load_view(const ViewPlan& plan) {
+// Reads the photo, takes its lens away, makes it smaller.
+Image8 make_photo(const ViewPlan& plan) {
+  Image8 photo = read_photo(plan.file);
+  if (photo.width != plan.photo_size.width || photo.height != plan.photo_size.height)
+    throw Error(fmt::format("photo {} has changed since the scene was loaded; start again",
+                            plan.file.string()));
+  if (plan.has_lens())
+    photo = undistorted_photo(photo, plan.lens, plan.undistorted, plan.image.name);
+  if (plan.is_resized()) photo = area_resized(photo, plan.target.width, plan.target.height);
+  return photo;
+}
+
+/// Bytes of the photo, and of what make_photo() holds at a time.
+PhotoCost cost_of(const ViewPlan& plan) {
+  const auto bytes = [](const auto& size) { return 3 * std::size_t(size.width) * size.height; };
+  const std::size_t photo = bytes(plan.photo_size), undistorted = bytes(plan.undistorted),
+                    target = bytes(plan.target);
+  PhotoCost cost{target, photo};
+  if (plan.has_lens()) cost.decoding = photo + undistorted;
+  if (plan.is_resized()) cost.decoding = std::max(cost.decoding, undistorted + target);
+  return cost;
+}
+
+/// All but the file's bytes that decides what make_photo() gives.
+std::string recipe_of(const ViewPlan& plan) {
+  std::string text = fmt::format("{} {} {}x{}", kPictureVersion, codec_name(), plan.target.width,
+                                 plan.target.height);
+  if (!plan.has_lens()) return text;
+  text += fmt::format(" {} {}", resampler_name(), int(plan.lens.lens));
+  const auto add = [&](const auto& numbers) {
+    for (const double number : numbers) text += fmt::format(" {:a}", number);
+  };
+  add(plan.lens.k), add(plan.lens.d), add(plan.lens.p), add(plan.lens.s);
+  for (const PinholeCamera<double>* camera : {&plan.lens.pinhole, &plan.undistorted})
+    add(std::array<double, 6>{double(camera->width), double(camera->height), camera->fx, camera->fy,
+                              camera->cx, camera->cy});
+  return text;
+}
+
+// The file's content decides, not its name or date; those only tell whether it has to be read again.
+const std::string& cache_key(ViewPlan& plan) {
+  std::error_code error;
+  CacheKey now{"", fs::file_size(plan.file, error), fs::last_write_time(plan.file, error)};
+  CacheKey& known = plan.cached;
+  if (!known.key.empty() && known.bytes == now.bytes && known.changed == now.changed)
+    return known.key;
+  now.key = PhotoCache::key_of(plan.file, recipe_of(plan));
+  known = std::move(now);
+  return known.key;
+}
+
+Image8 cached_photo(ViewPlan& plan, PhotoCache& cache) {
+  const std::string key = cache_key(plan);
+  if (auto photo = cache.find(key, plan.target.width, plan.target.height, 3))
+    return std::move(*photo);
+  Image8 photo = make_photo(plan);
+  if (cache_key(plan) == key) cache.store(key, photo);  // else the file was changed meanwhile
+  return photo;
+}
+
+/// `cache` may be null.
+View load_view(ViewPlan& plan, PhotoCache* cache) {
   View view;
   view.name = plan.image.name;
   view.camera = single_precision_camera(plan);
-  view.photo = read_photo(plan.file);
-  if (view.photo.width != plan.photo_size.width || view.photo.height != plan.photo_size.height)
-    throw Error(fmt::format("photo {} has changed while the scene was loaded; start again",
-                            plan.file.string()));
-  if (plan.lens.lens != LensCamera::Lens::none)
-    view.photo = undistorted_photo(view.photo, plan.lens, plan.undistorted, plan.image.name);
-  view.photo = area_resized(view.photo, view.camera.width, view.camera.height);
+  view.photo = cache ? cached_photo(plan, *cache) : make_photo(plan);
   return view;
 }
 
-std::vector<View> load_views(const std::vector<ViewPlan>& plans, const ProgressFn& progress) {
+std::vector<View> load_views(std::vector<ViewPlan>& plans, PhotoCache* cache,
+                             const LoadProgress& progress) {
   std::vector<View> views(plans.size());
   std::atomic<bool> has_failed = false;  // then the others need not be decoded
   std::mutex mutex;
@@ -175,15 +262,93 @@ std::vector<View> load_views(const std::vector<ViewPlan>& plans, const ProgressF
   parallel_for(plans.size(), 1, [&](std::size_t i) {
     if (has_failed) return;
     try {
-      views[i] = load_view(plans[i]);
+      views[i] = load_view(plans[i], cache);
     } catch (...) {
       has_failed = true;
       throw;
     }
     const std::lock_guard lock(mutex);
-    if (progress) progress(++done, plans.size());
+    if (progress) progress(LoadStage::photos, ++done, plans.size());
   });
   return views;
+}
+
+/// Whether all photos can be in memory at once, the last ones being decoded.
+bool fit_into_ram(const std::vector<PhotoCost>& costs, std::size_t budget) {
+  std::size_t held = 0, decoding = 0;
+  for (const PhotoCost& cost : costs) {
+    held += cost.held;
+    decoding = std::max(decoding, cost.decoding);
+  }
+  return held + std::min<std::size_t>(std::size_t(thread_count()), costs.size()) * decoding <=
+         budget;
+}
+
+/// The cache, where it saves work: photos are read again and again, or more than decoded.
+std::shared_ptr<PhotoCache> cache_for(const DatasetConfig& dataset,
+                                      const std::vector<ViewPlan>& plans, bool all_fit) {
+  const bool is_named = dataset.photo_cache != "auto";
+  if (dataset.photo_cache == "none" || dataset.photo_cache_gib <= 0) return nullptr;
+  const bool helps = std::any_of(plans.begin(), plans.end(), [&](const ViewPlan& plan) {
+    const std::int64_t pixels = std::int64_t(plan.photo_size.width) * plan.photo_size.height;
+    return (!all_fit || plan.has_lens() || plan.is_resized()) &&
+           (is_named || pixels >= kWorthCaching);
+  });
+  if (!helps) return nullptr;
+  if (!can_cache_photos()) {
+    if (is_named) log_warning("dataset.photo_cache is not used: this build has no zstd and xxhash");
+    return nullptr;
+  }
+  const fs::path folder = is_named ? fs::path(dataset.photo_cache) : usual_photo_cache();
+  if (folder.empty()) return nullptr;
+  return std::make_shared<PhotoCache>(folder,
+                                      std::uint64_t(double(dataset.photo_cache_gib) * kGib));
+}
+
+/// Views without photos, and a pool that brings them.
+std::vector<View> lazy_views(std::vector<ViewPlan> plans, std::vector<PhotoCost> costs,
+                             std::size_t budget, std::shared_ptr<PhotoCache> cache) {
+  std::vector<View> views(plans.size());
+  for (std::size_t i = 0; i < plans.size(); ++i) {
+    views[i].name = plans[i].image.name;
+    views[i].camera = single_precision_camera(plans[i]);
+    views[i].index = i;
+  }
+  const auto shared_plans = std::make_shared<std::vector<ViewPlan>>(std::move(plans));
+  const auto pool = std::make_shared<PhotoPool>(
+      std::move(costs),
+      [shared_plans, cache](std::size_t i) { return load_view((*shared_plans)[i], cache.get()); },
+      budget, std::clamp(thread_count() - 1, 1, kMostDecoders));
+  for (View& view : views) view.source = pool;
+  return views;
+}
+
+/// All photos decoded, or none yet.
+std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan> plans,
+                             const LoadProgress& progress) {
+  std::vector<PhotoCost> costs;
+  double held = 0;
+  for (const ViewPlan& plan : plans) {
+    costs.push_back(cost_of(plan));
+    held += double(costs.back().held);
+  }
+  std::size_t budget = photo_ram_bytes(dataset);
+  const bool all_fit = fit_into_ram(costs, budget);
+  const std::shared_ptr<PhotoCache> cache = cache_for(dataset, plans, all_fit);
+  if (cache) log_info("photos ready for training are kept in {}", cache->folder().string());
+  if (all_fit) return load_views(plans, cache.get(), progress);
+  const std::size_t least = PhotoPool::least_budget(costs);
+  if (dataset.photo_ram_gib > 0 && budget < least)
+    throw UsageError(fmt::format(
+        "dataset.photo_ram_gib is {}, and one of these photos in use while another one is decoded "
+        "takes {:.3g}; give at least that (--photo-ram), or 0 for half of the machine's memory",
+        dataset.photo_ram_gib, 1.01 * double(least) / kGib));
+  budget = std::max(budget, least);
+  log_info(
+      "the photos take {:.3g} GiB when decoded, and {:.3g} GiB of memory are theirs (--photo-ram): "
+      "they are decoded when it is their turn",
+      held / kGib, double(budget) / kGib);
+  return lazy_views(std::move(plans), std::move(costs), budget, cache);
 }
 
 std::vector<ScenePoint> single_precision_points(const ColmapModel& model) {
@@ -207,13 +372,13 @@ struct ScenePlan {
   std::vector<ScenePoint> points;
 };
 
-ScenePlan plan_scene(const DatasetConfig& dataset) {
+ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress) {
   const SceneFolders folders = find_scene(dataset);
   auto [model, is_test] = read_scene_model(dataset, folders);
   ScenePlan plan;
   plan.is_test = std::move(is_test);
   if (dataset.model.empty()) check_registered(model, folders.images);
-  plan.views = plan_views(dataset, model, folders.images);
+  plan.views = plan_views(dataset, model, folders.images, progress);
   plan.points = single_precision_points(model);
   return plan;
 }
@@ -221,14 +386,14 @@ ScenePlan plan_scene(const DatasetConfig& dataset) {
 }  // namespace
 
 void check_scene(const DatasetConfig& dataset) {
-  for (const ViewPlan& view : plan_scene(dataset).views) single_precision_camera(view);
+  for (const ViewPlan& view : plan_scene(dataset, {}).views) single_precision_camera(view);
 }
 
-Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress) {
-  ScenePlan plan = plan_scene(dataset);
+Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress) {
+  ScenePlan plan = plan_scene(dataset, progress);
   Scene scene;
   scene.source = dataset.source;
-  std::vector<View> views = load_views(plan.views, progress);
+  std::vector<View> views = make_views(dataset, std::move(plan.views), progress);
   for (std::size_t i = 0; i < views.size(); ++i)
     (plan.is_test[i] ? scene.test_views : scene.train_views).push_back(std::move(views[i]));
   scene.points = std::move(plan.points);

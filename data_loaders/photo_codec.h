@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "data_loaders/photos.h"
@@ -22,6 +23,9 @@ void check_photo_size(const std::filesystem::path& path, const PhotoSize& size);
 Image8 decode_photo(const std::filesystem::path& path);
 PhotoSize decode_photo_size(const std::filesystem::path& path);
 int decode_photo_orientation(const std::filesystem::path& path);
+
+/// The library and its version: others may give other bytes of a JPEG.
+std::string codec_name();
 
 /// The bytes of a PNG file with 1 or 3 channels.
 std::vector<std::uint8_t> encode_png(const Image8& image);

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What training starts from: posed photos and sparse points, const once loaded.
+// What training starts from: posed photos and sparse points, const once loaded. The photos of a large scene stay
+// where they are until they are asked for.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -11,12 +14,50 @@
 
 namespace gs {
 
+class PhotoSource;
+
 /// One posed photo.
 struct View {
   std::string name;  // path of the photo relative to the images folder, as in the COLMAP model
   Camera camera;
-  Image8 photo;      // (height, width, 3) of the camera's size
+  Image8 photo;      // (height, width, 3) of the camera's size; empty where `source` has it: with_photo()
+  std::shared_ptr<PhotoSource> source = {};
+  std::size_t index = 0;  // in `source`
 };
+
+/// Brings the photos of a scene that is not held in memory as a whole. All calls may come from any thread.
+class PhotoSource {
+ public:
+  virtual ~PhotoSource() = default;
+  /// The view with its photo, which stays while the pointer lives. Waits until it is decoded; throws Error where it cannot be.
+  virtual std::shared_ptr<const View> view(std::size_t index) = 0;
+  /// Tells that view(index) will be asked for after all that were expected before, so that it can be decoded meanwhile.
+  virtual void expect(std::size_t index) = 0;
+  /// Tells that nobody will ask for it soon: its bytes are the first to go.
+  virtual void release(std::size_t index) = 0;
+};
+
+/// The view with its photo: itself, or what its source gives. Hold it no longer than the photo is looked at.
+std::shared_ptr<const View> with_photo(const View& view);
+/// PhotoSource::expect() and release(); nothing for a view whose photo is there.
+void expect_photo(const View& view);
+void release_photo(const View& view);
+/// Of the view's photo once it is decoded.
+std::size_t photo_bytes(const View& view);
+
+/// How long before it is asked for a photo is best expected: a decoder takes some tenths of a second, a step on a fast
+/// GPU some milliseconds.
+inline constexpr std::size_t kPhotosAhead = 64;
+
+/// Calls f(i, view with its photo) for the first `count` views, in order, each expected beforehand.
+template <class F>
+void for_each_with_photo(const std::vector<View>& views, std::size_t count, F&& f) {
+  for (std::size_t i = 0; i < std::min(count, kPhotosAhead); ++i) expect_photo(views[i]);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (i + kPhotosAhead < count) expect_photo(views[i + kPhotosAhead]);
+    f(i, *with_photo(views[i]));
+  }
+}
 
 /// A point of the sparse reconstruction.
 struct ScenePoint {

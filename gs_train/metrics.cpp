@@ -53,15 +53,14 @@ Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
                     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view) {
   Evaluation evaluation;
   RenderPass pass(renderer.memory());
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    renderer.forward(gaussians, views[i].camera, settings, pass);
+  for_each_with_photo(views, views.size(), [&](std::size_t i, const View& view) {
+    renderer.forward(gaussians, view.camera, settings, pass);
     const ImageF render = image_of(pass);
-    if (on_view) on_view(i, views[i], render);
-    evaluation.views.push_back(
-        {views[i].name, psnr(render, views[i].photo), ssim(render, views[i].photo)});
+    if (on_view) on_view(i, view, render);
+    evaluation.views.push_back({view.name, psnr(render, view.photo), ssim(render, view.photo)});
     evaluation.psnr += evaluation.views.back().psnr / double(views.size());
     evaluation.ssim += evaluation.views.back().ssim / double(views.size());
-  }
+  });
   return evaluation;
 }
 
