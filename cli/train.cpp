@@ -48,12 +48,12 @@ Config resolve_run(const TrainCommand& command) {
   return config;
 }
 
-// A folder of photos alone becomes a scene first, in OUT/scene, and that is trained on.
+// A folder of photos alone, or a video, becomes a scene first, in OUT/scene, and that is trained on.
 void reconstruct_bare_photos(Config& config, const RunFolder& folder, bool show_progress) {
   DatasetConfig& dataset = config.dataset;
   const bool places_are_named = !dataset.model.empty() || dataset.images != DatasetConfig{}.images;
   if (places_are_named || !holds_only_photos(dataset.source)) return;
-  log_info("{} holds photos and no camera poses: COLMAP looks for them first", dataset.source);
+  log_info("{} holds pictures and no camera poses: COLMAP looks for them first", dataset.source);
   make_run_folder(folder);  // before the scene: an older run is moved away without it
   const auto scene = std::filesystem::absolute(folder.root() / "scene").lexically_normal();
   const Reconstruction result =

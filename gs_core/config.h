@@ -30,6 +30,7 @@ struct ReconstructConfig {
   std::string camera_model = "SIMPLE_RADIAL";  // COLMAP's name
   std::string single_camera = "auto";          // auto, yes, no
   int max_features = 8192;                     // in one photo
+  int frames = 200;                            // taken out of videos
   bool use_gpu = false;
 };
 

@@ -49,10 +49,11 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
 
   auto& reconstruct = config.reconstruct;
   field("reconstruct.colmap",           reconstruct.colmap,           "file",   any(),              "the colmap program");
-  field("reconstruct.matching",         reconstruct.matching,         "",       one_of("auto, exhaustive, sequential"), "which photos are compared: all, or neighbours by name; auto: all of up to 200");
+  field("reconstruct.matching",         reconstruct.matching,         "",       one_of("auto, exhaustive, sequential"), "which photos are compared: all, or neighbours by name; auto: all of up to 200, neighbours of a video");
   field("reconstruct.camera_model",     reconstruct.camera_model,     "",       one_of("SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE"), "the lens, as COLMAP calls it");
   field("reconstruct.single_camera",    reconstruct.single_camera,    "",       one_of("auto, yes, no"), "one lens for all photos; auto: if all have the same size");
   field("reconstruct.max_features",     reconstruct.max_features,     "features", steps_from(1),    "in one photo", "COLMAP");
+  field("reconstruct.frames",           reconstruct.frames,           "frames", steps_from(3),      "taken out of videos, all together: the sharpest of each of so many stretches");
   field("reconstruct.use_gpu",          reconstruct.use_gpu,          "",       any(),              "SIFT on the GPU; needs a colmap with CUDA");
 
   auto& model = config.model;

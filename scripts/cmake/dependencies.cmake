@@ -43,10 +43,10 @@ if(NOT GS_HAVE_OPENIMAGEIO)
 endif()
 
 if(GS_WITH_OPENCV)
-  find_package(OpenCV QUIET COMPONENTS core imgproc calib3d)
+  find_package(OpenCV QUIET COMPONENTS core imgproc calib3d OPTIONAL_COMPONENTS videoio)
 endif()
 set(GS_HAVE_OPENCV ${OpenCV_FOUND})
-gs_report("OpenCV" "${GS_HAVE_OPENCV}" "only undistorted photos (PINHOLE, SIMPLE_PINHOLE) can be trained")
+gs_report("OpenCV" "${GS_HAVE_OPENCV}" "only undistorted photos (PINHOLE, SIMPLE_PINHOLE) can be trained, and no frames taken out of videos")
 
 if(GS_WITH_ZSTD)
   find_library(GS_ZSTD_LIBRARY zstd)
