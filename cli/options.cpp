@@ -115,6 +115,8 @@ void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& s
   add_setting(verb, line, "--invert-masks", "dataset.invert_masks", "Scene");
   add_setting(verb, line, "-r,--resolution", "dataset.resolution", "Scene");
   add_setting(verb, line, "--test-every", "dataset.test_every", "Scene");
+  add_setting(verb, line, "--photo-ram", "dataset.photo_ram_gib", "Machine");
+  add_setting(verb, line, "--photo-cache", "dataset.photo_cache", "Machine");
 }
 
 void add_render_options(CLI::App& verb, CommandLine& line) {

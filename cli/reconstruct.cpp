@@ -22,7 +22,8 @@ struct ReconstructCommand : CommandLine {
 void reconstruct(const ReconstructCommand& command) {
   const Config config = resolve(command);
   if (config.dataset.source.empty())
-    throw UsageError("which photos? give their folder: gemsplat reconstruct PHOTOS -o SCENE");
+    throw UsageError(
+        "which photos? give their folder, or a video: gemsplat reconstruct PHOTOS -o SCENE");
   if (command.scene.empty())
     throw UsageError("where to? give the folder of the scene with -o SCENE");
   setup_log(command.verbosity());
@@ -46,7 +47,11 @@ void ColmapBar::operator()(ColmapStage stage, std::int64_t done, std::int64_t to
   if (done > 0 && bar_->due(done)) bar_->draw(done, "", unit());
 }
 
-const char* ColmapBar::unit() const { return stage_ == ColmapStage::matches ? "block" : "photo"; }
+const char* ColmapBar::unit() const {
+  return stage_ == ColmapStage::frames    ? "frame"
+         : stage_ == ColmapStage::matches ? "block"
+                                          : "photo";
+}
 
 void add_reconstruct(CLI::App& program) {
   CLI::App& verb =
@@ -54,12 +59,13 @@ void add_reconstruct(CLI::App& program) {
   const auto command = std::make_shared<ReconstructCommand>();
   CommandLine& line = *command;
   add_setting(verb, line, "photos,-d,--data", "dataset.source", "Scene",
-              "a folder of photos; it stays as it is");
+              "a folder of photos or videos, or a video; it stays as it is");
   verb.add_option("-o,--output", command->scene, "the folder of the scene")
       ->type_name("FOLDER")
       ->group("Output");
   verb.add_flag("--force", command->force, "move what is there already to SCENE.bak-N first")
       ->group("Output");
+  add_setting(verb, line, "--frames", "reconstruct.frames", "COLMAP");
   add_setting(verb, line, "--matching", "reconstruct.matching", "COLMAP");
   add_setting(verb, line, "--camera-model", "reconstruct.camera_model", "COLMAP");
   add_setting(verb, line, "--single-camera", "reconstruct.single_camera", "COLMAP");

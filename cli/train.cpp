@@ -57,12 +57,12 @@ void keep_masks(DatasetConfig& dataset, const std::filesystem::path& scene) {
   dataset.source = scene.string();
 }
 
-// A folder of photos alone becomes a scene first, in OUT/scene, and that is trained on.
+// A folder of photos alone, or a video, becomes a scene first, in OUT/scene, and that is trained on.
 void reconstruct_bare_photos(Config& config, const RunFolder& folder, bool show_progress) {
   DatasetConfig& dataset = config.dataset;
   const bool places_are_named = !dataset.model.empty() || dataset.images != DatasetConfig{}.images;
   if (places_are_named || !holds_only_photos(dataset.source)) return;
-  log_info("{} holds photos and no camera poses: COLMAP looks for them first", dataset.source);
+  log_info("{} holds pictures and no camera poses: COLMAP looks for them first", dataset.source);
   make_run_folder(folder);  // before the scene: an older run is moved away without it
   const auto scene = std::filesystem::absolute(folder.root() / "scene").lexically_normal();
   const Reconstruction result =
@@ -74,11 +74,16 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, bool show_
 
 Scene load(const DatasetConfig& dataset, bool show_progress) {
   std::unique_ptr<ProgressBar> bar;
-  Scene scene = load_scene(dataset, [&](std::size_t done, std::size_t total) {
-    if (!bar) bar = std::make_unique<ProgressBar>(std::int64_t(total), show_progress);
-    if (bar->due(std::int64_t(done))) bar->draw(std::int64_t(done), "photos read", "photo");
-  });
-  bar.reset();
+  LoadStage shown{};
+  const auto show = [&](LoadStage stage, std::size_t done, std::size_t total) {
+    if (!bar || stage != shown)
+      bar = std::make_unique<ProgressBar>(std::int64_t(total), show_progress);
+    shown = stage;
+    const char* const what = stage == LoadStage::headers ? "photos found" : "photos read";
+    if (bar->due(std::int64_t(done))) bar->draw(std::int64_t(done), what, "photo");
+    if (done == total) bar.reset();  // before the log goes on
+  };
+  Scene scene = load_scene(dataset, show);
   const View& first = scene.train_views.empty() ? scene.test_views.at(0) : scene.train_views[0];
   log_info("{}: {} views to train on, {} held out, {}x{} pixels; {} points, extent {:.3g}",
            scene.source, scene.train_views.size(), scene.test_views.size(), first.camera.width,

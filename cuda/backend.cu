@@ -129,6 +129,9 @@ class CudaBackend final : private Device, public Backend {
     photos_.prepare(views, photo_bytes);
     forecast_.forget();
   }
+  void expect(const View& view) override {
+    if (!photos_.is_resident(view)) expect_photo(view);
+  }
   void announce(const View& view) override { photos_.announce(view); }
 
   void step(TrainingModel& model, const View& view, const RenderSettings& settings,

@@ -18,12 +18,10 @@ constexpr std::size_t aligned(std::size_t bytes) {
   return (bytes + kAlignment - 1) / kAlignment * kAlignment;
 }
 
-std::size_t bytes_of(const View& view) {
-  return view.photo.pixels.size() + view.mask.pixels.size();
-}
-
-PhotoBytes photo_at(const std::uint8_t* data, const View& view) {
-  return {data, view.mask.empty() ? nullptr : data + view.photo.pixels.size()};
+// The mask lies behind the photo.
+PhotoBytes photo_at(const std::uint8_t* data, const View& view, bool is_masked) {
+  const std::size_t photo = 3 * std::size_t(view.camera.width) * std::size_t(view.camera.height);
+  return {data, is_masked ? data + photo : nullptr};
 }
 
 }  // namespace
@@ -54,7 +52,7 @@ void PhotoStore::prepare(const std::vector<View>& views, std::size_t budget_byte
   resident_at_.clear();
   std::size_t bytes = 0, count = 0;
   for (; count < views.size(); ++count) {
-    const std::size_t end = aligned(bytes + bytes_of(views[count]));
+    const std::size_t end = aligned(bytes + photo_bytes(views[count]));
     if (end > budget_bytes) break;
     bytes = end;
   }
@@ -62,25 +60,26 @@ void PhotoStore::prepare(const std::vector<View>& views, std::size_t budget_byte
   if (bytes > resident_.capacity()) resident_ = Buffer<std::uint8_t>(memory_);
   resident_.resize_discard(bytes);
   std::size_t at = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::vector<std::uint8_t>&photo = views[i].photo.pixels, &mask = views[i].mask.pixels;
+  for_each_with_photo(views, count, [&](std::size_t i, const View& view) {
+    const std::vector<std::uint8_t>&photo = view.photo.pixels, &mask = view.mask.pixels;
     memory_.upload(resident_.data() + at, photo.data(), photo.size());
     if (!mask.empty())
       memory_.upload(resident_.data() + at + photo.size(), mask.data(), mask.size());
-    resident_at_.emplace(&views[i], at);
-    at = aligned(at + bytes_of(views[i]));
-  }
+    resident_at_.emplace(&views[i], Place{at, !mask.empty()});
+    at = aligned(at + photo_bytes(view));
+    release_photo(views[i]);
+  });
 }
 
 void PhotoStore::announce(const View& view) {
-  if (!resident_at_.contains(&view) && !announced(view)) fetch(view);
+  if (!is_resident(view) && !announced(view)) fetch(view);
 }
 
 PhotoBytes PhotoStore::photo(const View& view) {
   const auto resident = resident_at_.find(&view);
   if (resident != resident_at_.end()) {
     hand_out(nullptr);
-    return photo_at(resident_.data() + resident->second, view);
+    return photo_at(resident_.data() + resident->second.begin, view, resident->second.is_masked);
   }
   Slot* slot = announced(view);
   if (!slot) slot = &fetch(view);
@@ -88,7 +87,7 @@ PhotoBytes PhotoStore::photo(const View& view) {
   // An announcement holds for one call: later the view may be gone, and another one have its address.
   slot->view = nullptr;
   hand_out(slot);
-  return photo_at(slot->on_device.data(), view);
+  return photo_at(slot->on_device.data(), view, slot->is_masked);
 }
 
 PhotoStore::Slot* PhotoStore::announced(const View& view) {
@@ -113,20 +112,23 @@ PhotoStore::Slot& PhotoStore::oldest_free_slot() {
 
 // Copies the bytes on the host at once; the GPU's copy begins when all that was launched until now has run.
 PhotoStore::Slot& PhotoStore::fetch(const View& view) {
+  const std::shared_ptr<const View> decoded = with_photo(view);  // waits for the decoder, if at all
+  const std::vector<std::uint8_t>&photo = decoded->photo.pixels, &mask = decoded->mask.pixels;
+  const std::size_t bytes = photo.size() + mask.size();
   Slot& slot = oldest_free_slot();
-  const std::vector<std::uint8_t>&photo = view.photo.pixels, &mask = view.mask.pixels;
   slot.view = nullptr;                                            // if anything throws
   check(cudaEventSynchronize(slot.arrived), "fetching a photo");  // the pinned bytes are free again
-  make_room(slot, bytes_of(view));
+  make_room(slot, bytes);
   std::memcpy(slot.pinned, photo.data(), photo.size());
   if (!mask.empty()) std::memcpy(slot.pinned + photo.size(), mask.data(), mask.size());
   check(cudaEventRecord(slot.used, context_.stream()), "fetching a photo");
   check(cudaStreamWaitEvent(copy_stream_, slot.used), "fetching a photo");
-  check(cudaMemcpyAsync(slot.on_device.data(), slot.pinned, bytes_of(view), cudaMemcpyHostToDevice,
+  check(cudaMemcpyAsync(slot.on_device.data(), slot.pinned, bytes, cudaMemcpyHostToDevice,
                         copy_stream_),
         "fetching a photo");
   check(cudaEventRecord(slot.arrived, copy_stream_), "fetching a photo");
   slot.view = &view;
+  slot.is_masked = !mask.empty();
   slot.filled = ++fetches_;
   return slot;
 }

@@ -319,9 +319,9 @@ class CudaLoss final : public Loss {
 
   void forward_backward(const RenderPass& pass, const View& view, float lambda_dssim,
                         Buffer<float>& dL_dimage) override {
-    GS_CHECK(view.photo.width == pass.width && view.photo.height == pass.height);
-    GS_CHECK(view.photo.channels == 3 && pass.image.size() == 3 * pass.pixel_count());
-    GS_CHECK(view.mask.empty() || view.mask.pixels.size() == pass.pixel_count());
+    GS_CHECK(std::size_t(view.camera.width) * std::size_t(view.camera.height) ==
+             pass.pixel_count());
+    GS_CHECK(pass.image.size() == 3 * pass.pixel_count());
     const PhotoBytes bytes = photos_.photo(view);
     const Pictures pictures{pass.image.data(),
                             bytes.photo,
@@ -335,7 +335,7 @@ class CudaLoss final : public Loss {
     lambda_dssim_ = lambda_dssim;
     values_ = 3 * pass.pixel_count();
     dL_dimage.resize_discard(values_);
-    if (view.is_weighted())
+    if (bytes.mask || view.has_exposure())
       launch<true>(pictures, dL_dimage.data());
     else
       launch<false>(pictures, dL_dimage.data());

@@ -5,6 +5,7 @@
 #include <spdlog/fmt/fmt.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 
@@ -55,7 +56,9 @@ AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)) {
   if (path_.has_parent_path()) std::filesystem::create_directories(path_.parent_path(), error);
   if (error) fail(error.value());
   temporary_ = path_;
-  temporary_.replace_filename(fmt::format(".{}.{}.tmp", path_.filename().string(), ::getpid()));
+  static std::atomic<unsigned> files_so_far = 0;  // two threads may write the same file
+  temporary_.replace_filename(
+      fmt::format(".{}.{}.{}.tmp", path_.filename().string(), ::getpid(), ++files_so_far));
   file_ = std::fopen(temporary_.c_str(), "wb");
   if (!file_) fail(errno);
 }
@@ -71,12 +74,13 @@ void AtomicFile::write(const void* data, std::size_t bytes) {
   if (bytes && std::fwrite(data, 1, bytes, file_) != bytes) fail(errno);
 }
 
-void AtomicFile::commit() {
-  if (std::fflush(file_) != 0 || ::fsync(::fileno(file_)) != 0) fail(errno);
+void AtomicFile::commit(Durability durability) {
+  const bool is_synced = durability == Durability::synced;
+  if (std::fflush(file_) != 0 || (is_synced && ::fsync(::fileno(file_)) != 0)) fail(errno);
   if (std::rename(temporary_.c_str(), path_.c_str()) != 0) fail(errno);
   std::fclose(file_);
   file_ = nullptr;
-  sync_folder(path_.parent_path());
+  if (is_synced) sync_folder(path_.parent_path());
 }
 
 void AtomicFile::fail(int error) {

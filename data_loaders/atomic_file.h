@@ -23,8 +23,10 @@ class AtomicFile {
 
   void write(const void* data, std::size_t bytes);
   void write(std::string_view text) { write(text.data(), text.size()); }
+  /// Whether what commit() wrote outlives a power cut. Where it need not, it costs less time.
+  enum class Durability { synced, unsynced };
   /// Brings everything to the disk and gives the file its name.
-  void commit();
+  void commit(Durability durability = Durability::synced);
 
  private:
   [[noreturn]] void fail(int error);

@@ -10,6 +10,7 @@
 
 #include "data_loaders/colmap_model.h"
 #include "data_loaders/find_scene.h"
+#include "data_loaders/host_ram.h"
 #include "data_loaders/lens.h"
 #include "data_loaders/masks.h"
 #include "data_loaders/photo_fit.h"
@@ -461,7 +462,9 @@ class Examination {
           resolution <= 8 ? 1.0 / resolution : double(resolution) / scene_.photo_sizes[i].width;
       pixels += all * std::min(scale * scale, 1.0);
     }
-    const double photos = (3 + masked_share_) * pixels, cap = double(config_.density.max_gaussians);
+    const double photos = (3 + masked_share_) * pixels,
+                 ram = double(photo_ram_bytes(config_.dataset)),
+                 cap = double(config_.density.max_gaussians);
     const double gaussians = cap > 0 ? cap : kForecastGaussians;
     const double on_gpu = std::min(photos, double(config_.train.photo_gib) * kGib);
     const double megapixels =
@@ -470,11 +473,15 @@ class Examination {
                             kSecondsOfMegapixel * megapixels) *
                            double(config_.train.iterations) * config_.train.steps_scaler / 30000;
     add(Level::note, "forecast",
-        fmt::format("photos take {} of RAM; training {:.2g} million Gaussians ({}) takes some {} "
+        fmt::format("photos take {} of RAM{}; training {:.2g} million Gaussians ({}) takes some {} "
                     "of GPU memory and, on an "
                     "H200, {:.0f} s; each saved model takes {} of disk",
-                    size_text(photos), gaussians * 1e-6,
-                    cap > 0 ? "the cap" : "few scenes need more",
+                    size_text(std::min(photos, ram)),
+                    photos > ram
+                        ? fmt::format(" (of {}: the others are decoded when it is their turn)",
+                                      size_text(photos))
+                        : "",
+                    gaussians * 1e-6, cap > 0 ? "the cap" : "few scenes need more",
                     size_text(on_gpu + gaussians * kBytesPerGaussian), seconds,
                     size_text(gaussians * kPlyBytesPerGaussian)));
   }

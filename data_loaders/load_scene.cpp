@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages, in order: find, read the model, split, plan every view from the photos' headers, decode.
+// Stages, in order: find, read the model, split, plan every view from the photos' headers, decode (or leave that to a
+// PhotoPool).
 #include "data_loaders/load_scene.h"
 
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <mutex>
@@ -12,9 +14,13 @@
 
 #include "data_loaders/colmap_model.h"
 #include "data_loaders/find_scene.h"
+#include "data_loaders/host_ram.h"
 #include "data_loaders/masks.h"
+#include "data_loaders/photo_cache.h"
+#include "data_loaders/photo_codec.h"
 #include "data_loaders/photo_fit.h"
 #include "data_loaders/photo_names.h"
+#include "data_loaders/photo_pool.h"
 #include "data_loaders/photos.h"
 #include "data_loaders/scene_model.h"
 #include "data_loaders/undistort.h"
@@ -28,6 +34,20 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr double kGib = 1024.0 * 1024.0 * 1024.0;  // bytes
+constexpr int kMostDecoders = 16;                  // threads of a PhotoPool
+// Smaller photos are not kept in a cache that nobody named: they are decoded in 10 ms.
+constexpr std::int64_t kWorthCaching = std::int64_t(1) << 20;  // pixels
+// Part of the names in the cache: raise it when read_photo(), undistorted_photo() or area_resized() give other bytes.
+constexpr int kPictureVersion = 1;
+
+/// The name of a photo in the cache, and the state of the file that it was found for.
+struct CacheKey {
+  std::string key;
+  std::uintmax_t bytes = 0;
+  fs::file_time_type changed;
+};
+
 /// All that is known of a view before its photo is decoded.
 struct ViewPlan {
   ColmapImage image;
@@ -37,6 +57,12 @@ struct ViewPlan {
   LensCamera lens;                    // at the photo's size
   PinholeCamera<double> undistorted;  // the photo without its lens, at full resolution
   PinholeCamera<double> target;       // as it is trained on
+  CacheKey cached = {};               // once it was needed
+
+  bool has_lens() const { return lens.lens != LensCamera::Lens::none; }
+  bool is_resized() const {
+    return target.width != undistorted.width || target.height != undistorted.height;
+  }
 };
 
 /// Names lead to files below the images folder, here and wherever a run writes pictures by view
@@ -106,7 +132,8 @@ void check_resolution(int resolution, const PinholeCamera<double>& camera,
 }
 
 std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel& model,
-                                 const fs::path& images, const MaskSource& masks) {
+                                 const fs::path& images, const MaskSource& masks,
+                                 const LoadProgress& progress) {
   std::vector<std::string> names;
   for (const ColmapImage& image : model.images) {
     check_name(image, model.folder);
@@ -116,11 +143,15 @@ std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel
   const std::vector<fs::path> mask_files = match_masks(masks, names, files);
   std::vector<ViewPlan> plans;
   for (std::size_t i = 0; i < names.size(); ++i)
-    plans.push_back({model.images[i], files[i], mask_files[i], {}, {}, {}, {}});
+    plans.push_back({model.images[i], files[i], mask_files[i], {}, {}, {}, {}, {}});
   constexpr std::size_t kHeadersPerChunk = 8;
+  std::mutex mutex;
+  std::size_t done = 0;
   parallel_for(plans.size(), kHeadersPerChunk, [&](std::size_t i) {
     plans[i].photo_size = read_photo_size(plans[i].file);
     if (!mask_files[i].empty()) check_mask_size(mask_files[i], plans[i].file, plans[i].photo_size);
+    const std::lock_guard lock(mutex);
+    if (progress) progress(LoadStage::headers, ++done, plans.size());
   });
 
   std::size_t scaled = 0;
@@ -158,44 +189,153 @@ Camera single_precision_camera(const ViewPlan& plan) {
   return camera;
 }
 
+/// What a photo becomes.
+struct Picture {
+  Image8 photo, mask;
+};
+
 /// Photo and mask as the view's camera sees them, without anything of what the mask covers.
-void fit_to_camera(View& view, const ViewPlan& plan) {
+void fit_to_camera(Picture& picture, const ViewPlan& plan) {
   constexpr int kReach = 4;  // pixels: bicubic weights of the mask reach 2 beyond its edge, those of the photo 2 more
-  const bool is_masked = !view.mask.empty();
+  auto& [photo, mask] = picture;
+  const bool is_masked = !mask.empty();
   const std::string& name = plan.image.name;
-  if (plan.lens.lens != LensCamera::Lens::none) {
-    if (is_masked) fill_masked_edge(view.photo, view.mask, kReach);
-    view.photo = undistorted_photo(view.photo, plan.lens, plan.undistorted, name);
-    if (is_masked) view.mask = undistorted_photo(view.mask, plan.lens, plan.undistorted, name);
+  if (plan.has_lens()) {
+    if (is_masked) fill_masked_edge(photo, mask, kReach);
+    photo = undistorted_photo(photo, plan.lens, plan.undistorted, name);
+    if (is_masked) mask = undistorted_photo(mask, plan.lens, plan.undistorted, name);
   }
-  const int width = view.camera.width, height = view.camera.height;
-  if (is_masked && (width != view.photo.width || height != view.photo.height)) {
-    multiply_by_mask(view.photo, view.mask);
-    view.mask = area_resized(view.mask, width, height);
-    view.photo = area_resized(view.photo, width, height);
-    divide_by_mask(view.photo, view.mask);
-  } else {
-    view.photo = area_resized(view.photo, width, height);
+  if (!plan.is_resized()) return;
+  const int width = plan.target.width, height = plan.target.height;
+  if (is_masked) {
+    multiply_by_mask(photo, mask);
+    mask = area_resized(mask, width, height);
   }
+  photo = area_resized(photo, width, height);
+  if (is_masked) divide_by_mask(photo, mask);
 }
 
-View load_view(const ViewPlan& plan, const MaskSource& masks) {
+// Reads photo and mask, takes the lens away, makes them smaller.
+Picture make_picture(const ViewPlan& plan, const MaskSource& masks) {
+  PhotoWithAlpha read = read_photo_with_alpha(plan.file);
+  if (read.photo.width != plan.photo_size.width || read.photo.height != plan.photo_size.height)
+    throw Error(fmt::format("photo {} has changed since the scene was loaded; start again",
+                            plan.file.string()));
+  Picture picture{{}, read_mask(masks, plan.mask_file, read)};
+  picture.photo = std::move(read.photo);
+  fit_to_camera(picture, plan);
+  return picture;
+}
+
+/// Whether it may get a mask; only reading it tells of alpha.
+bool may_be_masked(const ViewPlan& plan, const MaskSource& masks) {
+  std::string ending = plan.file.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return char(std::tolower(c)); });
+  return !plan.mask_file.empty() || (masks.use_alpha && ending != ".jpg" && ending != ".jpeg");
+}
+
+/// Bytes of the photo with its mask, and of what make_picture() holds at a time.
+PhotoCost cost_of(const ViewPlan& plan, const MaskSource& masks) {
+  const std::size_t channels = may_be_masked(plan, masks) ? 4 : 3;
+  const auto bytes = [&](const auto& size) {
+    return channels * std::size_t(size.width) * size.height;
+  };
+  const std::size_t photo = bytes(plan.photo_size), undistorted = bytes(plan.undistorted),
+                    target = bytes(plan.target);
+  PhotoCost cost{target, channels == 4 ? 2 * photo : photo};  // as decoded, and then apart
+  if (plan.has_lens()) cost.decoding = std::max(cost.decoding, photo + undistorted);
+  if (plan.is_resized()) cost.decoding = std::max(cost.decoding, undistorted + target);
+  return cost;
+}
+
+/// All but the photo file's bytes that decides what make_picture() gives.
+std::string recipe_of(const ViewPlan& plan, const MaskSource& masks) {
+  std::string text = fmt::format("{} {} {}x{}", kPictureVersion, codec_name(), plan.target.width,
+                                 plan.target.height);
+  if (!plan.mask_file.empty())
+    text += fmt::format(" mask {} {}", masks.invert, PhotoCache::key_of(plan.mask_file, ""));
+  else
+    text += fmt::format(" alpha {}", masks.use_alpha);
+  if (!plan.has_lens()) return text;
+  text += fmt::format(" {} {}", resampler_name(), int(plan.lens.lens));
+  const auto add = [&](const auto& numbers) {
+    for (const double number : numbers) text += fmt::format(" {:a}", number);
+  };
+  add(plan.lens.k), add(plan.lens.d), add(plan.lens.p), add(plan.lens.s);
+  for (const PinholeCamera<double>* camera : {&plan.lens.pinhole, &plan.undistorted})
+    add(std::array<double, 6>{double(camera->width), double(camera->height), camera->fx, camera->fy,
+                              camera->cx, camera->cy});
+  return text;
+}
+
+// The files' content decides, not their names or dates; those only tell whether they have to be read again.
+std::string cache_key(ViewPlan& plan, const MaskSource& masks) {
+  std::error_code error;
+  CacheKey now{"", fs::file_size(plan.file, error), fs::last_write_time(plan.file, error)};
+  CacheKey& known = plan.cached;
+  if (!plan.mask_file.empty()) {
+    now.bytes += fs::file_size(plan.mask_file, error);
+    now.changed = std::max(now.changed, fs::last_write_time(plan.mask_file, error));
+  }
+  if (!known.key.empty() && known.bytes == now.bytes && known.changed == now.changed)
+    return known.key;
+  now.key = PhotoCache::key_of(plan.file, recipe_of(plan, masks));
+  known = std::move(now);
+  return known.key;
+}
+
+// A masked picture is an entry of its own kind, with the mask as a fourth channel.
+std::string masked_key(const std::string& key) { return key + "m"; }
+Image8 joined(const Picture& picture) {
+  Image8 both(picture.photo.width, picture.photo.height, 4);
+  for (std::size_t i = 0; i < picture.mask.pixels.size(); ++i) {
+    std::copy_n(&picture.photo.pixels[3 * i], 3, &both.pixels[4 * i]);
+    both.pixels[4 * i + 3] = picture.mask.pixels[i];
+  }
+  return both;
+}
+
+Picture cached_picture(ViewPlan& plan, const MaskSource& masks, PhotoCache& cache) {
+  const std::string key = cache_key(plan, masks);
+  const int width = plan.target.width, height = plan.target.height;
+  if (may_be_masked(plan, masks))
+    if (auto both = cache.find(masked_key(key), width, height, 4)) {
+      PhotoWithAlpha apart = separated(std::move(*both));
+      return {std::move(apart.photo), std::move(apart.alpha)};
+    }
+  if (auto photo = cache.find(key, width, height, 3)) return {std::move(*photo), {}};
+  Picture picture = make_picture(plan, masks);
+  if (cache_key(plan, masks) != key) return picture;  // a file was changed meanwhile
+  if (picture.mask.empty())
+    cache.store(key, picture.photo);
+  else
+    cache.store(masked_key(key), joined(picture));
+  return picture;
+}
+
+/// All but the picture.
+View empty_view(const ViewPlan& plan, const MaskSource& masks) {
   View view;
   view.name = plan.image.name;
   view.camera = single_precision_camera(plan);
-  PhotoWithAlpha read = read_photo_with_alpha(plan.file);
-  if (read.photo.width != plan.photo_size.width || read.photo.height != plan.photo_size.height)
-    throw Error(fmt::format("photo {} has changed while the scene was loaded; start again",
-                            plan.file.string()));
-  view.mask = read_mask(masks, plan.mask_file, read);
-  view.over_background = masks.over_background && !view.mask.empty();
-  view.photo = std::move(read.photo);
-  fit_to_camera(view, plan);
+  view.may_be_masked = may_be_masked(plan, masks);
+  view.over_background = masks.over_background && view.may_be_masked;
   return view;
 }
 
-std::vector<View> load_views(const std::vector<ViewPlan>& plans, const MaskSource& masks,
-                             const ProgressFn& progress) {
+/// `cache` may be null.
+View load_view(ViewPlan& plan, const MaskSource& masks, PhotoCache* cache) {
+  View view = empty_view(plan, masks);
+  Picture picture = cache ? cached_picture(plan, masks, *cache) : make_picture(plan, masks);
+  view.photo = std::move(picture.photo);
+  view.mask = std::move(picture.mask);
+  view.over_background = masks.over_background && !view.mask.empty();
+  return view;
+}
+
+std::vector<View> load_views(std::vector<ViewPlan>& plans, const MaskSource& masks,
+                             PhotoCache* cache, const LoadProgress& progress) {
   std::vector<View> views(plans.size());
   std::atomic<bool> has_failed = false;  // then the others need not be decoded
   std::mutex mutex;
@@ -203,15 +343,95 @@ std::vector<View> load_views(const std::vector<ViewPlan>& plans, const MaskSourc
   parallel_for(plans.size(), 1, [&](std::size_t i) {
     if (has_failed) return;
     try {
-      views[i] = load_view(plans[i], masks);
+      views[i] = load_view(plans[i], masks, cache);
     } catch (...) {
       has_failed = true;
       throw;
     }
     const std::lock_guard lock(mutex);
-    if (progress) progress(++done, plans.size());
+    if (progress) progress(LoadStage::photos, ++done, plans.size());
   });
   return views;
+}
+
+/// Whether all photos can be in memory at once, the last ones being decoded.
+bool fit_into_ram(const std::vector<PhotoCost>& costs, std::size_t budget) {
+  std::size_t held = 0, decoding = 0;
+  for (const PhotoCost& cost : costs) {
+    held += cost.held;
+    decoding = std::max(decoding, cost.decoding);
+  }
+  return held + std::min<std::size_t>(std::size_t(thread_count()), costs.size()) * decoding <=
+         budget;
+}
+
+/// The cache, where it saves work: photos are read again and again, or more than decoded.
+std::shared_ptr<PhotoCache> cache_for(const DatasetConfig& dataset,
+                                      const std::vector<ViewPlan>& plans, bool all_fit) {
+  const bool is_named = dataset.photo_cache != "auto";
+  if (dataset.photo_cache == "none" || dataset.photo_cache_gib <= 0) return nullptr;
+  const bool helps = std::any_of(plans.begin(), plans.end(), [&](const ViewPlan& plan) {
+    const std::int64_t pixels = std::int64_t(plan.photo_size.width) * plan.photo_size.height;
+    return (!all_fit || plan.has_lens() || plan.is_resized()) &&
+           (is_named || pixels >= kWorthCaching);
+  });
+  if (!helps) return nullptr;
+  if (!can_cache_photos()) {
+    if (is_named) log_warning("dataset.photo_cache is not used: this build has no zstd and xxhash");
+    return nullptr;
+  }
+  const fs::path folder = is_named ? fs::path(dataset.photo_cache) : usual_photo_cache();
+  if (folder.empty()) return nullptr;
+  return std::make_shared<PhotoCache>(folder,
+                                      std::uint64_t(double(dataset.photo_cache_gib) * kGib));
+}
+
+/// Views without photos, and a pool that brings them.
+std::vector<View> lazy_views(std::vector<ViewPlan> plans, const MaskSource& masks,
+                             std::vector<PhotoCost> costs, std::size_t budget,
+                             std::shared_ptr<PhotoCache> cache) {
+  std::vector<View> views;
+  for (const ViewPlan& plan : plans) {
+    views.push_back(empty_view(plan, masks));
+    views.back().index = views.size() - 1;
+  }
+  const auto shared_plans = std::make_shared<std::vector<ViewPlan>>(std::move(plans));
+  const auto pool = std::make_shared<PhotoPool>(
+      std::move(costs),
+      [shared_plans, masks, cache](std::size_t i) {
+        return load_view((*shared_plans)[i], masks, cache.get());
+      },
+      budget, std::clamp(thread_count() - 1, 1, kMostDecoders));
+  for (View& view : views) view.source = pool;
+  return views;
+}
+
+/// All photos decoded, or none yet.
+std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan> plans,
+                             const MaskSource& masks, const LoadProgress& progress) {
+  std::vector<PhotoCost> costs;
+  double held = 0;
+  for (const ViewPlan& plan : plans) {
+    costs.push_back(cost_of(plan, masks));
+    held += double(costs.back().held);
+  }
+  std::size_t budget = photo_ram_bytes(dataset);
+  const bool all_fit = fit_into_ram(costs, budget);
+  const std::shared_ptr<PhotoCache> cache = cache_for(dataset, plans, all_fit);
+  if (cache) log_info("photos ready for training are kept in {}", cache->folder().string());
+  if (all_fit) return load_views(plans, masks, cache.get(), progress);
+  const std::size_t least = PhotoPool::least_budget(costs);
+  if (dataset.photo_ram_gib > 0 && budget < least)
+    throw UsageError(fmt::format(
+        "dataset.photo_ram_gib is {}, and one of these photos in use while another one is decoded "
+        "takes {:.3g}; give at least that (--photo-ram), or 0 for half of the machine's memory",
+        dataset.photo_ram_gib, 1.01 * double(least) / kGib));
+  budget = std::max(budget, least);
+  log_info(
+      "the photos take {:.3g} GiB when decoded, and {:.3g} GiB of memory are theirs (--photo-ram): "
+      "they are decoded when it is their turn",
+      held / kGib, double(budget) / kGib);
+  return lazy_views(std::move(plans), masks, std::move(costs), budget, cache);
 }
 
 std::vector<ScenePoint> single_precision_points(const ColmapModel& model) {
@@ -236,14 +456,14 @@ struct ScenePlan {
   std::vector<ScenePoint> points;
 };
 
-ScenePlan plan_scene(const DatasetConfig& dataset) {
+ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress) {
   const SceneFolders folders = find_scene(dataset);
   auto [model, is_test] = read_scene_model(dataset, folders);
   ScenePlan plan;
   plan.is_test = std::move(is_test);
   if (dataset.model.empty()) check_registered(model, folders.images);
   plan.masks = find_masks(dataset, folders);
-  plan.views = plan_views(dataset, model, folders.images, plan.masks);
+  plan.views = plan_views(dataset, model, folders.images, plan.masks, progress);
   plan.points = single_precision_points(model);
   return plan;
 }
@@ -262,7 +482,7 @@ void report_masks(const std::vector<View>& views, const DatasetConfig& dataset) 
     log_info("{} of {} photos are masked: {:.1f} % of their pixels {}", masked, views.size(),
              100 * share / double(masked),
              over_background ? "show the scene, the others its background" : "train");
-  else if (dataset.mask_mode == "background")
+  else if (dataset.mask_mode == "background" && !views.empty() && !views.front().source)
     log_warning("dataset.mask_mode is background, but no photo has a mask or alpha");
 }
 
@@ -288,14 +508,14 @@ void split_views(std::vector<View> views, const std::vector<bool>& is_test, Scen
 }  // namespace
 
 void check_scene(const DatasetConfig& dataset) {
-  for (const ViewPlan& view : plan_scene(dataset).views) single_precision_camera(view);
+  for (const ViewPlan& view : plan_scene(dataset, {}).views) single_precision_camera(view);
 }
 
-Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress) {
-  ScenePlan plan = plan_scene(dataset);
+Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress) {
+  ScenePlan plan = plan_scene(dataset, progress);
   Scene scene;
   scene.source = dataset.source;
-  std::vector<View> views = load_views(plan.views, plan.masks, progress);
+  std::vector<View> views = make_views(dataset, std::move(plan.views), plan.masks, progress);
   report_masks(views, dataset);
   split_views(std::move(views), plan.is_test, scene);
   scene.points = std::move(plan.points);

@@ -12,12 +12,17 @@ namespace gs {
 /// Called after each photo, from one thread at a time, with `done` counting up to `total`.
 using ProgressFn = std::function<void(std::size_t done, std::size_t total)>;
 
+/// First the headers of all photos are read; then all photos, if they fit into memory.
+enum class LoadStage { headers, photos };
+using LoadProgress = std::function<void(LoadStage stage, std::size_t done, std::size_t total)>;
+
 /// Finds the model and the photos, undistorts and resizes every photo to dataset.resolution, and
 /// splits the views: with dataset.eval, every test_every-th in byte order of the names, the first
 /// one among them, is a test view (split.h: photos of one rig frame stay together). Every size and name is checked before the first photo is
-/// decoded. Throws Error that names the file and the remedy; UsageError for a resolution that
+/// decoded. Photos that do not fit into dataset.photo_ram_gib as a whole are decoded when they are asked for, by a
+/// PhotoPool. Throws Error that names the file and the remedy; UsageError for a resolution or a budget that
 /// cannot be taken.
-Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress = {});
+Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress = {});
 
 /// All that load_scene() checks before it decodes the first photo. Throws like it.
 void check_scene(const DatasetConfig& dataset);

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "data_loaders/photos.h"
@@ -25,6 +26,9 @@ int decode_photo_orientation(const std::filesystem::path& path);
 
 /// What decode_photo() gives, as colour and alpha.
 PhotoWithAlpha separated(Image8 decoded);
+
+/// The library and its version: others may give other bytes of a JPEG.
+std::string codec_name();
 
 /// The bytes of a PNG file with 1, 3 or 4 channels, the last straight alpha.
 std::vector<std::uint8_t> encode_png(const Image8& image);

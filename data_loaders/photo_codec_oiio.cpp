@@ -61,6 +61,8 @@ int decode_photo_orientation(const std::filesystem::path& path) {
   return open_photo(path).input->spec().get_int_attribute("Orientation", 1);
 }
 
+std::string codec_name() { return "OpenImageIO " OIIO_VERSION_STRING; }
+
 std::vector<std::uint8_t> encode_png(const Image8& image) {
   std::vector<unsigned char> bytes;
   OIIO::Filesystem::IOVecOutput sink(bytes);

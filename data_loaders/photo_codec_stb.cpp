@@ -87,6 +87,8 @@ PhotoSize decode_photo_size(const std::filesystem::path& path) {
 
 int decode_photo_orientation(const std::filesystem::path&) { return 1; }  // stb_image reads no EXIF
 
+std::string codec_name() { return "stb_image"; }
+
 std::vector<std::uint8_t> encode_png(const Image8& image) {
   std::vector<std::uint8_t> bytes;
   const int stride = image.width * image.channels;

@@ -18,7 +18,8 @@ namespace fs = std::filesystem;
 // What both COLMAP and we read.
 const std::set<std::string> kPhotoEndings = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff"};
 constexpr const char* kMasksFolder = "masks/";  // beside the photos: no photos themselves (masks.h)
-const std::set<std::string> kVideoEndings = {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm"};
+const std::set<std::string> kVideoEndings = {".mp4",  ".mov", ".m4v",  ".avi", ".mkv",
+                                             ".webm", ".mpg", ".mpeg", ".mts", ".3gp"};
 
 std::string ending_of(const fs::path& path) {
   std::string ending = path.extension().string();
@@ -84,8 +85,7 @@ bool is_pose_file(const fs::path& file) {
   std::string remedy = "name the folder that holds the photos";
   if (videos)
     remedy = fmt::format(
-        "it has {} video(s): take frames out of them first, for example with ffmpeg -i VIDEO -vf "
-        "fps=2 -qscale:v 2 FRAMES/%05d.jpg, and name FRAMES",
+        "it has {} video(s): name one of them, or the folder that they lie in, for frames of it",
         videos);
   throw Error(fmt::format(
       "cannot find photos in {}: it has no .jpg, .png, .tif or .bmp file{}; {}", folder.string(),
@@ -114,15 +114,31 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
     }
   }
   if (photos.empty()) fail_without_photos(folder, unreadable, videos);
-  if (videos) log_warning("{} video(s) in {} are not used", videos, folder.string());
+  if (videos)
+    log_warning(
+        "{} video(s) in {} are not used, as there are photos; name a video for frames of it",
+        videos, folder.string());
   std::sort(photos.begin(), photos.end(),
             [](const PhotoFile& a, const PhotoFile& b) { return a.name < b.name; });
   return photos;
 }
 
+std::vector<fs::path> find_videos(const fs::path& source) {
+  std::error_code ignored;
+  if (fs::is_regular_file(source, ignored) && kVideoEndings.contains(ending_of(source)))
+    return {source};
+  if (!fs::is_directory(source, ignored) || has_photos(photo_root(source))) return {};
+  std::vector<fs::path> videos = files_in(source, false);
+  std::erase_if(videos,
+                [](const fs::path& file) { return !kVideoEndings.contains(ending_of(file)); });
+  return videos;
+}
+
 bool holds_only_photos(const fs::path& folder) {
   std::error_code error;
-  if (!has_photos(photo_root(folder))) return false;
+  const bool has_videos = !find_videos(folder).empty();
+  if (has_videos && !fs::is_directory(folder, error)) return true;
+  if (!has_videos && !has_photos(photo_root(folder))) return false;
   for (const fs::path& file : files_in(folder, false))
     if (is_pose_file(file)) return false;
   if (has_model(folder) || has_model(fs::absolute(folder / "").lexically_normal() / ".."))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A folder that holds photos and no model: what `gemsplat reconstruct` begins with.
+// A folder that holds photos or videos and no model: what `gemsplat reconstruct` begins with.
 #pragma once
 
 #include <filesystem>
@@ -22,7 +22,10 @@ struct PhotoFile {
 std::vector<PhotoFile> find_photos(const std::filesystem::path& folder,
                                    const std::filesystem::path& without);
 
-/// Whether there are photos in the folder or its images/, and nothing that says where they were taken:
+/// The video that `source` is, or those that the folder holds if it holds no photos; sorted.
+std::vector<std::filesystem::path> find_videos(const std::filesystem::path& source);
+
+/// Whether this is a video, or there are photos in the folder or its images/, or videos in it, and nothing that says where they were taken:
 /// no COLMAP model in it, one level up or down or in a sparse/N, and no transforms*.json.
 bool holds_only_photos(const std::filesystem::path& folder);
 

@@ -19,6 +19,7 @@
 #include "data_loaders/move_aside.h"
 #include "data_loaders/photo_folder.h"
 #include "data_loaders/subprocess.h"
+#include "data_loaders/video_frames.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 
@@ -57,11 +58,13 @@ struct SceneFiles {
 /// A job with all that is decided before the first stage.
 struct Plan {
   SceneFiles files;
+  std::vector<fs::path> videos;   // then the photos are their frames, once these are there
   std::vector<PhotoFile> photos;
   bool photos_in_place = false;  // they are the scene's images/ already
   std::string program, matching, camera_model;
   bool single_camera = false, use_gpu = false;
-  int max_features = 0, threads = 0;
+  int max_features = 0, frames = 0, threads = 0;
+  std::string single_camera_setting;
 };
 
 /// reconstruct.json: for which photos and settings which stages are complete.
@@ -94,34 +97,49 @@ bool is_within(const fs::path& inner, const fs::path& outer) {
   return !relative.empty() && *relative.begin() != "..";
 }
 
+// What photos and settings decide, once the photos are there.
+void complete_plan(Plan& plan, const fs::path& source) {
+  if (plan.photos.size() < kFewestPhotos)
+    throw Error(
+        fmt::format("{} has {} photo(s); a scene needs at least {}, and 30 or more to look well",
+                    source.string(), plan.photos.size(), kFewestPhotos));
+  if (plan.matching == "auto")
+    plan.matching = plan.videos.empty() && plan.photos.size() <= kExhaustivePhotos ? "exhaustive"
+                                                                                   : "sequential";
+  plan.single_camera = plan.single_camera_setting == "auto" ? same_size(plan.photos)
+                                                            : plan.single_camera_setting == "yes";
+}
+
 Plan plan_of(const ColmapJob& job) {
   const ReconstructConfig& settings = job.settings;
   Plan plan;
   plan.files.root = job.scene;
+  plan.matching = settings.matching;
+  plan.single_camera_setting = settings.single_camera;
+  plan.camera_model = settings.camera_model;
+  plan.max_features = settings.max_features;
+  plan.frames = settings.frames;
+  plan.use_gpu = settings.use_gpu;
+  plan.threads = job.threads;
+  plan.videos = find_videos(job.photos);
+  plan.program = found_program(settings.colmap);
   const bool same_folder = fs::weakly_canonical(job.photos) == fs::weakly_canonical(job.scene);
+  if (!plan.videos.empty()) {
+    if (same_folder)
+      throw UsageError("the videos and the scene are in the same folder, " + job.photos.string() +
+                       "; name another for the scene with -o");
+    return plan;
+  }
   if (same_folder && !fs::is_directory(plan.files.images()))
     throw UsageError("the photos and the scene are the same folder, " + job.photos.string() +
                      "; name another for the scene with -o, or put the photos into its images/");
   const fs::path photos = same_folder ? plan.files.images() : job.photos;
-  plan.program = found_program(settings.colmap);
   plan.photos = find_photos(photos, job.scene);
-  if (plan.photos.size() < kFewestPhotos)
-    throw Error(
-        fmt::format("{} has {} photo(s); a scene needs at least {}, and 30 or more to look well",
-                    job.photos.string(), plan.photos.size(), kFewestPhotos));
   plan.photos_in_place = is_within(photos, plan.files.images());
   if (plan.photos_in_place && !is_within(plan.files.images(), photos))
     throw UsageError(fmt::format("{} lies inside the images of {}; choose another scene with -o",
                                  photos.string(), job.scene.string()));
-  plan.matching = settings.matching != "auto"               ? settings.matching
-                  : plan.photos.size() <= kExhaustivePhotos ? "exhaustive"
-                                                            : "sequential";
-  plan.single_camera =
-      settings.single_camera == "auto" ? same_size(plan.photos) : settings.single_camera == "yes";
-  plan.camera_model = settings.camera_model;
-  plan.max_features = settings.max_features;
-  plan.use_gpu = settings.use_gpu;
-  plan.threads = job.threads;
+  complete_plan(plan, job.photos);
   return plan;
 }
 
@@ -131,6 +149,12 @@ std::string made_of(const Plan& plan) {
   const auto mix = [&hash](std::string_view text) {
     for (const char c : text) hash = (hash ^ std::uint8_t(c)) * 1099511628211u;
   };
+  for (const fs::path& video : plan.videos)
+    mix(fmt::format("{}\n{}\n", video.filename().string(), fs::file_size(video)));
+  if (!plan.videos.empty())
+    return fmt::format("{} frames of {} videos {:016x}, {}, {} camera(s), {} matching, {} features",
+                       plan.frames, plan.videos.size(), hash, plan.camera_model,
+                       plan.single_camera_setting, plan.matching, plan.max_features);
   for (const PhotoFile& photo : plan.photos)
     mix(fmt::format("{}\n{}\n", photo.name, fs::file_size(photo.path)));
   return fmt::format("{} photos {:016x}, {}, {} camera(s), {} matching, {} features",
@@ -225,6 +249,46 @@ void take_photos(const Plan& plan) {
                       "with -o",
                       source.string(), target.string(), error.message()));
   }
+}
+
+// ---- frames of videos
+
+// The share of `frames` that a video of so many of all frames gets.
+std::int64_t share_of(std::int64_t own, std::int64_t all, int frames) {
+  return std::max<std::int64_t>(1, (own * frames + all / 2) / all);
+}
+
+// What the frames of each video are called: its name without the ending, or with it where two would be called alike.
+std::vector<std::string> stems_of(const std::vector<fs::path>& videos) {
+  std::map<std::string, int> counts;
+  for (const fs::path& video : videos) ++counts[video.stem().string()];
+  std::vector<std::string> stems;
+  for (const fs::path& video : videos)
+    stems.push_back(counts[video.stem().string()] == 1 ? video.stem().string()
+                                                       : video.filename().string());
+  return stems;
+}
+
+// Fills images/ video by video, each once, and completes the plan.
+void take_photos_from_videos(Plan& plan, State& state, const ColmapProgress& progress) {
+  const std::vector<std::string> stems = stems_of(plan.videos);
+  const auto name_of = [&](std::size_t i) { return "frames of " + stems[i]; };
+  std::vector<std::int64_t> counts;
+  std::int64_t all = 0, before = 0;
+  for (const fs::path& video : plan.videos) all += counts.emplace_back(count_frames(video));
+  for (std::size_t i = 0; i < plan.videos.size(); before += counts[i++]) {
+    if (state.complete.contains(name_of(i))) continue;
+    progress(ColmapStage::frames, before, all);
+    const std::int64_t wanted = share_of(counts[i], all, plan.frames);
+    log_info("the sharpest {} of {} frames of {}", std::min(wanted, counts[i]), counts[i],
+             plan.videos[i].string());
+    take_frames(plan.videos[i], counts[i], wanted, plan.files.images(), stems[i],
+                [&](std::int64_t done) { progress(ColmapStage::frames, before + done, all); });
+    state.complete.insert(name_of(i));
+    write_state(plan.files, state);
+  }
+  plan.photos = find_photos(plan.files.images(), {});
+  complete_plan(plan, plan.videos[0].parent_path());
 }
 
 void write_photo_list(const Plan& plan, const fs::path& file) {
@@ -446,10 +510,13 @@ Reconstruction verdict_of(const Plan& plan) {
 }  // namespace
 
 Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress) {
-  const Plan plan = plan_of(job);
+  Plan plan = plan_of(job);
   State state = prepare_folder(plan, job);
   write_state(plan.files, state);
-  take_photos(plan);
+  if (plan.videos.empty())
+    take_photos(plan);
+  else
+    take_photos_from_videos(plan, state, progress);
   log_info("{} photos, {}, {} matching", plan.photos.size(),
            plan.single_camera ? "one " + plan.camera_model + " camera"
                               : "a " + plan.camera_model + " camera each",
@@ -460,6 +527,7 @@ Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress) 
       continue;
     }
     switch (stage.stage) {
+      case ColmapStage::frames: break;  // none of COLMAP's
       case ColmapStage::features: run_stage(stage, feature_command(plan), plan, progress); break;
       case ColmapStage::matches: run_stage(stage, match_command(plan), plan, progress); break;
       case ColmapStage::model: make_model(stage, plan, progress); break;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From photos to a scene by the `colmap` program: features, matches, the mapper, the largest model. Comes
+// From photos, or frames of videos, to a scene by the `colmap` program: features, matches, the mapper, the largest model. Comes
 // before find_scene.h in the pipeline.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace gs {
 
-enum class ColmapStage { features, matches, model };
+enum class ColmapStage { frames, features, matches, model };
 
 /// Called at a stage's beginning with `done` 0, and as COLMAP goes on.
 using ColmapProgress =
@@ -21,7 +21,7 @@ using ColmapProgress =
 
 /// What is to be made of what.
 struct ColmapJob {
-  std::filesystem::path photos;  // a folder; never changed
+  std::filesystem::path photos;  // a folder of photos or videos, or a video; never changed
   std::filesystem::path scene;   // images/, sparse/N, database.db, colmap.log, reconstruct.json
   ReconstructConfig settings;
   int threads = 0;     // 0: all cores

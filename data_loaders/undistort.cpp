@@ -156,6 +156,7 @@ PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::s
 #ifdef GS_HAVE_OPENCV
 
 bool can_undistort() { return true; }
+std::string resampler_name() { return "OpenCV " CV_VERSION; }
 
 Image8 undistorted_photo(const Image8& image, const LensCamera& camera,
                          const PinholeCamera<double>& pinhole, const std::string& photo) {
@@ -188,6 +189,7 @@ Image8 undistorted_photo(const Image8& image, const LensCamera& camera,
 #else
 
 bool can_undistort() { return false; }
+std::string resampler_name() { return {}; }
 
 Image8 undistorted_photo(const Image8&, const LensCamera&, const PinholeCamera<double>&,
                          const std::string& photo) {

@@ -12,6 +12,8 @@ namespace gs {
 
 /// Whether this build has OpenCV.
 bool can_undistort();
+/// It with its version: others may give other bytes.
+std::string resampler_name();
 
 /// The pinhole camera of the undistorted photo. It keeps the focal lengths, so that the centre
 /// stays as sharp as it was, and the principal point's relative position; it is as large as it can

@@ -21,6 +21,9 @@ struct DatasetConfig {
   int resolution = 1;  // 1, 2, 4, 8: photos divided by it; 16 and more: the width in pixels
   bool eval = false;   // hold out every test_every-th view by sorted name
   int test_every = 8;
+  float photo_ram_gib = 0;           // for decoded photos; 0: half of the machine's memory
+  std::string photo_cache = "auto";  // folder of undistorted and resized photos; auto, none
+  float photo_cache_gib = 20;        // at most in that folder
 };
 
 /// How the colmap program finds where photos were taken.
@@ -30,6 +33,7 @@ struct ReconstructConfig {
   std::string camera_model = "SIMPLE_RADIAL";  // COLMAP's name
   std::string single_camera = "auto";          // auto, yes, no
   int max_features = 8192;                     // in one photo
+  int frames = 200;                            // taken out of videos
   bool use_gpu = false;
 };
 

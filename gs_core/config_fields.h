@@ -46,13 +46,17 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("dataset.resolution",           dataset.resolution,           "",       between(1, 65536),  "1, 2, 4, 8: photos divided by it; 16 and more: their width in pixels", kKerbl);
   field("dataset.eval",                 dataset.eval,                 "",       any(),              "hold out every test_every-th view, by sorted name, to measure on", kKerbl);
   field("dataset.test_every",           dataset.test_every,           "views",  steps_from(2),      "with eval, one of so many views is held out, the first among them", "Barron et al. 2022");
+  field("dataset.photo_ram_gib",        dataset.photo_ram_gib,        "GiB",    at_least(0),        "of host memory for decoded photos; more are decoded again when they are needed; 0: half of the machine's");
+  field("dataset.photo_cache",          dataset.photo_cache,          "folder", any(),              "keeps undistorted or resized photos for later runs; auto: gemsplat/photos in ~/.cache; none: nowhere");
+  field("dataset.photo_cache_gib",      dataset.photo_cache_gib,      "GiB",    at_least(0),        "of disk for that folder; what was used longest ago makes room");
 
   auto& reconstruct = config.reconstruct;
   field("reconstruct.colmap",           reconstruct.colmap,           "file",   any(),              "the colmap program");
-  field("reconstruct.matching",         reconstruct.matching,         "",       one_of("auto, exhaustive, sequential"), "which photos are compared: all, or neighbours by name; auto: all of up to 200");
+  field("reconstruct.matching",         reconstruct.matching,         "",       one_of("auto, exhaustive, sequential"), "which photos are compared: all, or neighbours by name; auto: all of up to 200, neighbours of a video");
   field("reconstruct.camera_model",     reconstruct.camera_model,     "",       one_of("SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE"), "the lens, as COLMAP calls it");
   field("reconstruct.single_camera",    reconstruct.single_camera,    "",       one_of("auto, yes, no"), "one lens for all photos; auto: if all have the same size");
   field("reconstruct.max_features",     reconstruct.max_features,     "features", steps_from(1),    "in one photo", "COLMAP");
+  field("reconstruct.frames",           reconstruct.frames,           "frames", steps_from(3),      "taken out of videos, all together: the sharpest of each of so many stretches");
   field("reconstruct.use_gpu",          reconstruct.use_gpu,          "",       any(),              "SIFT on the GPU; needs a colmap with CUDA");
 
   auto& model = config.model;

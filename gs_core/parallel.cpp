@@ -118,6 +118,9 @@ int thread_count() {
                             : std::max(1, int(std::thread::hardware_concurrency()));
 }
 
+SerialLoops::SerialLoops() : was_inside_(t_inside_loop) { t_inside_loop = true; }
+SerialLoops::~SerialLoops() { t_inside_loop = was_inside_; }
+
 void detail::run_chunks(std::size_t count, std::size_t grain, ChunkBody body, void* context) {
   Loop loop(count, grain, body, context);
   if (t_inside_loop || count <= grain || thread_count() == 1) {

@@ -38,4 +38,17 @@ void parallel_for(std::size_t count, std::size_t grain, Body&& body) {
   });
 }
 
+/// While it lives, loops of the thread that made it run on that thread alone: for threads that work beside the pool
+/// and shall not hold it up.
+class SerialLoops {
+ public:
+  SerialLoops();
+  ~SerialLoops();
+  SerialLoops(const SerialLoops&) = delete;
+  SerialLoops& operator=(const SerialLoops&) = delete;
+
+ private:
+  bool was_inside_;
+};
+
 }  // namespace gs

@@ -26,7 +26,28 @@ Vec3d median_position(const std::vector<View>& views) {
   return median;
 }
 
+bool is_elsewhere(const View& view) { return view.source && view.photo.empty(); }
+
 }  // namespace
+
+std::shared_ptr<const View> with_photo(const View& view) {
+  if (is_elsewhere(view)) return view.source->view(view.index);
+  return {std::shared_ptr<void>(), &view};  // owns nothing
+}
+
+void expect_photo(const View& view) {
+  if (is_elsewhere(view)) view.source->expect(view.index);
+}
+
+void release_photo(const View& view) {
+  if (is_elsewhere(view)) view.source->release(view.index);
+}
+
+std::size_t photo_bytes(const View& view) {
+  if (!is_elsewhere(view)) return view.photo.pixels.size() + view.mask.pixels.size();
+  return (view.may_be_masked ? 4 : 3) * std::size_t(view.camera.width) *
+         std::size_t(view.camera.height);
+}
 
 std::vector<std::size_t> stray_cameras(const std::vector<View>& views) {
   if (views.empty()) return {};

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What training starts from: posed photos and sparse points, const once loaded.
+// What training starts from: posed photos and sparse points, const once loaded. The photos of a large scene stay
+// where they are until they are asked for.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -11,22 +14,60 @@
 
 namespace gs {
 
+class PhotoSource;
+
 /// One posed photo. math/photo_weight.h has what the loss makes of mask and exposure.
 struct View {
   std::string name;  // path of the photo relative to the images folder, as in the COLMAP model
   Camera camera;
-  Image8 photo;      // (height, width, 3) of the camera's size
-  Image8 mask = {};  // (height, width, 1) of that size: 255 trains, 0 does not; empty: every pixel trains
+  Image8 photo;      // (height, width, 3) of the camera's size; empty where `source` has it: with_photo()
+  Image8 mask = {};  // (height, width, 1) of that size: 255 trains, 0 does not; empty: every pixel trains, or `source` has it
   bool over_background = false;  // the mask says what the photo covers: the background is behind it, and every pixel trains
   Vec3f exposure{1};  // per channel: the photo shows exposure * the scene's colours (display sRGB)
+  std::shared_ptr<PhotoSource> source = {};
+  std::size_t index = 0;       // in `source`
+  bool may_be_masked = false;  // whether what `source` gives may have a mask
 
-  /// Whether the photo stands for more than itself in the loss.
-  bool is_weighted() const {
-    return !mask.empty() || exposure.x != 1 || exposure.y != 1 || exposure.z != 1;
-  }
+  /// Whether the photo, once it is there, stands for more than itself in the loss.
+  bool is_weighted() const { return !mask.empty() || has_exposure(); }
+  bool has_exposure() const { return exposure.x != 1 || exposure.y != 1 || exposure.z != 1; }
   /// Whether there are pixels that do not train, or less than others.
   bool has_untrained_pixels() const { return !mask.empty() && !over_background; }
 };
+
+/// Brings the photos of a scene that is not held in memory as a whole. All calls may come from any thread.
+class PhotoSource {
+ public:
+  virtual ~PhotoSource() = default;
+  /// The view with its photo, which stays while the pointer lives. Waits until it is decoded; throws Error where it cannot be.
+  virtual std::shared_ptr<const View> view(std::size_t index) = 0;
+  /// Tells that view(index) will be asked for after all that were expected before, so that it can be decoded meanwhile.
+  virtual void expect(std::size_t index) = 0;
+  /// Tells that nobody will ask for it soon: its bytes are the first to go.
+  virtual void release(std::size_t index) = 0;
+};
+
+/// The view with its photo: itself, or what its source gives. Hold it no longer than the photo is looked at.
+std::shared_ptr<const View> with_photo(const View& view);
+/// PhotoSource::expect() and release(); nothing for a view whose photo is there.
+void expect_photo(const View& view);
+void release_photo(const View& view);
+/// Of the view's photo and mask once they are decoded; at most, where it is not known whether there will be a mask.
+std::size_t photo_bytes(const View& view);
+
+/// How long before it is asked for a photo is best expected: a decoder takes some tenths of a second, a step on a fast
+/// GPU some milliseconds.
+inline constexpr std::size_t kPhotosAhead = 64;
+
+/// Calls f(i, view with its photo) for the first `count` views, in order, each expected beforehand.
+template <class F>
+void for_each_with_photo(const std::vector<View>& views, std::size_t count, F&& f) {
+  for (std::size_t i = 0; i < std::min(count, kPhotosAhead); ++i) expect_photo(views[i]);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (i + kPhotosAhead < count) expect_photo(views[i + kPhotosAhead]);
+    f(i, *with_photo(views[i]));
+  }
+}
 
 /// A point of the sparse reconstruction.
 struct ScenePoint {

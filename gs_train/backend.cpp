@@ -10,7 +10,7 @@ void Backend::step(TrainingModel& model, const View& view, const RenderSettings&
   const GaussiansSpan gaussians = model.gaussians.span();
 
   renderer().forward(gaussians, view.camera, settings, pass_);
-  loss().forward_backward(pass_, view, lambda_dssim, dL_dimage_);
+  loss().forward_backward(pass_, *with_photo(view), lambda_dssim, dL_dimage_);
   renderer().backward(gaussians, view.camera, settings, pass_, dL_dimage_.span(), gradients_.span(),
                       dL_dmean2d_.span());
   optimizer().step(model, gradients_, rates);

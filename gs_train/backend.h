@@ -35,6 +35,9 @@ class Backend {
   /// Tells of the views that steps will ask for, so that a device can fetch their photos beforehand, up to so
   /// many bytes of its memory. The views outlive the next prepare() or the backend.
   virtual void prepare(const std::vector<View>&, [[maybe_unused]] std::size_t photo_bytes) {}
+  /// Tells of the views in the order in which steps will take them, some kPhotosAhead steps before: photos that are still
+  /// files can be decoded meanwhile.
+  virtual void expect(const View& view) { expect_photo(view); }
   /// Tells which view the step after the next one will take.
   virtual void announce(const View&) {}
 

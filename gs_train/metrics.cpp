@@ -120,17 +120,26 @@ Image8 shown_photo(const View& view, const Vec3f& background) {
 Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
                     const std::vector<View>& views, const RenderSettings& settings,
                     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view) {
+  const auto trains_nowhere = [](const View& view) {
+    return view.has_untrained_pixels() &&
+           std::all_of(view.mask.pixels.begin(), view.mask.pixels.end(),
+                       [](std::uint8_t value) { return value == 0; });
+  };
   Evaluation evaluation;
   RenderPass pass(renderer.memory());
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    renderer.forward(gaussians, views[i].camera, settings, pass);
+  for_each_with_photo(views, views.size(), [&](std::size_t i, const View& view) {
+    renderer.forward(gaussians, view.camera, settings, pass);
     const ImageF render = image_of(pass);
-    if (on_view) on_view(i, views[i], render);
-    evaluation.views.push_back({views[i].name, psnr(render, views[i], settings.background),
-                                ssim(render, views[i], settings.background)});
-    evaluation.psnr += evaluation.views.back().psnr / double(views.size());
-    evaluation.ssim += evaluation.views.back().ssim / double(views.size());
-  }
+    if (on_view) on_view(i, view, render);
+    if (trains_nowhere(view)) return;
+    evaluation.views.push_back({view.name, psnr(render, view, settings.background),
+                                ssim(render, view, settings.background)});
+    evaluation.psnr += evaluation.views.back().psnr;
+    evaluation.ssim += evaluation.views.back().ssim;
+  });
+  const double count = double(std::max<std::size_t>(evaluation.views.size(), 1));
+  evaluation.psnr /= count;
+  evaluation.ssim /= count;
   return evaluation;
 }
 

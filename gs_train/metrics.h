@@ -42,7 +42,8 @@ struct Evaluation {
   std::vector<ViewMetrics> views;
 };
 
-/// Renders each view and compares it with its photo. `on_view` (may be empty) sees each picture, in order.
+/// Renders each view and compares it with its photo. `on_view` (may be empty) sees each picture
+/// and the view with its photo, in order.
 Evaluation evaluate(
     Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
     const RenderSettings& settings,

@@ -50,8 +50,8 @@ RenderSettings render_settings(const Config& config) {
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
     : scene_(with_views(scene)), config_(config), backend_(backend),
       schedule_(config, scene.extent), settings_(render_settings(config)),
-      views_(scene.train_views.size(), config.train.seed), density_(config, scene.extent),
-      model_(initial_model(scene, config, backend.memory())) {
+      views_(scene.train_views.size(), config.train.seed), views_ahead_(views_),
+      density_(config, scene.extent), model_(initial_model(scene, config, backend.memory())) {
   settings_.sh_degree = 0;  // raised by the schedule
   backend_.prepare(scene.train_views, std::size_t(double(config.train.photo_gib) * kGib));
 }
@@ -83,6 +83,7 @@ void Trainer::run() {
     begin = seconds_now();
   };
 
+  for (int step = 1; step <= int(kPhotosAhead); ++step) expect_view_of(step);
   backend_.rows().sort_by_morton(model_);
   for (bool is_last = false; !is_last;) {
     one_step(++step_);
@@ -96,6 +97,7 @@ void Trainer::run() {
 void Trainer::one_step(int step) {
   const View& view = scene_.train_views[views_.view_of(step)];
   if (config_.render.background == "random") settings_.background = random_background(step);
+  expect_view_of(step + int(kPhotosAhead));
   backend_.announce(scene_.train_views[views_.view_of(step + 1)]);
   // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec. "Optimization"
   backend_.step(model_, view, settings_, config_.loss.lambda_dssim, schedule_.learning_rates(step),
@@ -107,6 +109,10 @@ void Trainer::one_step(int step) {
   if (schedule_.raise_sh_degree(step) && settings_.sh_degree < config_.model.sh_degree)
     ++settings_.sh_degree;
   if (schedule_.reorder(step)) backend_.rows().sort_by_morton(model_);
+}
+
+void Trainer::expect_view_of(int step) {
+  if (step <= schedule_.steps()) backend_.expect(scene_.train_views[views_ahead_.view_of(step)]);
 }
 
 void Trainer::finish() {

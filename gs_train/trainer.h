@@ -59,6 +59,7 @@ class Trainer {
   template <class F>
   auto timed(F&& f);
   void one_step(int step);
+  void expect_view_of(int step);
   void finish();
   Vec3f random_background(int step) const;
 
@@ -67,7 +68,7 @@ class Trainer {
   Backend& backend_;
   Schedule schedule_;
   RenderSettings settings_;
-  ViewSampler views_;
+  ViewSampler views_, views_ahead_;
   DensityControl density_;
   TrainingModel model_;
   std::vector<Observer*> observers_;

@@ -10,6 +10,7 @@ endif()
 
 option(GS_WITH_OPENIMAGEIO "Read and write photos through OpenImageIO (else JPEG and PNG through stb)" ON)
 option(GS_WITH_OPENCV "Undistort photos of lens models with OpenCV" ON)
+option(GS_WITH_ZSTD "Keep undistorted and resized photos on disk, with zstd and xxhash" ON)
 option(GS_WITH_CERES "Check every gradient against ceres::Jet; refine cameras" ON)
 option(GS_WITH_CUDA "Build the CUDA backend where nvcc is found" ON)
 option(GS_REQUIRE_CUDA "Stop when nvcc is not found, instead of building for the CPU alone" OFF)

@@ -38,6 +38,7 @@ function(gs_test path)
   target_link_libraries(${name} PRIVATE gs_test_support GTest::gmock_main ${arg_LINK})
   get_filename_component(folder ${path} DIRECTORY)
   gtest_discover_tests(${name} TEST_PREFIX "${path}." PROPERTIES LABELS ${folder} TIMEOUT 600
+                       ENVIRONMENT XDG_CACHE_HOME=${CMAKE_CURRENT_BINARY_DIR}/cache
                        DISCOVERY_MODE PRE_TEST WORKING_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR})
   if(NOT TARGET ${folder}_tests)
     add_custom_target(${folder}_tests)

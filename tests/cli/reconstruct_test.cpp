@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "tests/support/colmap_writer.h"
+#include "tests/support/avi_writer.h"
 
 namespace gs {
 namespace {
@@ -79,6 +79,22 @@ TEST_F(Reconstruct, TrainOnBarePhotosMakesTheSceneFirstAndNamesItInItsConfig) {
   EXPECT_EQ(run(train + " --force"), 0) << printed();
   EXPECT_TRUE(is_colmap_model(path("run.bak-1/scene/sparse/0")));
   EXPECT_EQ(run("eval " + path("run") + " --split train"), 0) << printed();
+}
+
+TEST_F(Reconstruct, TrainOnAVideoTakesFramesFirst) {
+  std::vector<Image8> frames;
+  for (int i = 0; i < 3; ++i) frames.push_back(plain_photo(kWidth, kHeight, std::uint8_t(50 * i)));
+  write_avi(path("walk.avi"), frames);
+  ColmapModel model = read_colmap_model(path("model"));
+  for (std::size_t i = 0; i < 3; ++i)
+    model.images[i].name = "walk_00000" + std::to_string(i) + ".png";
+  write_binary_model(path("model"), model);
+  const int code = run("train " + path("walk.avi") + " -o " + path("run") +
+                       " --iterations 3 --device cpu --set reconstruct.colmap=" + path("colmap"));
+  if (code != 0 && printed().find("no OpenCV") != std::string::npos)
+    GTEST_SKIP() << "built without OpenCV";
+  EXPECT_EQ(code, 0) << printed();
+  EXPECT_TRUE(fs::exists(path("run/scene/images/walk_000002.png")));
 }
 
 }  // namespace

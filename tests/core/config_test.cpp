@@ -71,6 +71,7 @@ Config everything_changed() {
   });
   config.dataset.resolution = 640;
   config.dataset.mask_mode = "background";
+  config.dataset.photo_ram_gib = 6.5f;
   config.model.sh_degree = 1;
   config.render.background = "white";
   config.render.blend_rule = "classic";

@@ -68,6 +68,11 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
      // tests/cuda/step_test.cpp counts what the driver is asked for
      {{"tests/cuda/", "cuda_runtime_api.h"}, {"tests/CMakeLists.txt", "CUDA::cudart_static"}}},
     {"OpenCV", {"opencv"}, {"OpenCV_", "opencv_"}, {"data_loaders/"}, {"data_loaders/"}},
+    {"zstd and xxhash",
+     {"zstd.h", "xxhash.h"},
+     {"GS_ZSTD_", "GS_XXHASH_"},
+     {"data_loaders/photo_cache"},
+     {"data_loaders/"}},
     {"OpenImageIO", {"OpenImageIO/"}, {"OpenImageIO"}, {"data_loaders/"}, {"data_loaders/"}},
     {"Ceres",
      {"ceres/"},

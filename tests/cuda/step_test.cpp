@@ -4,6 +4,7 @@
 #include <cuda_runtime_api.h>
 #include <gtest/gtest.h>
 
+#include "data_loaders/photo_pool.h"
 #include "tests/support/cuda.h"
 
 // The linker sends these calls here (-Wl,--wrap): whoever makes them is counted.
@@ -167,6 +168,42 @@ TEST_F(CudaStep, StreamedPhotosGiveTheSameSteps) {
   }
   EXPECT_LT(norm_difference(downloaded(streamed.gaussians.sh0), downloaded(resident.gaussians.sh0)),
             1e-3);
+}
+
+// Photos that are not in host memory either: some of them go to the GPU beforehand, the others are decoded a few steps
+// ahead into room for two.
+TEST_F(CudaStep, PhotosOfAPoolGiveTheSameSteps) {
+  const std::vector<View> here = some_views(200, 150, 7);
+  const std::size_t bytes = photo_bytes(here[0]);
+  const auto pool = std::make_shared<PhotoPool>(
+      std::vector<PhotoCost>(here.size(), {bytes, bytes}), [&](std::size_t i) { return here[i]; },
+      2 * bytes, 2);
+  std::vector<View> elsewhere = here;
+  for (std::size_t i = 0; i < here.size(); ++i) {
+    elsewhere[i].photo = {};
+    elsewhere[i].source = pool;
+    elsewhere[i].index = i;
+  }
+  const TrainingModel start = model_of(random_gaussians(kTypical, 5000, here[0].camera, 7));
+  const auto run = [&](const std::vector<View>& views, std::size_t budget) {
+    TrainingModel model = on_gpu(start);
+    gpu().prepare(views, budget);
+    for (int step = 0; step < 40; ++step) {
+      gpu().expect(views[(step + 3) % views.size()]);
+      gpu().announce(views[(step + 1) % views.size()]);
+      gpu().step(model, views[step % views.size()], {}, 0.2f, kRates, false);
+    }
+    gpu().settle(model);
+    return downloaded(model.gaussians.sh0);
+  };
+  const auto expected = run(here, 1 << 30);
+  EXPECT_LT(norm_difference(run(elsewhere, 0), expected), 1e-3);
+  EXPECT_LT(norm_difference(run(elsewhere, 3 * (bytes + 16)), expected), 1e-3);
+  const std::size_t decoded = pool->counts().decoded;
+  EXPECT_LT(norm_difference(run(elsewhere, 1 << 30), expected), 1e-3);
+  EXPECT_LE(pool->counts().decoded, decoded + here.size());  // none but for the upload
+  EXPECT_LE(pool->counts().peak_bytes, 2 * bytes);
+  gpu().prepare({}, 0);  // these views end here
 }
 
 }  // namespace

@@ -16,6 +16,7 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 using Level = Finding::Level;
 
 Diagnosis diagnosis_of(const std::filesystem::path& folder, bool look_at_pictures = true) {
@@ -52,6 +53,18 @@ TEST(Doctor, HasNothingAgainstAGoodScene) {
   EXPECT_THAT(the(diagnosis, Level::good, "points").text, HasSubstr("error 0.50 pixels"));
   EXPECT_THAT(the(diagnosis, Level::note, "forecast").text,
               HasSubstr("training 1 million Gaussians"));
+}
+
+TEST(Doctor, ForecastOfMemoryKeepsToTheBudgetOfPhotos) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(24));
+  Config config;
+  config.dataset.source = temp.path().string();
+  EXPECT_THAT(the(examine(config, false), Level::note, "forecast").text,
+              Not(HasSubstr("when it is their turn")));
+  config.dataset.photo_ram_gib = 1e-6f;  // of 24 photos of 288 bytes
+  EXPECT_THAT(the(examine(config, false), Level::note, "forecast").text,
+              HasSubstr("when it is their turn"));
 }
 
 TEST(Doctor, SaysWhatIsMissingWhereThereIsNoModel) {

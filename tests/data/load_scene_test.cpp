@@ -407,12 +407,13 @@ TEST(LoadScene, NotASceneListsThePlacesAndTheNearestMatch) {
 TEST(LoadScene, ProgressCountsEveryPhotoInOrder) {
   const TempFolder temp;
   write_scene(temp.path(), small_model(4));
-  std::vector<std::size_t> counts;
-  load_scene(dataset_at(temp.path()), [&](std::size_t done, std::size_t total) {
-    counts.push_back(done);
+  std::vector<std::size_t> headers, photos;
+  load_scene(dataset_at(temp.path()), [&](LoadStage stage, std::size_t done, std::size_t total) {
+    (stage == LoadStage::headers ? headers : photos).push_back(done);
     EXPECT_EQ(total, 4u);
   });
-  EXPECT_THAT(counts, ElementsAre(1, 2, 3, 4));
+  EXPECT_THAT(headers, ElementsAre(1, 2, 3, 4));
+  EXPECT_THAT(photos, ElementsAre(1, 2, 3, 4));
 }
 
 // Two cameras of transforms.json, at the origin and one unit to the right of it, both looking along -z of OpenGL.

@@ -15,8 +15,10 @@
 #include "data_loaders/colmap_model.h"
 #include "data_loaders/photo_folder.h"
 #include "data_loaders/subprocess.h"
+#include "data_loaders/video_frames.h"
 #include "gs_core/error.h"
-#include "tests/support/colmap_writer.h"
+#include "tests/support/avi_writer.h"
+#include "tests/support/scenes.h"
 
 namespace gs {
 namespace {
@@ -37,7 +39,7 @@ const ColmapProgress kSilent = [](ColmapStage, std::int64_t, std::int64_t) {};
 // What a real colmap says; the mapper gives the model that lies beside it.
 constexpr const char* kGoodColmap = R"sh(#!/bin/sh
 echo "$1" >> "$(dirname "$0")/calls"
-case "$*" in *-h*) echo "  --SiftExtraction.use_gpu arg (=1)"; exit 0;; esac
+case "$*" in *" -h") echo "  --SiftExtraction.use_gpu arg (=1)"; exit 0;; esac
 case "$1" in
   feature_extractor)
     n=0
@@ -110,7 +112,7 @@ TEST(RunColmap, InstalledColmapPlacesThePhotosAndContinuesWhereItStopped) {
     fs::copy_file(fs::path(GS_SOURCE_DIR) / "data/courtyard/images" / name, job.photos / name);
   }
 
-  std::int64_t done[3] = {}, totals[3] = {};
+  std::int64_t done[4] = {}, totals[4] = {};  // the first, of frames, stays
   const auto progress = [&](ColmapStage stage, std::int64_t so_far, std::int64_t total) {
     done[int(stage)] = so_far;
     totals[int(stage)] = total;
@@ -123,9 +125,9 @@ TEST(RunColmap, InstalledColmapPlacesThePhotosAndContinuesWhereItStopped) {
   EXPECT_LT(result.mean_error, 1);  // pixels; 0.3 in COLMAP 3.8
   EXPECT_GT(result.mean_error, 0);
   EXPECT_EQ(read_colmap_model(job.scene / "sparse/0").images.size(), result.registered);
-  EXPECT_EQ(done[0], totals[0]);
   EXPECT_EQ(done[1], totals[1]);
-  EXPECT_GE(done[2], std::int64_t(result.registered));
+  EXPECT_EQ(done[2], totals[2]);
+  EXPECT_GE(done[3], std::int64_t(result.registered));
   EXPECT_EQ(read_colmap_log(job.scene / "colmap.log").photos.size(), result.photos);
 
   int started = 0;
@@ -253,7 +255,8 @@ TEST_F(FakeColmap, MissingProgramNamesPackageAndFlag) {
 }
 
 TEST_F(FakeColmap, SignalEndsTheProgramAndKeepsWhatIsComplete) {
-  install("#!/bin/sh\ncase \"$*\" in *-h*) exit 0;; exhaustive*) echo waiting; sleep 60;; esac\n");
+  install(
+      "#!/bin/sh\ncase \"$*\" in *\" -h\") exit 0;; exhaustive*) echo waiting; sleep 60;; esac\n");
   std::atomic<bool> is_matching = false, is_over = false;
   std::thread sender([&] {
     while (!is_matching && !is_over) std::this_thread::yield();
@@ -278,6 +281,111 @@ TEST_F(FakeColmap, SignalEndsTheProgramAndKeepsWhatIsComplete) {
               AllOf(HasSubstr("\"features\""), Not(HasSubstr("\"matches\""))));
 }
 
+class VideoColmap : public FakeColmap {
+ protected:
+  void SetUp() override {
+    if (!can_read_videos()) GTEST_SKIP() << "built without OpenCV";
+    write_walk(folder() / "walk.avi", 12);
+  }
+  fs::path folder() const { return temp_.path() / "videos"; }
+  static void write_walk(const fs::path& file, int count) {
+    std::vector<Image8> frames;
+    for (int i = 0; i < count; ++i) frames.push_back(random_photo(16, 12, std::uint64_t(i)));
+    write_avi(file, frames);
+  }
+  ColmapJob video_job(int frames) const {
+    ColmapJob result = job();
+    result.photos = folder() / "walk.avi";
+    result.settings.frames = frames;
+    return result;
+  }
+  std::vector<std::string> images() const {
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(scene() / "images"))
+      names.push_back(entry.path().filename().string());
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+};
+
+TEST_F(VideoColmap, FramesBecomeThePhotosAndNeighboursAreMatched) {
+  std::int64_t last = 0, total = 0;
+  run_colmap(video_job(6), [&](ColmapStage stage, std::int64_t done, std::int64_t all) {
+    if (stage == ColmapStage::frames) last = done, total = all;
+  });
+  EXPECT_THAT(images(), SizeIs(6));
+  EXPECT_THAT(images()[5], AllOf(HasSubstr("walk_0000"), HasSubstr(".png")));
+  EXPECT_EQ(last, 12);
+  EXPECT_EQ(total, 12);
+  EXPECT_THAT(take_calls(), HasSubstr("sequential_matcher"));
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"), HasSubstr("--ImageReader.single_camera 1"));
+}
+
+TEST_F(VideoColmap, FinishedSceneIsNotMadeAgainAndOtherFramesNeedForce) {
+  run_colmap(video_job(6), kSilent);
+  take_calls();
+  const std::string photo = (scene() / "images" / images()[0]).string();
+  const auto date = fs::last_write_time(photo);
+  run_colmap(video_job(6), kSilent);
+  EXPECT_EQ(take_calls(), "");
+  EXPECT_EQ(fs::last_write_time(photo), date);
+  EXPECT_THAT(error_of(video_job(5)), HasSubstr("holds a scene already"));
+}
+
+TEST_F(VideoColmap, FramesThatAreThereAreNotTakenAgain) {
+  install("#!/bin/sh\nexit 3\n");
+  error_of(video_job(6));
+  EXPECT_THAT(images(), SizeIs(6));
+  install(kGoodColmap);
+  int frame_calls = 0;
+  run_colmap(video_job(6), [&](ColmapStage stage, std::int64_t, std::int64_t) {
+    frame_calls += stage == ColmapStage::frames;
+  });
+  EXPECT_EQ(frame_calls, 0);
+}
+
+TEST_F(VideoColmap, OtherFramesOfAnUnfinishedSceneReplaceThose) {
+  install("#!/bin/sh\nexit 3\n");
+  error_of(video_job(6));
+  install(kGoodColmap);
+  run_colmap(video_job(4), kSilent);
+  EXPECT_THAT(images(), SizeIs(4));
+}
+
+TEST_F(VideoColmap, VideosOfAFolderShareTheFramesByTheirLength) {
+  write_walk(folder() / "Stairs.mov", 36);
+  write_walk(folder() / "walk.mkv", 12);  // AVI inside, as the reader finds out
+  ColmapJob all = video_job(10);
+  all.photos = folder();
+  run_colmap(all, kSilent);
+  const auto names = images();
+  ASSERT_THAT(names, SizeIs(10));
+  EXPECT_EQ(std::ranges::count_if(names, [](auto& name) { return name.starts_with("Stairs_"); }),
+            6);
+  EXPECT_EQ(std::ranges::count_if(names, [](auto& name) { return name.starts_with("walk.avi_"); }),
+            2);
+}
+
+TEST_F(VideoColmap, DamagedVideoLeavesNoSceneThatLooksComplete) {
+  write_bytes(folder() / "walk.avi", "no film");
+  EXPECT_THAT(error_of(video_job(6)), AllOf(HasSubstr("walk.avi"), HasSubstr("ffmpeg")));
+  EXPECT_FALSE(fs::exists(scene() / "sparse"));
+}
+
+TEST(PhotoFolder, VideosAreFoundWhereThereAreNoPhotos) {
+  const TempFolder temp;
+  write_bytes(temp.path() / "b.MP4", "film");
+  write_bytes(temp.path() / "a.mov", "film");
+  write_bytes(temp.path() / "notes.txt", "");
+  EXPECT_THAT(find_videos(temp.path()), ElementsAre(temp.path() / "a.mov", temp.path() / "b.MP4"));
+  EXPECT_THAT(find_videos(temp.path() / "b.MP4"), ElementsAre(temp.path() / "b.MP4"));
+  EXPECT_TRUE(holds_only_photos(temp.path()));
+  EXPECT_TRUE(holds_only_photos(temp.path() / "b.MP4"));
+  EXPECT_FALSE(holds_only_photos(temp.path() / "notes.txt"));
+  write_png(temp.path() / "images/a.png", plain_photo(4, 4, 9));
+  EXPECT_THAT(find_videos(temp.path()), SizeIs(0));
+}
+
 TEST(PhotoFolder, VideoGetsAdvice) {
   const TempFolder temp;
   write_bytes(temp.path() / "walk.MP4", "film");
@@ -285,7 +393,7 @@ TEST(PhotoFolder, VideoGetsAdvice) {
     find_photos(temp.path(), {});
     FAIL() << "no Error";
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("ffmpeg"));
+    EXPECT_THAT(error.what(), HasSubstr("1 video(s): name one of them"));
   }
 }
 
