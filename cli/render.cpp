@@ -47,6 +47,7 @@ std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
 
 std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::string& split) {
   dataset.eval = split != "all";
+  dataset.exposure = false;  // pictures show the scene's own colours
   const Scene scene = load_scene(dataset);
   std::vector<NamedCamera> cameras;
   for (const View& view : split == "test" ? scene.test_views : scene.train_views)

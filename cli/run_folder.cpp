@@ -9,6 +9,7 @@
 
 #include "data_loaders/atomic_file.h"
 #include "data_loaders/camera_file.h"
+#include "data_loaders/exposure_file.h"
 #include "data_loaders/move_aside.h"
 #include "data_loaders/ply.h"
 #include "gs_core/error.h"
@@ -73,7 +74,7 @@ fs::path RunFolder::pictures(std::string_view split, int step) const {
 bool RunFolder::holds_run() const {
   for (const fs::path& path :
        {root_ / "point_cloud", cameras(), cfg_args(), config(), input_points(), split(), metrics(),
-        results(), per_view(), comparison()}) {
+        results(), per_view(), comparison(), exposures()}) {
     if (fs::exists(path)) return true;
   }
   return false;
@@ -124,6 +125,7 @@ void write_run_description(const RunFolder& folder, const Config& config, const 
   write_text(folder.split(), split_json(config, scene));
   write_cameras_json(folder.cameras(), scene);
   write_point_ply(folder.input_points(), scene.points);
+  if (scene.exposure) write_exposures(folder.exposures(), scene);
 }
 
 std::vector<std::string> split_names(const RunFolder& folder, const std::string& split) {

@@ -178,6 +178,7 @@ void train(const TrainCommand& command) {
   results.train_seconds = trainer.train_seconds();
   results.device = backend->name();
   results.seed = config.train.seed;
+  results.exposure = scene.exposure;
   results.peak_gpu_bytes = peak_gpu_bytes(*backend);
   evaluate_run(trainer, folder, last, results);
   metrics.finish(last, trainer, results.test);
@@ -193,6 +194,7 @@ void add_train(CLI::App& program) {
   CommandLine& line = *command;
   add_dataset_options(verb, line, "scene,-s,--source-path,-d,--data");
   add_setting(verb, line, "--eval", "dataset.eval", "Scene");
+  add_setting(verb, line, "--exposure", "dataset.exposure", "Scene");
   add_setting(verb, line, "-o,--output,-m,--model-path", "model.output", "Output");
   verb.add_flag("--force", command->force, "move a run that is there already to OUT.bak-N first")
       ->group("Output");

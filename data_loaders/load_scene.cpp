@@ -15,6 +15,7 @@
 #include "data_loaders/photo_fit.h"
 #include "data_loaders/photo_names.h"
 #include "data_loaders/photos.h"
+#include "data_loaders/refine_exposure.h"
 #include "data_loaders/scene_model.h"
 #include "data_loaders/undistort.h"
 #include "gs_core/error.h"
@@ -26,6 +27,19 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// In all photos together: the rest would tell nothing new of three numbers per photo.
+constexpr std::size_t kMostColorSamples = 1000000;
+
+[[noreturn]] void fail_without_tracks(const fs::path& model, const char* wanted_for) {
+  throw Error(
+      fmt::format("the model in {} does not say which photos show which points (POINTS2D of "
+                  "images.bin or images.txt is empty), and "
+                  "{} needs that; name COLMAP's own model with --set dataset.model=FOLDER, run "
+                  "`gemsplat reconstruct` on the photos, or "
+                  "leave {} out",
+                  model.string(), wanted_for, wanted_for));
+}
 
 /// All that is known of a view before its photo is decoded.
 struct ViewPlan {
@@ -205,9 +219,43 @@ struct ScenePlan {
   std::vector<ViewPlan> views;  // sorted by name
   std::vector<bool> is_test;
   std::vector<ScenePoint> points;
+  std::vector<std::vector<std::uint32_t>> seen;  // (views): indices of the points that each shows; where asked for
 };
 
+/// The model's points that each image shows, by their indices. Throws Error where there are none at all.
+std::vector<std::vector<std::uint32_t>> points_seen(const ColmapModel& model,
+                                                    const char* wanted_for) {
+  std::vector<std::vector<std::uint32_t>> seen(model.images.size());
+  bool has_any = false;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    for (const ColmapObservation& observation : model.images[i].observations) {
+      const auto point =
+          std::lower_bound(model.points.begin(), model.points.end(), observation.point_id,
+                           [](const ColmapPoint& a, std::uint64_t id) { return a.id < id; });
+      if (point != model.points.end() && point->id == observation.point_id)
+        seen[i].push_back(std::uint32_t(point - model.points.begin()));
+    }
+    has_any = has_any || !seen[i].empty();
+  }
+  if (!has_any) fail_without_tracks(model.folder, wanted_for);
+  return seen;
+}
+
+void log_exposures(const ExposureFit& fit) {
+  float lowest = 1, highest = 1;
+  for (const Vec3f& exposure : fit.exposures) {
+    lowest = std::min({lowest, exposure.x, exposure.y, exposure.z});
+    highest = std::max({highest, exposure.x, exposure.y, exposure.z});
+  }
+  log_info(
+      "exposures from {} colours of shared points: {:.2f} to {:.2f}; a point's colours differ by "
+      "{:.1f} % between photos "
+      "without them, by {:.1f} % with them",
+      fit.sample_count, lowest, highest, 100 * fit.spread_before, 100 * fit.spread_after);
+}
+
 ScenePlan plan_scene(const DatasetConfig& dataset) {
+  if (dataset.exposure) check_can_refine("--exposure");
   const SceneFolders folders = find_scene(dataset);
   auto [model, is_test] = read_scene_model(dataset, folders);
   ScenePlan plan;
@@ -215,7 +263,32 @@ ScenePlan plan_scene(const DatasetConfig& dataset) {
   if (dataset.model.empty()) check_registered(model, folders.images);
   plan.views = plan_views(dataset, model, folders.images);
   plan.points = single_precision_points(model);
+  if (dataset.exposure) plan.seen = points_seen(model, "--exposure");
   return plan;
+}
+
+/// Finds the exposures of all views from the points that they share.
+ExposureSummary solve_exposures(const ScenePlan& plan, std::vector<View>& views) {
+  std::size_t count = 0;
+  for (const auto& seen : plan.seen) count += seen.size();
+  const std::uint32_t every = std::uint32_t(count / kMostColorSamples + 1);  // of so many points one is sampled
+  std::vector<std::vector<ColorSample>> by_view(views.size());
+  parallel_for(views.size(), 1, [&](std::size_t i) {
+    std::vector<std::uint32_t> seen = plan.seen[i];
+    std::erase_if(seen, [&](std::uint32_t point) { return point % every != 0; });
+    by_view[i] = sample_colors(views[i], std::uint32_t(i), plan.points, seen);
+  });
+  std::vector<ColorSample> samples;
+  for (const auto& some : by_view) samples.insert(samples.end(), some.begin(), some.end());
+  const ExposureFit fit = fit_exposures(samples, plan.is_test);
+  for (std::size_t i = 0; i < views.size(); ++i) views[i].exposure = fit.exposures[i];
+  for (const std::size_t photo : fit.unknown)
+    log_warning(
+        "{} shares too few well-exposed points with other photos to know its exposure: it stays as "
+        "it is",
+        views[photo].name);
+  log_exposures(fit);
+  return {fit.sample_count, fit.spread_before, fit.spread_after};
 }
 
 }  // namespace
@@ -229,6 +302,7 @@ Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress) {
   Scene scene;
   scene.source = dataset.source;
   std::vector<View> views = load_views(plan.views, progress);
+  if (dataset.exposure) scene.exposure = solve_exposures(plan, views);
   for (std::size_t i = 0; i < views.size(); ++i)
     (plan.is_test[i] ? scene.test_views : scene.train_views).push_back(std::move(views[i]));
   scene.points = std::move(plan.points);

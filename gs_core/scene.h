@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,7 @@ struct View {
   std::string name;  // path of the photo relative to the images folder, as in the COLMAP model
   Camera camera;
   Image8 photo;      // (height, width, 3) of the camera's size
+  Vec3f exposure{1};  // per channel: the photo shows exposure * the scene's colours (display sRGB)
 };
 
 /// A point of the sparse reconstruction.
@@ -24,12 +26,20 @@ struct ScenePoint {
   std::array<std::uint8_t, 3> color;  // sRGB
 };
 
+/// How well the views' exposures explain their colours: the spread of a point's colours over photos, relative, with
+/// exposures 1 and with those solved.
+struct ExposureSummary {
+  std::size_t samples = 0;
+  double spread_before = 0, spread_after = 0;
+};
+
 /// All views with their split, and the sparse points. Views are sorted by name in byte order.
 struct Scene {
   std::vector<View> train_views, test_views;
   std::vector<ScenePoint> points;
   std::string source;  // the folder it was loaded from
   float extent = 1;    // 1.1 * the largest distance of a training camera from their mean, strays left out; world units
+  std::optional<ExposureSummary> exposure;  // where exposures were solved for
 };
 
 /// Cameras that stand far away from all others, mostly by a wrong pose: more than ten times as far from the median

@@ -57,10 +57,18 @@ Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
     renderer.forward(gaussians, views[i].camera, settings, pass);
     const ImageF render = image_of(pass);
     if (on_view) on_view(i, views[i], render);
-    evaluation.views.push_back(
-        {views[i].name, psnr(render, views[i].photo), ssim(render, views[i].photo)});
-    evaluation.psnr += evaluation.views.back().psnr / double(views.size());
-    evaluation.ssim += evaluation.views.back().ssim / double(views.size());
+    ViewMetrics view{views[i].name, psnr(render, views[i].photo), ssim(render, views[i].photo)};
+    if (views[i].exposure != Vec3f(1)) {
+      const ImageF exposed = image_of(pass, views[i].exposure);
+      view.psnr_exposure = psnr(exposed, views[i].photo);
+      view.ssim_exposure = ssim(exposed, views[i].photo);
+      evaluation.has_exposures = true;
+    }
+    evaluation.psnr += view.psnr / double(views.size());
+    evaluation.ssim += view.ssim / double(views.size());
+    evaluation.psnr_exposure += view.psnr_exposure / double(views.size());
+    evaluation.ssim_exposure += view.ssim_exposure / double(views.size());
+    evaluation.views.push_back(std::move(view));
   }
   return evaluation;
 }

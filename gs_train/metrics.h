@@ -22,15 +22,18 @@ double ssim(const ImageF& render, const Image8& photo);
 struct ViewMetrics {
   std::string name;
   double psnr, ssim;
+  double psnr_exposure = psnr, ssim_exposure = ssim;  // of the picture under the view's exposure
 };
 
 /// Means over views, and each view's own figures.
 struct Evaluation {
   double psnr = 0, ssim = 0;  // 0 when there are no views
+  double psnr_exposure = 0, ssim_exposure = 0;  // of pictures under their views' exposures
+  bool has_exposures = false;                   // some view's exposure is not 1
   std::vector<ViewMetrics> views;
 };
 
-/// Renders each view and compares it with its photo. `on_view` (may be empty) sees each picture, in order.
+/// Renders each view and compares it with its photo: as it is, and under the view's exposure. `on_view` (may be empty) sees each picture, without exposure, in order.
 Evaluation evaluate(
     Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
     const RenderSettings& settings,

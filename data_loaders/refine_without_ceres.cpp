@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a build without Ceres says where something is to be refined.
+#include <spdlog/fmt/fmt.h>
+
+#include "data_loaders/refine_exposure.h"
+#include "gs_core/error.h"
+
+namespace gs {
+
+bool can_refine() { return false; }
+
+void check_can_refine(const char* option) {
+  throw Error(
+      fmt::format("{} needs Ceres, and this build has none; install libceres-dev and build again, "
+                  "or leave {} out",
+                  option, option));
+}
+
+ExposureFit fit_exposures(const std::vector<ColorSample>&, const std::vector<bool>&) {
+  GS_CHECK(can_refine());
+  return {};
+}
+
+}  // namespace gs
