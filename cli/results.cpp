@@ -61,6 +61,17 @@ std::string results_json(const Results& results) {
                {"device", results.device},
                {"version", kVersion},
                {"seed", results.seed}};
+  if (const auto& refinement = results.refinement)
+    json["refinement"] = {{"observations", refinement->observations},
+                          {"images", refinement->images},
+                          {"points", refinement->points},
+                          {"mean_error_before", refinement->mean_error_before},
+                          {"mean_error_after", refinement->mean_error_after},
+                          {"median_error_before", refinement->median_error_before},
+                          {"median_error_after", refinement->median_error_after},
+                          {"steps", refinement->steps},
+                          {"has_converged", refinement->has_converged},
+                          {"seconds", refinement->seconds}};
   if (results.exposure)
     json["exposure"] = {{"samples", results.exposure->samples},
                         {"spread_before", results.exposure->spread_before},

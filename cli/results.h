@@ -20,7 +20,8 @@ struct Results {
   std::string device;
   std::uint64_t seed = 0;
   std::optional<std::size_t> peak_gpu_bytes;  // of a run on a GPU
-  std::optional<ExposureSummary> exposure;    // where exposures were solved for
+  std::optional<CameraRefinement> refinement;  // where cameras were refined
+  std::optional<ExposureSummary> exposure;     // where exposures were solved for
 };
 
 /// The most GPU memory that this process has held so far; nothing where the backend is not a GPU's.
@@ -28,7 +29,7 @@ std::optional<std::size_t> peak_gpu_bytes(Backend& backend);
 
 /// {"iterations", "num_gaussians", "train_seconds", "test": {"psnr", "ssim", "num_views"}, "train": {...},
 /// "device", "version", "seed"}; "test" is null where no view was held out. On a GPU "peak_gpu_bytes", too.
-/// Where views have exposures, "test" and "train" also hold "psnr_exposure" and "ssim_exposure", and "exposure" is {"samples",
+/// Where cameras were refined, "refinement" has the fields of CameraRefinement. Where views have exposures, "test" and "train" also hold "psnr_exposure" and "ssim_exposure", and "exposure" is {"samples",
 /// "spread_before", "spread_after"}.
 std::string results_json(const Results& results);
 

@@ -65,10 +65,16 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, bool show_
 
 Scene load(const DatasetConfig& dataset, bool show_progress) {
   std::unique_ptr<ProgressBar> bar;
-  Scene scene = load_scene(dataset, [&](std::size_t done, std::size_t total) {
-    if (!bar) bar = std::make_unique<ProgressBar>(std::int64_t(total), show_progress);
-    if (bar->due(std::int64_t(done))) bar->draw(std::int64_t(done), "photos read", "photo");
-  });
+  const char* shown = "";
+  const auto show = [&](const char* what, const char* unit) {
+    return [&, what, unit](std::size_t done, std::size_t total) {
+      if (shown != what) bar = std::make_unique<ProgressBar>(std::int64_t(total), show_progress);
+      shown = what;
+      if (bar->due(std::int64_t(done))) bar->draw(std::int64_t(done), what, unit);
+      if (done == total) bar->clear();
+    };
+  };
+  Scene scene = load_scene(dataset, show("photos read", "photo"), show("refining cameras", "step"));
   bar.reset();
   const View& first = scene.train_views.empty() ? scene.test_views.at(0) : scene.train_views[0];
   log_info("{}: {} views to train on, {} held out, {}x{} pixels; {} points, extent {:.3g}",
@@ -178,6 +184,7 @@ void train(const TrainCommand& command) {
   results.train_seconds = trainer.train_seconds();
   results.device = backend->name();
   results.seed = config.train.seed;
+  results.refinement = scene.refinement;
   results.exposure = scene.exposure;
   results.peak_gpu_bytes = peak_gpu_bytes(*backend);
   evaluate_run(trainer, folder, last, results);
@@ -194,6 +201,7 @@ void add_train(CLI::App& program) {
   CommandLine& line = *command;
   add_dataset_options(verb, line, "scene,-s,--source-path,-d,--data");
   add_setting(verb, line, "--eval", "dataset.eval", "Scene");
+  add_setting(verb, line, "--refine-cameras", "dataset.refine_cameras", "Scene");
   add_setting(verb, line, "--exposure", "dataset.exposure", "Scene");
   add_setting(verb, line, "-o,--output,-m,--model-path", "model.output", "Output");
   verb.add_flag("--force", command->force, "move a run that is there already to OUT.bak-N first")

@@ -15,8 +15,10 @@
 #include "data_loaders/photo_fit.h"
 #include "data_loaders/photo_names.h"
 #include "data_loaders/photos.h"
+#include "data_loaders/refine_cameras.h"
 #include "data_loaders/refine_exposure.h"
 #include "data_loaders/scene_model.h"
+#include "data_loaders/tracks.h"
 #include "data_loaders/undistort.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -30,16 +32,6 @@ namespace fs = std::filesystem;
 
 /// In all photos together: the rest would tell nothing new of three numbers per photo.
 constexpr std::size_t kMostColorSamples = 1000000;
-
-[[noreturn]] void fail_without_tracks(const fs::path& model, const char* wanted_for) {
-  throw Error(
-      fmt::format("the model in {} does not say which photos show which points (POINTS2D of "
-                  "images.bin or images.txt is empty), and "
-                  "{} needs that; name COLMAP's own model with --set dataset.model=FOLDER, run "
-                  "`gemsplat reconstruct` on the photos, or "
-                  "leave {} out",
-                  model.string(), wanted_for, wanted_for));
-}
 
 /// All that is known of a view before its photo is decoded.
 struct ViewPlan {
@@ -219,27 +211,9 @@ struct ScenePlan {
   std::vector<ViewPlan> views;  // sorted by name
   std::vector<bool> is_test;
   std::vector<ScenePoint> points;
-  std::vector<std::vector<std::uint32_t>> seen;  // (views): indices of the points that each shows; where asked for
+  std::vector<std::vector<SeenPoint>> seen;  // (views): where asked for
+  std::optional<CameraRefinement> refinement;
 };
-
-/// The model's points that each image shows, by their indices. Throws Error where there are none at all.
-std::vector<std::vector<std::uint32_t>> points_seen(const ColmapModel& model,
-                                                    const char* wanted_for) {
-  std::vector<std::vector<std::uint32_t>> seen(model.images.size());
-  bool has_any = false;
-  for (std::size_t i = 0; i < seen.size(); ++i) {
-    for (const ColmapObservation& observation : model.images[i].observations) {
-      const auto point =
-          std::lower_bound(model.points.begin(), model.points.end(), observation.point_id,
-                           [](const ColmapPoint& a, std::uint64_t id) { return a.id < id; });
-      if (point != model.points.end() && point->id == observation.point_id)
-        seen[i].push_back(std::uint32_t(point - model.points.begin()));
-    }
-    has_any = has_any || !seen[i].empty();
-  }
-  if (!has_any) fail_without_tracks(model.folder, wanted_for);
-  return seen;
-}
 
 void log_exposures(const ExposureFit& fit) {
   float lowest = 1, highest = 1;
@@ -254,16 +228,33 @@ void log_exposures(const ExposureFit& fit) {
       fit.sample_count, lowest, highest, 100 * fit.spread_before, 100 * fit.spread_after);
 }
 
-ScenePlan plan_scene(const DatasetConfig& dataset) {
+void log_refinement(const CameraRefinement& refinement) {
+  log_info(
+      "cameras refined in {} steps, {:.1f} s: {} observations of {} points in {} photos are off by "
+      "{:.3f} pixels in the "
+      "mean, {:.3f} before (median {:.3f}, {:.3f} before){}",
+      refinement.steps, refinement.seconds, refinement.observations, refinement.points,
+      refinement.images, refinement.mean_error_after, refinement.mean_error_before,
+      refinement.median_error_after, refinement.median_error_before,
+      refinement.has_converged ? "" : "; stopped at the cap of steps");
+}
+
+ScenePlan plan_scene(const DatasetConfig& dataset, const ProgressFn& refinement_progress = {}) {
   if (dataset.exposure) check_can_refine("--exposure");
+  if (dataset.refine_cameras) check_can_refine("--refine-cameras");
   const SceneFolders folders = find_scene(dataset);
   auto [model, is_test] = read_scene_model(dataset, folders);
   ScenePlan plan;
   plan.is_test = std::move(is_test);
   if (dataset.model.empty()) check_registered(model, folders.images);
+  if (dataset.refine_cameras) {
+    plan.refinement = refine_cameras(model, refinement_progress);
+    log_refinement(*plan.refinement);
+  }
+  if (dataset.exposure) plan.seen = seen_points(model, "--exposure");
+  for (ColmapImage& image : model.images) image.observations = {};  // many bytes, used up
   plan.views = plan_views(dataset, model, folders.images);
   plan.points = single_precision_points(model);
-  if (dataset.exposure) plan.seen = points_seen(model, "--exposure");
   return plan;
 }
 
@@ -274,8 +265,9 @@ ExposureSummary solve_exposures(const ScenePlan& plan, std::vector<View>& views)
   const std::uint32_t every = std::uint32_t(count / kMostColorSamples + 1);  // of so many points one is sampled
   std::vector<std::vector<ColorSample>> by_view(views.size());
   parallel_for(views.size(), 1, [&](std::size_t i) {
-    std::vector<std::uint32_t> seen = plan.seen[i];
-    std::erase_if(seen, [&](std::uint32_t point) { return point % every != 0; });
+    std::vector<std::uint32_t> seen;
+    for (const SeenPoint& point : plan.seen[i])
+      if (point.point % every == 0) seen.push_back(point.point);
     by_view[i] = sample_colors(views[i], std::uint32_t(i), plan.points, seen);
   });
   std::vector<ColorSample> samples;
@@ -294,11 +286,14 @@ ExposureSummary solve_exposures(const ScenePlan& plan, std::vector<View>& views)
 }  // namespace
 
 void check_scene(const DatasetConfig& dataset) {
-  for (const ViewPlan& view : plan_scene(dataset).views) single_precision_camera(view);
+  DatasetConfig as_it_is = dataset;
+  as_it_is.refine_cameras = false;
+  for (const ViewPlan& view : plan_scene(as_it_is).views) single_precision_camera(view);
 }
 
-Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress) {
-  ScenePlan plan = plan_scene(dataset);
+Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress,
+                 const ProgressFn& refinement_progress) {
+  ScenePlan plan = plan_scene(dataset, refinement_progress);
   Scene scene;
   scene.source = dataset.source;
   std::vector<View> views = load_views(plan.views, progress);
@@ -306,6 +301,7 @@ Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress) {
   for (std::size_t i = 0; i < views.size(); ++i)
     (plan.is_test[i] ? scene.test_views : scene.train_views).push_back(std::move(views[i]));
   scene.points = std::move(plan.points);
+  scene.refinement = plan.refinement;
   scene.extent = camera_extent(scene.train_views);
   for (const std::size_t stray : stray_cameras(scene.train_views))
     log_warning(

@@ -17,9 +17,11 @@ using ProgressFn = std::function<void(std::size_t done, std::size_t total)>;
 /// one among them, is a test view (split.h: photos of one rig frame stay together). Every size and name is checked before the first photo is
 /// decoded. Throws Error that names the file and the remedy; UsageError for a resolution that
 /// cannot be taken.
-Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress = {});
+/// With dataset.refine_cameras the model is refined first, and `refinement_progress` called after each step of the solver.
+Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress = {},
+                 const ProgressFn& refinement_progress = {});
 
-/// All that load_scene() checks before it decodes the first photo. Throws like it.
+/// All that load_scene() checks before it decodes the first photo; cameras are not refined. Throws like it.
 void check_scene(const DatasetConfig& dataset);
 
 }  // namespace gs

@@ -2,6 +2,7 @@
 // What a build without Ceres says where something is to be refined.
 #include <spdlog/fmt/fmt.h>
 
+#include "data_loaders/refine_cameras.h"
 #include "data_loaders/refine_exposure.h"
 #include "gs_core/error.h"
 
@@ -17,6 +18,11 @@ void check_can_refine(const char* option) {
 }
 
 ExposureFit fit_exposures(const std::vector<ColorSample>&, const std::vector<bool>&) {
+  GS_CHECK(can_refine());
+  return {};
+}
+
+CameraRefinement refine_cameras(ColmapModel&, const RefinementProgress&) {
   GS_CHECK(can_refine());
   return {};
 }

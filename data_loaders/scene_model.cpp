@@ -16,7 +16,8 @@ SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& fo
   const auto by_name = [](const ColmapImage& a, const ColmapImage& b) { return a.name < b.name; };
   SceneModel scene;
   if (is_colmap_model(folders.model)) {
-    scene.model = read_colmap_model(folders.model, dataset.exposure ? Tracks::read : Tracks::skip);
+    scene.model = read_colmap_model(
+        folders.model, dataset.exposure || dataset.refine_cameras ? Tracks::read : Tracks::skip);
     std::sort(scene.model.images.begin(), scene.model.images.end(), by_name);
     scene.is_test = test_views_of(dataset, scene.model);
     return scene;

@@ -18,6 +18,7 @@ struct DatasetConfig {
   int resolution = 1;  // 1, 2, 4, 8: photos divided by it; 16 and more: the width in pixels
   bool eval = false;   // hold out every test_every-th view by sorted name
   int test_every = 8;
+  bool refine_cameras = false;  // bundle adjustment before training
   bool exposure = false;  // solve for each photo's exposure and white balance before training
 };
 

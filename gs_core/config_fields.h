@@ -43,6 +43,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("dataset.resolution",           dataset.resolution,           "",       between(1, 65536),  "1, 2, 4, 8: photos divided by it; 16 and more: their width in pixels", kKerbl);
   field("dataset.eval",                 dataset.eval,                 "",       any(),              "hold out every test_every-th view, by sorted name, to measure on", kKerbl);
   field("dataset.test_every",           dataset.test_every,           "views",  steps_from(2),      "with eval, one of so many views is held out, the first among them", "Barron et al. 2022");
+  field("dataset.refine_cameras",       dataset.refine_cameras,       "",       any(),              "refine poses, lenses and points before training, so that points land where the photos show them; needs Ceres");
   field("dataset.exposure",             dataset.exposure,             "",       any(),              "solve for each photo's brightness and white balance from the points that photos share, and train on the scene's own colours; needs Ceres");
 
   auto& reconstruct = config.reconstruct;

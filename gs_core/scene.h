@@ -33,12 +33,23 @@ struct ExposureSummary {
   double spread_before = 0, spread_after = 0;
 };
 
+/// What refining the cameras came to. Errors are lengths in pixels between where points are seen and where they land.
+struct CameraRefinement {
+  std::size_t observations = 0, images = 0, points = 0;  // that took part
+  double mean_error_before = 0, mean_error_after = 0;
+  double median_error_before = 0, median_error_after = 0;
+  int steps = 0;  // of the solver
+  bool has_converged = false;
+  double seconds = 0;
+};
+
 /// All views with their split, and the sparse points. Views are sorted by name in byte order.
 struct Scene {
   std::vector<View> train_views, test_views;
   std::vector<ScenePoint> points;
   std::string source;  // the folder it was loaded from
   float extent = 1;    // 1.1 * the largest distance of a training camera from their mean, strays left out; world units
+  std::optional<CameraRefinement> refinement;  // where cameras were refined
   std::optional<ExposureSummary> exposure;  // where exposures were solved for
 };
 
