@@ -15,6 +15,7 @@
 #include "cli/verbs.h"
 #include "data_loaders/exposure_file.h"
 #include "data_loaders/load_scene.h"
+#include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 
@@ -33,6 +34,7 @@ Scene load(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene
       opened.run && !is_other_scene && std::filesystem::exists(opened.run->exposures());
   if (has_file) dataset.exposure = false;
   Scene scene = load_scene(dataset);
+  bring_to_offset(scene, opened.model.world_offset);
   if (has_file) apply_exposures(read_exposures(opened.run->exposures()), scene);
   return scene;
 }

@@ -61,6 +61,8 @@ std::string results_json(const Results& results) {
                {"device", results.device},
                {"version", kVersion},
                {"seed", results.seed}};
+  if (const Vec3d& offset = results.world_offset; offset != Vec3d(0.0))
+    json["world_offset"] = {offset.x, offset.y, offset.z};
   if (const auto& refinement = results.refinement)
     json["refinement"] = {{"observations", refinement->observations},
                           {"images", refinement->images},

@@ -184,6 +184,7 @@ void train(const TrainCommand& command) {
   results.train_seconds = trainer.train_seconds();
   results.device = backend->name();
   results.seed = config.train.seed;
+  results.world_offset = scene.world_offset;
   results.refinement = scene.refinement;
   results.exposure = scene.exposure;
   results.peak_gpu_bytes = peak_gpu_bytes(*backend);

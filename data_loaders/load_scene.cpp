@@ -20,6 +20,7 @@
 #include "data_loaders/scene_model.h"
 #include "data_loaders/tracks.h"
 #include "data_loaders/undistort.h"
+#include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/rotation.h"
@@ -212,6 +213,7 @@ struct ScenePlan {
   std::vector<bool> is_test;
   std::vector<ScenePoint> points;
   std::vector<std::vector<SeenPoint>> seen;  // (views): where asked for
+  Vec3d world_offset{0.0, 0.0, 0.0};
   std::optional<CameraRefinement> refinement;
 };
 
@@ -243,9 +245,15 @@ ScenePlan plan_scene(const DatasetConfig& dataset, const ProgressFn& refinement_
   if (dataset.exposure) check_can_refine("--exposure");
   if (dataset.refine_cameras) check_can_refine("--refine-cameras");
   const SceneFolders folders = find_scene(dataset);
-  auto [model, is_test] = read_scene_model(dataset, folders);
+  auto [model, is_test, world_offset] = read_scene_model(dataset, folders);
   ScenePlan plan;
   plan.is_test = std::move(is_test);
+  plan.world_offset = world_offset;
+  if (world_offset != Vec3d(0.0))
+    log_info(
+        "the scene lies far from the origin: {} is taken off its coordinates, which single "
+        "precision could not hold",
+        text_of_offset(world_offset));
   if (dataset.model.empty()) check_registered(model, folders.images);
   if (dataset.refine_cameras) {
     plan.refinement = refine_cameras(model, refinement_progress);
@@ -301,6 +309,7 @@ Scene load_scene(const DatasetConfig& dataset, const ProgressFn& progress,
   for (std::size_t i = 0; i < views.size(); ++i)
     (plan.is_test[i] ? scene.test_views : scene.train_views).push_back(std::move(views[i]));
   scene.points = std::move(plan.points);
+  scene.world_offset = plan.world_offset;
   scene.refinement = plan.refinement;
   scene.extent = camera_extent(scene.train_views);
   for (const std::size_t stray : stray_cameras(scene.train_views))

@@ -11,6 +11,7 @@ namespace gs {
 struct SceneModel {
   ColmapModel model;          // images sorted by name
   std::vector<bool> is_test;  // of each image: held out to measure on
+  Vec3d world_offset{0.0, 0.0, 0.0};  // taken off the model's coordinates (world_offset.h)
 };
 
 /// Reads a COLMAP model or transforms.json, and splits it: as transforms.json or a Blender scene says, or else by

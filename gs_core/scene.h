@@ -49,6 +49,7 @@ struct Scene {
   std::vector<ScenePoint> points;
   std::string source;  // the folder it was loaded from
   float extent = 1;    // 1.1 * the largest distance of a training camera from their mean, strays left out; world units
+  Vec3d world_offset{0.0, 0.0, 0.0};  // was taken off all coordinates: add it to have the model's own; 0 for most
   std::optional<CameraRefinement> refinement;  // where cameras were refined
   std::optional<ExposureSummary> exposure;  // where exposures were solved for
 };
