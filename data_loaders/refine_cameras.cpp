@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sections: rigid motions; residuals; the problem; the way back into the scene's frame.
+// What enters the problem, its solution, and the way back into the scene's frame.
 #include "data_loaders/refine_cameras.h"
 
 #include <ceres/ceres.h>
-#include <ceres/normal_prior.h>
-#include <ceres/rotation.h>
 
 #include <algorithm>
 #include <chrono>
@@ -14,6 +12,8 @@
 
 #include "data_loaders/lens.h"
 #include "data_loaders/lens_formulas.h"
+#include "data_loaders/refine_residuals.h"
+#include "data_loaders/rigid_motion.h"
 #include "data_loaders/tracks.h"
 #include "gs_core/log.h"
 #include "gs_core/math/rotation.h"
@@ -22,131 +22,12 @@
 namespace gs {
 namespace {
 
+using namespace rigid;
+using namespace refinement;
+
 constexpr double kOutlier = 1;           // pixels: scale of the loss
-constexpr double kFocalSpread = 0.1;     // of the prior, of the focal length
-constexpr double kCentreSpread = 0.01;   // of the longer side
-constexpr double kCoefficientSpread = 0.1;
 constexpr int kMostSteps = 50;
 constexpr std::size_t kFewestInFrame = 10;  // observations; a pose has six unknowns, and some observations are wrong
-constexpr double kNearest = 1e-6;           // depth: what comes nearer, or behind, counts as hopelessly off
-
-// --- Rigid motions
-
-/// x -> rotation x + translation, of unit length.
-struct Motion {
-  Quat<double> rotation{1, 0, 0, 0};
-  Vec3d translation{0.0, 0.0, 0.0};
-};
-
-Quat<double> product(const Quat<double>& a, const Quat<double>& b) {
-  return {
-      a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
-      a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
-}
-Quat<double> conjugate(const Quat<double>& q) { return {q.w, -q.x, -q.y, -q.z}; }
-Quat<double> unit(const Quat<double>& q) {
-  const double n = 1 / std::sqrt(squared_norm(q));
-  return {n * q.w, n * q.x, n * q.y, n * q.z};
-}
-Vec3d rotated(const Quat<double>& q, const Vec3d& v) { return multiply(rotation_matrix(q), v); }
-Motion product(const Motion& a, const Motion& b) {
-  return {unit(product(a.rotation, b.rotation)),
-          rotated(a.rotation, b.translation) + a.translation};
-}
-Motion inverse(const Motion& a) {
-  const Quat<double> back = conjugate(a.rotation);
-  return {back, -rotated(back, a.translation)};
-}
-Vec3d centre(const Motion& cam_from_world) { return inverse(cam_from_world).translation; }
-double length(const Vec3d& v) { return std::sqrt(inner(v, v)); }
-
-// --- Residuals
-
-/// Where a point in camera space lands, pixels. A fisheye sees points beside and behind it, too.
-template <class T>
-Vec2<T> landed(CameraModel model, const T* params, const Vec3<T>& at) {
-  using std::atan2, std::sqrt;
-  FocalPlane<T> plane;
-  LensCoefficients<T> lens;
-  unpack(model, params, plane, lens);
-  const bool is_fisheye = lens.lens == Lens::fisheye || lens.lens == Lens::fisheye_rad_tan;
-  const T r2 = at.x * at.x + at.y * at.y;
-  Vec2<T> u;
-  if (is_fisheye && r2 > kNearest * kNearest * at.z * at.z) {
-    const T r = sqrt(r2);
-    const T scale = atan2(r, at.z) / r;
-    u = lens_formulas::polynomial(lens, Vec2<T>(at.x * scale, at.y * scale));
-  } else {
-    const T z = at.z > kNearest ? at.z : T(kNearest);
-    const Vec2<T> ideal(at.x / z, at.y / z);
-    const bool is_pinhole_yet = lens.lens == Lens::fov && lens.k[0] == T(0);
-    u = is_pinhole_yet ? ideal : distorted(lens, ideal);
-  }
-  return {plane.fx * u.x + plane.cx, plane.fy * u.y + plane.cy};
-}
-
-/// One observation: pixel of the projected point - pixel seen.
-struct Reprojection {
-  CameraModel model;
-  Motion cam_from_frame;
-  Vec2d seen;
-
-  template <class T>
-  bool operator()(const T* rotation, const T* translation, const T* params, const T* point,
-                  T* residual) const {
-    T in_frame[3], in_camera[3];
-    ceres::UnitQuaternionRotatePoint(rotation, point, in_frame);
-    for (int i = 0; i < 3; ++i) in_frame[i] += translation[i];
-    const Quat<double>& q = cam_from_frame.rotation;
-    const T sensor[4] = {T(q.w), T(q.x), T(q.y), T(q.z)};
-    ceres::UnitQuaternionRotatePoint(sensor, in_frame, in_camera);
-    const Vec3d& t = cam_from_frame.translation;
-    const Vec2<T> pixel =
-        landed(model, params, Vec3<T>(in_camera[0] + t.x, in_camera[1] + t.y, in_camera[2] + t.z));
-    residual[0] = pixel.x - seen.x;
-    residual[1] = pixel.y - seen.y;
-    return true;
-  }
-};
-
-ceres::CostFunction* cost_of(const Reprojection& residual) {
-  const auto make = [&]<int kParams>() -> ceres::CostFunction* {
-    return new ceres::AutoDiffCostFunction<Reprojection, 2, 4, 3, kParams, 3>(
-        new Reprojection(residual));
-  };
-  switch (camera_model_info(residual.model).param_count) {
-    case 3: return make.operator()<3>();
-    case 4: return make.operator()<4>();
-    case 5: return make.operator()<5>();
-    case 6: return make.operator()<6>();
-    case 8: return make.operator()<8>();
-    case 12: return make.operator()<12>();
-    default: return make.operator()<16>();
-  }
-}
-
-/// (value - what it was) / spread, of every parameter of a camera.
-ceres::CostFunction* prior_of(const ColmapCamera& camera) {
-  // What the parameters are, by where unpack() puts them.
-  std::vector<double> index(camera.params.size());
-  for (std::size_t i = 0; i < index.size(); ++i) index[i] = double(i + 1);
-  FocalPlane<double> plane;
-  LensCoefficients<double> lens;
-  unpack<double>(camera.model, index.data(), plane, lens);
-  ceres::Vector mean(index.size());
-  ceres::Matrix weights = ceres::Matrix::Zero(mean.size(), mean.size());
-  for (std::size_t i = 0; i < index.size(); ++i) {
-    const bool is_focal = index[i] == plane.fx || index[i] == plane.fy;
-    const bool is_centre = index[i] == plane.cx || index[i] == plane.cy;
-    const double spread = is_focal    ? kFocalSpread * camera.params[i]
-                          : is_centre ? kCentreSpread * std::max(camera.width, camera.height)
-                                      : kCoefficientSpread;
-    const auto row = Eigen::Index(i);
-    mean[row] = camera.params[i];
-    weights(row, row) = 1 / spread;
-  }
-  return new ceres::NormalPrior(weights, mean);
-}
 
 // --- The problem
 
@@ -445,61 +326,6 @@ ceres::Solver::Summary Adjustment::solve(ceres::LossFunction& loss,
 }
 
 // --- The way back into the scene's frame
-
-/// x_before = scale rotation x_after + translation
-struct Similarity {
-  double scale = 1;
-  Quat<double> rotation{1, 0, 0, 0};
-  Vec3d translation{0.0, 0.0, 0.0};
-
-  Vec3d operator()(const Vec3d& x) const { return rotated(rotation, x) * scale + translation; }
-};
-
-/// The similarity that brings cameras back best: the mean of their turns; the means of their centres on one another, and the
-/// spreads about them.
-Similarity similarity_of(const std::vector<Motion>& before, const std::vector<Motion>& after,
-                         bool keeps_scale) {
-  Similarity result;
-  Quat<double> sum{0, 0, 0, 0};
-  Vec3d mean_before(0.0), mean_after(0.0);
-  const double n = 1 / double(before.size());
-  for (std::size_t i = 0; i < before.size(); ++i) {
-    const Quat<double> turn = product(conjugate(before[i].rotation), after[i].rotation);
-    const double sign = turn.w < 0 ? -1 : 1;  // small turns have w near 1
-    sum = {sum.w + sign * turn.w, sum.x + sign * turn.x, sum.y + sign * turn.y,
-           sum.z + sign * turn.z};
-    mean_before += centre(before[i]) * n;
-    mean_after += centre(after[i]) * n;
-  }
-  if (squared_norm(sum) > 0) result.rotation = unit(sum);
-  double spread_before = 0, spread_after = 0;
-  for (std::size_t i = 0; i < before.size(); ++i) {
-    const Vec3d a = centre(before[i]) - mean_before, b = centre(after[i]) - mean_after;
-    spread_before += inner(a, a), spread_after += inner(b, b);
-  }
-  if (!keeps_scale && spread_before > 0 && spread_after > 0)
-    result.scale = std::sqrt(spread_before / spread_after);
-  result.translation = mean_before - rotated(result.rotation, mean_after) * result.scale;
-  return result;
-}
-
-/// The same once more without cameras that were far off: they have moved, the scene has not.
-Similarity robust_similarity_of(const std::vector<Motion>& before, const std::vector<Motion>& after,
-                                bool keeps_scale) {
-  constexpr double kFarOff = 3;  // times the median
-  const Similarity first = similarity_of(before, after, keeps_scale);
-  std::vector<double> moved;
-  for (std::size_t i = 0; i < before.size(); ++i)
-    moved.push_back(length(first(centre(after[i])) - centre(before[i])));
-  std::vector<double> sorted = moved;
-  std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(sorted.size() / 2),
-                   sorted.end());
-  const double limit = kFarOff * sorted[sorted.size() / 2];
-  std::vector<Motion> kept_before, kept_after;
-  for (std::size_t i = 0; i < before.size(); ++i)
-    if (moved[i] <= limit) kept_before.push_back(before[i]), kept_after.push_back(after[i]);
-  return similarity_of(kept_before, kept_after, keeps_scale);
-}
 
 void Adjustment::return_to_frame() {
   std::vector<Motion> before, after;

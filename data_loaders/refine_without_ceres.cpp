@@ -4,6 +4,7 @@
 
 #include "data_loaders/refine_cameras.h"
 #include "data_loaders/refine_exposure.h"
+#include "data_loaders/refine_lens.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -23,6 +24,11 @@ ExposureFit fit_exposures(const std::vector<ColorSample>&, const std::vector<boo
 }
 
 CameraRefinement refine_cameras(ColmapModel&, const RefinementProgress&) {
+  GS_CHECK(can_refine());
+  return {};
+}
+
+FittedCamera fit_camera(const ColmapCamera&, CameraModel, const std::string&) {
   GS_CHECK(can_refine());
   return {};
 }

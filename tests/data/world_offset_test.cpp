@@ -115,12 +115,12 @@ TEST(WorldOffset, CamerasOfAFileAreTakenInTheirOwnCoordinatesOrInTheModels) {
   const TempFolder temp;
   const auto camera_at = [](const char* position) {
     std::string text(
-        "{\"img_name\": \"a\", \"width\": 8, \"height\": 8, \"fx\": 9, \"fy\": 9, "
+        "[{\"img_name\": \"a\", \"width\": 8, \"height\": 8, \"fx\": 9, \"fy\": 9, "
         "\"rotation\": [[1,0,0],[0,1,0],[0,0,1]], \"position\": ");
-    return text.append(position).append("}");
+    return text.append(position).append("}]");
   };
-  write_bytes(temp.path() / "own.json", "[" + camera_at("[500124.375, 5400455.75, 312.625]") + "]");
-  write_bytes(temp.path() / "run.json", "[" + camera_at("[1.125, -1, 0.125]") + "]");
+  write_bytes(temp.path() / "own.json", camera_at("[500124.375, 5400455.75, 312.625]"));
+  write_bytes(temp.path() / "run.json", camera_at("[1.125, -1, 0.125]"));
   for (const char* file : {"own.json", "run.json"}) {
     const auto cameras = read_cameras_json(temp.path() / file, kUtm);
     EXPECT_EQ(cameras.at(0).camera.position(), Vec3f(1.125f, -1, 0.125f)) << file;
