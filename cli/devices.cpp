@@ -62,6 +62,15 @@ Capability opencv_capability() {
 #endif
 }
 
+Capability ceres_capability() {
+#ifdef GS_HAVE_CERES
+  return {"Ceres", true, "refines cameras and solves for exposures (--refine-cameras, --exposure)"};
+#else
+  return {"Ceres", false,
+          "neither refines cameras nor solves for exposures; install libceres-dev and build again"};
+#endif
+}
+
 }  // namespace
 
 std::unique_ptr<Backend> make_backend(const std::string& device) {
@@ -79,7 +88,8 @@ std::vector<Capability> capabilities() {
   return {{"CPU", true, "trains and renders on " + std::to_string(thread_count()) + " threads"},
           cuda_capability(),
           openimageio_capability(),
-          opencv_capability()};
+          opencv_capability(),
+          ceres_capability()};
 }
 
 }  // namespace gs

@@ -55,6 +55,7 @@ int run(int argc, const char* const* argv) {
   program.set_version_flag("--version", std::string("gemsplat ") + kVersion);
   program.require_subcommand(1);
   add_reconstruct(program);
+  add_convert_cameras(program);
   add_doctor(program);
   add_train(program);
   add_eval(program);

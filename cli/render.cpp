@@ -16,6 +16,7 @@
 #include "data_loaders/camera_file.h"
 #include "data_loaders/load_scene.h"
 #include "data_loaders/photos.h"
+#include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 
@@ -27,16 +28,17 @@ struct RenderCommand : CommandLine {
   std::optional<int> step;
 };
 
-std::vector<NamedCamera> cameras_of_file(const std::filesystem::path& file, int resolution) {
-  std::vector<NamedCamera> cameras = read_cameras_json(file);
+std::vector<NamedCamera> cameras_of_file(const std::filesystem::path& file, int resolution,
+                                         const Vec3d& world_offset) {
+  std::vector<NamedCamera> cameras = read_cameras_json(file, world_offset);
   for (NamedCamera& named : cameras) named.camera = at_resolution(named.camera, resolution);
   return cameras;
 }
 
 // The run's own cameras, those of its training or test views where asked.
 std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
-                                        const std::string& split) {
-  std::vector<NamedCamera> cameras = cameras_of_file(run.cameras(), resolution);
+                                        const std::string& split, const Vec3d& world_offset) {
+  std::vector<NamedCamera> cameras = cameras_of_file(run.cameras(), resolution, world_offset);
   if (split == "all") return cameras;
   std::set<std::string> wanted;  // names as in cameras.json
   for (const std::string& name : split_names(run, split))
@@ -45,9 +47,12 @@ std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
   return cameras;
 }
 
-std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::string& split) {
+std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::string& split,
+                                          const Vec3d& world_offset) {
   dataset.eval = split != "all";
-  const Scene scene = load_scene(dataset);
+  dataset.exposure = false;  // pictures show the scene's own colours
+  Scene scene = load_scene(dataset);
+  bring_to_offset(scene, world_offset);
   std::vector<NamedCamera> cameras;
   for (const View& view : split == "test" ? scene.test_views : scene.train_views)
     cameras.push_back({view.name, view.camera});
@@ -58,14 +63,15 @@ std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::stri
 std::vector<NamedCamera> cameras_of(const RenderCommand& command, const OpenedModel& opened,
                                     const Config& config) {
   const int resolution = config.dataset.resolution;
-  if (command.has("dataset.source")) return cameras_of_scene(config.dataset, command.split);
+  if (command.has("dataset.source"))
+    return cameras_of_scene(config.dataset, command.split, opened.model.world_offset);
   if (command.cameras.empty() && opened.run)
-    return cameras_of_run(*opened.run, resolution, command.split);
+    return cameras_of_run(*opened.run, resolution, command.split, opened.model.world_offset);
   if (command.cameras.empty())
     throw UsageError("from where? give --cameras FILE (a cameras.json) or --data SCENE");
   if (command.split != "all")
     throw UsageError("--split goes with --data or a run, not with --cameras");
-  return cameras_of_file(command.cameras, resolution);
+  return cameras_of_file(command.cameras, resolution, opened.model.world_offset);
 }
 
 void render(const RenderCommand& command) {

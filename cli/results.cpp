@@ -18,14 +18,23 @@ using Json = nlohmann::ordered_json;
 
 Json means(const Evaluation& evaluation) {
   if (evaluation.views.empty()) return nullptr;
-  return {
+  Json json = {
       {"psnr", evaluation.psnr}, {"ssim", evaluation.ssim}, {"num_views", evaluation.views.size()}};
+  if (evaluation.has_exposures) {
+    json["psnr_exposure"] = evaluation.psnr_exposure;
+    json["ssim_exposure"] = evaluation.ssim_exposure;
+  }
+  return json;
 }
 
 Json by_view(const Evaluation& evaluation) {
   Json result = Json::object();
-  for (const ViewMetrics& view : evaluation.views)
-    result[view.name] = {{"psnr", view.psnr}, {"ssim", view.ssim}};
+  for (const ViewMetrics& view : evaluation.views) {
+    Json& json = result[view.name] = {{"psnr", view.psnr}, {"ssim", view.ssim}};
+    if (!evaluation.has_exposures) continue;
+    json["psnr_exposure"] = view.psnr_exposure;
+    json["ssim_exposure"] = view.ssim_exposure;
+  }
   return result;
 }
 
@@ -52,6 +61,23 @@ std::string results_json(const Results& results) {
                {"device", results.device},
                {"version", kVersion},
                {"seed", results.seed}};
+  if (const Vec3d& offset = results.world_offset; offset != Vec3d(0.0))
+    json["world_offset"] = {offset.x, offset.y, offset.z};
+  if (const auto& refinement = results.refinement)
+    json["refinement"] = {{"observations", refinement->observations},
+                          {"images", refinement->images},
+                          {"points", refinement->points},
+                          {"mean_error_before", refinement->mean_error_before},
+                          {"mean_error_after", refinement->mean_error_after},
+                          {"median_error_before", refinement->median_error_before},
+                          {"median_error_after", refinement->median_error_after},
+                          {"steps", refinement->steps},
+                          {"has_converged", refinement->has_converged},
+                          {"seconds", refinement->seconds}};
+  if (results.exposure)
+    json["exposure"] = {{"samples", results.exposure->samples},
+                        {"spread_before", results.exposure->spread_before},
+                        {"spread_after", results.exposure->spread_after}};
   if (results.peak_gpu_bytes) json["peak_gpu_bytes"] = *results.peak_gpu_bytes;
   return text_of(json);
 }
@@ -74,8 +100,12 @@ std::string evaluation_json(const Evaluation& evaluation, const std::string& mod
 
 std::string summary(const Evaluation& evaluation) {
   const std::size_t views = evaluation.views.size();
-  return fmt::format("{:.2f} dB PSNR, {:.4f} SSIM over {} view{}", evaluation.psnr, evaluation.ssim,
-                     views, views == 1 ? "" : "s");
+  std::string text = fmt::format("{:.2f} dB PSNR, {:.4f} SSIM over {} view{}", evaluation.psnr,
+                                 evaluation.ssim, views, views == 1 ? "" : "s");
+  if (evaluation.has_exposures)
+    text += fmt::format("; under their exposures {:.2f} dB, {:.4f}", evaluation.psnr_exposure,
+                        evaluation.ssim_exposure);
+  return text;
 }
 
 }  // namespace gs

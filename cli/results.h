@@ -20,6 +20,9 @@ struct Results {
   std::string device;
   std::uint64_t seed = 0;
   std::optional<std::size_t> peak_gpu_bytes;  // of a run on a GPU
+  Vec3d world_offset{0.0, 0.0, 0.0};           // as in Scene
+  std::optional<CameraRefinement> refinement;  // where cameras were refined
+  std::optional<ExposureSummary> exposure;     // where exposures were solved for
 };
 
 /// The most GPU memory that this process has held so far; nothing where the backend is not a GPU's.
@@ -27,6 +30,8 @@ std::optional<std::size_t> peak_gpu_bytes(Backend& backend);
 
 /// {"iterations", "num_gaussians", "train_seconds", "test": {"psnr", "ssim", "num_views"}, "train": {...},
 /// "device", "version", "seed"}; "test" is null where no view was held out. On a GPU "peak_gpu_bytes", too.
+/// "world_offset" where it is not 0. Where cameras were refined, "refinement" has the fields of CameraRefinement. Where views have exposures, "test" and "train" also hold "psnr_exposure" and "ssim_exposure", and "exposure" is {"samples",
+/// "spread_before", "spread_after"}.
 std::string results_json(const Results& results);
 
 /// {"test": {"name": {"psnr", "ssim"}, ...}, "train": {...}}
@@ -37,7 +42,7 @@ std::string evaluation_json(const Evaluation& evaluation, const std::string& mod
                             const std::string& split, std::size_t num_gaussians,
                             const std::string& device);
 
-/// "28.93 dB PSNR, 0.9312 SSIM over 7 views"
+/// "28.93 dB PSNR, 0.9312 SSIM over 7 views", and what they are under the views' exposures, where these have any
 std::string summary(const Evaluation& evaluation);
 
 }  // namespace gs

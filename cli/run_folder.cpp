@@ -9,8 +9,10 @@
 
 #include "data_loaders/atomic_file.h"
 #include "data_loaders/camera_file.h"
+#include "data_loaders/exposure_file.h"
 #include "data_loaders/move_aside.h"
 #include "data_loaders/ply.h"
+#include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 
@@ -73,7 +75,7 @@ fs::path RunFolder::pictures(std::string_view split, int step) const {
 bool RunFolder::holds_run() const {
   for (const fs::path& path :
        {root_ / "point_cloud", cameras(), cfg_args(), config(), input_points(), split(), metrics(),
-        results(), per_view(), comparison()}) {
+        results(), per_view(), comparison(), exposures(), world_offset()}) {
     if (fs::exists(path)) return true;
   }
   return false;
@@ -123,7 +125,10 @@ void write_run_description(const RunFolder& folder, const Config& config, const 
   write_text(folder.cfg_args(), cfg_args(config, folder.root()));
   write_text(folder.split(), split_json(config, scene));
   write_cameras_json(folder.cameras(), scene);
-  write_point_ply(folder.input_points(), scene.points);
+  write_point_ply(folder.input_points(), scene.points, scene.world_offset);
+  if (scene.world_offset != Vec3d(0.0))
+    write_world_offset(folder.world_offset(), scene.world_offset);
+  if (scene.exposure) write_exposures(folder.exposures(), scene);
 }
 
 std::vector<std::string> split_names(const RunFolder& folder, const std::string& split) {

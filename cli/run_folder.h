@@ -27,6 +27,8 @@ class RunFolder {
   Path cfg_args() const { return root_ / "cfg_args"; }
   Path config() const { return root_ / "config.toml"; }
   Path input_points() const { return root_ / "input.ply"; }
+  Path exposures() const { return root_ / "exposure.json"; }
+  Path world_offset() const { return root_ / "world_offset.json"; }
   Path split() const { return root_ / "split.json"; }
   Path metrics() const { return root_ / "metrics.csv"; }
   Path results() const { return root_ / "results.json"; }
@@ -48,7 +50,8 @@ void check_is_free(const RunFolder& folder, bool force);
 /// Makes the folder. A run that it holds is moved to ROOT.bak-N first, so that nothing is lost.
 void make_run_folder(const RunFolder& folder);
 
-/// What is known before the first step: config.toml, cfg_args, split.json, cameras.json, input.ply.
+/// What is known before the first step: config.toml, cfg_args, split.json, cameras.json, input.ply;
+/// exposure.json where exposures were solved for, world_offset.json where there is one.
 void write_run_description(const RunFolder& folder, const Config& config, const Scene& scene);
 
 /// The names of the run's views in a split, "train" or "test", as split.json has them. Throws Error.

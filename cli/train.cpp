@@ -79,11 +79,16 @@ Scene load(const DatasetConfig& dataset, bool show_progress) {
     if (!bar || stage != shown)
       bar = std::make_unique<ProgressBar>(std::int64_t(total), show_progress);
     shown = stage;
-    const char* const what = stage == LoadStage::headers ? "photos found" : "photos read";
-    if (bar->due(std::int64_t(done))) bar->draw(std::int64_t(done), what, "photo");
+    const bool is_refining = stage == LoadStage::refinement;
+    const char* const what = is_refining                   ? "refining cameras"
+                             : stage == LoadStage::headers ? "photos found"
+                                                           : "photos read";
+    if (bar->due(std::int64_t(done)))
+      bar->draw(std::int64_t(done), what, is_refining ? "step" : "photo");
     if (done == total) bar.reset();  // before the log goes on
   };
   Scene scene = load_scene(dataset, show);
+  bar.reset();
   const View& first = scene.train_views.empty() ? scene.test_views.at(0) : scene.train_views[0];
   log_info("{}: {} views to train on, {} held out, {}x{} pixels; {} points, extent {:.3g}",
            scene.source, scene.train_views.size(), scene.test_views.size(), first.camera.width,
@@ -193,6 +198,9 @@ void train(const TrainCommand& command) {
   results.train_seconds = trainer.train_seconds();
   results.device = backend->name();
   results.seed = config.train.seed;
+  results.world_offset = scene.world_offset;
+  results.refinement = scene.refinement;
+  results.exposure = scene.exposure;
   results.peak_gpu_bytes = peak_gpu_bytes(*backend);
   evaluate_run(trainer, folder, last, results);
   metrics.finish(last, trainer, results.test);
@@ -208,6 +216,8 @@ void add_train(CLI::App& program) {
   CommandLine& line = *command;
   add_dataset_options(verb, line, "scene,-s,--source-path,-d,--data");
   add_setting(verb, line, "--eval", "dataset.eval", "Scene");
+  add_setting(verb, line, "--refine-cameras", "dataset.refine_cameras", "Scene");
+  add_setting(verb, line, "--exposure", "dataset.exposure", "Scene");
   add_setting(verb, line, "-o,--output,-m,--model-path", "model.output", "Output");
   verb.add_flag("--force", command->force, "move a run that is there already to OUT.bak-N first")
       ->group("Output");

@@ -78,9 +78,10 @@ void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* te
 }
 
 void save_model(const RunFolder& folder, int step, Trainer& trainer) {
-  write_gaussian_ply(folder.ply(step),
-                     host_copy(trainer.model().gaussians, trainer.config().model.sh_degree,
-                               trainer.settings().antialias));
+  GaussianModel model = host_copy(trainer.model().gaussians, trainer.config().model.sh_degree,
+                                  trainer.settings().antialias);
+  model.world_offset = trainer.scene().world_offset;
+  write_gaussian_ply(folder.ply(step), model);
 }
 
 }  // namespace gs

@@ -10,6 +10,7 @@ class App;
 namespace gs {
 
 void add_reconstruct(CLI::App& program);
+void add_convert_cameras(CLI::App& program);
 void add_doctor(CLI::App& program);
 void add_train(CLI::App& program);
 void add_eval(CLI::App& program);

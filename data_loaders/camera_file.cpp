@@ -13,15 +13,16 @@ namespace gs {
 namespace {
 
 // Keys in our order, and float as the number type: written with the digits that a float needs.
-using Json = nlohmann::basic_json<nlohmann::ordered_map, std::vector, std::string, bool,
-                                  std::int64_t, std::uint64_t, float>;
+using FloatJson = nlohmann::basic_json<nlohmann::ordered_map, std::vector, std::string, bool,
+                                       std::int64_t, std::uint64_t, float>;
+using Json = nlohmann::json;  // for reading: positions may need a double
 
 constexpr int kLargestSide = 1 << 20;        // pixels; more is a mistake
 constexpr float kRotationTolerance = 0.01f;  // files with three digits pass, scaled matrices do not
 
 // --- Writing
 
-Json to_json(const Vec3f& v) { return Json::array({v.x, v.y, v.z}); }
+FloatJson to_json(const Vec3f& v) { return FloatJson::array({v.x, v.y, v.z}); }
 
 std::string without_extension(const std::string& name) {
   return std::filesystem::path(name).replace_extension().generic_string();
@@ -33,20 +34,20 @@ std::string camera_line(const View& view, std::size_t id) {
   const Mat3<double> R_double{Vec3d(R.row0), Vec3d(R.row1), Vec3d(R.row2)};
   const Vec3d position =
       Vec3d(0.0) - multiply_transposed(R_double, Vec3d(camera.cam_from_world_translation));  // no -0
-  Json json;
+  FloatJson json;
   json["id"] = id;
   json["img_name"] = without_extension(view.name);
   json["width"] = camera.width;
   json["height"] = camera.height;
   json["position"] = to_json(Vec3f(position));
-  json["rotation"] =
-      Json::array({to_json({R.row0.x, R.row1.x, R.row2.x}), to_json({R.row0.y, R.row1.y, R.row2.y}),
-                   to_json({R.row0.z, R.row1.z, R.row2.z})});
+  json["rotation"] = FloatJson::array({to_json({R.row0.x, R.row1.x, R.row2.x}),
+                                       to_json({R.row0.y, R.row1.y, R.row2.y}),
+                                       to_json({R.row0.z, R.row1.z, R.row2.z})});
   json["fy"] = camera.fy;
   json["fx"] = camera.fx;
   json["cx"] = camera.cx;
   json["cy"] = camera.cy;
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return json.dump(-1, ' ', false, FloatJson::error_handler_t::replace);
 }
 
 // --- Reading
@@ -59,7 +60,8 @@ class CameraReader {
     if (!json.is_object()) fail("is no object");
   }
 
-  NamedCamera read() const {
+  /// The camera, but for its translation, and where it stands.
+  std::pair<NamedCamera, Vec3d> read() const {
     NamedCamera result;
     const Json& name = at("img_name");
     if (!name.is_string()) fail("has no text as img_name");
@@ -71,8 +73,8 @@ class CameraReader {
     camera.fy = positive("fy");
     camera.cx = json_.contains("cx") ? number(at("cx"), "cx") : 0.5f * float(camera.width);
     camera.cy = json_.contains("cy") ? number(at("cy"), "cy") : 0.5f * float(camera.height);
-    read_pose(camera);
-    return result;
+    camera.cam_from_world_rotation = rotation();
+    return {std::move(result), position()};
   }
 
  private:
@@ -86,11 +88,12 @@ class CameraReader {
     if (found == json_.end()) fail(fmt::format("lacks {}", key));
     return *found;
   }
-  float number(const Json& value, const char* key) const {
-    const float result = value.is_number() ? value.get<float>() : NAN;
-    if (!std::isfinite(result)) fail(fmt::format("has no number as {}", key));
+  double precise(const Json& value, const char* key) const {
+    const double result = value.is_number() ? value.get<double>() : NAN;
+    if (!std::isfinite(float(result))) fail(fmt::format("has no number as {}", key));
     return result;
   }
+  float number(const Json& value, const char* key) const { return float(precise(value, key)); }
   float positive(const char* key) const {
     const float result = number(at(key), key);
     if (result <= 0) fail(fmt::format("has {} as {}, which must be above 0", result, key));
@@ -103,24 +106,22 @@ class CameraReader {
     }
     return int(pixels);
   }
-  Vec3f vector(const Json& value, const char* key) const {
+  Vec3d vector(const Json& value, const char* key) const {
     if (!value.is_array() || value.size() != 3)
       fail(fmt::format("has no three numbers in {}", key));
-    return {number(value[0], key), number(value[1], key), number(value[2], key)};
+    return {precise(value[0], key), precise(value[1], key), precise(value[2], key)};
   }
+  Vec3d position() const { return vector(at("position"), "position"); }
 
-  /// cam_from_world from the rows of world_from_cam and the camera centre.
-  void read_pose(Camera& camera) const {
+  /// Of cam_from_world, from the rows of world_from_cam.
+  Mat3<float> rotation() const {
     const Json& rows = at("rotation");
     if (!rows.is_array() || rows.size() != 3) fail("has no three rows in rotation");
-    const Vec3f a = vector(rows[0], "rotation"), b = vector(rows[1], "rotation"),
-                c = vector(rows[2], "rotation");
+    const Vec3f a(vector(rows[0], "rotation")), b(vector(rows[1], "rotation")),
+        c(vector(rows[2], "rotation"));
     const Mat3<float> R{{a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z}};
     if (!is_rotation(R)) fail("has a rotation that is no rotation matrix");
-    const Mat3<double> R_double{Vec3d(R.row0), Vec3d(R.row1), Vec3d(R.row2)};
-    camera.cam_from_world_rotation = R;
-    camera.cam_from_world_translation =
-        Vec3f(-multiply(R_double, Vec3d(vector(at("position"), "position"))));
+    return R;
   }
 
   static bool is_rotation(const Mat3<float>& R) {
@@ -155,6 +156,19 @@ Json parse_file(const std::filesystem::path& path) {
   }
 }
 
+void place(Camera& camera, const Vec3d& position) {
+  const Mat3<float>& R = camera.cam_from_world_rotation;
+  const Mat3<double> R_double{Vec3d(R.row0), Vec3d(R.row1), Vec3d(R.row2)};
+  camera.cam_from_world_translation = Vec3f(-multiply(R_double, position));
+}
+
+/// Whether most positions are nearer to the offset than to 0.
+bool are_nearer_to(const Vec3d& offset, const std::vector<Vec3d>& positions) {
+  std::size_t nearer = 0;
+  for (const Vec3d& at : positions) nearer += inner(at - offset, at - offset) < inner(at, at);
+  return 2 * nearer > positions.size();
+}
+
 }  // namespace
 
 void write_cameras_json(const std::filesystem::path& path, const Scene& scene) {
@@ -171,15 +185,22 @@ void write_cameras_json(const std::filesystem::path& path, const Scene& scene) {
   file.commit();
 }
 
-std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path) {
+std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path,
+                                           const Vec3d& world_offset) {
   const Json json = parse_file(path);
   if (!json.is_array()) {
     cannot_read(path, "it is not a list of cameras; name a cameras.json that a trainer wrote");
   }
   std::vector<NamedCamera> cameras;
+  std::vector<Vec3d> positions;
   for (std::size_t i = 0; i < json.size(); ++i) {
-    cameras.push_back(CameraReader(json[i], i, path).read());
+    auto [camera, position] = CameraReader(json[i], i, path).read();
+    cameras.push_back(std::move(camera));
+    positions.push_back(position);
   }
+  const bool is_far = world_offset != Vec3d(0.0) && are_nearer_to(world_offset, positions);
+  for (std::size_t i = 0; i < cameras.size(); ++i)
+    place(cameras[i].camera, is_far ? positions[i] - world_offset : positions[i]);
   return cameras;
 }
 

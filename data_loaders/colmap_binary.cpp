@@ -16,6 +16,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <bit>
+#include <cmath>
 #include <cstring>
 
 #include "data_loaders/byte_reader.h"
@@ -112,6 +113,20 @@ Vec3d take_vector(BinaryFile& file) {
   return v;
 }
 
+std::vector<ColmapObservation> take_observations(BinaryFile& file, std::uint64_t count) {
+  std::vector<ColmapObservation> observations;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    ColmapObservation at;
+    at.x = file.take<double>();
+    at.y = file.take<double>();
+    at.point_id = file.take<std::uint64_t>();
+    if (at.point_id != kNoPoint && std::isfinite(at.x) && std::isfinite(at.y))
+      observations.push_back(at);
+  }
+  observations.shrink_to_fit();
+  return observations;
+}
+
 }  // namespace
 
 void read_binary_cameras(const fs::path& path, ModelBuilder& model) {
@@ -148,7 +163,11 @@ void read_binary_images(const fs::path& path, ModelBuilder& model) {
     image.camera_id = file.take<std::uint32_t>();
     image.name = file.take_name();
     file.expect_good(model.add_image(std::move(image)));
-    file.skip(file.take_count("2D points", kPoint2dBytes) * kPoint2dBytes);
+    const std::uint64_t points = file.take_count("2D points", kPoint2dBytes);
+    if (model.wants_observations())
+      model.add_observations(take_observations(file, points));
+    else
+      file.skip(points * kPoint2dBytes);
   }
   file.expect_end();
 }

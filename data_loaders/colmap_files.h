@@ -18,6 +18,9 @@ namespace gs::colmap {
 /// The model of a name as in cameras.txt.
 std::optional<CameraModel> camera_model_of(std::string_view name);
 
+/// The point of a 2D point that belongs to none.
+inline constexpr std::uint64_t kNoPoint = ~std::uint64_t(0);
+
 /// The number of a camera among the kinds of sensor.
 inline constexpr std::int32_t kCameraSensor = 0;
 
@@ -25,16 +28,23 @@ inline constexpr std::int32_t kCameraSensor = 0;
 /// wrong with the record, "" if nothing: the reader knows the place in the file.
 class ModelBuilder {
  public:
-  explicit ModelBuilder(ColmapModel& model) : model_(model) {}
+  ModelBuilder(ColmapModel& model, Tracks tracks) : model_(model), tracks_(tracks) {}
+
+  bool wants_observations() const { return tracks_ == Tracks::read; }
 
   std::string add_camera(ColmapCamera camera, std::uint64_t width, std::uint64_t height);
   std::string add_image(ColmapImage image);  // after the cameras
+  /// Of the image that was added last.
+  void add_observations(std::vector<ColmapObservation> observations) {
+    model_.images.back().observations = std::move(observations);
+  }
   void add_point(const ColmapPoint& point) { model_.points.push_back(point); }
   std::string add_rig(ColmapRig rig);
   std::string add_frame(ColmapFrame frame);
 
  private:
   ColmapModel& model_;
+  Tracks tracks_;
   std::unordered_set<std::uint64_t> image_ids_, rig_ids_, frame_ids_, framed_image_ids_;
   std::unordered_set<std::string> image_names_;
 };

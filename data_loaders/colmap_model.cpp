@@ -159,7 +159,7 @@ std::uint64_t count_colmap_images(const fs::path& folder) {
                                   : colmap::count_text_images(folder / "images.txt");
 }
 
-ColmapModel read_colmap_model(const fs::path& folder) {
+ColmapModel read_colmap_model(const fs::path& folder, Tracks tracks) {
   const bool binary = has_pair(folder, ".bin");
   if (!binary && !has_pair(folder, ".txt"))
     throw Error(fmt::format(
@@ -172,7 +172,7 @@ ColmapModel read_colmap_model(const fs::path& folder) {
 
   ColmapModel model;
   model.folder = folder;
-  colmap::ModelBuilder builder(model);
+  colmap::ModelBuilder builder(model, tracks);
   (binary ? colmap::read_binary_cameras : colmap::read_text_cameras)(file("cameras"), builder);
   (binary ? colmap::read_binary_images : colmap::read_text_images)(file("images"), builder);
   if (fs::exists(file("points3D")))

@@ -55,13 +55,20 @@ struct ColmapCamera {
   std::vector<double> params;  // in COLMAP's order for the model; finite
 };
 
-/// One posed image. Its 2D points are passed over.
+/// Where a photo shows a point.
+struct ColmapObservation {
+  std::uint64_t point_id = 0;
+  double x = 0, y = 0;  // pixels of the camera's size, the centre of the first at (0.5, 0.5)
+};
+
+/// One posed image. Those of its 2D points that belong to a point are kept where they are asked for.
 struct ColmapImage {
   std::uint32_t id = 0;
   std::string name;  // path relative to the images folder, "/" between folders
   std::uint32_t camera_id = 0;
   Quat<double> cam_from_world_rotation{1, 0, 0, 0};  // unit length
   Vec3d cam_from_world_translation{0.0, 0.0, 0.0};   // world units
+  std::vector<ColmapObservation> observations{};     // empty unless asked for
 };
 
 /// One triangulated point. Of its track only the length is kept.
@@ -105,6 +112,9 @@ struct ColmapModel {
   std::filesystem::path folder;
 };
 
+/// Whether the observations of a model are wanted: they are most of its bytes.
+enum class Tracks { skip, read };
+
 /// Whether a folder holds cameras and images, both binary or both text.
 bool is_colmap_model(const std::filesystem::path& folder);
 
@@ -117,8 +127,9 @@ std::uint64_t count_colmap_images(const std::filesystem::path& folder);
 
 /// Reads cameras, images, points3D, rigs and frames: the .bin files where cameras.bin and images.bin
 /// exist, else the .txt files. The last three may be absent. Points whose position is not finite are
-/// left out, and so are rigs that cannot be read, with a warning. Throws Error that names the file, the place in it and the remedy; a
-/// damaged file never costs more memory than its size.
-ColmapModel read_colmap_model(const std::filesystem::path& folder);
+/// left out, and so are rigs that cannot be read, with a warning. The images' observations are kept with Tracks::read only:
+/// those whose place is finite; a point of theirs may be none of the model's. Throws Error that names the file, the place in
+/// it and the remedy; a damaged file never costs more memory than its size (twice its size with tracks).
+ColmapModel read_colmap_model(const std::filesystem::path& folder, Tracks tracks = Tracks::skip);
 
 }  // namespace gs

@@ -15,6 +15,7 @@
 
 #include <cerrno>
 #include <charconv>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 
@@ -111,9 +112,10 @@ bool is_image_line(std::string_view line) {
   return !name.empty() && (!parse(name, number) || trimmed(line).empty());
 }
 
-/// Calls `visit` with every line of images.txt that has an image.
-template <class Visit>
-void for_each_image_line(TextFile& file, Visit visit) {
+/// Calls `visit` with every line of images.txt that has an image, and `visit_points` with the POINTS2D that
+/// follow it, where they do.
+template <class Visit, class VisitPoints>
+void for_each_image_line(TextFile& file, Visit visit, VisitPoints visit_points) {
   std::string_view line;
   bool has_record = file.next_record(line);
   while (has_record) {
@@ -121,7 +123,10 @@ void for_each_image_line(TextFile& file, Visit visit) {
     // POINTS2D stands in the next line, which may be empty; if an image stands there, it was left
     // out.
     if (!file.next_line(line)) break;
-    has_record = is_image_line(line) || file.next_record(line);
+    has_record = is_image_line(line);
+    if (has_record) continue;
+    visit_points(line);
+    has_record = file.next_record(line);
   }
 }
 
@@ -154,6 +159,20 @@ ColmapImage parse_image(TextFile& file, std::string_view line) {
   return image;
 }
 
+/// POINTS2D[] as (X Y POINT3D_ID); -1 for a 2D point without a point.
+std::vector<ColmapObservation> parse_observations(TextFile& file, std::string_view line) {
+  std::vector<ColmapObservation> observations;
+  while (!trimmed(line).empty()) {
+    ColmapObservation at;
+    at.x = file.take<double>(line, "X of a 2D point");
+    at.y = file.take<double>(line, "Y of a 2D point");
+    const std::string_view word = next_word(line);
+    const bool is_point = parse(word, at.point_id) && at.point_id != kNoPoint;
+    if (is_point && std::isfinite(at.x) && std::isfinite(at.y)) observations.push_back(at);
+  }
+  return observations;
+}
+
 }  // namespace
 
 void read_text_cameras(const fs::path& path, ModelBuilder& model) {
@@ -180,15 +199,20 @@ void read_text_cameras(const fs::path& path, ModelBuilder& model) {
 std::uint64_t count_text_images(const fs::path& path) {
   TextFile file(path);
   std::uint64_t count = 0;
-  for_each_image_line(file, [&](std::string_view) { ++count; });
+  for_each_image_line(
+      file, [&](std::string_view) { ++count; }, [](std::string_view) {});
   return count;
 }
 
 void read_text_images(const fs::path& path, ModelBuilder& model) {
   TextFile file(path);
-  for_each_image_line(file, [&](std::string_view line) {
-    file.expect_good(model.add_image(parse_image(file, line)));
-  });
+  for_each_image_line(
+      file,
+      [&](std::string_view line) { file.expect_good(model.add_image(parse_image(file, line))); },
+      [&](std::string_view line) {
+        if (model.wants_observations() && !line.starts_with('#'))
+          model.add_observations(parse_observations(file, line));
+      });
 }
 
 void read_text_points(const fs::path& path, ModelBuilder& model) {

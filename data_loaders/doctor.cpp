@@ -19,6 +19,7 @@
 #include "data_loaders/picture_quality.h"
 #include "data_loaders/scene_model.h"
 #include "data_loaders/undistort.h"
+#include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/parallel.h"
@@ -32,7 +33,6 @@ using Level = Finding::Level;
 constexpr std::size_t kFewPhotos = 20;          // fewer seldom show a scene from all sides
 constexpr std::size_t kFewObservations = 3;     // points seen in fewer photos are not to be relied on
 constexpr double kLargeError = 2;               // pixels, mean reprojection error
-constexpr double kFarFromOrigin = 1e4;          // extents; single precision leaves 1e-3 of the extent there
 constexpr double kHardlyTrained = 0.05;         // of a photo's pixels: less looks like a mask turned round
 constexpr double kUpSpread = 30;                // degrees between the cameras' up and their mean, in the mean
 constexpr double kGib = 1024.0 * 1024.0 * 1024.0;
@@ -53,6 +53,7 @@ std::string size_text(double bytes) {
 struct FoundScene {
   SceneFolders folders;
   ColmapModel model;
+  Vec3d world_offset{0.0, 0.0, 0.0};    // taken off its coordinates
   std::vector<fs::path> files;          // of each image; empty: missing
   std::vector<PhotoSize> photo_sizes;   // 0 x 0 where unknown
   std::vector<std::size_t> usable;      // images whose photo can be trained on
@@ -115,6 +116,7 @@ class Examination {
       return false;
     }
     scene_.model = std::move(read.model);
+    scene_.world_offset = read.world_offset;
     const ColmapModel& model = scene_.model;
     std::string text = fmt::format("{} photos placed, {} lenses, {} points", model.images.size(),
                                    model.cameras.size(), model.points.size());
@@ -383,13 +385,11 @@ class Examination {
                       strays.size()),
           strays);
     const double extent = camera_extent(views);
-    double spread = 0, farthest = 0;
+    double spread = 0;
     const double length = std::sqrt(inner(up, up));
     for (const View& view : views) {
       const Vec3d own = -1.0 * Vec3d(view.camera.cam_from_world_rotation.row1);
       if (length > 0) spread += std::acos(std::clamp(inner(own, up) / length, -1.0, 1.0));
-      const Vec3d position(view.camera.position());
-      farthest = std::max(farthest, std::sqrt(inner(position, position)));
     }
     spread *= 180 / std::acos(-1.0) / double(views.size());
     add(Level::good, "place", fmt::format("the cameras span {:.3g} world units", extent));
@@ -400,12 +400,12 @@ class Examination {
     else
       add(Level::note, "place",
           "the cameras are held in all directions: nothing says which way is up");
-    if (farthest > kFarFromOrigin * extent)
-      add(Level::warning, "place",
-          fmt::format("the scene lies {:.3g} world units from the origin and is {:.3g} in size: "
-                      "single precision loses "
-                      "detail there; move it with `colmap model_aligner`",
-                      farthest, extent));
+    if (scene_.world_offset != Vec3d(0.0))
+      add(Level::note, "place",
+          fmt::format("the scene lies far from the origin, where single precision loses detail: it "
+                      "is trained with {} taken "
+                      "off its coordinates",
+                      text_of_offset(scene_.world_offset)));
   }
 
   void examine_points() {

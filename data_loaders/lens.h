@@ -6,6 +6,7 @@
 #include <string>
 
 #include "data_loaders/colmap_model.h"
+#include "data_loaders/lens_formulas.h"
 #include "gs_core/camera.h"
 
 namespace gs {
@@ -14,7 +15,7 @@ using Vec2d = Vec2<double>;
 
 /// A COLMAP camera written out: an ideal pinhole, and the lens in front of it. Points are in
 /// normalised coordinates u = (x, y) = (X / Z, Y / Z), the pixel of the photo is
-/// (fx x' + cx, fy y' + cy) for u' = (x', y') = distorted(u). The formulas stand in lens.cpp.
+/// (fx x' + cx, fy y' + cy) for u' = (x', y') = distorted(u). The formulas stand in lens_formulas.h.
 ///
 ///   lens                     u'                               COLMAP models
 ///   none                     u                                (SIMPLE_)PINHOLE
@@ -22,16 +23,9 @@ using Vec2d = Vec2<double>;
 ///   fisheye                  brown(angle(u))                  *_FISHEYE, FISHEYE
 ///   fisheye_rad_tan          decentred(radial(angle(u)))      RAD_TAN_THIN_PRISM_FISHEYE
 ///   fov, division, unified   closed forms                     FOV, (SIMPLE_)DIVISION, EUCM
-struct LensCamera {
-  enum class Lens { none, radial_tangential, fisheye, fisheye_rad_tan, fov, division, unified };
-
+struct LensCamera : LensCoefficients<double> {
   CameraModel model = CameraModel::pinhole;  // for messages only
   PinholeCamera<double> pinhole;  // of the photo: size, focal lengths, principal point; its pose is unused
-  Lens lens = Lens::none;
-  double k[6] = {};  // radial; fov: omega (radians); division: k; unified: alpha, beta
-  double d[3] = {};  // radial, below the line
-  double p[2] = {};  // tangential
-  double s[4] = {};  // thin prism: two for x, two for y
 };
 
 /// What a user can do about a lens that gemsplat cannot undistort.

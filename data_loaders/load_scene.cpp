@@ -22,8 +22,12 @@
 #include "data_loaders/photo_names.h"
 #include "data_loaders/photo_pool.h"
 #include "data_loaders/photos.h"
+#include "data_loaders/refine_cameras.h"
+#include "data_loaders/refine_exposure.h"
 #include "data_loaders/scene_model.h"
+#include "data_loaders/tracks.h"
 #include "data_loaders/undistort.h"
+#include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/rotation.h"
@@ -47,6 +51,8 @@ struct CacheKey {
   std::uintmax_t bytes = 0;
   fs::file_time_type changed;
 };
+/// In all photos together: the rest would tell nothing new of three numbers per photo.
+constexpr std::size_t kMostColorSamples = 1000000;
 
 /// All that is known of a view before its photo is decoded.
 struct ViewPlan {
@@ -454,15 +460,58 @@ struct ScenePlan {
   std::vector<ViewPlan> views;  // sorted by name
   std::vector<bool> is_test;
   std::vector<ScenePoint> points;
+  std::vector<std::vector<SeenPoint>> seen;  // (views): where asked for
+  Vec3d world_offset{0.0, 0.0, 0.0};
+  std::optional<CameraRefinement> refinement;
 };
 
+void log_exposures(const ExposureFit& fit) {
+  float lowest = 1, highest = 1;
+  for (const Vec3f& exposure : fit.exposures) {
+    lowest = std::min({lowest, exposure.x, exposure.y, exposure.z});
+    highest = std::max({highest, exposure.x, exposure.y, exposure.z});
+  }
+  log_info(
+      "exposures from {} colours of shared points: {:.2f} to {:.2f}; a point's colours differ by "
+      "{:.1f} % between photos "
+      "without them, by {:.1f} % with them",
+      fit.sample_count, lowest, highest, 100 * fit.spread_before, 100 * fit.spread_after);
+}
+
+void log_refinement(const CameraRefinement& refinement) {
+  log_info(
+      "cameras refined in {} steps, {:.1f} s: {} observations of {} points in {} photos are off by "
+      "{:.3f} pixels in the "
+      "mean, {:.3f} before (median {:.3f}, {:.3f} before){}",
+      refinement.steps, refinement.seconds, refinement.observations, refinement.points,
+      refinement.images, refinement.mean_error_after, refinement.mean_error_before,
+      refinement.median_error_after, refinement.median_error_before,
+      refinement.has_converged ? "" : "; stopped at the cap of steps");
+}
+
 ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress) {
+  if (dataset.exposure) check_can_refine("--exposure");
+  if (dataset.refine_cameras) check_can_refine("--refine-cameras");
   const SceneFolders folders = find_scene(dataset);
-  auto [model, is_test] = read_scene_model(dataset, folders);
+  auto [model, is_test, world_offset] = read_scene_model(dataset, folders);
   ScenePlan plan;
   plan.is_test = std::move(is_test);
+  plan.world_offset = world_offset;
+  if (world_offset != Vec3d(0.0))
+    log_info(
+        "the scene lies far from the origin: {} is taken off its coordinates, which single "
+        "precision could not hold",
+        text_of_offset(world_offset));
   if (dataset.model.empty()) check_registered(model, folders.images);
   plan.masks = find_masks(dataset, folders);
+  if (dataset.refine_cameras) {
+    plan.refinement = refine_cameras(model, [&](std::size_t done, std::size_t total) {
+      if (progress) progress(LoadStage::refinement, done, total);
+    });
+    log_refinement(*plan.refinement);
+  }
+  if (dataset.exposure) plan.seen = seen_points(model, "--exposure");
+  for (ColmapImage& image : model.images) image.observations = {};  // many bytes, used up
   plan.views = plan_views(dataset, model, folders.images, plan.masks, progress);
   plan.points = single_precision_points(model);
   return plan;
@@ -505,10 +554,41 @@ void split_views(std::vector<View> views, const std::vector<bool>& is_test, Scen
               empty.size() > 1 ? ", ..." : "");
 }
 
+/// Finds the exposures of all views from the points that they share.
+ExposureSummary solve_exposures(const ScenePlan& plan, std::vector<View>& views) {
+  std::size_t count = 0;
+  for (const auto& seen : plan.seen) count += seen.size();
+  const std::uint32_t every = std::uint32_t(count / kMostColorSamples + 1);  // of so many points one is sampled
+  std::vector<std::vector<ColorSample>> by_view(views.size());
+  const auto sample = [&](std::size_t i, const View& view) {
+    std::vector<std::uint32_t> seen;
+    for (const SeenPoint& point : plan.seen[i])
+      if (point.point % every == 0) seen.push_back(point.point);
+    by_view[i] = sample_colors(view, std::uint32_t(i), plan.points, seen);
+  };
+  if (views.front().source)  // whose budget is for one photo in use
+    for_each_with_photo(views, views.size(), sample);
+  else
+    parallel_for(views.size(), 1, [&](std::size_t i) { sample(i, views[i]); });
+  std::vector<ColorSample> samples;
+  for (const auto& some : by_view) samples.insert(samples.end(), some.begin(), some.end());
+  const ExposureFit fit = fit_exposures(samples, plan.is_test);
+  for (std::size_t i = 0; i < views.size(); ++i) views[i].exposure = fit.exposures[i];
+  for (const std::size_t photo : fit.unknown)
+    log_warning(
+        "{} shares too few well-exposed points with other photos to know its exposure: it stays as "
+        "it is",
+        views[photo].name);
+  log_exposures(fit);
+  return {fit.sample_count, fit.spread_before, fit.spread_after};
+}
+
 }  // namespace
 
 void check_scene(const DatasetConfig& dataset) {
-  for (const ViewPlan& view : plan_scene(dataset, {}).views) single_precision_camera(view);
+  DatasetConfig as_it_is = dataset;
+  as_it_is.refine_cameras = false;
+  for (const ViewPlan& view : plan_scene(as_it_is, {}).views) single_precision_camera(view);
 }
 
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress) {
@@ -517,8 +597,11 @@ Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress) {
   scene.source = dataset.source;
   std::vector<View> views = make_views(dataset, std::move(plan.views), plan.masks, progress);
   report_masks(views, dataset);
+  if (dataset.exposure) scene.exposure = solve_exposures(plan, views);
   split_views(std::move(views), plan.is_test, scene);
   scene.points = std::move(plan.points);
+  scene.world_offset = plan.world_offset;
+  scene.refinement = plan.refinement;
   scene.extent = camera_extent(scene.train_views);
   for (const std::size_t stray : stray_cameras(scene.train_views))
     log_warning(

@@ -13,7 +13,7 @@ namespace gs {
 using ProgressFn = std::function<void(std::size_t done, std::size_t total)>;
 
 /// First the headers of all photos are read; then all photos, if they fit into memory.
-enum class LoadStage { headers, photos };
+enum class LoadStage { refinement, headers, photos };
 using LoadProgress = std::function<void(LoadStage stage, std::size_t done, std::size_t total)>;
 
 /// Finds the model and the photos, undistorts and resizes every photo to dataset.resolution, and
@@ -22,9 +22,10 @@ using LoadProgress = std::function<void(LoadStage stage, std::size_t done, std::
 /// decoded. Photos that do not fit into dataset.photo_ram_gib as a whole are decoded when they are asked for, by a
 /// PhotoPool. Throws Error that names the file and the remedy; UsageError for a resolution or a budget that
 /// cannot be taken.
+/// With dataset.refine_cameras the model is refined first.
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress = {});
 
-/// All that load_scene() checks before it decodes the first photo. Throws like it.
+/// All that load_scene() checks before it decodes the first photo; cameras are not refined. Throws like it.
 void check_scene(const DatasetConfig& dataset);
 
 }  // namespace gs

@@ -6,6 +6,8 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <locale>
+#include <sstream>
 
 #include "data_loaders/ply_file.h"
 #include "data_loaders/ply_layout.h"
@@ -106,6 +108,19 @@ bool is_antialiased(const PlyHeader& header) {
   return false;
 }
 
+/// Of the comment "world_offset X Y Z"; 0 without it, or where it is damaged.
+Vec3d world_offset_in(const PlyHeader& header) {
+  constexpr std::string_view kWord = "world_offset ";
+  for (const std::string& comment : header.comments) {
+    if (!comment.starts_with(kWord)) continue;
+    std::istringstream numbers(comment.substr(kWord.size()));
+    numbers.imbue(std::locale::classic());
+    Vec3d offset(0.0);
+    if (numbers >> offset.x >> offset.y >> offset.z && is_finite(offset)) return offset;
+  }
+  return Vec3d(0.0);
+}
+
 }  // namespace
 
 std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degree) {
@@ -134,6 +149,7 @@ GaussianModel read_gaussian_ply(const std::filesystem::path& path) {
   check_properties(*vertex, model.sh_degree, file);
   model.antialiased = is_antialiased(file.header());
   model.is_ours = is_ours(file.header());
+  model.world_offset = world_offset_in(file.header());
   model.gaussians.resize(vertex->count);
   if (model.sh_degree < kMaxShDegree) model.gaussians.sh_rest.fill_zero();
   file.read_columns(*vertex, gaussian_columns(model.gaussians, model.sh_degree));

@@ -14,13 +14,14 @@ namespace gs {
 /// Reads trained Gaussians. Properties are looked up by name: their order, their types and whatever
 /// else the file holds do not matter; nor does its format (ascii, binary of either byte order). The
 /// number of f_rest_ properties gives the SH degree; the comments "SplatRenderMode: mip" and
-/// "antialiased 1" set `antialiased`; "gemsplat ..." sets `is_ours`.
+/// "antialiased 1" set `antialiased`; "gemsplat ..." sets `is_ours`; "world_offset X Y Z" sets that.
 /// Values are taken as they are, NaN and infinity too (inspect() counts them).
 /// Throws Error, with file, place and remedy, for a file that is damaged or holds something else.
 GaussianModel read_gaussian_ply(const std::filesystem::path& path);
 
 /// Writes trained Gaussians in the order of properties of the reference trainer (Kerbl et al.
 /// 2023), as little-endian floats, f_rest_ for the model's degree only, rotations with length 1.
+/// Positions stay near the origin, as floats must; a world offset that is not 0 becomes a comment.
 /// The bytes depend on the model alone. The file is there whole or not at all; folders above it are
 /// created.
 /// Rows that hold a NaN or an infinity are left out; returns how many, and logs a warning if there
@@ -29,7 +30,8 @@ GaussianModel read_gaussian_ply(const std::filesystem::path& path);
 std::size_t write_gaussian_ply(const std::filesystem::path& path, const GaussianModel& model);
 
 /// Writes sparse points: x y z nx ny nz as floats (the normals are 0), red green blue as bytes.
-/// Files and errors as above.
-void write_point_ply(const std::filesystem::path& path, const std::vector<ScenePoint>& points);
+/// World offset, files and errors as above.
+void write_point_ply(const std::filesystem::path& path, const std::vector<ScenePoint>& points,
+                     const Vec3d& world_offset = Vec3d(0.0));
 
 }  // namespace gs

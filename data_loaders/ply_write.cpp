@@ -11,6 +11,7 @@
 #include "data_loaders/atomic_file.h"
 #include "data_loaders/ply.h"
 #include "data_loaders/ply_layout.h"
+#include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/version.h"
@@ -31,6 +32,11 @@ std::string header_begin(std::string_view comments, std::size_t rows) {
       "comment gemsplat {}\n{}"
       "element vertex {}\n",
       kVersion, comments, rows);
+}
+
+std::string offset_comment(const Vec3d& offset) {
+  return offset == Vec3d(0.0) ? ""
+                              : fmt::format("comment world_offset {}\n", text_of_offset(offset));
 }
 
 std::string property_line(std::string_view name, std::string_view type = "float") {
@@ -90,7 +96,8 @@ std::size_t write_gaussian_ply(const std::filesystem::path& path, const Gaussian
   const std::size_t width = columns.size() + std::size(kNormals);  // floats in a row
 
   std::string header = header_begin(
-      fmt::format("comment SplatRenderMode: {}\n", model.antialiased ? "mip" : "default"),
+      fmt::format("comment SplatRenderMode: {}\n", model.antialiased ? "mip" : "default") +
+          offset_comment(model.world_offset),
       rows.size());
   for (std::size_t c = 0; c < columns.size(); ++c) {
     if (c == 3) {
@@ -123,9 +130,10 @@ std::size_t write_gaussian_ply(const std::filesystem::path& path, const Gaussian
   return left_out;
 }
 
-void write_point_ply(const std::filesystem::path& path, const std::vector<ScenePoint>& points) {
+void write_point_ply(const std::filesystem::path& path, const std::vector<ScenePoint>& points,
+                     const Vec3d& world_offset) {
   constexpr std::size_t kRowBytes = 6 * sizeof(float) + 3;
-  std::string header = header_begin("", points.size());
+  std::string header = header_begin(offset_comment(world_offset), points.size());
   for (const char* name : {"x", "y", "z", "nx", "ny", "nz"}) header += property_line(name);
   for (const char* name : {"red", "green", "blue"}) header += property_line(name, "uchar");
   std::vector<std::uint8_t> rows(points.size() * kRowBytes, 0);

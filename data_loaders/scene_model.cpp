@@ -8,15 +8,19 @@
 
 #include "data_loaders/split.h"
 #include "data_loaders/transforms_json.h"
+#include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 
 namespace gs {
 
-SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders) {
+namespace {
+
+SceneModel read_model_and_split(const DatasetConfig& dataset, const SceneFolders& folders) {
   const auto by_name = [](const ColmapImage& a, const ColmapImage& b) { return a.name < b.name; };
   SceneModel scene;
   if (is_colmap_model(folders.model)) {
-    scene.model = read_colmap_model(folders.model);
+    scene.model = read_colmap_model(
+        folders.model, dataset.exposure || dataset.refine_cameras ? Tracks::read : Tracks::skip);
     std::sort(scene.model.images.begin(), scene.model.images.end(), by_name);
     scene.is_test = test_views_of(dataset, scene.model);
     return scene;
@@ -36,6 +40,15 @@ SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& fo
         "no view is left to train on: the files in {} put all of them to testing; train without "
         "dataset.eval",
         folders.model.string()));
+  return scene;
+}
+
+}  // namespace
+
+SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders) {
+  SceneModel scene = read_model_and_split(dataset, folders);
+  scene.world_offset = world_offset_of(scene.model);
+  if (scene.world_offset != Vec3d(0.0)) take_off(scene.model, scene.world_offset);
   return scene;
 }
 

@@ -11,11 +11,14 @@ namespace gs {
 struct SceneModel {
   ColmapModel model;          // images sorted by name
   std::vector<bool> is_test;  // of each image: held out to measure on
+  Vec3d world_offset{0.0, 0.0, 0.0};  // taken off the model's coordinates (world_offset.h)
 };
 
 /// Reads a COLMAP model or transforms.json, and splits it: as transforms.json or a Blender scene says, or else by
 /// test_views_of(); without dataset.eval nothing is held out. Throws Error like the readers; UsageError where nothing is left
 /// to train on.
+/// The images' observations are read where dataset.exposure or dataset.refine_cameras asks for
+/// them.
 SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders);
 
 }  // namespace gs

@@ -24,6 +24,8 @@ struct DatasetConfig {
   float photo_ram_gib = 0;           // for decoded photos; 0: half of the machine's memory
   std::string photo_cache = "auto";  // folder of undistorted and resized photos; auto, none
   float photo_cache_gib = 20;        // at most in that folder
+  bool refine_cameras = false;  // bundle adjustment before training
+  bool exposure = false;  // solve for each photo's exposure and white balance before training
 };
 
 /// How the colmap program finds where photos were taken.

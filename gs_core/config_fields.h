@@ -49,6 +49,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("dataset.photo_ram_gib",        dataset.photo_ram_gib,        "GiB",    at_least(0),        "of host memory for decoded photos; more are decoded again when they are needed; 0: half of the machine's");
   field("dataset.photo_cache",          dataset.photo_cache,          "folder", any(),              "keeps undistorted or resized photos for later runs; auto: gemsplat/photos in ~/.cache; none: nowhere");
   field("dataset.photo_cache_gib",      dataset.photo_cache_gib,      "GiB",    at_least(0),        "of disk for that folder; what was used longest ago makes room");
+  field("dataset.refine_cameras",       dataset.refine_cameras,       "",       any(),              "refine poses, lenses and points before training, so that points land where the photos show them; needs Ceres");
+  field("dataset.exposure",             dataset.exposure,             "",       any(),              "solve for each photo's brightness and white balance from the points that photos share, and train on the scene's own colours; needs Ceres");
 
   auto& reconstruct = config.reconstruct;
   field("reconstruct.colmap",           reconstruct.colmap,           "file",   any(),              "the colmap program");

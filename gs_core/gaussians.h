@@ -84,11 +84,12 @@ struct GaussianModel {
   int sh_degree = kMaxShDegree;  // 0..3; coefficients beyond it are zero
   bool is_ours = true;           // false: read from a file that another trainer wrote
   bool antialiased = false;      // trained with the antialiased projection (math/projection.h)
+  Vec3d world_offset{0.0, 0.0, 0.0};  // as in Scene: add it to the means to have the photos' own coordinates
 };
 
 /// The Gaussians as files carry them: downloaded from whatever memory they lie in.
 inline GaussianModel host_copy(const Gaussians& from, int sh_degree, bool antialiased) {
-  GaussianModel model{Gaussians(from.count(), host_memory()), sh_degree, antialiased};
+  GaussianModel model{Gaussians(from.count(), host_memory()), sh_degree, true, antialiased};
   for_each_array(
       [](const char*, auto& to, const auto& array) {
         if (array.size())

@@ -31,7 +31,13 @@ bool is_elsewhere(const View& view) { return view.source && view.photo.empty(); 
 }  // namespace
 
 std::shared_ptr<const View> with_photo(const View& view) {
-  if (is_elsewhere(view)) return view.source->view(view.index);
+  if (is_elsewhere(view)) {
+    const std::shared_ptr<const View> decoded = view.source->view(view.index);
+    if (decoded->exposure == view.exposure) return decoded;
+    const auto exposed = std::make_shared<View>(*decoded);  // found after the source was made
+    exposed->exposure = view.exposure;
+    return exposed;
+  }
   return {std::shared_ptr<void>(), &view};  // owns nothing
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -75,12 +76,32 @@ struct ScenePoint {
   std::array<std::uint8_t, 3> color;  // sRGB
 };
 
+/// How well the views' exposures explain their colours: the spread of a point's colours over photos, relative, with
+/// exposures 1 and with those solved.
+struct ExposureSummary {
+  std::size_t samples = 0;
+  double spread_before = 0, spread_after = 0;
+};
+
+/// What refining the cameras came to. Errors are lengths in pixels between where points are seen and where they land.
+struct CameraRefinement {
+  std::size_t observations = 0, images = 0, points = 0;  // that took part
+  double mean_error_before = 0, mean_error_after = 0;
+  double median_error_before = 0, median_error_after = 0;
+  int steps = 0;  // of the solver
+  bool has_converged = false;
+  double seconds = 0;
+};
+
 /// All views with their split, and the sparse points. Views are sorted by name in byte order.
 struct Scene {
   std::vector<View> train_views, test_views;
   std::vector<ScenePoint> points;
   std::string source;  // the folder it was loaded from
   float extent = 1;    // 1.1 * the largest distance of a training camera from their mean, strays left out; world units
+  Vec3d world_offset{0.0, 0.0, 0.0};  // was taken off all coordinates: add it to have the model's own; 0 for most
+  std::optional<CameraRefinement> refinement;  // where cameras were refined
+  std::optional<ExposureSummary> exposure;  // where exposures were solved for
 };
 
 /// Cameras that stand far away from all others, mostly by a wrong pose: more than ten times as far from the median

@@ -36,7 +36,7 @@ class Renderer {
 /// The scalar renderer: it defines what every other one must compute.
 std::unique_ptr<Renderer> make_scalar_renderer();
 
-/// The pass's picture in host memory, (height, width, 3), clamped to [0, 1].
-ImageF image_of(const RenderPass& pass);
+/// The pass's picture in host memory, (height, width, 3), times `exposure`, clamped to [0, 1].
+ImageF image_of(const RenderPass& pass, const Vec3f& exposure = Vec3f(1));
 
 }  // namespace gs

@@ -33,13 +33,13 @@ class ScalarRenderer final : public Renderer {
 
 std::unique_ptr<Renderer> make_scalar_renderer() { return std::make_unique<ScalarRenderer>(); }
 
-ImageF image_of(const RenderPass& pass) {
+ImageF image_of(const RenderPass& pass, const Vec3f& exposure) {
   const std::vector<float> planes = pass.image.download();
   ImageF image(pass.width, pass.height, 3);
   const std::size_t plane = pass.pixel_count();
   for (std::size_t i = 0; i < plane; ++i)
     for (int c = 0; c < 3; ++c)
-      image.pixels[3 * i + c] = clamp_to(planes[c * plane + i], 0.0f, 1.0f);
+      image.pixels[3 * i + c] = clamp_to(exposure[c] * planes[c * plane + i], 0.0f, 1.0f);
   return image;
 }
 

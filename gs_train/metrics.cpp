@@ -68,21 +68,30 @@ auto plain_values(const ImageF& render, const Image8& photo) {
   };
 }
 
-/// The photo's value as the render is compared with it, in 0..1.
-double photo_value(const View& view, const Vec3f& background, std::size_t pixel, int c) {
+/// The photo's value as a render under that exposure is compared with it, in 0..1.
+double photo_value(const View& view, const Vec3f& background, const Vec3f& exposure,
+                   std::size_t pixel, int c) {
   const double photo = view.photo.pixels[3 * pixel + c] / 255.0;
   if (!view.over_background || view.mask.empty()) return photo;
-  const PhotoWeight<double> weight = photo_weight(
-      view.mask.pixels[pixel] / 255.0, double(view.exposure[c]), double(background[c]), true);
+  const PhotoWeight<double> weight = photo_weight(view.mask.pixels[pixel] / 255.0,
+                                                  double(exposure[c]), double(background[c]), true);
   return weight.cover * photo + weight.backdrop;
 }
 
-auto weighted_values(const ImageF& render, const View& view, const Vec3f& background) {
-  return [&](std::size_t pixel, int c) {
-    const double x = double(view.exposure[c]) * render.pixels[3 * pixel + c];
-    return ComparedValue{std::clamp(x, 0.0, 1.0), photo_value(view, background, pixel, c),
+// Of a picture that is under the exposure already.
+auto values_of(const ImageF& render, const View& view, const Vec3f& background,
+               const Vec3f& exposure) {
+  return [&render, &view, &background, exposure](std::size_t pixel, int c) {
+    return ComparedValue{render.pixels[3 * pixel + c],
+                         photo_value(view, background, exposure, pixel, c),
                          view.has_untrained_pixels() ? view.mask.pixels[pixel] / 255.0 : 1.0};
   };
+}
+
+ImageF under_exposure(ImageF render, const Vec3f& exposure) {
+  for (std::size_t i = 0; i < render.pixels.size(); ++i)
+    render.pixels[i] = std::clamp(exposure[int(i % 3)] * render.pixels[i], 0.0f, 1.0f);
+  return render;
 }
 
 }  // namespace
@@ -99,19 +108,21 @@ double ssim(const ImageF& render, const Image8& photo) {
 
 double psnr(const ImageF& render, const View& view, const Vec3f& background) {
   check_sizes(render, view.photo);
-  return psnr_of(render, weighted_values(render, view, background));
+  const ImageF exposed = under_exposure(render, view.exposure);
+  return psnr_of(exposed, values_of(exposed, view, background, view.exposure));
 }
 
 double ssim(const ImageF& render, const View& view, const Vec3f& background) {
   check_sizes(render, view.photo);
-  return ssim_of(render, weighted_values(render, view, background));
+  const ImageF exposed = under_exposure(render, view.exposure);
+  return ssim_of(exposed, values_of(exposed, view, background, view.exposure));
 }
 
 Image8 shown_photo(const View& view, const Vec3f& background) {
   Image8 shown = view.photo;
   if (!view.over_background || view.mask.empty()) return shown;
   for (std::size_t i = 0; i < shown.pixels.size(); ++i) {
-    const double value = photo_value(view, background, i / 3, int(i % 3));
+    const double value = photo_value(view, background, view.exposure, i / 3, int(i % 3));
     shown.pixels[i] = std::uint8_t(std::lround(255 * std::clamp(value, 0.0, 1.0)));
   }
   return shown;
@@ -132,14 +143,27 @@ Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
     const ImageF render = image_of(pass);
     if (on_view) on_view(i, view, render);
     if (trains_nowhere(view)) return;
-    evaluation.views.push_back({view.name, psnr(render, view, settings.background),
-                                ssim(render, view, settings.background)});
-    evaluation.psnr += evaluation.views.back().psnr;
-    evaluation.ssim += evaluation.views.back().ssim;
+    check_sizes(render, view.photo);
+    const Vec3f& background = settings.background;
+    const auto as_it_is = values_of(render, view, background, Vec3f(1));
+    ViewMetrics metrics{view.name, psnr_of(render, as_it_is), ssim_of(render, as_it_is)};
+    if (view.has_exposure()) {
+      const ImageF exposed = image_of(pass, view.exposure);
+      const auto values = values_of(exposed, view, background, view.exposure);
+      metrics.psnr_exposure = psnr_of(exposed, values);
+      metrics.ssim_exposure = ssim_of(exposed, values);
+      evaluation.has_exposures = true;
+    }
+    evaluation.psnr += metrics.psnr;
+    evaluation.ssim += metrics.ssim;
+    evaluation.psnr_exposure += metrics.psnr_exposure;
+    evaluation.ssim_exposure += metrics.ssim_exposure;
+    evaluation.views.push_back(std::move(metrics));
   });
   const double count = double(std::max<std::size_t>(evaluation.views.size(), 1));
-  evaluation.psnr /= count;
-  evaluation.ssim /= count;
+  for (double* sum :
+       {&evaluation.psnr, &evaluation.ssim, &evaluation.psnr_exposure, &evaluation.ssim_exposure})
+    *sum /= count;
   return evaluation;
 }
 

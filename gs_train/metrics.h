@@ -34,16 +34,20 @@ Image8 shown_photo(const View& view, const Vec3f& background);
 struct ViewMetrics {
   std::string name;
   double psnr, ssim;
+  double psnr_exposure = psnr, ssim_exposure = ssim;  // of the picture under the view's exposure
 };
 
 /// Means over views, and each view's own figures.
 struct Evaluation {
   double psnr = 0, ssim = 0;  // 0 when there are no views
+  double psnr_exposure = 0, ssim_exposure = 0;  // of pictures under their views' exposures
+  bool has_exposures = false;                   // some view's exposure is not 1
   std::vector<ViewMetrics> views;
 };
 
-/// Renders each view and compares it with its photo. `on_view` (may be empty) sees each picture
-/// and the view with its photo, in order.
+/// Renders each view and compares it with its photo: as it is, and under the view's exposure. Views that are masked
+/// everywhere count nowhere. `on_view` (may be empty) sees each picture, without exposure, and the view with its photo,
+/// in order.
 Evaluation evaluate(
     Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
     const RenderSettings& settings,

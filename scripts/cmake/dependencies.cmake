@@ -64,7 +64,7 @@ if(GS_WITH_CERES)
   find_package(Ceres QUIET)
 endif()
 set(GS_HAVE_CERES ${Ceres_FOUND})
-gs_report("Ceres" "${GS_HAVE_CERES}" "the gradient tests against ceres::Jet are left out")
+gs_report("Ceres" "${GS_HAVE_CERES}" "no cameras are refined (--refine-cameras) and no exposures solved for (--exposure), and the gradient tests against ceres::Jet are left out")
 
 set(GS_HAVE_CUDA FALSE)
 if(GS_WITH_CUDA)

@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "data_loaders/photos.h"
+#include "data_loaders/refine_exposure.h"
 #include "gs_core/random.h"
 #include "tests/support/temp_folder.h"
 
@@ -23,6 +24,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 constexpr int kWidth = 40, kHeight = 32;  // pixels; a focal length is 40 pixels
+constexpr int kPoints = 150;
 constexpr int kViews = 6;                 // two of them are held out by --test-every 3
 constexpr const char* kTrain =
     " --eval --test-every 3 --iterations 20 --device cpu --set train.log_every=5";
@@ -32,8 +34,15 @@ struct Outcome {
   std::string out, err;
 };
 
-// Cameras on a line, looking along z at points between 3 and 5 world units away.
-void write_scene(const fs::path& folder) {
+Vec3f point(int p) {
+  const Vec4f u = Random{7, RandomStream::test}.uniform4(std::uint64_t(p));
+  const float z = 3 + 2 * u.z;
+  return {(u.x - 0.5f) * z, (u.y - 0.5f) * z * 0.8f, z};
+}
+
+// Cameras on a line, looking along z at points between 3 and 5 world units away. With tracks every photo shows
+// every point that lands in it.
+void write_scene(const fs::path& folder, bool with_tracks = false) {
   std::ostringstream images, points;
   for (int v = 0; v < kViews; ++v) {
     Image8 photo(kWidth, kHeight, 3);
@@ -45,15 +54,18 @@ void write_scene(const fs::path& folder) {
       }
     const std::string name = "view_" + std::to_string(v) + ".png";
     write_png(folder / "images" / name, photo);
-    images << v + 1 << " 1 0 0 0 " << -0.1 * v << " 0 0 1 " << name << "\n\n";
+    images << v + 1 << " 1 0 0 0 " << -0.1 * v << " 0 0 1 " << name << "\n";
+    for (int p = 0; with_tracks && p < kPoints; ++p) {
+      const Vec3f at = point(p) - Vec3f(0.1f * float(v), 0, 0);
+      const float x = 40 * at.x / at.z + 20, y = 40 * at.y / at.z + 16;
+      if (x > 0 && x < kWidth && y > 0 && y < kHeight)
+        images << x << ' ' << y << ' ' << p + 1 << ' ';
+    }
+    images << "\n";
   }
-  const Random random{7, RandomStream::test};
-  for (int p = 0; p < 150; ++p) {
-    const Vec4f u = random.uniform4(std::uint64_t(p));
-    const float z = 3 + 2 * u.z;
-    points << p + 1 << ' ' << (u.x - 0.5f) * z << ' ' << (u.y - 0.5f) * z * 0.8f << ' ' << z
+  for (int p = 0; p < kPoints; ++p)
+    points << p + 1 << ' ' << point(p).x << ' ' << point(p).y << ' ' << point(p).z
            << " 120 130 140 0.5\n";
-  }
   write_bytes(folder / "sparse/0/cameras.txt", "1 PINHOLE 40 32 40 40 20 16\n");
   write_bytes(folder / "sparse/0/images.txt", images.str());
   write_bytes(folder / "sparse/0/points3D.txt", points.str());
@@ -123,6 +135,69 @@ TEST_F(Program, TakesUnderscoresHyphensAndTheNamesOfOtherTrainers) {
       AllOf(HasSubstr("source = \"a\""), HasSubstr("output = \"b\""),
             HasSubstr("background = \"white\""), HasSubstr("antialias = true"),
             HasSubstr("iterations = 5"), HasSubstr("test_steps = [3]")));
+}
+
+TEST_F(Program, ExposuresAndRefinedCamerasAreReportedAndAppliedAgain) {
+  if (!can_refine()) GTEST_SKIP() << "this build has no Ceres";
+  write_scene(path("scene"), true);
+  const Outcome trained = train("out", "--exposure --refine-cameras");
+  ASSERT_EQ(trained.code, 0) << trained.err;
+  EXPECT_THAT(trained.out, HasSubstr("under their exposures"));
+  EXPECT_EQ(json("out/exposure.json").size(), std::size_t(kViews));
+  const nlohmann::json results = json("out/results.json");
+  EXPECT_LT(results.at("refinement").at("mean_error_after"), 0.01);
+  EXPECT_GT(results.at("exposure").at("samples"), 100);
+  const Outcome again = run("eval " + text("out") + " --device cpu --json");
+  ASSERT_EQ(again.code, 0) << again.err;
+  EXPECT_THAT(again.err, Not(HasSubstr("exposures from")));  // those of the run, not solved anew
+  const auto figures = nlohmann::json::parse(again.out);
+  for (const char* key : {"psnr", "psnr_exposure", "ssim_exposure"})
+    EXPECT_NEAR(figures.at(key), results.at("test").at(key), 1e-6) << key;
+
+  const Outcome without = train("plain");
+  EXPECT_FALSE(fs::exists(path("plain/exposure.json")));
+  EXPECT_FALSE(json("plain/results.json").at("test").contains("psnr_exposure"));
+}
+
+TEST_F(Program, SceneFarFromTheOriginKeepsItsOffsetBesideTheModel) {
+  write_scene(path("scene"));
+  std::istringstream images(read_bytes(path("scene/sparse/0/images.txt")));
+  std::ostringstream moved;  // 500,000 along x: rotations are none
+  moved.precision(12);
+  for (std::string line; std::getline(images, line);) {
+    std::istringstream words(line);
+    double id, w, x, y, z, tx;
+    if (words >> id >> w >> x >> y >> z >> tx) {
+      std::string rest;
+      std::getline(words, rest);
+      moved << id << " 1 0 0 0 " << tx - 500000 << rest << "\n\n";
+    }
+  }
+  write_bytes(path("scene/sparse/0/images.txt"), moved.str());
+  fs::remove(path("scene/sparse/0/points3D.txt"));
+  ASSERT_EQ(train("out").code, 0);
+  const nlohmann::json offset = json("out/world_offset.json").at("world_offset");
+  EXPECT_NEAR(offset[0], 500000, 1);
+  EXPECT_EQ(json("out/results.json").at("world_offset"), offset);
+  EXPECT_LT(std::abs(json("out/cameras.json")[0].at("position")[0].get<double>()), 1);
+  const Outcome again = run("eval " + text("out") + " --device cpu --json");
+  EXPECT_NEAR(nlohmann::json::parse(again.out).at("psnr"),
+              json("out/results.json").at("test").at("psnr"), 1e-6);
+
+  nlohmann::json cameras = json("out/cameras.json");  // as a user has them, in the photos' own coordinates
+  for (auto& camera : cameras)
+    camera["position"][0] = camera["position"][0].get<double>() + offset[0].get<double>();
+  write_bytes(path("own.json"), cameras.dump());
+  ASSERT_EQ(run("render " + text("out") + " --device cpu -o " + text("a")).code, 0);
+  ASSERT_EQ(run("render " + text("out") + " --device cpu -o " + text("b") + " --cameras " +
+                text("own.json"))
+                .code,
+            0);
+  const auto a = read_photo(path("a/view_1.png")), b = read_photo(path("b/view_1.png"));
+  int most = 0;
+  for (std::size_t i = 0; i < a.pixels.size(); ++i)
+    most = std::max(most, std::abs(int(a.pixels[i]) - int(b.pixels[i])));
+  EXPECT_LE(most, 1);
 }
 
 TEST_F(Program, UnknownFlagsKeysAndVerbsAreUsageErrorsThatNameTheNearest) {

@@ -326,5 +326,24 @@ TEST(ColmapModel, FolderWithoutModelSaysWhatItNeeds) {
   EXPECT_THAT(error_of(temp.path()), HasSubstr("is no COLMAP model"));
 }
 
+TEST(ColmapModel, ObservationsAreReadWhereTheyAreAskedForFromBothEncodings) {
+  ColmapModel model = small_model(3);
+  model.images[0].observations = {{5, 1.25, 2.5}, {900000000000, 11.5, 7.75}};
+  model.images[2].observations = {{900000000000, 3.0, 0.5}, {5, NAN, 1.0}};  // the last has no place
+  for (const bool binary : {true, false}) {
+    const TempFolder temp;
+    (binary ? write_binary_model : write_text_model)(temp.path(), model);
+    const ColmapModel read = read_colmap_model(temp.path(), Tracks::read);
+    ASSERT_EQ(read.images[0].observations.size(), 2u) << binary;
+    EXPECT_EQ(read.images[0].observations[1].point_id, 900000000000u);
+    EXPECT_EQ(read.images[0].observations[1].x, 11.5);
+    EXPECT_EQ(read.images[0].observations[1].y, 7.75);
+    EXPECT_TRUE(read.images[1].observations.empty());  // its 2D points belong to no point
+    EXPECT_EQ(read.images[2].observations.size(), 1u);
+    for (const ColmapImage& image : read_colmap_model(temp.path()).images)
+      EXPECT_TRUE(image.observations.empty());
+  }
+}
+
 }  // namespace
 }  // namespace gs

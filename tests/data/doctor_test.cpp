@@ -139,7 +139,7 @@ TEST(Doctor, WarnsOfPointsAndPlaces) {
   const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
   EXPECT_TRUE(diagnosis.can_train());
   EXPECT_THAT(the(diagnosis, Level::warning, "points").text, HasSubstr("no points"));
-  EXPECT_THAT(the(diagnosis, Level::warning, "place").text, HasSubstr("model_aligner"));
+  EXPECT_THAT(the(diagnosis, Level::note, "place").text, HasSubstr("0 -4000000 0 taken off"));
 }
 
 TEST(Doctor, RefusesWhatLoadingRefuses) {

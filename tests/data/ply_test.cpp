@@ -645,5 +645,11 @@ TEST_F(Ply, ALineWithoutEndIsAnError) {
               HasSubstr("cut short"));
 }
 
+TEST(GaussianModel, HostCopyKeepsWhetherItWasTrainedAntialiased) {
+  EXPECT_TRUE(host_copy(Gaussians(1, host_memory()), 3, true).antialiased);
+  EXPECT_FALSE(host_copy(Gaussians(1, host_memory()), 3, false).antialiased);
+  EXPECT_TRUE(host_copy(Gaussians(1, host_memory()), 3, false).is_ours);
+}
+
 }  // namespace
 }  // namespace gs

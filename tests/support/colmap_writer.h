@@ -43,7 +43,7 @@ inline std::string binary_cameras(const ColmapModel& model) {
   return out.str();
 }
 
-/// Image i has i 2D points.
+/// Image i has i 2D points without a point, and behind them its observations.
 inline std::string binary_images(const ColmapModel& model) {
   Bytes out;
   out.add<std::uint64_t>(model.images.size());
@@ -52,8 +52,11 @@ inline std::string binary_images(const ColmapModel& model) {
     const Quat<double>& q = image.cam_from_world_rotation;
     const Vec3d& t = image.cam_from_world_translation;
     out.add<std::uint32_t>(image.id).add(q.w).add(q.x).add(q.y).add(q.z).add(t.x).add(t.y).add(t.z);
-    out.add<std::uint32_t>(image.camera_id).add_text(image.name).add('\0').add(point_count);
+    out.add<std::uint32_t>(image.camera_id).add_text(image.name).add('\0');
+    out.add<std::uint64_t>(point_count + image.observations.size());
     for (std::uint64_t k = 0; k < point_count; ++k) out.add(1.5).add(2.5).add(~std::uint64_t(0));
+    for (const ColmapObservation& seen : image.observations)
+      out.add(seen.x).add(seen.y).add(seen.point_id);
     ++point_count;
   }
   return out.str();
@@ -169,6 +172,8 @@ inline void write_text_model(const std::filesystem::path& folder, const ColmapMo
     images << image.id << " " << q.w << " " << q.x << " " << q.y << " " << q.z << " " << t.x << " "
            << t.y << " " << t.z << " " << image.camera_id << " " << image.name << "\n";
     for (std::uint64_t k = 0; k < point_count; ++k) images << (k ? " " : "") << "1.5 2.5 -1";
+    for (const ColmapObservation& seen : image.observations)
+      images << " " << seen.x << " " << seen.y << " " << seen.point_id;
     images << "\n";
     ++point_count;
   }

@@ -149,5 +149,30 @@ TEST(Evaluate, OfNoViewsIsZero) {
   EXPECT_EQ(evaluation.ssim, 0);
 }
 
+TEST(Evaluate, ComparesPicturesUnderTheirExposuresToo) {
+  const Gaussians gaussians = random_gaussians(kTypical, 50, random_camera(40, 30, 1), 3);
+  const auto renderer = make_scalar_renderer();
+  std::vector<View> views = {{"a", random_camera(40, 30, 1), Image8(40, 30, 3)},
+                             {"b", random_camera(40, 30, 2), random_photo(40, 30, 2)}};
+  views[0].exposure = {0.5f, 0.25f, 0.75f};
+  evaluate(*renderer, gaussians.span(), views, {},
+           [&](std::size_t i, const View&, const ImageF& picture) {
+             if (i > 0) return;
+             for (std::size_t k = 0; k < picture.pixels.size(); ++k)  // what the exposures make of it
+               views[0].photo.pixels[k] = std::uint8_t(
+                   std::lround(255 * picture.pixels[k] * views[0].exposure[int(k % 3)]));
+           });
+  const Evaluation evaluation = evaluate(*renderer, gaussians.span(), views, {});
+  EXPECT_TRUE(evaluation.has_exposures);
+  EXPECT_LT(evaluation.views[0].psnr, 30);
+  EXPECT_GT(evaluation.views[0].psnr_exposure, 50);  // but for rounding, and for values above 1
+  EXPECT_GT(evaluation.views[0].ssim_exposure, 0.99);
+  EXPECT_EQ(evaluation.views[1].psnr_exposure, evaluation.views[1].psnr);
+  EXPECT_EQ(evaluation.psnr_exposure,
+            evaluation.views[0].psnr_exposure / 2 + evaluation.views[1].psnr_exposure / 2);
+  views[0].exposure = Vec3f(1);
+  EXPECT_FALSE(evaluate(*renderer, gaussians.span(), views, {}).has_exposures);
+}
+
 }  // namespace
 }  // namespace gs
