@@ -56,7 +56,9 @@ bool has_borderline_fragment(const HostLists& lists, const RenderSettings& setti
     const bool is_classic = settings.blend_rule == BlendRule::classic;
     if (is_classic) alpha = std::min(alpha, double(kMaxAlphaClassic));
     const double after = transmittance * (1 - alpha);
-    if (is_near(after, kMinTransmittance)) return true;
+    // Here, too, so much of the fragment's alpha may decide: of the light that an opaque one leaves that is much more.
+    if (std::abs(after - kMinTransmittance) < kBorderline * std::max(after, alpha * transmittance))
+      return true;
     if (after < kMinTransmittance) return false;
     transmittance = after;
   }

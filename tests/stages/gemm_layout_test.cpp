@@ -49,15 +49,18 @@ TEST(GemmLayout, EveryEntryIsHeldOnce) {
   EXPECT_EQ(right8.size(), 8u * 8);
 }
 
+// A splat is put where a whole batch has its column; half a batch finds it there, too.
 TEST(GemmLayout, ALaneHasConsecutiveSplats) {
-  std::array<int, kBatch> splat_of_column;
-  splat_of_column.fill(-1);
-  for (int splat = 0; splat < kBatch; ++splat) splat_of_column[column_of_splat(splat)] = splat;
-  for (int lane = 0; lane < kLanes; ++lane)
-    for (int j = 0; j < kProducts; ++j)
-      for (int i = 0; i < 4; ++i)
-        EXPECT_EQ(splat_of_column[8 * j + sum_entry(lane, i).column],
-                  lane % kOwners * kOwned + 2 * j + i % 2);
+  std::array<unsigned, kBatch> splat_of_place;
+  splat_of_place.fill(kBatch);
+  for (unsigned splat = 0; splat < kBatch; ++splat) splat_of_place[place_of_splat(splat)] = splat;
+  for (const int batch : {kBatch, kHalfBatch})
+    for (int lane = 0; lane < kLanes; ++lane)
+      for (int j = 0; j < products_of(batch); ++j)
+        for (int i = 0; i < 4; ++i)
+          EXPECT_EQ(splat_of_place[place_of_column(batch, unsigned(j),
+                                                   unsigned(sum_entry(lane, i).column))],
+                    unsigned(lane % kOwners * owned_of(batch) + 2 * j + i % 2));
 }
 
 // ldmatrix gives lane 4 g + t the halves 2 t and 2 t + 1 of row g: the right-hand side whose columns are those rows.
@@ -83,38 +86,38 @@ TEST(GemmLayout, WeightsLieAsALeftHandSide) {
   }
 }
 
-TEST(GemmLayout, AWarpCompositesLikeOnePixelAfterTheOther) {
+void composite_a_batch(const int batch) {
   Draws draws(7);
-  // Alphas of 32 splats at 16 pixels, and colours.
-  Matrix alpha = zeros(kPixels, kBatch), colors = zeros(kBatch, 3);
+  const int owned = owned_of(batch), products = products_of(batch);
+  // Alphas of the splats at 16 pixels, and colours.
+  Matrix alpha = zeros(kPixels, batch), colors = zeros(batch, 3);
   for (auto& row : alpha)
     for (double& a : row) a = draws.uniform(0.0f, 1.0f) < 0.4f ? 0.0 : draws.uniform(0.004f, 0.3f);
   for (auto& row : colors)
     for (double& c : row) c = draws.uniform(0.0f, 1.0f);
 
   // What the lanes hold after the first products.
-  double own[kLanes][kOwned][2];
-  for (int splat = 0; splat < kBatch; ++splat)
-    for (int lane = 0; lane < kLanes; ++lane)
+  double own[kLanes][owned_of(kBatch)][2];
+  for (int lane = 0; lane < kLanes; ++lane)
+    for (int j = 0; j < products; ++j)
       for (int i = 0; i < 4; ++i) {
-        const unsigned column = column_of_splat(splat);
         const Entry entry = sum_entry(lane, i);
-        if (entry.column != int(column % 8)) continue;
-        own[lane][2 * (column / 8) + i % 2][i / 2] = alpha[entry.row][splat];
+        own[lane][2 * j + i % 2][i / 2] =
+            alpha[entry.row][splat_of_column(batch, unsigned(j), unsigned(entry.column))];
       }
   // By itself, then with what reaches it.
-  double weights[kLanes][kOwned][2];
+  double weights[kLanes][owned_of(kBatch)][2];
   for (int r = 0; r < 2; ++r) {
     double through[kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
       through[lane] = 1;
-      for (int i = 0; i < kOwned; ++i) through[lane] *= 1 - own[lane][i][r];
+      for (int i = 0; i < owned; ++i) through[lane] *= 1 - own[lane][i][r];
     }
     for (int lane = 0; lane < kLanes; ++lane) {
       const double next = through[lane ^ 1];
       const double other_pair = through[lane ^ 2] * through[(lane ^ 2) ^ 1];
       double reaching = (lane & 1 ? next : 1.0) * (lane & 2 ? other_pair : 1.0);
-      for (int i = 0; i < kOwned; ++i) {
+      for (int i = 0; i < owned; ++i) {
         weights[lane][i][r] = reaching * own[lane][i][r];
         reaching -= weights[lane][i][r];
       }
@@ -122,7 +125,7 @@ TEST(GemmLayout, AWarpCompositesLikeOnePixelAfterTheOther) {
   }
   // The second products.
   Matrix sums = zeros(kPixels, 8);
-  for (int j = 0; j < kProducts; ++j) {
+  for (int j = 0; j < products; ++j) {
     Matrix left = zeros(kPixels, 8), right = zeros(8, 8);
     for (int lane = 0; lane < kLanes; ++lane) {
       const double a[4] = {weights[lane][2 * j][0], weights[lane][2 * j][1],
@@ -133,7 +136,7 @@ TEST(GemmLayout, AWarpCompositesLikeOnePixelAfterTheOther) {
       }
       for (int i = 0; i < 2; ++i) {
         const Entry entry = right_entry(lane, i);
-        const int splat = lane % kOwners * kOwned + 2 * j + i;
+        const int splat = lane % kOwners * owned + 2 * j + i;
         right[entry.row][entry.column] = entry.column < 3 ? colors[splat][entry.column] : 0.0;
       }
     }
@@ -144,11 +147,16 @@ TEST(GemmLayout, AWarpCompositesLikeOnePixelAfterTheOther) {
 
   for (int p = 0; p < kPixels; ++p) {
     PixelState<double> pixel;
-    for (int splat = 0; splat < kBatch; ++splat)
+    for (int splat = 0; splat < batch; ++splat)
       composite(pixel, Vec3<double>(colors[splat][0], colors[splat][1], colors[splat][2]),
                 alpha[p][splat]);
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(sums[p][c], pixel.color[c], 1e-14);
   }
+}
+
+TEST(GemmLayout, AWarpCompositesLikeOnePixelAfterTheOther) {
+  composite_a_batch(kBatch);
+  composite_a_batch(kHalfBatch);
 }
 
 }  // namespace

@@ -81,7 +81,8 @@ ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians, c
                                {s.conic.xx, s.conic.xy, s.conic.yy},
                                s.opacity,
                                s.cutoff,
-                               Vec3d(s.color)}});
+                               Vec3d(s.color),
+                               double(s.variance_y)}});
   }
   std::stable_sort(result.entries.begin(), result.entries.end(),
                    [](const auto& a, const auto& b) { return a.depth < b.depth; });
