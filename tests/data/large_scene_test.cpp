@@ -46,6 +46,7 @@ class LargeScene : public testing::Test {
     DatasetConfig result;
     result.source = scene().string();
     result.photo_cache = "none";
+    result.masks = "none";  // a PNG could have alpha, and room for it is kept
     result.photo_ram_gib = float(photos_in_ram * 3 * kWidth * kHeight / double(1 << 30));
     return result;
   }
@@ -70,6 +71,7 @@ void expect_same_photos(const std::vector<View>& actual, const std::vector<View>
     EXPECT_EQ(view->camera.fx, other->camera.fx);
     EXPECT_EQ(view->photo.width, other->photo.width);
     EXPECT_EQ(view->photo.pixels, other->photo.pixels) << view->name;
+    EXPECT_EQ(view->mask.pixels, other->mask.pixels) << view->name;
   }
 }
 
@@ -105,6 +107,31 @@ TEST_F(LargeScene, UndistortedAndResizedPhotosAreTheSameToo) {
   DatasetConfig large = dataset(3.9);
   large.resolution = 2;
   expect_same_photos(load_scene(large).train_views, load_scene(small).train_views);
+}
+
+TEST_F(LargeScene, MasksComeWithTheirPhotosAndFromTheCache) {
+  constexpr int kPhotos = 12;
+  write_photos(scene(), kPhotos);
+  for (int i = 0; i < kPhotos; i += 2) {  // every other one
+    Image8 mask(kWidth, kHeight, 1, 255);
+    for (int x = 0; x <= i; ++x) mask.at(x, 3, 0) = std::uint8_t(9 * x);
+    write_png(scene() / "masks" / (std::to_string(10000 + i) + ".png"), mask);
+  }
+  DatasetConfig small = dataset(), large = dataset(6.5);
+  small.masks = large.masks = "";
+  small.resolution = large.resolution = 2;
+  const Scene expected = load_scene(small);
+  EXPECT_FALSE(expected.train_views[2].mask.empty());
+  EXPECT_TRUE(expected.train_views[1].mask.empty());
+  const Scene lazy = load_scene(large);
+  ASSERT_TRUE(lazy.train_views[0].source);
+  expect_same_photos(lazy.train_views, expected.train_views);
+  EXPECT_TRUE(same_bits(trained(lazy, 20), trained(expected, 20)));
+  large.photo_cache = cache().string();
+  if (!can_cache_photos()) return;
+  for (int round = 0; round < 2; ++round)
+    expect_same_photos(load_scene(large).train_views, expected.train_views);
+  EXPECT_EQ(entries().size(), std::size_t(kPhotos));
 }
 
 TEST_F(LargeScene, TwoThousandPhotosTrainToTheSameBitsWithRoomForAFew) {
