@@ -14,8 +14,8 @@ bool can_refine() { return false; }
 void check_can_refine(const char* option) {
   throw Error(
       fmt::format("{} needs Ceres, and this build has none; install libceres-dev and build again, "
-                  "or leave {} out",
-                  option, option));
+                  "or do without it",
+                  option));
 }
 
 ExposureFit fit_exposures(const std::vector<ColorSample>&, const std::vector<bool>&) {
