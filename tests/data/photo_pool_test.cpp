@@ -212,5 +212,17 @@ TEST(PhotoPool, ViewsKeepTheirPoolAndAskItForTheirPhotos) {
   release_photo(elsewhere);
 }
 
+// Exposures are found after the pool was made, from the photos that it gives.
+TEST(PhotoPool, AViewsExposureGoesWithItsPhoto) {
+  View view;
+  view.source = pool_of(3, 2, 1);
+  view.index = 2;
+  EXPECT_EQ(with_photo(view)->exposure, Vec3f(1));
+  view.exposure = {0.5f, 1.0f, 2.0f};
+  const auto exposed = with_photo(view);
+  EXPECT_EQ(exposed->exposure, view.exposure);
+  EXPECT_EQ(exposed->photo.pixels, made_up(2).photo.pixels);
+}
+
 }  // namespace
 }  // namespace gs
