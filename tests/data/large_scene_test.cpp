@@ -10,6 +10,7 @@
 #include "gs_core/error.h"
 #include "gs_train/trainer.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/foreign_leaks.h"
 #include "tests/support/models.h"
 
 namespace gs {

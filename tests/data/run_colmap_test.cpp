@@ -18,6 +18,7 @@
 #include "data_loaders/video_frames.h"
 #include "gs_core/error.h"
 #include "tests/support/avi_writer.h"
+#include "tests/support/foreign_leaks.h"
 #include "tests/support/scenes.h"
 
 namespace gs {
@@ -367,6 +368,7 @@ TEST_F(VideoColmap, VideosOfAFolderShareTheFramesByTheirLength) {
 }
 
 TEST_F(VideoColmap, DamagedVideoLeavesNoSceneThatLooksComplete) {
+  const IgnoreForeignLeaks ignore;  // of OpenCV's backends
   write_bytes(folder() / "walk.avi", "no film");
   EXPECT_THAT(error_of(video_job(6)), AllOf(HasSubstr("walk.avi"), HasSubstr("ffmpeg")));
   EXPECT_FALSE(fs::exists(scene() / "sparse"));

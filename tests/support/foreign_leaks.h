@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// For tests that drive a library into an error in which it loses memory of its own.
+// For tests that drive a library into an error in which it loses memory of its own. Includes of this file overlook what
+// OpenImageIO loses in whatever thread.
 #pragma once
 
 #ifdef __SANITIZE_ADDRESS__
 #include <sanitizer/lsan_interface.h>
+
+extern "C" __attribute__((used, weak)) const char* __lsan_default_suppressions() {
+  return "leak:libOpenImageIO\n";
+}
 #endif
 
 namespace gs {
