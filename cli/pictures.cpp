@@ -2,9 +2,10 @@
 #include "cli/pictures.h"
 
 #include <algorithm>
-#include <cctype>
 #include <iterator>
 #include <string_view>
+
+#include "data_loaders/photo_names.h"
 
 namespace gs {
 namespace {
@@ -33,9 +34,7 @@ std::filesystem::path picture_path(const std::filesystem::path& folder,
                                    const std::string& view_name) {
   std::filesystem::path name = std::filesystem::path(view_name).lexically_normal();
   if (name.is_absolute() || (!name.empty() && *name.begin() == "..")) name = name.filename();
-  std::string extension = name.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
+  const std::string extension = lowercase_ending(name);
   // cameras.json has names without extension: the ".7" of "frame.7" is none.
   if (std::find(std::begin(kPhotoExtensions), std::end(kPhotoExtensions), extension) !=
       std::end(kPhotoExtensions))

@@ -35,7 +35,6 @@ constexpr std::size_t kFewObservations = 3;     // points seen in fewer photos a
 constexpr double kLargeError = 2;               // pixels, mean reprojection error
 constexpr double kHardlyTrained = 0.05;         // of a photo's pixels: less looks like a mask turned round
 constexpr double kUpSpread = 30;                // degrees between the cameras' up and their mean, in the mean
-constexpr double kGib = 1024.0 * 1024.0 * 1024.0;
 // Bytes per Gaussian, as measured on the CUDA backend: parameters, two moments, statistics and the splats of a view;
 // and in a PLY of SH degree 3.
 constexpr double kBytesPerGaussian = 1700, kPlyBytesPerGaussian = 248;

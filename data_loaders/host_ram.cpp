@@ -7,11 +7,7 @@
 #include <fstream>
 
 namespace gs {
-namespace {
-
-constexpr double kGib = 1024.0 * 1024.0 * 1024.0;  // bytes
-
-}  // namespace
+namespace {}  // namespace
 
 std::size_t host_ram_bytes() {
   std::size_t bytes =

@@ -6,7 +6,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cmath>
 #include <mutex>
@@ -15,9 +14,6 @@
 #include "data_loaders/colmap_model.h"
 #include "data_loaders/find_scene.h"
 #include "data_loaders/host_ram.h"
-#include "data_loaders/masks.h"
-#include "data_loaders/photo_cache.h"
-#include "data_loaders/photo_codec.h"
 #include "data_loaders/photo_fit.h"
 #include "data_loaders/photo_names.h"
 #include "data_loaders/photo_pool.h"
@@ -27,6 +23,7 @@
 #include "data_loaders/scene_model.h"
 #include "data_loaders/tracks.h"
 #include "data_loaders/undistort.h"
+#include "data_loaders/view_picture.h"
 #include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -38,38 +35,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kGib = 1024.0 * 1024.0 * 1024.0;  // bytes
-constexpr int kMostDecoders = 16;                  // threads of a PhotoPool
+constexpr int kMostDecoders = 16;  // threads of a PhotoPool
 // Smaller photos are not kept in a cache that nobody named: they are decoded in 10 ms.
 constexpr std::int64_t kWorthCaching = std::int64_t(1) << 20;  // pixels
-// Part of the names in the cache: raise it when read_photo(), undistorted_photo() or area_resized() give other bytes.
-constexpr int kPictureVersion = 1;
-
-/// The name of a photo in the cache, and the state of the file that it was found for.
-struct CacheKey {
-  std::string key;
-  std::uintmax_t bytes = 0;
-  fs::file_time_type changed;
-};
 /// In all photos together: the rest would tell nothing new of three numbers per photo.
 constexpr std::size_t kMostColorSamples = 1000000;
-
-/// All that is known of a view before its photo is decoded.
-struct ViewPlan {
-  ColmapImage image;
-  fs::path file;
-  fs::path mask_file;                 // empty: none
-  PhotoSize photo_size;
-  LensCamera lens;                    // at the photo's size
-  PinholeCamera<double> undistorted;  // the photo without its lens, at full resolution
-  PinholeCamera<double> target;       // as it is trained on
-  CacheKey cached = {};               // once it was needed
-
-  bool has_lens() const { return lens.lens != LensCamera::Lens::none; }
-  bool is_resized() const {
-    return target.width != undistorted.width || target.height != undistorted.height;
-  }
-};
 
 /// Names lead to files below the images folder, here and wherever a run writes pictures by view
 /// name.
@@ -193,131 +163,6 @@ Camera single_precision_camera(const ViewPlan& plan) {
         "or move the model nearer to its origin with `colmap model_aligner`",
         plan.image.name));
   return camera;
-}
-
-/// What a photo becomes.
-struct Picture {
-  Image8 photo, mask;
-};
-
-/// Photo and mask as the view's camera sees them, without anything of what the mask covers.
-void fit_to_camera(Picture& picture, const ViewPlan& plan) {
-  constexpr int kReach = 4;  // pixels: bicubic weights of the mask reach 2 beyond its edge, those of the photo 2 more
-  auto& [photo, mask] = picture;
-  const bool is_masked = !mask.empty();
-  const std::string& name = plan.image.name;
-  if (plan.has_lens()) {
-    if (is_masked) fill_masked_edge(photo, mask, kReach);
-    photo = undistorted_photo(photo, plan.lens, plan.undistorted, name);
-    if (is_masked) mask = undistorted_photo(mask, plan.lens, plan.undistorted, name);
-  }
-  if (!plan.is_resized()) return;
-  const int width = plan.target.width, height = plan.target.height;
-  if (is_masked) {
-    multiply_by_mask(photo, mask);
-    mask = area_resized(mask, width, height);
-  }
-  photo = area_resized(photo, width, height);
-  if (is_masked) divide_by_mask(photo, mask);
-}
-
-// Reads photo and mask, takes the lens away, makes them smaller.
-Picture make_picture(const ViewPlan& plan, const MaskSource& masks) {
-  PhotoWithAlpha read = read_photo_with_alpha(plan.file);
-  if (read.photo.width != plan.photo_size.width || read.photo.height != plan.photo_size.height)
-    throw Error(fmt::format("photo {} has changed since the scene was loaded; start again",
-                            plan.file.string()));
-  Picture picture{{}, read_mask(masks, plan.mask_file, read)};
-  picture.photo = std::move(read.photo);
-  fit_to_camera(picture, plan);
-  return picture;
-}
-
-/// Whether it may get a mask; only reading it tells of alpha.
-bool may_be_masked(const ViewPlan& plan, const MaskSource& masks) {
-  std::string ending = plan.file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
-  return !plan.mask_file.empty() || (masks.use_alpha && ending != ".jpg" && ending != ".jpeg");
-}
-
-/// Bytes of the photo with its mask, and of what make_picture() holds at a time.
-PhotoCost cost_of(const ViewPlan& plan, const MaskSource& masks) {
-  const std::size_t channels = may_be_masked(plan, masks) ? 4 : 3;
-  const auto bytes = [&](const auto& size) {
-    return channels * std::size_t(size.width) * size.height;
-  };
-  const std::size_t photo = bytes(plan.photo_size), undistorted = bytes(plan.undistorted),
-                    target = bytes(plan.target);
-  PhotoCost cost{target, channels == 4 ? 2 * photo : photo};  // as decoded, and then apart
-  if (plan.has_lens()) cost.decoding = std::max(cost.decoding, photo + undistorted);
-  if (plan.is_resized()) cost.decoding = std::max(cost.decoding, undistorted + target);
-  return cost;
-}
-
-/// All but the photo file's bytes that decides what make_picture() gives.
-std::string recipe_of(const ViewPlan& plan, const MaskSource& masks) {
-  std::string text = fmt::format("{} {} {}x{}", kPictureVersion, codec_name(), plan.target.width,
-                                 plan.target.height);
-  if (!plan.mask_file.empty())
-    text += fmt::format(" mask {} {}", masks.invert, PhotoCache::key_of(plan.mask_file, ""));
-  else
-    text += fmt::format(" alpha {}", masks.use_alpha);
-  if (!plan.has_lens()) return text;
-  text += fmt::format(" {} {}", resampler_name(), int(plan.lens.lens));
-  const auto add = [&](const auto& numbers) {
-    for (const double number : numbers) text += fmt::format(" {:a}", number);
-  };
-  add(plan.lens.k), add(plan.lens.d), add(plan.lens.p), add(plan.lens.s);
-  for (const PinholeCamera<double>* camera : {&plan.lens.pinhole, &plan.undistorted})
-    add(std::array<double, 6>{double(camera->width), double(camera->height), camera->fx, camera->fy,
-                              camera->cx, camera->cy});
-  return text;
-}
-
-// The files' content decides, not their names or dates; those only tell whether they have to be read again.
-std::string cache_key(ViewPlan& plan, const MaskSource& masks) {
-  std::error_code error;
-  CacheKey now{"", fs::file_size(plan.file, error), fs::last_write_time(plan.file, error)};
-  CacheKey& known = plan.cached;
-  if (!plan.mask_file.empty()) {
-    now.bytes += fs::file_size(plan.mask_file, error);
-    now.changed = std::max(now.changed, fs::last_write_time(plan.mask_file, error));
-  }
-  if (!known.key.empty() && known.bytes == now.bytes && known.changed == now.changed)
-    return known.key;
-  now.key = PhotoCache::key_of(plan.file, recipe_of(plan, masks));
-  known = std::move(now);
-  return known.key;
-}
-
-// A masked picture is an entry of its own kind, with the mask as a fourth channel.
-std::string masked_key(const std::string& key) { return key + "m"; }
-Image8 joined(const Picture& picture) {
-  Image8 both(picture.photo.width, picture.photo.height, 4);
-  for (std::size_t i = 0; i < picture.mask.pixels.size(); ++i) {
-    std::copy_n(&picture.photo.pixels[3 * i], 3, &both.pixels[4 * i]);
-    both.pixels[4 * i + 3] = picture.mask.pixels[i];
-  }
-  return both;
-}
-
-Picture cached_picture(ViewPlan& plan, const MaskSource& masks, PhotoCache& cache) {
-  const std::string key = cache_key(plan, masks);
-  const int width = plan.target.width, height = plan.target.height;
-  if (may_be_masked(plan, masks))
-    if (auto both = cache.find(masked_key(key), width, height, 4)) {
-      PhotoWithAlpha apart = separated(std::move(*both));
-      return {std::move(apart.photo), std::move(apart.alpha)};
-    }
-  if (auto photo = cache.find(key, width, height, 3)) return {std::move(*photo), {}};
-  Picture picture = make_picture(plan, masks);
-  if (cache_key(plan, masks) != key) return picture;  // a file was changed meanwhile
-  if (picture.mask.empty())
-    cache.store(key, picture.photo);
-  else
-    cache.store(masked_key(key), joined(picture));
-  return picture;
 }
 
 /// All but the picture.

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "data_loaders/colmap_model.h"
+#include "data_loaders/photo_names.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 
@@ -20,13 +21,6 @@ const std::set<std::string> kPhotoEndings = {".jpg", ".jpeg", ".png", ".bmp", ".
 constexpr const char* kMasksFolder = "masks/";  // beside the photos: no photos themselves (masks.h)
 const std::set<std::string> kVideoEndings = {".mp4",  ".mov", ".m4v",  ".avi", ".mkv",
                                              ".webm", ".mpg", ".mpeg", ".mts", ".3gp"};
-
-std::string ending_of(const fs::path& path) {
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
-  return ending;
-}
 
 bool is_hidden(const fs::path& path) { return path.filename().string().starts_with('.'); }
 
@@ -60,8 +54,9 @@ std::vector<fs::path> files_in(const fs::path& folder, bool deep, const fs::path
 
 bool has_photos(const fs::path& folder) {
   const std::vector<fs::path> files = files_in(folder, false);
-  return std::any_of(files.begin(), files.end(),
-                     [](const fs::path& file) { return kPhotoEndings.contains(ending_of(file)); });
+  return std::any_of(files.begin(), files.end(), [](const fs::path& file) {
+    return kPhotoEndings.contains(lowercase_ending(file));
+  });
 }
 
 // The folder that the photos' names are relative to.
@@ -102,8 +97,8 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
   std::vector<PhotoFile> photos;
   std::size_t unreadable = 0, videos = 0;
   for (const fs::path& file : files_in(root, true, without)) {
-    if (kVideoEndings.contains(ending_of(file))) ++videos;
-    if (!kPhotoEndings.contains(ending_of(file))) continue;
+    if (kVideoEndings.contains(lowercase_ending(file))) ++videos;
+    if (!kPhotoEndings.contains(lowercase_ending(file))) continue;
     const std::string name = file.lexically_relative(root).generic_string();
     if (name.starts_with(kMasksFolder)) continue;
     try {
@@ -125,12 +120,12 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
 
 std::vector<fs::path> find_videos(const fs::path& source) {
   std::error_code ignored;
-  if (fs::is_regular_file(source, ignored) && kVideoEndings.contains(ending_of(source)))
+  if (fs::is_regular_file(source, ignored) && kVideoEndings.contains(lowercase_ending(source)))
     return {source};
   if (!fs::is_directory(source, ignored) || has_photos(photo_root(source))) return {};
   std::vector<fs::path> videos = files_in(source, false);
-  std::erase_if(videos,
-                [](const fs::path& file) { return !kVideoEndings.contains(ending_of(file)); });
+  std::erase_if(
+      videos, [](const fs::path& file) { return !kVideoEndings.contains(lowercase_ending(file)); });
   return videos;
 }
 

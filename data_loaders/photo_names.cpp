@@ -46,8 +46,7 @@ constexpr Likeness kLikenesses[] = {
     {lower_without_extension, "case and extension"}};
 
 bool is_picture(const fs::path& path) {
-  const std::string extension = lower(path.extension().string());
-  return std::find(kPictureExtensions.begin(), kPictureExtensions.end(), extension) !=
+  return std::find(kPictureExtensions.begin(), kPictureExtensions.end(), lowercase_ending(path)) !=
          kPictureExtensions.end();
 }
 
@@ -105,6 +104,8 @@ std::unordered_map<std::string, std::string> pair_off(std::set<std::string>& mis
 }
 
 }  // namespace
+
+std::string lowercase_ending(const fs::path& file) { return lower(file.extension().string()); }
 
 std::vector<std::string> picture_names_in(const fs::path& folder) {
   std::vector<std::string> names;

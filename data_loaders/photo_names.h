@@ -9,6 +9,9 @@
 
 namespace gs {
 
+/// The extension with its dot, in lower case; empty where there is none.
+std::string lowercase_ending(const std::filesystem::path& file);
+
 /// The files below a folder that are pictures by their extension, as paths relative to it with "/"
 /// between folders, sorted. Hidden files and folders are passed over; a folder that cannot be read
 /// has none.
