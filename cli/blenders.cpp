@@ -40,10 +40,17 @@ bool is_near(double value, double threshold) {
   return std::abs(value / threshold - 1) < kBorderline;
 }
 
-// Whether rounding may decide about some fragment of a pixel. In double, from the splats as both blenders read them.
-bool has_borderline_fragment(const HostLists& lists, const RenderSettings& settings, int x, int y) {
+// A pixel by the equations in double, from the splats as both blenders read them.
+struct ExactPixel {
+  Vec3d color;
+  bool is_borderline;  // rounding may decide about some fragment
+};
+
+ExactPixel exact_pixel(const HostLists& lists, const RenderSettings& settings, int x, int y) {
+  const bool is_classic = settings.blend_rule == BlendRule::classic;
   const std::size_t tile = std::size_t(y / kTileHeight) * lists.tiles_x + x / kTileWidth;
-  double transmittance = 1;
+  PixelState<double> state;
+  bool is_borderline = false;
   for (std::uint32_t k = lists.ranges[tile]; k < lists.ranges[tile + 1]; ++k) {
     const Splat& splat = lists.splats[gaussian_of(lists.tile_splats[k])];
     const Sym2<double> conic{splat.conic.xx, splat.conic.xy, splat.conic.yy};
@@ -51,18 +58,24 @@ bool has_borderline_fragment(const HostLists& lists, const RenderSettings& setti
     const double dx = x + 0.5 - splat.mean2d.x, dy = y + 0.5 - splat.mean2d.y;
     const double u_x = L.xx * dx + L.xy * dy, u_y = L.yy * dy;
     double alpha = splat.opacity * std::exp2(-(u_x * u_x + u_y * u_y));
-    if (is_near(alpha, kMinAlpha)) return true;
+    is_borderline |= is_near(alpha, kMinAlpha);
     if (alpha < kMinAlpha) continue;
-    const bool is_classic = settings.blend_rule == BlendRule::classic;
     if (is_classic) alpha = std::min(alpha, double(kMaxAlphaClassic));
-    const double after = transmittance * (1 - alpha);
+    const double before = state.transmittance, after = before * (1 - alpha);
     // Here, too, so much of the fragment's alpha may decide: of the light that an opaque one leaves that is much more.
-    if (std::abs(after - kMinTransmittance) < kBorderline * std::max(after, alpha * transmittance))
-      return true;
-    if (after < kMinTransmittance) return false;
-    transmittance = after;
+    is_borderline |=
+        std::abs(after - kMinTransmittance) < kBorderline * std::max(after, alpha * before);
+    const bool ends = is_opaque(after);
+    if (ends && is_classic) break;
+    composite(state, Vec3d(splat.color), alpha);
+    if (ends) break;
   }
-  return false;
+  return {state.color + state.transmittance * Vec3d(settings.background), is_borderline};
+}
+
+double largest_difference(const Vec3d& a, const Vec3d& b) {
+  const Vec3d difference = a - b;
+  return std::max({std::abs(difference.x), std::abs(difference.y), std::abs(difference.z)});
 }
 
 struct Difference {
@@ -90,12 +103,16 @@ void add_difference(const RenderPass& expected, const RenderPass& actual,
   sum.apart += apart.size();
   if (apart.empty()) return;
   const HostLists lists(expected);
-  std::vector<char> unexplained(apart.size());
+  std::vector<double> errors(apart.size());  // of pixels without a borderline fragment, from the equations
   parallel_for(apart.size(), 16, [&](std::size_t k) {
-    unexplained[k] = !has_borderline_fragment(lists, settings, int(apart[k] % expected.width),
-                                              int(apart[k] / expected.width));
+    const std::size_t i = apart[k];
+    const ExactPixel exact =
+        exact_pixel(lists, settings, int(i % expected.width), int(i / expected.width));
+    if (exact.is_borderline) return;
+    errors[k] = largest_difference(exact.color, {b[i], b[plane + i], b[2 * plane + i]});
   });
-  sum.unexplained += std::size_t(std::count(unexplained.begin(), unexplained.end(), 1));
+  sum.unexplained += std::size_t(std::count_if(
+      errors.begin(), errors.end(), [](double error) { return !(error <= kBlendersAgree); }));
 }
 
 }  // namespace

@@ -23,7 +23,8 @@ struct BlenderFigures {
   double largest = 0;       // difference of a channel
   std::size_t pixels = 0;   // of all views
   std::size_t apart = 0;    // with a channel that differs by more than kBlendersAgree
-  std::size_t unexplained = 0;  // of these, without a fragment so near to a threshold that rounding decides
+  std::size_t unexplained = 0;  // of these, as far from the equations in double, and without a fragment so near to a
+                                // threshold that rounding decides
 };
 
 inline constexpr double kBlendersAgree = 1e-4;

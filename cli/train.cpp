@@ -230,6 +230,7 @@ void add_train(CLI::App& program) {
   add_setting(verb, line, "--max-gaussians,--max-cap,--cap-max", "density.max_gaussians",
               "Training");
   add_setting(verb, line, "--seed", "train.seed", "Training");
+  add_setting(verb, line, "--deterministic", "train.deterministic", "Training");
   add_render_options(verb, line);
   add_general_options(verb, line);
   verb.add_flag("--print-config", command->print_config,

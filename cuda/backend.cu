@@ -177,7 +177,7 @@ class CudaBackend final : private Device, public Backend {
   void enqueue(const Step& step) {
     reports_.clear(step.number);
     const Camera& camera = step.view->camera;
-    renderer_.reserve_gradients(model_->count());
+    renderer_.reserve_gradients(model_->count(), step.settings);
     renderer_.forward(model_->gaussians.span(), camera, step.settings, pass_,
                       forecast_.room_for(*step.view, model_->count()),
                       reports_.of_step(step.number), step.number);

@@ -99,10 +99,45 @@ __device__ SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f
           {}};
 }
 
+// Where the gradients of all Gaussians are added up. add(): the whole warp; lane r has that of row r's splat, as long as
+// r < count, and numbers[r * kSumStride] are the room of that row.
+struct FloatSums {
+  SplatGradientSum* of_gaussian;
+
+  __device__ void add(int count, std::uint32_t gaussian, const SplatGradientSum& sum,
+                      float*) const {
+    if (lane_of_thread() >= count) return;
+    float4* const into = reinterpret_cast<float4*>(of_gaussian + gaussian);
+    add_to(into, {sum.mean2d.x, sum.mean2d.y, sum.conic_xx, sum.conic_xy});
+    add_to(into + 1, {sum.conic_yy, sum.opacity, sum.red, sum.green});
+    atomicAdd(&of_gaussian[gaussian].blue, sum.blue);
+  }
+};
+struct FixedSums {
+  FineSums* fine;
+  CoarseSums* coarse;
+
+  // Neighbouring lanes add neighbouring numbers: these share sectors of memory.
+  __device__ void add(int count, std::uint32_t gaussian, const SplatGradientSum& sum,
+                      float* numbers) const {
+    const int lane = lane_of_thread();
+    if (lane < count)
+      store_in_vectors(reinterpret_cast<SplatGradientSum*>(numbers + lane * kSumStride), sum);
+    __syncwarp();
+    for (int first = 0; first < count * kGradientNumbers; first += kWarp) {
+      const int k = first + lane, row = k / kGradientNumbers, number = k % kGradientNumbers;
+      const std::uint32_t owner = __shfl_sync(kAllLanes, gaussian, row % kWarp);
+      if (row < count)
+        add_to(fine + owner, coarse + owner, number, numbers[row * kSumStride + number]);
+    }
+  }
+};
+
 // The whole warp: sums the first `count` rows over the pixels and adds each splat's gradient to its Gaussian's.
 // Row r belongs to splat `slot` of the list, as lane r says.
+template <class Sums>
 __device__ void add_rows(WarpRoom& room, int count, int slot, const Monomials& monomials,
-                         const Vec2f& centre, SplatGradientSum* gradients) {
+                         const Vec2f& centre, const Sums& sums) {
   const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
   __syncwarp();
   float moments[4] = {}, colors[4] = {};
@@ -124,14 +159,14 @@ __device__ void add_rows(WarpRoom& room, int count, int slot, const Monomials& m
   *reinterpret_cast<float2*>(to + 8 * kSumStride) = {moments[2], moments[3]};
   *reinterpret_cast<float2*>(to + 8 * kSumStride + 8) = {colors[2], colors[3]};
   __syncwarp();
+  std::uint32_t gaussian = 0;
+  SplatGradientSum sum;
   if (lane < count) {
     const ListedSplat splat = room.list[slot];
-    const SplatGradientSum sum = splat_gradient(splat, centre, room.rows + lane * kSumStride);
-    float4* const into = reinterpret_cast<float4*>(gradients + splat.gaussian);
-    add_to(into, {sum.mean2d.x, sum.mean2d.y, sum.conic_xx, sum.conic_xy});
-    add_to(into + 1, {sum.conic_yy, sum.opacity, sum.red, sum.green});
-    atomicAdd(&gradients[splat.gaussian].blue, sum.blue);
+    gaussian = splat.gaussian;
+    sum = splat_gradient(splat, centre, room.rows + lane * kSumStride);
   }
+  sums.add(count, gaussian, sum, room.rows);
   __syncwarp();
 }
 
@@ -187,10 +222,10 @@ struct Forward {
   const Vec4f* checkpoints;                // (.., pixels of a tile)
 };
 
-template <BlendRule rule>
+template <BlendRule rule, class Sums>
 __global__ void __launch_bounds__(kBlendThreads, kBlocks)
     blend_backward_kernel(TileLists lists, const ListSegment* segments, Vec3f background,
-                          Forward forward, const float* dL_dimage, SplatGradientSum* gradients) {
+                          Forward forward, const float* dL_dimage, Sums sums) {
   __shared__ WarpRoom rooms[kBlendWarps];
   WarpRoom& room = rooms[threadIdx.x / kWarp];
   const int lane = lane_of_thread();
@@ -226,13 +261,34 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
       *reinterpret_cast<float2*>(room.rows + rows * kRowStride + 2 * lane) = fragment;
       if (lane == rows) slot = i;
       if (++rows == kRows) {
-        add_rows(room, rows, slot, monomials, centre, gradients);
+        add_rows(room, rows, slot, monomials, centre, sums);
         rows = 0;
       }
     }
-    if (rows) add_rows(room, rows, slot, monomials, centre, gradients);
+    if (rows) add_rows(room, rows, slot, monomials, centre, sums);
     __syncwarp();
   }
+}
+
+// From the sums in fixed point of the visible to those that preprocess_backward() reads; leaves zeros behind.
+__global__ void __launch_bounds__(kBlendThreads)
+    collect_sums_kernel(std::size_t count, const std::uint32_t* tile_counts, FixedSums sums,
+                        SplatGradientSum* gradients) {
+  const std::size_t i = std::size_t(blockIdx.x) * kBlendThreads + threadIdx.x;
+  if (i >= count || tile_counts[i] == 0) return;
+  const FineSums fine = load_in_vectors(sums.fine + i);
+  const auto number = [&](int k) { return sum_of(fine, sums.coarse + i, k); };
+  store_in_vectors(gradients + i, SplatGradientSum{{number(0), number(1)},
+                                                   number(2),
+                                                   number(3),
+                                                   number(4),
+                                                   number(5),
+                                                   number(6),
+                                                   number(7),
+                                                   number(8),
+                                                   {}});
+  store_in_vectors(sums.fine + i, FineSums{});
+  if (fine.has_coarse) sums.coarse[i] = {};
 }
 
 }  // namespace
@@ -243,15 +299,24 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
   GS_CHECK(dL_dimage.size == 3 * pass.pixel_count());
   const Forward forward{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
                         pass.first_checkpoints.data(), pass.checkpoints.data()};
-  const auto launch = [&](auto kernel) {
-    context.launch("blend backward", kernel, blend_blocks(pass.segments.size()), kBlendThreads,
-                   tile_lists(pass), pass.segments.data(), settings.background, forward,
-                   dL_dimage.data, room.splat_gradients.data());
+  const auto launch = [&](auto rule, const auto& sums) {
+    context.launch("blend backward",
+                   blend_backward_kernel<rule(), std::remove_cvref_t<decltype(sums)>>,
+                   blend_blocks(pass.segments.size()), kBlendThreads, tile_lists(pass),
+                   pass.segments.data(), settings.background, forward, dL_dimage.data, sums);
   };
-  if (settings.blend_rule == BlendRule::classic)
-    launch(blend_backward_kernel<BlendRule::classic>);
-  else
-    launch(blend_backward_kernel<BlendRule::faster_gs>);
+  const auto launch_with = [&](const auto& sums) {
+    if (settings.blend_rule == BlendRule::classic)
+      launch(std::integral_constant<BlendRule, BlendRule::classic>(), sums);
+    else
+      launch(std::integral_constant<BlendRule, BlendRule::faster_gs>(), sums);
+  };
+  if (!settings.deterministic) return launch_with(FloatSums{room.splat_gradients.data()});
+  const FixedSums sums{room.fine_sums.data(), room.coarse_sums.data()};
+  launch_with(sums);
+  const std::size_t count = pass.tile_counts.size();
+  context.launch("collect sums", collect_sums_kernel, blocks_for(count, kBlendThreads),
+                 kBlendThreads, count, pass.tile_counts.data(), sums, room.splat_gradients.data());
 }
 
 }  // namespace gs::cuda

@@ -59,17 +59,23 @@ std::uint32_t CudaRenderer::instance_count(const RenderPass& pass) {
   return first + count;
 }
 
-void CudaRenderer::reserve_gradients(std::size_t count) {
-  if (room_.splat_gradients.size() >= count) return;
-  room_.splat_gradients.resize_discard(count);
-  room_.splat_gradients.fill_zero();
+void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& settings) {
+  const auto reserve = [count](auto& sums) {
+    if (sums.size() >= count) return;
+    sums.resize_discard(count);
+    sums.fill_zero();
+  };
+  reserve(room_.splat_gradients);
+  if (!settings.deterministic) return;
+  reserve(room_.fine_sums);
+  reserve(room_.coarse_sums);
 }
 
 void CudaRenderer::backward(const GaussiansSpan& gaussians, const Camera& camera,
                             const RenderSettings& settings, RenderPass& pass,
                             Span<const float> dL_dimage, const GaussiansSpan& gradients,
                             Span<Vec2f> dL_dmean2d) {
-  reserve_gradients(gaussians.mean.size);
+  reserve_gradients(gaussians.mean.size, settings);
   blend_backward(context_, settings, dL_dimage, room_, pass);
   preprocess_backward(context_, gaussians, camera, settings, room_, pass, gradients, dL_dmean2d);
 }

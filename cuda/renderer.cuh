@@ -23,7 +23,7 @@ class CudaRenderer final : public Renderer {
   void forward(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
                RenderPass& pass, std::uint32_t capacity, StepReport* report, std::uint32_t step);
   /// Room for dL/d(splat) of so many Gaussians, zero where it is new.
-  void reserve_gradients(std::size_t count);
+  void reserve_gradients(std::size_t count, const RenderSettings& settings);
   WorkingRoom& room() { return room_; }
 
  private:

@@ -13,7 +13,7 @@
 // p, q, pp, qq: four windows instead of five, and two multiplications a pixel.
 //
 // Views with a mask or an exposure have instances of both kernels of their own, in which X and Y are what
-// photo_weight() makes of the two pictures; the others are not slowed down by them.
+// photo_weight.h makes of the two pictures; the others are not slowed down by them.
 #include <cstdint>
 
 #include "cuda/stages.cuh"
@@ -40,6 +40,7 @@ struct Pictures {
   const std::uint8_t* mask;   // (H, W); null: every pixel trains
   Vec3f exposure, background;
   bool over_background;
+  float white;
 };
 
 /// d_x, d_xx, d_xy: (3 channels, H, row_floats / 96, 3 maps, 32 columns), so that one address leads to all three.
@@ -82,7 +83,7 @@ __device__ inline float photo_value(std::uint8_t byte) {
   return __fmul_rn(float(byte), 1.0f / 255.0f);
 }
 
-/// X' and Y' at one value, and dX'/dX.
+/// X' and what it is compared with, at one value, and dX'/dX.
 struct ComparedValue {
   float X, Y, gain;
 };
@@ -96,8 +97,9 @@ __device__ inline ComparedValue compared(const Pictures& pictures, int channel, 
   const PhotoWeight<float> weight =
       photo_weight(mask ? photo_value(__ldg(mask)) : 1.0f, pictures.exposure[channel],
                    pictures.background[channel], pictures.over_background);
-  return {__fmul_rn(weight.gain, X), __fadd_rn(__fmul_rn(weight.cover, Y), weight.backdrop),
-          weight.gain};
+  const float x_weighted = __fmul_rn(weight.gain, X);
+  const float y_weighted = __fadd_rn(__fmul_rn(weight.cover, Y), weight.backdrop);
+  return {x_weighted, compared_photo(x_weighted, y_weighted, Y, pictures.white), weight.gain};
 }
 
 /// The pass down, of one thread: read(i, values) gives the maps at row i of the area with its halo. At most eleven
@@ -331,7 +333,8 @@ class CudaLoss final : public Loss {
                             bytes.mask,
                             view.exposure,
                             pass.background,
-                            view.over_background};
+                            view.over_background,
+                            view.white()};
     lambda_dssim_ = lambda_dssim;
     values_ = 3 * pass.pixel_count();
     dL_dimage.resize_discard(values_);

@@ -6,20 +6,12 @@
 #include <memory>
 
 #include "cuda/context.cuh"
+#include "cuda/fixed_sums.cuh"
 #include "cuda/photos.cuh"
 #include "gs_core/math/adam.h"
 #include "gs_train/backend.h"
 
 namespace gs::cuda {
-
-/// dL/d(splat) of one Gaussian, as blend_backward() adds it up: three vectors of four floats, so that a warp's
-/// share is three atomic additions.
-struct alignas(16) SplatGradientSum {
-  Vec2f mean2d;
-  float conic_xx, conic_xy;
-  float conic_yy, opacity, red, green;
-  float blue, unused[3];
-};
 
 /// What the device tells the host of one step: written by create_instances(), read when somebody asks.
 struct StepReport {
@@ -39,12 +31,14 @@ struct WorkingRoom {
   Buffer<std::uint32_t> instance_splats;  // (room for instances) their Gaussians, in depth order
   Buffer<std::uint8_t> sort_room;         // CUB's
   Buffer<SplatGradientSum> splat_gradients;  // (N)  zero between steps
+  Buffer<FineSums> fine_sums;             // (N)  zero between steps; of deterministic steps only, as the next
+  Buffer<CoarseSums> coarse_sums;         // (N)  zero between steps
   Buffer<std::uint32_t> halted;           // (1)   1: a view had more instances than room; nothing is updated until cleared
 
   explicit WorkingRoom(Memory& memory)
       : depth_keys(memory), sorted_depth_keys(memory), row_numbers(memory), first_of_order(memory),
         keys(memory), sorted_keys(memory), instance_splats(memory), sort_room(memory),
-        splat_gradients(memory), halted(memory) {}
+        splat_gradients(memory), fine_sums(memory), coarse_sums(memory), halted(memory) {}
 };
 
 /// Instances of a list that one warp walks back; a checkpoint of each pixel lies between two segments.

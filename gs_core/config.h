@@ -98,6 +98,7 @@ struct TrainConfig {
   int morton_until = 15000;
   std::uint64_t seed = 42;
   int threads = 0;              // 0: all cores
+  bool deterministic = false;   // on a GPU, too: same seed, same bytes
   std::string device = "auto";  // cpu, cuda, cuda:N, auto
   float photo_gib = 4;          // of GPU memory for photos; more are fetched as they are needed
   int log_every = 100;

@@ -110,7 +110,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("train.sh_degree_every",        train.sh_degree_every,        "steps",  steps_from(1),      "between SH degrees, of a 30,000-step run", kKerbl);
   field("train.morton_every",           train.morton_every,           "steps",  steps_from(1),      "between sorts along the Morton curve", kFaster);
   field("train.morton_until",           train.morton_until,           "steps",  steps_from(0),      "last such sort but the final one", kFaster);
-  field("train.seed",                   train.seed,                   "",       between(0, kLargestExact), "same seed, same bytes");
+  field("train.seed",                   train.seed,                   "",       between(0, kLargestExact), "same seed, same bytes on the CPU, and on a GPU with train.deterministic");
+  field("train.deterministic",          train.deterministic,          "",       any(),              "on a GPU: sums that do not depend on their order, so that the same seed gives the same bytes; slower");
   field("train.threads",                train.threads,                "",       between(0, 4096),   "of the CPU; 0: all cores; the result does not depend on it");
   field("train.device",                 train.device,                 "",       one_of("auto, cpu, cuda, cuda:N"), "where to train");
   field("train.photo_gib",              train.photo_gib,              "GiB",    at_least(0),        "of GPU memory for photos; those that do not fit are fetched one step ahead");

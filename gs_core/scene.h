@@ -12,6 +12,7 @@
 
 #include "gs_core/camera.h"
 #include "gs_core/image.h"
+#include "gs_core/math/constants.h"
 
 namespace gs {
 
@@ -32,6 +33,8 @@ struct View {
   /// Whether the photo, once it is there, stands for more than itself in the loss.
   bool is_weighted() const { return !mask.empty() || has_exposure(); }
   bool has_exposure() const { return exposure.x != 1 || exposure.y != 1 || exposure.z != 1; }
+  /// The photo's value from which on it says no more than how bright the scene is at least (compared_photo()).
+  float white() const { return has_exposure() ? kPhotoWhite : 2.0f; }
   /// Whether there are pixels that do not train, or less than others.
   bool has_untrained_pixels() const { return !mask.empty() && !over_background; }
 };

@@ -18,6 +18,7 @@ struct RenderSettings : SplatSettings {
   bool use_tensor_cores = true;   // where the GPU has them: exponents as matrix products, blend_gemm.cu
   bool half_precision = false;    // with them: weights of 11 bits, for viewing
   bool for_backward = true;       // false: what only the backward pass reads may be left out
+  bool deterministic = false;     // sums that do not depend on their order, so that a step has one result
 };
 
 /// What a place of a tile's list holds: a Gaussian and, for the GPU's sub-tiles, which quarters of the tile its splat hits

@@ -6,7 +6,7 @@
 // With the moments m = G * (x, y, xx, yy, xy), G the window, and h = dL/dSSIM at each pixel:
 //   dL/dX = G * d_x + 2 X (G * d_xx) + Y (G * d_xy),  (d_x, d_xx, d_xy) = ssim_index_vjp(m, h)
 //
-// Of a view with a mask or an exposure, X and Y are what photo_weight() makes of the two pictures.
+// Of a view with a mask or an exposure, X and Y are what photo_weight.h makes of the two pictures.
 #include "gs_core/math/ssim.h"
 
 #include "gs_core/error.h"
@@ -47,12 +47,13 @@ class ScalarLoss final : public Loss {
     });
   }
 
-  // Replaces X and the photo by X' and Y'; leaves dX'/dX in gains_.
+  // Replaces X and the photo by X' and what that is compared with; leaves dX'/dX in gains_.
   const float* weighted(const float* X, const View& view, const Vec3f& background) {
     const std::size_t plane = values_ / 3;
     GS_CHECK(view.mask.empty() || view.mask.pixels.size() == plane);
     weighted_.resize_discard(values_);
     gains_.resize_discard(values_);
+    const float white = view.white();
     parallel_for(plane, 4096, [&](std::size_t i) {
       const float m = view.mask.empty() ? 1.0f : view.mask.pixels[i] * (1.0f / 255.0f);
       for (int c = 0; c < 3; ++c) {
@@ -61,7 +62,8 @@ class ScalarLoss final : public Loss {
             photo_weight(m, view.exposure[c], background[c], view.over_background);
         gains_[value] = weight.gain;
         weighted_[value] = weight.gain * X[value];
-        photo_[value] = weight.cover * photo_[value] + weight.backdrop;
+        photo_[value] = compared_photo(
+            weighted_[value], weight.cover * photo_[value] + weight.backdrop, photo_[value], white);
       }
     });
     return weighted_.data();

@@ -37,6 +37,7 @@ RenderSettings render_settings(const Config& config) {
                                                        : TileBounds::exact;
   settings.use_tensor_cores = config.render.blend == "gemm";
   settings.half_precision = config.render.precision == "half";
+  settings.deterministic = config.train.deterministic;
   settings.blend_rule =
       config.render.blend_rule == "classic" ? BlendRule::classic : BlendRule::faster_gs;
   settings.antialias = config.render.antialias;

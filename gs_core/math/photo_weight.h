@@ -25,4 +25,12 @@ GS_HD PhotoWeight<T> photo_weight(T m, T e, T b, bool over_background) {
   return {m * e, m, T(0)};
 }
 
+/// What X' is compared with: Y', but X' itself, at no cost and with no gradient, where the photo's value Y is `white` or
+/// more and X' is brighter still. There a photo says how bright its scene is at least: a sky is as white in a dark photo as in
+/// a bright one, and no gain explains both. Photos without an exposure have no such value; `white` is above 1 for them.
+template <class T>
+GS_HD T compared_photo(T x_weighted, T y_weighted, T y, T white) {
+  return y >= white && x_weighted > y_weighted ? x_weighted : y_weighted;
+}
+
 }  // namespace gs

@@ -182,29 +182,35 @@ TEST_F(CudaRender, PicturesAgree) {
 
 TEST_F(CudaRender, GradientsAgree) {
   for (const Scene& scene : scenes()) {
-    SCOPED_TRACE(scene.name);
-    Rendered r = render(scene.gaussians, scene.camera, scene.settings);
-    std::vector<float> dL_dimage(r.cpu.image.size());
-    Draws draws(99);
-    for (float& value : dL_dimage) value = draws.normal();
-    Buffer<float> cpu_dL, gpu_dL(gpu().memory());
-    cpu_dL.upload(dL_dimage);
-    gpu_dL.upload(dL_dimage);
-    const std::size_t count = scene.gaussians.count();
-    Gaussians cpu_gradients(count, host_memory()), gpu_gradients(count, gpu().memory());
-    Buffer<Vec2f> cpu_mean2d(count, host_memory()), gpu_mean2d(count, gpu().memory());
-    cpu().renderer().backward(scene.gaussians.span(), scene.camera, scene.settings, r.cpu,
-                              cpu_dL.span(), cpu_gradients.span(), cpu_mean2d.span());
-    // Twice: the first call must leave nothing behind.
-    for (int repeat = 0; repeat < 2; ++repeat)
-      gpu().renderer().backward(r.on_gpu.span(), scene.camera, scene.settings, r.gpu, gpu_dL.span(),
-                                gpu_gradients.span(), gpu_mean2d.span());
-    EXPECT_LT(norm_difference(downloaded(gpu_mean2d), downloaded(cpu_mean2d)), 2e-3);
-    for_each_array(
-        [&](const char* name, const auto& a, const auto& b) {
-          EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), 2e-3) << name;
-        },
-        gpu_gradients, cpu_gradients);
+    for (const float scale : {1.0f, 1e-8f}) {  // of a gradient for tests, and of a photo's
+      SCOPED_TRACE(testing::Message() << scene.name << ", " << scale);
+      Rendered r = render(scene.gaussians, scene.camera, scene.settings);
+      std::vector<float> dL_dimage(r.cpu.image.size());
+      Draws draws(99);
+      for (float& value : dL_dimage) value = scale * draws.normal();
+      Buffer<float> cpu_dL, gpu_dL(gpu().memory());
+      cpu_dL.upload(dL_dimage);
+      gpu_dL.upload(dL_dimage);
+      const std::size_t count = scene.gaussians.count();
+      Gaussians cpu_gradients(count, host_memory()), gpu_gradients(count, gpu().memory());
+      Buffer<Vec2f> cpu_mean2d(count, host_memory()), gpu_mean2d(count, gpu().memory());
+      cpu().renderer().backward(scene.gaussians.span(), scene.camera, scene.settings, r.cpu,
+                                cpu_dL.span(), cpu_gradients.span(), cpu_mean2d.span());
+      // Each twice: a call must leave nothing behind.
+      for (const bool deterministic : {false, false, true, true}) {
+        SCOPED_TRACE(deterministic);
+        RenderSettings settings = scene.settings;
+        settings.deterministic = deterministic;
+        gpu().renderer().backward(r.on_gpu.span(), scene.camera, settings, r.gpu, gpu_dL.span(),
+                                  gpu_gradients.span(), gpu_mean2d.span());
+        EXPECT_LT(norm_difference(downloaded(gpu_mean2d), downloaded(cpu_mean2d)), 2e-3);
+        for_each_array(
+            [&](const char* name, const auto& a, const auto& b) {
+              EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), 2e-3) << name;
+            },
+            gpu_gradients, cpu_gradients);
+      }
+    }
   }
 }
 

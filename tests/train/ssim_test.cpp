@@ -88,9 +88,13 @@ struct Pair {
   double compared_image(int c, std::size_t i, double X) const {
     return (view.over_background ? 1 : mask(i)) * view.exposure[c] * X;
   }
+  /// What the picture is compared with, of pass.image: the picture itself where it is brighter than white.
   double compared_photo(int c, std::size_t i) const {
     const double behind = double(view.exposure[c]) * pass.background[c];
-    return mask(i) * target(c, i) + (view.over_background ? (1 - mask(i)) * behind : 0);
+    const double photo =
+        mask(i) * target(c, i) + (view.over_background ? (1 - mask(i)) * behind : 0);
+    const double image = compared_image(c, i, pass.image[c * pass.pixel_count() + i]);
+    return view.has_exposure() && target(c, i) >= kPhotoWhite && image > photo ? image : photo;
   }
   std::vector<double> image() const { return {pass.image.begin(), pass.image.end()}; }
   std::size_t values() const { return pass.image.size(); }
@@ -177,9 +181,10 @@ TEST(WeightedLoss, HasTheValueAndTheGradientOfItsDefinition) {
 }
 
 TEST(WeightedLoss, OfAnExposureAloneIsThatOfThePictureTimesIt) {
-  Pair pair(12, 9, 10);
+  Pair pair(12, 9, 10), multiplied(12, 9, 10);
   pair.view.exposure = {0.5f, 2.0f, 1.0f};
-  Pair multiplied(12, 9, 10);
+  for (Pair* p : {&pair, &multiplied})
+    for (std::uint8_t& value : p->view.photo.pixels) value /= 2;  // none is white
   for (std::size_t i = 0; i < pair.values(); ++i)
     multiplied.pass.image[i] *= pair.view.exposure[int(i / pair.pass.pixel_count())];
   const auto loss = make_scalar_loss();
@@ -191,6 +196,27 @@ TEST(WeightedLoss, OfAnExposureAloneIsThatOfThePictureTimesIt) {
   for (std::size_t i = 0; i < pair.values(); ++i)
     EXPECT_EQ(of_exposed[i],
               of_multiplied[i] * pair.view.exposure[int(i / pair.pass.pixel_count())]);
+}
+
+TEST(WeightedLoss, UnderAnExposureAsksOfAWhitePhotoThatThePictureIsNoDarker) {
+  for (const float picture : {0.7f, 0.95f}) {
+    for (const bool is_exposed : {false, true}) {
+      Pair pair(6, 4, 16);
+      if (is_exposed) pair.view.exposure = Vec3f(1.25f);
+      std::fill(pair.view.photo.pixels.begin(), pair.view.photo.pixels.end(), std::uint8_t(229));
+      for (float& value : pair.pass.image) value = picture / (is_exposed ? 1.25f : 1.0f);
+      const auto loss = make_scalar_loss();
+      Buffer<float> dL_dimage;
+      loss->forward_backward(pair.pass, pair.view, 0.2f, dL_dimage);
+      const bool is_free = is_exposed && picture > 229 / 255.0f;
+      EXPECT_EQ(loss->value() < 1e-6, is_free) << picture << " " << is_exposed;
+      for (const float g : dL_dimage)
+        if (is_free)
+          EXPECT_NEAR(g, 0, 1e-6);
+        else
+          EXPECT_GT(std::abs(g), 1e-3);
+    }
+  }
 }
 
 TEST(WeightedLoss, OfAFullMaskIsThatWithoutOne) {
