@@ -18,6 +18,7 @@ namespace gs::cuda {
 namespace {
 
 constexpr int kBlocks = 7;                // of a multiprocessor: the compiler finds registers for so many
+constexpr int kBlocksAbsolute = 6;        // and for so many with absolute gradients
 constexpr int kRows = 16;                 // splats of one product
 constexpr int kRowStride = 2 * kWarp + 16;  // floats; neighbouring rows lie 16 banks apart, for loads of 16 bytes
 constexpr int kProducts = kWarp / 8;      // of 8 pixels each
@@ -88,21 +89,23 @@ __device__ SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f
   const float fxx = a.w - mx * (a.y + fx), fxy = b.x - mx * a.z - my * fx,
               fyy = b.y - my * (a.z + fy);
   const Sym2<float> Q = conic_of(splat.L);
-  return {{Q.xx * fx + Q.xy * fy, Q.xy * fx + Q.yy * fy},
-          -0.5f * fxx,
-          -0.5f * fxy,
-          -0.5f * fyy,
-          splat.opacity > 0.0f ? f / splat.opacity : 0.0f,
-          c.x + c.w,
-          c.y + d.x,
-          c.z + d.y,
-          {}};
+  return {{Q.xx * fx + Q.xy * fy, Q.xy * fx + Q.yy * fy},  -0.5f * fxx, -0.5f * fxy, -0.5f * fyy,
+          splat.opacity > 0.0f ? f / splat.opacity : 0.0f, c.x + c.w,   c.y + d.x,   c.z + d.y};
+}
+
+// The whole warp: |dL/d(mean)| of a splat summed over its pixels, axis by axis, from each one's f at d = (dx, dy).
+__device__ Vec2f absolute_gradient(const ListedSplat& splat, float dx, float dy, float f) {
+  const Sym2<float> Q = conic_of(splat.L);
+  return {warp_sum(fabsf(f * (Q.xx * dx + Q.xy * dy))),
+          warp_sum(fabsf(f * (Q.xy * dx + Q.yy * dy)))};
 }
 
 // The whole warp: sums the first `count` rows over the pixels and adds each splat's gradient to its Gaussian's.
-// Row r belongs to splat `slot` of the list, as lane r says.
-__device__ void add_rows(WarpRoom& room, int count, int slot, const Monomials& monomials,
-                         const Vec2f& centre, SplatGradientSum* gradients) {
+// Row r belongs to splat `slot` of the list, as lane r says, which also has its absolute gradient.
+template <bool kAbsolute>
+__device__ void add_rows(WarpRoom& room, int count, int slot, const Vec2f& absolute,
+                         const Monomials& monomials, const Vec2f& centre,
+                         SplatGradientSum* gradients) {
   const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
   __syncwarp();
   float moments[4] = {}, colors[4] = {};
@@ -130,7 +133,10 @@ __device__ void add_rows(WarpRoom& room, int count, int slot, const Monomials& m
     float4* const into = reinterpret_cast<float4*>(gradients + splat.gaussian);
     add_to(into, {sum.mean2d.x, sum.mean2d.y, sum.conic_xx, sum.conic_xy});
     add_to(into + 1, {sum.conic_yy, sum.opacity, sum.red, sum.green});
-    atomicAdd(&gradients[splat.gaussian].blue, sum.blue);
+    if (kAbsolute)
+      add_to(into + 2, {sum.blue, absolute.x, absolute.y, 0.0f});
+    else
+      atomicAdd(&gradients[splat.gaussian].blue, sum.blue);
   }
   __syncwarp();
 }
@@ -187,8 +193,8 @@ struct Forward {
   const Vec4f* checkpoints;                // (.., pixels of a tile)
 };
 
-template <BlendRule rule>
-__global__ void __launch_bounds__(kBlendThreads, kBlocks)
+template <BlendRule rule, bool kAbsolute>
+__global__ void __launch_bounds__(kBlendThreads, kAbsolute ? kBlocksAbsolute : kBlocks)
     blend_backward_kernel(TileLists lists, const ListSegment* segments, Vec3f background,
                           Forward forward, const float* dL_dimage, SplatGradientSum* gradients) {
   __shared__ WarpRoom rooms[kBlendWarps];
@@ -216,21 +222,27 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
        !walk.is_done();) {
     const int count = walk.list_next(room.list);
     int rows = 0, slot = 0;
+    Vec2f absolute(0.0f);
     for (int i = 0; i < count; ++i) {
       const ListedSplat splat = room.list[i];
-      const float e = base2_exponent(splat, x - splat.mean2d.x, y - splat.mean2d.y);
+      const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
+      const float e = base2_exponent(splat, dx, dy);
       const bool keep = e >= splat.lowest && splat.position < pixel.last;
       if (!__any_sync(kAllLanes, keep)) continue;
       float2 fragment{0.0f, 0.0f};
       if (keep) fragment = pixel.step<rule>(splat, e);
       *reinterpret_cast<float2*>(room.rows + rows * kRowStride + 2 * lane) = fragment;
+      if (kAbsolute) {
+        const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
+        if (lane == rows) absolute = sum;
+      }
       if (lane == rows) slot = i;
       if (++rows == kRows) {
-        add_rows(room, rows, slot, monomials, centre, gradients);
+        add_rows<kAbsolute>(room, rows, slot, absolute, monomials, centre, gradients);
         rows = 0;
       }
     }
-    if (rows) add_rows(room, rows, slot, monomials, centre, gradients);
+    if (rows) add_rows<kAbsolute>(room, rows, slot, absolute, monomials, centre, gradients);
     __syncwarp();
   }
 }
@@ -248,10 +260,13 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
                    tile_lists(pass), pass.segments.data(), settings.background, forward,
                    dL_dimage.data, room.splat_gradients.data());
   };
-  if (settings.blend_rule == BlendRule::classic)
-    launch(blend_backward_kernel<BlendRule::classic>);
+  const bool is_classic = settings.blend_rule == BlendRule::classic;
+  if (settings.absolute_gradient)
+    launch(is_classic ? blend_backward_kernel<BlendRule::classic, true>
+                      : blend_backward_kernel<BlendRule::faster_gs, true>);
   else
-    launch(blend_backward_kernel<BlendRule::faster_gs>);
+    launch(is_classic ? blend_backward_kernel<BlendRule::classic, false>
+                      : blend_backward_kernel<BlendRule::faster_gs, false>);
 }
 
 }  // namespace gs::cuda

@@ -18,7 +18,7 @@ struct alignas(16) SplatGradientSum {
   Vec2f mean2d;
   float conic_xx, conic_xy;
   float conic_yy, opacity, red, green;
-  float blue, unused[3];
+  float blue, absolute_x, absolute_y, unused;  // absolute: by the mean, only with RenderSettings::absolute_gradient
 };
 
 /// What the device tells the host of one step: written by create_instances(), read when somebody asks.
@@ -93,10 +93,19 @@ AdamSteps adam_steps(int t, const LearningRates& rates);
 
 /// 7 and 8 in one  preprocess_backward.cu: pulls the gradients back and updates the parameters at once, so that
 /// no gradient of a parameter is ever stored. Rows that are not visible are updated, too. While room.halted is
-/// raised, nothing is updated.
+/// raised, nothing is updated. Of `density` the noise is left to add_position_noise().
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
                                     const RenderSettings& settings, const AdamSteps& steps,
-                                    bool gather_statistics, WorkingRoom& room, RenderPass& pass);
+                                    const DensityStep& density, WorkingRoom& room,
+                                    RenderPass& pass);
+
+/// What the MCMC strategy adds to 8  langevin.cu: the regularisers' gradients before Adam, where gradients are stored;
+/// and noise on the means after it, unless `halted` is raised (or null).
+void add_regulariser_gradients(Context& context, const GaussiansSpan& gaussians,
+                               const Regularisers& regularisers, const GaussiansSpan& gradients);
+void add_position_noise(Context& context, const GaussiansSpan& gaussians,
+                        const PositionNoise& noise, float position_rate,
+                        const std::uint32_t* halted);
 
 /// The other stages, behind the contracts of gs_train.
 std::unique_ptr<Loss> make_loss(Context& context, Memory& memory, PhotoStore& photos);  // 5 ssim.cu
