@@ -28,7 +28,7 @@ class RowOps {
   /// after them, then the halves of split rows. New rows start with zero moments.
   virtual RefineReport refine(TrainingModel& model, const AdaptiveRules& rules,
                               const Random& random, int step) = 0;
-  /// Makes each dead row a copy of a live one, then adds copies up to a count (Kheradmand et al. 2024, Sec. 3.3). A row is
+  /// Makes each dead row a copy of a live one, then adds copies up to a count (Kheradmand et al. 2024). A row is
   /// drawn with a probability proportional to its opacity; it and its copies share what it was and start with zero
   /// moments. Rows that are degenerate or not finite are dead. Clears the statistics. Without a live row nothing is done.
   virtual RefineReport relocate(TrainingModel& model, const RelocationRules& rules,

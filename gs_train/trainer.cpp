@@ -107,7 +107,7 @@ void Trainer::one_step(int step) {
   // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec. "Optimization"
   backend_.step(model_, view, settings_, config_.loss.lambda_dssim, schedule_.learning_rates(step),
                 density_->of_step(step));
-  // Control density: clone, split, prune, reset          3DGS Sec. 5.2, or MCMC Sec. 3.3
+  // Control density: clone, split, prune, reset          3DGS Sec. 5.2, or MCMC
   density_->after_step(model_, backend_, step);
   // Keep house: unlock SH bands; keep neighbours adjacent in memory
   if (schedule_.raise_sh_degree(step) && settings_.sh_degree < config_.model.sh_degree)

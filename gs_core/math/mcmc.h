@@ -26,7 +26,7 @@ struct Regularisers {
   }
 };
 
-/// What one Gaussian adds to the loss, so that those that nobody needs fade and shrink.   Kheradmand et al. 2024, Eq. 12
+/// What one Gaussian adds to the loss, so that those that nobody needs fade and shrink.   Kheradmand et al. 2024
 ///
 ///   w_o o + w_s (s_x + s_y + s_z),   w of_each()
 template <class T>
@@ -51,7 +51,7 @@ GS_HD RegulariserGradient<T> regulariser_vjp(const Vec3<T>& log_scale, const T& 
 }
 
 /// The noise on a mean after a step: along the Gaussian's own covariance, so that it explores its neighbourhood, and
-/// only while it is faint.   Kheradmand et al. 2024, Eq. 9
+/// only while it is faint.   Kheradmand et al. 2024, k and o_0 from its code
 ///
 ///   rate sigmoid(-k (o - o_0)) Sigma n,   k = 100, o_0 = 0.005
 ///
@@ -82,7 +82,7 @@ GS_HD std::uint32_t draw_weight(const Vec3f& mean, const Vec3f& log_scale, const
 
 /// The opacity of each of `copies` equal Gaussians in one place that together cover what one covers.
 ///
-///   1 - (1 - o_new)^N = o                                                    Kheradmand et al. 2024, Eq. 10
+///   1 - (1 - o_new)^N = o                                                    Kheradmand et al. 2024
 template <class T>
 GS_HD T shared_opacity(const T& opacity, int copies) {
   using std::pow;
@@ -91,7 +91,7 @@ GS_HD T shared_opacity(const T& opacity, int copies) {
 
 /// What the scales of such copies are multiplied by, for the blended light to stay the same over a line through them.
 ///
-///   o / sum_{i=1..N} sum_{k=0..i-1} (i-1 over k) (-1)^k o_new^(k+1) / sqrt(k+1)       Kheradmand et al. 2024, Eq. 10
+///   o / sum_{i=1..N} sum_{k=0..i-1} (i-1 over k) (-1)^k o_new^(k+1) / sqrt(k+1)       Kheradmand et al. 2024
 /// and since sum_{i=k+1..N} (i-1 over k) = (N over k+1), in one sum:
 ///   o / sum_{k=1..N} (N over k) (-1)^(k-1) o_new^k / sqrt(k)
 ///
