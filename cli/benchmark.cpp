@@ -127,7 +127,7 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
     for (int step = 0; step < steps; ++step, ++next) {
       backend.announce(views[(next + 1) % views.size()]);
       backend.step(model, views[next % views.size()], training, config.loss.lambda_dssim, kNoRates,
-                   true);
+                   {.gather_statistics = true});
     }
     backend.settle(model);
     return milliseconds_now() - begin;

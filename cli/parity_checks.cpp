@@ -203,7 +203,7 @@ class ParityCheck {
     const LearningRates rates = Schedule(Config{}, 1).learning_rates(1);
     const auto step = [&](Backend& backend, TrainingModel& model, int index) {
       backend.step(model, scene_.views[std::size_t(index) % scene_.views.size()], settings_,
-                   kLambdaDssim, rates, true);
+                   kLambdaDssim, rates, {.gather_statistics = true});
       backend.settle(model);
     };
     TrainingModel expected = untrained(scene_.model, host_memory());

@@ -227,8 +227,9 @@ void add_train(CLI::App& program) {
               "Output", "evaluate the test views after these steps, besides the last");
   add_setting(verb, line, "-i,--iterations,--iter,--max-steps", "train.iterations", "Training");
   add_setting(verb, line, "--steps-scaler", "train.steps_scaler", "Training");
+  add_setting(verb, line, "--strategy", "density.strategy", "Training");
   add_setting(verb, line, "--max-gaussians,--max-cap,--cap-max", "density.max_gaussians",
-              "Training");
+              "Training", "grow to no more than N; auto: to as many as there is memory for");
   add_setting(verb, line, "--seed", "train.seed", "Training");
   add_setting(verb, line, "--deterministic", "train.deterministic", "Training");
   add_render_options(verb, line);

@@ -25,6 +25,13 @@ class CudaOptimizer final : public Optimizer {
  public:
   explicit CudaOptimizer(Context& context) : context_(context) {}
 
+  void regularise(const TrainingModel& model, const Regularisers& regularisers,
+                  Gaussians& gradients) override {
+    add_regulariser_gradients(context_, model.gaussians.span(), regularisers, gradients.span());
+  }
+  void add_noise(TrainingModel& model, const PositionNoise& noise, float position_rate) override {
+    add_position_noise(context_, model.gaussians.span(), noise, position_rate, nullptr);
+  }
   void step(TrainingModel& model, const Gaussians& gradients, const LearningRates& rates) override {
     GS_CHECK(gradients.count() == model.count());
     StageScope scope(context_, "adam");

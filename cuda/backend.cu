@@ -135,7 +135,7 @@ class CudaBackend final : private Device, public Backend {
   void announce(const View& view) override { photos_.announce(view); }
 
   void step(TrainingModel& model, const View& view, const RenderSettings& settings,
-            float lambda_dssim, const LearningRates& rates, bool gather_statistics) override {
+            float lambda_dssim, const LearningRates& rates, const DensityStep& density) override {
     if (model_ != &model) finish_pending();
     model_ = &model;
     read_reports();
@@ -144,7 +144,7 @@ class CudaBackend final : private Device, public Backend {
       read_reports();
     }
     pending_.push_back({&view, settings, lambda_dssim, adam_steps(++model.adam_steps, rates),
-                        gather_statistics, ++last_step_});
+                        density, rates.mean, ++last_step_});
     enqueue(pending_.back());
   }
 
@@ -170,7 +170,8 @@ class CudaBackend final : private Device, public Backend {
     RenderSettings settings;
     float lambda_dssim;
     AdamSteps adam;
-    bool gather_statistics;
+    DensityStep density;
+    float position_rate;  // of Adam, which the noise is measured by
     std::uint32_t number;
   };
 
@@ -183,8 +184,11 @@ class CudaBackend final : private Device, public Backend {
                       reports_.of_step(step.number), step.number);
     loss_->forward_backward(pass_, *step.view, step.lambda_dssim, dL_dimage_);
     blend_backward(context, step.settings, dL_dimage_.span(), renderer_.room(), pass_);
-    preprocess_backward_and_update(context, *model_, camera, step.settings, step.adam,
-                                   step.gather_statistics, renderer_.room(), pass_);
+    preprocess_backward_and_update(context, *model_, camera, step.settings, step.adam, step.density,
+                                   renderer_.room(), pass_);
+    if (step.density.noise.scale > 0)
+      add_position_noise(context, model_->gaussians.span(), step.density.noise, step.position_rate,
+                         renderer_.room().halted.data());
   }
 
   // Forgets the steps that are known to have had room; repeats those that had not. Waits only for the latter.

@@ -18,6 +18,7 @@ namespace gs::cuda {
 namespace {
 
 constexpr int kBlocks = 7;                // of a multiprocessor: the compiler finds registers for so many
+constexpr int kBlocksAbsolute = 6;        // and for so many with absolute gradients
 constexpr int kRows = 16;                 // splats of one product
 constexpr int kRowStride = 2 * kWarp + 16;  // floats; neighbouring rows lie 16 banks apart, for loads of 16 bytes
 constexpr int kProducts = kWarp / 8;      // of 8 pixels each
@@ -88,20 +89,22 @@ __device__ SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f
   const float fxx = a.w - mx * (a.y + fx), fxy = b.x - mx * a.z - my * fx,
               fyy = b.y - my * (a.z + fy);
   const Sym2<float> Q = conic_of(splat.L);
-  return {{Q.xx * fx + Q.xy * fy, Q.xy * fx + Q.yy * fy},
-          -0.5f * fxx,
-          -0.5f * fxy,
-          -0.5f * fyy,
-          splat.opacity > 0.0f ? f / splat.opacity : 0.0f,
-          c.x + c.w,
-          c.y + d.x,
-          c.z + d.y,
-          {}};
+  return {{Q.xx * fx + Q.xy * fy, Q.xy * fx + Q.yy * fy},  -0.5f * fxx, -0.5f * fxy, -0.5f * fyy,
+          splat.opacity > 0.0f ? f / splat.opacity : 0.0f, c.x + c.w,   c.y + d.x,   c.z + d.y};
+}
+
+// The whole warp: |dL/d(mean)| of a splat summed over its pixels, axis by axis, from each one's f at d = (dx, dy).
+__device__ Vec2f absolute_gradient(const ListedSplat& splat, float dx, float dy, float f) {
+  const Sym2<float> Q = conic_of(splat.L);
+  return {warp_sum(fabsf(f * (Q.xx * dx + Q.xy * dy))),
+          warp_sum(fabsf(f * (Q.xy * dx + Q.yy * dy)))};
 }
 
 // Where the gradients of all Gaussians are added up. add(): the whole warp; lane r has that of row r's splat, as long as
 // r < count, and numbers[r * kSumStride] are the room of that row.
+template <bool kAbsolute_>
 struct FloatSums {
+  static constexpr bool kAbsolute = kAbsolute_;
   SplatGradientSum* of_gaussian;
 
   __device__ void add(int count, std::uint32_t gaussian, const SplatGradientSum& sum,
@@ -110,22 +113,28 @@ struct FloatSums {
     float4* const into = reinterpret_cast<float4*>(of_gaussian + gaussian);
     add_to(into, {sum.mean2d.x, sum.mean2d.y, sum.conic_xx, sum.conic_xy});
     add_to(into + 1, {sum.conic_yy, sum.opacity, sum.red, sum.green});
-    atomicAdd(&of_gaussian[gaussian].blue, sum.blue);
+    if (kAbsolute)
+      add_to(into + 2, {sum.blue, sum.absolute_x, sum.absolute_y, 0.0f});
+    else
+      atomicAdd(&of_gaussian[gaussian].blue, sum.blue);
   }
 };
+template <bool kAbsolute_>
 struct FixedSums {
+  static constexpr bool kAbsolute = kAbsolute_;
   FineSums* fine;
   CoarseSums* coarse;
 
   // Neighbouring lanes add neighbouring numbers: these share sectors of memory.
   __device__ void add(int count, std::uint32_t gaussian, const SplatGradientSum& sum,
                       float* numbers) const {
+    constexpr int kNumbers = kAbsolute ? kAllGradientNumbers : kGradientNumbers;
     const int lane = lane_of_thread();
     if (lane < count)
       store_in_vectors(reinterpret_cast<SplatGradientSum*>(numbers + lane * kSumStride), sum);
     __syncwarp();
-    for (int first = 0; first < count * kGradientNumbers; first += kWarp) {
-      const int k = first + lane, row = k / kGradientNumbers, number = k % kGradientNumbers;
+    for (int first = 0; first < count * kNumbers; first += kWarp) {
+      const int k = first + lane, row = k / kNumbers, number = k % kNumbers;
       const std::uint32_t owner = __shfl_sync(kAllLanes, gaussian, row % kWarp);
       if (row < count)
         add_to(fine + owner, coarse + owner, number, numbers[row * kSumStride + number]);
@@ -134,10 +143,10 @@ struct FixedSums {
 };
 
 // The whole warp: sums the first `count` rows over the pixels and adds each splat's gradient to its Gaussian's.
-// Row r belongs to splat `slot` of the list, as lane r says.
+// Row r belongs to splat `slot` of the list, as lane r says, which also has its absolute gradient.
 template <class Sums>
-__device__ void add_rows(WarpRoom& room, int count, int slot, const Monomials& monomials,
-                         const Vec2f& centre, const Sums& sums) {
+__device__ void add_rows(WarpRoom& room, int count, int slot, const Vec2f& absolute,
+                         const Monomials& monomials, const Vec2f& centre, const Sums& sums) {
   const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
   __syncwarp();
   float moments[4] = {}, colors[4] = {};
@@ -165,6 +174,7 @@ __device__ void add_rows(WarpRoom& room, int count, int slot, const Monomials& m
     const ListedSplat splat = room.list[slot];
     gaussian = splat.gaussian;
     sum = splat_gradient(splat, centre, room.rows + lane * kSumStride);
+    if (Sums::kAbsolute) sum.absolute_x = absolute.x, sum.absolute_y = absolute.y;
   }
   sums.add(count, gaussian, sum, room.rows);
   __syncwarp();
@@ -223,7 +233,7 @@ struct Forward {
 };
 
 template <BlendRule rule, class Sums>
-__global__ void __launch_bounds__(kBlendThreads, kBlocks)
+__global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute ? kBlocksAbsolute : kBlocks)
     blend_backward_kernel(TileLists lists, const ListSegment* segments, Vec3f background,
                           Forward forward, const float* dL_dimage, Sums sums) {
   __shared__ WarpRoom rooms[kBlendWarps];
@@ -251,33 +261,39 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
        !walk.is_done();) {
     const int count = walk.list_next(room.list);
     int rows = 0, slot = 0;
+    Vec2f absolute(0.0f);
     for (int i = 0; i < count; ++i) {
       const ListedSplat splat = room.list[i];
-      const float e = base2_exponent(splat, x - splat.mean2d.x, y - splat.mean2d.y);
+      const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
+      const float e = base2_exponent(splat, dx, dy);
       const bool keep = e >= splat.lowest && splat.position < pixel.last;
       if (!__any_sync(kAllLanes, keep)) continue;
       float2 fragment{0.0f, 0.0f};
       if (keep) fragment = pixel.step<rule>(splat, e);
       *reinterpret_cast<float2*>(room.rows + rows * kRowStride + 2 * lane) = fragment;
+      if (Sums::kAbsolute) {
+        const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
+        if (lane == rows) absolute = sum;
+      }
       if (lane == rows) slot = i;
       if (++rows == kRows) {
-        add_rows(room, rows, slot, monomials, centre, sums);
+        add_rows(room, rows, slot, absolute, monomials, centre, sums);
         rows = 0;
       }
     }
-    if (rows) add_rows(room, rows, slot, monomials, centre, sums);
+    if (rows) add_rows(room, rows, slot, absolute, monomials, centre, sums);
     __syncwarp();
   }
 }
 
 // From the sums in fixed point of the visible to those that preprocess_backward() reads; leaves zeros behind.
 __global__ void __launch_bounds__(kBlendThreads)
-    collect_sums_kernel(std::size_t count, const std::uint32_t* tile_counts, FixedSums sums,
-                        SplatGradientSum* gradients) {
+    collect_sums_kernel(std::size_t count, const std::uint32_t* tile_counts, FineSums* all_fine,
+                        CoarseSums* all_coarse, SplatGradientSum* gradients) {
   const std::size_t i = std::size_t(blockIdx.x) * kBlendThreads + threadIdx.x;
   if (i >= count || tile_counts[i] == 0) return;
-  const FineSums fine = load_in_vectors(sums.fine + i);
-  const auto number = [&](int k) { return sum_of(fine, sums.coarse + i, k); };
+  const FineSums fine = load_in_vectors(all_fine + i);
+  const auto number = [&](int k) { return sum_of(fine, all_coarse + i, k); };
   store_in_vectors(gradients + i, SplatGradientSum{{number(0), number(1)},
                                                    number(2),
                                                    number(3),
@@ -286,9 +302,11 @@ __global__ void __launch_bounds__(kBlendThreads)
                                                    number(6),
                                                    number(7),
                                                    number(8),
-                                                   {}});
-  store_in_vectors(sums.fine + i, FineSums{});
-  if (fine.has_coarse) sums.coarse[i] = {};
+                                                   number(9),
+                                                   number(10),
+                                                   0.0f});
+  store_in_vectors(all_fine + i, FineSums{});
+  if (fine.has_coarse) all_coarse[i] = {};
 }
 
 }  // namespace
@@ -311,12 +329,19 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
     else
       launch(std::integral_constant<BlendRule, BlendRule::faster_gs>(), sums);
   };
-  if (!settings.deterministic) return launch_with(FloatSums{room.splat_gradients.data()});
-  const FixedSums sums{room.fine_sums.data(), room.coarse_sums.data()};
-  launch_with(sums);
-  const std::size_t count = pass.tile_counts.size();
-  context.launch("collect sums", collect_sums_kernel, blocks_for(count, kBlendThreads),
-                 kBlendThreads, count, pass.tile_counts.data(), sums, room.splat_gradients.data());
+  const auto launch_as_asked = [&](auto absolute) {
+    if (!settings.deterministic)
+      return launch_with(FloatSums<absolute()>{room.splat_gradients.data()});
+    launch_with(FixedSums<absolute()>{room.fine_sums.data(), room.coarse_sums.data()});
+    const std::size_t count = pass.tile_counts.size();
+    context.launch("collect sums", collect_sums_kernel, blocks_for(count, kBlendThreads),
+                   kBlendThreads, count, pass.tile_counts.data(), room.fine_sums.data(),
+                   room.coarse_sums.data(), room.splat_gradients.data());
+  };
+  if (settings.absolute_gradient)
+    launch_as_asked(std::true_type());
+  else
+    launch_as_asked(std::false_type());
 }
 
 }  // namespace gs::cuda

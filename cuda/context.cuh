@@ -90,6 +90,7 @@ class DeviceMemory final : public Memory {
   void fill_zero(void* to, std::size_t bytes) override;
   void upload(void* to, const void* from_host, std::size_t bytes) override;
   void download(void* to_host, const void* from, std::size_t bytes) override;
+  std::size_t free_bytes() const override;
 
  private:
   Context& context_;

@@ -13,11 +13,11 @@ struct alignas(16) SplatGradientSum {
   Vec2f mean2d;
   float conic_xx, conic_xy;
   float conic_yy, opacity, red, green;
-  float blue, unused[3];
+  float blue, absolute_x, absolute_y, unused;  // absolute: by the mean, only with RenderSettings::absolute_gradient
 };
 
-/// Numbers of a SplatGradientSum, in its order.
-inline constexpr int kGradientNumbers = 9;
+/// Numbers of a SplatGradientSum, in its order: without the absolute gradient, and with it.
+inline constexpr int kGradientNumbers = 9, kAllGradientNumbers = 11;
 
 /// The sums as multiples of kFine. A share x is added as two integers: what of it is a multiple of kCoarse to CoarseSums,
 /// which is rarely anything, the rest here. That rest is below 2^42 kFine, so that 2^21 shares can be added; a Gaussian
@@ -25,11 +25,11 @@ inline constexpr int kGradientNumbers = 9;
 struct alignas(16) FineSums {
   static constexpr float kFine = 0x1p-56f, kCoarse = 0x1p-14f;
   static constexpr float kMost = 0x1p40f;  // of a share; larger ones, and NaN, make the sum NaN
-  long long numbers[kGradientNumbers];
+  long long numbers[kAllGradientNumbers];
   unsigned has_coarse, is_broken;
 };
 struct CoarseSums {
-  long long numbers[kGradientNumbers];
+  long long numbers[kAllGradientNumbers];
 };
 
 #ifdef __CUDACC__

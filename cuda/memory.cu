@@ -56,6 +56,12 @@ void DeviceMemory::download(void* to_host, const void* from, std::size_t bytes) 
   context_.synchronize();
 }
 
+std::size_t DeviceMemory::free_bytes() const {
+  std::size_t free = 0, total = 0;
+  check(cudaMemGetInfo(&free, &total), "asking for free memory");
+  return free;
+}
+
 Usage usage() { return {allocated, peak}; }
 
 }  // namespace gs::cuda

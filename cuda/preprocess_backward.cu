@@ -133,15 +133,18 @@ __global__ void __launch_bounds__(kThreads)
   const Shape shape = shares.row(room.numbers, rows);
   SplatGradient dL_dsplat{};
   GaussianGradient<float> gradient{};
+  Vec2f by_mean2d(0.0f);
   if (is_visible) {
     dL_dsplat = masked(sum, color);
+    by_mean2d = sink.by_mean2d(sum);
     gradient = project_shape_vjp(camera, shape.mean, shape.log_scale, shape.rotation,
                                  shape.logit_opacity, settings, dL_dsplat);
     gradient.sh0 = float(kSh0) * dL_dsplat.color;
   }
   gradient.mean += color_backward<degree>(room, shape.mean, camera, first, rows, is_visible,
                                           dL_dsplat.color, sink.sh_rest);
-  if (is_row) sink.note(i, statistics, dL_dsplat.mean2d, is_visible);
+  sink.regularise(shape, gradient);
+  if (is_row) sink.note(i, statistics, by_mean2d, is_visible);
   __syncwarp();
   stage(room.numbers, gradient);
   __syncwarp();
@@ -178,13 +181,15 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
                             numbers(gaussians.logit_opacity, gradients.logit_opacity),
                             numbers(gaussians.sh0, gradients.sh0),
                             numbers(gaussians.sh_rest, gradients.sh_rest),
-                            dL_dmean2d.data};
+                            dL_dmean2d.data,
+                            settings.absolute_gradient};
   launch(context, gaussians, camera, settings, room, pass, sink);
 }
 
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
                                     const RenderSettings& settings, const AdamSteps& steps,
-                                    bool gather_statistics, WorkingRoom& room, RenderPass& pass) {
+                                    const DensityStep& density, WorkingRoom& room,
+                                    RenderPass& pass) {
   const StageScope scope(context, "preprocess backward, Adam");
   const GaussiansSpan rows = model.gaussians.span(), m = model.first_moment.span(),
                       v = model.second_moment.span();
@@ -198,12 +203,17 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
       numbers(rows.logit_opacity, m.logit_opacity, v.logit_opacity, steps.logit_opacity),
       numbers(rows.sh0, m.sh0, v.sh0, steps.sh0),
       numbers(rows.sh_rest, m.sh_rest, v.sh_rest, steps.sh_rest),
-      gather_statistics ? model.statistics.visits.data() : nullptr,
+      density.gather_statistics ? model.statistics.visits.data() : nullptr,
       model.statistics.gradient_norm.data(),
       pass.width,
       pass.height,
       room.halted.data()};
-  launch(context, rows, camera, settings, room, pass, sink);
+  const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
+  if (is_absolute || density.regularisers.any())
+    launch(context, rows, camera, settings, room, pass,
+           UpdateByAdamAsAsked{sink, is_absolute, density.regularisers.of_each(model.count())});
+  else
+    launch(context, rows, camera, settings, room, pass, sink);
 }
 
 }  // namespace gs::cuda

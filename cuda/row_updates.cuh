@@ -49,11 +49,19 @@ struct AdamNumbers {
   }
 };
 
+/// The parameters of one Gaussian but for colour.
+struct Shape {
+  Vec3f mean, log_scale;
+  Quatf rotation;
+  float logit_opacity;
+};
+
 /// All quantities, and what else a row's gradient is good for.
 struct WriteGradients {
   using Numbers = GradientNumbers;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   Vec2f* dL_dmean2d;
+  bool is_absolute;  // dL_dmean2d
 
   struct Statistics {};
   __device__ bool is_halted() const { return false; }
@@ -61,6 +69,10 @@ struct WriteGradients {
   __device__ void note(std::size_t i, const Statistics&, const Vec2f& by_mean2d, bool) const {
     dL_dmean2d[i] = by_mean2d;
   }
+  __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
+    return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
+  }
+  __device__ void regularise(const Shape&, GaussianGradient<float>&) const {}
 };
 struct UpdateByAdam {
   using Numbers = AdamNumbers;
@@ -83,6 +95,23 @@ struct UpdateByAdam {
     if (!visits || !is_visible) return;
     visits[i] = before.visits + 1.0f;
     gradient_norm[i] = before.gradient_norm + screen_gradient_norm(by_mean2d, width, height);
+  }
+  __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const { return sum.mean2d; }
+  __device__ void regularise(const Shape&, GaussianGradient<float>&) const {}
+};
+/// The same with all that density control may ask. A kernel of its own: others do not pay for it.
+struct UpdateByAdamAsAsked : UpdateByAdam {
+  bool is_absolute;        // the statistic
+  Regularisers of_each;    // weights for one row
+
+  __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
+    return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
+  }
+  __device__ void regularise(const Shape& shape, GaussianGradient<float>& gradient) const {
+    const RegulariserGradient<float> added =
+        regulariser_vjp(shape.log_scale, shape.logit_opacity, of_each);
+    gradient.log_scale += added.log_scale;
+    gradient.logit_opacity += added.logit_opacity;
   }
 };
 
@@ -112,13 +141,6 @@ struct Share {
       if (item < rows * kInRow) numbers.finish(first * kInRow + item, loaded[k], gradients[item]);
     }
   }
-};
-
-/// The parameters of one Gaussian but for colour.
-struct Shape {
-  Vec3f mean, log_scale;
-  Quatf rotation;
-  float logit_opacity;
 };
 
 /// All quantities but SH: this lane's shares.

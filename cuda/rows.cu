@@ -8,6 +8,7 @@
 #include <cub/device/device_select.cuh>
 
 #include "cuda/cub_room.cuh"
+#include "cuda/relocate.cuh"
 #include "cuda/stages.cuh"
 
 namespace gs::cuda {
@@ -147,8 +148,9 @@ __global__ void reset_opacity_kernel(Span<float> logit_opacity, float highest) {
 class CudaRowOps final : public RowOps {
  public:
   CudaRowOps(Context& context, Memory& memory)
-      : context_(context), rows_(context, memory), order_room_(memory), fate_(memory),
-        source_(memory), clones_(memory), parents_(memory), halves_(memory), counts_(1, memory) {}
+      : context_(context), rows_(context, memory), relocation_(context, memory),
+        order_room_(memory), fate_(memory), source_(memory), clones_(memory), parents_(memory),
+        halves_(memory), counts_(1, memory) {}
 
   RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
                       int step) override {
@@ -168,6 +170,12 @@ class CudaRowOps final : public RowOps {
     report.split = found.parents;
     report.pruned = count - found.survivors + found.parents - halves;
     return report;
+  }
+
+  RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
+                        int step) override {
+    StageScope scope(context_, "relocate");
+    return relocation_.run(model, rules, seed, step);
   }
 
   void reset_opacity(TrainingModel& model, float opacity) override {
@@ -295,6 +303,7 @@ class CudaRowOps final : public RowOps {
 
   Context& context_;
   RowGather rows_;
+  Relocation relocation_;
   RowOrderRoom order_room_;
   Buffer<Fate> fate_;                                // (N) of the rows, then of the halves
   Buffer<std::uint32_t> source_, clones_, parents_;  // row numbers

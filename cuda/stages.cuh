@@ -87,10 +87,19 @@ AdamSteps adam_steps(int t, const LearningRates& rates);
 
 /// 7 and 8 in one  preprocess_backward.cu: pulls the gradients back and updates the parameters at once, so that
 /// no gradient of a parameter is ever stored. Rows that are not visible are updated, too. While room.halted is
-/// raised, nothing is updated.
+/// raised, nothing is updated. Of `density` the noise is left to add_position_noise().
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
                                     const RenderSettings& settings, const AdamSteps& steps,
-                                    bool gather_statistics, WorkingRoom& room, RenderPass& pass);
+                                    const DensityStep& density, WorkingRoom& room,
+                                    RenderPass& pass);
+
+/// What the MCMC strategy adds to 8  langevin.cu: the regularisers' gradients before Adam, where gradients are stored;
+/// and noise on the means after it, unless `halted` is raised (or null).
+void add_regulariser_gradients(Context& context, const GaussiansSpan& gaussians,
+                               const Regularisers& regularisers, const GaussiansSpan& gradients);
+void add_position_noise(Context& context, const GaussiansSpan& gaussians,
+                        const PositionNoise& noise, float position_rate,
+                        const std::uint32_t* halted);
 
 /// The other stages, behind the contracts of gs_train.
 std::unique_ptr<Loss> make_loss(Context& context, Memory& memory, PhotoStore& photos);  // 5 ssim.cu

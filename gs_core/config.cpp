@@ -85,6 +85,12 @@ std::optional<T> value_of(const toml::node& node) {
 
 template <class T>
 void assign(const Field<T>& field, const toml::node& node, std::string_view where) {
+  if constexpr (std::is_same_v<T, std::int64_t>) {
+    if (field.limits.low == double(kAutoCount) && node.value_exact<std::string>() == "auto") {
+      field.value = kAutoCount;
+      return;
+    }
+  }
   const auto value = value_of<typename Wide<T>::type>(node);
   if (!value) refuse(where, field.key, text_of(node), kTypeName<T>);
   if (!fits(*value, field.limits)) refuse(where, field.key, text_of(node), field.limits.text());
@@ -230,6 +236,9 @@ void validate(const Config& config) {
       "dataset.resolution", resolution, "1, 2, 4, 8, or a width of at least 16 pixels");
   require(config.render.near_plane < config.render.far_plane, "render.near_plane",
           config.render.near_plane, "less than render.far_plane");
+  require(config.density.strategy != "mcmc" || config.density.max_gaussians != 0,
+          "density.max_gaussians", config.density.max_gaussians,
+          "a number, or auto: density.strategy = \"mcmc\" grows up to it");
   const double steps = double(config.train.iterations) * double(config.train.steps_scaler);
   require(steps >= 1 && steps <= limits::kLargestInt, "train.steps_scaler",
           config.train.steps_scaler, "such that train.iterations times it is a count of steps");

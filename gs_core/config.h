@@ -44,6 +44,7 @@ struct ModelConfig {
   std::string output;  // the run's folder
   int sh_degree = 3;
   float initial_opacity = 0.1f;
+  float initial_scale = 1;     // of the distance to the nearest points
   int random_points = 100000;  // used when the model has no points
   int most_points = 2000000;   // to start from; denser clouds are thinned
 };
@@ -76,8 +77,12 @@ struct OptimizerConfig {
   float sh_rest_lr = 1.25e-4f;
 };
 
-/// Adaptive density control (Kerbl et al. 2023, Sec. 5.2). Steps are those of a 30,000-step run.
+inline constexpr std::int64_t kAutoCount = -1;  // a count that is found out; the word auto stands for it
+
+/// Density control: adaptive (Kerbl et al. 2023, Sec. 5.2) or mcmc (Kheradmand et al. 2024). Steps are those of a
+/// 30,000-step run.
 struct DensityConfig {
+  std::string strategy = "adaptive";  // adaptive, mcmc
   int from_step = 600;
   int until_step = 14900;
   int every = 100;
@@ -87,7 +92,13 @@ struct DensityConfig {
   float prune_scale = 0.1f;  // of the extent, after the first opacity reset
   int reset_opacity_every = 3000;
   int reset_opacity_until = 12000;
-  std::int64_t max_gaussians = 0;  // 0: no cap
+  std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as there is memory for
+  bool absolute_gradient = false;  // the statistic sums absolute values over pixels (AbsGS)
+  // of mcmc alone
+  float growth = 0.05f;              // of the count, in one refinement
+  float noise_scale = 5e5f;          // times the rate of the means
+  float opacity_regulariser = 0.01f;  // weight of the mean opacity in the loss
+  float scale_regulariser = 0.01f;    // and of the mean scale
 };
 
 struct TrainConfig {

@@ -29,7 +29,8 @@ struct Field {
 template <class AnyConfig, class Visitor>
 void visit_fields(AnyConfig& config, Visitor&& visit) {
   using namespace limits;
-  constexpr std::string_view kKerbl = "Kerbl et al. 2023", kFaster = "Faster-GS", kMip = "Yu et al. 2024";
+  constexpr std::string_view kKerbl = "Kerbl et al. 2023", kFaster = "Faster-GS", kMip = "Yu et al. 2024",
+                             kMcmc = "Kheradmand et al. 2024";
   const auto field = [&](std::string_view key, auto& value, std::string_view unit, Limits range,
                          std::string_view meaning, std::string_view source = {}) {
     visit(Field<std::remove_reference_t<decltype(value)>>{key, value, unit, range, meaning, source});
@@ -65,6 +66,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("model.output",                 model.output,                 "folder", any(),              "where the run is written");
   field("model.sh_degree",              model.sh_degree,              "",       between(0, 3),      "highest degree of the spherical harmonics that hold colour", kKerbl);
   field("model.initial_opacity",        model.initial_opacity,        "",       between(1e-4, 0.999), "of every Gaussian at the start", kKerbl);
+  field("model.initial_scale",          model.initial_scale,          "",       above(0),           "of the distance to the nearest points, the scale of a Gaussian at the start");
   field("model.random_points",          model.random_points,          "points", steps_from(1),      "drawn where the COLMAP model has no points", kKerbl);
   field("model.most_points",            model.most_points,            "points", steps_from(1),      "to start from; of a denser COLMAP model one point of each cell of a grid is taken");
 
@@ -93,16 +95,22 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.sh_rest_lr",         optimizer.sh_rest_lr,         "",       at_least(0),        "Adam rate of SH degrees 1 to 3", kKerbl);
 
   auto& density = config.density;
-  field("density.from_step",            density.from_step,            "steps",  steps_from(0),      "first refinement (clone, split, prune), of a 30,000-step run", kFaster);
+  field("density.strategy",             density.strategy,             "",       one_of("adaptive, mcmc"), "how Gaussians are added and removed: cloned, split and pruned; or moved and drawn as samples (needs max_gaussians)");
+  field("density.from_step",            density.from_step,            "steps",  steps_from(0),      "first refinement (clone, split, prune; move, add), of a 30,000-step run", kFaster);
   field("density.until_step",           density.until_step,           "steps",  steps_from(0),      "last refinement", kFaster);
   field("density.every",                density.every,                "steps",  steps_from(1),      "between refinements", kKerbl);
   field("density.gradient_threshold",   density.gradient_threshold,   "NDC",    at_least(0),        "mean image-plane gradient above which a Gaussian is cloned or split", kKerbl);
   field("density.small_scale",          density.small_scale,          "extent", at_least(0),        "smaller Gaussians are cloned, larger ones split", kKerbl);
-  field("density.prune_opacity",        density.prune_opacity,        "",       between(0, 1),      "fainter Gaussians are removed", kKerbl);
+  field("density.prune_opacity",        density.prune_opacity,        "",       between(0, 1),      "fainter Gaussians are removed, or moved by mcmc", kKerbl);
   field("density.prune_scale",          density.prune_scale,          "extent", above(0),           "larger Gaussians are removed, after the first opacity reset", kKerbl);
   field("density.reset_opacity_every",  density.reset_opacity_every,  "steps",  steps_from(1),      "between opacity resets", kKerbl);
   field("density.reset_opacity_until",  density.reset_opacity_until,  "steps",  steps_from(0),      "last opacity reset; 0: none", kKerbl);
-  field("density.max_gaussians",        density.max_gaussians,        "",       between(0, 4e9),    "no clone or split beyond so many, however many points there are; 0: no cap");
+  field("density.max_gaussians",        density.max_gaussians,        "",       between(kAutoCount, 4e9), "no growth beyond so many, however many points there are; 0: no cap; auto (-1): as many as there is memory for");
+  field("density.absolute_gradient",    density.absolute_gradient,    "",       any(),              "the gradient that decides about growth sums absolute values over pixels; wants a threshold some four times as large", "Ye et al. 2024");
+  field("density.growth",               density.growth,               "",       between(0, 1),      "of the Gaussians, added in one refinement of mcmc", kMcmc);
+  field("density.noise_scale",          density.noise_scale,          "",       at_least(0),        "of mcmc's noise on the means, times their learning rate", kMcmc);
+  field("density.opacity_regulariser",  density.opacity_regulariser,  "",       at_least(0),        "weight of the mean opacity in mcmc's loss", kMcmc);
+  field("density.scale_regulariser",    density.scale_regulariser,    "1/world units", at_least(0), "weight of the mean scale in mcmc's loss", kMcmc);
 
   auto& train = config.train;
   field("train.iterations",             train.iterations,             "steps",  steps_from(1),      "of training, one photo each; the schedule scales with it", kKerbl);

@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/memory.h"
 
+#include <unistd.h>
+
+#include <algorithm>
 #include <cstring>
+#include <fstream>
+#include <limits>
 #include <new>
 #include <string>
 
@@ -11,6 +16,26 @@ namespace gs {
 namespace {
 
 constexpr std::align_val_t kAlignment{128};
+constexpr std::size_t kAnyAmount = std::numeric_limits<std::size_t>::max();
+
+// What the kernel says can be had without swapping.
+std::size_t available_ram() {
+  std::ifstream file("/proc/meminfo");
+  std::string name, unit;
+  std::size_t kib = 0;
+  while (file >> name >> kib && std::getline(file, unit))
+    if (name == "MemAvailable:") return kib << 10;
+  return std::size_t(::sysconf(_SC_AVPHYS_PAGES)) * std::size_t(::sysconf(_SC_PAGE_SIZE));
+}
+
+// What is left of the limit of a container or a batch job; what its file cache holds counts as taken.
+std::size_t left_to_control_group() {
+  std::size_t most = 0, taken = 0;
+  const char* const folder = "/sys/fs/cgroup/";
+  if (!(std::ifstream(std::string(folder) + "memory.max") >> most)) return kAnyAmount;  // or it says "max"
+  if (!(std::ifstream(std::string(folder) + "memory.current") >> taken)) return kAnyAmount;
+  return most > taken ? most - taken : 0;
+}
 
 class HostMemory final : public Memory {
  public:
@@ -33,6 +58,9 @@ class HostMemory final : public Memory {
   void fill_zero(void* to, std::size_t bytes) override { std::memset(to, 0, bytes); }
   void upload(void* to, const void* from, std::size_t bytes) override { copy(to, from, bytes); }
   void download(void* to, const void* from, std::size_t bytes) override { copy(to, from, bytes); }
+  std::size_t free_bytes() const override {
+    return std::min(available_ram(), left_to_control_group());
+  }
 };
 
 }  // namespace

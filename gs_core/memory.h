@@ -19,6 +19,8 @@ class Memory {
   /// Copies in from, and out to, host memory.
   virtual void upload(void* to, const void* from_host, std::size_t bytes) = 0;
   virtual void download(void* to_host, const void* from, std::size_t bytes) = 0;
+  /// Bytes that may still be had, by and large: others take of it, too.
+  virtual std::size_t free_bytes() const = 0;
 };
 
 /// The host's own memory.

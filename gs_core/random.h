@@ -14,7 +14,10 @@ enum class RandomStream : std::uint32_t {
   background,
   split_gaussians,
   initialise,
-  test
+  test,
+  relocate,
+  grow,
+  position_noise
 };
 
 struct RandomBits {
@@ -32,6 +35,13 @@ GS_HD RandomBits philox(RandomBits counter, std::uint32_t key0, std::uint32_t ke
     key1 += 0xBB67AE85u;
   }
   return counter;
+}
+
+/// The upper 64 bits of a product of 128.
+GS_HD std::uint64_t high_product(std::uint64_t a, std::uint64_t b) {
+  const std::uint64_t a0 = std::uint32_t(a), a1 = a >> 32, b0 = std::uint32_t(b), b1 = b >> 32;
+  const std::uint64_t middle = a1 * b0 + (a0 * b0 >> 32);
+  return a1 * b1 + (middle >> 32) + ((a0 * b1 + std::uint32_t(middle)) >> 32);
 }
 
 /// Random numbers of one seed and stream, addressed by two counters (say, step and row).
@@ -62,6 +72,12 @@ struct Random {
   GS_HD std::uint32_t below(std::uint32_t bound, std::uint64_t major,
                             std::uint32_t minor = 0) const {
     return std::uint32_t((std::uint64_t(bits(major, minor).word[0]) * bound) >> 32);
+  }
+  /// The same for bounds beyond 32 bits.
+  GS_HD std::uint64_t below64(std::uint64_t bound, std::uint64_t major,
+                              std::uint32_t minor = 0) const {
+    const RandomBits b = bits(major, minor);
+    return high_product(std::uint64_t(b.word[1]) << 32 | b.word[0], bound);
   }
 
  private:

@@ -4,6 +4,8 @@
 // the same number and the sum of a splat has a fixed order.
 #include "gs_core/math/blend.h"
 
+#include <cmath>
+
 #include "gs_core/parallel.h"
 #include "gs_render/stages.h"
 #include "gs_render/tile_loop.h"
@@ -45,11 +47,14 @@ struct TilePixels {
 };
 
 // A SplatGradient per lane; the lanes are summed once, at the end, in a fixed order.
+template <bool kAbsolute>
 struct LaneSums {
   float mean_x[kLanes] = {}, mean_y[kLanes] = {};
   float conic_xx[kLanes] = {}, conic_xy[kLanes] = {}, conic_yy[kLanes] = {};
   float opacity[kLanes] = {};
   float red[kLanes] = {}, green[kLanes] = {}, blue[kLanes] = {};
+  static constexpr int kAbsoluteLanes = kAbsolute ? kLanes : 1;
+  float absolute_x[kAbsoluteLanes] = {}, absolute_y[kAbsoluteLanes] = {};
 
   static float sum(const float (&lanes)[kLanes]) {
     return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
@@ -61,11 +66,12 @@ struct LaneSums {
             sum(opacity),
             {sum(red), sum(green), sum(blue)}};
   }
+  Vec2f absolute_total() const { return {sum(absolute_x), sum(absolute_y)}; }
 };
 
-template <BlendRule rule>
+template <BlendRule rule, bool kAbsolute>
 inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::uint32_t position,
-                                 int first, TilePixels& pixels, LaneSums& sums) {
+                                 int first, TilePixels& pixels, LaneSums<kAbsolute>& sums) {
   const Splat s = splat;
   for (int lane = 0; lane < kLanes; ++lane) {
     const int i = first + lane;
@@ -91,6 +97,10 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
         fragment_exponent_vjp(s.conic, dx + float(lane), dy, dL_fragment.exponent);
     sums.mean_x[lane] += dL_splat.mean2d.x;
     sums.mean_y[lane] += dL_splat.mean2d.y;
+    if constexpr (kAbsolute) {
+      sums.absolute_x[lane] += std::abs(dL_splat.mean2d.x);
+      sums.absolute_y[lane] += std::abs(dL_splat.mean2d.y);
+    }
     sums.conic_xx[lane] += dL_splat.conic.xx;
     sums.conic_xy[lane] += dL_splat.conic.xy;
     sums.conic_yy[lane] += dL_splat.conic.yy;
@@ -101,36 +111,48 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
   }
 }
 
-template <BlendRule rule>
+template <BlendRule rule, bool kAbsolute>
 void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_dimage,
                          RenderPass& pass, std::size_t tile_index) {
   const Tile tile(pass, tile_index);
   TilePixels pixels(pass, tile, settings.background, dL_dimage);
   for (std::uint32_t k = tile.begin; k < tile.end; ++k) {
-    LaneSums sums;
+    LaneSums<kAbsolute> sums;
     const std::uint32_t instance = pass.tile_instances[k], position = k - tile.begin;
     if (position < pixels.largest_last) {
       const std::uint32_t gaussian = pass.tile_splats[k];
       const Splat& splat = pass.splats[gaussian];
       for_each_lane_group(
           tile, pass.pixel_rects[gaussian], splat.mean2d, [&](int first, float dx, float dy) {
-            blend_backward_lanes<rule>(splat, dx, dy, position, first, pixels, sums);
+            blend_backward_lanes<rule, kAbsolute>(splat, dx, dy, position, first, pixels, sums);
           });
     }
     pass.instance_gradients[instance] = sums.total();
+    if constexpr (kAbsolute) pass.absolute_gradients[instance] = sums.absolute_total();
   }
+}
+
+template <BlendRule rule, bool kAbsolute>
+void blend_backward_tiles(const RenderSettings& settings, Span<const float> dL_dimage,
+                          RenderPass& pass) {
+  parallel_for(pass.tile_count(), 1, [&](std::size_t tile) {
+    blend_backward_tile<rule, kAbsolute>(settings, dL_dimage, pass, tile);
+  });
 }
 
 }  // namespace
 
 void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage, RenderPass& pass) {
-  pass.instance_gradients.resize_discard(pass.instance_splats.size());
-  parallel_for(pass.tile_count(), 1, [&](std::size_t tile) {
-    if (settings.blend_rule == BlendRule::classic)
-      blend_backward_tile<BlendRule::classic>(settings, dL_dimage, pass, tile);
-    else
-      blend_backward_tile<BlendRule::faster_gs>(settings, dL_dimage, pass, tile);
-  });
+  const std::size_t instances = pass.instance_splats.size();
+  pass.instance_gradients.resize_discard(instances);
+  pass.absolute_gradients.resize_discard(settings.absolute_gradient ? instances : 0);
+  const bool is_classic = settings.blend_rule == BlendRule::classic;
+  const auto tiles = settings.absolute_gradient
+                         ? is_classic ? blend_backward_tiles<BlendRule::classic, true>
+                                      : blend_backward_tiles<BlendRule::faster_gs, true>
+                     : is_classic ? blend_backward_tiles<BlendRule::classic, false>
+                                  : blend_backward_tiles<BlendRule::faster_gs, false>;
+  tiles(settings, dL_dimage, pass);
 }
 
 }  // namespace gs

@@ -29,6 +29,15 @@ SplatGradient sum_of_instances(const RenderPass& pass, std::size_t i) {
   return sum;
 }
 
+// The same of the absolute values.
+Vec2f absolute_sum_of_instances(const RenderPass& pass, std::size_t i) {
+  Vec2f sum(0.0f);
+  const std::uint32_t begin = pass.first_instance[i], end = begin + pass.tile_counts[i];
+  for (std::uint32_t instance = begin; instance < end; ++instance)
+    sum += pass.absolute_gradients[instance];
+  return sum;
+}
+
 }  // namespace
 
 void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
@@ -45,7 +54,8 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
     write_row(gradients, i,
               project_gaussian_vjp(camera, parameters_of(gaussians, i), settings, dL_dsplat,
                                    gradients.sh_rest[i].coefficient));
-    dL_dmean2d[i] = dL_dsplat.mean2d;
+    dL_dmean2d[i] =
+        settings.absolute_gradient ? absolute_sum_of_instances(pass, i) : dL_dsplat.mean2d;
   });
 }
 

@@ -14,6 +14,7 @@ namespace gs {
 struct RenderSettings : SplatSettings {
   Vec3f background{0, 0, 0};                   // sRGB 0..1
   BlendRule blend_rule = BlendRule::faster_gs;
+  bool absolute_gradient = false;  // backward's dL_dmean2d sums absolute values over pixels (Ye et al. 2024, AbsGS)
   // How the CUDA backend blends; the scalar one does not ask.
   bool use_tensor_cores = true;   // where the GPU has them: exponents as matrix products, blend_gemm.cu
   bool half_precision = false;    // with them: weights of 11 bits, for viewing
@@ -76,6 +77,7 @@ struct RenderPass {
 
   // 6 blend backward
   Buffer<SplatGradient> instance_gradients;  // (I) each instance's share, summed per splat in a fixed order; scalar backend
+  Buffer<Vec2f> absolute_gradients;          // (I) by the mean, absolute values; scalar backend, with absolute_gradient
 
   explicit RenderPass(Memory& memory = host_memory())
       : splats(memory), depths(memory), pixel_rects(memory), tile_counts(memory),
@@ -83,7 +85,7 @@ struct RenderPass {
         instance_splats(memory), sort_scratch(memory), tile_splats(memory), tile_instances(memory),
         tile_ranges(memory), tile_order(memory), first_checkpoints(memory), segments(memory),
         checkpoints(memory), image(memory), transmittance(memory), last_instance(memory),
-        instance_gradients(memory) {}
+        instance_gradients(memory), absolute_gradients(memory) {}
 
   /// Sizes what stage 1 fills, for a view and so many Gaussians.
   void begin(const Camera& camera, std::size_t gaussians) {

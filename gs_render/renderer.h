@@ -26,7 +26,8 @@ class Renderer {
   ///
   /// dL_dimage   (3, H, W)
   /// gradients   N rows, written whole: zero where a Gaussian was not visible
-  /// dL_dmean2d  (N) gradient by the image-plane mean, per pixel; zero where not visible
+  /// dL_dmean2d  (N) gradient by the image-plane mean, per pixel; zero where not visible. With
+  ///             settings.absolute_gradient each pixel's share counts with its absolute value, axis by axis
   virtual void backward(const GaussiansSpan& gaussians, const Camera& camera,
                         const RenderSettings& settings, RenderPass& pass,
                         Span<const float> dL_dimage, const GaussiansSpan& gradients,

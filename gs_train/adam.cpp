@@ -17,6 +17,13 @@ Span<float> numbers_of(const Buffer<T>& rows) {
 
 class ScalarOptimizer final : public Optimizer {
  public:
+  void regularise(const TrainingModel& model, const Regularisers& regularisers,
+                  Gaussians& gradients) override {
+    add_regulariser_gradients(model.gaussians.span(), regularisers, gradients.span());
+  }
+  void add_noise(TrainingModel& model, const PositionNoise& noise, float position_rate) override {
+    add_position_noise(model.gaussians.span(), noise, position_rate);
+  }
   void step(TrainingModel& model, const Gaussians& gradients, const LearningRates& rates) override {
     GS_CHECK(gradients.count() == model.count());
     const int t = ++model.adam_steps;

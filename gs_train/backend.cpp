@@ -4,7 +4,7 @@
 namespace gs {
 
 void Backend::step(TrainingModel& model, const View& view, const RenderSettings& settings,
-                   float lambda_dssim, const LearningRates& rates, bool gather_statistics) {
+                   float lambda_dssim, const LearningRates& rates, const DensityStep& density) {
   gradients_.resize(model.count());
   dL_dmean2d_.resize(model.count());
   const GaussiansSpan gaussians = model.gaussians.span();
@@ -13,8 +13,10 @@ void Backend::step(TrainingModel& model, const View& view, const RenderSettings&
   loss().forward_backward(pass_, *with_photo(view), lambda_dssim, dL_dimage_);
   renderer().backward(gaussians, view.camera, settings, pass_, dL_dimage_.span(), gradients_.span(),
                       dL_dmean2d_.span());
+  if (density.regularisers.any()) optimizer().regularise(model, density.regularisers, gradients_);
   optimizer().step(model, gradients_, rates);
-  if (gather_statistics) gather(model, pass_, dL_dmean2d_.span());
+  if (density.noise.scale > 0) optimizer().add_noise(model, density.noise, rates.mean);
+  if (density.gather_statistics) gather(model, pass_, dL_dmean2d_.span());
 }
 
 }  // namespace gs

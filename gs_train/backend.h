@@ -19,6 +19,13 @@ struct StageTime {
   std::vector<float> milliseconds;  // one per run
 };
 
+/// What density control asks of one step besides the update by the photo's gradients.
+struct DensityStep {
+  bool gather_statistics = false;  // of visibility and image-plane gradients
+  Regularisers regularisers = {};  // in the loss
+  PositionNoise noise = {};        // on the means, after the update
+};
+
 /// Everything that the trainer needs of a device. Made by the program, outlives the trainer.
 class Backend {
  public:
@@ -41,11 +48,10 @@ class Backend {
   /// Tells which view the step after the next one will take.
   virtual void announce(const View&) {}
 
-  /// One training step: render, compare, differentiate, update, and note the statistics that density
-  /// control reads. The body given here is the algorithm in plain words; a backend may override it with a
+  /// One training step: render, compare, differentiate, update, and do what density control asks. The body given here is the algorithm in plain words; a backend may override it with a
   /// fused sequence that computes the same.
   virtual void step(TrainingModel& model, const View& view, const RenderSettings& settings,
-                    float lambda_dssim, const LearningRates& rates, bool gather_statistics);
+                    float lambda_dssim, const LearningRates& rates, const DensityStep& density);
 
   /// Waits until the model is what all steps so far make of it. Steps of a device run behind the host's back:
   /// whoever looks at a model calls this first; row operations do so themselves.

@@ -1,27 +1,38 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <limits>
-
 #include "gs_train/density_control.h"
 
+#include "gs_core/error.h"
+
 namespace gs {
+namespace {
 
-DensityControl::DensityControl(const Config& config, float scene_extent)
-    : rules_{config.density.gradient_threshold, config.density.small_scale * scene_extent,
-             config.density.prune_opacity, std::numeric_limits<float>::infinity(),
-             config.density.max_gaussians},
-      prune_scale_(config.density.prune_scale * scene_extent), random_{
-                                                                   config.train.seed,
-                                                                   RandomStream::split_gaussians} {}
+struct Strategy {
+  const char* name;  // as density.strategy has it
+  MakeDensityControl* make;
+};
+constexpr Strategy kStrategies[] = {
+    {"adaptive", make_adaptive_control},
+    {"mcmc", make_mcmc_control},
+};
 
-RefineReport DensityControl::refine(TrainingModel& model, Backend& backend, int step,
-                                    bool prune_large) const {
-  AdaptiveRules rules = rules_;
-  if (prune_large) rules.prune_scale = prune_scale_;
-  return backend.rows().refine(model, rules, random_, step);
+}  // namespace
+
+std::vector<std::string> density_strategies() {
+  std::vector<std::string> names;
+  for (const Strategy& strategy : kStrategies) names.push_back(strategy.name);
+  return names;
 }
 
-void DensityControl::reset_opacity(TrainingModel& model, Backend& backend) const {
-  backend.rows().reset_opacity(model, kResetOpacity);
+std::unique_ptr<DensityControl> make_density_control(const Config& config, const Schedule& schedule,
+                                                     float scene_extent) {
+  std::string known;
+  for (const Strategy& strategy : kStrategies) {
+    if (config.density.strategy == strategy.name)
+      return strategy.make(config, schedule, scene_extent);
+    known += (known.empty() ? "" : ", ") + std::string(strategy.name);
+  }
+  throw UsageError("there is no density.strategy " + config.density.strategy + "; it is one of " +
+                   known);
 }
 
 }  // namespace gs

@@ -65,7 +65,7 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
     const float distance2 =
         std::max(tree.mean_squared_distance(i, kInitialNeighbours), kMinNeighbourDistance2);
     start.mean[i] = means[i];
-    start.log_scale[i] = Vec3f(0.5f * std::log(distance2));
+    start.log_scale[i] = Vec3f(0.5f * std::log(distance2) + std::log(config.model.initial_scale));
     start.rotation[i] = {1, 0, 0, 0};
     start.logit_opacity[i] = logit(config.model.initial_opacity);
     for (int c = 0; c < 3; ++c)

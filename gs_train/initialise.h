@@ -9,7 +9,7 @@
 namespace gs {
 
 /// One isotropic Gaussian per sparse point: its colour, the configured opacity, and as its scale the root
-/// mean squared distance to its three nearest neighbours (Kerbl et al. 2023, Sec. 5.1). A scene without
+/// mean squared distance to its three nearest neighbours (Kerbl et al. 2023, Sec. 5.1), times model.initial_scale. A scene without
 /// points starts from random ones that at least one training camera sees. Throws Error where there are none.
 TrainingModel initial_model(const Scene& scene, const Config& config, Memory& memory);
 

@@ -3,6 +3,8 @@
 #pragma once
 
 #include "gs_core/gaussians.h"
+#include "gs_core/math/mcmc.h"
+#include "gs_core/random.h"
 
 namespace gs {
 
@@ -57,12 +59,38 @@ inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
   return model;
 }
 
+/// Gives the model `count` rows; the first ones are as they were, new ones undefined.
+inline void resize_rows(TrainingModel& model, std::size_t count) {
+  for (Gaussians* rows : {&model.gaussians, &model.first_moment, &model.second_moment})
+    rows->resize(count);
+  model.statistics.visits.resize(count);
+  model.statistics.gradient_norm.resize(count);
+}
+
+/// Noise on the means in one step; it depends on seed, step and row alone, so that every backend and a resumed run draw
+/// the same.
+struct PositionNoise {
+  float scale = 0;  // times the learning rate of the means; 0: none
+  Random random{0, RandomStream::position_noise};
+  int step = 0;
+
+  GS_HD Vec3f normal(std::size_t row) const {
+    const Vec4f draw = random.normal4(std::uint64_t(step), std::uint32_t(row));
+    return {draw.x, draw.y, draw.z};
+  }
+};
+
 class Optimizer {
  public:
   virtual ~Optimizer() = default;
+  /// gradients += those of the regularisers, for every row.
+  virtual void regularise(const TrainingModel& model, const Regularisers& regularisers,
+                          Gaussians& gradients) = 0;
   /// One Adam update of every row, visible or not (dense semantics). Counts model.adam_steps up.
   virtual void step(TrainingModel& model, const Gaussians& gradients,
                     const LearningRates& rates) = 0;
+  /// means += noise; `position_rate` is the learning rate of the means in this step.
+  virtual void add_noise(TrainingModel& model, const PositionNoise& noise, float position_rate) = 0;
 };
 
 }  // namespace gs

@@ -11,6 +11,13 @@ namespace gs {
 /// How many rows a refinement touched.
 struct RefineReport {
   std::size_t cloned = 0, split = 0, pruned = 0;
+  std::size_t moved = 0;  // dead ones, onto live ones
+};
+
+/// The rules of one relocation (MCMC).
+struct RelocationRules {
+  float dead_opacity;     // up to it a Gaussian is dead
+  std::int64_t grow_to;   // rows to have in the end; fewer than there are: none is added
 };
 
 class RowOps {
@@ -21,6 +28,11 @@ class RowOps {
   /// after them, then the halves of split rows. New rows start with zero moments.
   virtual RefineReport refine(TrainingModel& model, const AdaptiveRules& rules,
                               const Random& random, int step) = 0;
+  /// Makes each dead row a copy of a live one, then adds copies up to a count (Kheradmand et al. 2024). A row is
+  /// drawn with a probability proportional to its opacity; it and its copies share what it was and start with zero
+  /// moments. Rows that are degenerate or not finite are dead. Clears the statistics. Without a live row nothing is done.
+  virtual RefineReport relocate(TrainingModel& model, const RelocationRules& rules,
+                                std::uint64_t seed, int step) = 0;
   /// Lowers every opacity to at most `opacity` and clears the moments of the opacities.
   virtual void reset_opacity(TrainingModel& model, float opacity) = 0;
   /// Removes rows that cannot be seen: below `opacity`, degenerate, or not finite. Returns how many.

@@ -99,6 +99,11 @@ class ScalarRowOps final : public RowOps {
     return report;
   }
 
+  RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
+                        int step) override {
+    return gs::relocate(model, rules, seed, step);
+  }
+
   void reset_opacity(TrainingModel& model, float opacity) override {
     const float highest = logit(opacity);
     for (float& value : model.gaussians.logit_opacity) value = std::min(value, highest);

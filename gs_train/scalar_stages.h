@@ -12,6 +12,16 @@ std::unique_ptr<Loss> make_scalar_loss();            // 5  ssim.cpp
 std::unique_ptr<Optimizer> make_scalar_optimizer();  // 8  adam.cpp
 std::unique_ptr<RowOps> make_scalar_row_ops();       // 9  rows.cpp, 10 morton.cpp
 
+/// langevin.cpp, behind Optimizer: what the MCMC strategy adds to stage 8.
+void add_regulariser_gradients(const GaussiansSpan& gaussians, const Regularisers& regularisers,
+                               const GaussiansSpan& gradients);
+void add_position_noise(const GaussiansSpan& gaussians, const PositionNoise& noise,
+                        float position_rate);
+
+/// relocate.cpp, behind RowOps::relocate().
+RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
+                      int step);
+
 /// Rows of `model` in a new order, or some of them: row i becomes what row source[i] was; parameters, moments
 /// and statistics alike.
 void gather_rows(TrainingModel& model, Span<const std::uint32_t> source);

@@ -4,6 +4,7 @@
 #include <chrono>
 
 #include "gs_core/error.h"
+#include "gs_train/gaussian_budget.h"
 #include "gs_train/initialise.h"
 
 namespace gs {
@@ -42,6 +43,7 @@ RenderSettings render_settings(const Config& config) {
       config.render.blend_rule == "classic" ? BlendRule::classic : BlendRule::faster_gs;
   settings.antialias = config.render.antialias;
   settings.antialias_detach = config.render.antialias_detach;
+  settings.absolute_gradient = config.density.absolute_gradient;
   settings.near_plane = config.render.near_plane;
   settings.far_plane = config.render.far_plane;
   if (config.render.background == "white") settings.background = Vec3f(1.0f);
@@ -52,9 +54,12 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
     : scene_(with_views(scene)), config_(config), backend_(backend),
       schedule_(config, scene.extent), settings_(render_settings(config)),
       views_(scene.train_views.size(), config.train.seed), views_ahead_(views_),
-      density_(config, scene.extent), model_(initial_model(scene, config, backend.memory())) {
+      model_(initial_model(scene, config, backend.memory())) {
   settings_.sh_degree = 0;  // raised by the schedule
   backend_.prepare(scene.train_views, std::size_t(double(config.train.photo_gib) * kGib));
+  if (config_.density.max_gaussians == kAutoCount)
+    config_.density.max_gaussians = affordable_gaussians(scene, model_, backend_.memory());
+  density_ = make_density_control(config_, schedule_, scene.extent);
 }
 
 template <class F>
@@ -102,10 +107,9 @@ void Trainer::one_step(int step) {
   backend_.announce(scene_.train_views[views_.view_of(step + 1)]);
   // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec. "Optimization"
   backend_.step(model_, view, settings_, config_.loss.lambda_dssim, schedule_.learning_rates(step),
-                schedule_.gather_statistics(step));
-  // Control density: clone, split, prune, reset          3DGS Sec. 5.2
-  if (schedule_.refine(step)) density_.refine(model_, backend_, step, schedule_.prune_large(step));
-  if (schedule_.reset_opacity(step)) density_.reset_opacity(model_, backend_);
+                density_->of_step(step));
+  // Control density: clone, split, prune, reset          3DGS Sec. 5.2, or MCMC
+  density_->after_step(model_, backend_, step);
   // Keep house: unlock SH bands; keep neighbours adjacent in memory
   if (schedule_.raise_sh_degree(step) && settings_.sh_degree < config_.model.sh_degree)
     ++settings_.sh_degree;

@@ -2,6 +2,7 @@
 // The training loop.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "gs_core/config.h"
@@ -47,6 +48,7 @@ class Trainer {
   RenderSettings evaluation_settings() const;
   const Schedule& schedule() const { return schedule_; }
   const Scene& scene() const { return scene_; }
+  /// As given, but for density.max_gaussians: where it was to be found out, it is the number found.
   const Config& config() const { return config_; }
   Backend& backend() { return backend_; }
   /// The loss of the last step; waits for the device.
@@ -69,8 +71,8 @@ class Trainer {
   Schedule schedule_;
   RenderSettings settings_;
   ViewSampler views_, views_ahead_;
-  DensityControl density_;
   TrainingModel model_;
+  std::unique_ptr<DensityControl> density_;
   std::vector<Observer*> observers_;
   int step_ = 0;  // steps done
   double train_seconds_ = 0;

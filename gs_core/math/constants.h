@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every constant of the method, once, each with its unit and source. Sources: [3DGS] Kerbl et al. 2023,
-// [FGS] Faster-GS 2026, [Mip] Yu et al. 2024 (Mip-Splatting), [SSIM] Wang et al. 2004.
+// [FGS] Faster-GS 2026, [Mip] Yu et al. 2024 (Mip-Splatting), [SSIM] Wang et al. 2004, [MCMC] Kheradmand et al. 2024.
 #pragma once
 
 namespace gs {
@@ -62,6 +62,12 @@ inline constexpr float kAdamEpsilon = 1e-15f;
 // Density control.
 inline constexpr float kSplitScaleDivisor = 1.6f;       // both halves of a split shrink by it [3DGS]
 inline constexpr float kResetOpacity = 0.01f;           // an opacity reset lowers to it [3DGS]
+
+// Density control as a Markov chain.
+inline constexpr float kNoiseOpacity = 0.005f;          // at which the noise on a mean is halved [MCMC, code]
+inline constexpr float kNoiseSteepness = 100.0f;        // of its fall towards opaque Gaussians [MCMC, code]
+inline constexpr int kMostCopies = 51;                  // that one Gaussian is shared among, for its new size [MCMC, code]
+inline constexpr float kMinShareTransmittance = 0x1p-23f;  // 1 - o of an opaque Gaussian that is shared
 
 // Initialisation.
 inline constexpr int kInitialNeighbours = 3;            // whose mean distance is the first scale [3DGS]

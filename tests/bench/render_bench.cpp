@@ -37,7 +37,7 @@ struct BenchScene {
                                  dL_dimage.span(), gradients.span(), dL_dmean2d.span());
   }
   void adam() { backend->optimizer().step(model, gradients, kRates); }
-  void step() { backend->step(model, view, settings, kLambdaDssim, kRates, true); }
+  void step() { backend->step(model, view, settings, kLambdaDssim, kRates, {true}); }
 
   std::unique_ptr<Backend> backend = make_scalar_backend();
   View view;

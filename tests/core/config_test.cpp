@@ -79,6 +79,7 @@ Config everything_changed() {
   config.render.bounds = "box";
   config.render.blend = "simt";
   config.render.precision = "half";
+  config.density.strategy = "mcmc";
   config.train.device = "cuda:12";
   config.reconstruct.matching = "sequential";
   config.reconstruct.camera_model = "OPENCV";

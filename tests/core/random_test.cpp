@@ -124,5 +124,30 @@ TEST(Below, OneIsAlwaysZero) {
   for (int i = 0; i < 100; ++i) EXPECT_EQ(kRandom.below(1, std::uint64_t(i)), 0u);
 }
 
+#ifdef __SIZEOF_INT128__
+TEST(HighProduct, IsTheUpperHalfOf128Bits) {
+  const std::uint64_t some[] = {
+      0, 1, 0xffffffffu, 0x100000000u, 0x123456789abcdef0u, ~std::uint64_t(0)};
+  for (const std::uint64_t a : some)
+    for (const std::uint64_t b : some) {
+      __extension__ typedef unsigned __int128 Wide;
+      EXPECT_EQ(high_product(a, b), std::uint64_t(Wide(a) * b >> 64)) << a << " " << b;
+    }
+}
+#endif
+
+TEST(Random, Below64StaysBelowAndFillsItsRange) {
+  const Random random{3, RandomStream::test};
+  const std::uint64_t bound = (std::uint64_t(1) << 52) + 12345;
+  double mean = 0;
+  for (int i = 0; i < 10000; ++i) {
+    const std::uint64_t value = random.below64(bound, std::uint64_t(i));
+    EXPECT_LT(value, bound);
+    mean += double(value) / double(bound) / 10000;
+  }
+  EXPECT_NEAR(mean, 0.5, 0.012);  // four standard errors
+  EXPECT_EQ(random.below64(1, 7), 0u);
+}
+
 }  // namespace
 }  // namespace gs

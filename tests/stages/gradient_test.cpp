@@ -321,6 +321,65 @@ TEST(Gradient, ByTheImagePlaneMeanIsTheSlope) {
   EXPECT_LT(worst / largest, kTolerance);
 }
 
+/// Each pixel's gradient by image-plane means, absolute and summed: from the slopes of that pixel alone.
+std::vector<Vec3d> absolute_slopes(ReferenceSplats splats, const SmallScene& scene,
+                                   const LinearLoss& loss) {
+  constexpr double h = 1e-4;  // pixels
+  const Buffer<float> weights = loss.dL_dimage();
+  const auto picture = [&] { return reference_picture(splats, scene.settings, kWidth, kHeight); };
+  std::vector<Vec3d> result(scene.gaussians.count(), Vec3d(0.0));
+  const std::size_t plane = std::size_t(kWidth) * kHeight;
+  for (ReferenceSplats::Entry& entry : splats.entries)
+    for (int axis = 0; axis < 2; ++axis) {
+      const double value = entry.splat.mean2d[axis];
+      entry.splat.mean2d[axis] = value + h;
+      const ReferencePicture high = picture();
+      entry.splat.mean2d[axis] = value - h;
+      const ReferencePicture low = picture();
+      entry.splat.mean2d[axis] = value;
+      for (std::size_t i = 0; i < plane; ++i) {
+        if (high.pixels[i].decisions != low.pixels[i].decisions) continue;  // a faint edge
+        double slope = 0;
+        for (int c = 0; c < 3; ++c)
+          slope += double(weights[c * plane + i]) *
+                   (high.pixels[i].color[c] - low.pixels[i].color[c]) / (2 * h);
+        result[entry.gaussian][axis] += std::abs(slope);
+      }
+    }
+  return result;
+}
+
+TEST(Gradient, ByTheImagePlaneMeanSumsAbsoluteSlopesOfPixelsWhereAsked) {
+  for (const BlendRule rule : {BlendRule::faster_gs, BlendRule::classic}) {
+    SmallScene scene;
+    scene.settings.blend_rule = rule;
+    const LinearLoss loss(6);
+    Backward plain, absolute;
+    forward(scene, plain);
+    backward(scene, loss.dL_dimage(), plain);
+    EXPECT_TRUE(plain.pass.absolute_gradients.empty());
+    scene.settings.absolute_gradient = true;
+    forward(scene, absolute);
+    backward(scene, loss.dL_dimage(), absolute);
+    EXPECT_TRUE(same_bits(absolute.gradients, plain.gradients));  // of the parameters
+
+    const std::vector<Vec3d> expected = absolute_slopes(
+        reference_splats<double>(in_double(scene.gaussians), scene.camera, scene.settings), scene,
+        loss);
+    double largest = 0, worst = 0;
+    bool differs = false;
+    for (std::size_t i = 0; i < expected.size(); ++i)
+      for (int axis = 0; axis < 2; ++axis) {
+        largest = std::max(largest, expected[i][axis]);
+        worst = std::max(worst, std::abs(expected[i][axis] - absolute.dL_dmean2d[i][axis]));
+        EXPECT_GE(absolute.dL_dmean2d[i][axis], std::abs(plain.dL_dmean2d[i][axis]) * 0.9999f);
+        differs |= absolute.dL_dmean2d[i][axis] > 1.5f * std::abs(plain.dL_dmean2d[i][axis]);
+      }
+    EXPECT_LT(worst / largest, kTolerance) << largest;
+    EXPECT_TRUE(differs);
+  }
+}
+
 bool is_zero(const Rows& rows, std::size_t i) {
   return std::all_of(rows[i].begin(), rows[i].end(), [](double value) { return value == 0; });
 }

@@ -70,6 +70,17 @@ TEST(InitialModel, ScalesAreTheDistanceToTheThreeNearestPoints) {
                   1e-5);
 }
 
+TEST(InitialModel, ScalesAreMultipliedByTheConfigsFactor) {
+  const Scene scene = scene_with(random_points(50, 2));
+  Config config;
+  config.model.initial_scale = 0.1f;
+  const TrainingModel plain = initial_model(scene, {}, host_memory()),
+                      small = initial_model(scene, config, host_memory());
+  for (std::size_t i = 0; i < 50; ++i)
+    EXPECT_NEAR(small.gaussians.log_scale[i].y - plain.gaussians.log_scale[i].y, std::log(0.1f),
+                1e-5);
+}
+
 TEST(InitialModel, LooksLikeItsPointsFromEverySide) {
   const Scene scene = scene_with(random_points(50, 3));
   const TrainingModel model = initial_model(scene, {}, host_memory());

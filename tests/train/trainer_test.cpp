@@ -116,6 +116,53 @@ TEST_F(SmallRun, DependsOnTheSeed) {
   EXPECT_FALSE(same_bits(trained(config), one));
 }
 
+/// A short run under MCMC, from the points' own size; half of its Gaussians are there at the start.
+Config short_mcmc_run() {
+  Config config = short_run();
+  config.density.strategy = "mcmc";
+  config.density.max_gaussians = 80;
+  config.density.from_step = config.density.every = 20;
+  config.density.until_step = 24900;
+  config.density.growth = 0.2f;
+  config.model.initial_opacity = 0.5f;
+  return config;
+}
+
+TEST_F(SmallRun, UnderMcmcGrowsToTheCapAndBringsThePicturesCloseToThePhotos) {
+  Trainer trainer(scene_, short_mcmc_run(), *backend_);
+  trainer.run();
+  EXPECT_GT(psnr_of(trainer.model().gaussians, trainer.evaluation_settings()), 22);
+  EXPECT_GT(trainer.gaussian_count(), 70u);  // some may be pruned in the end
+  EXPECT_LE(trainer.gaussian_count(), 80u);
+}
+
+TEST_F(SmallRun, UnderMcmcGivesTheSameBitsForTheSameSeedAndAnyNumberOfThreads) {
+  Config config = short_mcmc_run();
+  config.train.iterations = 120;
+  set_thread_count(1);
+  const Gaussians one = trained(config);
+  set_thread_count(0);
+  EXPECT_TRUE(same_bits(trained(config), one));
+  config.train.seed += 1;
+  EXPECT_FALSE(same_bits(trained(config), one));
+}
+
+TEST_F(SmallRun, WithAbsoluteGradientsGrowsMoreAtTheSameThreshold) {
+  Config config = short_run();
+  config.density.from_step = config.density.every = 50;
+  const Gaussians plain = trained(config);
+  config.density.absolute_gradient = true;
+  EXPECT_GT(trained(config).count(), plain.count());
+}
+
+TEST_F(SmallRun, FindsOutHowManyGaussiansThereIsMemoryFor) {
+  Config config = short_run();
+  config.train.iterations = 10;
+  config.density.max_gaussians = kAutoCount;
+  Trainer trainer(scene_, config, *backend_);
+  EXPECT_GT(trainer.config().density.max_gaussians, 100);
+}
+
 /// Notes what it sees; asks for the end after one step.
 class Watcher : public Observer {
  public:

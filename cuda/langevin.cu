@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 8, what the MCMC strategy adds to it: the regularisers' gradients before Adam, where gradients are stored (the
+// fused update of preprocess_backward.cu adds them itself), and noise on the means after.
+#include "cuda/stages.cuh"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = 256;  // rows are independent: any size that fills a multiprocessor
+
+__global__ void regulariser_kernel(GaussiansSpan gaussians, Regularisers of_each,
+                                   GaussiansSpan gradients) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i >= gaussians.mean.size) return;
+  const RegulariserGradient<float> gradient =
+      regulariser_vjp(gaussians.log_scale[i], gaussians.logit_opacity[i], of_each);
+  gradients.log_scale[i] += gradient.log_scale;
+  gradients.logit_opacity[i] += gradient.logit_opacity;
+}
+
+__global__ void position_noise_kernel(GaussiansSpan gaussians, PositionNoise noise, float rate,
+                                      const std::uint32_t* halted) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i >= gaussians.mean.size || (halted && *halted)) return;
+  gaussians.mean[i] +=
+      position_noise(gaussians.log_scale[i], gaussians.rotation[i], gaussians.logit_opacity[i],
+                     noise.normal(i), noise.scale * rate);
+}
+
+}  // namespace
+
+void add_regulariser_gradients(Context& context, const GaussiansSpan& gaussians,
+                               const Regularisers& regularisers, const GaussiansSpan& gradients) {
+  const StageScope scope(context, "regularisers");
+  const std::size_t count = gaussians.mean.size;
+  context.launch("regularisers", regulariser_kernel, blocks_for(count, kThreads), kThreads,
+                 gaussians, regularisers.of_each(count), gradients);
+}
+
+void add_position_noise(Context& context, const GaussiansSpan& gaussians,
+                        const PositionNoise& noise, float position_rate,
+                        const std::uint32_t* halted) {
+  const StageScope scope(context, "position noise");
+  context.launch("position noise", position_noise_kernel, blocks_for(gaussians.mean.size, kThreads),
+                 kThreads, gaussians, noise, position_rate, halted);
+}
+
+}  // namespace gs::cuda

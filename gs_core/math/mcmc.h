@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stages 8 and 9 under the MCMC strategy: the Gaussians as samples that walk through the scene (stochastic gradient
+// Langevin dynamics), one Gaussian at a time: what the loss adds for opacity and scale, the noise on the mean, and how
+// copies share what was one Gaussian.   Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte Carlo"
+#pragma once
+
+#include "gs_core/math/activations.h"
+#include "gs_core/math/constants.h"
+#include "gs_core/math/covariance.h"
+#include "gs_core/math/density.h"
+#include "gs_core/math/rotation.h"
+#include "gs_core/types.h"
+
+namespace gs {
+
+/// Weights of the mean opacity and of the mean scale in the loss; 0: none.
+struct Regularisers {
+  float opacity = 0;
+  float scale = 0;  // 1 / world units
+
+  bool any() const { return opacity != 0 || scale != 0; }
+  /// The weight of each single number of so many Gaussians.
+  Regularisers of_each(std::size_t gaussians) const {
+    const double count = gaussians > 0 ? double(gaussians) : 1.0;
+    return {float(opacity / count), float(scale / (3 * count))};
+  }
+};
+
+/// What one Gaussian adds to the loss, so that those that nobody needs fade and shrink.   Kheradmand et al. 2024
+///
+///   w_o o + w_s (s_x + s_y + s_z),   w of_each()
+template <class T>
+GS_HD T regulariser(const Vec3<T>& log_scale, const T& logit_opacity, const Regularisers& of_each) {
+  using std::exp;
+  return T(of_each.opacity) * sigmoid(logit_opacity) +
+         T(of_each.scale) * (exp(log_scale.x) + exp(log_scale.y) + exp(log_scale.z));
+}
+template <class T>
+struct RegulariserGradient {
+  Vec3<T> log_scale;
+  T logit_opacity;
+};
+/// Gradients of regulariser(), of dL/d(regulariser) = 1.
+template <class T>
+GS_HD RegulariserGradient<T> regulariser_vjp(const Vec3<T>& log_scale, const T& logit_opacity,
+                                             const Regularisers& of_each) {
+  using std::exp;
+  const T weight = T(of_each.scale);
+  return {{weight * exp(log_scale.x), weight * exp(log_scale.y), weight * exp(log_scale.z)},
+          sigmoid_vjp(sigmoid(logit_opacity), T(of_each.opacity))};
+}
+
+/// The noise on a mean after a step: along the Gaussian's own covariance, so that it explores its neighbourhood, and
+/// only while it is faint.   Kheradmand et al. 2024, k and o_0 from its code
+///
+///   rate sigmoid(-k (o - o_0)) Sigma n,   k = 100, o_0 = 0.005
+///
+/// normal  three independent standard normal numbers
+/// rate    1 / world units: the learning rate of the means times the scale of the noise
+/// Zero for a Gaussian without a rotation.   world units
+template <class T>
+GS_HD Vec3<T> position_noise(const Vec3<T>& log_scale, const Quat<T>& rotation,
+                             const T& logit_opacity, const Vec3<T>& normal, const T& rate) {
+  if (is_degenerate(rotation)) return Vec3<T>(T(0));
+  const T gate = sigmoid(T(-kNoiseSteepness) * (sigmoid(logit_opacity) - T(kNoiseOpacity)));
+  return rate * gate * multiply(covariance(rotation_matrix(rotation), variance(log_scale)), normal);
+}
+
+/// A Gaussian's weight in the draw of those that are copied: its opacity in units of 2^-24; 0 where it is dead, up to
+/// `dead_opacity`, and cannot be drawn. A whole number, so that sums do not depend on their order; found in double, so
+/// that the CPU and the GPU find the same.
+GS_HD std::uint32_t draw_weight(float logit_opacity, float dead_opacity) {
+  const double opacity = sigmoid(double(logit_opacity));
+  return opacity > double(dead_opacity) ? std::uint32_t(opacity * 0x1p24 + 0.5) : 0;
+}
+/// The same of a whole row: one that is degenerate or not finite is dead.
+GS_HD std::uint32_t draw_weight(const Vec3f& mean, const Vec3f& log_scale, const Quatf& rotation,
+                                float logit_opacity, float dead_opacity) {
+  if (is_invisible(mean, log_scale, rotation, logit_opacity, 0.0f)) return 0;
+  return draw_weight(logit_opacity, dead_opacity);
+}
+
+/// The opacity of each of `copies` equal Gaussians in one place that together cover what one covers.
+///
+///   1 - (1 - o_new)^N = o                                                    Kheradmand et al. 2024
+template <class T>
+GS_HD T shared_opacity(const T& opacity, int copies) {
+  using std::pow;
+  return T(1) - pow(T(1) - opacity, T(1) / T(copies));
+}
+
+/// What the scales of such copies are multiplied by, for the blended light to stay the same over a line through them.
+///
+///   o / sum_{i=1..N} sum_{k=0..i-1} (i-1 over k) (-1)^k o_new^(k+1) / sqrt(k+1)       Kheradmand et al. 2024
+/// and since sum_{i=k+1..N} (i-1 over k) = (N over k+1), in one sum:
+///   o / sum_{k=1..N} (N over k) (-1)^(k-1) o_new^k / sqrt(k)
+///
+/// The terms alternate and are up to (1 + o_new)^N: call it in double.
+template <class T>
+GS_HD T shared_scale(const T& opacity, const T& new_opacity, int copies) {
+  using std::sqrt;
+  T sum = T(0), term = T(-1);  // (N over k) (-o_new)^k, with the other sign
+  for (int k = 1; k <= copies; ++k) {
+    term *= -new_opacity * T(copies - k + 1) / T(k);
+    sum += term / sqrt(T(k));
+  }
+  return opacity / sum;
+}
+
+/// What becomes of a Gaussian that is shared among copies.
+struct SharedGaussian {
+  float logit_opacity;
+  Vec3f log_scale;
+};
+/// The parameters of each of `copies` Gaussians in place of one, at most kMostCopies; opacities are kept between
+/// `least_opacity` and what a logit can say.
+GS_HD SharedGaussian shared_gaussian(float logit_opacity, const Vec3f& log_scale, int copies,
+                                     float least_opacity) {
+  using std::log;
+  const int number = min_of(copies, kMostCopies);
+  const double most = 1.0 - double(kMinShareTransmittance);
+  const double opacity = min_of(sigmoid(double(logit_opacity)), most);
+  const double share = shared_opacity(opacity, number);
+  const float change = float(log(shared_scale(opacity, share, number)));
+  return {float(logit(clamp_to(share, double(least_opacity), most))), log_scale + Vec3f(change)};
+}
+
+}  // namespace gs

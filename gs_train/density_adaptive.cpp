@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// The strategy "adaptive": clones, splits, prunes and opacity resets.   Kerbl et al. 2023, Sec. 5.2
+#include <limits>
+
+#include "gs_train/density_control.h"
+
+namespace gs {
+namespace {
+
+class AdaptiveControl final : public DensityControl {
+ public:
+  AdaptiveControl(const Config& config, const Schedule& schedule, float scene_extent)
+      : schedule_(schedule), rules_{config.density.gradient_threshold,
+                                    config.density.small_scale * scene_extent,
+                                    config.density.prune_opacity,
+                                    std::numeric_limits<float>::infinity(),
+                                    config.density.max_gaussians},
+        prune_scale_(config.density.prune_scale * scene_extent),
+        random_{config.train.seed, RandomStream::split_gaussians} {}
+
+  DensityStep of_step(int step) const override {
+    return {.gather_statistics = schedule_.gather_statistics(step)};
+  }
+
+  RefineReport after_step(TrainingModel& model, Backend& backend, int step) override {
+    RefineReport report;
+    if (schedule_.refine(step)) {
+      AdaptiveRules rules = rules_;
+      if (schedule_.prune_large(step)) rules.prune_scale = prune_scale_;
+      report = backend.rows().refine(model, rules, random_, step);
+    }
+    if (schedule_.reset_opacity(step)) backend.rows().reset_opacity(model, kResetOpacity);
+    return report;
+  }
+
+ private:
+  const Schedule schedule_;
+  const AdaptiveRules rules_;
+  const float prune_scale_;  // world units
+  const Random random_;
+};
+
+}  // namespace
+
+std::unique_ptr<DensityControl> make_adaptive_control(const Config& config,
+                                                      const Schedule& schedule,
+                                                      float scene_extent) {
+  return std::make_unique<AdaptiveControl>(config, schedule, scene_extent);
+}
+
+}  // namespace gs

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 9 under the MCMC strategy: dead rows become copies of live ones, and copies are added up to a count. A live
+// row is drawn with a probability proportional to its opacity, and it and its copies share what it was.
+#include <algorithm>
+
+#include "gs_core/math/mcmc.h"
+#include "gs_core/parallel.h"
+#include "gs_train/scalar_stages.h"
+
+namespace gs {
+namespace {
+
+template <class Rows>
+void clear_row(Rows& moments, std::size_t i) {
+  for_each_array([&](const char*, auto& array) { array[i] = {}; }, moments);
+}
+
+/// Sums of the weights up to and with each row.
+std::vector<std::uint64_t> weight_sums(const TrainingModel& model, float dead_opacity) {
+  const GaussiansSpan rows = model.gaussians.span();
+  std::vector<std::uint64_t> sums(model.count());
+  parallel_for(sums.size(), 4096, [&](std::size_t i) {
+    sums[i] = draw_weight(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
+                          dead_opacity);
+  });
+  for (std::size_t i = 1; i < sums.size(); ++i) sums[i] += sums[i - 1];
+  return sums;
+}
+
+std::vector<std::uint32_t> dead_rows(const std::vector<std::uint64_t>& sums) {
+  std::vector<std::uint32_t> dead;
+  for (std::uint32_t i = 0; i < sums.size(); ++i)
+    if (sums[i] == (i > 0 ? sums[i - 1] : 0)) dead.push_back(i);
+  return dead;
+}
+
+/// The row that each of `count` copies is made of.
+std::vector<std::uint32_t> draw(const std::vector<std::uint64_t>& sums, std::size_t count,
+                                const Random& random, int step) {
+  std::vector<std::uint32_t> source(count);
+  parallel_for(count, 1024, [&](std::size_t k) {
+    const std::uint64_t at = random.below64(sums.back(), std::uint64_t(step), std::uint32_t(k));
+    source[k] = std::uint32_t(std::upper_bound(sums.begin(), sums.end(), at) - sums.begin());
+  });
+  return source;
+}
+
+/// Each row that was drawn becomes one of its copies; all of them start with zero moments.
+void share_sources(TrainingModel& model, const std::vector<std::uint32_t>& source,
+                   float least_opacity) {
+  std::vector<int> drawn(model.count());
+  for (const std::uint32_t i : source) ++drawn[i];
+  const Gaussians& rows = model.gaussians;
+  parallel_for(drawn.size(), 4096, [&](std::size_t i) {
+    if (!drawn[i]) return;
+    const SharedGaussian shared =
+        shared_gaussian(rows.logit_opacity[i], rows.log_scale[i], drawn[i] + 1, least_opacity);
+    rows.logit_opacity[i] = shared.logit_opacity;
+    rows.log_scale[i] = shared.log_scale;
+    clear_row(model.first_moment, i);
+    clear_row(model.second_moment, i);
+  });
+}
+
+/// Row to(k) becomes a copy of row source[k], with zero moments.
+template <class To>
+void copy_rows(TrainingModel& model, const std::vector<std::uint32_t>& source, const To& to) {
+  parallel_for(source.size(), 1024, [&](std::size_t k) {
+    for_each_array([&](const char*, auto& array) { array[to(k)] = array[source[k]]; },
+                   model.gaussians);
+    clear_row(model.first_moment, to(k));
+    clear_row(model.second_moment, to(k));
+  });
+}
+
+std::size_t move_dead_rows(TrainingModel& model, const RelocationRules& rules, const Random& random,
+                           int step) {
+  const std::vector<std::uint64_t> sums = weight_sums(model, rules.dead_opacity);
+  const std::vector<std::uint32_t> dead = dead_rows(sums);
+  if (dead.empty() || sums.back() == 0) return 0;
+  const std::vector<std::uint32_t> source = draw(sums, dead.size(), random, step);
+  share_sources(model, source, rules.dead_opacity);
+  copy_rows(model, source, [&](std::size_t k) { return dead[k]; });
+  return dead.size();
+}
+
+std::size_t add_copies(TrainingModel& model, const RelocationRules& rules, const Random& random,
+                       int step) {
+  const std::size_t before = model.count();
+  const std::vector<std::uint64_t> sums = weight_sums(model, rules.dead_opacity);
+  if (std::int64_t(before) >= rules.grow_to || sums.empty() || sums.back() == 0) return 0;
+  const std::vector<std::uint32_t> source =
+      draw(sums, std::size_t(rules.grow_to) - before, random, step);
+  share_sources(model, source, rules.dead_opacity);
+  resize_rows(model, before + source.size());
+  copy_rows(model, source, [&](std::size_t k) { return before + k; });
+  return source.size();
+}
+
+}  // namespace
+
+RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
+                      int step) {
+  RefineReport report;
+  report.moved = move_dead_rows(model, rules, {seed, RandomStream::relocate}, step);
+  report.cloned = add_copies(model, rules, {seed, RandomStream::grow}, step);
+  model.statistics.visits.fill_zero();
+  model.statistics.gradient_norm.fill_zero();
+  return report;
+}
+
+}  // namespace gs

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_train/gaussian_budget.h"
+
+#include <gtest/gtest.h>
+
+#include "gs_render/render_pass.h"
+
+namespace gs {
+namespace {
+
+constexpr std::size_t kGib = std::size_t(1) << 30;
+
+TEST(GaussiansFor, IsTheFormula) {
+  EXPECT_EQ(gaussians_for(10 * kGib, 1'000'000, 100'000),
+            std::int64_t((0.85 * double(10 * kGib) - 256e6 + 708e5) / 2048));
+}
+
+TEST(GaussiansFor, IsNeverLessThanThereAreNorMoreThanCanBeNumbered) {
+  EXPECT_EQ(gaussians_for(0, 1'000'000, 100'000), 100'000);
+  EXPECT_EQ(gaussians_for(0, 1'000'000, 0), 1);
+  EXPECT_EQ(gaussians_for(100'000 * kGib, 0, 0), std::int64_t(kMostGaussians) - 1);
+}
+
+TEST(HostMemory, SaysHowMuchIsFree) {
+  EXPECT_GT(host_memory().free_bytes(), std::size_t(1) << 20);
+  EXPECT_LT(host_memory().free_bytes(), std::size_t(1) << 50);
+}
+
+}  // namespace
+}  // namespace gs
