@@ -52,7 +52,7 @@ std::string folder_name(std::string text) {
     if (!std::isalnum(static_cast<unsigned char>(c)) &&
         std::string_view("._+=-").find(c) == std::string_view::npos)
       c = '_';
-  if (text.empty() || text[0] == '.') text.insert(0, "_");
+  if (text.empty() || text[0] == '.') text = fmt::format("_{}", text);
   return text;
 }
 

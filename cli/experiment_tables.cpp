@@ -152,11 +152,12 @@ std::string csv_text(const std::vector<Row>& rows) {
     text += fmt::format("{},{},{},{}", row.run->scene, row.run->config, row.run->seed, row.state);
     for (const Metric& metric : kMetrics) {
       const auto value = value_of(row, metric);
-      text += "," + (value ? fmt::format("{}", *value) : "");
+      text += value ? fmt::format(",{}", *value) : ",";
     }
     for (const char* key : kProvenance)
-      text += "," + (row.results.contains(key) ? quoted_for_csv(plain(row.results[key])) : "");
-    text += "," + quoted_for_csv(row.run->folder.root().string()) + "\n";
+      text += fmt::format(",{}",
+                          row.results.contains(key) ? quoted_for_csv(plain(row.results[key])) : "");
+    text += fmt::format(",{}\n", quoted_for_csv(row.run->folder.root().string()));
   }
   return text;
 }

@@ -31,7 +31,7 @@ std::string index_ranges(const std::vector<const ExperimentRun*>& runs) {
     while (last + 1 < runs.size() && runs[last + 1]->index == runs[last]->index + 1) ++last;
     text += text.empty() ? "" : ",";
     text += std::to_string(runs[first]->index);
-    if (last > first) text += "-" + std::to_string(runs[last]->index);
+    if (last > first) text += fmt::format("-{}", runs[last]->index);
   }
   return text;
 }
