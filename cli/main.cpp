@@ -58,6 +58,8 @@ int run(int argc, const char* const* argv) {
   add_convert_cameras(program);
   add_doctor(program);
   add_train(program);
+  add_config(program);
+  add_experiment(program);
   add_eval(program);
   add_render(program);
   add_info(program);

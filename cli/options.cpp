@@ -91,8 +91,9 @@ void add_setting(CLI::App& verb, CommandLine& line, const std::string& names,
 }
 
 void add_general_options(CLI::App& verb, CommandLine& line) {
-  verb.add_option("-c,--config", line.config_files, "TOML file of settings; may be given again")
-      ->type_name("FILE")
+  verb.add_option("-c,--config", line.config_files,
+                  "settings: a TOML file, a run's folder or a preset; may be given again")
+      ->type_name("FILE|RUN|PRESET")
       ->expected(1)
       ->take_all()
       ->group("Settings");
@@ -131,11 +132,13 @@ void add_render_options(CLI::App& verb, CommandLine& line) {
   add_setting(verb, line, "--sh-degree", "model.sh_degree", "Rendering");
 }
 
-Config resolve(const CommandLine& line, Config start) {
-  for (const std::string& file : line.config_files) load_config(start, file);
-  for (const std::string& setting : line.settings) apply_setting(start, setting);
-  for (const std::string& flag : line.flags) apply_setting(start, flag);
-  validate(start);
+Config resolve(const CommandLine& line, Config start, SettingOrigins* origins) {
+  SettingOrigins known;
+  for (const std::string& file : line.config_files) load_config(start, file, &known);
+  for (const std::string& setting : line.settings) known[apply_setting(start, setting)] = "--set";
+  for (const std::string& flag : line.flags) known[apply_setting(start, flag)] = "flag";
+  validate(start, known);
+  if (origins) *origins = std::move(known);
   return start;
 }
 

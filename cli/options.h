@@ -42,8 +42,9 @@ void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& s
 /// --background, -w, --antialiased, --blend-rule, --sh-degree.
 void add_render_options(CLI::App& verb, CommandLine& line);
 
-/// The settings of the command line over `start`, validated. Throws UsageError.
-Config resolve(const CommandLine& line, Config start = {});
+/// The settings of the command line over `start`, validated; in `origins`, where given, what came from where. Throws
+/// UsageError.
+Config resolve(const CommandLine& line, Config start = {}, SettingOrigins* origins = nullptr);
 
 /// "--" arguments with '_' as '-' in their names, so that both are taken alike.
 std::vector<std::string> normalised_arguments(int argc, const char* const* argv);

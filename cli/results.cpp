@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "cli/provenance.h"
 #include "gs_core/version.h"
 
 #ifdef GS_HAVE_CUDA
@@ -60,7 +61,12 @@ std::string results_json(const Results& results) {
                {"train", means(results.train)},
                {"device", results.device},
                {"version", kVersion},
-               {"seed", results.seed}};
+               {"seed", results.seed},
+               {"commit", built_commit()},
+               {"cpu", cpu_name()},
+               {"date", utc_date()},
+               {"scene_hash", results.scene_hash},
+               {"peak_host_bytes", peak_host_bytes()}};
   if (const Vec3d& offset = results.world_offset; offset != Vec3d(0.0))
     json["world_offset"] = {offset.x, offset.y, offset.z};
   if (const auto& refinement = results.refinement)
@@ -78,7 +84,10 @@ std::string results_json(const Results& results) {
     json["exposure"] = {{"samples", results.exposure->samples},
                         {"spread_before", results.exposure->spread_before},
                         {"spread_after", results.exposure->spread_after}};
-  if (results.peak_gpu_bytes) json["peak_gpu_bytes"] = *results.peak_gpu_bytes;
+  if (results.peak_gpu_bytes) {
+    json["peak_gpu_bytes"] = *results.peak_gpu_bytes;
+    json["driver"] = gpu_driver();
+  }
   return text_of(json);
 }
 

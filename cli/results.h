@@ -20,6 +20,7 @@ struct Results {
   std::string device;
   std::uint64_t seed = 0;
   std::optional<std::size_t> peak_gpu_bytes;  // of a run on a GPU
+  std::string scene_hash;
   Vec3d world_offset{0.0, 0.0, 0.0};           // as in Scene
   std::optional<CameraRefinement> refinement;  // where cameras were refined
   std::optional<ExposureSummary> exposure;     // where exposures were solved for
@@ -29,7 +30,8 @@ struct Results {
 std::optional<std::size_t> peak_gpu_bytes(Backend& backend);
 
 /// {"iterations", "num_gaussians", "train_seconds", "test": {"psnr", "ssim", "num_views"}, "train": {...},
-/// "device", "version", "seed"}; "test" is null where no view was held out. On a GPU "peak_gpu_bytes", too.
+/// "device", "version", "seed", "commit", "cpu", "date", "scene_hash", "peak_host_bytes"}; "test" is null where no view was
+/// held out. On a GPU "peak_gpu_bytes" and "driver", too. Date and peak are those of the call (provenance.h).
 /// "world_offset" where it is not 0. Where cameras were refined, "refinement" has the fields of CameraRefinement. Where views have exposures, "test" and "train" also hold "psnr_exposure" and "ssim_exposure", and "exposure" is {"samples",
 /// "spread_before", "spread_after"}.
 std::string results_json(const Results& results);

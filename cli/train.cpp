@@ -21,6 +21,7 @@
 #include "data_loaders/load_scene.h"
 #include "data_loaders/photo_folder.h"
 #include "data_loaders/photos.h"
+#include "data_loaders/scene_hash.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 
@@ -136,7 +137,6 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, int step, Results& 
                    comparisons.push_back({shown_photo(view, background), to_image8(image)});
                });
   if (!comparisons.empty()) write_png(folder.comparison(), comparison_picture(comparisons));
-  write_text(folder.results(), results_json(results));
   write_text(folder.per_view(), per_view_json(results));
 }
 
@@ -202,8 +202,10 @@ void train(const TrainCommand& command) {
   results.refinement = scene.refinement;
   results.exposure = scene.exposure;
   results.peak_gpu_bytes = peak_gpu_bytes(*backend);
+  results.scene_hash = scene_hash(config.dataset);
   evaluate_run(trainer, folder, last, results);
   metrics.finish(last, trainer, results.test);
+  write_text(folder.results(), results_json(results));  // the last file: with it, a run is whole
   if (!command.quiet) print_summary(results, folder);
 }
 

@@ -5,11 +5,11 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
-#include <fstream>
 #include <optional>
 #include <sstream>
 
 #include "gs_core/config_fields.h"
+#include "gs_core/config_source.h"
 #include "gs_core/config_text.h"
 #include "gs_core/error.h"
 #include "gs_core/nearest_word.h"
@@ -108,16 +108,6 @@ std::string with_underscores(std::string key) {
   return key;
 }
 
-[[noreturn]] void refuse_key(std::string_view where, const std::string& key) {
-  std::vector<std::string> known;
-  Config config;
-  visit_fields(config, [&](const auto& field) { known.emplace_back(field.key); });
-  const std::string nearest = nearest_word(key, known);
-  throw UsageError(std::string(where) + "there is no setting " + key + "; " +
-                   (nearest.empty() ? "`gemsplat train --print-config` lists all of them"
-                                    : "did you mean " + nearest + "?"));
-}
-
 // Calls visit(field) for the field of that key.
 template <class Visitor>
 void visit_field(Config& config, const std::string& key, std::string_view where, Visitor&& visit) {
@@ -132,49 +122,48 @@ void visit_field(Config& config, const std::string& key, std::string_view where,
 
 // ---- files ----------------------------------------------------------------------------------------------
 
-std::string where_in(const fs::path& file, const toml::node& node) {
-  return file.string() + ":" + std::to_string(node.source().begin.line) + ": ";
+std::string place_of(const ConfigSource& source, const toml::node& node) {
+  return source.shown + ":" + std::to_string(node.source().begin.line);
 }
 
-toml::table parse_file(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  std::error_code ignored;
-  if (!stream || fs::is_directory(file, ignored))
-    throw Error("cannot read the config file " + file.string() +
-                ": check the path given with -c or as base");
+toml::table parse(const ConfigSource& source) {
   try {
-    return toml::parse(stream, file.string());
+    return toml::parse(source.text, source.shown);
   } catch (const toml::parse_error& error) {
-    throw UsageError(file.string() + ":" + std::to_string(error.source().begin.line) + ": " +
+    throw UsageError(source.shown + ":" + std::to_string(error.source().begin.line) + ": " +
                      std::string(error.description()) + "; the file must be TOML");
   }
 }
 
-// `visiting` holds the files whose base is being read, so that a circle is seen.
-void merge_file(Config& config, const fs::path& file, std::vector<fs::path>& visiting) {
-  const toml::table root = parse_file(file);
-  const fs::path self = fs::weakly_canonical(file);
-  if (std::find(visiting.begin(), visiting.end(), self) != visiting.end())
-    throw UsageError(file.string() +
-                     " is its own base, directly or through other files; remove one " +
-                     "of the `base = ...` lines");
-  visiting.push_back(self);
-  if (const toml::node* base = root.get("base")) {
-    const auto name = base->value_exact<std::string>();
-    if (!name) refuse(where_in(file, *base), "base", text_of(*base), "the name of a TOML file");
-    merge_file(config, file.parent_path() / *name, visiting);
+void merge_section(Config& config, const ConfigSource& source, const std::string& section,
+                   const toml::table& table, SettingOrigins& origins) {
+  for (const auto& [name, node] : table) {
+    const std::string place = place_of(source, node), where = place + ": ";
+    const std::string key = section + "." + with_underscores(std::string(name.str()));
+    visit_field(config, key, where,
+                [&, &value = node](const auto& field) { assign(field, value, where); });
+    origins[key] = place;
   }
-  visiting.pop_back();
+}
 
+// `chain` holds those whose base is being read.
+void merge(Config& config, const std::string& name, ConfigChain& chain, SettingOrigins& origins) {
+  chain.push_back(open_config(name, chain));
+  const toml::table root = parse(chain.back());
+  if (const toml::node* base = root.get("base")) {
+    const auto base_name = base->value_exact<std::string>();
+    if (!base_name)
+      refuse(place_of(chain.back(), *base) + ": ", "base", text_of(*base),
+             "the name of a TOML file or preset");
+    merge(config, *base_name, chain, origins);
+  }
+  const ConfigSource source = std::move(chain.back());
+  chain.pop_back();
   for (const auto& [section_key, section] : root) {
-    const std::string name = with_underscores(std::string(section_key.str()));
-    if (name == "base") continue;
-    if (!section.is_table()) refuse_key(where_in(file, section), name);
-    for (const auto& [key, node] : *section.as_table()) {
-      const std::string where = where_in(file, node);
-      visit_field(config, name + "." + with_underscores(std::string(key.str())), where,
-                  [&, &value = node](const auto& field) { assign(field, value, where); });
-    }
+    const std::string section_name = with_underscores(std::string(section_key.str()));
+    if (section_name == "base") continue;
+    if (!section.is_table()) refuse_key(place_of(source, section) + ": ", section_name);
+    merge_section(config, source, section_name, *section.as_table(), origins);
   }
 }
 
@@ -193,14 +182,27 @@ toml::table parse_value(const std::string& text) {
 
 }  // namespace
 
-void load_config(Config& config, const fs::path& file) {
-  std::vector<fs::path> visiting;
-  Config merged = config;  // a file that is refused changes nothing
-  merge_file(merged, file, visiting);
-  config = merged;
+void refuse_key(std::string_view where, const std::string& key) {
+  std::vector<std::string> known;
+  Config config;
+  visit_fields(config, [&](const auto& field) { known.emplace_back(field.key); });
+  const std::string nearest = nearest_word(key, known);
+  throw UsageError(std::string(where) + "there is no setting " + key + "; " +
+                   (nearest.empty() ? "`gemsplat train --print-config` lists all of them"
+                                    : "did you mean " + nearest + "?"));
 }
 
-void apply_setting(Config& config, const std::string& assignment) {
+void load_config(Config& config, const fs::path& name, SettingOrigins* origins) {
+  ConfigChain chain;
+  Config merged = config;  // a file that is refused changes nothing
+  SettingOrigins merged_origins;
+  merge(merged, name.string(), chain, merged_origins);
+  config = merged;
+  if (origins)
+    for (auto& [key, place] : merged_origins) (*origins)[key] = std::move(place);
+}
+
+std::string apply_setting(Config& config, const std::string& assignment) {
   const std::size_t equals = assignment.find('=');
   if (equals == assignment.npos)
     throw UsageError("the setting " + assignment + " has no value; write section.key=value");
@@ -219,16 +221,21 @@ void apply_setting(Config& config, const std::string& assignment) {
     }
     assign(field, *parsed.get("value"), "");
   });
+  return key;
 }
 
-void validate(const Config& config) {
-  visit_fields(config, [](const auto& field) {
+void validate(const Config& config, const SettingOrigins& origins) {
+  const auto where = [&](std::string_view key) {
+    const auto origin = origins.find(key);
+    return origin == origins.end() ? std::string() : origin->second + ": ";
+  };
+  visit_fields(config, [&](const auto& field) {
     if (!fits(field.value, field.limits))
-      refuse("", field.key, toml_text(field.value), field.limits.text());
+      refuse(where(field.key), field.key, toml_text(field.value), field.limits.text());
   });
-  const auto require = [](bool holds, std::string_view key, const auto& value,
-                          const std::string& must) {
-    if (!holds) refuse("", key, toml_text(value), must);
+  const auto require = [&](bool holds, std::string_view key, const auto& value,
+                           const std::string& must) {
+    if (!holds) refuse(where(key), key, toml_text(value), must);
   };
   const int resolution = config.dataset.resolution;
   require(

@@ -5,7 +5,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
+#include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace gs {
@@ -128,16 +131,26 @@ struct Config {
   TrainConfig train;
 };
 
-/// Merges a TOML file into `config`. Throws UsageError that names file, line, key and the nearest known
-/// key; Error when the file cannot be read.
-void load_config(Config& config, const std::filesystem::path& file);
+/// Where values come from, by key: "runs/a.toml:3", "preset fast:3", "--set", "flag". Settings at their defaults
+/// are not in it.
+using SettingOrigins = std::map<std::string, std::string, std::less<>>;
+
+/// Merges a config into `config`: a TOML file, a run's folder or a preset (config_source.h), its `base` first, and
+/// notes in `origins`, where given, what came from where. Throws UsageError that names file, line, key and the nearest
+/// known key; Error when something cannot be read.
+void load_config(Config& config, const std::filesystem::path& name,
+                 SettingOrigins* origins = nullptr);
 
 /// Applies one `section.key=value`, the value in TOML syntax; a bare word is taken as a string.
-/// Throws UsageError that names the key (and the nearest known one) or the value and its range.
-void apply_setting(Config& config, const std::string& assignment);
+/// Throws UsageError that names the key (and the nearest known one) or the value and its range. Returns the key.
+std::string apply_setting(Config& config, const std::string& assignment);
 
-/// Checks every field against its range. Throws UsageError that names the field, value and range.
-void validate(const Config& config);
+/// Checks every field against its range. Throws UsageError that names the field, value and range, and where the value
+/// comes from if `origins` says so.
+void validate(const Config& config, const SettingOrigins& origins = {});
+
+/// Throws the UsageError that says there is no such setting, and which is the nearest. `where`: "file:line: " or empty.
+[[noreturn]] void refuse_key(std::string_view where, const std::string& key);
 
 /// The whole config as TOML, each field with its unit and meaning as a comment; load_config reads it back.
 std::string to_toml(const Config& config);

@@ -1,19 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The program as users run it: what it prints, writes and returns. Runs the built `gemsplat` on a scene
-// that the test makes: six pictures of 40x32 pixels and a COLMAP model as text.
+// The program as users run it: what it prints, writes and returns, on the scene of tests/support/program.h.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "data_loaders/photos.h"
 #include "data_loaders/refine_exposure.h"
-#include "gs_core/random.h"
-#include "tests/support/temp_folder.h"
+#include "tests/support/program.h"
 
 namespace gs {
 namespace {
@@ -22,78 +18,6 @@ namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-constexpr int kWidth = 40, kHeight = 32;  // pixels; a focal length is 40 pixels
-constexpr int kPoints = 150;
-constexpr int kViews = 6;                 // two of them are held out by --test-every 3
-constexpr const char* kTrain =
-    " --eval --test-every 3 --iterations 20 --device cpu --set train.log_every=5";
-
-struct Outcome {
-  int code;
-  std::string out, err;
-};
-
-Vec3f point(int p) {
-  const Vec4f u = Random{7, RandomStream::test}.uniform4(std::uint64_t(p));
-  const float z = 3 + 2 * u.z;
-  return {(u.x - 0.5f) * z, (u.y - 0.5f) * z * 0.8f, z};
-}
-
-// Cameras on a line, looking along z at points between 3 and 5 world units away. With tracks every photo shows
-// every point that lands in it.
-void write_scene(const fs::path& folder, bool with_tracks = false) {
-  std::ostringstream images, points;
-  for (int v = 0; v < kViews; ++v) {
-    Image8 photo(kWidth, kHeight, 3);
-    for (int y = 0; y < kHeight; ++y)
-      for (int x = 0; x < kWidth; ++x) {
-        photo.at(x, y, 0) = std::uint8_t(128 + 100 * std::sin(0.3 * (x + v)));
-        photo.at(x, y, 1) = std::uint8_t(128 + 100 * std::sin(0.25 * y));
-        photo.at(x, y, 2) = std::uint8_t(200 - 3 * y);
-      }
-    const std::string name = "view_" + std::to_string(v) + ".png";
-    write_png(folder / "images" / name, photo);
-    images << v + 1 << " 1 0 0 0 " << -0.1 * v << " 0 0 1 " << name << "\n";
-    for (int p = 0; with_tracks && p < kPoints; ++p) {
-      const Vec3f at = point(p) - Vec3f(0.1f * float(v), 0, 0);
-      const float x = 40 * at.x / at.z + 20, y = 40 * at.y / at.z + 16;
-      if (x > 0 && x < kWidth && y > 0 && y < kHeight)
-        images << x << ' ' << y << ' ' << p + 1 << ' ';
-    }
-    images << "\n";
-  }
-  for (int p = 0; p < kPoints; ++p)
-    points << p + 1 << ' ' << point(p).x << ' ' << point(p).y << ' ' << point(p).z
-           << " 120 130 140 0.5\n";
-  write_bytes(folder / "sparse/0/cameras.txt", "1 PINHOLE 40 32 40 40 20 16\n");
-  write_bytes(folder / "sparse/0/images.txt", images.str());
-  write_bytes(folder / "sparse/0/points3D.txt", points.str());
-}
-
-class Program : public ::testing::Test {
- protected:
-  Outcome run(const std::string& arguments) {
-    const fs::path out = path("stdout.txt"), err = path("stderr.txt");
-    const std::string command =
-        std::string(GS_PROGRAM) + " " + arguments + " >" + out.string() + " 2>" + err.string();
-    const int status = std::system(command.c_str());
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_bytes(out), read_bytes(err)};
-  }
-  // A trained run in `name`; every test that needs one trains its own, in under a second.
-  Outcome train(const std::string& name, const std::string& more = "") {
-    if (!fs::exists(path("scene"))) write_scene(path("scene"));
-    return run("train " + text("scene") + " -o " + text(name) + kTrain + " " + more);
-  }
-  fs::path path(const std::string& name) const { return folder_.path() / name; }
-  std::string text(const std::string& name) const { return path(name).string(); }
-  nlohmann::json json(const std::string& name) const {
-    return nlohmann::json::parse(read_bytes(path(name)));
-  }
-
- private:
-  TempFolder folder_;
-};
 
 TEST_F(Program, PrintsItsVersionAndHelp) {
   EXPECT_THAT(run("--version").out, HasSubstr("gemsplat "));
@@ -254,7 +178,11 @@ TEST_F(Program, TrainingWritesTheWholeFolder) {
   EXPECT_EQ(results.at("train").at("num_views"), 4);
   EXPECT_EQ(results.at("device"), "cpu");
   EXPECT_EQ(results.at("seed"), 42);
-  EXPECT_EQ(results.size(), 8u);
+  EXPECT_EQ(results.at("scene_hash").get<std::string>().size(), 16u);
+  EXPECT_GT(results.at("peak_host_bytes"), 1 << 20);
+  for (const char* key : {"version", "commit", "cpu", "date"})
+    EXPECT_FALSE(results.at(key).get<std::string>().empty()) << key;
+  EXPECT_EQ(results.size(), 13u);
 
   const nlohmann::json split = json("out/split.json");
   EXPECT_EQ(split.at("test"), nlohmann::json({"view_0.png", "view_3.png"}));

@@ -10,6 +10,8 @@
 #include <sstream>
 
 #include "gs_core/config_fields.h"
+#include "gs_core/config_presets.h"
+#include "gs_core/config_table.h"
 #include "gs_core/error.h"
 #include "gs_core/nearest_word.h"
 #include "tests/support/temp_folder.h"
@@ -227,10 +229,105 @@ TEST_F(ConfigFile, ABaseIsReadFirstAndFoundBesideTheFile) {
   EXPECT_EQ(config.train.seed, 8u);
 }
 
-TEST_F(ConfigFile, ACircleOfBasesIsRefused) {
+TEST_F(ConfigFile, ACircleOfBasesIsRefusedWithItsChain) {
   write_bytes(path("other.toml"), "base = 'run.toml'\n");
-  EXPECT_THAT(refusal("base = 'other.toml'\n"), HasSubstr("its own base"));
+  EXPECT_THAT(refusal("base = 'other.toml'\n"),
+              AllOf(HasSubstr("its own base"),
+                    HasSubstr(path("run.toml").string() + " -> " + path("other.toml").string() +
+                              " -> " + path("run.toml").string())));
   EXPECT_THAT(refusal("base = 'run.toml'\n"), HasSubstr("its own base"));
+}
+
+TEST_F(ConfigFile, AMissingBaseNamesWhoWantedItAndTheNearestPreset) {
+  write_bytes(path("sub/middle.toml"), "base = 'qualty'\n");
+  EXPECT_THAT(refusal("base = 'sub/middle.toml'\n"),
+              AllOf(HasSubstr("base of " + path("sub/middle.toml").string()),
+                    HasSubstr("run.toml -> "), HasSubstr("did you mean the preset quality?")));
+}
+
+TEST_F(ConfigFile, AnErrorInABaseNamesTheBasesFileAndLine) {
+  write_bytes(path("sub/base.toml"), "[train]\n\niteratons = 7\n");
+  EXPECT_THAT(refusal("base = 'sub/base.toml'\n[train]\nseed = 8\n"),
+              AllOf(HasSubstr("sub/base.toml:3: "), HasSubstr("did you mean train.iterations?")));
+}
+
+TEST_F(ConfigFile, APresetIsFoundByNameAndAFileOfThatNameWins) {
+  EXPECT_EQ(load("base = 'fast'\n").train.iterations, 7000);
+  EXPECT_EQ(load("base = 'fast.toml'\n").train.iterations, 7000);
+  write_bytes(path("fast.toml"), "[train]\niterations = 5\n");
+  EXPECT_EQ(load("base = 'fast.toml'\n").train.iterations, 5);
+  EXPECT_EQ(load("base = 'fast'\n").train.iterations, 7000);
+}
+
+TEST_F(ConfigFile, TheFolderOfARunStandsForItsConfig) {
+  write_bytes(path("out/config.toml"), "[train]\niterations = 11\n");
+  EXPECT_EQ(load("base = 'out'\n").train.iterations, 11);
+}
+
+TEST_F(ConfigFile, EachValueKnowsTheFileAndLineItComesFrom) {
+  write_bytes(path("base.toml"), "base = 'fast'\n[train]\nseed = 7\nlog_every = 3\n");
+  write_bytes(path("run.toml"), "base = 'base.toml'\n\n[train]\nlog-every = 4\n");
+  Config config;
+  SettingOrigins origins;
+  load_config(config, path("run.toml"), &origins);
+  EXPECT_EQ(origins.size(), 3u);
+  EXPECT_THAT(origins.at("train.iterations"), HasSubstr("preset fast:"));
+  EXPECT_EQ(origins.at("train.seed"), path("base.toml").string() + ":3");
+  EXPECT_EQ(origins.at("train.log_every"), path("run.toml").string() + ":4");
+}
+
+TEST(Preset, EachIsAFileOfTheFolderSaysWhatItIsForAndIsValid) {
+  std::size_t files = 0;
+  for (const auto& entry :
+       std::filesystem::directory_iterator(std::filesystem::path(GS_SOURCE_DIR) / "configs"))
+    files += entry.path().extension() == ".toml";
+  EXPECT_EQ(presets().size(), files)
+      << "a file of configs/ is not in the list of gs_core/CMakeLists.txt";
+  for (const Preset& preset : presets()) {
+    const auto file =
+        std::filesystem::path(GS_SOURCE_DIR) / "configs" / (std::string(preset.name) + ".toml");
+    EXPECT_EQ(preset.text, read_bytes(file));
+    EXPECT_TRUE(preset.text.starts_with("# ")) << preset.name;
+    Config by_name, by_file;
+    load_config(by_name, std::string(preset.name));
+    load_config(by_file, file);
+    validate(by_name);
+    EXPECT_EQ(fields_of(by_name), fields_of(by_file));
+    EXPECT_NE(fields_of(by_name), fields_of(Config{})) << preset.name;
+  }
+}
+
+TEST(ConfigTable, TheDocumentIsUpToDate) {
+  const auto file = std::filesystem::path(GS_SOURCE_DIR) / "docs/configuration.md";
+  EXPECT_TRUE(read_bytes(file) == config_markdown())
+      << file << " is not what the code says; write it anew with\n"
+      << "  build/default/cli/gemsplat config --markdown > docs/configuration.md";
+}
+
+TEST(ConfigTable, ExplainsASettingASectionOrEverything) {
+  Config config;
+  config.density.every = 50;
+  const std::string one = explain(config, {{"density.every", "a.toml:3"}}, "density.every");
+  EXPECT_THAT(one, AllOf(HasSubstr("density.every = 50"), HasSubstr("a.toml:3"), HasSubstr("steps"),
+                         HasSubstr("at least 1"), HasSubstr("default  100"), HasSubstr("Kerbl")));
+  const auto settings = [&](const std::string& wanted) {
+    const std::string text = explain(config, {}, wanted);
+    std::size_t count = 0;
+    for (std::size_t at = 0; (at = text.find("  default  ", at)) != text.npos; ++at) ++count;
+    return count;
+  };
+  EXPECT_EQ(settings("loss"), field_count<LossConfig>());
+  EXPECT_EQ(settings(""), fields_of(config).size());
+  EXPECT_THAT(message_of([&] { explain(config, {}, "density.evry"); }),
+              HasSubstr("did you mean density.every?"));
+}
+
+TEST(ConfigTable, DifferenceNamesBothValuesAndWhereTheyComeFrom) {
+  Config a, b;
+  b.train.seed = 7;
+  EXPECT_EQ(difference(a, {}, b, {{"train.seed", "--set"}}),
+            "train.seed = 42 -> 7  (default -> --set)\n");
+  EXPECT_EQ(difference(a, {}, a, {}), "");
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {
@@ -275,6 +372,10 @@ TEST(Validate, ChecksFieldsAgainstEachOther) {
   config = {};
   config.train.steps_scaler = 1e-6f;
   EXPECT_THAT(message_of([&] { validate(config); }), HasSubstr("train.steps_scaler"));
+  EXPECT_THAT(message_of([&] {
+                validate(config, {{"train.steps_scaler", "a.toml:2"}});
+              }),
+              HasSubstr("a.toml:2: train.steps_scaler"));
 }
 
 TEST(NearestWord, CountsEditsAndKnowsWhenNothingIsNear) {
