@@ -59,6 +59,12 @@ std::uint32_t CudaRenderer::instance_count(const RenderPass& pass) {
   return first + count;
 }
 
+void CudaRenderer::release_caches() {
+  WorkingRoom fresh(memory_);
+  fresh.halted.swap(room_.halted);
+  room_ = std::move(fresh);
+}
+
 void CudaRenderer::reserve_gradients(std::size_t count) {
   if (room_.splat_gradients.size() >= count) return;
   room_.splat_gradients.resize_discard(count);

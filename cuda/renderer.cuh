@@ -25,6 +25,8 @@ class CudaRenderer final : public Renderer {
   /// Room for dL/d(splat) of so many Gaussians, zero where it is new.
   void reserve_gradients(std::size_t count);
   WorkingRoom& room() { return room_; }
+  /// Gives back all working room but what says whether steps are halted.
+  void release_caches();
 
  private:
   std::uint32_t instance_count(const RenderPass& pass);

@@ -230,7 +230,8 @@ void validate(const Config& config) {
       "dataset.resolution", resolution, "1, 2, 4, 8, or a width of at least 16 pixels");
   require(config.render.near_plane < config.render.far_plane, "render.near_plane",
           config.render.near_plane, "less than render.far_plane");
-  const double steps = double(config.train.iterations) * double(config.train.steps_scaler);
+  const double steps = double(config.train.iterations) * double(config.train.steps_scaler) +
+                       double(config.train.extra_steps);
   require(steps >= 1 && steps <= limits::kLargestInt, "train.steps_scaler",
           config.train.steps_scaler, "such that train.iterations times it is a count of steps");
 }

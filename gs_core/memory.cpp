@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/memory.h"
 
+#include <atomic>
 #include <cstring>
 #include <new>
 #include <string>
@@ -12,9 +13,12 @@ namespace {
 
 constexpr std::align_val_t kAlignment{128};
 
+std::atomic<AllocationHook> allocation_hook = nullptr;
+
 class HostMemory final : public Memory {
  public:
   void* allocate(std::size_t bytes) override {
+    ask_allocation_hook(bytes);
     try {
       return ::operator new(bytes, kAlignment);
     } catch (const std::bad_alloc&) {
@@ -40,6 +44,12 @@ class HostMemory final : public Memory {
 Memory& host_memory() {
   static HostMemory memory;
   return memory;
+}
+
+void set_allocation_hook(AllocationHook hook) { allocation_hook = hook; }
+
+void ask_allocation_hook(std::size_t bytes) {
+  if (const AllocationHook hook = allocation_hook) hook(bytes);
 }
 
 }  // namespace gs

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <limits>
-
 #include "gs_train/density_control.h"
+
+#include <algorithm>
+#include <limits>
 
 namespace gs {
 
@@ -9,9 +10,15 @@ DensityControl::DensityControl(const Config& config, float scene_extent)
     : rules_{config.density.gradient_threshold, config.density.small_scale * scene_extent,
              config.density.prune_opacity, std::numeric_limits<float>::infinity(),
              config.density.max_gaussians},
-      prune_scale_(config.density.prune_scale * scene_extent), random_{
-                                                                   config.train.seed,
-                                                                   RandomStream::split_gaussians} {}
+      prune_scale_(config.density.prune_scale * scene_extent),
+      config_cap_(config.density.max_gaussians), random_{config.train.seed,
+                                                         RandomStream::split_gaussians} {}
+
+void DensityControl::set_growth_cap(std::int64_t most) {
+  growth_cap_ = most;
+  rules_.max_gaussians =
+      config_cap_ > 0 && most > 0 ? std::min(config_cap_, most) : std::max(config_cap_, most);
+}
 
 RefineReport DensityControl::refine(TrainingModel& model, Backend& backend, int step,
                                     bool prune_large) const {

@@ -17,10 +17,14 @@ class DensityControl {
   RefineReport refine(TrainingModel& model, Backend& backend, int step, bool prune_large) const;
   /// Lowers all opacities, so that only those that the photos ask for come back.
   void reset_opacity(TrainingModel& model, Backend& backend) const;
+  /// From now on no growth beyond so many, nor beyond the config's cap; 0: as the config says.
+  void set_growth_cap(std::int64_t most);
+  std::int64_t growth_cap() const { return growth_cap_; }
 
  private:
   AdaptiveRules rules_;
   float prune_scale_;  // world units
+  std::int64_t config_cap_, growth_cap_ = 0;  // Gaussians; 0: none
   Random random_;
 };
 

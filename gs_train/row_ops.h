@@ -13,6 +13,7 @@ struct RefineReport {
   std::size_t cloned = 0, split = 0, pruned = 0;
 };
 
+/// Where memory runs out they throw Error (out of memory) before they change anything.
 class RowOps {
  public:
   virtual ~RowOps() = default;
@@ -25,6 +26,10 @@ class RowOps {
   virtual void reset_opacity(TrainingModel& model, float opacity) = 0;
   /// Removes rows that cannot be seen: below `opacity`, degenerate, or not finite. Returns how many.
   virtual std::size_t prune(TrainingModel& model, float opacity) = 0;
+  /// How many Gaussians have a parameter that is infinite or not a number.
+  virtual std::size_t count_not_finite(const TrainingModel& model) = 0;
+  /// Gives back memory that is held between calls.
+  virtual void release_caches() {}
   /// Sorts all rows (parameters, moments, statistics) along the Morton curve of their means.
   virtual void sort_by_morton(TrainingModel& model) = 0;
 };
