@@ -10,6 +10,8 @@
 
 #include "gs_core/error.h"
 
+// GCC 12 takes its own AVX-512 intrinsics, which leave lanes undefined on purpose, for a mistake of xxhash.
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
