@@ -57,41 +57,39 @@ nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& m
 
 struct ViewNumbers {
   std::int32_t is_test, width, height;
-  float intrinsics[4], rotation[9], translation[3], exposure[3];
+  float fx, fy, cx, cy;
+  Mat3<float> rotation;
+  Vec3f translation, exposure;
 };
+static_assert(sizeof(ViewNumbers) == 22 * 4);
 
 ViewNumbers numbers_of(const ViewRecord& view) {
   const Camera& camera = view.camera;
-  ViewNumbers numbers{view.is_test,
-                      camera.width,
-                      camera.height,
-                      {camera.fx, camera.fy, camera.cx, camera.cy},
-                      {},
-                      {},
-                      {}};
-  for (int k = 0; k < 9; ++k) numbers.rotation[k] = camera.cam_from_world_rotation[k / 3][k % 3];
-  for (int k = 0; k < 3; ++k) {
-    numbers.translation[k] = camera.cam_from_world_translation[k];
-    numbers.exposure[k] = view.exposure[k];
-  }
-  return numbers;
+  return {view.is_test,
+          camera.width,
+          camera.height,
+          camera.fx,
+          camera.fy,
+          camera.cx,
+          camera.cy,
+          camera.cam_from_world_rotation,
+          camera.cam_from_world_translation,
+          view.exposure};
 }
 
 ViewRecord view_of(const ViewNumbers& numbers) {
   ViewRecord view;
   view.is_test = numbers.is_test != 0;
+  view.exposure = numbers.exposure;
   Camera& camera = view.camera;
   camera.width = numbers.width;
   camera.height = numbers.height;
-  camera.fx = numbers.intrinsics[0];
-  camera.fy = numbers.intrinsics[1];
-  camera.cx = numbers.intrinsics[2];
-  camera.cy = numbers.intrinsics[3];
-  for (int k = 0; k < 9; ++k) camera.cam_from_world_rotation[k / 3][k % 3] = numbers.rotation[k];
-  for (int k = 0; k < 3; ++k) {
-    camera.cam_from_world_translation[k] = numbers.translation[k];
-    view.exposure[k] = numbers.exposure[k];
-  }
+  camera.fx = numbers.fx;
+  camera.fy = numbers.fy;
+  camera.cx = numbers.cx;
+  camera.cy = numbers.cy;
+  camera.cam_from_world_rotation = numbers.rotation;
+  camera.cam_from_world_translation = numbers.translation;
   return view;
 }
 

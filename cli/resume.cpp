@@ -119,10 +119,14 @@ std::optional<ResumedRun> find_checkpoint(const CommandLine& line, const std::st
   return run;
 }
 
-bool same_bits(const ViewRecord& a, const ViewRecord& b) {
+bool same_rows(const Mat3<float>& a, const Mat3<float>& b) {
+  return a.row0 == b.row0 && a.row1 == b.row1 && a.row2 == b.row2;
+}
+
+bool is_same(const ViewRecord& a, const ViewRecord& b) {
   const Camera &x = a.camera, &y = b.camera;
   return x.fx == y.fx && x.fy == y.fy && x.cx == y.cx && x.cy == y.cy &&
-         x.cam_from_world_rotation == y.cam_from_world_rotation &&
+         same_rows(x.cam_from_world_rotation, y.cam_from_world_rotation) &&
          x.cam_from_world_translation == y.cam_from_world_translation && a.exposure == b.exposure;
 }
 
@@ -207,7 +211,7 @@ void adopt_scene(const ResumedRun& run, Scene& scene) {
     if (now.camera.width != was.camera.width || now.camera.height != was.camera.height)
       refuse(fmt::format("{} has {}x{} pixels, not {}x{}", now.name, now.camera.width,
                          now.camera.height, was.camera.width, was.camera.height));
-    if (!is_solved && !same_bits(now, was)) refuse("the camera of " + now.name + " is another");
+    if (!is_solved && !is_same(now, was)) refuse("the camera of " + now.name + " is another");
     const std::size_t trained = scene.train_views.size();
     View& view = i < trained ? scene.train_views[i] : scene.test_views[i - trained];
     view.camera = was.camera;

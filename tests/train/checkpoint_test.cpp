@@ -10,7 +10,7 @@
 #include <csignal>
 
 #include "cli/checkpoint_folder.h"
-#include "gs_core/config_text.h"
+#include "data_loaders/atomic_file.h"
 #include "gs_core/error.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
@@ -125,7 +125,8 @@ TEST_F(Checkpoints, KnowTheirScene) {
     EXPECT_EQ(a.camera.fy, b.camera.fy);
     EXPECT_EQ(a.camera.cx, b.camera.cx);
     EXPECT_EQ(a.camera.cy, b.camera.cy);
-    EXPECT_EQ(a.camera.cam_from_world_rotation, b.camera.cam_from_world_rotation);
+    const Mat3<float>&x = a.camera.cam_from_world_rotation, &y = b.camera.cam_from_world_rotation;
+    EXPECT_TRUE(x.row0 == y.row0 && x.row1 == y.row1 && x.row2 == y.row2);
     EXPECT_EQ(a.camera.cam_from_world_translation, b.camera.cam_from_world_translation);
     EXPECT_EQ(a.exposure, b.exposure);
   }
