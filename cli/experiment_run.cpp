@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 // The one switch for continuing a run that broke off: true once `gemsplat train` knows --resume auto. Until then such a
 // run is moved aside and begun again.
-constexpr bool kTrainCanResume = false;
+constexpr bool kTrainCanResume = true;
 
 constexpr const char* kThisProgram = "/proc/self/exe";  // of the child, too; also where the file was replaced meanwhile
 

@@ -5,6 +5,7 @@
 
 #include <charconv>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "data_loaders/atomic_file.h"
@@ -74,8 +75,8 @@ fs::path RunFolder::pictures(std::string_view split, int step) const {
 
 bool RunFolder::holds_run() const {
   for (const fs::path& path :
-       {root_ / "point_cloud", cameras(), cfg_args(), config(), input_points(), split(), metrics(),
-        results(), per_view(), comparison(), exposures(), world_offset()}) {
+       {root_ / "point_cloud", checkpoints(), cameras(), cfg_args(), config(), input_points(),
+        split(), metrics(), results(), per_view(), comparison(), exposures(), world_offset()}) {
     if (fs::exists(path)) return true;
   }
   return false;
@@ -139,6 +140,11 @@ std::vector<std::string> split_names(const RunFolder& folder, const std::string&
     throw Error("cannot read the " + split + " views from " + folder.split().string() +
                 ": the file is missing or damaged; leave --split out, or give --data SCENE");
   }
+}
+
+bool holds_text(const fs::path& path, std::string_view text) {
+  std::ifstream file(path, std::ios::binary);
+  return file && std::string(std::istreambuf_iterator<char>(file), {}) == text;
 }
 
 void write_text(const fs::path& path, std::string_view text) {

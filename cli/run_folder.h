@@ -23,6 +23,7 @@ class RunFolder {
   const Path& root() const { return root_; }
   Path ply(int step) const;
   Path pictures(std::string_view split, int step) const;  // holds renders/ and gt/
+  Path checkpoints() const { return root_ / "checkpoints"; }
   Path cameras() const { return root_ / "cameras.json"; }
   Path cfg_args() const { return root_ / "cfg_args"; }
   Path config() const { return root_ / "config.toml"; }
@@ -56,6 +57,9 @@ void write_run_description(const RunFolder& folder, const Config& config, const 
 
 /// The names of the run's views in a split, "train" or "test", as split.json has them. Throws Error.
 std::vector<std::string> split_names(const RunFolder& folder, const std::string& split);
+
+/// Whether a file is there with this text.
+bool holds_text(const std::filesystem::path& path, std::string_view text);
 
 /// Writes a text file, whole or not at all. Throws Error.
 void write_text(const std::filesystem::path& path, std::string_view text);

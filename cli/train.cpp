@@ -6,18 +6,22 @@
 #include <algorithm>
 #include <iostream>
 #include <memory>
+#include <optional>
 
+#include "cli/checkpoint_folder.h"
 #include "cli/comparison.h"
 #include "cli/devices.h"
 #include "cli/options.h"
 #include "cli/pictures.h"
 #include "cli/reconstruct.h"
 #include "cli/results.h"
+#include "cli/resume.h"
 #include "cli/run_folder.h"
 #include "cli/stop_on_signal.h"
 #include "cli/text.h"
 #include "cli/train_observers.h"
 #include "cli/verbs.h"
+#include "data_loaders/forecast.h"
 #include "data_loaders/load_scene.h"
 #include "data_loaders/photo_folder.h"
 #include "data_loaders/photos.h"
@@ -34,6 +38,8 @@ constexpr const char* kPictureName = "{:05d}.png";
 
 struct TrainCommand : CommandLine {
   bool print_config = false, force = false;
+  std::string resume;   // auto, or the folder or checkpoint of a run; empty: not at all
+  int added_steps = 0;  // --iterations +N
 };
 
 // The config of this run, with the scene's absolute path, so that its folder can be used from anywhere.
@@ -137,7 +143,6 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, int step, Results& 
                    comparisons.push_back({shown_photo(view, background), to_image8(image)});
                });
   if (!comparisons.empty()) write_png(folder.comparison(), comparison_picture(comparisons));
-  write_text(folder.per_view(), per_view_json(results));
 }
 
 void print_summary(const Results& results, const RunFolder& folder) {
@@ -153,59 +158,142 @@ void print_summary(const Results& results, const RunFolder& folder) {
                            folder.metrics().string());
 }
 
+void log_forecast(const Config& config, const Scene& scene) {
+  double photos = 0, pixels = 0;
+  for (const std::vector<View>* views : {&scene.train_views, &scene.test_views})
+    for (const View& view : *views) {
+      photos += double(photo_bytes(view));
+      pixels += double(view.camera.width) * view.camera.height;
+    }
+  const std::size_t views = scene.train_views.size() + scene.test_views.size();
+  log_info("forecast: {}", forecast(config, photos, pixels * 1e-6 / double(views)));
+}
+
+// The folder that the run is written to, and what is known before the first step in it.
+void start_folder(const TrainCommand& command, const std::optional<ResumedRun>& resumed,
+                  const RunFolder& folder, const Config& config, const Scene& scene) {
+  if (resumed && resumed->goes_on_in_place()) {
+    prepare_folder(folder, *resumed);
+    if (holds_text(folder.config(), to_toml(config))) return;  // as all the rest
+  } else if (!resumed && !command.resume.empty()) {
+    prepare_fresh_start(folder, config);
+  } else {
+    make_run_folder(folder);
+  }
+  write_run_description(folder, config, scene);
+}
+
+// The whole run; until a signal stops it, or memory runs out for good.
+void run_until_done(Trainer& trainer, const RunFolder& folder) {
+  StopOnSignal stop_on_signal(trainer);
+  try {
+    trainer.run();
+  } catch (const Error& error) {
+    const auto kept = checkpoints_in(folder.checkpoints());
+    if (error.code() != ExitCode::out_of_memory || kept.empty()) throw;
+    throw Error(fmt::format("{}; the run up to step {} is kept in {}: go on with --resume and a "
+                            "lower --max-gaussians, or on another machine",
+                            error.what(), kept[0].step, kept[0].file.string()),
+                error.code());
+  }
+}
+
+// After a signal: the model as it is, beside the checkpoint that the run can be resumed from.
+[[noreturn]] void end_stopped_run(Trainer& trainer, const RunFolder& folder) {
+  const int last = trainer.step();
+  if (!std::filesystem::exists(folder.ply(last))) save_model(folder, last, trainer);
+  throw Error(fmt::format("stopped by a signal after step {} of {}; the model is in {}, and "
+                          "--resume goes on from {}",
+                          last, trainer.schedule().steps(), folder.ply(last).string(),
+                          folder.checkpoints().string()),
+              ExitCode::interrupted);
+}
+
+Results results_of(Trainer& trainer) {
+  const Scene& scene = trainer.scene();
+  Results results;
+  results.iterations = trainer.step();
+  results.num_gaussians = trainer.gaussian_count();
+  results.train_seconds = trainer.train_seconds();
+  results.device = trainer.backend().name();
+  results.seed = trainer.config().train.seed;
+  results.world_offset = scene.world_offset;
+  results.refinement = scene.refinement;
+  results.exposure = scene.exposure;
+  results.peak_gpu_bytes = peak_gpu_bytes(trainer.backend());
+  results.scene_hash = scene_hash(trainer.config().dataset);
+  return results;
+}
+
+// Rows of metrics.csv that a resumed run goes on after. The last step's is written at the end, with its results.
+std::string metrics_before(const std::optional<ResumedRun>& resumed, int steps) {
+  if (!resumed) return {};
+  const int done = resumed->checkpoint.state.progress.step;
+  return metrics_up_to(RunFolder(resumed->source).metrics(), std::min(done, steps - 1));
+}
+
 void train(const TrainCommand& command) {
-  Config config = resolve_run(command);
+  setup_log(command.verbosity());
+  std::optional<ResumedRun> resumed;
+  if (!command.resume.empty() && !command.print_config)
+    resumed = find_run(command, command.resume, command.added_steps);
+  Config config = resumed ? resumed->config : resolve_run(command);
   if (command.print_config) {
     std::cout << to_toml(config);
     return;
   }
-  setup_log(command.verbosity());
+  if (resumed && resumed->is_finished) {
+    log_info("the run in {} is finished; --iterations +N makes it longer by N steps",
+             resumed->source.string());
+    return;
+  }
   const RunFolder folder(config.model.output);
-  check_is_free(folder, command.force);
+  if (!(resumed ? resumed->goes_on_in_place() : !command.resume.empty()))
+    check_is_free(folder, command.force);
   set_thread_count(config.train.threads);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   log_info("training on {} with {} threads", backend->name(), thread_count());
-  reconstruct_bare_photos(config, folder, !command.quiet);
-  const Scene scene = load(config.dataset, !command.quiet);
+  if (!resumed) reconstruct_bare_photos(config, folder, !command.quiet);
+  Scene scene = load(config.dataset, !command.quiet);
+  log_forecast(config, scene);
+  if (resumed) adopt_scene(*resumed, scene);
 
-  Trainer trainer(scene, config, *backend);
-  make_run_folder(folder);
-  write_run_description(folder, config, scene);
+  std::optional<Trainer> made;  // before the folder, so that a scene that cannot be trained leaves none
+  if (!resumed) made.emplace(scene, config, *backend);
+  CheckpointFolder checkpoints(folder.checkpoints(), config, SceneRecord(scene));
+  const auto keep_start = [&] {
+    checkpoints.save(resumed->checkpoint.state.progress, resumed->checkpoint.state.model);
+  };
+  if (resumed && resumed->is_extended) keep_start();  // before the old results are moved aside
+  start_folder(command, resumed, folder, config, scene);
+  if (resumed && !resumed->goes_on_in_place()) keep_start();
+  const std::string metrics_rows = metrics_before(resumed, Schedule(config, 1).steps());
+  if (resumed) {
+    log_info("the run goes on after step {}", resumed->checkpoint.state.progress.step);
+    made.emplace(scene, config, *backend, std::move(resumed->checkpoint.state));
+  }
+  Trainer& trainer = *made;
+  trainer.keep_checkpoints_in(checkpoints);
   const int steps = trainer.schedule().steps();
   ProgressObserver progress(steps, !command.quiet);
   SaveObserver saver(folder);
   EvaluationObserver evaluations(progress);
-  MetricsObserver metrics(folder, evaluations);
+  MetricsObserver metrics(folder, evaluations, metrics_rows);
   for (Observer* observer :
        std::initializer_list<Observer*>{&saver, &evaluations, &metrics, &progress})
     trainer.add_observer(*observer);
 
-  {
-    StopOnSignal stop_on_signal(trainer);
-    trainer.run();
-  }
+  run_until_done(trainer, folder);
   progress.clear();
-  const int last = progress.last_step();
+  const int last = trainer.step();
+  if (last < steps) end_stopped_run(trainer, folder);
   save_model(folder, last, trainer);
-  if (last < steps)
-    throw Error(fmt::format("stopped by a signal after step {} of {}; the model is in {}", last,
-                            steps, folder.ply(last).string()),
-                ExitCode::interrupted);
-
-  Results results;
-  results.iterations = last;
-  results.num_gaussians = trainer.gaussian_count();
-  results.train_seconds = trainer.train_seconds();
-  results.device = backend->name();
-  results.seed = config.train.seed;
-  results.world_offset = scene.world_offset;
-  results.refinement = scene.refinement;
-  results.exposure = scene.exposure;
-  results.peak_gpu_bytes = peak_gpu_bytes(*backend);
-  results.scene_hash = scene_hash(config.dataset);
+  Results results = results_of(trainer);
   evaluate_run(trainer, folder, last, results);
   metrics.finish(last, trainer, results.test);
-  write_text(folder.results(), results_json(results));  // the last file: with it, a run is whole
+  write_text(folder.per_view(), per_view_json(results));
+  write_text(folder.results(), results_json(results));  // the last: it says that the run is finished
+  checkpoints.keep_only_newest();
   if (!command.quiet) print_summary(results, folder);
 }
 
@@ -221,13 +309,23 @@ void add_train(CLI::App& program) {
   add_setting(verb, line, "--refine-cameras", "dataset.refine_cameras", "Scene");
   add_setting(verb, line, "--exposure", "dataset.exposure", "Scene");
   add_setting(verb, line, "-o,--output,-m,--model-path", "model.output", "Output");
+  verb.add_option("--resume", command->resume,
+                  "go on with the run in OUT, if there is one (auto), or with that of a folder or "
+                  "checkpoint")
+      ->type_name("auto|PATH")
+      ->expected(0, 1)
+      ->default_str("auto")
+      ->group("Output");
+  add_setting(verb, line, "--checkpoint-every", "train.checkpoint_every", "Output");
   verb.add_flag("--force", command->force, "move a run that is there already to OUT.bak-N first")
       ->group("Output");
   add_setting(verb, line, "--save-steps,--save-iterations", "train.save_steps", "Output",
               "save the PLY after these steps, besides the last");
   add_setting(verb, line, "--test-steps,--test-iterations,--eval-steps", "train.test_steps",
               "Output", "evaluate the test views after these steps, besides the last");
-  add_setting(verb, line, "-i,--iterations,--iter,--max-steps", "train.iterations", "Training");
+  add_setting(verb, line, "-i,--iterations,--iter,--max-steps", "train.iterations", "Training",
+              "of training, one photo each; the schedule scales with it; +N: N more steps of a "
+              "finished run, with --resume");
   add_setting(verb, line, "--steps-scaler", "train.steps_scaler", "Training");
   add_setting(verb, line, "--strategy", "density.strategy", "Training");
   add_setting(verb, line, "--max-gaussians,--max-cap,--cap-max", "density.max_gaussians",
@@ -239,7 +337,12 @@ void add_train(CLI::App& program) {
   verb.add_flag("--print-config", command->print_config,
                 "print all settings as TOML, and do nothing")
       ->group("Settings");
-  verb.callback([command] { train(*command); });
+  verb.callback([command] {
+    command->added_steps = take_added_steps(*command);
+    if (command->added_steps && command->resume.empty())
+      throw UsageError("--iterations +N extends a finished run: name it with --resume");
+    train(*command);
+  });
 }
 
 }  // namespace gs

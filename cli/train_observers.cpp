@@ -4,7 +4,10 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <cstdio>
+#include <cstdlib>
 #include <fstream>
+#include <sstream>
 
 #include "cli/results.h"
 #include "cli/text.h"
@@ -14,6 +17,10 @@
 
 namespace gs {
 namespace {
+
+const std::string kMetricsHeader =
+    "step,loss,num_gaussians,seconds,steps_per_second,sh_degree,test_psnr,test_ssim\n";
+constexpr int kMetricsColumns = 8;
 
 bool names(const std::vector<int>& steps, int step) {
   return std::find(steps.begin(), steps.end(), step) != steps.end();
@@ -47,10 +54,34 @@ void EvaluationObserver::after_step(int step, Trainer& trainer) {
   log_info("step {}: test {}", step, summary(evaluation_));
 }
 
-MetricsObserver::MetricsObserver(const RunFolder& folder, const EvaluationObserver& evaluations)
+std::string metrics_up_to(const std::filesystem::path& metrics, int step) {
+  std::ifstream file(metrics);
+  std::string rows, line;
+  for (std::getline(file, line); std::getline(file, line);) {
+    const bool is_whole =
+        !file.eof() && std::count(line.begin(), line.end(), ',') == kMetricsColumns - 1;
+    if (is_whole && std::atoi(line.c_str()) <= step) rows += line + "\n";
+  }
+  return rows;
+}
+
+MetricsObserver::MetricsObserver(const RunFolder& folder, const EvaluationObserver& evaluations,
+                                 const std::string& rows)
     : path_(folder.metrics()), evaluations_(evaluations) {
-  write_text(path_,
-             "step,loss,num_gaussians,seconds,steps_per_second,sh_degree,test_psnr,test_ssim\n");
+  go_on_after(rows);
+}
+
+void MetricsObserver::after_rollback(int step, Trainer&) {
+  go_on_after(metrics_up_to(path_, step));
+}
+
+void MetricsObserver::go_on_after(const std::string& rows) {
+  write_text(path_, kMetricsHeader + rows);
+  last_row_ = 0;
+  last_seconds_ = 0;
+  std::istringstream lines(rows);
+  for (std::string line; std::getline(lines, line);)
+    std::sscanf(line.c_str(), "%d,%*[^,],%*[^,],%lf", &last_row_, &last_seconds_);
 }
 
 void MetricsObserver::after_step(int step, Trainer& trainer) {

@@ -52,15 +52,22 @@ class EvaluationObserver final : public Observer {
   Evaluation evaluation_;
 };
 
+/// What is left of a metrics.csv when a run goes on after `step`: whole rows up to it.
+std::string metrics_up_to(const std::filesystem::path& metrics, int step);
+
 /// metrics.csv: one row every train.log_every steps and for each evaluation. The row of the last step is
 /// written by finish(), when the final figures are known. The file grows as the run goes on.
 class MetricsObserver final : public Observer {
  public:
-  MetricsObserver(const RunFolder& folder, const EvaluationObserver& evaluations);
+  /// Starts the file, or goes on after `rows` of what a resumed run wrote.
+  MetricsObserver(const RunFolder& folder, const EvaluationObserver& evaluations,
+                  const std::string& rows = {});
   void after_step(int step, Trainer& trainer) override;
+  void after_rollback(int step, Trainer& trainer) override;
   void finish(int step, Trainer& trainer, const Evaluation& test);
 
  private:
+  void go_on_after(const std::string& rows);
   void write_row(int step, Trainer& trainer, const Evaluation* test);
 
   std::filesystem::path path_;

@@ -143,9 +143,22 @@ class CudaBackend final : private Device, public Backend {
       std::this_thread::yield();
       read_reports();
     }
-    pending_.push_back({&view, settings, lambda_dssim, adam_steps(++model.adam_steps, rates),
+    pending_.push_back({&view, settings, lambda_dssim, adam_steps(model.adam_steps + 1, rates),
                         density, rates.mean, ++last_step_});
-    enqueue(pending_.back());
+    try {
+      launch_pending();
+    } catch (...) {  // say, memory ran out: as if it had not been asked for; those before are launched later
+      pending_.pop_back();
+      --last_step_;
+      throw;
+    }
+    ++model.adam_steps;
+  }
+
+  void release_caches() override {
+    release_pass();
+    rows_->release_caches();
+    renderer_.release_caches();
   }
 
   void settle(TrainingModel&) override {
@@ -173,7 +186,24 @@ class CudaBackend final : private Device, public Backend {
     DensityStep density;
     float position_rate;  // of Adam, which the noise is measured by
     std::uint32_t number;
+    bool is_launched = false;
   };
+
+  // Launches the steps that are not, in order. Where that fails the step at hand is cleared away, has changed nothing,
+  // and is launched with those after it by the next call.
+  void launch_pending() {
+    for (Step& step : pending_) {
+      if (step.is_launched) continue;
+      try {
+        enqueue(step);
+      } catch (...) {
+        context.synchronize();  // so that no late report is taken for that of the next attempt
+        renderer_.clear_gradients();
+        throw;
+      }
+      step.is_launched = true;
+    }
+  }
 
   void enqueue(const Step& step) {
     reports_.clear(step.number);
@@ -193,6 +223,7 @@ class CudaBackend final : private Device, public Backend {
 
   // Forgets the steps that are known to have had room; repeats those that had not. Waits only for the latter.
   void read_reports() {
+    launch_pending();
     StepReport report;
     while (!pending_.empty() && reports_.read(pending_.front().number, report)) {
       if (report.halted) return repeat_pending();
@@ -210,7 +241,8 @@ class CudaBackend final : private Device, public Backend {
       forecast_.note(*step.view, report.instances, model_->count());
     }
     renderer_.room().halted.fill_zero();
-    for (const Step& step : pending_) enqueue(step);
+    for (Step& step : pending_) step.is_launched = false;
+    launch_pending();
   }
 
   void finish_pending() {

@@ -13,6 +13,7 @@ std::atomic<std::size_t> allocated{0}, peak{0};
 }  // namespace
 
 void* DeviceMemory::allocate(std::size_t bytes) {
+  ask_allocation_hook(bytes);
   void* pointer = nullptr;
   const cudaError_t error = cudaMalloc(&pointer, bytes);
   if (error == cudaErrorMemoryAllocation) {

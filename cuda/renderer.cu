@@ -59,6 +59,18 @@ std::uint32_t CudaRenderer::instance_count(const RenderPass& pass) {
   return first + count;
 }
 
+void CudaRenderer::release_caches() {
+  WorkingRoom fresh(memory_);
+  fresh.halted.swap(room_.halted);
+  room_ = std::move(fresh);
+}
+
+void CudaRenderer::clear_gradients() {
+  room_.splat_gradients.fill_zero();
+  room_.fine_sums.fill_zero();
+  room_.coarse_sums.fill_zero();
+}
+
 void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& settings) {
   const auto reserve = [count](auto& sums) {
     if (sums.size() >= count) return;

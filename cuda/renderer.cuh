@@ -24,7 +24,11 @@ class CudaRenderer final : public Renderer {
                RenderPass& pass, std::uint32_t capacity, StepReport* report, std::uint32_t step);
   /// Room for dL/d(splat) of so many Gaussians, zero where it is new.
   void reserve_gradients(std::size_t count, const RenderSettings& settings);
+  /// Back to zero, after a step that broke off.
+  void clear_gradients();
   WorkingRoom& room() { return room_; }
+  /// Gives back all working room but what says whether steps are halted.
+  void release_caches();
 
  private:
   std::uint32_t instance_count(const RenderPass& pass);

@@ -145,6 +145,19 @@ __global__ void reset_opacity_kernel(Span<float> logit_opacity, float highest) {
   if (i < logit_opacity.size) logit_opacity[i] = min_of(logit_opacity[i], highest);
 }
 
+// Marks the rows with a number that is infinite or none, of an array with `width` numbers in a row. A thread per number.
+__global__ void mark_not_finite_kernel(Span<const float> numbers, std::size_t width, Fate* fate) {
+  const std::size_t k = thread_number();
+  if (k < numbers.size && numbers[k] - numbers[k] != 0.0f) fate[k / width] = Fate::prune;
+}
+
+// A block adds up its marked rows.
+__global__ void count_marked_kernel(Span<const Fate> fate, Counts* counts) {
+  const std::size_t i = thread_number();
+  const int marked = __syncthreads_count(i < fate.size && fate[i] == Fate::prune);
+  if (threadIdx.x == 0) atomicAdd(&counts->pruned, unsigned(marked));
+}
+
 class CudaRowOps final : public RowOps {
  public:
   CudaRowOps(Context& context, Memory& memory)
@@ -196,6 +209,32 @@ class CudaRowOps final : public RowOps {
     source_.resize(counts_.download()[0].survivors);
     if (source_.size() < count) gather_all(model, source_.span());
     return count - source_.size();
+  }
+
+  std::size_t count_not_finite(const TrainingModel& model) override {
+    StageScope scope(context_, "look");
+    const std::size_t count = model.count();
+    if (count == 0) return 0;
+    fate_.resize_discard(count);
+    fate_.fill_zero();  // keep
+    counts_.fill_zero();
+    for_each_array(
+        [&](const char*, const auto& array) {
+          constexpr std::size_t kWidth = sizeof(*array.data()) / sizeof(float);
+          const auto* const numbers = reinterpret_cast<const float*>(array.data());
+          launch(mark_not_finite_kernel, count * kWidth, Span<const float>{numbers, count * kWidth},
+                 kWidth, fate_.data());
+        },
+        model.gaussians);
+    launch(count_marked_kernel, count, fate_.span(), counts_.data());
+    return counts_.download()[0].pruned;
+  }
+
+  void release_caches() override {
+    rows_.release();
+    order_room_ = RowOrderRoom(fate_.memory());
+    fate_.release();
+    for (Buffer<std::uint32_t>* rows : {&source_, &clones_, &parents_, &halves_}) rows->release();
   }
 
   void sort_by_morton(TrainingModel& model) override {
@@ -279,6 +318,7 @@ class CudaRowOps final : public RowOps {
   // Gathers by source_; the rows after the survivors are new: their moments start at zero, as all statistics do.
   void gather_refined(TrainingModel& model, std::size_t survivors) {
     const Span<const std::uint32_t> source = source_.span();
+    reserve_rows(model, source.size);  // from here on nothing can fail
     const auto gather = [&](const char*, auto& array) { rows_.gather(array, source); };
     const auto gather_moment = [&](const char*, auto& array) {
       rows_.gather(array, {source.data, survivors}, source.size);
@@ -292,7 +332,18 @@ class CudaRowOps final : public RowOps {
     }
   }
 
+  // Room to gather so many rows of every array: all is asked for before anything is changed.
+  void reserve_rows(TrainingModel& model, std::size_t count) {
+    const auto reserve = [&](const char*, auto& array) { rows_.reserve(array, count); };
+    for_each_array(reserve, model.gaussians);
+    for_each_array(reserve, model.first_moment);
+    for_each_array(reserve, model.second_moment);
+    rows_.reserve(model.statistics.visits, count);
+    rows_.reserve(model.statistics.gradient_norm, count);
+  }
+
   void gather_all(TrainingModel& model, Span<const std::uint32_t> source) {
+    reserve_rows(model, source.size);
     const auto gather = [&](const char*, auto& array) { rows_.gather(array, source); };
     for_each_array(gather, model.gaussians);
     for_each_array(gather, model.first_moment);

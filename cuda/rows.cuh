@@ -53,6 +53,13 @@ class RowGather {
  public:
   RowGather(Context& context, Memory& memory) : context_(context), scratch_(memory) {}
 
+  /// Room to gather up to so many rows of the array: gather() cannot fail then.
+  template <class T>
+  void reserve(Buffer<T>& array, std::size_t count) {
+    array.reserve(count);
+    scratch_.reserve(count * (sizeof(T) / sizeof(std::uint32_t)));
+  }
+  void release() { scratch_.release(); }
   /// The array becomes `count` >= source.size rows: array[source[i]] for each i, then rows of zeros.
   template <class T>
   void gather(Buffer<T>& array, Span<const std::uint32_t> source, std::size_t count) {

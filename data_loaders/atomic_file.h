@@ -9,6 +9,22 @@
 
 namespace gs {
 
+/// Where an AtomicFile is on its way to the disk.
+enum class WritePoint { create, write, sync, rename, sync_folder };
+
+/// For tests of what a kill or a full disk leaves behind: asked before each of these, it may end the process, or throw.
+class WriteHook {
+ public:
+  virtual ~WriteHook() = default;
+  virtual void before(WritePoint point, const std::filesystem::path& file) = 0;
+};
+/// One for the whole program; null, as at the start: none.
+void set_write_hook(WriteHook* hook);
+
+/// Removes the temporary files that killed processes left in a folder, and nothing else: those of AtomicFile whose
+/// process is gone.
+void remove_leftovers(const std::filesystem::path& folder);
+
 /// One file in the making. Order of calls: construct, write() any number of times, commit().
 /// Without commit() (say, an exception came between) nothing is left and an older file of that name
 /// is untouched.

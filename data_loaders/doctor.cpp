@@ -10,6 +10,7 @@
 
 #include "data_loaders/colmap_model.h"
 #include "data_loaders/find_scene.h"
+#include "data_loaders/forecast.h"
 #include "data_loaders/host_ram.h"
 #include "data_loaders/lens.h"
 #include "data_loaders/masks.h"
@@ -35,18 +36,6 @@ constexpr std::size_t kFewObservations = 3;     // points seen in fewer photos a
 constexpr double kLargeError = 2;               // pixels, mean reprojection error
 constexpr double kHardlyTrained = 0.05;         // of a photo's pixels: less looks like a mask turned round
 constexpr double kUpSpread = 30;                // degrees between the cameras' up and their mean, in the mean
-// Bytes per Gaussian, as measured on the CUDA backend: parameters, two moments, statistics and the splats of a view;
-// and in a PLY of SH degree 3.
-constexpr double kBytesPerGaussian = 1700, kPlyBytesPerGaussian = 248;
-constexpr double kForecastGaussians = 1e6;
-// Seconds of 30,000 steps on one H200, fitted to docs/benchmarks.md, "GPU: training": a share for themselves, for a million
-// Gaussians, and for a million pixels of a photo.
-constexpr double kSecondsOfSteps = 6, kSecondsOfMillion = 35, kSecondsOfMegapixel = 13;
-
-std::string size_text(double bytes) {
-  return bytes < 0.1 * kGib ? fmt::format("{:.0f} MiB", bytes * 1024 / kGib)
-                            : fmt::format("{:.1f} GiB", bytes / kGib);
-}
 
 // The scene as far as it could be read.
 struct FoundScene {
@@ -461,28 +450,9 @@ class Examination {
           resolution <= 8 ? 1.0 / resolution : double(resolution) / scene_.photo_sizes[i].width;
       pixels += all * std::min(scale * scale, 1.0);
     }
-    const double photos = (3 + masked_share_) * pixels,
-                 ram = double(photo_ram_bytes(config_.dataset)),
-                 cap = double(config_.density.max_gaussians);
-    const double gaussians = cap > 0 ? cap : kForecastGaussians;
-    const double on_gpu = std::min(photos, double(config_.train.photo_gib) * kGib);
     const double megapixels =
         pixels * 1e-6 / double(std::max<std::size_t>(scene_.usable.size(), 1));
-    const double seconds = (kSecondsOfSteps + kSecondsOfMillion * gaussians * 1e-6 +
-                            kSecondsOfMegapixel * megapixels) *
-                           double(config_.train.iterations) * config_.train.steps_scaler / 30000;
-    add(Level::note, "forecast",
-        fmt::format("photos take {} of RAM{}; training {:.2g} million Gaussians ({}) takes some {} "
-                    "of GPU memory and, on an "
-                    "H200, {:.0f} s; each saved model takes {} of disk",
-                    size_text(std::min(photos, ram)),
-                    photos > ram
-                        ? fmt::format(" (of {}: the others are decoded when it is their turn)",
-                                      size_text(photos))
-                        : "",
-                    gaussians * 1e-6, cap > 0 ? "the cap" : "few scenes need more",
-                    size_text(on_gpu + gaussians * kBytesPerGaussian), seconds,
-                    size_text(gaussians * kPlyBytesPerGaussian)));
+    add(Level::note, "forecast", gs::forecast(config_, (3 + masked_share_) * pixels, megapixels));
   }
 
   const Config& config_;

@@ -75,6 +75,15 @@ class Buffer {
     data_ = fresh;
     capacity_ = grown;
   }
+  /// Gives all memory back; the Buffer is empty then.
+  void release() noexcept { *this = Buffer(*memory_); }
+  /// Gives spare capacity back. Throws Error where there is no room for the copy, and then changes nothing.
+  void shrink() {
+    if (size_ == capacity_) return;
+    Buffer fitting(size_, *memory_);
+    if (size_) memory_->copy(fitting.data_, data_, size_ * sizeof(T));
+    swap(fitting);
+  }
   void fill_zero() {
     if (size_) memory_->fill_zero(data_, size_ * sizeof(T));
   }

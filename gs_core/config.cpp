@@ -246,7 +246,8 @@ void validate(const Config& config, const SettingOrigins& origins) {
   require(config.density.strategy != "mcmc" || config.density.max_gaussians != 0,
           "density.max_gaussians", config.density.max_gaussians,
           "a number, or auto: density.strategy = \"mcmc\" grows up to it");
-  const double steps = double(config.train.iterations) * double(config.train.steps_scaler);
+  const double steps = double(config.train.iterations) * double(config.train.steps_scaler) +
+                       double(config.train.extra_steps);
   require(steps >= 1 && steps <= limits::kLargestInt, "train.steps_scaler",
           config.train.steps_scaler, "such that train.iterations times it is a count of steps");
 }

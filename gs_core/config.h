@@ -115,6 +115,8 @@ struct TrainConfig {
   bool deterministic = false;   // on a GPU, too: same seed, same bytes
   std::string device = "auto";  // cpu, cuda, cuda:N, auto
   float photo_gib = 4;          // of GPU memory for photos; more are fetched as they are needed
+  int extra_steps = 0;          // after the schedule's last, at its final rates
+  int checkpoint_every = 0;     // 0: as often as costs little; -1: only when the run is stopped
   int log_every = 100;
   std::vector<int> save_steps;  // besides the last one
   std::vector<int> test_steps;  // besides the last one

@@ -123,6 +123,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("train.threads",                train.threads,                "",       between(0, 4096),   "of the CPU; 0: all cores; the result does not depend on it");
   field("train.device",                 train.device,                 "",       one_of("auto, cpu, cuda, cuda:N"), "where to train");
   field("train.photo_gib",              train.photo_gib,              "GiB",    at_least(0),        "of GPU memory for photos; those that do not fit are fetched one step ahead");
+  field("train.extra_steps",            train.extra_steps,            "steps",  steps_from(0),      "after the last of the schedule, at its final rates; --iterations +N of a finished run; not scaled");
+  field("train.checkpoint_every",       train.checkpoint_every,       "steps",  steps_from(-1),     "between checkpoints; 0: every minute, or less often where that would cost over 1 % of the time; -1: only when the run is stopped");
   field("train.log_every",              train.log_every,              "steps",  steps_from(1),      "between rows of metrics.csv");
   field("train.save_steps",             train.save_steps,             "steps",  steps_from(1),      "after which the PLY is saved, besides the last; not scaled");
   field("train.test_steps",             train.test_steps,             "steps",  steps_from(1),      "after which the test views are evaluated, besides the last; not scaled");

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstring>
 #include <fstream>
 #include <limits>
@@ -37,9 +38,12 @@ std::size_t left_to_control_group() {
   return most > taken ? most - taken : 0;
 }
 
+std::atomic<AllocationHook> allocation_hook = nullptr;
+
 class HostMemory final : public Memory {
  public:
   void* allocate(std::size_t bytes) override {
+    ask_allocation_hook(bytes);
     try {
       return ::operator new(bytes, kAlignment);
     } catch (const std::bad_alloc&) {
@@ -68,6 +72,12 @@ class HostMemory final : public Memory {
 Memory& host_memory() {
   static HostMemory memory;
   return memory;
+}
+
+void set_allocation_hook(AllocationHook hook) { allocation_hook = hook; }
+
+void ask_allocation_hook(std::size_t bytes) {
+  if (const AllocationHook hook = allocation_hook) hook(bytes);
 }
 
 }  // namespace gs

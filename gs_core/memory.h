@@ -26,4 +26,11 @@ class Memory {
 /// The host's own memory.
 Memory& host_memory();
 
+/// For tests of what happens when memory runs out: asked before each allocation of any Memory, it may throw what
+/// that would throw. One for the whole program; null, as at the start, allows everything.
+using AllocationHook = void (*)(std::size_t bytes);
+void set_allocation_hook(AllocationHook hook);
+/// Each Memory calls it before it allocates.
+void ask_allocation_hook(std::size_t bytes);
+
 }  // namespace gs

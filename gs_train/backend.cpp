@@ -19,4 +19,16 @@ void Backend::step(TrainingModel& model, const View& view, const RenderSettings&
   if (density.gather_statistics) gather(model, pass_, dL_dmean2d_.span());
 }
 
+void Backend::release_caches() {
+  release_pass();
+  rows().release_caches();
+}
+
+void Backend::release_pass() {
+  pass_ = RenderPass(pass_.image.memory());
+  dL_dimage_.release();
+  dL_dmean2d_.release();
+  gradients_ = Gaussians(gradients_.memory());
+}
+
 }  // namespace gs

@@ -57,12 +57,18 @@ class Backend {
   /// whoever looks at a model calls this first; row operations do so themselves.
   virtual void settle(TrainingModel&) {}
 
+  /// Gives back the memory that is held to be quick: what a step needs is asked for again. A step that failed for want
+  /// of memory has changed nothing, and can be taken again.
+  virtual void release_caches();
+
   /// While on, each stage's run is timed.
   virtual void set_profiling(bool) {}
   /// The stages' times since then, in pipeline order; empty where the backend does not time stages.
   virtual std::vector<StageTime> stage_times() { return {}; }
 
  protected:
+  /// The part of release_caches() that concerns what follows below.
+  void release_pass();
   /// statistics += this step's visibility and image-plane gradients.
   virtual void gather(TrainingModel& model, const RenderPass& pass,
                       Span<const Vec2f> dL_dmean2d) = 0;

@@ -10,11 +10,11 @@ namespace {
 class AdaptiveControl final : public DensityControl {
  public:
   AdaptiveControl(const Config& config, const Schedule& schedule, float scene_extent)
-      : schedule_(schedule), rules_{config.density.gradient_threshold,
+      : DensityControl(config.density.max_gaussians),
+        schedule_(schedule), rules_{config.density.gradient_threshold,
                                     config.density.small_scale * scene_extent,
                                     config.density.prune_opacity,
-                                    std::numeric_limits<float>::infinity(),
-                                    config.density.max_gaussians},
+                                    std::numeric_limits<float>::infinity(), 0},
         prune_scale_(config.density.prune_scale * scene_extent),
         random_{config.train.seed, RandomStream::split_gaussians} {}
 
@@ -26,6 +26,7 @@ class AdaptiveControl final : public DensityControl {
     RefineReport report;
     if (schedule_.refine(step)) {
       AdaptiveRules rules = rules_;
+      rules.max_gaussians = most_gaussians();
       if (schedule_.prune_large(step)) rules.prune_scale = prune_scale_;
       report = backend.rows().refine(model, rules, random_, step);
     }

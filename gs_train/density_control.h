@@ -3,6 +3,7 @@
 // strategy.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
@@ -17,11 +18,27 @@ namespace gs {
 /// TrainingModel, so that a resumed run goes on as if it had never stopped.
 class DensityControl {
  public:
+  /// `config_cap`: no growth beyond so many Gaussians; 0: no cap.
+  explicit DensityControl(std::int64_t config_cap) : config_cap_(config_cap) {}
   virtual ~DensityControl() = default;
   /// What it asks of step `step`.
   virtual DensityStep of_step(int step) const = 0;
   /// Adds, moves and removes Gaussians after step `step`, in the steps in which there is something to do.
   virtual RefineReport after_step(TrainingModel& model, Backend& backend, int step) = 0;
+
+  /// From now on no growth beyond so many, nor beyond the config's cap; 0: as the config says.
+  void set_growth_cap(std::int64_t most) { growth_cap_ = most; }
+  std::int64_t growth_cap() const { return growth_cap_; }
+
+ protected:
+  /// Which number no growth may pass; 0: none.
+  std::int64_t most_gaussians() const {
+    return config_cap_ > 0 && growth_cap_ > 0 ? std::min(config_cap_, growth_cap_)
+                                              : std::max(config_cap_, growth_cap_);
+  }
+
+ private:
+  std::int64_t config_cap_, growth_cap_ = 0;  // Gaussians; 0: none
 };
 
 /// The strategy that config.density.strategy names; config.density.max_gaussians is a number. Throws UsageError.

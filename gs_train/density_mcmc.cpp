@@ -13,7 +13,8 @@ namespace {
 class McmcControl final : public DensityControl {
  public:
   McmcControl(const Config& config, const Schedule& schedule)
-      : schedule_(schedule), density_(config.density), seed_(config.train.seed) {
+      : DensityControl(config.density.max_gaussians), schedule_(schedule), density_(config.density),
+        seed_(config.train.seed) {
     if (density_.max_gaussians <= 0)
       throw UsageError(
           "density.strategy = \"mcmc\" grows up to a cap and has none: give it with "
@@ -33,7 +34,7 @@ class McmcControl final : public DensityControl {
 
  private:
   std::int64_t grown(std::size_t count) const {
-    return std::min(density_.max_gaussians, std::int64_t(double(count) * (1.0 + density_.growth)));
+    return std::min(most_gaussians(), std::int64_t(double(count) * (1.0 + density_.growth)));
   }
 
   const Schedule schedule_;

@@ -20,6 +20,7 @@ struct RelocationRules {
   std::int64_t grow_to;   // rows to have in the end; fewer than there are: none is added
 };
 
+/// Where memory runs out they throw Error (out of memory) before they change anything.
 class RowOps {
  public:
   virtual ~RowOps() = default;
@@ -37,6 +38,10 @@ class RowOps {
   virtual void reset_opacity(TrainingModel& model, float opacity) = 0;
   /// Removes rows that cannot be seen: below `opacity`, degenerate, or not finite. Returns how many.
   virtual std::size_t prune(TrainingModel& model, float opacity) = 0;
+  /// How many Gaussians have a parameter that is infinite or not a number.
+  virtual std::size_t count_not_finite(const TrainingModel& model) = 0;
+  /// Gives back memory that is held between calls.
+  virtual void release_caches() {}
   /// Sorts all rows (parameters, moments, statistics) along the Morton curve of their means.
   virtual void sort_by_morton(TrainingModel& model) = 0;
 };

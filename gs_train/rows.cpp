@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 9: operations on whole rows: clone, split, prune, opacity reset; and the gather they share.
-#include <numeric>
+#include <atomic>
+#include <cmath>
+#include <cstddef>
 
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
@@ -11,16 +13,38 @@ namespace {
 
 enum class Fate : std::uint8_t { keep, clone, split, prune };
 
+// Row i of an array becomes what row source[i] was. There is room in the array, and in the scratch for all its rows:
+// nothing can fail.
 template <class T>
-void gather_array(Buffer<T>& array, Span<const std::uint32_t> source) {
-  Buffer<T> gathered(source.size, array.memory());
+void gather_array(Buffer<T>& array, Span<const std::uint32_t> source, Buffer<std::byte>& scratch) {
+  T* const gathered = reinterpret_cast<T*>(scratch.data());
   parallel_for(source.size, 4096, [&](std::size_t i) { gathered[i] = array[source[i]]; });
-  array = std::move(gathered);
+  array.resize_discard(source.size);
+  std::copy(gathered, gathered + source.size, array.begin());
+}
+
+// Calls f(array) for each array of a model that has a row per Gaussian.
+template <class F>
+void for_each_row_array(TrainingModel& model, F&& f) {
+  const auto visit = [&](const char*, auto& array) { f(array); };
+  for_each_array(visit, model.gaussians);
+  for_each_array(visit, model.first_moment);
+  for_each_array(visit, model.second_moment);
+  f(model.statistics.visits);
+  f(model.statistics.gradient_norm);
 }
 
 template <class T>
 void zero_rows_from(Buffer<T>& array, std::size_t first) {
   std::fill(array.begin() + first, array.end(), T{});
+}
+
+// Whether all numbers of a row are.
+template <class T>
+bool all_finite(const T& row) {
+  const float* const numbers = reinterpret_cast<const float*>(&row);
+  return std::all_of(numbers, numbers + sizeof(T) / sizeof(float),
+                     [](float number) { return std::isfinite(number); });
 }
 
 bool row_is_pruned(const GaussiansSpan& rows, std::size_t i, const AdaptiveRules& rules) {
@@ -73,27 +97,26 @@ class ScalarRowOps final : public RowOps {
     std::vector<Fate> fate = fates(model, rules);
     limit_growth(fate, model, rules);
 
-    std::vector<std::uint32_t> survivors, clones, halves;
+    std::vector<std::uint32_t> survivors, clones, parents;
     RefineReport report;
     for (std::uint32_t i = 0; i < fate.size(); ++i) {
       if (fate[i] == Fate::keep || fate[i] == Fate::clone) survivors.push_back(i);
       if (fate[i] == Fate::clone) clones.push_back(i);
-      if (fate[i] == Fate::split) halves.insert(halves.end(), {i, i});
+      if (fate[i] == Fate::split) parents.push_back(i);
       report.pruned += fate[i] == Fate::prune;
     }
+    const std::vector<std::uint32_t> halves =
+        kept_halves(model.gaussians.span(), rules, random, step, parents);
     report.cloned = clones.size();
-    report.split = halves.size() / 2;
+    report.split = parents.size();
+    report.pruned += 2 * parents.size() - halves.size();
 
     std::vector<std::uint32_t> source = survivors;
     source.insert(source.end(), clones.begin(), clones.end());
-    source.insert(source.end(), halves.begin(), halves.end());
-    gather_rows(model, {source.data(), source.size()});
+    for (const std::uint32_t half : halves) source.push_back(parents[half / 2]);
+    gather_rows(model, {source.data(), source.size()});  // from here on nothing can fail
     start_afresh(model, survivors.size());
-    move_halves(model.gaussians, survivors.size() + clones.size(), halves, random, step);
-    report.pruned += prune_rows(model, [&](std::size_t i) {
-      return i >= survivors.size() + clones.size() &&
-             row_is_pruned(model.gaussians.span(), i, rules);
-    });
+    move_halves(model.gaussians.span(), survivors.size() + clones.size(), halves, random, step);
     model.statistics.visits.fill_zero();
     model.statistics.gradient_norm.fill_zero();
     return report;
@@ -119,6 +142,21 @@ class ScalarRowOps final : public RowOps {
     });
   }
 
+  std::size_t count_not_finite(const TrainingModel& model) override {
+    std::atomic<std::size_t> found = 0;
+    parallel_chunks(model.count(), 4096, [&](std::size_t begin, std::size_t end) {
+      std::size_t bad = 0;
+      for (std::size_t i = begin; i < end; ++i) {
+        bool is_fine = true;
+        for_each_array([&](const char*, const auto& array) { is_fine &= all_finite(array[i]); },
+                       model.gaussians);
+        bad += !is_fine;
+      }
+      found += bad;
+    });
+    return found;
+  }
+
   void sort_by_morton(TrainingModel& model) override {
     gather_rows(model, morton_order(model.gaussians.mean.span()).span());
   }
@@ -134,16 +172,39 @@ class ScalarRowOps final : public RowOps {
         model.first_moment, model.second_moment);
   }
 
-  // Puts each half of a split at its own draw from the parent and shrinks it.
-  static void move_halves(Gaussians& rows, std::size_t first,
-                          const std::vector<std::uint32_t>& parents, const Random& random,
+  // Makes half `number` of all halves of a step of a row with its parent's values: at its own draw, and shrunk.
+  static void make_half(Vec3f& mean, Vec3f& log_scale, const Quatf& rotation, std::uint32_t number,
+                        const Random& random, int step) {
+    const Vec4f normal = random.normal4(std::uint64_t(step), number);
+    mean = split_mean(mean, log_scale, rotation, {normal.x, normal.y, normal.z});
+    log_scale = split_log_scale(log_scale);
+  }
+
+  // The numbers of those halves, two of each parent in turn, that are not pruned at once.
+  static std::vector<std::uint32_t> kept_halves(const GaussiansSpan& rows,
+                                                const AdaptiveRules& rules, const Random& random,
+                                                int step,
+                                                const std::vector<std::uint32_t>& parents) {
+    std::vector<std::uint8_t> is_kept(2 * parents.size());
+    parallel_for(is_kept.size(), 4096, [&](std::size_t k) {
+      const std::uint32_t i = parents[k / 2];
+      Vec3f mean = rows.mean[i], log_scale = rows.log_scale[i];
+      make_half(mean, log_scale, rows.rotation[i], std::uint32_t(k), random, step);
+      is_kept[k] = !is_pruned(mean, log_scale, rows.rotation[i], rows.logit_opacity[i], rules);
+    });
+    std::vector<std::uint32_t> kept;
+    for (std::uint32_t k = 0; k < is_kept.size(); ++k)
+      if (is_kept[k]) kept.push_back(k);
+    return kept;
+  }
+
+  // Makes halves of the rows from `first` on, which are their parents' copies.
+  static void move_halves(const GaussiansSpan& rows, std::size_t first,
+                          const std::vector<std::uint32_t>& halves, const Random& random,
                           int step) {
-    parallel_for(parents.size(), 4096, [&](std::size_t k) {
+    parallel_for(halves.size(), 4096, [&](std::size_t k) {
       const std::size_t i = first + k;
-      const Vec4f normal = random.normal4(std::uint64_t(step), std::uint32_t(k));
-      rows.mean[i] = split_mean(rows.mean[i], rows.log_scale[i], rows.rotation[i],
-                                {normal.x, normal.y, normal.z});
-      rows.log_scale[i] = split_log_scale(rows.log_scale[i]);
+      make_half(rows.mean[i], rows.log_scale[i], rows.rotation[i], halves[k], random, step);
     });
   }
 
@@ -162,12 +223,13 @@ class ScalarRowOps final : public RowOps {
 }  // namespace
 
 void gather_rows(TrainingModel& model, Span<const std::uint32_t> source) {
-  const auto gather = [&](const char*, auto& array) { gather_array(array, source); };
-  for_each_array(gather, model.gaussians);
-  for_each_array(gather, model.first_moment);
-  for_each_array(gather, model.second_moment);
-  gather_array(model.statistics.visits, source);
-  gather_array(model.statistics.gradient_norm, source);
+  std::size_t widest = 0;  // bytes of a row
+  for_each_row_array(model, [&](auto& array) {
+    array.reserve(source.size);
+    widest = std::max(widest, sizeof(*array.data()));
+  });
+  Buffer<std::byte> scratch(source.size * widest, host_memory());
+  for_each_row_array(model, [&](auto& array) { gather_array(array, source, scratch); });
 }
 
 std::unique_ptr<RowOps> make_scalar_row_ops() { return std::make_unique<ScalarRowOps>(); }

@@ -19,6 +19,7 @@ Schedule::Schedule(const Config& config, float scene_extent)
     : rates_(config.optimizer), extent_(scene_extent) {
   steps_ =
       std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));
+  extra_steps_ = config.train.extra_steps;
   const DensityConfig& density = config.density;
   refine_from_ = std::max(scaled(density.from_step), std::min(density.from_step, kMinRefineFrom));
   refine_until_ = refine_from_ + scaled(density.until_step) - scaled(density.from_step);

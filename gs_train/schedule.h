@@ -7,7 +7,8 @@
 
 namespace gs {
 
-/// The schedule of one run, resolved from the config. Steps count from 1 to steps().
+/// The schedule of one run, resolved from the config. Steps count from 1 to steps(), train.extra_steps of them after
+/// the schedule's own last, at its final rates.
 ///
 /// The config speaks of a run of 30,000 steps. A run of S steps scales every point in time by S / 30,000;
 /// docs/schedule.md has the rule for intervals and a table of common lengths.
@@ -15,7 +16,8 @@ class Schedule {
  public:
   Schedule(const Config& config, float scene_extent);
 
-  int steps() const { return steps_; }
+  int steps() const { return steps_ + extra_steps_; }
+  int steps_without_extra() const { return steps_; }
   LearningRates learning_rates(int step) const;
   bool refine(int step) const;           // clone, split, prune
   bool reset_opacity(int step) const;
@@ -26,7 +28,7 @@ class Schedule {
 
  private:
   int scaled(int step) const;
-  int steps_, refine_from_, refine_until_, refine_every_;
+  int steps_, extra_steps_, refine_from_, refine_until_, refine_every_;
   int reset_every_, reset_until_, extra_reset_, sh_every_, morton_every_, morton_until_;
   OptimizerConfig rates_;
   float extent_;

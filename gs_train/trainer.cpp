@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/trainer.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <chrono>
+#include <cmath>
 
 #include "gs_core/error.h"
 #include "gs_train/gaussian_budget.h"
@@ -50,16 +53,31 @@ RenderSettings render_settings(const Config& config) {
   return settings;
 }
 
-Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
+Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingModel model)
     : scene_(with_views(scene)), config_(config), backend_(backend),
       schedule_(config, scene.extent), settings_(render_settings(config)),
       views_(scene.train_views.size(), config.train.seed), views_ahead_(views_),
-      model_(initial_model(scene, config, backend.memory())) {
+      model_(std::move(model)), checkpoint_timer_(config.train.checkpoint_every),
+      guard_(scene.train_views.size()) {
   settings_.sh_degree = 0;  // raised by the schedule
   backend_.prepare(scene.train_views, std::size_t(double(config.train.photo_gib) * kGib));
   if (config_.density.max_gaussians == kAutoCount)
     config_.density.max_gaussians = affordable_gaussians(scene, model_, backend_.memory());
   density_ = make_density_control(config_, schedule_, scene.extent);
+}
+
+Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
+    : Trainer(scene, config, backend, initial_model(with_views(scene), config, backend.memory())) {}
+
+Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingState from)
+    : Trainer(scene, config, backend, TrainingModel(backend.memory())) {
+  if (from.progress.strikes.size() != scene.train_views.size())
+    throw Error(scene.source +
+                " has another number of training views than the run had; train on "
+                "the scene of the run");
+  guard_.restore(from.progress.strikes);
+  restore(std::move(from));
+  first_step_ = step_ + 1;
 }
 
 template <class F>
@@ -70,6 +88,12 @@ auto Trainer::timed(F&& f) {
   return result;
 }
 
+void Trainer::notify(const std::function<void(Observer&)>& f) {
+  for (Observer* observer : observers_)
+    if (!with_room("looking on", [&] { f(*observer); }))
+      throw Error(memory_trouble_, ExitCode::out_of_memory);
+}
+
 const TrainingModel& Trainer::model() {
   return *timed([&] {
     backend_.settle(model_);
@@ -78,51 +102,92 @@ const TrainingModel& Trainer::model() {
 }
 
 double Trainer::loss() {
-  return timed([&] { return backend_.loss().value(); });
+  if (step_ < first_step_) return restored_loss_;
+  const double loss = timed([&] { return backend_.loss().value(); });
+  if (!std::isfinite(loss)) breakdown_ = "the loss is not a number";
+  return loss;
 }
 
 void Trainer::run() {
-  double begin = seconds_now();
-  const auto pause_for_observers = [&](auto&& notify) {
-    train_seconds_ += seconds_now() - begin;
-    for (Observer* observer : observers_) notify(*observer);
-    begin = seconds_now();
-  };
-
-  for (int step = 1; step <= int(kPhotosAhead); ++step) expect_view_of(step);
-  backend_.rows().sort_by_morton(model_);
-  for (bool is_last = false; !is_last;) {
-    one_step(++step_);
-    is_last = step_ == schedule_.steps() || stop_requested_;
-    if (is_last) finish();
-    pause_for_observers([&](Observer& observer) { observer.after_step(step_, *this); });
+  begin();
+  for (bool is_over = step_ >= schedule_.steps(); !is_over;) {
+    timed([&] { return take_step(step_ + 1), 0; });
+    const bool is_last = step_ == schedule_.steps(), is_stopped = stop_requested_;
+    if (breakdown_.empty() && !is_last)
+      notify([&](Observer& observer) { observer.after_step(step_, *this); });
+    if (breakdown_.empty() && wants_checkpoint(is_last, is_stopped)) keep_checkpoint();
+    if (!breakdown_.empty()) roll_back();
+    is_over = step_ == schedule_.steps() || is_stopped;
   }
-  pause_for_observers([&](Observer& observer) { observer.after_run(*this); });
+  timed([&] { return finish(), 0; });
+  if (step_ == schedule_.steps())
+    notify([&](Observer& observer) { observer.after_step(step_, *this); });
+  notify([&](Observer& observer) { observer.after_run(*this); });
+}
+
+bool Trainer::wants_checkpoint(bool is_last, bool is_stopped) const {
+  return is_stopped || (is_last && config_.train.checkpoint_every >= 0) ||
+         checkpoint_timer_.due(step_);
+}
+
+void Trainer::begin() {
+  expect_views_from(step_ + 1, step_ + int(kPhotosAhead));
+  if (step_ == 0)
+    if_there_is_room("the Morton order", [&] { backend_.rows().sort_by_morton(model_); });
+}
+
+void Trainer::take_step(int step) {
+  if (!with_room("a step", [&] { one_step(step); }))
+    throw Error(fmt::format("{}; step {} cannot be taken even after all that can be given back",
+                            memory_trouble_, step),
+                ExitCode::out_of_memory);
+  step_ = step;
+  expect_views_from(step + int(kPhotosAhead), step + int(kPhotosAhead));
+  if (guard_.is_watching(step)) look_at_model();
+  if (breakdown_.empty()) control_density(step);
+  if (breakdown_.empty()) keep_house(step);
 }
 
 void Trainer::one_step(int step) {
-  const View& view = scene_.train_views[views_.view_of(step)];
+  const View& view = view_of(views_, step);
   if (config_.render.background == "random") settings_.background = random_background(step);
-  expect_view_of(step + int(kPhotosAhead));
-  backend_.announce(scene_.train_views[views_.view_of(step + 1)]);
+  backend_.announce(view_of(views_, step + 1));
   // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec. "Optimization"
   backend_.step(model_, view, settings_, config_.loss.lambda_dssim, schedule_.learning_rates(step),
                 density_->of_step(step));
-  // Control density: clone, split, prune, reset          3DGS Sec. 5.2, or MCMC
-  density_->after_step(model_, backend_, step);
-  // Keep house: unlock SH bands; keep neighbours adjacent in memory
-  if (schedule_.raise_sh_degree(step) && settings_.sh_degree < config_.model.sh_degree)
-    ++settings_.sh_degree;
-  if (schedule_.reorder(step)) backend_.rows().sort_by_morton(model_);
 }
 
-void Trainer::expect_view_of(int step) {
-  if (step <= schedule_.steps()) backend_.expect(scene_.train_views[views_ahead_.view_of(step)]);
+// Clone, split, prune, reset: 3DGS Sec. 5.2; or relocate and grow: MCMC
+void Trainer::control_density(int step) {
+  const bool refines = schedule_.refine(step);
+  if (refines && !is_sound()) return;
+  if_there_is_room("density control", [&] { density_->after_step(model_, backend_, step); });
+  if (refines && model_.count() == 0) {
+    breakdown_ = "no Gaussian is left";
+    blames_view_ = false;
+  }
+}
+
+// Unlock SH bands; keep neighbours adjacent in memory
+void Trainer::keep_house(int step) {
+  if (schedule_.raise_sh_degree(step) && settings_.sh_degree < config_.model.sh_degree)
+    ++settings_.sh_degree;
+  if (schedule_.reorder(step))
+    if_there_is_room("the Morton order", [&] { backend_.rows().sort_by_morton(model_); });
+}
+
+const View& Trainer::view_of(ViewSampler& views, int step) {
+  return scene_.train_views[guard_.instead_of(views.view_of(step))];
+}
+
+void Trainer::expect_views_from(int first, int last) {
+  for (int step = first; step <= std::min(last, schedule_.steps()); ++step)
+    backend_.expect(view_of(views_ahead_, step));
 }
 
 void Trainer::finish() {
-  backend_.rows().prune(model_, kMinAlpha);
-  backend_.rows().sort_by_morton(model_);
+  if_there_is_room("the final prune", [&] { backend_.rows().prune(model_, kMinAlpha); });
+  if_there_is_room("the Morton order", [&] { backend_.rows().sort_by_morton(model_); });
 }
 
 Vec3f Trainer::random_background(int step) const {

@@ -2,13 +2,18 @@
 // The training loop.
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "gs_core/config.h"
 #include "gs_core/scene.h"
 #include "gs_train/backend.h"
+#include "gs_train/checkpoint.h"
+#include "gs_train/checkpoint_timer.h"
 #include "gs_train/density_control.h"
+#include "gs_train/run_guard.h"
 #include "gs_train/schedule.h"
 #include "gs_train/view_sampler.h"
 
@@ -21,24 +26,35 @@ class Observer {
  public:
   virtual ~Observer() = default;
   virtual void after_step(int step, Trainer& trainer) = 0;
+  /// The run went back to the state after `step`: what was seen of later steps will be seen again.
+  virtual void after_rollback([[maybe_unused]] int step, Trainer&) {}
   virtual void after_run(Trainer&) {}
 };
 
-/// Trains Gaussians on a scene. Make it, add observers, run() once. The scene, the backend and the
-/// observers outlive it.
+/// Trains Gaussians on a scene. Make it, add observers, run() once. The scene, the backend, the
+/// observers and the checkpoints outlive it.
+///
+/// With checkpoints a run outlives a kill, a breakdown (RunGuard) and, where giving back caches and an end of growth
+/// help, a lack of memory: docs/checkpoints.md.
 class Trainer {
  public:
   /// Initialises the Gaussians from the scene's points. Throws Error where there is nothing to train.
   Trainer(const Scene& scene, const Config& config, Backend& backend);
+  /// Goes on from a state of a run on the same scene. Throws Error where it cannot be one of this scene and config.
+  Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingState from);
 
   void add_observer(Observer& observer) { observers_.push_back(&observer); }
+  void keep_checkpoints_in(CheckpointStore& checkpoints) { checkpoints_ = &checkpoints; }
 
-  /// The whole run, with final prune and Morton order.
+  /// The whole run, or what is left of it, with final prune and Morton order. Throws Error (out of memory) where that is
+  /// short even after all that can be given back; the state is in the checkpoints then.
   void run();
   /// Asks run() to end as if the next step were the last; safe to call from a signal handler.
   void stop() { stop_requested_ = true; }
   bool stopped_early() const { return stop_requested_; }
 
+  /// Steps done.
+  int step() const { return step_; }
   /// The model after all steps so far; waits for the device.
   const TrainingModel& model();
   /// Its number of Gaussians; does not wait.
@@ -57,13 +73,33 @@ class Trainer {
   double train_seconds() const { return train_seconds_; }
 
  private:
+  Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingModel model);
   // Runs f() as a part of training, not of what observers do.
   template <class F>
   auto timed(F&& f);
+  void begin();
+  void take_step(int step);
   void one_step(int step);
-  void expect_view_of(int step);
+  void control_density(int step);
+  void keep_house(int step);
+  void expect_views_from(int first, int last);
   void finish();
+  const View& view_of(ViewSampler& views, int step);
   Vec3f random_background(int step) const;
+  void notify(const std::function<void(Observer&)>& f);
+  bool wants_checkpoint(bool is_last, bool is_stopped) const;
+
+  // trainer_recovery.cpp: what happens where not all goes well.
+  void look_at_model();
+  bool is_sound();
+  void keep_checkpoint();
+  bool save_state();
+  void roll_back();
+  void restore(TrainingState from);
+  RunProgress progress();
+  bool with_room(const char* what, const std::function<void()>& f);
+  void if_there_is_room(const char* what, const std::function<void()>& f);
+  void make_room(const char* what);
 
   const Scene& scene_;
   Config config_;
@@ -74,7 +110,15 @@ class Trainer {
   TrainingModel model_;
   std::unique_ptr<DensityControl> density_;
   std::vector<Observer*> observers_;
+  CheckpointStore* checkpoints_ = nullptr;
+  CheckpointTimer checkpoint_timer_;
+  RunGuard guard_;
+  std::string breakdown_;  // why the model is of no use any more; empty: it is
+  bool blames_view_ = true;
+  std::string memory_trouble_;  // the last time that memory ran out
   int step_ = 0;  // steps done
+  int first_step_ = 1;  // of this process
+  double restored_loss_ = 0;
   double train_seconds_ = 0;
   volatile bool stop_requested_ = false;
 };

@@ -15,6 +15,8 @@ class ViewSampler {
   ViewSampler(std::size_t views, std::uint64_t seed);
   /// Index of the view of step 1, 2, ...
   std::size_t view_of(int step);
+  /// The order of all views in the epoch of the step that was last asked for.
+  const std::vector<std::size_t>& order() const { return order_; }
 
  private:
   void shuffle(std::uint64_t epoch);

@@ -14,6 +14,7 @@ for library in glm toml++ CLI spdlog fmt nlohmann; do
   cp -rL "$system/$library" "$dir/include/"
 done
 cp "$system"/stb/stb_image.h "$system"/stb/stb_image_write.h "$dir/include/stb/"
+cp "$system/xxhash.h" "$dir/include/"
 
 rm -rf "$dir/googletest"
 if [[ -d $sources ]]; then

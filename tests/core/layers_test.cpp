@@ -71,7 +71,7 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
     {"zstd and xxhash",
      {"zstd.h", "xxhash.h"},
      {"GS_ZSTD_", "GS_XXHASH_"},
-     {"data_loaders/photo_cache"},
+     {"data_loaders/photo_cache", "data_loaders/checked_file"},
      {"data_loaders/"}},
     {"OpenImageIO", {"OpenImageIO/"}, {"OpenImageIO"}, {"data_loaders/"}, {"data_loaders/"}},
     {"Ceres",

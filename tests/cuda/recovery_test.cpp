@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+// What keeps a run on the GPU alive: states that go through a checkpoint, and memory that runs out at any allocation.
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+
+#include "gs_core/error.h"
+#include "gs_train/metrics.h"
+#include "gs_train/trainer.h"
+#include "tests/support/cuda.h"
+#include "tests/support/small_scene.h"
+
+namespace gs {
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+int allocations = 0, first_failure = 0;
+
+void fail_on_purpose(std::size_t) {
+  if (++allocations == first_failure)
+    throw Error("out of memory, says the test", ExitCode::out_of_memory);
+}
+
+/// While it lives, one allocation fails, counted from here.
+class FailingMemory {
+ public:
+  explicit FailingMemory(int failure) {
+    allocations = 0;
+    first_failure = failure;
+    set_allocation_hook(fail_on_purpose);
+  }
+  ~FailingMemory() { set_allocation_hook(nullptr); }
+  bool has_failed() const { return allocations >= first_failure; }
+};
+
+/// The last state, in host memory.
+class KeptState final : public CheckpointStore {
+ public:
+  bool save(const RunProgress& progress, const TrainingModel& model) override {
+    set_allocation_hook(nullptr);
+    state = TrainingState{progress, copy_to(host_memory(), model)};
+    if (first_failure) set_allocation_hook(fail_on_purpose);
+    return true;
+  }
+  std::optional<TrainingState> newest() override {
+    if (!state) return std::nullopt;
+    return TrainingState{state->progress, copy_to(host_memory(), state->model)};
+  }
+  std::optional<TrainingState> state;
+};
+
+/// Calls stop() after a step.
+struct StopAfter : Observer {
+  explicit StopAfter(int steps) : steps(steps) {}
+  void after_step(int step, Trainer& trainer) override {
+    if (step == steps) trainer.stop();
+  }
+  int steps;
+};
+
+Config eventful_run(int steps) {
+  Config config = short_run();
+  config.train.iterations = steps;
+  config.train.checkpoint_every = 10;
+  config.density.from_step = config.density.every = 20;
+  config.density.gradient_threshold = 1e-5f;
+  return config;
+}
+
+class CudaRecovery : public CudaTest {
+ protected:
+  void SetUp() override {
+    CudaTest::SetUp();
+    first_failure = 0;
+  }
+  double psnr_of(Trainer& trainer) {
+    return evaluate(gpu().renderer(), trainer.model().gaussians.span(), scene_.train_views,
+                    trainer.evaluation_settings())
+        .psnr;
+  }
+  const Scene scene_ = small_scene();
+};
+
+// Sums of the GPU come in any order, so bits are not compared: pictures are. A lost moment or statistic costs decibels.
+TEST_F(CudaRecovery, AStoppedAndResumedRunEndsAsGoodAsOneNeverInterrupted) {
+  const Config config = eventful_run(250);
+  Trainer whole(scene_, config, gpu());
+  whole.run();
+  KeptState kept;
+  StopAfter stop(117);
+  Trainer first(scene_, config, gpu());
+  first.keep_checkpoints_in(kept);
+  first.add_observer(stop);
+  first.run();
+  EXPECT_EQ(kept.state->progress.step, 118);
+  EXPECT_EQ(kept.state->model.adam_steps, 118);
+  Trainer second(scene_, config, gpu(), *kept.newest());
+  second.run();
+  EXPECT_EQ(second.model().adam_steps, 250);
+  EXPECT_NEAR(psnr_of(second), psnr_of(whole), 1);
+}
+
+TEST_F(CudaRecovery, AStateComesBackFromTheGpuBitForBit) {
+  const Config config = eventful_run(40);
+  KeptState kept;
+  Trainer trainer(scene_, config, gpu());
+  trainer.keep_checkpoints_in(kept);
+  trainer.run();
+  Trainer again(scene_, config, gpu(), *kept.newest());
+  EXPECT_TRUE(same_bits(on_host(again.model()), kept.state->model));
+}
+
+TEST_F(CudaRecovery, RowsThatAreNotFiniteAreCountedAsOnTheCpu) {
+  TrainingModel model = model_of(small_truth());
+  model.gaussians.mean[3].y = kNan;
+  model.gaussians.sh_rest[3].coefficient[14].z = kNan;  // the same row
+  model.gaussians.sh_rest[17].coefficient[0].x = std::numeric_limits<float>::infinity();
+  model.gaussians.logit_opacity[39] = -kNan;
+  EXPECT_EQ(cpu().rows().count_not_finite(model), 3u);
+  EXPECT_EQ(gpu().rows().count_not_finite(on_gpu(model)), 3u);
+}
+
+TEST_F(CudaRecovery, RowOperationsChangeNothingWhereMemoryRunsOut) {
+  const AdaptiveRules rules{1e-6f, 0.1f, 0.05f, std::numeric_limits<float>::infinity(), 0};
+  const Random random{1, RandomStream::split_gaussians};
+  TrainingModel start = model_of(small_truth());
+  for (float& norm : start.statistics.gradient_norm) norm = 1;
+  const auto refine = [&](TrainingModel& model) { gpu().rows().refine(model, rules, random, 5); };
+  const auto prune = [&](TrainingModel& model) { gpu().rows().prune(model, 0.7f); };
+  const auto sort = [&](TrainingModel& model) { gpu().rows().sort_by_morton(model); };
+  for (const std::function<void(TrainingModel&)>& operation :
+       {std::function<void(TrainingModel&)>(refine), std::function<void(TrainingModel&)>(prune),
+        std::function<void(TrainingModel&)>(sort)})
+    for (int k = 1;; ++k) {
+      TrainingModel model = on_gpu(start);
+      gpu().release_caches();
+      FailingMemory memory(k);
+      bool has_thrown = false;
+      try {
+        operation(model);
+      } catch (const Error&) {
+        has_thrown = true;
+      }
+      set_allocation_hook(nullptr);
+      EXPECT_TRUE(!has_thrown || same_bits(on_host(model), start)) << k;
+      if (!memory.has_failed()) break;
+    }
+}
+
+TEST_F(CudaRecovery, AFailureOfAnySingleAllocationIsSurvived) {
+  for (int k = 1;; ++k) {
+    gpu().release_caches();
+    KeptState kept;
+    Trainer trainer(scene_, eventful_run(45), gpu());
+    trainer.keep_checkpoints_in(kept);
+    FailingMemory memory(k);
+    ASSERT_NO_THROW(trainer.run()) << "allocation " << k;
+    const bool has_failed = memory.has_failed();
+    set_allocation_hook(nullptr);
+    EXPECT_EQ(trainer.step(), 45);
+    EXPECT_EQ(trainer.model().adam_steps, 45) << "allocation " << k;
+    EXPECT_EQ(gpu().rows().count_not_finite(trainer.model()), 0u);
+    EXPECT_GT(psnr_of(trainer), 12) << "allocation " << k;
+    if (!has_failed) break;
+  }
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// A small scene for whole runs, rendered from Gaussians that are known.
+#pragma once
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "gs_core/config.h"
+#include "gs_core/scene.h"
+#include "gs_render/renderer.h"
+#include "tests/support/scenes.h"
+
+namespace gs {
+
+/// A camera at 3 units from the origin that looks at it, `turn` radians around the y axis.
+inline Camera orbit_camera(float turn) {
+  Camera camera;
+  camera.width = 48;
+  camera.height = 36;
+  camera.fx = camera.fy = 50;
+  camera.cx = 24;
+  camera.cy = 18;
+  const float c = std::cos(turn), s = std::sin(turn);
+  camera.cam_from_world_rotation = {{c, 0, s}, {0, 1, 0}, {-s, 0, c}};
+  camera.cam_from_world_translation = {0, 0, 3};
+  return camera;
+}
+
+/// Forty coloured Gaussians.
+inline Gaussians small_truth(std::vector<ScenePoint>* points = nullptr) {
+  Draws draws(1);
+  Gaussians truth(40, host_memory());
+  for (std::size_t i = 0; i < truth.count(); ++i) {
+    const Vec3f place = draws.uniform3(-0.8f, 0.8f);
+    set_gaussian(truth, i, place, draws.uniform(0.05f, 0.25f), draws.uniform(0.5f, 0.95f),
+                 draws.uniform3(0, 1));
+    const Vec3f near = place + draws.uniform3(-0.1f, 0.1f);
+    if (points) points->push_back({near, {128, 128, 128}});
+  }
+  return truth;
+}
+
+/// They are seen from eight sides; the points of the start are near them, and grey.
+inline Scene small_scene() {
+  Scene scene;
+  scene.source = "a scene of the test";
+  const Gaussians truth = small_truth(&scene.points);
+  const auto renderer = make_scalar_renderer();
+  RenderPass pass;
+  for (int k = 0; k < 8; ++k) {
+    const Camera camera = orbit_camera(0.785f * float(k));
+    renderer->forward(truth.span(), camera, {}, pass);
+    const ImageF picture = image_of(pass);
+    Image8 photo(camera.width, camera.height, 3);
+    for (std::size_t i = 0; i < photo.pixels.size(); ++i)
+      photo.pixels[i] = std::uint8_t(std::lround(255 * picture.pixels[i]));
+    scene.train_views.push_back({"view " + std::to_string(k), camera, photo});
+  }
+  scene.extent = camera_extent(scene.train_views);
+  return scene;
+}
+
+/// 250 steps, at rates that get somewhere in so few.
+inline Config short_run() {
+  Config config;
+  config.train.iterations = 250;
+  config.optimizer.position_lr_initial = 1e-3f;
+  config.optimizer.log_scale_lr = 0.02f;
+  config.optimizer.sh0_lr = 0.02f;
+  return config;
+}
+
+}  // namespace gs

@@ -1,0 +1,336 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the trainer does where not all goes well: stops, breakdowns, and a lack of memory at every single allocation.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "gs_core/error.h"
+#include "gs_train/scalar_stages.h"
+#include "gs_train/trainer.h"
+#include "tests/support/models.h"
+#include "tests/support/small_scene.h"
+
+namespace gs {
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+// ---- memory that runs out when it is told to -------------------------------------------------------------
+
+int allocations = 0;          // since the last count_from_here()
+int first_failure = 0;        // which fails; 0: none
+bool all_after_fail = false;  // and those that follow
+
+void fail_on_purpose(std::size_t) {
+  ++allocations;
+  if (first_failure == 0 || allocations < first_failure) return;
+  if (allocations == first_failure || all_after_fail)
+    throw Error("out of memory, says the test", ExitCode::out_of_memory);
+}
+
+/// While it lives, allocation `failure` of a Memory fails, counted from here; or all from that one on.
+class FailingMemory {
+ public:
+  explicit FailingMemory(int failure, bool for_good = false) {
+    allocations = 0;
+    first_failure = failure;
+    all_after_fail = for_good;
+    set_allocation_hook(fail_on_purpose);
+  }
+  ~FailingMemory() { set_allocation_hook(nullptr); }
+  bool has_failed() const { return allocations >= first_failure; }
+};
+
+/// Checkpoints in memory that never runs out.
+class KeptStates final : public CheckpointStore {
+ public:
+  bool save(const RunProgress& progress, const TrainingModel& model) override {
+    set_allocation_hook(nullptr);
+    states.push_back({progress, copy_to(host_memory(), model)});
+    if (first_failure) set_allocation_hook(fail_on_purpose);
+    return true;
+  }
+  std::optional<TrainingState> newest() override {
+    if (states.empty()) return std::nullopt;
+    return copy(states.back());
+  }
+  static TrainingState copy(const TrainingState& state) {
+    return {state.progress, copy_to(host_memory(), state.model)};
+  }
+
+  std::vector<TrainingState> states;
+};
+
+/// Calls a function after each step.
+class After : public Observer {
+ public:
+  using Function = std::function<void(int step, Trainer& trainer)>;
+  explicit After(Function f) : f_(std::move(f)) {}
+  void after_step(int step, Trainer& trainer) override { f_(step, trainer); }
+  void after_rollback(int step, Trainer&) override { rollbacks.push_back(step); }
+  std::vector<int> rollbacks;
+
+ private:
+  Function f_;
+};
+
+/// 120 steps with refinements after 20, 40, ..., a checkpoint after every tenth.
+Config eventful_run() {
+  Config config = short_run();
+  config.train.iterations = 120;
+  config.train.checkpoint_every = 10;
+  config.density.from_step = 20;
+  config.density.every = 20;
+  config.density.gradient_threshold = 1e-5f;
+  config.render.background = "random";
+  return config;
+}
+
+class Recovery : public ::testing::Test {
+ protected:
+  void SetUp() override { first_failure = 0; }
+  TrainingModel undisturbed(const Config& config) {
+    Trainer trainer(scene_, config, *backend_);
+    trainer.run();
+    return copy_to(host_memory(), trainer.model());
+  }
+
+  Scene scene_ = small_scene();
+  const std::unique_ptr<Backend> backend_ = make_scalar_backend();
+};
+
+// ---- stop and resume ------------------------------------------------------------------------------------
+
+TEST_F(Recovery, ARunThatIsStoppedAnywhereAndResumedEndsWithTheSameBits) {
+  const Config config = eventful_run();
+  const TrainingModel expected = undisturbed(config);
+  for (const int stop : {1, 19, 20, 63, 118}) {
+    KeptStates kept;
+    After stopper([&](int step, Trainer& trainer) {
+      if (step == stop) trainer.stop();
+    });
+    Trainer first(scene_, config, *backend_);
+    first.keep_checkpoints_in(kept);
+    first.add_observer(stopper);
+    first.run();
+    EXPECT_EQ(first.step(), stop + 1);  // the step after stop() is the last
+    const auto other_backend = make_scalar_backend();
+    Trainer second(scene_, config, *other_backend, *kept.newest());
+    second.run();
+    EXPECT_TRUE(same_bits(second.model(), expected)) << "stopped after step " << stop;
+  }
+}
+
+TEST_F(Recovery, EveryCheckpointLeadsToTheSameBits) {
+  const Config config = eventful_run();
+  KeptStates kept;
+  Trainer first(scene_, config, *backend_);
+  first.keep_checkpoints_in(kept);
+  first.run();
+  ASSERT_EQ(kept.states.size(), 12u);
+  EXPECT_EQ(kept.states.back().progress.step, 120);  // before the final prune: what an extension starts from
+  for (const TrainingState& state : kept.states) {
+    Trainer second(scene_, config, *backend_, KeptStates::copy(state));
+    second.run();
+    EXPECT_TRUE(same_bits(second.model(), first.model())) << state.progress.step;
+    EXPECT_EQ(second.loss(), first.loss());
+  }
+}
+
+TEST_F(Recovery, ExtraStepsGoOnAfterTheScheduleWithoutChangingIt) {
+  Config config = eventful_run();
+  KeptStates kept;
+  Trainer shorter(scene_, config, *backend_);
+  shorter.keep_checkpoints_in(kept);
+  shorter.run();
+  config.train.extra_steps = 30;
+  const TrainingModel longer = undisturbed(config);
+  Trainer extended(scene_, config, *backend_, *kept.newest());
+  extended.run();
+  EXPECT_EQ(extended.step(), 150);
+  EXPECT_TRUE(same_bits(extended.model(), longer));
+}
+
+TEST_F(Recovery, AStateOfAnotherSceneOrSeedIsRefused) {
+  Config config = eventful_run();
+  config.train.iterations = 10;
+  KeptStates kept;
+  Trainer trainer(scene_, config, *backend_);
+  trainer.keep_checkpoints_in(kept);
+  trainer.run();
+  config.train.seed += 1;
+  EXPECT_THROW(Trainer(scene_, config, *backend_, *kept.newest()), Error);
+  config.train.seed -= 1;
+  scene_.train_views.pop_back();
+  EXPECT_THROW(Trainer(scene_, config, *backend_, *kept.newest()), Error);
+}
+
+// ---- breakdowns -----------------------------------------------------------------------------------------
+
+TEST_F(Recovery, ParametersThatBreakOnceAreMendedByTheLastCheckpoint) {
+  const Config config = eventful_run();
+  const TrainingModel expected = undisturbed(config);
+  bool is_done = false;
+  After poison([&](int step, Trainer& trainer) {
+    if (step != 55 || std::exchange(is_done, true)) return;
+    for (Vec3f& mean : trainer.model().gaussians.mean) mean.y = kNan;
+  });
+  KeptStates kept;
+  Trainer trainer(scene_, config, *backend_);
+  trainer.keep_checkpoints_in(kept);
+  trainer.add_observer(poison);
+  trainer.run();
+  EXPECT_EQ(poison.rollbacks, std::vector<int>{50});
+  EXPECT_TRUE(same_bits(trainer.model(), expected));
+}
+
+TEST_F(Recovery, WithoutACheckpointTheRunGoesBackToItsStart) {
+  Config config = eventful_run();
+  config.train.checkpoint_every = -1;
+  const TrainingModel expected = undisturbed(config);
+  bool is_done = false;
+  After poison([&](int step, Trainer& trainer) {
+    if (step != 15 || std::exchange(is_done, true)) return;
+    for (Vec3f& sh0 : trainer.model().gaussians.sh0) sh0.x = kNan;
+  });
+  Trainer trainer(scene_, config, *backend_);
+  trainer.add_observer(poison);
+  trainer.run();
+  EXPECT_EQ(poison.rollbacks, std::vector<int>{0});
+  EXPECT_TRUE(same_bits(trainer.model(), expected));
+}
+
+TEST_F(Recovery, AViewThatBreaksTheModelIsSkippedAfterTwoStrikes) {
+  scene_.train_views[3].exposure = Vec3f(kNan);
+  KeptStates kept;
+  After watch([](int step, Trainer& trainer) {
+    if (step % 5 == 0) trainer.loss();  // as a log does
+  });
+  Trainer trainer(scene_, eventful_run(), *backend_);
+  trainer.keep_checkpoints_in(kept);
+  trainer.add_observer(watch);
+  trainer.run();
+  EXPECT_EQ(kept.newest()->progress.strikes[3], kMostStrikes);
+  EXPECT_EQ(watch.rollbacks.size(), 3u);  // the discovery, and two strikes
+  EXPECT_EQ(backend_->rows().count_not_finite(trainer.model()), 0u);
+  EXPECT_GT(trainer.gaussian_count(), 20u);
+  for (const TrainingState& state : kept.states)
+    EXPECT_EQ(backend_->rows().count_not_finite(state.model), 0u) << state.progress.step;
+}
+
+TEST_F(Recovery, AModelThatCollapsesOnceIsMendedAndTwiceEndsTheRun) {
+  const Config config = eventful_run();
+  const TrainingModel expected = undisturbed(config);
+  for (const bool again : {false, true}) {
+    int collapses = 0;
+    After drain([&](int step, Trainer& trainer) {
+      if (step == 59 && (again || collapses++ == 0))
+        for (float& logit : trainer.model().gaussians.logit_opacity) logit = -20;
+    });
+    KeptStates kept;
+    Trainer trainer(scene_, config, *backend_);
+    trainer.keep_checkpoints_in(kept);
+    trainer.add_observer(drain);
+    if (again) {
+      EXPECT_THROW(trainer.run(), Error);
+    } else {
+      trainer.run();
+      EXPECT_TRUE(same_bits(trainer.model(), expected));
+    }
+  }
+}
+
+TEST_F(Recovery, ASceneOnWhichEveryViewBreaksIsRefused) {
+  for (View& view : scene_.train_views) view.exposure = Vec3f(kNan);
+  After watch([](int, Trainer& trainer) { trainer.loss(); });
+  Trainer trainer(scene_, eventful_run(), *backend_);
+  trainer.add_observer(watch);
+  EXPECT_THROW(trainer.run(), Error);
+}
+
+// ---- a lack of memory -----------------------------------------------------------------------------------
+
+/// Few steps, in which everything happens.
+Config brief_run() {
+  Config config = eventful_run();
+  config.train.iterations = 12;
+  config.train.checkpoint_every = 5;
+  config.density.from_step = 3;
+  config.density.every = 3;
+  return config;
+}
+
+TEST_F(Recovery, AFailureOfAnySingleAllocationIsSurvived) {
+  int failures = 0;
+  for (int k = 1;; ++k, ++failures) {
+    const auto backend = make_scalar_backend();
+    KeptStates kept;
+    Trainer trainer(scene_, brief_run(), *backend);
+    trainer.keep_checkpoints_in(kept);
+    FailingMemory memory(k);
+    ASSERT_NO_THROW(trainer.run()) << "allocation " << k;
+    if (!memory.has_failed()) break;
+    EXPECT_EQ(trainer.step(), 12) << "allocation " << k;
+    ASSERT_FALSE(kept.states.empty());
+    EXPECT_GT(kept.states.back().progress.growth_cap, 0);
+    EXPECT_EQ(backend->rows().count_not_finite(trainer.model()), 0u);
+  }
+  EXPECT_GT(failures, 50);
+}
+
+// Every checkpoint is a state that a run with memory enough goes on from.
+TEST_F(Recovery, WhereMemoryIsGoneForGoodThereIsACheckpoint) {
+  int failures = 0;
+  for (int k = 1;; k += 3, ++failures) {
+    const auto backend = make_scalar_backend();
+    KeptStates kept;
+    Trainer trainer(scene_, brief_run(), *backend);
+    trainer.keep_checkpoints_in(kept);
+    {
+      FailingMemory memory(k, true);
+      try {
+        trainer.run();
+        if (!memory.has_failed()) break;
+      } catch (const Error& error) {
+        EXPECT_EQ(error.code(), ExitCode::out_of_memory) << error.what();
+      }
+    }
+    first_failure = 0;
+    ASSERT_FALSE(kept.states.empty()) << "allocation " << k;
+    Trainer second(scene_, brief_run(), *backend, *kept.newest());
+    second.run();
+    EXPECT_EQ(second.step(), 12);
+  }
+  EXPECT_GT(failures, 20);
+}
+
+TEST_F(Recovery, RowOperationsChangeNothingWhereMemoryRunsOut) {
+  Trainer trainer(scene_, eventful_run(), *backend_);
+  trainer.run();
+  const AdaptiveRules rules{1e-6f, 0.05f, 0.05f, std::numeric_limits<float>::infinity(), 0};
+  const Random random{1, RandomStream::split_gaussians};
+  const std::function<void(TrainingModel&)> operations[] = {
+      [&](TrainingModel& model) { backend_->rows().refine(model, rules, random, 5); },
+      [&](TrainingModel& model) { backend_->rows().prune(model, 0.3f); },
+      [&](TrainingModel& model) { backend_->rows().sort_by_morton(model); }};
+  for (const auto& operation : operations)
+    for (int k = 1;; ++k) {
+      TrainingModel model = copy_to(host_memory(), trainer.model());
+      for (std::size_t i = 0; i < model.count(); ++i) model.statistics.gradient_norm[i] = 1;
+      const TrainingModel before = copy_to(host_memory(), model);
+      FailingMemory memory(k);
+      try {
+        operation(model);
+      } catch (const Error&) {
+        EXPECT_TRUE(same_bits(model, before)) << k;
+        EXPECT_TRUE(same_bits(model.statistics.visits, before.statistics.visits));
+      }
+      if (!memory.has_failed()) break;
+    }
+}
+
+}  // namespace
+}  // namespace gs
