@@ -143,7 +143,7 @@ TEST_F(CudaStep, DeterministicStepsGiveTheSameBytesEachTime) {
       settings.deterministic = deterministic;
       if (meets_views_anew) gpu().prepare(views, 1 << 30);
       for (int step = 0; step < 30; ++step)
-        gpu().step(model, views[step % 3], settings, 0.2f, kRates, true);
+        gpu().step(model, views[step % 3], settings, 0.2f, kRates, {true});
       gpu().settle(model);
       return on_host(model);
     };
