@@ -67,8 +67,7 @@ void Trainer::look_at_model() {
 
 bool Trainer::is_sound() {
   std::size_t bad = 0;
-  if_there_is_room("a look at the model",
-                   [&] { bad = backend_.rows().count_not_finite(model_); });
+  if_there_is_room("a look at the model", [&] { bad = backend_.rows().count_not_finite(model_); });
   if (double(bad) <= kToleratedShare * double(model_.count())) {
     if (bad && schedule_.refine(step_))
       log_warning("step {}: {} of {} Gaussians are not finite, and are removed", step_, bad,
