@@ -138,6 +138,14 @@ void remove_leftovers_below(const fs::path& root) {
   for (const fs::path& folder : folders) remove_leftovers(folder);
 }
 
+// Folders alone are what a kill leaves before the first file is whole.
+bool holds_a_file(const fs::path& path) {
+  if (!fs::is_directory(path)) return fs::exists(path);
+  for (const auto& entry : fs::recursive_directory_iterator(path))
+    if (!entry.is_directory()) return true;
+  return false;
+}
+
 void set_aside(const fs::path& path) {
   if (!fs::exists(path)) return;
   log_info("{} is kept as {}", path.filename().string(), move_aside(path).filename().string());
@@ -226,7 +234,7 @@ void prepare_fresh_start(const RunFolder& folder, const Config& config) {
   if (!folder.holds_run()) return make_run_folder(folder);
   for (const fs::path& made :
        {folder.root() / "point_cloud", folder.results(), folder.checkpoints()})
-    if (fs::exists(made)) return make_run_folder(folder);
+    if (holds_a_file(made)) return make_run_folder(folder);
   if (!holds_text(folder.config(), to_toml(config))) make_run_folder(folder);
 }
 

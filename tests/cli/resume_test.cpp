@@ -72,7 +72,7 @@ std::string without_times(const fs::path& file) {
   const std::string text = read_bytes(file);
   if (file.filename() == "results.json") {
     auto json = nlohmann::json::parse(text);
-    json.erase("train_seconds");
+    for (const char* key : {"train_seconds", "date", "peak_host_bytes"}) json.erase(key);
     return json.dump();
   }
   if (file.filename() != "metrics.csv") return text;
