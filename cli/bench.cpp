@@ -187,7 +187,8 @@ Json blender_json(const BlenderFigures& figures) {
           {"largest_difference", figures.largest},
           {"pixels", figures.pixels},
           {"pixels_apart", figures.apart},
-          {"unexplained", figures.unexplained}};
+          {"unexplained", figures.unexplained},
+          {"unexplained_borderline", figures.borderline}};
 }
 
 std::string report_json(const Subject& subject, const BenchmarkPlan& plan, const Report& report) {
@@ -244,15 +245,16 @@ std::string blenders_text(const std::vector<BlenderFigures>& blenders) {
       "{:g}, and how many of them "
       "are as far from the equations in double, and have no fragment within {:g} of a threshold\n  "
       "{:<7} {:<10} {:>11} {:>9} {:>9} {:>9} {:>7} "
-      "{:>9} {:>7} {:>5}\n",
+      "{:>9} {:>7} {:>5} {:>8}\n",
       kBlendersAgree, kBorderline, "bounds", "blender", "size", "instances", "frame ms", "blend ms",
-      "PSNR", "largest", "apart", "of these");
+      "PSNR", "largest", "apart", "of these", "nearest");
   for (const BlenderFigures& f : blenders)
-    text +=
-        fmt::format("  {:<7} {:<10} {:>11} {:>9} {:>9.3f} {:>9.3f} {:>7.1f} {:>9.1e} {:>7} {:>5}\n",
-                    f.bounds, f.blender, fmt::format("{}x{}", f.width, f.height),
-                    with_commas(std::uint64_t(f.instances + 0.5)), f.ms_per_frame, f.blend_ms,
-                    f.psnr, f.largest, f.apart, f.unexplained);
+    text += fmt::format(
+        "  {:<7} {:<10} {:>11} {:>9} {:>9.3f} {:>9.3f} {:>7.1f} {:>9.1e} {:>7} {:>5} {:>8}\n",
+        f.bounds, f.blender, fmt::format("{}x{}", f.width, f.height),
+        with_commas(std::uint64_t(f.instances + 0.5)), f.ms_per_frame, f.blend_ms, f.psnr,
+        f.largest, f.apart, f.unexplained,
+        f.unexplained ? fmt::format("{:.1e}", f.borderline) : "");
   return text;
 }
 

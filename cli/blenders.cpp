@@ -36,21 +36,19 @@ struct HostLists {
         tile_splats(pass.tile_splats.download()) {}
 };
 
-bool is_near(double value, double threshold) {
-  return std::abs(value / threshold - 1) < kBorderline;
-}
+double relative_distance(double value, double threshold) { return std::abs(value / threshold - 1); }
 
 // A pixel by the equations in double, from the splats as both blenders read them.
 struct ExactPixel {
   Vec3d color;
-  bool is_borderline;  // rounding may decide about some fragment
+  double borderline;  // least relative distance of a fragment to a threshold: so near, rounding may decide about it
 };
 
 ExactPixel exact_pixel(const HostLists& lists, const RenderSettings& settings, int x, int y) {
   const bool is_classic = settings.blend_rule == BlendRule::classic;
   const std::size_t tile = std::size_t(y / kTileHeight) * lists.tiles_x + x / kTileWidth;
   PixelState<double> state;
-  bool is_borderline = false;
+  double borderline = std::numeric_limits<double>::infinity();
   for (std::uint32_t k = lists.ranges[tile]; k < lists.ranges[tile + 1]; ++k) {
     const Splat& splat = lists.splats[gaussian_of(lists.tile_splats[k])];
     const Sym2<double> conic{splat.conic.xx, splat.conic.xy, splat.conic.yy};
@@ -58,19 +56,19 @@ ExactPixel exact_pixel(const HostLists& lists, const RenderSettings& settings, i
     const double dx = x + 0.5 - splat.mean2d.x, dy = y + 0.5 - splat.mean2d.y;
     const double u_x = L.xx * dx + L.xy * dy, u_y = L.yy * dy;
     double alpha = splat.opacity * std::exp2(-(u_x * u_x + u_y * u_y));
-    is_borderline |= is_near(alpha, kMinAlpha);
+    borderline = std::min(borderline, relative_distance(alpha, kMinAlpha));
     if (alpha < kMinAlpha) continue;
     if (is_classic) alpha = std::min(alpha, double(kMaxAlphaClassic));
     const double before = state.transmittance, after = before * (1 - alpha);
     // Here, too, so much of the fragment's alpha may decide: of the light that an opaque one leaves that is much more.
-    is_borderline |=
-        std::abs(after - kMinTransmittance) < kBorderline * std::max(after, alpha * before);
+    borderline = std::min(
+        borderline, std::abs(after - kMinTransmittance) / std::max<double>(after, alpha * before));
     const bool ends = is_opaque(after);
     if (ends && is_classic) break;
     composite(state, Vec3d(splat.color), alpha);
     if (ends) break;
   }
-  return {state.color + state.transmittance * Vec3d(settings.background), is_borderline};
+  return {state.color + state.transmittance * Vec3d(settings.background), borderline};
 }
 
 double largest_difference(const Vec3d& a, const Vec3d& b) {
@@ -81,6 +79,7 @@ double largest_difference(const Vec3d& a, const Vec3d& b) {
 struct Difference {
   double squares = 0, largest = 0;
   std::size_t pixels = 0, apart = 0, unexplained = 0;
+  double borderline = 0;
 };
 
 void add_difference(const RenderPass& expected, const RenderPass& actual,
@@ -103,16 +102,21 @@ void add_difference(const RenderPass& expected, const RenderPass& actual,
   sum.apart += apart.size();
   if (apart.empty()) return;
   const HostLists lists(expected);
-  std::vector<double> errors(apart.size());  // of pixels without a borderline fragment, from the equations
+  std::vector<char> is_unexplained(apart.size());
+  std::vector<double> borderlines(apart.size());
   parallel_for(apart.size(), 16, [&](std::size_t k) {
     const std::size_t i = apart[k];
     const ExactPixel exact =
         exact_pixel(lists, settings, int(i % expected.width), int(i / expected.width));
-    if (exact.is_borderline) return;
-    errors[k] = largest_difference(exact.color, {b[i], b[plane + i], b[2 * plane + i]});
+    const double error = largest_difference(exact.color, {b[i], b[plane + i], b[2 * plane + i]});
+    is_unexplained[k] = exact.borderline >= kBorderline && !(error <= kBlendersAgree);
+    borderlines[k] = exact.borderline;
   });
-  sum.unexplained += std::size_t(std::count_if(
-      errors.begin(), errors.end(), [](double error) { return !(error <= kBlendersAgree); }));
+  for (std::size_t k = 0; k < apart.size(); ++k) {
+    if (!is_unexplained[k]) continue;
+    ++sum.unexplained;
+    sum.borderline = std::max(sum.borderline, borderlines[k]);
+  }
 }
 
 }  // namespace
@@ -154,6 +158,7 @@ std::vector<BlenderFigures> compare_blenders(Backend& backend, TrainingModel& mo
         figures.pixels = difference.pixels;
         figures.apart = difference.apart;
         figures.unexplained = difference.unexplained;
+        figures.borderline = difference.borderline;
         all.push_back(figures);
       }
   return all;

@@ -24,7 +24,8 @@ struct BlenderFigures {
   std::size_t pixels = 0;   // of all views
   std::size_t apart = 0;    // with a channel that differs by more than kBlendersAgree
   std::size_t unexplained = 0;  // of these, as far from the equations in double, and without a fragment so near to a
-                                // threshold that rounding decides
+                                // threshold that rounding decides (kBorderline)
+  double borderline = 0;        // of those: how near to a threshold the nearest fragment of each is, at most
 };
 
 inline constexpr double kBlendersAgree = 1e-4;
