@@ -69,6 +69,7 @@ struct ColmapImage {
   Quat<double> cam_from_world_rotation{1, 0, 0, 0};  // unit length
   Vec3d cam_from_world_translation{0.0, 0.0, 0.0};   // world units
   std::vector<ColmapObservation> observations{};     // empty unless asked for
+  std::filesystem::path mask{};                      // the photo's mask file, where the model names one
 };
 
 /// One triangulated point. Of its track only the length is kept.

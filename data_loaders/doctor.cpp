@@ -153,10 +153,14 @@ class Examination {
     const std::size_t count = scene_.files.size();
     scene_.mask_files.resize(count);
     std::vector<std::string> names;
-    for (const ColmapImage& image : scene_.model.images) names.push_back(image.name);
+    std::vector<fs::path> of_model;
+    for (const ColmapImage& image : scene_.model.images) {
+      names.push_back(image.name);
+      of_model.push_back(image.mask);
+    }
     try {
       scene_.masks = find_masks(config_.dataset, scene_.folders);
-      scene_.mask_files = match_masks(scene_.masks, names, scene_.files);
+      scene_.mask_files = match_masks(scene_.masks, names, scene_.files, of_model);
     } catch (const Error& error) {
       add(Level::fatal, "masks", error.what());
       return;

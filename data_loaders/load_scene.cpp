@@ -111,12 +111,14 @@ std::vector<ViewPlan> plan_views(const DatasetConfig& dataset, const ColmapModel
                                  const fs::path& images, const MaskSource& masks,
                                  const LoadProgress& progress) {
   std::vector<std::string> names;
+  std::vector<fs::path> masks_of_model;
   for (const ColmapImage& image : model.images) {
     check_name(image, model.folder);
     names.push_back(image.name);
+    masks_of_model.push_back(image.mask);
   }
   const std::vector<fs::path> files = find_photos(names, images);
-  const std::vector<fs::path> mask_files = match_masks(masks, names, files);
+  const std::vector<fs::path> mask_files = match_masks(masks, names, files, masks_of_model);
   std::vector<ViewPlan> plans;
   for (std::size_t i = 0; i < names.size(); ++i)
     plans.push_back({model.images[i], files[i], mask_files[i], {}, {}, {}, {}, {}});

@@ -135,8 +135,10 @@ MaskSource find_masks(const DatasetConfig& dataset, const SceneFolders& folders)
 }
 
 std::vector<fs::path> match_masks(const MaskSource& source, const std::vector<std::string>& names,
-                                  const std::vector<fs::path>& photos) {
+                                  const std::vector<fs::path>& photos,
+                                  const std::vector<fs::path>& of_model) {
   std::vector<fs::path> masks(names.size());
+  if (!source.is_named && source.use_alpha) masks = of_model;
   if (source.folder.empty() || names.empty()) return masks;
   std::vector<std::string> file_names;
   for (const fs::path& photo : photos)
@@ -147,6 +149,7 @@ std::vector<fs::path> match_masks(const MaskSource& source, const std::vector<st
   std::size_t missing = 0;
   std::string first_missing;
   for (std::size_t i = 0; i < names.size(); ++i) {
+    if (!masks[i].empty()) continue;
     std::string found = files.mask_of(names[i]);
     if (found.empty() && file_names[i] != names[i]) found = files.mask_of(file_names[i]);
     if (!found.empty())

@@ -33,9 +33,13 @@ MaskSource find_masks(const DatasetConfig& dataset, const SceneFolders& folders)
 ///   a/b.mask.png, a/b_mask.png
 /// with any other picture's ending in place of .png where there is one file of it. Warns with a count where only some
 /// photos have one. Throws Error where a photo could have two, and where a folder named by dataset.masks has none at all.
+///
+/// `of_model`: mask files that the model itself names (empty paths where it names none). They go before those of a folder that
+/// was only found, and are not asked for where dataset.masks says something else.
 std::vector<std::filesystem::path> match_masks(const MaskSource& source,
                                                const std::vector<std::string>& names,
-                                               const std::vector<std::filesystem::path>& photos);
+                                               const std::vector<std::filesystem::path>& photos,
+                                               const std::vector<std::filesystem::path>& of_model);
 
 /// Refuses a mask of another shape than its photo, from its header. Throws Error that names both files.
 void check_mask_size(const std::filesystem::path& mask, const std::filesystem::path& photo,

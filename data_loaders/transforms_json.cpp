@@ -165,6 +165,25 @@ class FrameReader {
     return with_extension(file_.folder(), *name);
   }
 
+  /// Of the photo, relative to the file's folder as file_path is; empty where none is named.
+  fs::path mask() const {
+    const Json* path = value_of(frame_, "mask_path");  // not the top's
+    if (!path || path->is_null()) return {};
+    const auto name = path_inside(text(*path, "mask_path"));
+    if (!name)
+      fail(
+          "has a mask_path that is empty, absolute, a folder or leads out of the file's folder; "
+          "copy the masks below that folder and name them relative to it",
+          "");
+    const fs::path mask = file_.folder() / *name;
+    if (!fs::is_regular_file(mask))
+      fail(fmt::format("names the mask {}, which is not there; copy it there, or leave mask_path "
+                       "out",
+                       mask.string()),
+           "");
+    return mask;
+  }
+
   /// Without id. `name` is that of the photo.
   ColmapCamera camera(const std::string& name) const {
     ColmapCamera camera;
@@ -354,6 +373,7 @@ class FrameCollector {
       ColmapImage image;
       image.id = std::uint32_t(model_.images.size() + 1);
       image.name = frame.name();
+      image.mask = frame.mask();
       if (!names_.insert(image.name).second)
         file.fail(
             fmt::format("file_path of frame {} is '{}', which a frame before it has; leave one out",

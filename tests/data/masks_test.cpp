@@ -295,6 +295,26 @@ TEST_F(Masks, OfBlenderScenesShowTheBackground) {
   EXPECT_FALSE(view(dataset()).over_background);
 }
 
+TEST_F(Masks, ThatTransformsJsonNamesAreTakenWhateverTheirPlace) {
+  const std::string pose = "\"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}";
+  write_bytes(folder() / "transforms.json",
+              "{\"camera_angle_x\": 0.8, \"frames\": [{\"file_path\": \"photos/a.png\", "
+              "\"mask_path\": \"cut/of_a.png\", " +
+                  pose + ", {\"file_path\": \"photos/b.png\", " + pose + "]}");
+  for (const char* name : {"photos/a.png", "photos/b.png"})
+    write_png(folder() / name, plain_photo(kWidth, kHeight, 30));
+  EXPECT_THAT(error_of(dataset()), AllOf(HasSubstr("frame 0"), HasSubstr("of_a.png")));
+  write_png(folder() / "cut/of_a.png", left_mask(5));
+  EXPECT_EQ(view(dataset()).mask.pixels, left_mask(5).pixels);
+  write_png(folder() / "masks/photos/a.png", left_mask(2));  // only found: the file's own goes before it
+  EXPECT_EQ(view(dataset()).mask.pixels, left_mask(5).pixels);
+  DatasetConfig other = dataset();
+  other.masks = "masks";
+  EXPECT_EQ(view(other).mask.pixels, left_mask(2).pixels);
+  other.masks = "none";
+  EXPECT_TRUE(view(other).mask.empty());
+}
+
 /// A photo of 200 with `garbage` behind a mask of the left 50 columns but for a grey one.
 void write_masked_photo(const std::filesystem::path& folder, int width, int height,
                         std::uint8_t garbage) {
