@@ -15,9 +15,8 @@
 #include <sstream>
 #include <thread>
 
-#include "data_loaders/photos.h"
 #include "gs_core/random.h"
-#include "tests/support/temp_folder.h"
+#include "tests/support/program.h"
 
 namespace gs {
 namespace {
@@ -29,43 +28,12 @@ using ::testing::HasSubstr;
 constexpr int kSteps = 60;
 constexpr int kKills = 50;
 constexpr std::uint64_t kSeed = 11;  // of the moments of the kills
-const std::string kTrain =
+const std::string kResumable =
     " --eval --test-every 3 --device cpu --threads 1 --checkpoint-every 4 --set train.log_every=5 "
     "--set "
     "density.from_step=10 --set density.every=10 --set density.gradient_threshold=1e-5 "
     "--background "
     "random";
-
-struct Outcome {
-  int code;  // negative: the signal that ended it
-  std::string out, err;
-};
-
-// Six cameras on a line, looking along z at 120 points.
-void write_scene(const fs::path& folder) {
-  std::ostringstream images, points;
-  for (int v = 0; v < 6; ++v) {
-    Image8 photo(32, 24, 3);
-    for (int y = 0; y < photo.height; ++y)
-      for (int x = 0; x < photo.width; ++x) {
-        photo.at(x, y, 0) = std::uint8_t(128 + 100 * std::sin(0.3 * (x + v)));
-        photo.at(x, y, 1) = std::uint8_t(128 + 100 * std::sin(0.25 * y));
-        photo.at(x, y, 2) = std::uint8_t(200 - 3 * y);
-      }
-    const std::string name = "view_" + std::to_string(v) + ".png";
-    write_png(folder / "images" / name, photo);
-    images << v + 1 << " 1 0 0 0 " << -0.1 * v << " 0 0 1 " << name << "\n\n";
-  }
-  for (int p = 0; p < 120; ++p) {
-    const Vec4f u = Random{7, RandomStream::test}.uniform4(std::uint64_t(p));
-    const float z = 3 + 2 * u.z;
-    points << p + 1 << ' ' << (u.x - 0.5f) * z << ' ' << (u.y - 0.5f) * z << ' ' << z
-           << " 120 130 140 0.5\n";
-  }
-  write_bytes(folder / "sparse/0/cameras.txt", "1 PINHOLE 32 24 32 32 16 12\n");
-  write_bytes(folder / "sparse/0/images.txt", images.str());
-  write_bytes(folder / "sparse/0/points3D.txt", points.str());
-}
 
 // The file without what two runs cannot share: times.
 std::string without_times(const fs::path& file) {
@@ -128,7 +96,7 @@ class Resume : public ::testing::Test {
   }
   Outcome run(const std::string& arguments) { return wait_for(start(arguments)); }
   std::string command(const std::string& out, const std::string& more = "") const {
-    return "train " + text("scene") + " -o " + text(out) + kTrain + " --iterations " +
+    return "train " + text("scene") + " -o " + text(out) + kResumable + " --iterations " +
            std::to_string(kSteps) + " " + more;
   }
   // Runs until a file is there, then sends a signal. Code 0 where the run was over before.
