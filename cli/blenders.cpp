@@ -41,7 +41,8 @@ double relative_distance(double value, double threshold) { return std::abs(value
 // A pixel by the equations in double, from the splats as both blenders read them.
 struct ExactPixel {
   Vec3d color;
-  double borderline;  // least relative distance of a fragment to a threshold: so near, rounding may decide about it
+  // The least relative change of one fragment's alpha that carries some fragment over a threshold: rounding may decide there.
+  double borderline;
 };
 
 ExactPixel exact_pixel(const HostLists& lists, const RenderSettings& settings, int x, int y) {
@@ -49,6 +50,7 @@ ExactPixel exact_pixel(const HostLists& lists, const RenderSettings& settings, i
   const std::size_t tile = std::size_t(y / kTileHeight) * lists.tiles_x + x / kTileWidth;
   PixelState<double> state;
   double borderline = std::numeric_limits<double>::infinity();
+  double leverage = 1;  // of an alpha on the transmittance, relative: an opaque fragment's is large
   for (std::uint32_t k = lists.ranges[tile]; k < lists.ranges[tile + 1]; ++k) {
     const Splat& splat = lists.splats[gaussian_of(lists.tile_splats[k])];
     const Sym2<double> conic{splat.conic.xx, splat.conic.xy, splat.conic.yy};
@@ -59,10 +61,9 @@ ExactPixel exact_pixel(const HostLists& lists, const RenderSettings& settings, i
     borderline = std::min(borderline, relative_distance(alpha, kMinAlpha));
     if (alpha < kMinAlpha) continue;
     if (is_classic) alpha = std::min(alpha, double(kMaxAlphaClassic));
-    const double before = state.transmittance, after = before * (1 - alpha);
-    // Here, too, so much of the fragment's alpha may decide: of the light that an opaque one leaves that is much more.
-    borderline = std::min(
-        borderline, std::abs(after - kMinTransmittance) / std::max<double>(after, alpha * before));
+    const double after = state.transmittance * (1 - alpha);
+    leverage = std::max(leverage, alpha / std::max(1 - alpha, 1e-12));
+    borderline = std::min(borderline, std::abs(after - kMinTransmittance) / (after * leverage));
     const bool ends = is_opaque(after);
     if (ends && is_classic) break;
     composite(state, Vec3d(splat.color), alpha);

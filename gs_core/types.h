@@ -129,4 +129,13 @@ GS_HD double multiply_add(const double& a, const double& b, const double& c) {
 }
 #endif
 
+/// a * b + c * d. Of products that cancel little is left, and that little is as good as the factors: what the rounding of one
+/// of them took away is given back (Kahan).
+template <class T>
+GS_HD T sum_of_products(const T& a, const T& b, const T& c, const T& d) {
+  const T second = c * d;
+  const T rounded_off = multiply_add(c, d, -second);
+  return multiply_add(a, b, second) + rounded_off;
+}
+
 }  // namespace gs

@@ -74,11 +74,12 @@ template <class T>
 GS_HD ExponentTerms<T> pixel_monomials(const T& x, const T& y) {
   return {{T(1), x, y, x * x, x * y, y * y}};
 }
-/// The splat's side, opacity and log2(e) included. `mean` is its offset from the same reference point.
+/// The splat's side, opacity and log2(e) included. `mean` is its offset from the same reference point. Of a long needle's
+/// u_x little is left of two large products.
 template <class T>
 GS_HD ExponentTerms<T> exponent_coefficients(const ConicFactors<T>& L, const Vec2<T>& mean,
                                              const T& log2_opacity) {
-  const T u_x = L.xx * mean.x + L.xy * mean.y, u_y = L.yy * mean.y;
+  const T u_x = sum_of_products(L.xx, mean.x, L.xy, mean.y), u_y = L.yy * mean.y;
   return {{log2_opacity - u_x * u_x - u_y * u_y, T(2) * u_x * L.xx,
            T(2) * (u_x * L.xy + u_y * L.yy), -L.xx * L.xx, T(-2) * L.xx * L.xy,
            -(L.xy * L.xy + L.yy * L.yy)}};

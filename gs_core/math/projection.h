@@ -106,13 +106,10 @@ GS_HD ProjectCovarianceGradient<T> project_covariance_vjp(const Mat23<T>& A, con
            A.row0.y * g0.z + A.row1.y * g1.z, A.row0.z * g0.z + A.row1.z * g1.z}};
 }
 
-/// xx yy - xy^2. Of a needle's both products little is left: what the rounding of one took away is given back, so
-/// that the difference is as good as its factors (Kahan).
+/// xx yy - xy^2; of a needle's both products little is left.
 template <class T>
 GS_HD T determinant(const Sym2<T>& S) {
-  const T square = S.xy * S.xy;
-  const T rounded_off = multiply_add(-S.xy, S.xy, square);
-  return multiply_add(S.xx, S.yy, -square) + rounded_off;
+  return sum_of_products(S.xx, S.yy, -S.xy, S.xy);
 }
 
 /// The conic Q = Sigma'^-1, whose quadratic form is the exponent of a splat.   1 / pixels^2
