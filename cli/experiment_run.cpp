@@ -13,10 +13,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The one switch for continuing a run that broke off: true once `gemsplat train` knows --resume auto. Until then such a
-// run is moved aside and begun again.
-constexpr bool kTrainCanResume = true;
-
 constexpr const char* kThisProgram = "/proc/self/exe";  // of the child, too; also where the file was replaced meanwhile
 
 // Without what changes no result.
@@ -41,8 +37,6 @@ bool has_same_settings(const ExperimentRun& run) {
   }
   return difference(comparable(written), {}, comparable(run.settings), {}).empty();
 }
-
-bool can_resume(const ExperimentRun& run) { return kTrainCanResume && has_same_settings(run); }
 
 ExperimentRun make_run(const Experiment& experiment, const ExperimentScene& scene,
                        const ExperimentConfig& config, std::uint64_t seed) {
@@ -77,7 +71,7 @@ bool is_finished(const ExperimentRun& run) {
 }
 
 void prepare(const ExperimentRun& run) {
-  if (run.folder.holds_run() && !can_resume(run)) {
+  if (run.folder.holds_run() && !has_same_settings(run)) {
     const fs::path backup = move_aside(run.folder.root());
     log_info("{}: what was there is now in {}", run.name(), backup.string());
   }
@@ -89,7 +83,7 @@ std::vector<std::string> train_command(const ExperimentRun& run, const RunSlot& 
       kThisProgram, "train", "-c", run.settings_file().string(), "-o", run.folder.root().string()};
   if (!slot.device.empty()) command.insert(command.end(), {"--device", slot.device});
   if (slot.threads > 0) command.insert(command.end(), {"--threads", std::to_string(slot.threads)});
-  if (can_resume(run)) command.insert(command.end(), {"--resume", "auto"});
+  if (has_same_settings(run)) command.insert(command.end(), {"--resume", "auto"});
   return command;
 }
 
