@@ -24,6 +24,7 @@ class RunFolder {
   Path ply(int step) const;
   Path pictures(std::string_view split, int step) const;  // holds renders/ and gt/
   Path checkpoints() const { return root_ / "checkpoints"; }
+  Path lock() const { return root_ / "train.lock"; }  // FolderLock of the process that trains into it
   Path cameras() const { return root_ / "cameras.json"; }
   Path cfg_args() const { return root_ / "cfg_args"; }
   Path config() const { return root_ / "config.toml"; }

@@ -11,6 +11,7 @@
 #include "cli/checkpoint_folder.h"
 #include "cli/comparison.h"
 #include "cli/devices.h"
+#include "cli/folder_lock.h"
 #include "cli/options.h"
 #include "cli/pictures.h"
 #include "cli/reconstruct.h"
@@ -264,8 +265,11 @@ void train(const TrainCommand& command) {
   const auto keep_start = [&] {
     checkpoints.save(resumed->checkpoint.state.progress, resumed->checkpoint.state.model);
   };
+  std::optional<FolderLock> lock(std::in_place, folder.lock(), FolderLock::Kind::alone);
   if (resumed && resumed->is_extended) keep_start();  // before the old results are moved aside
   start_folder(command, resumed, folder, config, scene);
+  if (!std::filesystem::exists(folder.lock()))  // an older run was moved aside, lock and all
+    lock.emplace(folder.lock(), FolderLock::Kind::alone);
   if (resumed && !resumed->goes_on_in_place()) keep_start();
   const std::string metrics_rows = metrics_before(resumed, Schedule(config, 1).steps());
   if (resumed) {

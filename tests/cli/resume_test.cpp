@@ -62,7 +62,8 @@ std::map<std::string, std::string> contents_of(const fs::path& run) {
   std::map<std::string, std::string> contents;
   for (const auto& entry : fs::recursive_directory_iterator(run)) {
     const std::string name = fs::relative(entry.path(), run).string();
-    const bool depends = name == "config.toml" || name == "cfg_args" || name.ends_with(".ckpt");
+    const bool depends = name == "config.toml" || name == "cfg_args" || name == "train.lock" ||
+                         name.ends_with(".ckpt");
     if (entry.is_regular_file() && !depends) contents[name] = without_times(entry.path());
   }
   return contents;
@@ -152,6 +153,25 @@ TEST_F(Resume, ARunKilledAtRandomMomentsWritesTheBytesOfOneNeverInterrupted) {
     fs::remove_all(path(out));
   }
   EXPECT_GT(resumed, 5);
+}
+
+TEST_F(Resume, AFolderThatIsBeingTrainedIntoIsRefused) {
+  const pid_t first = start(command("busy", "--set train.iterations=100000"));
+  while (!fs::exists(checkpoint(path("busy"), 8)) && ::waitpid(first, nullptr, WNOHANG) == 0)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  const std::string busy = text("busy");
+  for (const std::string& second :
+       {"train --resume " + busy + " --device cpu --threads 1", command("busy", "--force")}) {
+    const Outcome refused = run(second);
+    EXPECT_EQ(refused.code, 3) << refused.err;
+    EXPECT_THAT(refused.err, AllOf(HasSubstr("another process"), HasSubstr(busy)));
+  }
+  EXPECT_FALSE(fs::exists(path("busy.bak-1")));
+  ::kill(first, SIGKILL);
+  wait_for(first);
+  const Outcome moved = run(command("busy", "--force"));
+  EXPECT_EQ(moved.code, 0) << moved.err;
+  EXPECT_TRUE(fs::exists(path("busy.bak-1")));
 }
 
 TEST_F(Resume, ASignalSavesModelAndCheckpointAndTheRunGoesOnFromThere) {
