@@ -13,9 +13,6 @@
 #include "cli/results.h"
 #include "cli/text.h"
 #include "cli/verbs.h"
-#include "data_loaders/exposure_file.h"
-#include "data_loaders/load_scene.h"
-#include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 
@@ -27,17 +24,6 @@ struct EvalCommand : CommandLine {
   std::optional<int> step;
   bool json = false;
 };
-
-// With the exposures that the run was trained with, where it has any.
-Scene load(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene) {
-  const bool has_file =
-      opened.run && !is_other_scene && std::filesystem::exists(opened.run->exposures());
-  if (has_file) dataset.exposure = false;
-  Scene scene = load_scene(dataset);
-  bring_to_offset(scene, opened.model.world_offset);
-  if (has_file) apply_exposures(read_exposures(opened.run->exposures()), scene);
-  return scene;
-}
 
 std::vector<View> views_of(Scene scene, const std::string& split) {
   std::vector<View> views = std::move(split == "train" ? scene.train_views : scene.test_views);
@@ -57,12 +43,10 @@ void eval(const EvalCommand& command) {
   // A bare model says nothing of what was held out: the usual rule then.
   if (!opened.run) opened.config.dataset.eval = true;
   const Config config = resolve(command, opened.config);
-  if (config.dataset.source.empty())
-    throw UsageError("which photos? give the scene with --data SCENE");
   set_thread_count(config.train.threads);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const std::vector<View> views =
-      views_of(load(opened, config.dataset, command.has("dataset.source")), command.split);
+      views_of(scene_for(opened, config.dataset, command.has("dataset.source")), command.split);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
 
   ProgressBar bar(std::int64_t(views.size()), !command.quiet);

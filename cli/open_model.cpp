@@ -3,7 +3,10 @@
 
 #include <algorithm>
 
+#include "data_loaders/exposure_file.h"
+#include "data_loaders/load_scene.h"
 #include "data_loaders/ply.h"
+#include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 #include "gs_train/trainer.h"
 
@@ -41,6 +44,16 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
   opened.config.render.antialias = opened.model.antialiased;
   if (!opened.model.is_ours) opened.config.render.blend_rule = "classic";  // as it was trained
   return opened;
+}
+
+Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene) {
+  if (dataset.source.empty()) throw UsageError("which photos? give the scene with --data SCENE");
+  const bool has_file = opened.run && !is_other_scene && fs::exists(opened.run->exposures());
+  if (has_file) dataset.exposure = false;
+  Scene scene = load_scene(dataset);
+  bring_to_offset(scene, opened.model.world_offset);
+  if (has_file) apply_exposures(read_exposures(opened.run->exposures()), scene);
+  return scene;
 }
 
 RenderSettings view_settings(const OpenedModel& opened, Config config) {

@@ -8,6 +8,7 @@
 #include "cli/options.h"
 #include "cli/run_folder.h"
 #include "gs_core/gaussians.h"
+#include "gs_core/scene.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {
@@ -22,6 +23,10 @@ struct OpenedModel {
 
 /// Opens `path`; of a run's folder the newest PLY, or that of `step`. Throws Error where there is none.
 OpenedModel open_model(const std::filesystem::path& path, std::optional<int> step);
+
+/// The scene at dataset.source in the model's frame; with the exposures that the run was trained with, where it has any
+/// and the scene is its own.
+Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene);
 
 /// How to render the model under a config: never more SH degrees than it has, black for "random".
 RenderSettings view_settings(const OpenedModel& opened, Config config);

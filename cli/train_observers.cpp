@@ -14,6 +14,8 @@
 #include "data_loaders/ply.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
+#include "gs_core/math/activations.h"
+#include "gs_core/math/constants.h"
 
 namespace gs {
 namespace {
@@ -24,6 +26,13 @@ constexpr int kMetricsColumns = 8;
 
 bool names(const std::vector<int>& steps, int step) {
   return std::find(steps.begin(), steps.end(), step) != steps.end();
+}
+
+std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians) {
+  std::vector<std::uint32_t> rows;
+  for (std::uint32_t i = 0; i < gaussians.count(); ++i)
+    if (!(sigmoid(gaussians.logit_opacity[i]) < kMinAlpha)) rows.push_back(i);
+  return rows;
 }
 
 bool is_last(int step, Trainer& trainer) { return step == trainer.schedule().steps(); }
@@ -47,8 +56,10 @@ void EvaluationObserver::after_step(int step, Trainer& trainer) {
   const std::vector<View>& views = trainer.scene().test_views;
   if (views.empty() || is_last(step, trainer) || !names(trainer.config().train.test_steps, step))
     return;
-  evaluation_ = evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(), views,
-                         trainer.evaluation_settings());
+  trainer.look_at_result([&](const Gaussians& gaussians) {
+    evaluation_ = evaluate(trainer.backend().renderer(), gaussians.span(), views,
+                           trainer.evaluation_settings());
+  });
   step_ = step;
   progress_.clear();
   log_info("step {}: test {}", step, summary(evaluation_));
@@ -109,8 +120,11 @@ void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* te
 }
 
 void save_model(const RunFolder& folder, int step, Trainer& trainer) {
-  GaussianModel model = host_copy(trainer.model().gaussians, trainer.config().model.sh_degree,
-                                  trainer.settings().antialias);
+  GaussianModel model;
+  trainer.look_at_result([&](const Gaussians& gaussians) {
+    model = host_copy(gaussians, trainer.config().model.sh_degree, trainer.settings().antialias);
+  });
+  model.gaussians = rows_of(model.gaussians, visible_rows(model.gaussians));
   model.world_offset = trainer.scene().world_offset;
   write_gaussian_ply(folder.ply(step), model);
 }

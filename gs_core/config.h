@@ -93,6 +93,7 @@ struct DensityConfig {
   float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
   float prune_opacity = 0.005f;
   float prune_scale = 0.1f;  // of the extent, after the first opacity reset
+  float camera_clearance = 0.35f;  // of the way from a camera to what it sees; 0: none
   int reset_opacity_every = 3000;
   int reset_opacity_until = 12000;
   std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as there is memory for

@@ -103,6 +103,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.small_scale",          density.small_scale,          "extent", at_least(0),        "smaller Gaussians are cloned, larger ones split", kKerbl);
   field("density.prune_opacity",        density.prune_opacity,        "",       between(0, 1),      "fainter Gaussians are removed, or moved by mcmc", kKerbl);
   field("density.prune_scale",          density.prune_scale,          "extent", above(0),           "larger Gaussians are removed, after the first opacity reset", kKerbl);
+  field("density.camera_clearance",     density.camera_clearance,     "",       between(0, 1),      "in the end Gaussians nearer to a camera than this share of the way to the nearest sparse points in its picture are removed; 0: none", "docs/benchmarks.md#floaters");
   field("density.reset_opacity_every",  density.reset_opacity_every,  "steps",  steps_from(1),      "between opacity resets", kKerbl);
   field("density.reset_opacity_until",  density.reset_opacity_until,  "steps",  steps_from(0),      "last opacity reset; 0: none", kKerbl);
   field("density.max_gaussians",        density.max_gaussians,        "",       between(kAutoCount, 4e9), "no growth beyond so many, however many points there are; 0: no cap; auto (-1): as many as there is memory for");

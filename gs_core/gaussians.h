@@ -78,6 +78,17 @@ inline Gaussians copy_of(const Gaussians& from) {
   return copy;
 }
 
+/// Host memory only: rows source[0], source[1], ... of `from`.
+inline Gaussians rows_of(const Gaussians& from, const std::vector<std::uint32_t>& source) {
+  Gaussians rows(source.size(), host_memory());
+  for_each_array(
+      [&](const char*, auto& to, const auto& array) {
+        for (std::size_t i = 0; i < source.size(); ++i) to[i] = array[source[i]];
+      },
+      rows, from);
+  return rows;
+}
+
 /// Trained Gaussians as files carry them: in host memory, with the SH degree they use.
 struct GaussianModel {
   Gaussians gaussians;

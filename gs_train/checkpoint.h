@@ -17,7 +17,7 @@ struct RunProgress {
   int sh_degree = 0;             // in use
   double loss = 0;               // of the last step
   double train_seconds = 0;      // so far
-  std::int64_t growth_cap = 0;   // Gaussians; lowered where memory ran out, 0: as the config says
+  std::int64_t growth_cap = 0;   // Gaussians; found out, or lowered where memory ran out; 0: as the config says
   std::vector<int> strikes;      // (training views) how often each broke the model; at kMostStrikes it is skipped
   std::vector<std::uint32_t> view_order;  // (training views) of the epoch of the last step; a check, see ViewSampler
 };

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "gs_core/error.h"
+#include "gs_train/floaters.h"
 #include "gs_train/gaussian_budget.h"
 #include "gs_train/initialise.h"
 
@@ -25,6 +26,13 @@ const Scene& with_views(const Scene& scene) {
     throw Error("there is no view to train on in " + scene.source +
                 "; hold out fewer views (--test-every) or check the reconstruction");
   return scene;
+}
+
+// What the run found out that there is memory for stays, whatever is free now.
+Config with_known_cap(Config config, const RunProgress& progress) {
+  if (config.density.max_gaussians == kAutoCount && progress.growth_cap > 0)
+    config.density.max_gaussians = progress.growth_cap;
+  return config;
 }
 
 }  // namespace
@@ -61,16 +69,20 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
       guard_(scene.train_views.size()) {
   settings_.sh_degree = 0;  // raised by the schedule
   backend_.prepare(scene.train_views, std::size_t(double(config.train.photo_gib) * kGib));
-  if (config_.density.max_gaussians == kAutoCount)
+  const bool is_found_out = config_.density.max_gaussians == kAutoCount;
+  if (is_found_out)
     config_.density.max_gaussians = affordable_gaussians(scene, model_, backend_.memory());
   density_ = make_density_control(config_, schedule_, scene.extent);
+  if (is_found_out)  // once and for all: checkpoints keep it
+    density_->set_growth_cap(config_.density.max_gaussians);
 }
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
     : Trainer(scene, config, backend, initial_model(with_views(scene), config, backend.memory())) {}
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingState from)
-    : Trainer(scene, config, backend, TrainingModel(backend.memory())) {
+    : Trainer(scene, with_known_cap(config, from.progress), backend,
+              TrainingModel(backend.memory())) {
   if (from.progress.strikes.size() != scene.train_views.size())
     throw Error(scene.source +
                 " has another number of training views than the run had; train on "
@@ -99,6 +111,12 @@ const TrainingModel& Trainer::model() {
     backend_.settle(model_);
     return &model_;
   });
+}
+
+void Trainer::look_at_result(const std::function<void(const Gaussians&)>& f) {
+  model();
+  const HiddenFloaters hidden(model_, scene_, config_.density.camera_clearance);
+  f(model_.gaussians);
 }
 
 double Trainer::loss() {
@@ -186,6 +204,8 @@ void Trainer::expect_views_from(int first, int last) {
 }
 
 void Trainer::finish() {
+  backend_.settle(model_);
+  HiddenFloaters(model_, scene_, config_.density.camera_clearance).leave();
   if_there_is_room("the final prune", [&] { backend_.rows().prune(model_, kMinAlpha); });
   if_there_is_room("the Morton order", [&] { backend_.rows().sort_by_morton(model_); });
 }

@@ -57,6 +57,9 @@ class Trainer {
   int step() const { return step_; }
   /// The model after all steps so far; waits for the device.
   const TrainingModel& model();
+  /// Calls f with it as the run would leave it if it ended here: what hangs before cameras (floaters.h) and what is too faint
+  /// cannot be seen. Waits for the device.
+  void look_at_result(const std::function<void(const Gaussians&)>& f);
   /// Its number of Gaussians; does not wait.
   std::size_t gaussian_count() const { return model_.count(); }
   const RenderSettings& settings() const { return settings_; }

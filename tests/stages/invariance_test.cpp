@@ -28,13 +28,13 @@ TEST_F(Invariance, PermutingTheGaussiansLeavesEachBitOfThePicture) {
   const Gaussians gaussians = mixed_gaussians(200, camera_, 1);
   const auto before = render(gaussians);
   for (const std::uint64_t seed : {1, 2, 3})
-    EXPECT_EQ(render(reordered(gaussians, random_permutation(gaussians.count(), seed))), before);
+    EXPECT_EQ(render(rows_of(gaussians, random_permutation(gaussians.count(), seed))), before);
 }
 
 TEST_F(Invariance, PermutingTheGaussiansPermutesTheirGradients) {
   const Gaussians gaussians = mixed_gaussians(100, camera_, 2);
   const std::vector<std::uint32_t> order = random_permutation(gaussians.count(), 4);
-  const Gaussians permuted = reordered(gaussians, order);
+  const Gaussians permuted = rows_of(gaussians, order);
   Buffer<float> dL_dimage(3 * std::size_t(120) * 80, host_memory());
   Draws draws(5);
   for (float& weight : dL_dimage) weight = draws.uniform(-1, 1);
@@ -47,7 +47,7 @@ TEST_F(Invariance, PermutingTheGaussiansPermutesTheirGradients) {
                                   gradients.span(), dL_dmean2d.span());
     return gradients;
   };
-  EXPECT_TRUE(same_bits(reordered(gradients_of(gaussians), order), gradients_of(permuted)));
+  EXPECT_TRUE(same_bits(rows_of(gradients_of(gaussians), order), gradients_of(permuted)));
 }
 
 TEST_F(Invariance, SortingAlongTheMortonCurveLeavesEachBitOfThePicture) {

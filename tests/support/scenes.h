@@ -162,17 +162,6 @@ inline Gaussians mixed_gaussians(std::size_t count_each, const Camera& camera, s
   return all;
 }
 
-/// Rows of `from` in another order: row i becomes row source[i].
-inline Gaussians reordered(const Gaussians& from, const std::vector<std::uint32_t>& source) {
-  Gaussians result(source.size(), host_memory());
-  for_each_array(
-      [&](const char*, auto& to, const auto& array) {
-        for (std::size_t i = 0; i < source.size(); ++i) to[i] = array[source[i]];
-      },
-      result, from);
-  return result;
-}
-
 /// A random permutation of 0 .. count - 1.
 inline std::vector<std::uint32_t> random_permutation(std::size_t count, std::uint64_t seed) {
   Draws draws(seed);

@@ -154,6 +154,26 @@ TEST_F(Recovery, ExtraStepsGoOnAfterTheScheduleWithoutChangingIt) {
   EXPECT_TRUE(same_bits(extended.model(), longer));
 }
 
+TEST_F(Recovery, ACapThatWasFoundOutIsNotFoundOutAgain) {
+  Config config = eventful_run();
+  config.density.max_gaussians = kAutoCount;
+  KeptStates kept;
+  const auto backend = make_scalar_backend();
+  Trainer first(scene_, config, *backend);
+  first.keep_checkpoints_in(kept);
+  first.run();
+  ASSERT_FALSE(kept.states.empty());
+  TrainingState state = KeptStates::copy(kept.states.front());
+  EXPECT_EQ(state.progress.growth_cap, first.config().density.max_gaussians);
+  state.progress.growth_cap = 57;  // as if there had been less memory
+  Trainer second(scene_, config, *backend, std::move(state));
+  EXPECT_EQ(second.config().density.max_gaussians, 57);
+  second.keep_checkpoints_in(kept);
+  second.run();
+  EXPECT_LE(second.model().count(), std::max<std::size_t>(57, kept.states.front().model.count()));
+  EXPECT_EQ(kept.states.back().progress.growth_cap, 57);
+}
+
 TEST_F(Recovery, AStateOfAnotherSceneOrSeedIsRefused) {
   Config config = eventful_run();
   config.train.iterations = 10;

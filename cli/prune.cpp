@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat prune: a trained model without the Gaussians that it can do without, and what that costs.
+#include <spdlog/fmt/fmt.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "cli/devices.h"
+#include "cli/open_model.h"
+#include "cli/options.h"
+#include "cli/progress_bar.h"
+#include "cli/results.h"
+#include "cli/text.h"
+#include "cli/verbs.h"
+#include "data_loaders/ply.h"
+#include "gs_core/error.h"
+#include "gs_core/math/activations.h"
+#include "gs_core/parallel.h"
+#include "gs_train/contribution.h"
+#include "gs_train/floaters.h"
+#include "gs_train/metrics.h"
+
+namespace gs {
+namespace {
+
+struct PruneCommand : CommandLine {
+  std::string model, output;
+  std::optional<int> step;
+  float opacity = 0, contribution = 0;
+  float clearance = 0;
+  int witnesses = 0;
+  bool json = false, force = false;
+};
+
+struct Removed {
+  std::size_t faint = 0, unseen = 0, floaters = 0;  // each counts what those before it have left
+};
+
+/// Rows that stay; what is removed is counted once.
+class Kept {
+ public:
+  explicit Kept(std::size_t count) : rows_(count) { std::iota(rows_.begin(), rows_.end(), 0u); }
+  template <class F>
+  std::size_t remove(F&& is_removed) {
+    return std::erase_if(rows_, is_removed);
+  }
+  const std::vector<std::uint32_t>& rows() const { return rows_; }
+
+ private:
+  std::vector<std::uint32_t> rows_;
+};
+
+// (N) the largest share in any view.   pixels
+std::vector<float> largest_shares(Renderer& renderer, const GaussiansSpan& gaussians,
+                                  const std::vector<View>& views, const RenderSettings& settings,
+                                  bool show_progress) {
+  std::vector<float> largest(gaussians.mean.size);
+  ContributionMeter meter(renderer, gaussians, settings);
+  ProgressBar bar(std::int64_t(views.size()), show_progress);
+  std::int64_t done = 0;
+  for (const View& view : views) {
+    const std::vector<float>& shares = meter.measure(view.camera);
+    for (std::size_t i = 0; i < largest.size(); ++i) largest[i] = std::max(largest[i], shares[i]);
+    if (bar.due(++done)) bar.draw(done, "contributions", "view");
+  }
+  bar.clear();
+  return largest;
+}
+
+void prune(const PruneCommand& command) {
+  setup_log(command.verbosity());
+  if (!(command.opacity > 0 || command.contribution > 0 || command.clearance > 0))
+    throw UsageError("prune what? give --opacity, --contribution or --floaters");
+  if (!command.force && std::filesystem::exists(command.output))
+    throw UsageError(command.output + " is there already; give another name, or --force");
+  OpenedModel opened = open_model(command.model, command.step);
+  if (!opened.run) opened.config.dataset.eval = true;
+  const Config config = resolve(command, opened.config);
+  set_thread_count(config.train.threads);
+  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
+  const Scene scene = scene_for(opened, config.dataset, command.has("dataset.source"));
+  const RenderSettings settings = view_settings(opened, config);
+  const std::vector<View>& measured =
+      scene.test_views.empty() ? scene.train_views : scene.test_views;
+  const auto quality = [&](const Gaussians& gaussians) {
+    return evaluate(backend->renderer(), gaussians.span(), measured, settings);
+  };
+
+  const GaussianModel& model = opened.model;
+  const Gaussians gaussians = copy_to(backend->memory(), model);
+  const Evaluation before = quality(gaussians);
+  Kept kept(gaussians.count());
+  Removed removed;
+  removed.faint = kept.remove(
+      [&](std::size_t i) { return sigmoid(model.gaussians.logit_opacity[i]) < command.opacity; });
+  if (command.contribution > 0) {
+    const std::vector<float> shares = largest_shares(backend->renderer(), gaussians.span(),
+                                                     scene.train_views, settings, !command.quiet);
+    removed.unseen = kept.remove([&](std::size_t i) { return shares[i] < command.contribution; });
+  }
+  if (command.clearance > 0) {
+    const std::vector<std::uint8_t> is_floater =
+        find_floaters(backend->renderer(), gaussians.span(), model.gaussians.mean.download(), scene,
+                      settings, command.clearance, command.witnesses);
+    removed.floaters = kept.remove([&](std::size_t i) { return is_floater[i]; });
+  }
+  GaussianModel result{rows_of(model.gaussians, kept.rows()), model.sh_degree, model.is_ours,
+                       model.antialiased, model.world_offset};
+  const Evaluation after = quality(copy_to(backend->memory(), result));
+  write_gaussian_ply(command.output, result);
+
+  const char* split = scene.test_views.empty() ? "training" : "test";
+  if (command.json) {
+    std::cout << nlohmann::ordered_json{{"model", opened.ply.string()},
+                                        {"output", command.output},
+                                        {"split", split},
+                                        {"removed",
+                                         {{"faint", removed.faint},
+                                          {"unseen", removed.unseen},
+                                          {"floaters", removed.floaters}}},
+                                        {"before",
+                                         {{"num_gaussians", gaussians.count()},
+                                          {"psnr", before.psnr},
+                                          {"ssim", before.ssim}}},
+                                        {"after",
+                                         {{"num_gaussians", result.gaussians.count()},
+                                          {"psnr", after.psnr},
+                                          {"ssim", after.ssim}}}}
+                     .dump(2)
+              << "\n";
+    return;
+  }
+  std::cout << fmt::format(
+      "{} of {} Gaussians removed: {} faint, {} hardly seen, {} floaters\n"
+      "{} views before: {}\n{} views after:  {}\n{}\n",
+      with_commas(gaussians.count() - result.gaussians.count()), with_commas(gaussians.count()),
+      with_commas(removed.faint), with_commas(removed.unseen), with_commas(removed.floaters), split,
+      summary(before), split, summary(after), command.output);
+}
+
+}  // namespace
+
+void add_prune(CLI::App& program) {
+  CLI::App& verb = *program.add_subcommand(
+      "prune", "Remove Gaussians that a trained model can do without, and say what that costs");
+  const auto command = std::make_shared<PruneCommand>();
+  verb.add_option("model", command->model, "a run's folder, or a PLY with --data")
+      ->type_name("RUN|PLY")
+      ->required();
+  verb.add_option("-o,--output", command->output, "the model without them")
+      ->type_name("FILE.ply")
+      ->required();
+  verb.add_option("--iteration", command->step,
+                  "of a run, the model saved after that step [the newest]")
+      ->type_name("STEP");
+  verb.add_option("--opacity", command->opacity, "remove those that are fainter")
+      ->type_name("0..1")
+      ->check(CLI::Range(0.0, 1.0));
+  verb.add_option("--contribution", command->contribution,
+                  "remove those that no training view shows more of than so many pixels")
+      ->type_name("PIXELS")
+      ->check(CLI::NonNegativeNumber);
+  verb.add_option("--floaters", command->clearance,
+                  "remove those nearer to a camera than that share of the way to what it sees, as "
+                  "training does with density.camera_clearance")
+      ->type_name("SHARE")
+      ->check(CLI::NonNegativeNumber);
+  verb.add_option("--witnesses", command->witnesses,
+                  "but those that so many views see from farther away; 0, the default: them, too")
+      ->type_name("VIEWS")
+      ->check(CLI::NonNegativeNumber);
+  verb.add_flag("--json", command->json, "print JSON");
+  verb.add_flag("--force", command->force, "write over a file of that name");
+  add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
+  add_render_options(verb, *command);
+  add_general_options(verb, *command);
+  verb.callback([command] { prune(*command); });
+}
+
+}  // namespace gs

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_train/floaters.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+#include "gs_core/math/projection.h"
+#include "gs_core/parallel.h"
+#include "gs_train/contribution.h"
+
+namespace gs {
+namespace {
+
+constexpr std::size_t kFewestPoints = 100;   // that say where the scene begins
+constexpr std::size_t kWrongPoints = 100;    // one in so many
+constexpr float kSeenShare = 1;              // pixels
+constexpr float kHiddenLogit = -30;          // of an opacity of 1e-13
+
+/// Around a camera; nothing is expected in it.
+struct Sphere {
+  Vec3f centre;
+  float squared_radius;
+};
+
+float squared_distance(const Vec3f& a, const Vec3f& b) {
+  const Vec3f d = a - b;
+  return inner(d, d);
+}
+
+bool holds(const Sphere& sphere, const Vec3f& point) {
+  return squared_distance(point, sphere.centre) < sphere.squared_radius;
+}
+
+bool is_in_picture(const Camera& camera, const Vec3f& point) {
+  const Vec3f p = to_camera(camera, point);
+  if (!(p.z > 0)) return false;
+  const Vec2f at = project_mean(camera, p);
+  return at.x >= 0 && at.y >= 0 && at.x < float(camera.width) && at.y < float(camera.height);
+}
+
+float nearest_thing(const Camera& camera, const std::vector<ScenePoint>& points) {
+  const Vec3f centre = camera.position();
+  std::vector<float> distances;
+  for (const ScenePoint& point : points)
+    if (is_in_picture(camera, point.position))
+      distances.push_back(squared_distance(point.position, centre));
+  if (distances.size() < kFewestPoints) return 0;
+  const auto nearest = distances.begin() + std::ptrdiff_t(distances.size() / kWrongPoints);
+  std::nth_element(distances.begin(), nearest, distances.end());
+  return std::sqrt(*nearest);
+}
+
+std::vector<Sphere> spheres_of(const Scene& scene, float clearance) {
+  const std::vector<float> radii = clear_distances(scene.train_views, scene.points, clearance);
+  std::vector<Sphere> spheres;
+  for (std::size_t v = 0; v < radii.size(); ++v)
+    spheres.push_back({scene.train_views[v].camera.position(), radii[v] * radii[v]});
+  return spheres;
+}
+
+std::vector<std::uint8_t> marked(const std::vector<Vec3f>& means,
+                                 const std::vector<Sphere>& spheres) {
+  std::vector<std::uint8_t> marks(means.size());
+  parallel_for(means.size(), 4096, [&](std::size_t i) {
+    marks[i] = std::any_of(spheres.begin(), spheres.end(),
+                           [&](const Sphere& sphere) { return holds(sphere, means[i]); });
+  });
+  return marks;
+}
+
+}  // namespace
+
+std::vector<float> clear_distances(const std::vector<View>& views,
+                                   const std::vector<ScenePoint>& points, float clearance) {
+  std::vector<float> distances(views.size());
+  parallel_for(views.size(), 1, [&](std::size_t v) {
+    distances[v] = clearance * nearest_thing(views[v].camera, points);
+  });
+  return distances;
+}
+
+std::vector<std::uint8_t> before_cameras(const std::vector<Vec3f>& means, const Scene& scene,
+                                         float clearance) {
+  return marked(means, spheres_of(scene, clearance));
+}
+
+std::vector<std::uint8_t> find_floaters(Renderer& renderer, const GaussiansSpan& gaussians,
+                                        const std::vector<Vec3f>& means, const Scene& scene,
+                                        const RenderSettings& settings, float clearance,
+                                        int witnesses) {
+  const std::vector<Sphere> spheres = spheres_of(scene, clearance);
+  std::vector<std::uint8_t> is_floater = marked(means, spheres);
+  if (witnesses == 0 || std::find(is_floater.begin(), is_floater.end(), 1) == is_floater.end())
+    return is_floater;
+  std::vector<int> seen_by(means.size());
+  ContributionMeter meter(renderer, gaussians, settings);
+  for (std::size_t v = 0; v < spheres.size(); ++v) {
+    const std::vector<float>& shares = meter.measure(scene.train_views[v].camera);
+    parallel_for(means.size(), 4096, [&](std::size_t i) {
+      if (is_floater[i] && shares[i] >= kSeenShare && !holds(spheres[v], means[i])) ++seen_by[i];
+    });
+  }
+  for (std::size_t i = 0; i < means.size(); ++i)
+    is_floater[i] = is_floater[i] && seen_by[i] < witnesses;
+  return is_floater;
+}
+
+HiddenFloaters::HiddenFloaters(TrainingModel& model, const Scene& scene, float clearance)
+    : model_(model) {
+  if (!(clearance > 0)) return;
+  const std::vector<std::uint8_t> is_floater =
+      before_cameras(model.gaussians.mean.download(), scene, clearance);
+  if (std::find(is_floater.begin(), is_floater.end(), 1) == is_floater.end()) return;
+  opacities_ = model.gaussians.logit_opacity.download();
+  std::vector<float> hidden = opacities_;
+  for (std::size_t i = 0; i < hidden.size(); ++i)
+    if (is_floater[i]) hidden[i] = kHiddenLogit;
+  set(hidden);
+}
+
+HiddenFloaters::~HiddenFloaters() {
+  try {
+    if (!opacities_.empty()) set(opacities_);
+  } catch (const Error& error) {  // a device that does not take them takes nothing else either, and says so to others
+    log_warning("{}", error.what());
+  }
+}
+
+void HiddenFloaters::set(const std::vector<float>& opacities) {
+  const Buffer<float>& all = model_.gaussians.logit_opacity;
+  all.memory().upload(all.data(), opacities.data(), opacities.size() * sizeof(float));
+}
+
+}  // namespace gs
