@@ -283,8 +283,6 @@ std::string report_text(const Subject& subject, const BenchmarkPlan& plan, const
     text += "  " + workload_text(figures.mean) + "\n" + stages_text(figures.stages, report);
   }
   text += blenders_text(report.blenders) + "\n";
-  if (report.training.stages.empty())
-    text += "stages: not timed, " + report.device + " only times whole steps and frames\n";
   if (report.copy_gb_per_second)
     text += fmt::format("copies in its memory: {:.0f} GB/s, read and written\n",
                         *report.copy_gb_per_second);

@@ -32,13 +32,13 @@ double median(std::vector<T> values) {
   return (double(values[(n - 1) / 2]) + double(values[n / 2])) / 2;
 }
 
-std::vector<StageFigures> figures_of(const std::vector<StageTime>& times,
-                                     const Workload& workload) {
+std::vector<StageFigures> figures_of(Backend& backend, const Workload& workload) {
+  const bool is_gpu = &backend.memory() != &host_memory();  // the rules of stage_traffic.h are the GPU's
   std::vector<StageFigures> figures;
   double sum = 0;
-  for (const StageTime& time : times) {
+  for (const StageTime& time : backend.stage_times()) {
     const double ms = median(time.milliseconds);
-    const std::optional<double> bytes = stage_bytes(time.stage, workload);
+    const std::optional<double> bytes = is_gpu ? stage_bytes(time.stage, workload) : std::nullopt;
     figures.push_back({time.stage, ms, 0, bytes, std::nullopt});
     if (bytes && ms > 0) figures.back().gb_per_second = *bytes / ms * 1e-6;
     sum += ms;
@@ -137,9 +137,8 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
   milliseconds_of(plan.warmup);
   figures.ms_per_step = milliseconds_of(plan.steps) / plan.steps;
   backend.set_profiling(true);
-  milliseconds_of(1);
-  if (!backend.stage_times().empty()) milliseconds_of(plan.steps - 1);
-  figures.stages = figures_of(backend.stage_times(), workload);
+  milliseconds_of(plan.steps);
+  figures.stages = figures_of(backend, workload);
   backend.set_profiling(false);
   return figures;
 }
@@ -174,10 +173,8 @@ RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
     figures.ms_per_frame += median_frame(camera) / double(cameras.size());
   }
   backend.set_profiling(true);
-  milliseconds_of_frame(cameras.front());
-  if (!backend.stage_times().empty())
-    for (const Camera& camera : cameras) median_frame(camera);
-  figures.stages = figures_of(backend.stage_times(), figures.mean);
+  for (const Camera& camera : cameras) median_frame(camera);
+  figures.stages = figures_of(backend, figures.mean);
   backend.set_profiling(false);
   return figures;
 }

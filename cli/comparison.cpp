@@ -51,19 +51,6 @@ std::array<Rgb, 256> error_ramp() {
   return ramp;
 }
 
-Image8 error_picture(const Image8& photo, const Image8& render) {
-  static const std::array<Rgb, 256> kRamp = error_ramp();
-  Image8 result(photo.width, photo.height, 3);
-  for (std::size_t i = 0; i < photo.pixels.size(); i += 3) {
-    int difference = 0;
-    for (int c = 0; c < 3; ++c)
-      difference += std::abs(int(photo.pixels[i + c]) - int(render.pixels[i + c]));
-    const Rgb& color = kRamp[std::size_t(std::min(kErrorGain * float(difference) / 3, 255.0f))];
-    std::copy(color.begin(), color.end(), result.pixels.begin() + std::ptrdiff_t(i));
-  }
-  return result;
-}
-
 /// Weights of the four pixels around a position, `t` beyond the second.         Catmull-Rom (Keys 1981, a = -1/2)
 std::array<float, 4> cubic_weights(float t) {
   return {((-0.5f * t + 1.0f) * t - 0.5f) * t, (1.5f * t - 2.5f) * t * t + 1.0f,
@@ -107,6 +94,19 @@ void paste(const Image8& picture, int left, int top, Image8& canvas) {
 }
 
 }  // namespace
+
+Image8 error_picture(const Image8& photo, const Image8& render) {
+  static const std::array<Rgb, 256> kRamp = error_ramp();
+  Image8 result(photo.width, photo.height, 3);
+  for (std::size_t i = 0; i < photo.pixels.size(); i += 3) {
+    int difference = 0;
+    for (int c = 0; c < 3; ++c)
+      difference += std::abs(int(photo.pixels[i + c]) - int(render.pixels[i + c]));
+    const Rgb& color = kRamp[std::size_t(std::min(kErrorGain * float(difference) / 3, 255.0f))];
+    std::copy(color.begin(), color.end(), result.pixels.begin() + std::ptrdiff_t(i));
+  }
+  return result;
+}
 
 Image8 comparison_picture(const std::vector<Comparison>& comparisons) {
   GS_CHECK(!comparisons.empty());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/devices.h"
 
+#include "cli/report_page.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 
@@ -71,6 +72,12 @@ Capability ceres_capability() {
 #endif
 }
 
+Capability report_capability() {
+  return {
+      "reports", can_write_reports(),
+      can_write_reports() ? "writes report.html of runs and experiments" : cannot_write_reports()};
+}
+
 }  // namespace
 
 std::unique_ptr<Backend> make_backend(const std::string& device) {
@@ -89,7 +96,8 @@ std::vector<Capability> capabilities() {
           cuda_capability(),
           openimageio_capability(),
           opencv_capability(),
-          ceres_capability()};
+          ceres_capability(),
+          report_capability()};
 }
 
 }  // namespace gs

@@ -14,6 +14,7 @@
 #include "cli/experiment_tables.h"
 #include "cli/folder_lock.h"
 #include "cli/progress_bar.h"
+#include "cli/report_experiment.h"
 #include "cli/slurm.h"
 #include "cli/text.h"
 #include "cli/verbs.h"
@@ -67,6 +68,14 @@ bool is_stopped(const ProcessEnd& end) {
   return end.exit_code == int(ExitCode::interrupted) || end.signal == SIGTERM;
 }
 
+// Tables and report.
+std::size_t write_outcome(const Experiment& experiment, const std::vector<ExperimentRun>& runs,
+                          const std::vector<std::size_t>& failed) {
+  const std::size_t finished = write_tables(experiment, runs, failed);
+  keep_experiment_report(experiment.output);
+  return finished;
+}
+
 struct Failure {
   const ExperimentRun* run;
   std::string why;
@@ -113,7 +122,7 @@ class Progress {
   std::size_t write() const {
     std::vector<std::size_t> failed;
     for (const Failure& failure : failures_) failed.push_back(failure.run->index);
-    return write_tables(experiment_, runs_, failed);
+    return write_outcome(experiment_, runs_, failed);
   }
 
   /// Where nobody has stopped the experiment, runs that were stopped have failed like others.
@@ -208,7 +217,7 @@ void run_only(const ExperimentCommand& command, const Experiment& experiment,
 }
 
 void gather(const Experiment& experiment, const std::vector<ExperimentRun>& runs) {
-  const std::size_t finished = write_tables(experiment, runs, {});
+  const std::size_t finished = write_outcome(experiment, runs, {});
   std::cout << fmt::format("{} of {} runs finished\nfigures: {}\n", finished, runs.size(),
                            (experiment.output / "results.md").string());
   std::string text;

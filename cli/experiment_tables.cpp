@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "cli/csv.h"
 #include "cli/provenance.h"
 #include "cli/text.h"
 #include "gs_core/config_fields.h"
@@ -132,13 +133,6 @@ std::vector<Group> groups_of(const std::vector<Row>& rows) {
 
 // ---- the three files ------------------------------------------------------------------------------------
 
-std::string quoted_for_csv(const std::string& text) {
-  if (text.find_first_of(",\"\n") == text.npos) return text;
-  std::string result = "\"";
-  for (const char c : text) result += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return result + "\"";
-}
-
 std::string plain(const Json& value) {
   return value.is_string() ? value.get<std::string>() : value.dump();
 }
@@ -155,9 +149,9 @@ std::string csv_text(const std::vector<Row>& rows) {
       text += value ? fmt::format(",{}", *value) : ",";
     }
     for (const char* key : kProvenance)
-      text += fmt::format(",{}",
-                          row.results.contains(key) ? quoted_for_csv(plain(row.results[key])) : "");
-    text += fmt::format(",{}\n", quoted_for_csv(row.run->folder.root().string()));
+      text +=
+          fmt::format(",{}", row.results.contains(key) ? csv_cell(plain(row.results[key])) : "");
+    text += fmt::format(",{}\n", csv_cell(row.run->folder.root().string()));
   }
   return text;
 }

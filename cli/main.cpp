@@ -60,6 +60,7 @@ int run(int argc, const char* const* argv) {
   add_train(program);
   add_config(program);
   add_experiment(program);
+  add_report(program);
   add_eval(program);
   add_render(program);
   add_prune(program);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/pictures.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <iterator>
 #include <string_view>
@@ -29,6 +31,8 @@ std::vector<std::size_t> evenly_chosen(std::size_t count, std::size_t wanted) {
   for (std::size_t i = 0; i < chosen; ++i) indices[i] = (2 * i + 1) * count / (2 * chosen);
   return indices;
 }
+
+std::string picture_file(std::size_t index) { return fmt::format("{:05d}.png", index); }
 
 std::filesystem::path picture_path(const std::filesystem::path& folder,
                                    const std::string& view_name) {

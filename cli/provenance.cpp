@@ -3,6 +3,7 @@
 
 #include <spdlog/fmt/fmt.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <ctime>
 #include <fstream>
@@ -38,6 +39,14 @@ std::string utc_date() {
   char text[32];
   std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
   return text;
+}
+
+// The second number of the file: resident pages.
+std::size_t host_bytes() {
+  std::ifstream file("/proc/self/statm");
+  std::size_t total = 0, resident = 0;
+  file >> total >> resident;
+  return resident * std::size_t(::sysconf(_SC_PAGESIZE));
 }
 
 std::size_t peak_host_bytes() {

@@ -20,6 +20,9 @@ std::string gpu_driver();
 /// Now, as "2026-01-31T12:00:00Z".
 std::string utc_date();
 
+/// The memory of the machine that this process holds now (its resident set), in bytes; 0 where the system does not tell.
+std::size_t host_bytes();
+
 /// The most memory of the machine that this process has held at once (its peak resident set), in bytes.
 std::size_t peak_host_bytes();
 

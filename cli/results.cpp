@@ -53,6 +53,13 @@ std::optional<std::size_t> peak_gpu_bytes([[maybe_unused]] Backend& backend) {
   return std::nullopt;
 }
 
+std::optional<std::size_t> gpu_bytes([[maybe_unused]] Backend& backend) {
+#ifdef GS_HAVE_CUDA
+  if (&backend.memory() != &host_memory()) return cuda::usage().allocated_bytes;
+#endif
+  return std::nullopt;
+}
+
 std::string results_json(const Results& results) {
   Json json = {{"iterations", results.iterations},
                {"num_gaussians", results.num_gaussians},

@@ -11,6 +11,8 @@
 
 namespace gs {
 
+inline constexpr std::size_t kTrainViewsShown = 8;  // training views in results.json
+
 /// The outcome of one training run, field by field as results.json holds it.
 struct Results {
   int iterations = 0;
@@ -28,6 +30,8 @@ struct Results {
 
 /// The most GPU memory that this process has held so far; nothing where the backend is not a GPU's.
 std::optional<std::size_t> peak_gpu_bytes(Backend& backend);
+/// What it holds now.
+std::optional<std::size_t> gpu_bytes(Backend& backend);
 
 /// {"iterations", "num_gaussians", "train_seconds", "test": {"psnr", "ssim", "num_views"}, "train": {...},
 /// "device", "version", "seed", "commit", "cpu", "date", "scene_hash", "peak_host_bytes"}; "test" is null where no view was

@@ -244,7 +244,8 @@ void prepare_folder(const RunFolder& folder, const ResumedRun& run) {
   for (const CheckpointPath& checkpoint : checkpoints_in(folder.checkpoints()))
     if (checkpoint.step > step) set_aside(checkpoint.file);
   if (step < Schedule(run.config, 1).steps())
-    for (const fs::path& of_fewer : {folder.results(), folder.per_view(), folder.comparison()})
+    for (const fs::path& of_fewer :
+         {folder.results(), folder.per_view(), folder.comparison(), folder.report()})
       set_aside(of_fewer);
   if (!holds_text(folder.config(), to_toml(run.config))) set_aside(folder.config());
 }

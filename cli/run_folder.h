@@ -33,9 +33,11 @@ class RunFolder {
   Path world_offset() const { return root_ / "world_offset.json"; }
   Path split() const { return root_ / "split.json"; }
   Path metrics() const { return root_ / "metrics.csv"; }
+  Path profile() const { return root_ / "profile.csv"; }
   Path results() const { return root_ / "results.json"; }
   Path per_view() const { return root_ / "per_view.json"; }
   Path comparison() const { return root_ / "comparison.png"; }
+  Path report() const { return root_ / "report.html"; }
 
   /// Whether any file that a run writes is there.
   bool holds_run() const;

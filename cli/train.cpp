@@ -14,7 +14,9 @@
 #include "cli/folder_lock.h"
 #include "cli/options.h"
 #include "cli/pictures.h"
+#include "cli/profile_observer.h"
 #include "cli/reconstruct.h"
+#include "cli/report_run.h"
 #include "cli/results.h"
 #include "cli/resume.h"
 #include "cli/run_folder.h"
@@ -34,8 +36,6 @@ namespace gs {
 namespace {
 
 constexpr std::size_t kComparedViews = 4;    // rows of comparison.png
-constexpr std::size_t kTrainViewsShown = 8;  // training views in results.json
-constexpr const char* kPictureName = "{:05d}.png";
 
 struct TrainCommand : CommandLine {
   bool print_config = false, force = false;
@@ -112,7 +112,8 @@ std::vector<View> sample_of(const std::vector<View>& views, std::size_t wanted) 
   return sample;
 }
 
-// The evaluation at the end, with its pictures: test/ours_N/{renders,gt} and comparison.png.
+// The evaluation at the end, with its pictures: test/ours_N/{renders,gt}, or train/ where nothing was held out, and
+// comparison.png.
 void evaluate_run(Trainer& trainer, const RunFolder& folder, int step, Results& results) {
   const Scene& scene = trainer.scene();
   const bool has_test = !scene.test_views.empty();
@@ -126,22 +127,29 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, int step, Results& 
     };
   };
   const auto compare_test = compare_some_of(scene.test_views);
-  results.test = evaluate(
-      trainer.backend().renderer(), trainer.model().gaussians.span(), scene.test_views,
-      trainer.evaluation_settings(), [&](std::size_t index, const View& view, const ImageF& image) {
-        const Image8 render = to_image8(image);
-        const std::string name = fmt::format(kPictureName, index);
-        write_png(folder.pictures("test", step) / "renders" / name, render);
-        write_png(folder.pictures("test", step) / "gt" / name, shown_photo(view, background));
-        compare_test(index, view, render);
-      });
+  const auto keep_pictures = [&](const char* split, std::size_t index, const View& view,
+                                 const Image8& render) {
+    const std::string name = picture_file(index);
+    write_png(folder.pictures(split, step) / "renders" / name, render);
+    write_png(folder.pictures(split, step) / "gt" / name, shown_photo(view, background));
+  };
+  results.test = evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
+                          scene.test_views, trainer.evaluation_settings(),
+                          [&](std::size_t index, const View& view, const ImageF& image) {
+                            const Image8 render = to_image8(image);
+                            keep_pictures("test", index, view, render);
+                            compare_test(index, view, render);
+                          });
 
   results.train =
       evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
                sample_of(scene.train_views, kTrainViewsShown), trainer.evaluation_settings(),
-               [&](std::size_t, const View& view, const ImageF& image) {
-                 if (!has_test && comparisons.size() < kComparedViews)
-                   comparisons.push_back({shown_photo(view, background), to_image8(image)});
+               [&](std::size_t index, const View& view, const ImageF& image) {
+                 if (has_test) return;
+                 const Image8 render = to_image8(image);
+                 keep_pictures("train", index, view, render);
+                 if (comparisons.size() < kComparedViews)
+                   comparisons.push_back({shown_photo(view, background), render});
                });
   if (!comparisons.empty()) write_png(folder.comparison(), comparison_picture(comparisons));
 }
@@ -157,6 +165,8 @@ void print_summary(const Results& results, const RunFolder& folder) {
             << fmt::format("comparison: {}\n", folder.comparison().string())
             << fmt::format("figures:    {}, {}\n", folder.results().string(),
                            folder.metrics().string());
+  if (std::filesystem::exists(folder.report()))
+    std::cout << fmt::format("report:     {}\n", folder.report().string());
 }
 
 void log_forecast(const Config& config, const Scene& scene) {
@@ -226,11 +236,18 @@ Results results_of(Trainer& trainer) {
   return results;
 }
 
-// Rows of metrics.csv that a resumed run goes on after. The last step's is written at the end, with its results.
-std::string metrics_before(const std::optional<ResumedRun>& resumed, int steps) {
+// Rows of metrics.csv and profile.csv that a resumed run goes on after. The last step's row of the former is written at
+// the end, with its results.
+struct RowsBefore {
+  std::string metrics, profile;
+};
+
+RowsBefore rows_before(const std::optional<ResumedRun>& resumed, int steps) {
   if (!resumed) return {};
   const int done = resumed->checkpoint.state.progress.step;
-  return metrics_up_to(RunFolder(resumed->source).metrics(), std::min(done, steps - 1));
+  const RunFolder folder(resumed->source);
+  return {metrics_up_to(folder.metrics(), std::min(done, steps - 1)),
+          ProfileObserver::rows_up_to(folder.profile(), done)};
 }
 
 void train(const TrainCommand& command) {
@@ -271,7 +288,7 @@ void train(const TrainCommand& command) {
   if (!std::filesystem::exists(folder.lock()))  // an older run was moved aside, lock and all
     lock.emplace(folder.lock(), FolderLock::Kind::alone);
   if (resumed && !resumed->goes_on_in_place()) keep_start();
-  const std::string metrics_rows = metrics_before(resumed, Schedule(config, 1).steps());
+  const RowsBefore rows = rows_before(resumed, Schedule(config, 1).steps());
   if (resumed) {
     log_info("the run goes on after step {}", resumed->checkpoint.state.progress.step);
     made.emplace(scene, config, *backend, std::move(resumed->checkpoint.state));
@@ -282,9 +299,10 @@ void train(const TrainCommand& command) {
   ProgressObserver progress(steps, !command.quiet);
   SaveObserver saver(folder);
   EvaluationObserver evaluations(progress);
-  MetricsObserver metrics(folder, evaluations, metrics_rows);
+  MetricsObserver metrics(folder, evaluations, rows.metrics);
+  ProfileObserver profile(folder, evaluations, rows.profile);
   for (Observer* observer :
-       std::initializer_list<Observer*>{&saver, &evaluations, &metrics, &progress})
+       std::initializer_list<Observer*>{&saver, &evaluations, &metrics, &progress, &profile})
     trainer.add_observer(*observer);
 
   run_until_done(trainer, folder);
@@ -296,7 +314,9 @@ void train(const TrainCommand& command) {
   evaluate_run(trainer, folder, last, results);
   metrics.finish(last, trainer, results.test);
   write_text(folder.per_view(), per_view_json(results));
-  write_text(folder.results(), results_json(results));  // the last: it says that the run is finished
+  const std::string results_text = results_json(results);
+  write_final_report(folder, results_text);
+  write_text(folder.results(), results_text);  // the last: it says that the run is finished
   checkpoints.keep_only_newest();
   if (!command.quiet) print_summary(results, folder);
 }

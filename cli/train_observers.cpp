@@ -5,14 +5,12 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <cstdlib>
-#include <fstream>
 #include <sstream>
 
+#include "cli/csv.h"
 #include "cli/results.h"
 #include "cli/text.h"
 #include "data_loaders/ply.h"
-#include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
@@ -22,7 +20,6 @@ namespace {
 
 const std::string kMetricsHeader =
     "step,loss,num_gaussians,seconds,steps_per_second,sh_degree,test_psnr,test_ssim\n";
-constexpr int kMetricsColumns = 8;
 
 bool names(const std::vector<int>& steps, int step) {
   return std::find(steps.begin(), steps.end(), step) != steps.end();
@@ -66,14 +63,7 @@ void EvaluationObserver::after_step(int step, Trainer& trainer) {
 }
 
 std::string metrics_up_to(const std::filesystem::path& metrics, int step) {
-  std::ifstream file(metrics);
-  std::string rows, line;
-  for (std::getline(file, line); std::getline(file, line);) {
-    const bool is_whole =
-        !file.eof() && std::count(line.begin(), line.end(), ',') == kMetricsColumns - 1;
-    if (is_whole && std::atoi(line.c_str()) <= step) rows += line + "\n";
-  }
-  return rows;
+  return csv_rows_up_to(metrics, kMetricsHeader, step);
 }
 
 MetricsObserver::MetricsObserver(const RunFolder& folder, const EvaluationObserver& evaluations,
@@ -108,13 +98,11 @@ void MetricsObserver::finish(int step, Trainer& trainer, const Evaluation& test)
 void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* test) {
   const double seconds = trainer.train_seconds();
   const double rate = seconds > last_seconds_ ? (step - last_row_) / (seconds - last_seconds_) : 0;
-  std::ofstream file(path_, std::ios::app);
-  file << fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, trainer.loss(),
-                      trainer.gaussian_count(), seconds, rate, trainer.settings().sh_degree);
-  file << (test ? fmt::format("{:.4f},{:.5f}\n", test->psnr, test->ssim) : std::string(",\n"));
-  if (!file.flush())
-    throw Error("cannot write " + path_.string() +
-                ": free some space, or choose another folder with -o");
+  append_rows(
+      path_,
+      fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, trainer.loss(), trainer.gaussian_count(),
+                  seconds, rate, trainer.settings().sh_degree) +
+          (test ? fmt::format("{:.4f},{:.5f}\n", test->psnr, test->ssim) : std::string(",\n")));
   last_row_ = step;
   last_seconds_ = seconds;
 }

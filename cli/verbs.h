@@ -15,6 +15,7 @@ void add_doctor(CLI::App& program);
 void add_train(CLI::App& program);
 void add_config(CLI::App& program);
 void add_experiment(CLI::App& program);
+void add_report(CLI::App& program);
 void add_eval(CLI::App& program);
 void add_render(CLI::App& program);
 void add_prune(CLI::App& program);

@@ -51,13 +51,14 @@ cudaEvent_t Context::event() {
 }
 
 void Context::set_profiling(bool on) {
+  profiling_ = on;
+  if (!on) return;  // the laps are kept for stage_times(), and nothing waits
   synchronize();
   for (const Lap& lap : laps_) {
     free_events_.push_back(lap.begin);
     free_events_.push_back(lap.end);
   }
   laps_.clear();
-  profiling_ = on;
 }
 
 std::vector<StageTime> Context::stage_times() {

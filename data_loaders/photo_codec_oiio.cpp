@@ -41,6 +41,24 @@ int channels_of(const OIIO::ImageSpec& spec) {
   return spec.alpha_channel == colors ? colors + 1 : colors;
 }
 
+OIIO::ImageSpec spec_of(const Image8& image) {
+  return OIIO::ImageSpec(image.width, image.height, image.channels, OIIO::TypeDesc::UINT8);
+}
+
+std::vector<std::uint8_t> encode(const std::string& format, const Image8& image,
+                                 const OIIO::ImageSpec& spec) {
+  std::vector<unsigned char> bytes;
+  OIIO::Filesystem::IOVecOutput sink(bytes);
+  const auto output = OIIO::ImageOutput::create(format, &sink);
+  const bool done = output && output->open("picture." + format, spec) &&
+                    output->write_image(OIIO::TypeDesc::UINT8, image.pixels.data()) &&
+                    output->close();
+  if (!done)
+    throw Error("cannot encode a picture as " + format + ": " +
+                (output ? output->geterror() : OIIO::geterror()) + "; reinstall OpenImageIO");
+  return bytes;
+}
+
 }  // namespace
 
 Image8 decode_photo(const std::filesystem::path& path) {
@@ -64,18 +82,16 @@ int decode_photo_orientation(const std::filesystem::path& path) {
 std::string codec_name() { return "OpenImageIO " OIIO_VERSION_STRING; }
 
 std::vector<std::uint8_t> encode_png(const Image8& image) {
-  std::vector<unsigned char> bytes;
-  OIIO::Filesystem::IOVecOutput sink(bytes);
-  const auto output = OIIO::ImageOutput::create("png", &sink);
-  OIIO::ImageSpec spec(image.width, image.height, image.channels, OIIO::TypeDesc::UINT8);
+  OIIO::ImageSpec spec = spec_of(image);
   spec.attribute("oiio:UnassociatedAlpha", 1);  // colour not multiplied by alpha
-  const bool done = output && output->open("picture.png", spec) &&
-                    output->write_image(OIIO::TypeDesc::UINT8, image.pixels.data()) &&
-                    output->close();
-  if (!done)
-    throw Error("cannot encode a PNG: " + (output ? output->geterror() : OIIO::geterror()) +
-                "; reinstall OpenImageIO");
-  return bytes;
+  return encode("png", image, spec);
+}
+
+std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality) {
+  GS_CHECK(image.channels == 3);
+  OIIO::ImageSpec spec = spec_of(image);
+  spec.attribute("Compression", "jpeg:" + std::to_string(quality));
+  return encode("jpeg", image, spec);
 }
 
 }  // namespace gs

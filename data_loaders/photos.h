@@ -3,7 +3,9 @@
 // COLMAP reads them: in stored order, whatever an EXIF orientation says.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <vector>
 
 #include "gs_core/image.h"
 
@@ -42,5 +44,8 @@ Image8 area_resized(const Image8& image, int width, int height);
 /// Writes an image with 1, 3 or 4 channels (the last straight alpha) as PNG; the file is there whole or not at all. Throws
 /// Error.
 void write_png(const std::filesystem::path& path, const Image8& image);
+
+/// The bytes of a JPEG file with three channels, quality 1 to 100: for looking at, never for measuring. Throws Error.
+std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality);
 
 }  // namespace gs

@@ -4,6 +4,7 @@
 #include "gs_core/math/blend.h"
 
 #include "gs_core/parallel.h"
+#include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 #include "gs_render/tile_loop.h"
 
@@ -93,6 +94,7 @@ void blend_tile(const RenderSettings& settings, RenderPass& pass, std::size_t ti
 }  // namespace
 
 void blend(const RenderSettings& settings, RenderPass& pass) {
+  const HostStage stage("blend");
   pass.image.resize_discard(3 * pass.pixel_count());
   pass.transmittance.resize_discard(pass.pixel_count());
   pass.last_instance.resize_discard(pass.pixel_count());

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "gs_core/parallel.h"
+#include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 #include "gs_render/tile_loop.h"
 
@@ -143,6 +144,7 @@ void blend_backward_tiles(const RenderSettings& settings, Span<const float> dL_d
 }  // namespace
 
 void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage, RenderPass& pass) {
+  const HostStage stage("blend backward");
   const std::size_t instances = pass.instance_splats.size();
   pass.instance_gradients.resize_discard(instances);
   pass.absolute_gradients.resize_discard(settings.absolute_gradient ? instances : 0);

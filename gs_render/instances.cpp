@@ -6,6 +6,7 @@
 #include "gs_core/math/depth_key.h"
 #include "gs_core/parallel.h"
 #include "gs_core/radix_sort.h"
+#include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 
 namespace gs {
@@ -13,6 +14,7 @@ namespace {
 
 // Fills depth_order: indices of visible Gaussians, by depth, equal depths by index.
 void order_by_depth(const RenderSettings& settings, RenderPass& pass) {
+  const HostStage stage("depth sort");
   const std::size_t count = pass.tile_counts.size();
   pass.depth_order.resize_discard(count);
   std::size_t visible = 0;
@@ -28,6 +30,7 @@ void order_by_depth(const RenderSettings& settings, RenderPass& pass) {
 
 void create_instances(const RenderSettings& settings, RenderPass& pass) {
   order_by_depth(settings, pass);
+  const HostStage stage("instances");
   pass.first_instance.resize_discard(pass.tile_counts.size());
   std::uint64_t total = 0;
   for (const std::uint32_t gaussian : pass.depth_order) {

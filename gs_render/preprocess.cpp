@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas.
 #include "gs_core/parallel.h"
+#include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 
 namespace gs {
 
 void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, RenderPass& pass) {
+  const HostStage stage("preprocess");
   const std::size_t count = gaussians.mean.size;
   pass.begin(camera, count);
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 7: each visible Gaussian sums the gradients of its instances and pulls them back to its parameters.
 #include "gs_core/parallel.h"
+#include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 
 namespace gs {
@@ -43,6 +44,7 @@ Vec2f absolute_sum_of_instances(const RenderPass& pass, std::size_t i) {
 void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
                          const RenderSettings& settings, const RenderPass& pass,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) {
+  const HostStage stage("preprocess backward");
   parallel_for(gaussians.mean.size, 512, [&](std::size_t i) {
     if (!pass.tile_counts[i]) {
       for_each_array([&](const char*, auto& rows) { rows[i] = {}; }, gradients);

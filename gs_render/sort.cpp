@@ -2,11 +2,13 @@
 // Stage 3: instances by tile. One stable counting sort, whose counts are the tile ranges.
 #include <numeric>
 
+#include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 
 namespace gs {
 
 void sort_by_tile(RenderPass& pass) {
+  const HostStage stage("tile sort");
   const std::size_t tiles = pass.tile_count(), instances = pass.instance_tiles.size();
   pass.tile_ranges.resize_discard(tiles + 1);
   pass.tile_ranges.fill_zero();

@@ -4,6 +4,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
+#include "gs_render/stage_clock.h"
 #include "gs_train/scalar_stages.h"
 
 namespace gs {
@@ -19,12 +20,15 @@ class ScalarOptimizer final : public Optimizer {
  public:
   void regularise(const TrainingModel& model, const Regularisers& regularisers,
                   Gaussians& gradients) override {
+    const HostStage stage("regularisers");
     add_regulariser_gradients(model.gaussians.span(), regularisers, gradients.span());
   }
   void add_noise(TrainingModel& model, const PositionNoise& noise, float position_rate) override {
+    const HostStage stage("position noise");
     add_position_noise(model.gaussians.span(), noise, position_rate);
   }
   void step(TrainingModel& model, const Gaussians& gradients, const LearningRates& rates) override {
+    const HostStage stage("adam");
     GS_CHECK(gradients.count() == model.count());
     const int t = ++model.adam_steps;
     for_each_array(

@@ -7,17 +7,12 @@
 #include <vector>
 
 #include "gs_render/renderer.h"
+#include "gs_render/stage_clock.h"
 #include "gs_train/loss.h"
 #include "gs_train/optimizer.h"
 #include "gs_train/row_ops.h"
 
 namespace gs {
-
-/// How long the runs of one stage took.
-struct StageTime {
-  std::string stage;
-  std::vector<float> milliseconds;  // one per run
-};
 
 /// What density control asks of one step besides the update by the photo's gradients.
 struct DensityStep {
@@ -61,9 +56,9 @@ class Backend {
   /// of memory has changed nothing, and can be taken again.
   virtual void release_caches();
 
-  /// While on, each stage's run is timed.
+  /// While on, each stage's run is timed. On forgets what was timed before, and may wait for the device; off does neither.
   virtual void set_profiling(bool) {}
-  /// The stages' times since then, in pipeline order; empty where the backend does not time stages.
+  /// The stages' times since it was last set on, in pipeline order; may wait for the device. Empty where the backend does not time stages.
   virtual std::vector<StageTime> stage_times() { return {}; }
 
  protected:

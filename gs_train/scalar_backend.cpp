@@ -15,6 +15,8 @@ class ScalarBackend final : public Backend {
   Loss& loss() override { return *loss_; }
   Optimizer& optimizer() override { return *optimizer_; }
   RowOps& rows() override { return *rows_; }
+  void set_profiling(bool on) override { host_stage_clock().set_on(on); }
+  std::vector<StageTime> stage_times() override { return host_stage_clock().times(); }
 
  protected:
   void gather(TrainingModel& model, const RenderPass& pass, Span<const Vec2f> dL_dmean2d) override {

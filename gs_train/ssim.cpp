@@ -12,6 +12,7 @@
 #include "gs_core/error.h"
 #include "gs_core/math/photo_weight.h"
 #include "gs_core/parallel.h"
+#include "gs_render/stage_clock.h"
 #include "gs_train/scalar_stages.h"
 #include "gs_train/window.h"
 
@@ -24,6 +25,7 @@ class ScalarLoss final : public Loss {
  public:
   void forward_backward(const RenderPass& pass, const View& view, float lambda_dssim,
                         Buffer<float>& dL_dimage) override {
+    const HostStage stage("loss");
     GS_CHECK(view.photo.width == pass.width && view.photo.height == pass.height);
     width_ = pass.width, height_ = pass.height;
     values_ = 3 * pass.pixel_count();

@@ -4,7 +4,7 @@
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
 
 # Debian's and Ubuntu's names. Each library but the headers is optional to the build (scripts/cmake).
-readonly GS_PACKAGES=(
+GS_PACKAGES=(
   cmake ninja-build g++ git                                                       # build tools
   libglm-dev libtomlplusplus-dev libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev libstb-dev  # headers
   libopenimageio-dev openimageio-tools libopenexr-dev libimath-dev                # photos
@@ -12,6 +12,9 @@ readonly GS_PACKAGES=(
   libzstd-dev libxxhash-dev                                                       # decoded photos on disk
   libgtest-dev libgmock-dev libbenchmark-dev                                      # tests
 )
+# Report pages. Debian's packages conflict with node from elsewhere, so only where there is none.
+command -v npm >/dev/null || GS_PACKAGES+=(nodejs npm)
+readonly GS_PACKAGES
 gs_configure_args=()
 
 say() { printf '== %s\n' "$*"; }

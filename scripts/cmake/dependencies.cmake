@@ -67,6 +67,8 @@ endif()
 set(GS_HAVE_CERES ${Ceres_FOUND})
 gs_report("Ceres" "${GS_HAVE_CERES}" "no cameras are refined (--refine-cameras) and no exposures solved for (--exposure), and the gradient tests against ceres::Jet are left out")
 
+include(web)
+
 set(GS_HAVE_CUDA FALSE)
 if(GS_WITH_CUDA)
   include(CheckLanguage)

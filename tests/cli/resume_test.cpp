@@ -43,6 +43,7 @@ std::string without_times(const fs::path& file) {
     for (const char* key : {"train_seconds", "date", "peak_host_bytes"}) json.erase(key);
     return json.dump();
   }
+  if (file.filename() == "profile.csv" || file.filename() == "report.html") return "";
   if (file.filename() != "metrics.csv") return text;
   std::istringstream lines(text);
   std::string result;

@@ -121,6 +121,21 @@ TEST(Photos, GreyPngMayBeWritten) {
   EXPECT_THAT(read_photo(temp.path() / "grey.png").pixels, ElementsAre(77, 77, 77, 77, 77, 77));
 }
 
+TEST(Photos, AJpegIsNearToWhatWasEncodedAndSmallerAtLowerQuality) {
+  const TempFolder temp;
+  Image8 image(40, 24, 3);
+  for (int y = 0; y < 24; ++y)
+    for (int x = 0; x < 40; ++x)
+      for (int c = 0; c < 3; ++c) image.at(x, y, c) = std::uint8_t(60 + 3 * x + 2 * y + 10 * c);
+  const std::vector<std::uint8_t> bytes = encode_jpeg(image, 90);
+  write_bytes(temp.path() / "a.jpg", std::string(bytes.begin(), bytes.end()));
+  const Image8 back = read_photo(temp.path() / "a.jpg");
+  ASSERT_EQ(back.pixels.size(), image.pixels.size());
+  for (std::size_t i = 0; i < image.pixels.size(); ++i)
+    ASSERT_NEAR(back.pixels[i], image.pixels[i], 8) << i;  // a smooth ramp: rounding of its blocks
+  EXPECT_LT(encode_jpeg(noise(40, 24, 3), 30).size(), encode_jpeg(noise(40, 24, 3), 90).size());
+}
+
 TEST(Photos, WritingLeavesNoOtherFileBehind) {
   const TempFolder temp;
   write_png(temp.path() / "a.png", noise(4, 4, 3));

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tests/support/scenes.h"
@@ -49,6 +50,51 @@ TEST(Psnr, OfIdenticalPicturesIs100) {
 TEST(Metrics, OfAPatternAreTheKnownValues) {
   EXPECT_NEAR(psnr(pattern_picture(), pattern_photo()), 7.528615595109183, 1e-6);
   EXPECT_NEAR(ssim(pattern_picture(), pattern_photo()), 0.2653530827635873, 1e-5);  // float moments
+}
+
+/// SSIM as the reference trainer computes it, term by term: an 11x11 window of 2-D Gaussian weights of sigma 1.5 that add
+/// up to 1, zeros outside of the picture (conv2d with padding 5), C1 = 0.01^2, C2 = 0.03^2, the mean over all values. In
+/// double, a sum of 121 terms for each, no code or constant of ours.
+double plain_ssim(const ImageF& a, const Image8& b) {
+  double weights[11][11], total = 0;
+  for (int i = 0; i < 11; ++i)
+    for (int j = 0; j < 11; ++j)
+      total += weights[i][j] = std::exp(-((i - 5) * (i - 5) + (j - 5) * (j - 5)) / (2 * 1.5 * 1.5));
+  double sum = 0;
+  for (int c = 0; c < 3; ++c)
+    for (int y = 0; y < a.height; ++y)
+      for (int x = 0; x < a.width; ++x) {
+        double m1 = 0, m2 = 0, m11 = 0, m22 = 0, m12 = 0;
+        for (int i = 0; i < 11; ++i)
+          for (int j = 0; j < 11; ++j) {
+            const int u = x + j - 5, v = y + i - 5;
+            if (u < 0 || v < 0 || u >= a.width || v >= a.height) continue;
+            const double w = weights[i][j] / total, p = a.at(u, v, c), q = b.at(u, v, c) / 255.0;
+            m1 += w * p, m2 += w * q, m11 += w * p * p, m22 += w * q * q, m12 += w * p * q;
+          }
+        const double C1 = 0.01 * 0.01, C2 = 0.03 * 0.03;
+        sum += (2 * m1 * m2 + C1) * (2 * (m12 - m1 * m2) + C2) /
+               ((m1 * m1 + m2 * m2 + C1) * ((m11 - m1 * m1) + (m22 - m2 * m2) + C2));
+      }
+  return sum / (3.0 * a.width * a.height);
+}
+
+// Of a smooth picture with noise of several strengths, wider and higher than the window, and of one smaller than it.
+TEST(Ssim, IsThatOfThePlainDefinitionInDouble) {
+  for (const auto& [width, height] : {std::pair(37, 29), {7, 4}})
+    for (const float noise : {0.02f, 0.1f, 0.5f}) {
+      Image8 photo(width, height, 3);
+      const Image8 random = random_photo(width, height, 9);
+      for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+          for (int c = 0; c < 3; ++c)
+            photo.at(x, y, c) = std::uint8_t(120 + 90 * std::sin(0.2 * x + 0.31 * y + c));
+      ImageF picture = picture_of(photo);
+      for (std::size_t i = 0; i < picture.pixels.size(); ++i)
+        picture.pixels[i] =
+            std::clamp(picture.pixels[i] + noise * (random.pixels[i] / 255.0f - 0.5f), 0.0f, 1.0f);
+      EXPECT_NEAR(ssim(picture, photo), plain_ssim(picture, photo), 2e-5) << noise;  // float moments
+    }
 }
 
 TEST(Ssim, OfIdenticalPicturesIsOne) {

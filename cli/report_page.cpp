@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/report_page.h"
+
+#include <fstream>
+
+#include "cli/provenance.h"
+#include "cli/run_folder.h"
+#include "gs_core/error.h"
+#include "gs_core/version.h"
+#include "web/pages.h"
+
+namespace gs {
+
+using Json = nlohmann::ordered_json;
+
+bool can_write_reports() { return !report_template().empty(); }
+
+std::string cannot_write_reports() {
+  return "this build has no report page, as npm was missing: install npm and build again, or give "
+         "the folder to `gemsplat report` of another build";
+}
+
+std::string report_page(const Json& data) {
+  std::string text = data.dump(-1, ' ', false, Json::error_handler_t::replace);
+  std::string escaped;
+  escaped.reserve(text.size());
+  for (const char c : text) {  // in JSON these stand in strings only; "</script" and "<!--" would end or change the element
+    if (c == '<') {
+      escaped += "\\u003c";
+    } else {
+      escaped += c;
+    }
+  }
+  std::string page(report_template());
+  const std::size_t place = page.find(kDataPlace);
+  GS_CHECK(place != page.npos);
+  return page.replace(place, kDataPlace.size(), escaped);
+}
+
+void write_report(const std::filesystem::path& file, const Json& data) {
+  if (!can_write_reports()) throw Error(cannot_write_reports());
+  write_text(file, report_page(data));
+}
+
+Json made_by() { return {{"version", kVersion}, {"commit", built_commit()}, {"date", utc_date()}}; }
+
+Json read_json(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  if (!file) throw Error("cannot read " + path.string() + ": there is no such file");
+  Json json = Json::parse(file, nullptr, false);
+  if (!json.is_object())
+    throw Error("cannot read " + path.string() +
+                ": it is damaged; move it away to go without it, or train again");
+  return json;
+}
+
+}  // namespace gs

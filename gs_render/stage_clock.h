@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// How long the stages take: what a backend tells, and the clock of those that run on the host.
+#pragma once
+
+#include <chrono>
+#include <string>
+#include <vector>
+
+namespace gs {
+
+/// How long the runs of one stage took.
+struct StageTime {
+  std::string stage;
+  std::vector<float> milliseconds;  // one per run
+};
+
+/// The times of the scalar stages while somebody profiles. One for the process, whose cores they share; stages run one
+/// after the other, on one thread.
+class StageClock {
+ public:
+  /// On: forgets what was measured and goes on anew. Off: measures no more, and forgets nothing.
+  void set_on(bool on);
+  bool is_on() const { return is_on_; }
+  void add(const char* stage, float milliseconds);
+  /// In the order of first use.
+  const std::vector<StageTime>& times() const { return times_; }
+
+ private:
+  bool is_on_ = false;
+  std::vector<StageTime> times_;
+};
+
+StageClock& host_stage_clock();
+
+/// One run of a scalar stage, from here to the end of the block.
+class HostStage {
+ public:
+  explicit HostStage(const char* stage);
+  ~HostStage();
+  HostStage(const HostStage&) = delete;
+  HostStage& operator=(const HostStage&) = delete;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  const char* stage_;
+  Clock::time_point begin_;
+};
+
+}  // namespace gs

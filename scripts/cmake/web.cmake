@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+# What the pages of web/ are bundled with: node, and the packages of web/package-lock.json, which npm puts into the
+# build folder once. Where npm or its registry cannot be reached the program is built without pages, or with those that
+# scripts/pack_headers.sh put beside the headers.
+#
+# Sets GS_HAVE_WEB (the program can write reports), GS_HAVE_NPM (the pages are bundled here), GS_NODE, GS_WEB_DIR.
+set(GS_HAVE_WEB FALSE)
+set(GS_HAVE_NPM FALSE)
+set(GS_WEB_DIR ${PROJECT_BINARY_DIR}/web)
+set(gs_web_missing "reports are written by `gemsplat report` of another build, on the same folders")
+
+# gs_install_web_packages(result): npm ci where package-lock.json has changed since the last one.
+function(gs_install_web_packages result)
+  set(source ${PROJECT_SOURCE_DIR}/web)
+  set_property(DIRECTORY ${PROJECT_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${source}/package-lock.json)
+  set(stamp ${GS_WEB_DIR}/packages.stamp)
+  set(which --omit=dev)
+  if(GS_BUILD_TESTS)
+    set(which --include=dev)  # what drives the browser
+  endif()
+  file(SHA256 ${source}/package-lock.json wanted)
+  string(APPEND wanted " ${which}")
+  set(installed "")
+  if(EXISTS ${stamp})
+    file(READ ${stamp} installed)
+  endif()
+  if(NOT installed STREQUAL wanted)
+    file(COPY ${source}/package.json ${source}/package-lock.json DESTINATION ${GS_WEB_DIR})
+    execute_process(
+      COMMAND ${GS_NPM} ci ${which} --ignore-scripts --no-audit --no-fund --prefer-offline --fetch-retries=1 --fetch-timeout=30000
+      WORKING_DIRECTORY ${GS_WEB_DIR} RESULT_VARIABLE code OUTPUT_VARIABLE log ERROR_VARIABLE log TIMEOUT 300)
+    file(WRITE ${GS_WEB_DIR}/npm.log "${log}")
+    if(NOT code STREQUAL "0")
+      set(${result} FALSE PARENT_SCOPE)
+      return()
+    endif()
+    file(WRITE ${stamp} "${wanted}")
+  endif()
+  set(${result} TRUE PARENT_SCOPE)
+endfunction()
+
+if(GS_WITH_WEB)
+  find_program(GS_NPM npm)
+  find_program(GS_NODE NAMES node nodejs)
+  if(GS_NPM AND GS_NODE)
+    gs_install_web_packages(GS_HAVE_NPM)
+    if(NOT GS_HAVE_NPM)
+      string(APPEND gs_web_missing " (npm ci failed: ${GS_WEB_DIR}/npm.log)")
+    endif()
+  endif()
+endif()
+set(GS_HAVE_WEB ${GS_HAVE_NPM})
+if(NOT GS_HAVE_WEB AND GS_DEPS_INCLUDE)
+  cmake_path(GET GS_DEPS_INCLUDE PARENT_PATH packed)
+  if(EXISTS ${packed}/web/report.html)
+    file(COPY ${packed}/web/report.html DESTINATION ${GS_WEB_DIR})
+    set(GS_HAVE_WEB TRUE)
+  endif()
+endif()
+gs_report("npm" "${GS_HAVE_WEB}" "${gs_web_missing}")

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photo, render and error of the views, one over the other with a slider between them.
+import {el, section, segmented, table} from '../shared/dom.js';
+import {fixed, isNumber} from '../shared/format.js';
+
+const PICTURES = {photo: 'photo', render: 'render', error: 'error ×4'};
+const PAIRS = [['photo render', 'photo | render'], ['render error', 'render | error'], ['photo error', 'photo | error']];
+
+// {split, total, list: [{name, psnr, ssim, photo, render, error}]}; those without pictures are in the table only.
+export function views({split, total, list}) {
+  const pictured = list.filter(view => view.photo);
+  const count = pictured.length < total ? `pictures of ${pictured.length} of ${total} views` : `${total} views`;
+  return section('views', split === 'test' ? 'Test views' : 'Training views', el('span.muted', {}, count),
+                 pictured.length > 0 && viewer(pictured), allViews(list, pictured));
+}
+
+let select = () => {};  // of the viewer on this page
+
+function viewer(list) {
+  let at = 0, pair = PAIRS[0][0].split(' ');
+  const [back, front] = [el('img.back'), el('img.front')];
+  const tags = [el('span.tag.left'), el('span.tag.right')];
+  const range = el('input', {type: 'range', min: 0, max: 1000, value: 500, step: 10,
+                             'aria-label': 'where the left picture ends and the right one begins',
+                             oninput: () => place(range.value / 1000)});
+  const stage = el('div.stage', {}, back, front, tags, el('div.divider', {'aria-hidden': 'true'}, el('span.grip')), range);
+  const place = share => {
+    range.value = Math.round(share * 1000);
+    stage.style.setProperty('--share', `${(100 * share).toFixed(1)}%`);
+    range.setAttribute('aria-valuetext', `${Math.round(100 * share)}% ${pair[0]}`);
+  };
+  const follow = event => {
+    const box = stage.getBoundingClientRect();
+    place(Math.min(1, Math.max(0, (event.clientX - box.left) / box.width)));
+  };
+  stage.addEventListener('pointerdown', event => {
+    stage.setPointerCapture(event.pointerId);
+    range.focus({preventScroll: true});
+    follow(event);
+    event.preventDefault();
+  });
+  stage.addEventListener('pointermove', event => { if (stage.hasPointerCapture(event.pointerId)) follow(event); });
+
+  const name = el('h3.view-name');
+  const figures = el('p.figures');
+  const choice = el('select', {'aria-label': 'view', onchange: () => show(Number(choice.value))},
+                    list.map((view, i) => el('option', {value: i}, view.name)));
+  const thumbs = list.map((view, i) => el('button.thumb', {type: 'button', 'aria-label': `view ${view.name}`, onclick: () => show(i)},
+      el('img', {src: view.render, alt: '', loading: 'lazy'}), el('span', {}, isNumber(view.psnr) ? `${fixed(view.psnr, 1)} dB` : '–')));
+  const draw = () => {
+    const view = list[at];
+    [front, back].forEach((image, i) => {
+      image.src = view[pair[i]];
+      image.alt = `${pair[i]} of ${view.name}`;
+      tags[i].textContent = PICTURES[pair[i]];
+    });
+    stage.style.aspectRatio = `${view.width} / ${view.height}`;
+    stage.style.setProperty('--ratio', view.width / view.height);
+    name.textContent = view.name;
+    figures.replaceChildren(el('b', {}, fixed(view.psnr, 2)), ' dB PSNR', el('span.dot', {}, '·'), el('b', {}, fixed(view.ssim, 4)), ' SSIM');
+    choice.value = String(at);
+    thumbs.forEach((thumb, i) => thumb.setAttribute('aria-current', String(i === at)));
+    place(range.value / 1000);
+  };
+  const show = index => {
+    at = (index + list.length) % list.length;
+    draw();
+    const strip = thumbs[at].parentElement;
+    if (strip) strip.scrollTo({left: thumbs[at].offsetLeft - (strip.clientWidth - thumbs[at].offsetWidth) / 2});
+  };
+  select = view => { show(list.indexOf(view)); stage.scrollIntoView({block: 'center'}); };
+  const arrow = (label, text, step) => el('button.button', {type: 'button', 'aria-label': label, onclick: () => show(at + step)}, text);
+  draw();
+  return el('div.card.viewer', {},
+    el('div.viewer-head', {}, el('div', {}, name, figures),
+       el('div.controls', {}, segmented('pictures', PAIRS, PAIRS[0][0], value => { pair = value.split(' '); draw(); }),
+          list.length > 1 && el('div.turn', {}, arrow('previous view', '‹', -1), choice, arrow('next view', '›', 1)))),
+    stage,
+    pair && el('p.note.muted', {}, 'Drag, or use the arrow keys. The error is the mean absolute difference of the channels, four times ' +
+               'enlarged: black is none, pale yellow a quarter of the range and more.'),
+    list.length > 1 && el('div.thumbs', {}, thumbs));
+}
+
+function allViews(list, pictured) {
+  const figures = list.map(view => view.psnr).filter(isNumber);
+  if (!figures.length) return null;
+  const [low, high] = [Math.min(...figures), Math.max(...figures)];
+  const bar = value => el('span.bar', {style: `--length:${isNumber(value) ? 8 + 92 * (value - low) / (high - low || 1) : 0}%`});
+  const worstFirst = [...list].sort((a, b) => (a.psnr ?? 1e9) - (b.psnr ?? 1e9));
+  return el('details.card.all-views', {}, el('summary', {}, `Figures of all ${list.length} views, worst first`),
+    table(['view', {text: 'PSNR / dB', align: 'number'}, {text: 'SSIM', align: 'number'}, 'PSNR, from worst to best'], worstFirst.map(view => [
+      pictured.includes(view) ? el('button.link', {type: 'button', onclick: () => select(view)}, view.name) : view.name,
+      {text: fixed(view.psnr, 2), align: 'number'}, {text: fixed(view.ssim, 4), align: 'number'}, {text: bar(view.psnr), className: 'bar-cell'}]),
+      {label: 'figures of all views'}));
+}
