@@ -23,6 +23,7 @@ constexpr double kGradientTolerance = 5e-3;
 constexpr double kStepTolerance = 2e-2;   // Adam divides tiny gradients by their own size
 constexpr int kStepsBefore = 20;          // so that the moments are those of a training under way
 constexpr float kLambdaDssim = 0.2f;
+constexpr float kDeadLogit = -8;          // of an opacity of 0.0003
 constexpr std::size_t kPhotoBytes = std::size_t(1) << 28;
 
 struct ParityScene {
@@ -72,7 +73,11 @@ class ParityCheck {
     device_.prepare(scene_.views, kPhotoBytes);
     compare_loss();
     compare_gradients();
-    compare_step();
+    compare_step("step", {.gather_statistics = true});
+    const DensityConfig mcmc;
+    compare_step("mcmc step", {.regularisers = {mcmc.opacity_regulariser, mcmc.scale_regulariser},
+                               .noise = {mcmc.noise_scale, {1, RandomStream::position_noise}, 1}});
+    compare_relocation();
     device_.prepare({}, 0);  // this scene's views end here
   }
 
@@ -199,11 +204,11 @@ class ParityCheck {
   }
 
   // What one more step changes, after some on the CPU.
-  void compare_step() {
+  void compare_step(const std::string& what, const DensityStep& density) {
     const LearningRates rates = Schedule(Config{}, 1).learning_rates(1);
     const auto step = [&](Backend& backend, TrainingModel& model, int index) {
       backend.step(model, scene_.views[std::size_t(index) % scene_.views.size()], settings_,
-                   kLambdaDssim, rates, {.gather_statistics = true});
+                   kLambdaDssim, rates, density);
       backend.settle(model);
     };
     TrainingModel expected = untrained(scene_.model, host_memory());
@@ -212,11 +217,26 @@ class ParityCheck {
     TrainingModel actual = copy_to(device_.memory(), expected);
     step(cpu_, expected, kStepsBefore);
     step(device_, actual, kStepsBefore);
-    compare_changes(before, actual, expected);
+    compare_changes(what + ": ", before, actual, expected);
     compare_loss_values("loss");
   }
-  void compare_changes(const TrainingModel& before, const TrainingModel& actual,
-                       const TrainingModel& expected) {
+  // A fifth of the Gaussians is dead, and a tenth is added.
+  void compare_relocation() {
+    TrainingModel expected = untrained(scene_.model, host_memory());
+    const std::size_t count = expected.count();
+    for (std::size_t i = 0; i < count; i += 5) expected.gaussians.logit_opacity[i] = kDeadLogit;
+    TrainingModel actual = copy_to(device_.memory(), expected);
+    const RelocationRules rules{DensityConfig{}.prune_opacity, std::int64_t(count + count / 10)};
+    cpu_.rows().relocate(expected, rules, 1, 1);
+    device_.rows().relocate(actual, rules, 1, 1);
+    for_each_array(
+        [&](const char* name, const auto& a, const auto& b) {
+          compare(std::string("relocation: ") + name, kGradientTolerance, a, b);
+        },
+        actual.gaussians, expected.gaussians);
+  }
+  void compare_changes(const std::string& step, const TrainingModel& before,
+                       const TrainingModel& actual, const TrainingModel& expected) {
     const auto compare_change = [&](const std::string& what, const auto& old, const auto& a,
                                     const auto& b) {
       Numbers change = numbers_of(a), expected_change = numbers_of(b);
@@ -228,21 +248,21 @@ class ParityCheck {
       compare(what, kStepTolerance, change, expected_change);
     };
     for_each_array([&](const char* name, const auto& old, const auto& a,
-                       const auto& b) { compare_change(std::string("step: ") + name, old, a, b); },
+                       const auto& b) { compare_change(step + name, old, a, b); },
                    before.gaussians, actual.gaussians, expected.gaussians);
-    const auto compare_all = [&](const char* what, const Gaussians& old, const Gaussians& a,
+    const auto compare_all = [&](const std::string& what, const Gaussians& old, const Gaussians& a,
                                  const Gaussians& b) {
       for_each_array([&](const char*, const auto& x, const auto& y,
                          const auto& z) { compare_change(what, x, y, z); },
                      old, a, b);
     };
-    compare_all("step: first moments", before.first_moment, actual.first_moment,
+    compare_all(step + "first moments", before.first_moment, actual.first_moment,
                 expected.first_moment);
-    compare_all("step: second moments", before.second_moment, actual.second_moment,
+    compare_all(step + "second moments", before.second_moment, actual.second_moment,
                 expected.second_moment);
-    compare_change("step: visits", before.statistics.visits, actual.statistics.visits,
+    compare_change(step + "visits", before.statistics.visits, actual.statistics.visits,
                    expected.statistics.visits);
-    compare_change("step: gradient norms", before.statistics.gradient_norm,
+    compare_change(step + "gradient norms", before.statistics.gradient_norm,
                    actual.statistics.gradient_norm, expected.statistics.gradient_norm);
   }
 
