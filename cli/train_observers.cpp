@@ -108,11 +108,15 @@ void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* te
   last_seconds_ = seconds;
 }
 
-void save_model(const RunFolder& folder, int step, Trainer& trainer) {
+GaussianModel trained_model(Trainer& trainer) {
   GaussianModel model = host_copy(trainer.model().gaussians, trainer.config().model.sh_degree,
                                   trainer.settings().antialias);
   model.world_offset = trainer.scene().world_offset;
-  write_gaussian_ply(folder.ply(step), model);
+  return model;
+}
+
+void save_model(const RunFolder& folder, int step, Trainer& trainer) {
+  write_gaussian_ply(folder.ply(step), trained_model(trainer));
 }
 
 }  // namespace gs

@@ -17,6 +17,7 @@ void add_config(CLI::App& program);
 void add_experiment(CLI::App& program);
 void add_eval(CLI::App& program);
 void add_render(CLI::App& program);
+void add_export(CLI::App& program);
 void add_info(CLI::App& program);
 void add_bench(CLI::App& program);
 void add_selftest(CLI::App& program);
