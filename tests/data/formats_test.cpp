@@ -65,6 +65,14 @@ GaussianModel moderate_model(std::size_t count, int sh_degree) {
 class Formats : public testing::Test {
  protected:
   static void SetUpTestSuite() { setup_log(Verbosity::quiet); }
+  void SetUp() override {
+    try {
+      for (const ModelFormat& format : model_formats())
+        for (const int version : {3, 4}) format.require({version});
+    } catch (const Error& missing) {
+      GTEST_SKIP() << missing.what();
+    }
+  }
   std::filesystem::path file(const std::string& name) const { return folder_.path() / name; }
   GaussianModel there_and_back(const GaussianModel& model, const std::string& ending,
                                const ExportOptions& options = {}) const {
