@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 #include "gs_core/error.h"
@@ -40,25 +39,24 @@ class Clusters {
   const std::vector<float>& centroids() const { return centroids_; }
   const Rows& labels() const { return labels_; }  // of each of the rows
 
-  /// The centroid nearest to a point.
+  /// The centroid nearest to a point, the first of equals.
   std::uint32_t nearest(const float* p) const {
-    std::uint32_t best = 0;
-    float least = std::numeric_limits<float>::max();
-    for (std::size_t c = 0; c < count(); ++c) {
-      const float* m = &centroids_[c * d_];
-      float distance = 0;
-      for (std::size_t i = 0; i < d_; ++i) distance += (p[i] - m[i]) * (p[i] - m[i]);
-      if (distance < least) {
-        least = distance;
-        best = std::uint32_t(c);
-      }
+    thread_local std::vector<float> distances;  // squared, to each centroid
+    distances.assign(count(), 0.0f);
+    for (std::size_t k = 0; k < d_; ++k) {
+      const float* m = &by_dimension_[k * count()];
+      for (std::size_t c = 0; c < distances.size(); ++c)
+        distances[c] += (p[k] - m[c]) * (p[k] - m[c]);
     }
-    return best;
+    return std::uint32_t(std::min_element(distances.begin(), distances.end()) - distances.begin());
   }
 
  private:
   const float* point(std::uint32_t row) const { return &points_[row * d_]; }
   void assign() {
+    by_dimension_.resize(centroids_.size());
+    for (std::size_t c = 0; c < count(); ++c)
+      for (std::size_t k = 0; k < d_; ++k) by_dimension_[k * count() + c] = centroids_[c * d_ + k];
     parallel_for(rows_.size(), 256, [&](std::size_t i) { labels_[i] = nearest(point(rows_[i])); });
   }
   // Sums are taken in the order of the rows. A centroid without points stays where it is.
@@ -77,7 +75,8 @@ class Clusters {
   const std::vector<float>& points_;
   std::size_t d_;
   const Rows& rows_;
-  std::vector<float> centroids_;
+  std::vector<float> centroids_;     // (count, d)
+  std::vector<float> by_dimension_;  // (d, count): what a processor compares many at a time of
   Rows labels_;
 };
 
