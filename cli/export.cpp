@@ -130,7 +130,7 @@ void add_export(CLI::App& program) {
       ->required();
   verb.add_option("output", command->outputs,
                   "files to write; their endings say the formats: " + format_names())
-      ->type_name("FILE...")
+      ->type_name("FILE")
       ->required();
   verb.add_option("--iteration", command->step,
                   "of a run, the model saved after that step [the newest]")
