@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/devices.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include "cli/report_page.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
@@ -78,6 +80,31 @@ Capability report_capability() {
       can_write_reports() ? "writes report.html of runs and experiments" : cannot_write_reports()};
 }
 
+// What a build without a library cannot read or write.
+Capability format_capability(bool is_there, const char* name, const char* files,
+                             const char* package) {
+  return {name, is_there,
+          is_there ? fmt::format("reads and writes {}", files)
+                   : fmt::format("neither reads nor writes {}; install {} and build again", files,
+                                 package)};
+}
+
+#ifdef GS_HAVE_ZLIB
+constexpr bool kHasZlib = true;
+#else
+constexpr bool kHasZlib = false;
+#endif
+#ifdef GS_HAVE_ZSTD
+constexpr bool kHasZstd = true;
+#else
+constexpr bool kHasZstd = false;
+#endif
+#ifdef GS_HAVE_WEBP
+constexpr bool kHasWebp = true;
+#else
+constexpr bool kHasWebp = false;
+#endif
+
 }  // namespace
 
 std::unique_ptr<Backend> make_backend(const std::string& device) {
@@ -97,7 +124,10 @@ std::vector<Capability> capabilities() {
           openimageio_capability(),
           opencv_capability(),
           ceres_capability(),
-          report_capability()};
+          report_capability(),
+          format_capability(kHasZlib, "zlib", ".spz", "zlib1g-dev"),
+          format_capability(kHasZstd, "zstd", ".spz of version 4", "libzstd-dev"),
+          format_capability(kHasWebp, "libwebp", ".sog", "libwebp-dev")};
 }
 
 }  // namespace gs

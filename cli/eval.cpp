@@ -75,8 +75,9 @@ void eval(const EvalCommand& command) {
 void add_eval(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand("eval", "Measure a trained model against photos");
   const auto command = std::make_shared<EvalCommand>();
-  verb.add_option("model", command->model, "a run's folder, or a PLY with --data")
-      ->type_name("RUN|PLY")
+  verb.add_option("model", command->model,
+                  "a run's folder, or a model of any format that is read, with --data")
+      ->type_name("RUN|MODEL")
       ->required();
   verb.add_option("--iteration", command->step,
                   "of a run, the model saved after that step [the newest]")

@@ -64,6 +64,7 @@ int run(int argc, const char* const* argv) {
   add_eval(program);
   add_render(program);
   add_prune(program);
+  add_export(program);
   add_info(program);
   add_bench(program);
   add_selftest(program);

@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "data_loaders/exposure_file.h"
+#include "data_loaders/formats/formats.h"
 #include "data_loaders/load_scene.h"
-#include "data_loaders/ply.h"
 #include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 #include "gs_train/trainer.h"
@@ -39,7 +39,7 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
     if (fs::exists(opened.run->config())) load_config(opened.config, opened.run->config());
     opened.config.train = {};  // where a model was trained says nothing of where it is looked at
   }
-  opened.model = read_gaussian_ply(opened.ply);
+  opened.model = read_model(opened.ply);
   opened.config.model.sh_degree = opened.model.sh_degree;
   opened.config.render.antialias = opened.model.antialiased;
   if (!opened.model.is_ours) opened.config.render.blend_rule = "classic";  // as it was trained

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A trained model as users name it: a PLY of any trainer, or the folder of a run.
+// A trained model as users name it: a file of any format that is read, or the folder of a run.
 #pragma once
 
 #include <filesystem>
@@ -14,14 +14,14 @@
 namespace gs {
 
 struct OpenedModel {
-  std::filesystem::path ply;
+  std::filesystem::path ply;  // or a file of another format
   std::optional<RunFolder> run;  // where a folder was named
   GaussianModel model;
   Config config;  // the run's, but its [train], or the defaults; SH degree, antialiasing and, where another
                   // trainer wrote it, the classic blending rule of the PLY
 };
 
-/// Opens `path`; of a run's folder the newest PLY, or that of `step`. Throws Error where there is none.
+/// Opens `path` (formats.h); of a run's folder the newest PLY, or that of `step`. Throws Error where there is none.
 OpenedModel open_model(const std::filesystem::path& path, std::optional<int> step);
 
 /// The scene at dataset.source in the model's frame; with the exposures that the run was trained with, where it has any

@@ -16,7 +16,8 @@
 #include "cli/results.h"
 #include "cli/text.h"
 #include "cli/verbs.h"
-#include "data_loaders/ply.h"
+#include "data_loaders/formats/formats.h"
+#include "data_loaders/move_aside.h"
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
 #include "gs_core/parallel.h"
@@ -75,8 +76,11 @@ void prune(const PruneCommand& command) {
   setup_log(command.verbosity());
   if (!(command.opacity > 0 || command.contribution > 0 || command.clearance > 0))
     throw UsageError("prune what? give --opacity, --contribution or --floaters");
+  format_to_write(command.output).require({});
   if (!command.force && std::filesystem::exists(command.output))
-    throw UsageError(command.output + " is there already; give another name, or --force");
+    throw UsageError(command.output +
+                     " is there already; give another name, or --force to move it to " +
+                     command.output + ".bak-N");
   OpenedModel opened = open_model(command.model, command.step);
   if (!opened.run) opened.config.dataset.eval = true;
   const Config config = resolve(command, opened.config);
@@ -111,7 +115,8 @@ void prune(const PruneCommand& command) {
   GaussianModel result{rows_of(model.gaussians, kept.rows()), model.sh_degree, model.is_ours,
                        model.antialiased, model.world_offset};
   const Evaluation after = quality(copy_to(backend->memory(), result));
-  write_gaussian_ply(command.output, result);
+  if (std::filesystem::exists(command.output)) move_aside(command.output);
+  write_model(command.output, result);
 
   const char* split = scene.test_views.empty() ? "training" : "test";
   if (command.json) {
@@ -151,8 +156,9 @@ void add_prune(CLI::App& program) {
   verb.add_option("model", command->model, "a run's folder, or a PLY with --data")
       ->type_name("RUN|PLY")
       ->required();
-  verb.add_option("-o,--output", command->output, "the model without them")
-      ->type_name("FILE.ply")
+  verb.add_option("-o,--output", command->output,
+                  "the model without them, in the format of its name (docs/formats.md)")
+      ->type_name("FILE")
       ->required();
   verb.add_option("--iteration", command->step,
                   "of a run, the model saved after that step [the newest]")
@@ -174,7 +180,7 @@ void add_prune(CLI::App& program) {
       ->type_name("VIEWS")
       ->check(CLI::NonNegativeNumber);
   verb.add_flag("--json", command->json, "print JSON");
-  verb.add_flag("--force", command->force, "write over a file of that name");
+  verb.add_flag("--force", command->force, "move a file of that name to FILE.bak-N first");
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
   add_render_options(verb, *command);
   add_general_options(verb, *command);

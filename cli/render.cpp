@@ -1,22 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // gemsplat render: pictures of a trained model, of any trainer, from given cameras.
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <iostream>
 #include <memory>
-#include <set>
 
+#include "cli/cameras.h"
 #include "cli/devices.h"
 #include "cli/open_model.h"
 #include "cli/options.h"
 #include "cli/pictures.h"
 #include "cli/progress_bar.h"
-#include "cli/run_folder.h"
 #include "cli/verbs.h"
-#include "data_loaders/camera_file.h"
-#include "data_loaders/load_scene.h"
 #include "data_loaders/photos.h"
-#include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 
@@ -27,37 +22,6 @@ struct RenderCommand : CommandLine {
   std::string model, output, cameras, split = "all";
   std::optional<int> step;
 };
-
-std::vector<NamedCamera> cameras_of_file(const std::filesystem::path& file, int resolution,
-                                         const Vec3d& world_offset) {
-  std::vector<NamedCamera> cameras = read_cameras_json(file, world_offset);
-  for (NamedCamera& named : cameras) named.camera = at_resolution(named.camera, resolution);
-  return cameras;
-}
-
-// The run's own cameras, those of its training or test views where asked.
-std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
-                                        const std::string& split, const Vec3d& world_offset) {
-  std::vector<NamedCamera> cameras = cameras_of_file(run.cameras(), resolution, world_offset);
-  if (split == "all") return cameras;
-  std::set<std::string> wanted;  // names as in cameras.json
-  for (const std::string& name : split_names(run, split))
-    wanted.insert(std::filesystem::path(name).replace_extension().generic_string());
-  std::erase_if(cameras, [&](const NamedCamera& named) { return !wanted.contains(named.name); });
-  return cameras;
-}
-
-std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::string& split,
-                                          const Vec3d& world_offset) {
-  dataset.eval = split != "all";
-  dataset.exposure = false;  // pictures show the scene's own colours
-  Scene scene = load_scene(dataset);
-  bring_to_offset(scene, world_offset);
-  std::vector<NamedCamera> cameras;
-  for (const View& view : split == "test" ? scene.test_views : scene.train_views)
-    cameras.push_back({view.name, view.camera});
-  return cameras;
-}
 
 // From --cameras, --data, or the run itself.
 std::vector<NamedCamera> cameras_of(const RenderCommand& command, const OpenedModel& opened,
@@ -105,8 +69,9 @@ void add_render(CLI::App& program) {
   CLI::App& verb =
       *program.add_subcommand("render", "Render a trained model from given cameras to PNG");
   const auto command = std::make_shared<RenderCommand>();
-  verb.add_option("model", command->model, "a PLY of any trainer, or a run's folder")
-      ->type_name("PLY|RUN")
+  verb.add_option("model", command->model,
+                  "a PLY, .spz, .sog, .splat or .csv of any trainer, or a run's folder")
+      ->type_name("MODEL|RUN")
       ->required();
   verb.add_option("-o,--output", command->output, "folder of the pictures, named after their views")
       ->type_name("FOLDER")

@@ -11,6 +11,7 @@
 #include "cli/checkpoint_folder.h"
 #include "cli/comparison.h"
 #include "cli/devices.h"
+#include "cli/exported_file.h"
 #include "cli/folder_lock.h"
 #include "cli/options.h"
 #include "cli/pictures.h"
@@ -41,6 +42,7 @@ struct TrainCommand : CommandLine {
   bool print_config = false, force = false;
   std::string resume;   // auto, or the folder or checkpoint of a run; empty: not at all
   int added_steps = 0;  // --iterations +N
+  std::vector<std::string> exports;  // names of formats
 };
 
 // The config of this run, with the scene's absolute path, so that its folder can be used from anywhere.
@@ -250,8 +252,25 @@ RowsBefore rows_before(const std::optional<ResumedRun>& resumed, int steps) {
           ProfileObserver::rows_up_to(folder.profile(), done)};
 }
 
+// Beside the PLY after the last step, in the formats of --export.
+void export_run(const TrainCommand& command, Trainer& trainer, const RunFolder& folder) {
+  if (command.exports.empty()) return;
+  const GaussianModel model = trained_model(trainer);
+  Viewpoints viewpoints{
+      trainer.backend(), trainer.model().gaussians.span(), trainer.evaluation_settings(), {}};
+  for (const View& view : trainer.scene().test_views) viewpoints.cameras.push_back(view.camera);
+  for (const std::string& name : command.exports) {
+    const ModelFormat& format = format_named(name);
+    ExportRequest request{folder.ply(trainer.step()), {}, {}};
+    request.file.replace_extension(format.ending);
+    if (request.file == folder.ply(trainer.step())) continue;  // is there
+    log_info("{}", summary(export_model(model, request, &viewpoints), &viewpoints));
+  }
+}
+
 void train(const TrainCommand& command) {
   setup_log(command.verbosity());
+  for (const std::string& name : command.exports) format_named(name).require({});
   std::optional<ResumedRun> resumed;
   if (!command.resume.empty() && !command.print_config)
     resumed = find_run(command, command.resume, command.added_steps);
@@ -313,6 +332,7 @@ void train(const TrainCommand& command) {
   Results results = results_of(trainer);
   evaluate_run(trainer, folder, last, results);
   metrics.finish(last, trainer, results.test);
+  export_run(command, trainer, folder);
   write_text(folder.per_view(), per_view_json(results));
   const std::string results_text = results_json(results);
   write_final_report(folder, results_text);
@@ -342,6 +362,11 @@ void add_train(CLI::App& program) {
       ->group("Output");
   add_setting(verb, line, "--checkpoint-every", "train.checkpoint_every", "Output");
   verb.add_flag("--force", command->force, "move a run that is there already to OUT.bak-N first")
+      ->group("Output");
+  verb.add_option("--export", command->exports,
+                  "write the last model in these formats, too: " + format_names())
+      ->delimiter(',')
+      ->type_name("FORMAT,...")
       ->group("Output");
   add_setting(verb, line, "--save-steps,--save-iterations", "train.save_steps", "Output",
               "save the PLY after these steps, besides the last");

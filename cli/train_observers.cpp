@@ -107,14 +107,18 @@ void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* te
   last_seconds_ = seconds;
 }
 
-void save_model(const RunFolder& folder, int step, Trainer& trainer) {
+GaussianModel trained_model(Trainer& trainer) {
   GaussianModel model;
   trainer.look_at_result([&](const Gaussians& gaussians) {
     model = host_copy(gaussians, trainer.config().model.sh_degree, trainer.settings().antialias);
   });
   model.gaussians = rows_of(model.gaussians, visible_rows(model.gaussians));
   model.world_offset = trainer.scene().world_offset;
-  write_gaussian_ply(folder.ply(step), model);
+  return model;
+}
+
+void save_model(const RunFolder& folder, int step, Trainer& trainer) {
+  write_gaussian_ply(folder.ply(step), trained_model(trainer));
 }
 
 }  // namespace gs

@@ -76,7 +76,10 @@ class MetricsObserver final : public Observer {
   double last_seconds_ = 0;
 };
 
-/// Saves the model as it is now to its place in the run's folder.
+/// The model as it is now, as files carry it.
+GaussianModel trained_model(Trainer& trainer);
+
+/// Saves it to its place in the run's folder.
 void save_model(const RunFolder& folder, int step, Trainer& trainer);
 
 }  // namespace gs

@@ -19,6 +19,7 @@ void add_report(CLI::App& program);
 void add_eval(CLI::App& program);
 void add_render(CLI::App& program);
 void add_prune(CLI::App& program);
+void add_export(CLI::App& program);
 void add_info(CLI::App& program);
 void add_bench(CLI::App& program);
 void add_selftest(CLI::App& program);

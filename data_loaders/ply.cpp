@@ -9,6 +9,7 @@
 #include <locale>
 #include <sstream>
 
+#include "data_loaders/formats/compressed_ply.h"
 #include "data_loaders/ply_file.h"
 #include "data_loaders/ply_layout.h"
 
@@ -26,22 +27,10 @@ void append_columns(std::vector<PlyColumn>& columns, const Buffer<T>& buffer,
   }
 }
 
-std::string list_of(const std::vector<std::string>& names) {
-  std::string list;
-  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
-  return list;
-}
-
 /// Says what a file without `missing` is, as far as its header tells.
 [[noreturn]] void fail_without(const std::vector<std::string>& missing, const PlyElement& vertex,
                                const PlyFile& file) {
   const PlyElement* face = file.header().find("face");
-  if (vertex.find("packed_position") >= 0) {
-    cannot_read(
-        file.path(),
-        "this is a compressed PLY (PlayCanvas, SuperSplat); convert it to a plain PLY first, "
-        "say with: npx @playcanvas/splat-transform IN.compressed.ply OUT.ply");
-  }
   if (face && face->count > 0 && vertex.find("opacity") < 0) {
     cannot_read(file.path(),
                 "this is a mesh, not trained Gaussians; name a point_cloud.ply that a "
@@ -61,25 +50,6 @@ std::string list_of(const std::vector<std::string>& names) {
               fmt::format("its element \"vertex\" lacks {}; export the file again with "
                           "all properties of trained Gaussians",
                           list_of(missing)));
-}
-
-/// The SH degree that belongs to the number of f_rest_ properties.
-int sh_degree_of(const PlyElement& vertex, const PlyFile& file) {
-  int count = 0;
-  for (const PlyProperty& property : vertex.properties)
-    count += property.name.starts_with("f_rest_");
-  for (int degree = 0; degree <= kMaxShDegree; ++degree) {
-    if (count == 3 * sh_rest_count(degree)) return degree;
-  }
-  if (count == 3 * sh_rest_count(4)) {
-    cannot_read(file.path(),
-                "SH degree 4 is not supported (it has 72 f_rest_ properties); train or "
-                "export with degree 3 or less");
-  }
-  cannot_read(file.path(),
-              fmt::format("{} f_rest_ properties belong to no SH degree (0, 9, 24 or 45 "
-                          "would); export the file again",
-                          count));
 }
 
 void check_properties(const PlyElement& vertex, int sh_degree, const PlyFile& file) {
@@ -123,6 +93,35 @@ Vec3d world_offset_in(const PlyHeader& header) {
 
 }  // namespace
 
+std::string list_of(const std::vector<std::string>& names) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+  return list;
+}
+
+int sh_degree_of(const PlyElement& element, const std::filesystem::path& path) {
+  int count = 0;
+  for (const PlyProperty& property : element.properties)
+    count += property.name.starts_with("f_rest_");
+  for (int degree = 0; degree <= kMaxShDegree; ++degree) {
+    if (count == 3 * sh_rest_count(degree)) return degree;
+  }
+  if (count == 3 * sh_rest_count(4)) {
+    cannot_read(path,
+                "SH degree 4 is not supported (it has 72 f_rest_ properties); train or "
+                "export with degree 3 or less");
+  }
+  cannot_read(path, fmt::format("{} f_rest_ properties belong to no SH degree (0, 9, 24 or 45 "
+                                "would); export the file again",
+                                count));
+}
+
+void take_comments(const PlyHeader& header, GaussianModel& model) {
+  model.antialiased = is_antialiased(header);
+  model.is_ours = is_ours(header);
+  model.world_offset = world_offset_in(header);
+}
+
 std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degree) {
   std::vector<PlyColumn> columns;
   append_columns(columns, gaussians.mean, {"x", "y", "z"});
@@ -144,12 +143,11 @@ GaussianModel read_gaussian_ply(const std::filesystem::path& path) {
   PlyFile file(path);
   const PlyElement* vertex = file.header().find("vertex");
   if (!vertex) cannot_read(path, "it has no element \"vertex\"; name a PLY of trained Gaussians");
+  if (is_compressed_ply(file.header())) return read_compressed_ply(file);
   GaussianModel model;
-  model.sh_degree = sh_degree_of(*vertex, file);
+  model.sh_degree = sh_degree_of(*vertex, path);
   check_properties(*vertex, model.sh_degree, file);
-  model.antialiased = is_antialiased(file.header());
-  model.is_ours = is_ours(file.header());
-  model.world_offset = world_offset_in(file.header());
+  take_comments(file.header(), model);
   model.gaussians.resize(vertex->count);
   if (model.sh_degree < kMaxShDegree) model.gaussians.sh_rest.fill_zero();
   file.read_columns(*vertex, gaussian_columns(model.gaussians, model.sh_degree));

@@ -15,6 +15,7 @@ namespace gs {
 /// else the file holds do not matter; nor does its format (ascii, binary of either byte order). The
 /// number of f_rest_ properties gives the SH degree; the comments "SplatRenderMode: mip" and
 /// "antialiased 1" set `antialiased`; "gemsplat ..." sets `is_ours`; "world_offset X Y Z" sets that.
+/// A compressed PLY is told by its packed_position (formats/compressed_ply.h).
 /// Values are taken as they are, NaN and infinity too (inspect() counts them).
 /// Throws Error, with file, place and remedy, for a file that is damaged or holds something else.
 GaussianModel read_gaussian_ply(const std::filesystem::path& path);

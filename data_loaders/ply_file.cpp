@@ -8,9 +8,9 @@
 
 #include <algorithm>
 #include <bit>
-#include <charconv>
 #include <cstring>
 
+#include "data_loaders/parse_number.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -47,6 +47,16 @@ void convert_column(const std::uint8_t* from, std::size_t row_bytes, std::size_t
 }
 
 template <bool kSwap>
+void copy_words(const std::uint8_t* from, std::size_t row_bytes, std::size_t count,
+                const PlyColumn& column, std::size_t first_row) {
+  float* to = column.array + first_row * column.stride + column.offset;
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto word = load<std::uint32_t, kSwap>(from + i * row_bytes);
+    std::memcpy(to + i * column.stride, &word, sizeof word);
+  }
+}
+
+template <bool kSwap>
 ConvertColumn converter_of(PlyType type) {
   static constexpr ConvertColumn kConverters[] = {
       convert_column<std::int8_t, kSwap>,  convert_column<std::uint8_t, kSwap>,
@@ -56,7 +66,8 @@ ConvertColumn converter_of(PlyType type) {
   return kConverters[int(type)];
 }
 
-ConvertColumn converter_of(PlyType type, bool swap) {
+ConvertColumn converter_of(PlyType type, const PlyColumn& column, bool swap) {
+  if (column.is_word) return swap ? copy_words<true> : copy_words<false>;
   return swap ? converter_of<true>(type) : converter_of<false>(type);
 }
 
@@ -74,20 +85,13 @@ struct Words {
   bool done() const { return rest.find_first_not_of(" \t\r") == rest.npos; }
 };
 
-template <class T>
-bool parse(std::string_view word, T& value) {
-  if (!word.empty() && word[0] == '+') word.remove_prefix(1);
-  const char* end = word.data() + word.size();
-  const auto [rest, error] = std::from_chars(word.data(), end, value);
-  return error == std::errc() && rest == end;
-}
-
-// Numbers beyond the range of float become 0 or infinity, as they do when a double column is read.
-bool parse_float(std::string_view word, float& value) {
-  if (parse(word, value)) return true;
-  double wide;
-  if (!parse(word, wide)) return false;
-  value = static_cast<float>(wide);
+// A word of text as a value of a column; false where it is none.
+bool parse_value(std::string_view word, const PlyColumn& column, std::size_t row) {
+  float& value = column.array[row * column.stride + column.offset];
+  if (!column.is_word) return parse_float(word, value);
+  std::uint32_t bits = 0;
+  if (!parse_number(word, bits)) return false;
+  std::memcpy(&value, &bits, sizeof bits);
   return true;
 }
 
@@ -119,22 +123,24 @@ void PlyFile::check_size() const {
   }
 }
 
-void PlyFile::read_columns(const PlyElement& wanted, const std::vector<PlyColumn>& columns) {
+void PlyFile::read_tables(const std::vector<PlyTable>& tables) {
+  std::size_t tables_read = 0;
   for (const PlyElement& element : header_.elements) {
+    if (tables_read == tables.size()) return;
     Targets targets(element.properties.size(), nullptr);
-    if (&element != &wanted) {
-      read_rows(element, targets);
-      continue;
-    }
-    for (const PlyColumn& column : columns) {
-      const int property = element.find(column.property);
-      GS_CHECK(property >= 0);
-      targets[property] = &column;
+    for (const PlyTable& table : tables) {
+      if (table.element != &element) continue;
+      for (const PlyColumn& column : table.columns) {
+        const int property = element.find(column.property);
+        GS_CHECK(property >= 0);
+        GS_CHECK(!column.is_word || element.properties[property].type == PlyType::uint32);
+        targets[property] = &column;
+      }
+      ++tables_read;
     }
     read_rows(element, targets);
-    return;
   }
-  GS_CHECK(!"the element is one of the header's");
+  GS_CHECK(tables_read == tables.size());  // each element is one of the header's
 }
 
 void PlyFile::read_rows(const PlyElement& element, const Targets& targets) {
@@ -158,7 +164,8 @@ void PlyFile::read_fixed_rows(const PlyElement& element, const Targets& targets)
   std::size_t row_bytes = 0;
   for (std::size_t i = 0; i < targets.size(); ++i) {
     const PlyType type = element.properties[i].type;
-    if (targets[i]) fields.push_back({targets[i], row_bytes, converter_of(type, swap_bytes_)});
+    if (targets[i])
+      fields.push_back({targets[i], row_bytes, converter_of(type, *targets[i], swap_bytes_)});
     row_bytes += size_of(type);
   }
   if (fields.empty()) return reader_.skip(element.count * row_bytes);
@@ -181,7 +188,7 @@ void PlyFile::read_list_rows(const PlyElement& element, const Targets& targets) 
         skip_list(property);
       } else if (targets[i]) {
         const std::uint8_t* value = reader_.take(size_of(property.type));
-        converter_of(property.type, swap_bytes_)(value, 0, 1, *targets[i], row);
+        converter_of(property.type, *targets[i], swap_bytes_)(value, 0, 1, *targets[i], row);
       } else {
         reader_.skip(size_of(property.type));
       }
@@ -236,14 +243,13 @@ void PlyFile::read_ascii_row(const PlyElement& element, const Targets& targets, 
     if (word.empty()) fail(fmt::format("has no value for \"{}\"", property.name));
     if (property.count_type) {
       std::uint64_t count = 0;
-      if (!parse(word, count))
+      if (!parse_number(word, count))
         fail(fmt::format("has \"{}\" as a list's length", word.substr(0, 40)));
       for (; count > 0; --count) {
         if (words.next().empty()) fail(fmt::format("ends inside the list \"{}\"", property.name));
       }
     } else if (targets[i]) {
-      float& value = targets[i]->array[row * targets[i]->stride + targets[i]->offset];
-      if (!parse_float(word, value)) {
+      if (!parse_value(word, *targets[i], row)) {
         fail(fmt::format("has \"{}\" as \"{}\", which is no number", word.substr(0, 40),
                          property.name));
       }

@@ -17,9 +17,16 @@ struct PlyColumn {
   std::string property;
   float* array = nullptr;
   std::size_t offset = 0, stride = 1;  // floats
+  bool is_word = false;  // packed bits, of a property of type uint32: a std::uint32_t in the place of each float
 };
 
-/// One PLY file. Order of calls: construct, look at header(), read_columns() once.
+/// What is wanted of an element: some of its columns.
+struct PlyTable {
+  const PlyElement* element = nullptr;
+  std::vector<PlyColumn> columns;
+};
+
+/// One PLY file. Order of calls: construct, look at header(), read_columns() or read_tables() once.
 /// Every function throws Error, naming the file and the place in it, for a file that is damaged.
 class PlyFile {
  public:
@@ -31,7 +38,11 @@ class PlyFile {
   const std::filesystem::path& path() const { return reader_.path(); }
   /// Reads all rows of `element`, one of header(), into the columns; everything else is passed
   /// over. The columns must be properties of it (element.find() >= 0).
-  void read_columns(const PlyElement& element, const std::vector<PlyColumn>& columns);
+  void read_columns(const PlyElement& element, const std::vector<PlyColumn>& columns) {
+    read_tables({{&element, columns}});
+  }
+  /// The same of several elements, in whatever order.
+  void read_tables(const std::vector<PlyTable>& tables);
 
  private:
   // The column that a property goes to, or nullptr, in the order of the properties.

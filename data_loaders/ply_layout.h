@@ -3,6 +3,7 @@
 // share.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "data_loaders/ply_file.h"
@@ -19,5 +20,16 @@ namespace gs {
 ///   scale_0..2                         log_scale                natural log of world units
 ///   rot_0..3                           rotation                 w x y z
 std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degree);
+
+/// The SH degree that belongs to the number of f_rest_ properties. Throws Error, naming `path`, where none does.
+int sh_degree_of(const PlyElement& element, const std::filesystem::path& path);
+
+/// "a, b, c"
+std::string list_of(const std::vector<std::string>& names);
+
+/// What the comments of a header say of the model: who made it, how to render it, where it lies.
+void take_comments(const PlyHeader& header, GaussianModel& model);
+/// The comment lines that say so; take_comments() reads them.
+std::string comments_of(const GaussianModel& model);
 
 }  // namespace gs

@@ -9,7 +9,8 @@ GS_PACKAGES=(
   libglm-dev libtomlplusplus-dev libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev libstb-dev  # headers
   libopenimageio-dev openimageio-tools libopenexr-dev libimath-dev                # photos
   libopencv-dev libceres-dev                                                      # lenses, cameras
-  libzstd-dev libxxhash-dev                                                       # decoded photos on disk
+  libzstd-dev libxxhash-dev                                                       # decoded photos on disk; .spz 4
+  zlib1g-dev libwebp-dev                                                          # .spz, .sog
   libgtest-dev libgmock-dev libbenchmark-dev                                      # tests
 )
 # Report pages. Debian's packages conflict with node from elsewhere, so only where there is none.

@@ -13,10 +13,8 @@
 #include <cstring>
 #include <sstream>
 
-#include "data_loaders/ply_layout.h"
-#include "gs_core/error.h"
-#include "gs_core/random.h"
 #include "gs_core/version.h"
+#include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -27,26 +25,6 @@ using testing::HasSubstr;
 using testing::Not;
 using testing::StartsWith;
 
-/// Gaussians with a different value in every place, and rotations of length 1.
-GaussianModel random_model(std::size_t count, int sh_degree) {
-  GaussianModel model;
-  model.sh_degree = sh_degree;
-  model.gaussians.resize(count);
-  model.gaussians.fill_zero();
-  const Random random{7, RandomStream::test};
-  const auto columns = gaussian_columns(model.gaussians, sh_degree);
-  for (std::size_t c = 0; c < columns.size(); ++c) {
-    for (std::size_t i = 0; i < count; ++i) {
-      columns[c].array[i * columns[c].stride + columns[c].offset] = random.normal4(i, c).x;
-    }
-  }
-  for (Quatf& q : model.gaussians.rotation) {
-    const float length = std::sqrt(squared_norm(q));
-    q = {q.w / length, q.x / length, q.y / length, q.z / length};
-  }
-  return model;
-}
-
 bool same_bits(const Gaussians& a, const Gaussians& b) {
   bool same = true;
   for_each_array(
@@ -56,18 +34,6 @@ bool same_bits(const Gaussians& a, const Gaussians& b) {
       },
       a, b);
   return same;
-}
-
-/// The message of the Error that `action` throws; fails where it throws none.
-template <class Action>
-std::string error_of(Action&& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  ADD_FAILURE() << "no Error was thrown";
-  return "";
 }
 
 std::vector<std::string> properties_of_degree(int sh_degree) {
@@ -586,7 +552,7 @@ TEST_F(Ply, OtherKindsOfFileAreNamed) {
   EXPECT_THAT(
       error_reading("ply\nformat binary_little_endian 1.0\nelement chunk 1\nproperty float min_x\n"
                     "element vertex 1\nproperty uint packed_position\nend_header\n01234567"),
-      HasSubstr("this is a compressed PLY"));
+      HasSubstr("as a compressed PLY it lacks min_y"));
   EXPECT_THAT(error_reading("\x89PNG\r\n\x1a\n"), HasSubstr("this is not a PLY file"));
   EXPECT_THAT(error_reading("plywood\n"), HasSubstr("this is not a PLY file"));
   EXPECT_THAT(error_reading(""), HasSubstr("the file is empty"));

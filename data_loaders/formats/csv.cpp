@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/formats/csv.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <charconv>
+
+#include "data_loaders/atomic_file.h"
+#include "data_loaders/parse_number.h"
+#include "data_loaders/ply_layout.h"
+
+namespace gs {
+namespace {
+
+constexpr std::size_t kWriteBytes = std::size_t(1) << 20;  // at a time
+constexpr std::size_t kLongestFloat = 24;                  // characters, comma included
+
+std::string_view without_blanks(std::string_view word) {
+  const std::size_t begin = std::min(word.find_first_not_of(" \t\r\""), word.size());
+  const std::size_t end = word.find_last_not_of(" \t\r\"");
+  return word.substr(begin, end == word.npos ? 0 : end + 1 - begin);
+}
+
+// The fields of a line, one call after another.
+struct Fields {
+  std::string_view rest;
+  bool done = false;
+
+  std::string_view next() {
+    const std::size_t comma = rest.find(',');
+    const std::string_view field = rest.substr(0, comma);
+    done = comma == rest.npos;
+    rest.remove_prefix(done ? rest.size() : comma + 1);
+    return without_blanks(field);
+  }
+};
+
+/// The lines of a text, the last one with or without its line feed; blank ones are passed over.
+class Lines {
+ public:
+  explicit Lines(const std::filesystem::path& path) : reader_(path) {}
+  const std::filesystem::path& path() const { return reader_.path(); }
+  std::size_t number() const { return number_; }
+
+  bool next(std::string_view& line) {
+    do {
+      if (reader_.left() == 0) return false;
+      if (const auto whole = reader_.take_line()) {
+        line = *whole;
+      } else {
+        const std::size_t left = reader_.left();
+        line = {reinterpret_cast<const char*>(reader_.take(left)), left};
+      }
+      ++number_;
+    } while (without_blanks(line).empty());
+    return true;
+  }
+
+ private:
+  ByteReader reader_;
+  std::size_t number_ = 0;
+};
+
+PlyElement columns_of(std::string_view line) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (line.starts_with(kByteOrderMark)) line.remove_prefix(kByteOrderMark.size());
+  PlyElement element;
+  for (Fields fields{line}; !fields.done;)
+    element.properties.push_back({std::string(fields.next()), PlyType::float32, {}});
+  return element;
+}
+
+// Where the numbers of a wanted column stand in a line; -1: passed over.
+std::vector<int> targets_of(const PlyElement& table, const std::vector<PlyColumn>& columns,
+                            const std::filesystem::path& path) {
+  std::vector<std::string> missing;
+  std::vector<int> targets(table.properties.size(), -1);
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    const int at = table.find(columns[c].property);
+    if (at < 0)
+      missing.push_back(columns[c].property);
+    else
+      targets[at] = int(c);
+  }
+  if (!missing.empty())
+    cannot_read(path, fmt::format("its first line lacks the columns {}; export the table again "
+                                  "with all of them",
+                                  list_of(missing)));
+  return targets;
+}
+
+void read_row(std::string_view line, const std::vector<int>& targets, const Lines& lines,
+              std::vector<float>& values, std::size_t width) {
+  const auto fail = [&](const std::string& what) {
+    cannot_read(lines.path(), fmt::format("line {} {}; mend that line or export the table again",
+                                          lines.number(), what));
+  };
+  const std::size_t row = values.size();
+  values.resize(row + width);
+  Fields fields{line};
+  for (std::size_t at = 0; at < targets.size(); ++at) {
+    if (fields.done) fail(fmt::format("has {} values and not {}", at, targets.size()));
+    const std::string_view word = fields.next();
+    if (targets[at] >= 0 && !parse_float(word, values[row + targets[at]]))
+      fail(fmt::format("has \"{}\", which is no number", word.substr(0, 40)));
+  }
+  if (!fields.done) fail(fmt::format("has more than {} values", targets.size()));
+}
+
+}  // namespace
+
+GaussianModel read_csv(const std::filesystem::path& path) {
+  Lines lines(path);
+  std::string_view line;
+  if (!lines.next(line)) cannot_read(path, "it is empty; export the table again");
+  const PlyElement table = columns_of(line);
+  GaussianModel model{Gaussians(), sh_degree_of(table, path), false, false};
+  const std::size_t width = gaussian_columns(model.gaussians, model.sh_degree).size();
+  const std::vector<int> targets =
+      targets_of(table, gaussian_columns(model.gaussians, model.sh_degree), path);
+  std::vector<float> values;  // (N, width)
+  while (lines.next(line)) read_row(line, targets, lines, values, width);
+  const std::size_t count = values.size() / width;
+  model.gaussians.resize(count);
+  model.gaussians.sh_rest.fill_zero();
+  const std::vector<PlyColumn> columns = gaussian_columns(model.gaussians, model.sh_degree);
+  for (std::size_t i = 0; i < count; ++i)
+    for (std::size_t c = 0; c < width; ++c)
+      columns[c].array[i * columns[c].stride + columns[c].offset] = values[i * width + c];
+  return model;
+}
+
+void write_csv(const std::filesystem::path& path, const GaussianModel& model) {
+  const std::vector<PlyColumn> columns = gaussian_columns(model.gaussians, model.sh_degree);
+  std::string text;
+  for (const PlyColumn& column : columns) text += (text.empty() ? "" : ",") + column.property;
+  AtomicFile file(path);
+  for (std::size_t i = 0; i < model.gaussians.count(); ++i) {
+    char separator = '\n';
+    for (const PlyColumn& column : columns) {
+      char number[kLongestFloat];
+      const auto end = std::to_chars(number, number + sizeof number,
+                                     column.array[i * column.stride + column.offset]);
+      text += separator;
+      text.append(number, end.ptr);
+      separator = ',';
+    }
+    if (text.size() < kWriteBytes) continue;
+    file.write(text);
+    text.clear();
+  }
+  file.write(text + "\n");
+  file.commit();
+}
+
+}  // namespace gs

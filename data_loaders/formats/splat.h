@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// .splat: 32 bytes a Gaussian, without header and without SH beyond degree 0. The axes are the PLY's.
+//
+//   float x y z         world units
+//   float sx sy sz      standard deviations, world units
+//   u8 r g b a          255 times the colour 0.5 + C0 sh0, and times the opacity
+//   u8 w x y z          128 + 128 times the rotation of length 1
+#pragma once
+
+#include <filesystem>
+
+#include "gs_core/gaussians.h"
+
+namespace gs {
+
+/// Throws Error where the file is no whole number of Gaussians.
+GaussianModel read_splat(const std::filesystem::path& path);
+
+/// Writes the Gaussians that matter most first, by volume times opacity, for viewers that show what has come so
+/// far. The model is finite_model()'s. Throws Error where the file cannot be written.
+void write_splat(const std::filesystem::path& path, const GaussianModel& model);
+
+}  // namespace gs

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// Zip archives whose entries are stored as they are: what .sog is. Format: PKWARE's APPNOTE.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace gs {
+
+struct ZipEntry {
+  std::string name, bytes;
+};
+
+/// The archive of these entries, in that order; the same entries give the same bytes. An archive ends at 4 GiB: Error.
+std::string zip_of(const std::vector<ZipEntry>& entries);
+
+/// The entries of an archive in memory, by name; they point into it. Throws Error "cannot read PATH: ..." where it is damaged (its
+/// checksums are checked) or its entries are compressed or encrypted.
+std::map<std::string, std::string_view> zip_entries(const std::filesystem::path& path,
+                                                    std::string_view archive);
+
+/// CRC-32 of zip, gzip and PNG: polynomial 0x04C11DB7, bits reflected.
+std::uint32_t crc32_of(std::string_view bytes);
+
+}  // namespace gs

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat export and train --export as users run them, and other verbs on what they wrote.
+#include <gmock/gmock.h>
+
+#include "tests/support/program.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class Export : public Program {
+ protected:
+  void SetUp() override {
+    const auto build = nlohmann::json::parse(run("info --json").out);
+    for (const char* library : {"zlib", "libwebp"})
+      if (!build[library]["available"].get<bool>()) GTEST_SKIP() << "this build has no " << library;
+  }
+  Outcome export_run(const std::string& more) {
+    return run("export " + text("run") + " " + more + " --device cpu");
+  }
+  // The product of two matrices of a sidecar.
+  static double entry(const nlohmann::json& a, const nlohmann::json& b, int i, int j) {
+    double sum = 0;
+    for (int k = 0; k < 4; ++k) sum += a[i][k].get<double>() * b[k][j].get<double>();
+    return sum;
+  }
+};
+
+TEST_F(Export, LossyFilesAreMeasuredOnTheTestViewsAndRecorded) {
+  train("run");
+  const Outcome outcome = export_run(text("a.spz") + " " + text("a.ply"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("bytes per Gaussian; "), HasSubstr("dB PSNR"),
+                                 HasSubstr("against the model on 2 test views")));
+  const auto sidecar = json("a.spz.transforms.json");
+  EXPECT_EQ(sidecar["format"], "spz");
+  EXPECT_EQ(sidecar["bytes"], fs::file_size(path("a.spz")));
+  EXPECT_GT(sidecar["fidelity"]["psnr"], 30);
+  EXPECT_GT(sidecar["fidelity"]["ssim"], 0.9);
+  EXPECT_EQ(sidecar["axes"]["y"], "up");
+  EXPECT_FALSE(json("a.ply.transforms.json").contains("fidelity"));
+  EXPECT_EQ(read_bytes(path("a.ply")),
+            read_bytes(path("run/point_cloud/iteration_20/point_cloud.ply")));
+}
+
+TEST_F(Export, OtherVerbsTakeWhatWasWritten) {
+  train("run");
+  export_run(text("a.spz") + " " + text("a.sog") + " " + text("a.compressed.ply"));
+  for (const char* name : {"a.spz", "a.sog", "a.compressed.ply"}) {
+    EXPECT_THAT(run("info " + text(name)).out, HasSubstr("150")) << name;
+    EXPECT_THAT(
+        run("eval " + text(name) + " --data " + text("scene") + " --test-every 3 --device cpu").out,
+        HasSubstr("over 2 views"))
+        << name;
+  }
+}
+
+TEST_F(Export, FilesThatAreThereAreRefusedOrMovedAside) {
+  train("run");
+  write_bytes(path("a.splat"), "somebody's");
+  const Outcome refused = export_run(text("b.spz") + " " + text("a.splat"));
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("a.splat is there already"), HasSubstr("--force")));
+  EXPECT_FALSE(fs::exists(path("b.spz")));  // nothing was begun
+  EXPECT_EQ(export_run(text("a.splat") + " --force").code, 0);
+  EXPECT_EQ(read_bytes(path("a.splat.bak-1")), "somebody's");
+}
+
+TEST_F(Export, NamesWithoutAFormatAreUsageErrorsThatListThem) {
+  train("run");
+  const Outcome outcome = export_run(text("a.obj"));
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("there are ply, csv, glb, compressed.ply, spz, sog, splat"));
+  EXPECT_EQ(run("train " + text("scene") + " -o " + text("b") + kTrain + " --export obj").code, 2);
+  EXPECT_FALSE(fs::exists(path("b")));
+}
+
+TEST_F(Export, APlacedModelIsMeasuredWhereItWasAndItsMatricesInvert) {
+  train("run");
+  const Outcome outcome =
+      export_run(text("a.compressed.ply") + " --recenter --scale 3 --up 0.1,0.2,-1");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const auto sidecar = json("a.compressed.ply.transforms.json");
+  EXPECT_GT(sidecar["fidelity"]["psnr"], 28);  // one chunk of 150 Gaussians; turned wrongly: below 20
+  for (int i = 0; i < 4; ++i)
+    for (int j = 0; j < 4; ++j)
+      EXPECT_NEAR(entry(sidecar["input_from_file"], sidecar["file_from_input"], i, j), i == j,
+                  1e-9);
+  EXPECT_NEAR(sidecar["input_from_file"][3][3], 1, 1e-12);
+}
+
+TEST_F(Export, TheTableHasEveryFormat) {
+  train("run");
+  const Outcome outcome = export_run(text("all") + " --table");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(read_bytes(path("all/formats.md")), outcome.out.substr(outcome.out.find("| format")));
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("| compressed.ply |"), HasSubstr("| splat |")));
+}
+
+TEST_F(Export, TrainWritesTheFormatsBesideThePly) {
+  const Outcome outcome = train("run", "--export ply,spz,glb");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const std::string folder = "run/point_cloud/iteration_20/point_cloud.";
+  EXPECT_TRUE(fs::exists(path(folder + "spz")));
+  EXPECT_TRUE(fs::exists(path(folder + "glb")));
+  EXPECT_THAT(outcome.err, HasSubstr("against the model on 2 test views"));
+  EXPECT_EQ(json(folder + "spz.transforms.json")["fidelity"]["num_views"], 2);
+}
+
+TEST_F(Export, WithoutViewsNothingIsMeasuredAndThatIsSaid) {
+  train("run");
+  const Outcome outcome =
+      run("export " + text("run/point_cloud/iteration_20/point_cloud.ply") + " " + text("a.splat"));
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_THAT(outcome.err, HasSubstr("--data SCENE"));
+  EXPECT_THAT(outcome.out, Not(HasSubstr("PSNR")));
+}
+
+}  // namespace
+}  // namespace gs

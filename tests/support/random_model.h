@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Models for tests of files: random ones, and the errors that reading broken ones gives.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "data_loaders/ply_layout.h"
+#include "gs_core/error.h"
+#include "gs_core/random.h"
+
+namespace gs {
+
+/// Gaussians with a different value in every place, and rotations of length 1.
+inline GaussianModel random_model(std::size_t count, int sh_degree) {
+  GaussianModel model;
+  model.sh_degree = sh_degree;
+  model.gaussians.resize(count);
+  model.gaussians.fill_zero();
+  const Random random{7, RandomStream::test};
+  const auto columns = gaussian_columns(model.gaussians, sh_degree);
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    for (std::size_t i = 0; i < count; ++i) {
+      columns[c].array[i * columns[c].stride + columns[c].offset] = random.normal4(i, c).x;
+    }
+  }
+  for (Quatf& q : model.gaussians.rotation) {
+    const float length = std::sqrt(squared_norm(q));
+    q = {q.w / length, q.x / length, q.y / length, q.z / length};
+  }
+  return model;
+}
+
+/// The message of the Error that `action` throws; fails where it throws none.
+template <class Action>
+std::string error_of(Action&& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  ADD_FAILURE() << "no Error was thrown";
+  return "";
+}
+
+}  // namespace gs
