@@ -39,12 +39,13 @@ TEST(Contribution, OfAllGaussiansIsTheCoveredPicture) {
 // One splat of variance s^2 = (64 * 0.1 / 2)^2 + 0.3 covers 2 pi s^2 o pixels, less what lies below 1/255.
 TEST(Contribution, OfOneSplatIsItsArea) {
   Gaussians one(1, host_memory());
-  set_gaussian(one, 0, {1, 1, 2}, 0.1f, 0.5f);
+  set_gaussian(one, 0, {0, 0, 2}, 0.1f, 0.5f);
+  Camera camera = plain_camera(64, 64);
+  camera.cx = camera.cy = 32;
   const auto renderer = make_scalar_renderer();
   ContributionMeter meter(*renderer, one.span(), {});
   const double variance = 3.2 * 3.2 + 0.3, below = 1 / 255.0;
-  EXPECT_NEAR(meter.measure(plain_camera(64, 64))[0], 2 * 3.14159265 * variance * (0.5 - below),
-              0.5);
+  EXPECT_NEAR(meter.measure(camera)[0], 2 * 3.14159265 * variance * (0.5 - below), 0.5);
 }
 
 TEST(Contribution, OfViewsOfOtherSizesFollowOneAnother) {
