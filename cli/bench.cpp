@@ -243,7 +243,8 @@ std::string blenders_text(const std::vector<BlenderFigures>& blenders) {
   std::string text = fmt::format(
       "\nblenders, against simt under the same bounds; apart: pixels that differ by more than "
       "{:g}, and how many of them "
-      "are as far from the equations in double, and have no fragment within {:g} of a threshold\n  "
+      "are as far from the equations in double, and would not be another pixel with any one alpha "
+      "changed by {:g} of it\n  "
       "{:<7} {:<10} {:>11} {:>9} {:>9} {:>9} {:>7} "
       "{:>9} {:>7} {:>5} {:>8}\n",
       kBlendersAgree, kBorderline, "bounds", "blender", "size", "instances", "frame ms", "blend ms",

@@ -23,13 +23,14 @@ struct BlenderFigures {
   double largest = 0;       // difference of a channel
   std::size_t pixels = 0;   // of all views
   std::size_t apart = 0;    // with a channel that differs by more than kBlendersAgree
-  std::size_t unexplained = 0;  // of these, as far from the equations in double, and without a fragment so near to a
-                                // threshold that rounding decides (kBorderline)
-  double borderline = 0;        // of those: how near to a threshold the nearest fragment of each is, at most
+  std::size_t unexplained = 0;  // of these, as far from the equations in double, and not at a borderline (kBorderline)
+  double borderline = 0;        // of those, at most
 };
 
 inline constexpr double kBlendersAgree = 1e-4;
-inline constexpr double kBorderline = 1e-5;  // relative, of alpha to 1/255 and of the transmittance to where a pixel ends
+/// A pixel is at a borderline where so much of one fragment's alpha, relative, decides whether a fragment is blended: rounding
+/// may, too. An almost opaque fragment decides about the light behind it with little of its own.
+inline constexpr double kBorderline = 1e-5;
 
 /// All combinations at each of the plan's scales. The backend times its stages.
 std::vector<BlenderFigures> compare_blenders(Backend& backend, TrainingModel& model,

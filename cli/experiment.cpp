@@ -178,7 +178,7 @@ void tell_failures(const std::vector<Failure>& failures) {
 
 void run_all(const ExperimentCommand& command, const Experiment& experiment,
              const std::vector<ExperimentRun>& runs) {
-  const FolderLock lock(lock_file(experiment), FolderLock::Kind::alone);
+  const FolderLock lock(lock_file(experiment), experiment.output, FolderLock::Kind::alone);
   const Runs todo = unfinished(runs);
   log_info("{}: {} runs, {} finished already; output: {}", command.file, runs.size(),
            runs.size() - todo.size(), experiment.output.string());
@@ -200,8 +200,8 @@ void run_only(const ExperimentCommand& command, const Experiment& experiment,
     throw UsageError(fmt::format("--only {}: {} has the runs 0 to {}", command.only, command.file,
                                  runs.size() - 1));
   const ExperimentRun& run = runs[std::size_t(command.only)];
-  const FolderLock lock(lock_file(experiment), FolderLock::Kind::shared);
-  const FolderLock run_lock(run.lock(), FolderLock::Kind::alone);
+  const FolderLock lock(lock_file(experiment), experiment.output, FolderLock::Kind::shared);
+  const FolderLock run_lock(run.lock(), run.folder.root(), FolderLock::Kind::alone);
   if (is_finished(run)) return log_info("{} is finished already", run.name());
   std::string why;
   const PoolEvents events = {

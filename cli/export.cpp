@@ -2,8 +2,10 @@
 // gemsplat export: a trained model in the formats of viewers, and what each format costs.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <iostream>
 #include <memory>
+#include <set>
 
 #include "cli/cameras.h"
 #include "cli/devices.h"
@@ -35,8 +37,13 @@ Placement placement_of(const ExportCommand& command, const GaussianModel& model)
     if (!is_finite(up) || up == Vec3d(0.0)) throw UsageError("--up has no direction");
     placement.turn = turn_upright(up);
   }
+  if (!std::isfinite(command.scale)) throw UsageError("--scale is no number");
   placement.scale = command.scale;
   return placement;
+}
+
+std::filesystem::path table_file(const std::string& folder) {
+  return std::filesystem::path(folder) / "formats.md";
 }
 
 // For --table: a file of each format that this build writes, in one folder.
@@ -61,7 +68,13 @@ std::vector<ExportRequest> requests_of(const ExportCommand& command, const Gauss
   for (const std::string& file :
        command.table ? files_of_table(command.outputs[0], command.options) : command.outputs)
     requests.push_back({file, command.options, placement});
-  for (const ExportRequest& request : requests) check_export(request, command.force);
+  std::set<std::filesystem::path> names;
+  for (const ExportRequest& request : requests) {
+    check_export(request, command.force);
+    if (!names.insert(std::filesystem::absolute(request.file).lexically_normal()).second)
+      throw UsageError(request.file.string() + " is named twice");
+  }
+  if (command.table) check_place(table_file(command.outputs[0]), command.force);
   return requests;
 }
 
@@ -77,11 +90,14 @@ std::vector<NamedCamera> cameras_of(const ExportCommand& command, const OpenedMo
                                     const Config& config, const char*& what) {
   std::vector<NamedCamera> cameras;
   const Vec3d& offset = opened.model.world_offset;
+  const bool has_scene = command.has("dataset.source");
+  const bool has_cameras = opened.run && std::filesystem::exists(opened.run->cameras());
+  const bool has_split = opened.run && std::filesystem::exists(opened.run->split());
   for (const char* split : {"test", "all"}) {
     what = split;
-    if (command.has("dataset.source"))
+    if (has_scene)
       cameras = cameras_of_scene(config.dataset, split, offset);
-    else if (opened.run)
+    else if (has_cameras && (has_split || split != std::string_view("test")))
       cameras = cameras_of_run(*opened.run, 1, split, offset);
     if (!cameras.empty()) return cameras;
   }
@@ -95,12 +111,19 @@ void export_all(const ExportCommand& command, const std::vector<ExportRequest>& 
                 const GaussianModel& model, const Viewpoints* viewpoints) {
   std::vector<ExportedFile> files;
   for (const ExportRequest& request : requests) {
-    files.push_back(export_model(model, request, viewpoints));
+    try {
+      files.push_back(export_model(model, request, viewpoints));
+    } catch (const Error& error) {
+      if (!command.table || error.code() != ExitCode::bad_data) throw;
+      log_warning("{} is left out: {}", request.file.string(), error.what());
+      continue;
+    }
     if (!command.quiet) std::cout << summary(files.back(), viewpoints) << std::endl;
   }
   if (!command.table) return;
   const std::string table = export_table(files);
-  write_text(std::filesystem::path(command.outputs[0]) / "formats.md", table);
+  move_older_aside(table_file(command.outputs[0]));
+  write_text(table_file(command.outputs[0]), table);
   std::cout << "\n" << table;
 }
 

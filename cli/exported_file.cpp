@@ -56,10 +56,6 @@ Json sidecar_json(const ExportedFile& exported, const GaussianModel& model,
   return json;
 }
 
-void move_older_aside(const fs::path& file) {
-  if (fs::exists(file)) log_info("{} is now {}", file.string(), move_aside(file).string());
-}
-
 GaussianModel copy_of(const GaussianModel& model) {
   GaussianModel copy{gs::copy_of(model.gaussians), model.sh_degree, model.is_ours,
                      model.antialiased, model.world_offset};
@@ -82,19 +78,24 @@ std::string size_text(std::uint64_t bytes) {
 
 fs::path sidecar_of(const fs::path& file) { return file.string() + ".transforms.json"; }
 
+void check_place(const fs::path& file, bool force) {
+  if (!fs::exists(file)) return;
+  if (!force)
+    throw UsageError(
+        fmt::format("{} is there already; choose another name, or add --force to "
+                    "move it to {}.bak-N",
+                    file.string(), file.filename().string()));
+  if (!fs::is_regular_file(file))
+    throw UsageError(file.string() + " is no file; choose another name");
+}
+
+void move_older_aside(const fs::path& file) {
+  if (fs::exists(file)) log_info("{} is now {}", file.string(), move_aside(file).string());
+}
+
 void check_export(const ExportRequest& request, bool force) {
-  const ModelFormat& format = format_to_write(request.file);
-  format.require(request.options);
-  for (const fs::path& file : {request.file, sidecar_of(request.file)}) {
-    if (!fs::exists(file)) continue;
-    if (!force)
-      throw UsageError(
-          fmt::format("{} is there already; choose another name, or add --force to "
-                      "move it to {}.bak-N",
-                      file.string(), file.filename().string()));
-    if (!fs::is_regular_file(file))
-      throw UsageError(file.string() + " is no file; choose another name");
-  }
+  format_to_write(request.file).require(request.options);
+  for (const fs::path& file : {request.file, sidecar_of(request.file)}) check_place(file, force);
 }
 
 ExportedFile export_model(const GaussianModel& model, const ExportRequest& request,
@@ -114,7 +115,9 @@ ExportedFile export_model(const GaussianModel& model, const ExportRequest& reque
   if (is_measured && viewpoints && !viewpoints->cameras.empty())
     exported.fidelity = measure(exported, request.placement, *viewpoints);
   write_text(sidecar_of(request.file),
-             sidecar_json(exported, model, request.placement).dump(2) + "\n");
+             sidecar_json(exported, model, request.placement)
+                     .dump(2, ' ', false, Json::error_handler_t::replace) +
+                 "\n");
   return exported;
 }
 

@@ -33,6 +33,11 @@ struct ExportedFile {
 /// FILE.transforms.json
 std::filesystem::path sidecar_of(const std::filesystem::path& file);
 
+/// Throws UsageError for a file that is there already and may not be moved aside (`force`), or is none.
+void check_place(const std::filesystem::path& file, bool force);
+/// A file that is there is moved to FILE.bak-N, and the log says so.
+void move_older_aside(const std::filesystem::path& file);
+
 /// Throws UsageError for a name that says no format, or one of a file that is there already and may not be moved aside
 /// (`force`); Error where this build cannot write the format. To be asked before the work starts.
 void check_export(const ExportRequest& request, bool force);

@@ -1,10 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/fidelity.h"
 
+#include <algorithm>
+
 #include "cli/pictures.h"
 #include "gs_train/metrics.h"
 
 namespace gs {
+namespace {
+
+ImageF in_float(const Image8& picture) {
+  ImageF result(picture.width, picture.height, picture.channels);
+  std::transform(picture.pixels.begin(), picture.pixels.end(), result.pixels.begin(),
+                 [](std::uint8_t value) { return float(value) / 255; });
+  return result;
+}
+
+}  // namespace
 
 Fidelity fidelity_of(const GaussianModel& kept, const Viewpoints& viewpoints) {
   Renderer& renderer = viewpoints.backend.renderer();
@@ -17,7 +29,7 @@ Fidelity fidelity_of(const GaussianModel& kept, const Viewpoints& viewpoints) {
   Fidelity fidelity;
   for (const Camera& camera : viewpoints.cameras) {
     const Image8 original = to_image8(picture_of(viewpoints.original, camera));
-    const ImageF picture = picture_of(gaussians.span(), camera);
+    const ImageF picture = in_float(to_image8(picture_of(gaussians.span(), camera)));
     fidelity.psnr += psnr(picture, original);
     fidelity.ssim += ssim(picture, original);
     ++fidelity.num_views;

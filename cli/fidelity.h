@@ -9,7 +9,7 @@
 
 namespace gs {
 
-/// Means over views, of the picture of what was kept against that of the original.
+/// Means over views, of the picture of what was kept against that of the original, both in 8 bits.
 struct Fidelity {
   double psnr = 0, ssim = 0;  // psnr in dB, 100 where no pixel differs
   std::size_t num_views = 0;

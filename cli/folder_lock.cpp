@@ -5,6 +5,7 @@
 #include <signal.h>
 #include <spdlog/fmt/fmt.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -54,35 +55,57 @@ bool is_dead(const Holder& holder) {
          errno == ESRCH;
 }
 
-[[noreturn]] void refuse(const std::filesystem::path& file, const Holder& holder) {
+// Whether the name still means the open file.
+bool is_still(const std::filesystem::path& file, int descriptor) {
+  struct stat named, opened;
+  return ::stat(file.c_str(), &named) == 0 && ::fstat(descriptor, &opened) == 0 &&
+         named.st_ino == opened.st_ino && named.st_dev == opened.st_dev;
+}
+
+[[noreturn]] void refuse(const std::filesystem::path& folder, const Holder& holder) {
   throw Error(
       fmt::format("another process{} is at work on {}; wait until it has ended, or stop it",
                   holder.process ? fmt::format(" ({} on {})", holder.process, holder.host) : "",
-                  file.parent_path().string()));
+                  folder.string()));
 }
 
 }  // namespace
 
-FolderLock::FolderLock(const std::filesystem::path& file, Kind kind) {
+FolderLock::FolderLock(const std::filesystem::path& file, const std::filesystem::path& folder,
+                       Kind kind, File afterwards)
+    : file_(file), afterwards_(afterwards) {
   std::error_code ignored;  // open() says what is wrong
   std::filesystem::create_directories(file.parent_path(), ignored);
-  descriptor_ = ::open(file.c_str(), O_RDWR | O_CREAT, 0666);  // children inherit it
-  if (descriptor_ < 0)
-    throw Error(fmt::format("cannot write {}: {}; name another output", file.string(),
-                            std::strerror(errno)));
   const int operation = (kind == Kind::alone ? LOCK_EX : LOCK_SH) | LOCK_NB;
   const Clock::time_point start = Clock::now();
-  while (::flock(descriptor_, operation) != 0) {
-    const Holder holder = read_holder(descriptor_);
-    if (!is_dead(holder) || Clock::now() - start > kPatience) {
-      ::close(descriptor_);
-      refuse(file, holder);
+  for (;;) {
+    descriptor_ = ::open(file.c_str(), O_RDWR | O_CREAT, 0666);  // children inherit it
+    if (descriptor_ < 0)
+      throw Error(fmt::format("cannot write {}: {}; name another output", file.string(),
+                              std::strerror(errno)));
+    if (::flock(descriptor_, operation) == 0) {
+      if (is_still(file, descriptor_)) break;  // else its holder has removed it meanwhile
+    } else if (errno == EWOULDBLOCK) {
+      const Holder holder = read_holder(descriptor_);
+      if (!is_dead(holder) || Clock::now() - start > kPatience) {
+        ::close(descriptor_);
+        refuse(folder, holder);
+      }
+      std::this_thread::sleep_for(kRetryEvery);
+    } else if (errno != EINTR) {
+      log_warning("{} cannot be locked ({}): see to it that no other process works there",
+                  folder.string(), std::strerror(errno));
+      return;
     }
-    std::this_thread::sleep_for(kRetryEvery);
+    ::close(descriptor_);
   }
   write_holder(descriptor_);  // of many that share it, the last
 }
 
-FolderLock::~FolderLock() { ::close(descriptor_); }
+FolderLock::~FolderLock() {
+  std::error_code ignored;
+  if (afterwards_ == File::removed) std::filesystem::remove(file_, ignored);
+  ::close(descriptor_);
+}
 
 }  // namespace gs

@@ -2,12 +2,18 @@
 #include "cli/open_model.h"
 
 #include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <vector>
 
+#include "cli/exported_file.h"
+#include "cli/report_page.h"
 #include "data_loaders/exposure_file.h"
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/load_scene.h"
 #include "data_loaders/world_offset.h"
 #include "gs_core/error.h"
+#include "gs_core/log.h"
 #include "gs_train/trainer.h"
 
 namespace gs {
@@ -28,6 +34,31 @@ fs::path ply_of(const RunFolder& run, std::optional<int> step) {
               "; the newest is that of step " + std::to_string(*newest));
 }
 
+// What a file of an export cannot say itself: its sidecar (exported_file.h) may. Of a model that was turned, moved or scaled
+// nothing is taken: it is nobody's frame but its own.
+void take_sidecar(const fs::path& file, GaussianModel& model) {
+  const fs::path sidecar = sidecar_of(file);
+  const ModelFormat* const format = find_format(file);
+  if (!format || !fs::exists(sidecar)) return;
+  try {
+    const nlohmann::json json = read_json(sidecar);
+    const auto rows = json.at("input_from_file").get<std::vector<std::vector<double>>>();
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) {
+        const double expected = i != j   ? 0
+                                : i == 0 ? format->signs.x
+                                : i == 1 ? format->signs.y
+                                         : format->signs.z;
+        if (std::abs(rows.at(i).at(j) - expected) > 1e-9) return;
+      }
+    model.antialiased = json.at("antialiased").get<bool>();
+    for (int i = 0; i < 3; ++i) model.world_offset[i] = rows.at(i).at(3);
+    model.is_ours = true;
+  } catch (const std::exception& error) {
+    log_warning("{} is left aside: {}", sidecar.string(), error.what());
+  }
+}
+
 }  // namespace
 
 OpenedModel open_model(const fs::path& path, std::optional<int> step) {
@@ -40,6 +71,7 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
     opened.config.train = {};  // where a model was trained says nothing of where it is looked at
   }
   opened.model = read_model(opened.ply);
+  take_sidecar(opened.ply, opened.model);
   opened.config.model.sh_degree = opened.model.sh_degree;
   opened.config.render.antialias = opened.model.antialiased;
   if (!opened.model.is_ours) opened.config.render.blend_rule = "classic";  // as it was trained

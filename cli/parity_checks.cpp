@@ -203,37 +203,50 @@ class ParityCheck {
         actual, expected);
   }
 
-  // What one more step changes, after some on the CPU.
+  void step(Backend& backend, TrainingModel& model, const DensityStep& density, int index) {
+    backend.step(model, scene_.views[std::size_t(index) % scene_.views.size()], settings_,
+                 kLambdaDssim, Schedule(Config{}, 1).learning_rates(1), density);
+    backend.settle(model);
+  }
+  // After some steps on the CPU.
+  TrainingModel under_way(const DensityStep& density) {
+    TrainingModel model = untrained(scene_.model, host_memory());
+    for (int i = 0; i < kStepsBefore; ++i) step(cpu_, model, density, i);
+    return model;
+  }
+
+  // What one more step changes.
   void compare_step(const std::string& what, const DensityStep& density) {
-    const LearningRates rates = Schedule(Config{}, 1).learning_rates(1);
-    const auto step = [&](Backend& backend, TrainingModel& model, int index) {
-      backend.step(model, scene_.views[std::size_t(index) % scene_.views.size()], settings_,
-                   kLambdaDssim, rates, density);
-      backend.settle(model);
-    };
-    TrainingModel expected = untrained(scene_.model, host_memory());
-    for (int i = 0; i < kStepsBefore; ++i) step(cpu_, expected, i);
+    TrainingModel expected = under_way(density);
     const TrainingModel before = copy_to(host_memory(), expected);
     TrainingModel actual = copy_to(device_.memory(), expected);
-    step(cpu_, expected, kStepsBefore);
-    step(device_, actual, kStepsBefore);
+    step(cpu_, expected, density, kStepsBefore);
+    step(device_, actual, density, kStepsBefore);
     compare_changes(what + ": ", before, actual, expected);
     compare_loss_values("loss");
   }
   // A fifth of the Gaussians is dead, and a tenth is added.
   void compare_relocation() {
-    TrainingModel expected = untrained(scene_.model, host_memory());
+    TrainingModel expected = under_way({.gather_statistics = true});
     const std::size_t count = expected.count();
     for (std::size_t i = 0; i < count; i += 5) expected.gaussians.logit_opacity[i] = kDeadLogit;
     TrainingModel actual = copy_to(device_.memory(), expected);
     const RelocationRules rules{DensityConfig{}.prune_opacity, std::int64_t(count + count / 10)};
-    cpu_.rows().relocate(expected, rules, 1, 1);
-    device_.rows().relocate(actual, rules, 1, 1);
-    for_each_array(
-        [&](const char* name, const auto& a, const auto& b) {
-          compare(std::string("relocation: ") + name, kGradientTolerance, a, b);
-        },
-        actual.gaussians, expected.gaussians);
+    const RefineReport wanted = cpu_.rows().relocate(expected, rules, 1, 1);
+    const RefineReport report = device_.rows().relocate(actual, rules, 1, 1);
+    compare("relocation: counts", 0, Numbers{float(report.moved), float(report.cloned)},
+            Numbers{float(wanted.moved), float(wanted.cloned)});
+    const auto compare_all = [&](const Gaussians& a, const Gaussians& b, const std::string& what) {
+      for_each_array(
+          [&](const char* name, const auto& x, const auto& y) {
+            compare("relocation: " + (what.empty() ? name : what), kGradientTolerance, x, y);
+          },
+          a, b);
+    };
+    compare_all(actual.gaussians, expected.gaussians, "");
+    compare_all(actual.first_moment, expected.first_moment, "first moments");
+    compare_all(actual.second_moment, expected.second_moment, "second moments");
+    compare("relocation: visits", 0, actual.statistics.visits, expected.statistics.visits);
   }
   void compare_changes(const std::string& step, const TrainingModel& before,
                        const TrainingModel& actual, const TrainingModel& expected) {

@@ -13,6 +13,7 @@ namespace gs {
 namespace {
 
 const std::string kProfileHeader = "step,quantity,name,value\n";
+constexpr const char* kCheckpointStage = "look";  // at the model, before a checkpoint: no part of a step
 
 }  // namespace
 
@@ -26,7 +27,8 @@ std::string ProfileObserver::rows_up_to(const std::filesystem::path& profile, in
   return csv_rows_up_to(profile, kProfileHeader, step);
 }
 
-void ProfileObserver::after_rollback(int step, Trainer&) {
+void ProfileObserver::after_rollback(int step, Trainer& trainer) {
+  trainer.backend().set_profiling(false);
   write_text(path_, kProfileHeader + rows_up_to(path_, step));
   is_timing_ = false;
   timed_step_ = 0;
@@ -50,9 +52,10 @@ void ProfileObserver::write_rows(int step, Trainer& trainer) {
   std::string rows;
   if (timed_step_)
     for (const StageTime& time : trainer.backend().stage_times())
-      rows +=
-          fmt::format("{},stage_ms,{},{:.4f}\n", timed_step_, csv_cell(time.stage),
-                      std::accumulate(time.milliseconds.begin(), time.milliseconds.end(), 0.0f));
+      if (time.stage != kCheckpointStage)
+        rows +=
+            fmt::format("{},stage_ms,{},{:.4f}\n", timed_step_, csv_cell(time.stage),
+                        std::accumulate(time.milliseconds.begin(), time.milliseconds.end(), 0.0f));
   rows += fmt::format("{},memory_bytes,host,{}\n", step, host_bytes());
   if (const auto bytes = gpu_bytes(trainer.backend()))
     rows += fmt::format("{},memory_bytes,gpu,{}\n", step, *bytes);

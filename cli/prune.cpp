@@ -10,14 +10,13 @@
 #include <numeric>
 
 #include "cli/devices.h"
+#include "cli/exported_file.h"
 #include "cli/open_model.h"
 #include "cli/options.h"
 #include "cli/progress_bar.h"
 #include "cli/results.h"
 #include "cli/text.h"
 #include "cli/verbs.h"
-#include "data_loaders/formats/formats.h"
-#include "data_loaders/move_aside.h"
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
 #include "gs_core/parallel.h"
@@ -34,11 +33,12 @@ struct PruneCommand : CommandLine {
   float opacity = 0, contribution = 0;
   float clearance = 0;
   int witnesses = 0;
+  std::vector<double> box;  // x y z of two corners, in the frame of the photos' poses; empty: everywhere
   bool json = false, force = false;
 };
 
 struct Removed {
-  std::size_t faint = 0, unseen = 0, floaters = 0;  // each counts what those before it have left
+  std::size_t outside = 0, faint = 0, unseen = 0, floaters = 0;  // each counts what those before it have left
 };
 
 /// Rows that stay; what is removed is counted once.
@@ -72,25 +72,39 @@ std::vector<float> largest_shares(Renderer& renderer, const GaussiansSpan& gauss
   return largest;
 }
 
+bool is_inside(const std::vector<double>& box, const Vec3d& point) {
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto [low, high] = std::minmax(box[axis], box[3 + axis]);
+    if (!(point[axis] >= low && point[axis] <= high)) return false;
+  }
+  return true;
+}
+
+void reduce_sh_degree(GaussianModel& model, int degree) {
+  if (degree >= model.sh_degree) return;
+  model.sh_degree = degree;
+  for (ShRest& rest : model.gaussians.sh_rest)
+    std::fill(rest.coefficient + sh_rest_count(degree), std::end(rest.coefficient), Vec3f(0));
+}
+
 void prune(const PruneCommand& command) {
   setup_log(command.verbosity());
-  if (!(command.opacity > 0 || command.contribution > 0 || command.clearance > 0))
-    throw UsageError("prune what? give --opacity, --contribution or --floaters");
-  format_to_write(command.output).require({});
-  if (!command.force && std::filesystem::exists(command.output))
-    throw UsageError(command.output +
-                     " is there already; give another name, or --force to move it to " +
-                     command.output + ".bak-N");
+  if (!(command.opacity > 0 || command.contribution > 0 || command.clearance > 0) &&
+      command.box.empty() && !command.has("model.sh_degree"))
+    throw UsageError(
+        "prune what? give --opacity, --contribution, --floaters, --box or --sh-degree");
+  const ExportRequest request{command.output, {}, {}};
+  check_export(request, command.force);
   OpenedModel opened = open_model(command.model, command.step);
   if (!opened.run) opened.config.dataset.eval = true;
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const Scene scene = scene_for(opened, config.dataset, command.has("dataset.source"));
-  const RenderSettings settings = view_settings(opened, config);
+  const RenderSettings settings = view_settings(opened, opened.config);
   const std::vector<View>& measured =
       scene.test_views.empty() ? scene.train_views : scene.test_views;
-  const auto quality = [&](const Gaussians& gaussians) {
+  const auto quality = [&](const Gaussians& gaussians) {  // of a lower SH degree all others are 0
     return evaluate(backend->renderer(), gaussians.span(), measured, settings);
   };
 
@@ -99,6 +113,10 @@ void prune(const PruneCommand& command) {
   const Evaluation before = quality(gaussians);
   Kept kept(gaussians.count());
   Removed removed;
+  if (!command.box.empty())
+    removed.outside = kept.remove([&](std::size_t i) {
+      return !is_inside(command.box, Vec3d(model.gaussians.mean[i]) + model.world_offset);
+    });
   removed.faint = kept.remove(
       [&](std::size_t i) { return sigmoid(model.gaussians.logit_opacity[i]) < command.opacity; });
   if (command.contribution > 0) {
@@ -110,13 +128,14 @@ void prune(const PruneCommand& command) {
     const std::vector<std::uint8_t> is_floater =
         find_floaters(backend->renderer(), gaussians.span(), model.gaussians.mean.download(), scene,
                       settings, command.clearance, command.witnesses);
-    removed.floaters = kept.remove([&](std::size_t i) { return is_floater[i]; });
+    if (!is_floater.empty())
+      removed.floaters = kept.remove([&](std::size_t i) { return is_floater[i]; });
   }
   GaussianModel result{rows_of(model.gaussians, kept.rows()), model.sh_degree, model.is_ours,
                        model.antialiased, model.world_offset};
+  reduce_sh_degree(result, config.model.sh_degree);
   const Evaluation after = quality(copy_to(backend->memory(), result));
-  if (std::filesystem::exists(command.output)) move_aside(command.output);
-  write_model(command.output, result);
+  export_model(result, request, nullptr);
 
   const char* split = scene.test_views.empty() ? "training" : "test";
   if (command.json) {
@@ -124,7 +143,8 @@ void prune(const PruneCommand& command) {
                                         {"output", command.output},
                                         {"split", split},
                                         {"removed",
-                                         {{"faint", removed.faint},
+                                         {{"outside", removed.outside},
+                                          {"faint", removed.faint},
                                           {"unseen", removed.unseen},
                                           {"floaters", removed.floaters}}},
                                         {"before",
@@ -135,16 +155,16 @@ void prune(const PruneCommand& command) {
                                          {{"num_gaussians", result.gaussians.count()},
                                           {"psnr", after.psnr},
                                           {"ssim", after.ssim}}}}
-                     .dump(2)
+                     .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
               << "\n";
     return;
   }
   std::cout << fmt::format(
-      "{} of {} Gaussians removed: {} faint, {} hardly seen, {} floaters\n"
+      "{} of {} Gaussians removed: {} outside, {} faint, {} hardly seen, {} floaters\n"
       "{} views before: {}\n{} views after:  {}\n{}\n",
       with_commas(gaussians.count() - result.gaussians.count()), with_commas(gaussians.count()),
-      with_commas(removed.faint), with_commas(removed.unseen), with_commas(removed.floaters), split,
-      summary(before), split, summary(after), command.output);
+      with_commas(removed.outside), with_commas(removed.faint), with_commas(removed.unseen),
+      with_commas(removed.floaters), split, summary(before), split, summary(after), command.output);
 }
 
 }  // namespace
@@ -179,6 +199,10 @@ void add_prune(CLI::App& program) {
                   "but those that so many views see from farther away; 0, the default: them, too")
       ->type_name("VIEWS")
       ->check(CLI::NonNegativeNumber);
+  verb.add_option("--box", command->box,
+                  "remove those outside: two opposite corners, in the frame of the photos' poses")
+      ->type_name("X Y Z X Y Z")
+      ->expected(6);
   verb.add_flag("--json", command->json, "print JSON");
   verb.add_flag("--force", command->force, "move a file of that name to FILE.bak-N first");
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");

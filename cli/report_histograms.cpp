@@ -26,8 +26,8 @@ float quantile(std::vector<float>& values, double share) {
 Json histogram(std::vector<float>& values, double from, double to, int bars) {
   std::vector<std::size_t> counts(std::size_t(bars), 0);
   for (const float value : values) {
-    const int bar = int((value - from) / (to - from) * bars);
-    ++counts[std::size_t(std::clamp(bar, 0, bars - 1))];
+    const double bar = (value - from) / (to - from) * bars;
+    ++counts[std::size_t(std::clamp(bar, 0.0, double(bars - 1)))];
   }
   return {{"from", from}, {"to", to}, {"counts", counts}, {"median", quantile(values, 0.5)}};
 }

@@ -24,7 +24,10 @@ class RunFolder {
   Path ply(int step) const;
   Path pictures(std::string_view split, int step) const;  // holds renders/ and gt/
   Path checkpoints() const { return root_ / "checkpoints"; }
-  Path lock() const { return root_ / "train.lock"; }  // FolderLock of the process that trains into it
+  /// FolderLock of the process that trains into it: beside it, so that it stays where the folder is moved aside.
+  Path lock() const {
+    return absolute_root().parent_path() / ("." + absolute_root().filename().string() + ".lock");
+  }
   Path cameras() const { return root_ / "cameras.json"; }
   Path cfg_args() const { return root_ / "cfg_args"; }
   Path config() const { return root_ / "config.toml"; }
@@ -45,6 +48,10 @@ class RunFolder {
   std::optional<int> newest_step() const;
 
  private:
+  Path absolute_root() const {  // without the slash that a user may end it with
+    const Path root = std::filesystem::absolute(root_).lexically_normal();
+    return root.has_filename() ? root : root.parent_path();
+  }
   Path root_;
 };
 

@@ -258,7 +258,10 @@ void export_run(const TrainCommand& command, Trainer& trainer, const RunFolder& 
   const GaussianModel model = trained_model(trainer);
   Viewpoints viewpoints{
       trainer.backend(), trainer.model().gaussians.span(), trainer.evaluation_settings(), {}};
-  for (const View& view : trainer.scene().test_views) viewpoints.cameras.push_back(view.camera);
+  const Scene& scene = trainer.scene();
+  if (scene.test_views.empty()) viewpoints.what = "training";
+  for (const View& view : scene.test_views.empty() ? scene.train_views : scene.test_views)
+    viewpoints.cameras.push_back(view.camera);
   for (const std::string& name : command.exports) {
     const ModelFormat& format = format_named(name);
     ExportRequest request{folder.ply(trainer.step()), {}, {}};
@@ -271,14 +274,20 @@ void export_run(const TrainCommand& command, Trainer& trainer, const RunFolder& 
 void train(const TrainCommand& command) {
   setup_log(command.verbosity());
   for (const std::string& name : command.exports) format_named(name).require({});
-  std::optional<ResumedRun> resumed;
-  if (!command.resume.empty() && !command.print_config)
-    resumed = find_run(command, command.resume, command.added_steps);
+  const auto find_resumed = [&]() -> std::optional<ResumedRun> {
+    if (command.resume.empty() || command.print_config) return std::nullopt;
+    return find_run(command, command.resume, command.added_steps);
+  };
+  std::optional<ResumedRun> resumed = find_resumed();
   Config config = resumed ? resumed->config : resolve_run(command);
   if (command.print_config) {
     std::cout << to_toml(config);
     return;
   }
+  const FolderLock lock(RunFolder(config.model.output).lock(), config.model.output,
+                        FolderLock::Kind::alone, FolderLock::File::removed);
+  resumed = find_resumed();  // again, since nobody else changes the folder any more
+  if (resumed) config = resumed->config;
   if (resumed && resumed->is_finished) {
     log_info("the run in {} is finished; --iterations +N makes it longer by N steps",
              resumed->source.string());
@@ -301,11 +310,8 @@ void train(const TrainCommand& command) {
   const auto keep_start = [&] {
     checkpoints.save(resumed->checkpoint.state.progress, resumed->checkpoint.state.model);
   };
-  std::optional<FolderLock> lock(std::in_place, folder.lock(), FolderLock::Kind::alone);
   if (resumed && resumed->is_extended) keep_start();  // before the old results are moved aside
   start_folder(command, resumed, folder, config, scene);
-  if (!std::filesystem::exists(folder.lock()))  // an older run was moved aside, lock and all
-    lock.emplace(folder.lock(), FolderLock::Kind::alone);
   if (resumed && !resumed->goes_on_in_place()) keep_start();
   const RowsBefore rows = rows_before(resumed, Schedule(config, 1).steps());
   if (resumed) {
@@ -332,12 +338,12 @@ void train(const TrainCommand& command) {
   Results results = results_of(trainer);
   evaluate_run(trainer, folder, last, results);
   metrics.finish(last, trainer, results.test);
-  export_run(command, trainer, folder);
   write_text(folder.per_view(), per_view_json(results));
   const std::string results_text = results_json(results);
   write_final_report(folder, results_text);
   write_text(folder.results(), results_text);  // the last: it says that the run is finished
   checkpoints.keep_only_newest();
+  export_run(command, trainer, folder);  // when nothing can be lost any more
   if (!command.quiet) print_summary(results, folder);
 }
 

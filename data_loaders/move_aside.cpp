@@ -18,8 +18,8 @@ fs::path move_aside(const fs::path& folder) {
   std::error_code error;
   fs::rename(from, backup, error);
   if (error)
-    throw Error(fmt::format("cannot move {} to {}: {}; choose another folder with -o",
-                            from.string(), backup.string(), error.message()));
+    throw Error(fmt::format("cannot move {} to {}: {}; choose another place", from.string(),
+                            backup.string(), error.message()));
   return backup;
 }
 

@@ -12,7 +12,8 @@ namespace gs {
 /// by.   pixels
 ///
 /// It is the gradient of the sum of all pixels by that Gaussian's colour, so every renderer can tell it: all are given
-/// one colour, and the picture's gradient is 1. Keeps the Gaussians' span, which outlives it; needs 248 bytes for each.
+/// one colour, and the picture's gradient is 1. Keeps the Gaussians' span, which outlives it; needs 256 bytes for each, and a
+/// pass.
 /// Throws Error where memory runs out.
 class ContributionMeter {
  public:

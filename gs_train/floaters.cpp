@@ -18,19 +18,9 @@ constexpr std::size_t kWrongPoints = 100;    // one in so many
 constexpr float kSeenShare = 1;              // pixels
 constexpr float kHiddenLogit = -30;          // of an opacity of 1e-13
 
-/// Around a camera; nothing is expected in it.
-struct Sphere {
-  Vec3f centre;
-  float squared_radius;
-};
-
 float squared_distance(const Vec3f& a, const Vec3f& b) {
   const Vec3f d = a - b;
   return inner(d, d);
-}
-
-bool holds(const Sphere& sphere, const Vec3f& point) {
-  return squared_distance(point, sphere.centre) < sphere.squared_radius;
 }
 
 bool is_in_picture(const Camera& camera, const Vec3f& point) {
@@ -52,24 +42,6 @@ float nearest_thing(const Camera& camera, const std::vector<ScenePoint>& points)
   return std::sqrt(*nearest);
 }
 
-std::vector<Sphere> spheres_of(const Scene& scene, float clearance) {
-  const std::vector<float> radii = clear_distances(scene.train_views, scene.points, clearance);
-  std::vector<Sphere> spheres;
-  for (std::size_t v = 0; v < radii.size(); ++v)
-    spheres.push_back({scene.train_views[v].camera.position(), radii[v] * radii[v]});
-  return spheres;
-}
-
-std::vector<std::uint8_t> marked(const std::vector<Vec3f>& means,
-                                 const std::vector<Sphere>& spheres) {
-  std::vector<std::uint8_t> marks(means.size());
-  parallel_for(means.size(), 4096, [&](std::size_t i) {
-    marks[i] = std::any_of(spheres.begin(), spheres.end(),
-                           [&](const Sphere& sphere) { return holds(sphere, means[i]); });
-  });
-  return marks;
-}
-
 }  // namespace
 
 std::vector<float> clear_distances(const std::vector<View>& views,
@@ -81,25 +53,47 @@ std::vector<float> clear_distances(const std::vector<View>& views,
   return distances;
 }
 
-std::vector<std::uint8_t> before_cameras(const std::vector<Vec3f>& means, const Scene& scene,
-                                         float clearance) {
-  return marked(means, spheres_of(scene, clearance));
+ClearSpace::ClearSpace(const Scene& scene, float clearance) {
+  if (!(clearance > 0)) {
+    of_views_.resize(scene.train_views.size(), {Vec3f(0), 0});
+    return;
+  }
+  const std::vector<float> radii = clear_distances(scene.train_views, scene.points, clearance);
+  for (std::size_t v = 0; v < radii.size(); ++v) {
+    of_views_.push_back({scene.train_views[v].camera.position(), radii[v] * radii[v]});
+    if (radii[v] > 0) known_.push_back(of_views_.back());
+  }
+}
+
+bool ClearSpace::holds(std::size_t v, const Vec3f& point) const {
+  return squared_distance(point, of_views_[v].centre) < of_views_[v].squared_radius;
+}
+
+std::vector<std::uint8_t> ClearSpace::marks(const std::vector<Vec3f>& points) const {
+  if (known_.empty()) return {};
+  std::vector<std::uint8_t> marks(points.size());
+  parallel_for(points.size(), 4096, [&](std::size_t i) {
+    marks[i] = std::any_of(known_.begin(), known_.end(), [&](const Sphere& sphere) {
+      return squared_distance(points[i], sphere.centre) < sphere.squared_radius;
+    });
+  });
+  if (std::find(marks.begin(), marks.end(), 1) == marks.end()) marks.clear();
+  return marks;
 }
 
 std::vector<std::uint8_t> find_floaters(Renderer& renderer, const GaussiansSpan& gaussians,
                                         const std::vector<Vec3f>& means, const Scene& scene,
                                         const RenderSettings& settings, float clearance,
                                         int witnesses) {
-  const std::vector<Sphere> spheres = spheres_of(scene, clearance);
-  std::vector<std::uint8_t> is_floater = marked(means, spheres);
-  if (witnesses == 0 || std::find(is_floater.begin(), is_floater.end(), 1) == is_floater.end())
-    return is_floater;
+  const ClearSpace space(scene, clearance);
+  std::vector<std::uint8_t> is_floater = space.marks(means);
+  if (witnesses == 0 || is_floater.empty()) return is_floater;
   std::vector<int> seen_by(means.size());
   ContributionMeter meter(renderer, gaussians, settings);
-  for (std::size_t v = 0; v < spheres.size(); ++v) {
+  for (std::size_t v = 0; v < scene.train_views.size(); ++v) {
     const std::vector<float>& shares = meter.measure(scene.train_views[v].camera);
     parallel_for(means.size(), 4096, [&](std::size_t i) {
-      if (is_floater[i] && shares[i] >= kSeenShare && !holds(spheres[v], means[i])) ++seen_by[i];
+      if (is_floater[i] && shares[i] >= kSeenShare && !space.holds(v, means[i])) ++seen_by[i];
     });
   }
   for (std::size_t i = 0; i < means.size(); ++i)
@@ -107,12 +101,9 @@ std::vector<std::uint8_t> find_floaters(Renderer& renderer, const GaussiansSpan&
   return is_floater;
 }
 
-HiddenFloaters::HiddenFloaters(TrainingModel& model, const Scene& scene, float clearance)
-    : model_(model) {
-  if (!(clearance > 0)) return;
-  const std::vector<std::uint8_t> is_floater =
-      before_cameras(model.gaussians.mean.download(), scene, clearance);
-  if (std::find(is_floater.begin(), is_floater.end(), 1) == is_floater.end()) return;
+HiddenFloaters::HiddenFloaters(TrainingModel& model, const ClearSpace& space) : model_(model) {
+  const std::vector<std::uint8_t> is_floater = space.marks(model.gaussians.mean.download());
+  if (is_floater.empty()) return;
   opacities_ = model.gaussians.logit_opacity.download();
   std::vector<float> hidden = opacities_;
   for (std::size_t i = 0; i < hidden.size(); ++i)

@@ -115,8 +115,13 @@ const TrainingModel& Trainer::model() {
 
 void Trainer::look_at_result(const std::function<void(const Gaussians&)>& f) {
   model();
-  const HiddenFloaters hidden(model_, scene_, config_.density.camera_clearance);
+  const HiddenFloaters hidden(model_, clear_space());
   f(model_.gaussians);
+}
+
+const ClearSpace& Trainer::clear_space() {
+  if (!clear_space_) clear_space_.emplace(scene_, config_.density.camera_clearance);
+  return *clear_space_;
 }
 
 double Trainer::loss() {
@@ -204,9 +209,12 @@ void Trainer::expect_views_from(int first, int last) {
 }
 
 void Trainer::finish() {
+  is_finishing_ = true;  // from here on the model is a result, and no state to go on from
   backend_.settle(model_);
-  HiddenFloaters(model_, scene_, config_.density.camera_clearance).leave();
-  if_there_is_room("the final prune", [&] { backend_.rows().prune(model_, kMinAlpha); });
+  if_there_is_room("the final prune", [&] {
+    HiddenFloaters(model_, clear_space()).leave();
+    backend_.rows().prune(model_, kMinAlpha);
+  });
   if_there_is_room("the Morton order", [&] { backend_.rows().sort_by_morton(model_); });
 }
 

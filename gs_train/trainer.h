@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "gs_train/checkpoint.h"
 #include "gs_train/checkpoint_timer.h"
 #include "gs_train/density_control.h"
+#include "gs_train/floaters.h"
 #include "gs_train/run_guard.h"
 #include "gs_train/schedule.h"
 #include "gs_train/view_sampler.h"
@@ -104,6 +106,8 @@ class Trainer {
   void if_there_is_room(const char* what, const std::function<void()>& f);
   void make_room(const char* what);
 
+  const ClearSpace& clear_space();
+
   const Scene& scene_;
   Config config_;
   Backend& backend_;
@@ -123,6 +127,8 @@ class Trainer {
   int first_step_ = 1;  // of this process
   double restored_loss_ = 0;
   double train_seconds_ = 0;
+  bool is_finishing_ = false;
+  std::optional<ClearSpace> clear_space_;  // found when the result is first looked at
   volatile bool stop_requested_ = false;
 };
 

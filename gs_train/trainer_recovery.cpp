@@ -131,7 +131,7 @@ void Trainer::restore(TrainingState from) {
 }
 
 bool Trainer::save_state() {
-  if (!checkpoints_) return false;
+  if (!checkpoints_ || is_finishing_) return false;
   const auto begin = CheckpointTimer::Clock::now();
   const RunProgress now = progress();
   const bool is_kept = checkpoints_->save(now, model());

@@ -20,6 +20,7 @@ namespace {
 
 [[maybe_unused]] constexpr int kGzip = 15 + 16;  // zlib's word for a window of 2^15 bytes and gzip's header
 [[maybe_unused]] constexpr int kZstdLevel = 12;  // beyond it, files get slower to write and hardly smaller
+[[maybe_unused]] constexpr std::size_t kMostUnpacked = 1032;  // bytes from one, of what deflate can do
 [[maybe_unused]] constexpr std::size_t kZlibRoom = std::size_t(1) << 30;  // zlib counts in 32 bits
 
 [[maybe_unused]] [[noreturn]] void fail_without(const char* library, const char* package) {
@@ -67,7 +68,8 @@ std::string gzip(std::string_view bytes) {
 }
 
 std::string gunzip(const std::filesystem::path& path, std::string_view compressed,
-                   std::size_t bytes) {
+                   std::size_t bytes, bool is_whole) {
+  if (bytes / kMostUnpacked > compressed.size()) damaged(path);
   z_stream stream{};
   GS_CHECK(inflateInit2(&stream, kGzip) == Z_OK);
   std::string unpacked(bytes, '\0');
@@ -84,8 +86,16 @@ std::string gunzip(const std::filesystem::path& path, std::string_view compresse
     taken += some - stream.avail_in;
     done += room - stream.avail_out;
   }
+  if (is_whole && state == Z_OK) {  // the checksum
+    Bytef beyond[1];
+    stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(compressed.data() + taken));
+    stream.avail_in = uInt(std::min(kZlibRoom, compressed.size() - taken));
+    stream.next_out = beyond;
+    stream.avail_out = sizeof beyond;
+    state = inflate(&stream, Z_FINISH);
+  }
   inflateEnd(&stream);
-  if (done < bytes) damaged(path);
+  if (done < bytes || state == Z_DATA_ERROR || (is_whole && state != Z_STREAM_END)) damaged(path);
   return unpacked;
 }
 
@@ -93,7 +103,7 @@ std::string gunzip(const std::filesystem::path& path, std::string_view compresse
 
 void require_zlib() { fail_without("zlib", "zlib1g-dev"); }
 std::string gzip(std::string_view) { fail_without("zlib", "zlib1g-dev"); }
-std::string gunzip(const std::filesystem::path&, std::string_view, std::size_t) {
+std::string gunzip(const std::filesystem::path&, std::string_view, std::size_t, bool) {
   fail_without("zlib", "zlib1g-dev");
 }
 
@@ -115,6 +125,11 @@ std::string zstd_frame(std::string_view bytes) {
 
 std::string unpack_zstd(const std::filesystem::path& path, std::string_view compressed,
                         std::size_t bytes) {
+  const unsigned long long promised =
+      ZSTD_getFrameContentSize(compressed.data(), compressed.size());
+  if (promised == ZSTD_CONTENTSIZE_ERROR ||
+      (promised != ZSTD_CONTENTSIZE_UNKNOWN && promised != bytes))
+    damaged(path);
   std::string unpacked(bytes, '\0');
   const std::size_t size =
       ZSTD_decompress(unpacked.data(), bytes, compressed.data(), compressed.size());

@@ -14,10 +14,10 @@ void require_zstd();
 
 /// A gzip file of one member; the same bytes give the same file.
 std::string gzip(std::string_view bytes);
-/// The first `bytes` bytes of what a gzip file holds. Throws Error "cannot read PATH: ..." where it is damaged or
-/// holds fewer.
+/// The first `bytes` bytes of what a gzip file holds; all of them where `is_whole`, with its checksum. Throws Error "cannot
+/// read PATH: ..." where it is damaged or holds fewer.
 std::string gunzip(const std::filesystem::path& path, std::string_view compressed,
-                   std::size_t bytes);
+                   std::size_t bytes, bool is_whole);
 
 /// One zstd frame, and what one of `bytes` bytes held; errors as above.
 std::string zstd_frame(std::string_view bytes);

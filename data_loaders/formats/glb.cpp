@@ -68,7 +68,7 @@ std::vector<Attribute> attributes_of(const GaussianModel& model) {
                   }});
   add_vec3(prefix + "SCALE", [&g](std::size_t i) {
     const Vec3f& s = g.log_scale[i];
-    return Vec3f(std::exp(s.x), std::exp(s.y), std::exp(s.z));
+    return Vec3f(finite_exp(s.x), finite_exp(s.y), finite_exp(s.z));
   });
   list.push_back({prefix + "OPACITY", kFloat, "SCALAR", 4, [&g](std::size_t i, std::uint8_t* row) {
                     store(row, sigmoid(g.logit_opacity[i]));

@@ -20,7 +20,7 @@ struct Palette {
   std::vector<std::uint32_t> labels;  // (N), of the centroid that stands for a point
 };
 
-/// A palette of `size` (at most one for each point, fewer where points are equal) for points (N, dimensions). Two levels: about sqrt(size)
+/// A palette of `size` (at most one for each point) for points (N, dimensions). Two levels: about sqrt(size)
 /// clusters by k-means, and in each as many centroids as its share of the points; a point is compared with
 /// 2 sqrt(size) centroids, not with all. The same points give the same palette, whatever the number of threads.
 Palette palette_of(const std::vector<float>& points, std::size_t dimensions, std::size_t size);

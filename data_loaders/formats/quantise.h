@@ -3,9 +3,11 @@
 // that does.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
@@ -17,6 +19,11 @@ namespace gs {
 inline std::uint32_t rounded(float value, std::uint32_t most) {
   if (!(value > 0)) return 0;
   return value < float(most) ? std::uint32_t(std::lround(value)) : most;
+}
+
+/// exp(x), or the largest float.
+inline float finite_exp(float x) {
+  return std::min(std::exp(x), std::numeric_limits<float>::max());
 }
 
 /// 0..1 as 0..2^bits - 1, and back.

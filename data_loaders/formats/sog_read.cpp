@@ -37,8 +37,11 @@ class Sog {
   std::size_t count() const { return count_; }
   bool is_antialiased() const { return meta_.contains("model") && meta_["model"] == "antialiased"; }
   bool is_ours() const {
-    const Json generator = meta_.value(Json::json_pointer("/asset/generator"), Json());
-    return generator.is_string() && generator.get<std::string>().starts_with("gemsplat ");
+    const auto asset = meta_.find("asset");
+    if (asset == meta_.end() || !asset->is_object()) return false;
+    const auto generator = asset->find("generator");
+    return generator != asset->end() && generator->is_string() &&
+           generator->get<std::string>().starts_with("gemsplat ");
   }
   bool has(const char* key) const { return meta_.contains(key); }
   const Json& section(const char* key) const {

@@ -153,7 +153,7 @@ void write_sog(const std::filesystem::path& path, const GaussianModel& unsorted)
         fmt::format("cannot write {}: there are no Gaussians, and .sog cannot hold none; "
                     "choose .ply",
                     path.string()));
-  if (picture_for(count).height > kWebpLargestSide)
+  if (count > std::size_t(kWebpLargestSide) * (kWebpLargestSide - 4))  // sides are multiples of 4
     throw Error(
         fmt::format("cannot write {}: {} Gaussians are more than pictures of {} pixels a "
                     "side hold; choose .ply",

@@ -33,7 +33,7 @@ Row row_of(const Gaussians& g, std::size_t i) {
   const Quatf& q = g.rotation[i];
   const auto color = [](float sh0) { return std::uint8_t(to_unorm(color_of_sh0(sh0), 8)); };
   return {g.mean[i],
-          {std::exp(s.x), std::exp(s.y), std::exp(s.z)},
+          {finite_exp(s.x), finite_exp(s.y), finite_exp(s.z)},
           {color(f.x), color(f.y), color(f.z), std::uint8_t(opacity_byte(g.logit_opacity[i]))},
           {rotation_byte(q.w), rotation_byte(q.x), rotation_byte(q.y), rotation_byte(q.z)}};
 }

@@ -41,12 +41,12 @@ void check_header(const SpzHeader& header, const Path& path, std::uint64_t file_
 
 // Versions 2 and 3: one gzip file of header and arrays.
 Streams unpack_gzip(const Path& path, std::string_view file, SpzHeader& header) {
-  header = load_little<SpzHeader>(gunzip(path, file, kSpzHeaderBytes).data());
+  header = load_little<SpzHeader>(gunzip(path, file, kSpzHeaderBytes, false).data());
   check_header(header, path, file.size());
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   std::size_t total = kSpzHeaderBytes;
   for (const std::size_t bytes : row_bytes) total += bytes * header.count;
-  const std::string all = gunzip(path, file, total);
+  const std::string all = gunzip(path, file, total, true);
   Streams streams;
   std::size_t at = kSpzHeaderBytes;
   for (std::size_t s = 0; s < kSpzStreams; at += row_bytes[s++] * header.count)

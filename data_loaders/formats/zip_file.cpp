@@ -130,7 +130,7 @@ std::map<std::string, std::string_view> zip_entries(const std::filesystem::path&
   const Archive archive(path, bytes);
   const EndRecord end = archive.end();
   std::map<std::string, std::string_view> entries;
-  std::uint64_t at = end.central_offset;
+  std::uint64_t at = end.central_offset, total = 0;
   for (int i = 0; i < end.entries; ++i) {
     const auto central = archive.load<CentralHeader>(at);
     const EntryFields& fields = central.fields;
@@ -145,6 +145,8 @@ std::map<std::string, std::string_view> zip_entries(const std::filesystem::path&
         archive.part(std::uint64_t(central.local_offset) + sizeof local + local.fields.name_bytes +
                          local.fields.extra_bytes,
                      fields.bytes);
+    total += content.size();
+    if (total > bytes.size()) archive.damaged();  // entries that overlap
     if (crc32_of(content) != fields.crc)
       cannot_read(path, fmt::format("the checksum of {} in it does not fit; the file is damaged, "
                                     "copy or export it again",

@@ -25,6 +25,7 @@ function(gs_install_web_packages result)
     file(READ ${stamp} installed)
   endif()
   if(NOT installed STREQUAL wanted)
+    file(REMOVE ${stamp})  # npm ci begins by deleting what was there
     file(COPY ${source}/package.json ${source}/package-lock.json DESTINATION ${GS_WEB_DIR})
     execute_process(
       COMMAND ${GS_NPM} ci ${which} --ignore-scripts --no-audit --no-fund --prefer-offline --fetch-retries=1 --fetch-timeout=30000

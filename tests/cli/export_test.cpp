@@ -101,6 +101,49 @@ TEST_F(Export, TheTableHasEveryFormat) {
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("| compressed.ply |"), HasSubstr("| splat |")));
 }
 
+TEST_F(Export, ATableThatIsThereIsRefusedOrMovedAside) {
+  train("run");
+  write_bytes(path("all/formats.md"), "somebody's");
+  EXPECT_EQ(export_run(text("all") + " --table").code, 2);
+  EXPECT_EQ(read_bytes(path("all/formats.md")), "somebody's");
+  EXPECT_EQ(export_run(text("all") + " --table --force").code, 0);
+  EXPECT_EQ(read_bytes(path("all/formats.md.bak-1")), "somebody's");
+}
+
+TEST_F(Export, OneFileNamedTwiceIsAnError) {
+  train("run");
+  const Outcome outcome = export_run(text("a.spz") + " " + text("./a.spz"));
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("named twice"));
+  EXPECT_FALSE(fs::exists(path("a.spz")));
+}
+
+// As runs of the reference trainer are.
+TEST_F(Export, RunsWithoutASplitOrCamerasAreExported) {
+  train("run");
+  fs::remove(path("run/split.json"));
+  const Outcome all = export_run(text("a.spz"));
+  EXPECT_EQ(all.code, 0) << all.err;
+  EXPECT_THAT(all.out, HasSubstr("on 6 all views"));
+  fs::remove(path("run/cameras.json"));
+  const Outcome none = export_run(text("b.spz"));
+  EXPECT_EQ(none.code, 0) << none.err;
+  EXPECT_THAT(none.err, HasSubstr("nothing to look at"));
+}
+
+TEST_F(Export, WhatAFormatCannotSayIsReadFromItsSidecar) {
+  train("run", "--antialiased");
+  export_run(text("a.splat") + " " + text("b.splat") + " --no-measure");
+  fs::remove(path("b.splat.transforms.json"));
+  const auto antialiased = [&](const std::string& name) {
+    return nlohmann::json::parse(run("eval " + text(name) + " --data " + text("scene") +
+                                     " --test-every 3 --json --device cpu")
+                                     .out)["psnr"]
+        .get<double>();
+  };
+  EXPECT_NE(antialiased("a.splat"), antialiased("b.splat"));  // rendered as it was trained, and not
+}
+
 TEST_F(Export, TrainWritesTheFormatsBesideThePly) {
   const Outcome outcome = train("run", "--export ply,spz,glb");
   ASSERT_EQ(outcome.code, 0) << outcome.err;

@@ -63,8 +63,7 @@ std::map<std::string, std::string> contents_of(const fs::path& run) {
   std::map<std::string, std::string> contents;
   for (const auto& entry : fs::recursive_directory_iterator(run)) {
     const std::string name = fs::relative(entry.path(), run).string();
-    const bool depends = name == "config.toml" || name == "cfg_args" || name == "train.lock" ||
-                         name.ends_with(".ckpt");
+    const bool depends = name == "config.toml" || name == "cfg_args" || name.ends_with(".ckpt");
     if (entry.is_regular_file() && !depends) contents[name] = without_times(entry.path());
   }
   return contents;
@@ -157,22 +156,27 @@ TEST_F(Resume, ARunKilledAtRandomMomentsWritesTheBytesOfOneNeverInterrupted) {
 }
 
 TEST_F(Resume, AFolderThatIsBeingTrainedIntoIsRefused) {
-  const pid_t first = start(command("busy", "--set train.iterations=100000"));
+  const std::string endless =
+      "train " + text("scene") + " -o " + text("busy") + kResumable + " --iterations 1000000 ";
+  const pid_t first = start(endless);
   while (!fs::exists(checkpoint(path("busy"), 8)) && ::waitpid(first, nullptr, WNOHANG) == 0)
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  ASSERT_EQ(::waitpid(first, nullptr, WNOHANG), 0) << read_bytes(path("stderr.txt"));
   const std::string busy = text("busy");
-  for (const std::string& second :
-       {"train --resume " + busy + " --device cpu --threads 1", command("busy", "--force")}) {
+  for (const std::string& second : {"train --resume " + busy + " --device cpu --threads 1",
+                                    endless + "--resume auto", endless + "--force", endless}) {
     const Outcome refused = run(second);
     EXPECT_EQ(refused.code, 3) << refused.err;
     EXPECT_THAT(refused.err, AllOf(HasSubstr("another process"), HasSubstr(busy)));
   }
   EXPECT_FALSE(fs::exists(path("busy.bak-1")));
+  ASSERT_EQ(::waitpid(first, nullptr, WNOHANG), 0);
   ::kill(first, SIGKILL);
   wait_for(first);
   const Outcome moved = run(command("busy", "--force"));
   EXPECT_EQ(moved.code, 0) << moved.err;
   EXPECT_TRUE(fs::exists(path("busy.bak-1")));
+  EXPECT_FALSE(fs::exists(path(".busy.lock")));
 }
 
 TEST_F(Resume, ASignalSavesModelAndCheckpointAndTheRunGoesOnFromThere) {

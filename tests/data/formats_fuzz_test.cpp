@@ -31,7 +31,7 @@ std::string damaged_outside(const std::string& bytes, std::mt19937& random) {
 
 std::string damaged_spz(const std::string& bytes, std::mt19937& random) {
   const std::size_t size = kSpzHeaderBytes + 4 * (9 + 1 + 3 + 3 + 4 + 9);
-  return gzip(damaged(gunzip("", bytes, size), random));
+  return gzip(damaged(gunzip("", bytes, size, true), random));
 }
 
 std::string damaged_sog(const std::string& bytes, std::mt19937& random) {

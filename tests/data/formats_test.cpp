@@ -311,6 +311,19 @@ TEST_F(Formats, EndingsSayTheFormatInAnyCase) {
   EXPECT_THAT(error_of([] { read_model("a.glb"); }), HasSubstr("not read"));
 }
 
+TEST_F(Formats, AWrongChecksumOfSpzIsDamage) {
+  write_model(file("a.spz"), moderate_model(50, 1));
+  std::string bytes = read_bytes(file("a.spz"));
+  for (const std::size_t from_end : {8, 5}) {  // CRC-32, then the size
+    std::string damaged = bytes;
+    damaged[damaged.size() - from_end] ^= 1;
+    write_bytes(file("b.spz"), damaged);
+    EXPECT_THROW(read_model(file("b.spz")), Error) << from_end;
+    write_bytes(file("b.spz"), bytes.substr(0, bytes.size() - from_end));
+    EXPECT_THROW(read_model(file("b.spz")), Error) << from_end;
+  }
+}
+
 TEST_F(Formats, TheChecksumOfZipIsItsOwn) {
   EXPECT_EQ(crc32_of("123456789"), 0xCBF43926u);  // the check value of CRC-32
   const auto archive = zip_of({{"a", "text"}, {"b.webp", ""}});

@@ -140,17 +140,33 @@ TEST_F(Floaters, AreHiddenAndComeBackBitForBit) {
   TrainingModel model = model_of(with_one_at_depth(0.5f));
   const TrainingModel before = copy_to(host_memory(), model);
   {
-    const HiddenFloaters hidden(model, scene, 0.5f);
+    const HiddenFloaters hidden(model, ClearSpace(scene, 0.5f));
     EXPECT_LT(sigmoid(model.gaussians.logit_opacity[40]), kMinAlpha);
     EXPECT_EQ(model.gaussians.logit_opacity[39], before.gaussians.logit_opacity[39]);
   }
   EXPECT_TRUE(same_bits(model, before));
   {
-    const HiddenFloaters none(model, scene, 0);
+    const HiddenFloaters none(model, ClearSpace(scene, 0));
     EXPECT_TRUE(same_bits(model, before));
   }
-  HiddenFloaters(model, scene, 0.5f).leave();
+  HiddenFloaters(model, ClearSpace(scene, 0.5f)).leave();
   EXPECT_LT(sigmoid(model.gaussians.logit_opacity[40]), kMinAlpha);
+}
+
+TEST_F(Floaters, AFailureWhileTheyAreHiddenGivesThemBack) {
+  Scene scene = scene_with_ball(5000);
+  scene.points.push_back({{0, 0, -2.5f}, {200, 200, 200}});
+  Config config;
+  config.density.camera_clearance = 0.5f;
+  const auto backend = make_scalar_backend();
+  Trainer trainer(scene, config, *backend);
+  const std::vector<float> before = trainer.model().gaussians.logit_opacity.download();
+  EXPECT_THROW(trainer.look_at_result([&](const Gaussians& gaussians) {
+    EXPECT_NE(gaussians.logit_opacity.download(), before);
+    throw Error("out of memory, says the test", ExitCode::out_of_memory);
+  }),
+               Error);
+  EXPECT_EQ(trainer.model().gaussians.logit_opacity.download(), before);
 }
 
 /// Looks at the result after the third step.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the top of every report looks like, and what it ends with.
-import {el, section, table} from '../shared/dom.js';
+import {el, section} from '../shared/dom.js';
 
 // The four lozenges of a splat in a gem.
 function mark() {
@@ -44,4 +44,3 @@ export function foot(data) {
 
 export const shortCommit = commit => commit?.replace(/^([0-9a-f]{10})[0-9a-f]+/, '$1');
 
-export {table};

@@ -38,7 +38,7 @@ export function showRun(data) {
     notes(data.notes),
     training(data),
     data.views && views(data.views),
-    data.histograms && gaussians(data.histograms),
+    data.histograms && gaussians(data.histograms, data.state),
     settings(data),
     facts('origin', 'Origin', [
       ['scene', data.scene], ['scene hash', results?.scene_hash], ['device', device], ['CPU', results?.cpu],
@@ -145,9 +145,9 @@ function summary(title, unit, steps, values, format) {
   return `${title}: ${format(v0)}${unit && ` ${unit}`} at step ${s0}, ${format(v1)} at step ${s1}`;
 }
 
-function gaussians({count, opacity, scales, out_of_range: left}) {
+function gaussians({count, opacity, scales, out_of_range: left}, state) {
   const tick = value => significant(10 ** value);
-  return section('gaussians', 'Gaussians', el('span.muted', {}, `${whole(count)} in the final model`), el('div.charts', {},
+  return section('gaussians', 'Gaussians', el('span.muted', {}, `${whole(count)} in the ${state === 'finished' ? 'final' : 'newest saved'} model`), el('div.charts', {},
     histogram({title: 'Opacity', unit: 'Gaussians by opacity', histograms: [{name: 'Gaussians', ...opacity}], label: 'opacity', color: 0,
                tick: value => fixed(value, 2), format: whole,
                description: `Histogram of opacity, median ${fixed(opacity.median, 2)}`,
@@ -161,8 +161,13 @@ function gaussians({count, opacity, scales, out_of_range: left}) {
 
 function settings({config, changed}) {
   const copy = el('button.button', {type: 'button', onclick: async () => {
-    await navigator.clipboard?.writeText(config);
-    copy.textContent = 'copied';
+    try {
+      await navigator.clipboard.writeText(config);
+      copy.textContent = 'copied';
+    } catch {  // not every browser lets a file do so
+      getSelection().selectAllChildren(copy.nextElementSibling);
+      copy.textContent = 'selected';
+    }
   }}, 'copy');
   return section('settings', 'Settings', null, el('div.card', {},
     el('h3', {}, changed.length ? 'What differs from the defaults' : 'All settings have their defaults'),

@@ -76,7 +76,7 @@ function viewer(list) {
        el('div.controls', {}, segmented('pictures', PAIRS, PAIRS[0][0], value => { pair = value.split(' '); draw(); }),
           list.length > 1 && el('div.turn', {}, arrow('previous view', '‹', -1), choice, arrow('next view', '›', 1)))),
     stage,
-    pair && el('p.note.muted', {}, 'Drag, or use the arrow keys. The error is the mean absolute difference of the channels, four times ' +
+    el('p.note.muted', {}, 'Drag, or use the arrow keys. The error is the mean absolute difference of the channels, four times ' +
                'enlarged: black is none, pale yellow a quarter of the range and more.'),
     list.length > 1 && el('div.thumbs', {}, thumbs));
 }

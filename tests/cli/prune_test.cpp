@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat prune as users run it.
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "data_loaders/ply.h"
+#include "gs_core/math/activations.h"
+#include "tests/support/program.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class Prune : public Program {
+ protected:
+  void SetUp() override { train("run"); }
+  Outcome prune(const std::string& more) {
+    return run("prune " + text("run") + " " + more + " --device cpu");
+  }
+  GaussianModel trained() const {
+    return read_gaussian_ply(path("run/point_cloud/iteration_20/point_cloud.ply"));
+  }
+};
+
+TEST_F(Prune, FaintOnesGoAndTheCostIsSaid) {
+  const GaussianModel before = trained();
+  std::vector<float> opacities;
+  for (const float logit : before.gaussians.logit_opacity) opacities.push_back(sigmoid(logit));
+  std::nth_element(opacities.begin(), opacities.begin() + 50, opacities.end());
+  const Outcome outcome =
+      prune("--opacity " + std::to_string(opacities[50]) + " -o " + text("a.ply") + " --json");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const auto json = nlohmann::json::parse(outcome.out);
+  const GaussianModel after = read_gaussian_ply(path("a.ply"));
+  EXPECT_NEAR(double(before.gaussians.count() - after.gaussians.count()), 50, 1);
+  EXPECT_EQ(json["before"]["num_gaussians"], before.gaussians.count());
+  EXPECT_EQ(json["after"]["num_gaussians"], after.gaussians.count());
+  EXPECT_EQ(json["split"], "test");
+  EXPECT_NE(json["before"]["psnr"], json["after"]["psnr"]);
+  for (const float logit : after.gaussians.logit_opacity)
+    EXPECT_GE(sigmoid(logit), opacities[50] - 1e-5f);
+}
+
+TEST_F(Prune, WhatNoTrainingViewShowsGoesAndTrainingViewsStayAsTheyAre) {
+  ASSERT_EQ(prune("--contribution 0.001 -o " + text("a.ply")).code, 0);
+  const auto psnr_of = [&](const std::string& model) {
+    return nlohmann::json::parse(run("eval " + model + " --data " + text("scene") +
+                                     " --test-every 3 --split train --json --device cpu")
+                                     .out)["psnr"]
+        .get<double>();
+  };
+  EXPECT_NEAR(psnr_of(text("a.ply")), psnr_of(text("run/point_cloud/iteration_20/point_cloud.ply")),
+              0.01);
+}
+
+TEST_F(Prune, OutsideTheBoxNothingIsLeft) {
+  ASSERT_EQ(prune("--box 1 1 1 -1 -1 -1 -o " + text("a.ply")).code, 0);
+  const GaussianModel after = read_gaussian_ply(path("a.ply"));
+  EXPECT_LT(after.gaussians.count(), trained().gaussians.count());
+  for (const Vec3f& mean : after.gaussians.mean)
+    for (int axis = 0; axis < 3; ++axis) EXPECT_LE(std::abs(mean[axis]), 1);
+}
+
+TEST_F(Prune, ALowerShDegreeIsWrittenAndNothingElseChanges) {
+  ASSERT_EQ(prune("--sh-degree 0 -o " + text("a.ply")).code, 0);
+  const GaussianModel before = trained(), after = read_gaussian_ply(path("a.ply"));
+  EXPECT_EQ(before.sh_degree, 3);
+  EXPECT_EQ(after.sh_degree, 0);
+  EXPECT_EQ(after.gaussians.sh0.download(), before.gaussians.sh0.download());
+}
+
+TEST_F(Prune, NothingIsOverwrittenAndNothingAskedIsAnError) {
+  write_bytes(path("a.ply"), "somebody's");
+  const Outcome refused = prune("--opacity 0.1 -o " + text("a.ply"));
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("a.ply is there already"), HasSubstr("--force")));
+  EXPECT_EQ(prune("--opacity 0.1 --force -o " + text("a.ply")).code, 0);
+  EXPECT_EQ(read_bytes(path("a.ply.bak-1")), "somebody's");
+  const Outcome nothing = prune("-o " + text("b.ply"));
+  EXPECT_EQ(nothing.code, 2);
+  EXPECT_THAT(nothing.err, HasSubstr("--contribution"));
+  EXPECT_EQ(prune("--opacity 0.1 -o " + text("b.obj")).code, 2);
+}
+
+}  // namespace
+}  // namespace gs
