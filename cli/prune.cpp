@@ -17,6 +17,7 @@
 #include "cli/results.h"
 #include "cli/text.h"
 #include "cli/verbs.h"
+#include "data_loaders/finite_rows.h"
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
 #include "gs_core/parallel.h"
@@ -131,8 +132,7 @@ void prune(const PruneCommand& command) {
     if (!is_floater.empty())
       removed.floaters = kept.remove([&](std::size_t i) { return is_floater[i]; });
   }
-  GaussianModel result{rows_of(model.gaussians, kept.rows()), model.sh_degree, model.is_ours,
-                       model.antialiased, model.world_offset};
+  GaussianModel result = rows_of(model, kept.rows());
   reduce_sh_degree(result, config.model.sh_degree);
   const Evaluation after = quality(copy_to(backend->memory(), result));
   export_model(result, request, nullptr);

@@ -18,7 +18,7 @@ bool is_finite(float value) {
 
 }  // namespace
 
-std::vector<std::size_t> finite_rows(const Gaussians& gaussians, int sh_degree) {
+std::vector<std::uint32_t> finite_rows(const Gaussians& gaussians, int sh_degree) {
   const int rest_floats = 3 * sh_rest_count(sh_degree);
   const auto all_finite = [](const auto& row, int count) {
     const float* values = reinterpret_cast<const float*>(&row);
@@ -26,13 +26,13 @@ std::vector<std::size_t> finite_rows(const Gaussians& gaussians, int sh_degree) 
     for (int i = 0; i < count; ++i) finite &= is_finite(values[i]);
     return finite;
   };
-  std::vector<std::size_t> rows;
+  std::vector<std::uint32_t> rows;
   rows.reserve(gaussians.count());
   for (std::size_t i = 0; i < gaussians.count(); ++i) {
     if (all_finite(gaussians.mean[i], 3) && all_finite(gaussians.log_scale[i], 3) &&
         all_finite(gaussians.rotation[i], 4) && is_finite(gaussians.logit_opacity[i]) &&
         all_finite(gaussians.sh0[i], 3) && all_finite(gaussians.sh_rest[i], rest_floats)) {
-      rows.push_back(i);
+      rows.push_back(std::uint32_t(i));
     }
   }
   return rows;
@@ -58,15 +58,9 @@ void normalise(float* wxyz) {
   }
 }
 
-GaussianModel rows_of(const GaussianModel& model, const std::vector<std::size_t>& source) {
-  GaussianModel result{Gaussians(source.size(), host_memory()), model.sh_degree, model.is_ours,
-                       model.antialiased, model.world_offset};
-  for_each_array(
-      [&](const char*, auto& to, const auto& from) {
-        for (std::size_t i = 0; i < source.size(); ++i) to[i] = from[source[i]];
-      },
-      result.gaussians, model.gaussians);
-  return result;
+GaussianModel rows_of(const GaussianModel& model, const std::vector<std::uint32_t>& source) {
+  return {rows_of(model.gaussians, source), model.sh_degree, model.is_ours, model.antialiased,
+          model.world_offset};
 }
 
 GaussianModel finite_model(const GaussianModel& model) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <vector>
 
@@ -11,7 +12,7 @@
 namespace gs {
 
 /// The rows whose values, up to the SH degree, are all finite.
-std::vector<std::size_t> finite_rows(const Gaussians& gaussians, int sh_degree);
+std::vector<std::uint32_t> finite_rows(const Gaussians& gaussians, int sh_degree);
 
 /// Warns that rows of a model were left out of a file, if any were; returns how many.
 std::size_t warn_of_left_out(const std::filesystem::path& path, std::size_t written,
@@ -25,6 +26,6 @@ void normalise(float* wxyz);
 GaussianModel finite_model(const GaussianModel& model);
 
 /// Rows `source` of a model, in that order; everything else as it is.
-GaussianModel rows_of(const GaussianModel& model, const std::vector<std::size_t>& source);
+GaussianModel rows_of(const GaussianModel& model, const std::vector<std::uint32_t>& source);
 
 }  // namespace gs

@@ -51,7 +51,7 @@ std::string comments_of(const GaussianModel& model) {
 
 std::size_t write_gaussian_ply(const std::filesystem::path& path, const GaussianModel& model) {
   GS_CHECK(model.sh_degree >= 0 && model.sh_degree <= kMaxShDegree);
-  const std::vector<std::size_t> rows = finite_rows(model.gaussians, model.sh_degree);
+  const std::vector<std::uint32_t> rows = finite_rows(model.gaussians, model.sh_degree);
   const std::vector<PlyColumn> columns = gaussian_columns(model.gaussians, model.sh_degree);
   const std::size_t width = columns.size() + std::size(kNormals);  // floats in a row
 

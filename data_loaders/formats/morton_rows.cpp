@@ -11,8 +11,8 @@ namespace gs {
 
 GaussianModel in_morton_order(const GaussianModel& model) {
   const Buffer<Vec3f>& means = model.gaussians.mean;
-  std::vector<std::size_t> order(means.size());
-  std::iota(order.begin(), order.end(), 0);
+  std::vector<std::uint32_t> order(means.size());
+  std::iota(order.begin(), order.end(), 0u);
   if (order.empty()) return rows_of(model, order);
   Vec3f low = means[0], high = means[0];
   for (const Vec3f& mean : means) {
@@ -25,7 +25,7 @@ GaussianModel in_morton_order(const GaussianModel& model) {
   std::vector<std::uint64_t> codes(means.size());
   for (std::size_t i = 0; i < codes.size(); ++i) codes[i] = morton_code(means[i], low, size);
   std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return codes[a] < codes[b]; });
+                   [&](std::uint32_t a, std::uint32_t b) { return codes[a] < codes[b]; });
   return rows_of(model, order);
 }
 
