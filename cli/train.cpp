@@ -286,6 +286,7 @@ void train(const TrainCommand& command) {
   }
   const FolderLock lock(RunFolder(config.model.output).lock(), config.model.output,
                         FolderLock::Kind::alone, FolderLock::File::removed);
+  resumed.reset();  // one checkpoint in memory at a time
   resumed = find_resumed();  // again, since nobody else changes the folder any more
   if (resumed) config = resumed->config;
   if (resumed && resumed->is_finished) {
