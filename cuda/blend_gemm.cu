@@ -51,13 +51,13 @@ struct Variant {
 // The pixels of one warp between batches, row by row of the sub-tile.
 template <int height, bool with_history>
 struct PixelRoom {
-  float2 transmittance[height / 2][kSubtileWidth];  // of two rows: what reaches the next batch; kClosed: the pixel takes no more
+  float2 transmittance[height / 2][kWarp];  // of two rows, for each lane: what reaches the next batch; kClosed: the pixel takes no more
   float4 sums[height / 2][kWarp];                   // of the second product: a lane's part of two rows
   std::uint32_t last[height][kWarp];                // 1 + position of a lane's last blended splat; 0: none
 };
 template <int height>
 struct PixelRoom<height, false> {
-  float2 transmittance[height / 2][kSubtileWidth];
+  float2 transmittance[height / 2][kWarp];
   float4 sums[height / 2][kWarp];
 };
 
@@ -93,7 +93,7 @@ class SubtilePixels {
     if (t == 2) monomials_[2] = __floats2half2_rn(0.0f, 1.0f);
     const int rows = x0 + column() < lists.width ? lists.height - y0 : 0;  // inside the picture
     for (int pair = 0; pair < kPairs; ++pair) {
-      room_.transmittance[pair][column()] = {2 * pair < rows ? 1.0f : kClosed,
+      room_.transmittance[pair][lane_of_thread()] = {2 * pair < rows ? 1.0f : kClosed,
                                              2 * pair + 1 < rows ? 1.0f : kClosed};
       room_.sums[pair][lane_of_thread()] = {0, 0, 0, 0};
     }
@@ -120,7 +120,7 @@ class SubtilePixels {
     for (int pair = 0; pair < kPairs; ++pair) {
       const unsigned top = left_hand_side(y), bottom = left_hand_side(__hadd2(y, one));
       y = __hadd2(__hadd2(y, one), one);
-      const float2 open = room_.transmittance[pair][column()];
+      const float2 open = room_.transmittance[pair][lane_of_thread()];
       if (!__any_sync(kAllLanes, fmaxf(open.x, open.y) > 0)) continue;
       float exponents[products][4] = {};
 #pragma unroll
@@ -141,7 +141,7 @@ class SubtilePixels {
     const float4 sums = room_.sums[row / 2][lane_of_thread()];
     const float sum = row % 2 == 0 ? sums.x + sums.y : sums.z + sums.w;
     if (owner() < 3) return sum;
-    const float2 reaching = room_.transmittance[row / 2][column()];
+    const float2 reaching = room_.transmittance[row / 2][lane_of_thread()];
     const float left = row % 2 == 0 ? reaching.x : reaching.y;
     return left > 0 ? left : transmittance_at_the_end(1.0f - sum);
   }
@@ -207,7 +207,7 @@ class SubtilePixels {
         for (int r = 0; r < 2; ++r) weights[i][r] *= reaching[r];
     }
     add_colors(room_.sums[pair][lane_of_thread()], weights, color_columns);
-    room_.transmittance[pair][column()] = {left[0], left[1]};
+    room_.transmittance[pair][lane_of_thread()] = {left[0], left[1]};
     if constexpr (Kind::with_history)
 #pragma unroll
       for (int r = 0; r < 2; ++r)
