@@ -94,7 +94,7 @@ class SubtilePixels {
     const int rows = x0 + column() < lists.width ? lists.height - y0 : 0;  // inside the picture
     for (int pair = 0; pair < kPairs; ++pair) {
       room_.transmittance[pair][lane_of_thread()] = {2 * pair < rows ? 1.0f : kClosed,
-                                             2 * pair + 1 < rows ? 1.0f : kClosed};
+                                                     2 * pair + 1 < rows ? 1.0f : kClosed};
       room_.sums[pair][lane_of_thread()] = {0, 0, 0, 0};
     }
     if constexpr (Kind::with_history)
