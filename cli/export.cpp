@@ -122,7 +122,7 @@ void export_all(const ExportCommand& command, const std::vector<ExportRequest>& 
   }
   if (!command.table) return;
   const std::string table = export_table(files);
-  move_older_aside(table_file(command.outputs[0]));
+  keep_older_aside(table_file(command.outputs[0]));
   write_text(table_file(command.outputs[0]), table);
   std::cout << "\n" << table;
 }
@@ -160,7 +160,7 @@ void add_export(CLI::App& program) {
       ->type_name("STEP");
   verb.add_flag("--table", command->table,
                 "write every format into the folder FILE, and a table of what they cost");
-  verb.add_flag("--force", command->force, "move files that are there already to FILE.bak-N first");
+  verb.add_flag("--force", command->force, "keep files that are there already as FILE.bak-N");
   verb.add_option("--spz-version", command->options.spz_version,
                   "of .spz: 3, which all viewers read, or 4 [3]")
       ->check(CLI::IsMember({3, 4}))

@@ -83,14 +83,15 @@ void check_place(const fs::path& file, bool force) {
   if (!force)
     throw UsageError(
         fmt::format("{} is there already; choose another name, or add --force to "
-                    "move it to {}.bak-N",
+                    "keep it as {}.bak-N",
                     file.string(), file.filename().string()));
   if (!fs::is_regular_file(file))
     throw UsageError(file.string() + " is no file; choose another name");
 }
 
-void move_older_aside(const fs::path& file) {
-  if (fs::exists(file)) log_info("{} is now {}", file.string(), move_aside(file).string());
+void keep_older_aside(const fs::path& file) {
+  if (fs::exists(file))
+    log_info("the older {} is now {}", file.string(), keep_aside(file).string());
 }
 
 void check_export(const ExportRequest& request, bool force) {
@@ -100,8 +101,8 @@ void check_export(const ExportRequest& request, bool force) {
 
 ExportedFile export_model(const GaussianModel& model, const ExportRequest& request,
                           const Viewpoints* viewpoints) {
-  move_older_aside(request.file);
-  move_older_aside(sidecar_of(request.file));
+  keep_older_aside(request.file);
+  keep_older_aside(sidecar_of(request.file));
   ExportedFile exported{request.file, &format_to_write(request.file), 0, 0, {}};
   if (request.placement.is_identity()) {
     exported.gaussians = write_model(request.file, model, request.options);

@@ -35,8 +35,8 @@ std::filesystem::path sidecar_of(const std::filesystem::path& file);
 
 /// Throws UsageError for a file that is there already and may not be moved aside (`force`), or is none.
 void check_place(const std::filesystem::path& file, bool force);
-/// A file that is there is moved to FILE.bak-N, and the log says so.
-void move_older_aside(const std::filesystem::path& file);
+/// A file that is there gets the name FILE.bak-N, and the log says so; it stays until the newer one is whole.
+void keep_older_aside(const std::filesystem::path& file);
 
 /// Throws UsageError for a name that says no format, or one of a file that is there already and may not be moved aside
 /// (`force`); Error where this build cannot write the format. To be asked before the work starts.
@@ -47,7 +47,7 @@ void check_export(const ExportRequest& request, bool force);
 ///   "input_from_file", "file_from_input"   4x4 by rows; the input's frame is that of the photos' poses
 ///   "input_from_train", "train_from_input" the same for the frame that the model was trained in
 ///   "fidelity": {"psnr", "ssim", "num_views"}}  against the model itself, where it was measured
-/// A lossy format is measured where `viewpoints` are given. A file that is there is moved to FILE.bak-N. Throws Error.
+/// A lossy format is measured where `viewpoints` are given. A file that is there is kept as FILE.bak-N. Throws Error.
 ExportedFile export_model(const GaussianModel& model, const ExportRequest& request,
                           const Viewpoints* viewpoints);
 

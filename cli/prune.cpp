@@ -204,7 +204,7 @@ void add_prune(CLI::App& program) {
       ->type_name("X Y Z X Y Z")
       ->expected(6);
   verb.add_flag("--json", command->json, "print JSON");
-  verb.add_flag("--force", command->force, "move a file of that name to FILE.bak-N first");
+  verb.add_flag("--force", command->force, "keep a file of that name as FILE.bak-N");
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
   add_render_options(verb, *command);
   add_general_options(verb, *command);
