@@ -108,18 +108,16 @@ std::vector<NamedCamera> load_cameras(const std::filesystem::path& path,
 void bind_camera(py::module_& module) {
   py::class_<NamedCamera> camera(
       module, "Camera",
-      "An undistorted pinhole camera. Pixel (i, j) has its centre at (i + 0.5, j + 0.5); the "
-      "camera's axes are x right,\n"
-      "y down, z forward, as in COLMAP and OpenCV. Numbers are kept as float32.");
-  camera.def(py::init(&make_camera),
-             "width, height, fx, fy, cx, cy in pixels; without fy it is fx, without cx and cy the "
-             "picture's centre.\n"
-             "cam_from_world: (3, 4) or (4, 4), a rotation and a translation in world units; "
-             "without it the camera is at the\n"
-             "origin and looks along z.",
-             py::arg("width"), py::arg("height"), py::arg("fx"), py::arg("fy") = py::none(),
-             py::arg("cx") = py::none(), py::arg("cy") = py::none(),
-             py::arg("cam_from_world") = py::none(), py::arg("name") = "");
+      R"(An undistorted pinhole camera. Pixel (i, j) has its centre at (i + 0.5, j + 0.5); the camera's
+axes are x right, y down, z forward, as in COLMAP and OpenCV. Numbers are kept as float32.)");
+  camera.def(
+      py::init(&make_camera),
+      R"(width, height, fx, fy, cx, cy in pixels; without fy it is fx, without cx and cy the picture's
+centre. cam_from_world: (3, 4) or (4, 4), a rotation and a translation in world units; without it
+the camera is at the origin and looks along z.)",
+      py::arg("width"), py::arg("height"), py::arg("fx"), py::arg("fy") = py::none(),
+      py::arg("cx") = py::none(), py::arg("cy") = py::none(),
+      py::arg("cam_from_world") = py::none(), py::arg("name") = "");
   camera.def_readonly("name", &NamedCamera::name, "Of its photo, where it has one.");
   camera.def_property_readonly(
       "width", [](const NamedCamera& self) { return self.camera.width; }, "Pixels.");
@@ -144,10 +142,10 @@ void bind_camera(py::module_& module) {
                        self.name.empty() ? "" : self.name + ", ", self.camera.width,
                        self.camera.height);
   });
-  module.def("load_cameras", load_cameras, py::arg("path"), py::arg("world_offset") = py::none(),
-             "The cameras of a cameras.json, as runs hold one, in the coordinates that have "
-             "`world_offset` (a model's) taken\n"
-             "off.");
+  module.def(
+      "load_cameras", load_cameras, py::arg("path"), py::arg("world_offset") = py::none(),
+      R"(The cameras of a cameras.json, as runs hold one, in the coordinates that have `world_offset` (a
+model's) taken off.)");
 }
 
 }  // namespace gs::python

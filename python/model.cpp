@@ -6,107 +6,18 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
-#include <cstring>
 
 #include "data_loaders/formats/formats.h"
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/math/rotation.h"
 #include "python/arrays.h"
+#include "python/devices.h"
 
 namespace gs::python {
 namespace {
 
 using ModelPointer = std::shared_ptr<Model>;
-
-// ---- from arrays ----------------------------------------------------------------------------------------
-
-template <class T>
-void copy_rows(const FloatArray& from, const Buffer<T>& to) {
-  if (from.size()) std::memcpy(to.data(), from.data(), std::size_t(from.size()) * sizeof(float));
-}
-
-// The array that is given, stored or activated; `stored` turns a value of the latter into the former.
-template <class F>
-FloatArray stored_values(const char* stored_name, const py::object& stored, const char* name,
-                         const py::object& activated, const Shape& shape, F&& stored_of) {
-  if (stored.is_none() == activated.is_none())
-    throw UsageError(fmt::format("give either {} or {}", name, stored_name));
-  if (!stored.is_none()) return floats_of(stored_name, stored, shape);
-  const FloatArray values = floats_of(name, activated, shape);
-  FloatArray result(Shape(values.shape(), values.shape() + values.ndim()));
-  for (py::ssize_t i = 0; i < values.size(); ++i)
-    result.mutable_data()[i] = stored_of(values.data()[i]);
-  return result;
-}
-
-float log_of(float scale) {
-  if (!(scale > 0)) throw UsageError(fmt::format("scales must be above 0, and one is {}", scale));
-  return std::log(scale);
-}
-
-float logit_of(float opacity) {
-  if (!(opacity > 0 && opacity < 1))
-    throw UsageError(
-        fmt::format("opacities must lie between 0 and 1, both excluded, and one is {}", opacity));
-  return logit(opacity);
-}
-
-void copy_rotations(const FloatArray& rotations, const Gaussians& to) {
-  copy_rows(rotations, to.rotation);
-  for (std::size_t i = 0; i < to.count(); ++i)
-    if (is_degenerate(to.rotation[i]))
-      throw UsageError(fmt::format("rotations holds a quaternion of length 0 in row {}", i));
-}
-
-// (N, K, 3) into rows of 15 coefficients; returns the SH degree.
-int copy_sh_rest(const py::object& value, Gaussians& to) {
-  to.sh_rest.fill_zero();
-  if (value.is_none()) return 0;
-  const auto count = py::ssize_t(to.count());
-  const FloatArray array = floats_of("sh_rest", value, {count, kAny, 3});
-  for (int degree = 0; degree <= kMaxShDegree; ++degree) {
-    const auto coefficients = sh_rest_count(degree);
-    if (array.shape(1) != coefficients) continue;
-    for (py::ssize_t i = 0; i < count && coefficients; ++i)
-      std::memcpy(to.sh_rest.data() + i, array.data(i, 0, 0),
-                  std::size_t(coefficients) * sizeof(Vec3f));
-    return degree;
-  }
-  throw UsageError(
-      fmt::format("sh_rest must have 0, 3, 8 or 15 coefficients (SH degree 0 to 3), and has {}",
-                  array.shape(1)));
-}
-
-struct ModelArrays {
-  py::object means, rotations, scales, log_scales, opacities, logit_opacities, colors, sh0, sh_rest;
-};
-
-ModelPointer make_model(const ModelArrays& arrays, bool antialiased,
-                        const py::object& world_offset) {
-  const FloatArray means = floats_of("means", arrays.means, {kAny, 3});
-  const py::ssize_t count = means.shape(0);
-  auto model = std::make_shared<Model>();
-  Gaussians& gaussians = model->model.gaussians;
-  gaussians.resize(std::size_t(count));
-  copy_rows(means, gaussians.mean);
-  copy_rotations(floats_of("rotations", arrays.rotations, {count, 4}), gaussians);
-  copy_rows(
-      stored_values("log_scales", arrays.log_scales, "scales", arrays.scales, {count, 3}, log_of),
-      gaussians.log_scale);
-  copy_rows(stored_values("logit_opacities", arrays.logit_opacities, "opacities", arrays.opacities,
-                          {count}, logit_of),
-            gaussians.logit_opacity);
-  const auto sh0_of = [](float color) { return (color - float(kColorOffset)) / float(kSh0); };
-  copy_rows(stored_values("sh0", arrays.sh0, "colors", arrays.colors, {count, 3}, sh0_of),
-            gaussians.sh0);
-  model->model.sh_degree = copy_sh_rest(arrays.sh_rest, gaussians);
-  model->model.antialiased = model->config.render.antialias = antialiased;
-  model->config.model.sh_degree = model->model.sh_degree;
-  if (!world_offset.is_none()) model->model.world_offset = vector_of("world_offset", world_offset);
-  return model;
-}
 
 ModelPointer copied(const Model& from) {
   auto model = std::make_shared<Model>();
@@ -166,6 +77,7 @@ std::string description(const Model& model) {
 // ---- files ----------------------------------------------------------------------------------------------
 
 ModelPointer load(const std::filesystem::path& path, std::optional<int> step) {
+  const Work work;
   return std::make_shared<Model>(open_model(path, step));
 }
 
@@ -178,6 +90,7 @@ std::size_t save(const Model& model, const std::filesystem::path& path, bool rep
                      " is there already; choose another name, or give replace=True");
   const ExportOptions options{spz_version};
   format_to_write(path).require(options);
+  const Work work;
   return write_model(path, model.model, options);
 }
 
@@ -247,10 +160,9 @@ void bind_activated(py::class_<Model, ModelPointer>& model) {
 void bind_model(py::module_& module) {
   py::class_<Model, ModelPointer> model(
       module, "Model",
-      "N trained Gaussians in host memory. Arrays with stored values are views: they show the "
-      "model's own memory, keep it\n"
-      "alive, and writing to them changes the model. Do not write while another thread renders the "
-      "model.");
+      R"(N trained Gaussians in host memory. Arrays with stored values are views: they show the model's own
+memory, keep it alive, and writing to them changes the model. Do not write while another thread
+renders the model.)");
   model.def(
       py::init([](py::object means, py::object rotations, py::object scales, py::object log_scales,
                   py::object opacities, py::object logit_opacities, py::object colors,
@@ -259,11 +171,9 @@ void bind_model(py::module_& module) {
                            sh0, sh_rest},
                           antialiased, world_offset);
       }),
-      "From arrays of real numbers, which are copied to float32: shapes as the properties have "
-      "them. Give scales or\n"
-      "log_scales, opacities or logit_opacities, colors or sh0. Without sh_rest the SH degree is "
-      "0. NaN and infinity are\n"
-      "refused (UsageError).",
+      R"(From arrays of real numbers, which are copied to float32: shapes as the properties have them. Give
+scales or log_scales, opacities or logit_opacities, colors or sh0. Without sh_rest the SH degree
+is 0. NaN and infinity are refused (UsageError).)",
       py::kw_only(), py::arg("means"), py::arg("rotations"), py::arg("scales") = py::none(),
       py::arg("log_scales") = py::none(), py::arg("opacities") = py::none(),
       py::arg("logit_opacities") = py::none(), py::arg("colors") = py::none(),
@@ -275,13 +185,12 @@ void bind_model(py::module_& module) {
   model.def("__repr__", description);
   model.def("copy", copied, py::call_guard<py::gil_scoped_release>(),
             "A model with its own memory.");
-  model.def("save", save, py::call_guard<py::gil_scoped_release>(), py::arg("path"), py::kw_only(),
-            py::arg("replace") = false, py::arg("spz_version") = 3,
-            "Writes a file of the format that the name ends in (ply, csv, glb, compressed.ply, "
-            "spz, sog, splat), whole or not at\n"
-            "all, and returns the number of Gaussians in it: rows with NaN or infinity are left "
-            "out, with a warning. A file that\n"
-            "is there is kept (UsageError), unless replace.");
+  model.def(
+      "save", save, py::call_guard<py::gil_scoped_release>(), py::arg("path"), py::kw_only(),
+      py::arg("replace") = false, py::arg("spz_version") = 3,
+      R"(Writes a file of the format that the name ends in (ply, csv, glb, compressed.ply, spz, sog,
+splat), whole or not at all, and returns the number of Gaussians in it: rows with NaN or infinity
+are left out, with a warning. A file that is there is kept (UsageError), unless replace.)");
   model.def_property_readonly(
       "sh_degree", [](const Model& self) { return self.model.sh_degree; }, "0 to 3.");
   model.def_property_readonly(
@@ -295,11 +204,11 @@ void bind_model(py::module_& module) {
       },
       "Three floats: add them to the means to have the photos' own coordinates; 0 for most "
       "scenes.");
-  module.def("load", load, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
-             py::arg("step") = py::none(),
-             "The model of a file (ply, csv, compressed.ply, spz, sog, splat), or of a run's "
-             "folder: its newest, or that after\n"
-             "`step`. Values are taken as they are, NaN and infinity too.");
+  module.def(
+      "load", load, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
+      py::arg("step") = py::none(),
+      R"(The model of a file (ply, csv, compressed.ply, spz, sog, splat), or of a run's folder: its newest,
+or that after `step`. Values are taken as they are, NaN and infinity too.)");
 }
 
 }  // namespace gs::python

@@ -14,6 +14,16 @@ namespace gs::python {
 /// arrays may show them where they lie.
 using Model = OpenedModel;
 
+/// What a model is made of; None where the other of two forms is given. Shapes: docs/embedding.md.
+struct ModelArrays {
+  pybind11::object means, rotations, scales, log_scales, opacities, logit_opacities, colors, sh0,
+      sh_rest;
+};
+
+/// Copies the arrays. Throws UsageError that names the one that cannot be taken.
+std::shared_ptr<Model> make_model(const ModelArrays& arrays, bool antialiased,
+                                  const pybind11::object& world_offset);
+
 void bind_model(pybind11::module_& module);
 
 }  // namespace gs::python

@@ -162,25 +162,23 @@ void bind_render(py::module_& module) {
       "(height, width, 3): red green blue over the background, 0 to 1, sRGB as displayed.");
   picture.def_readonly("alpha", &Picture::alpha,
                        "(height, width): how much of a pixel the Gaussians cover, 0 to 1.");
-  picture.def_readonly("depth", &Picture::depth,
-                       "(height, width): mean distance of what is seen along the viewing axis, "
-                       "world units, weighted as colours\n"
-                       "are; 0 where next to nothing is seen. None unless asked for.");
+  picture.def_readonly(
+      "depth", &Picture::depth,
+      R"((height, width): mean distance of what is seen along the viewing axis, world units, weighted as
+colours are; 0 where next to nothing is seen. None unless asked for.)");
   picture.def_readonly(
       "normals", &Picture::normals,
-      "(height, width, 3): mean normal of what is seen, world space, length 1, towards the camera; "
-      "a Gaussian's\n"
-      "normal is its shortest axis. 0 where next to nothing is seen. None unless asked for.");
-  module.def("render", render, py::arg("model"), py::arg("camera"), py::kw_only(),
-             py::arg("background") = py::none(), py::arg("device") = "auto",
-             py::arg("depth") = true, py::arg("normals") = false, py::arg("config") = py::none(),
-             "A Picture of the model from a Camera; of an iterable of cameras a list, for which a "
-             "GPU gets the model once.\n"
-             "background: \"black\", \"white\" or three numbers 0 to 1; else the model's. device: "
-             "auto, cpu, cuda, cuda:N. depth and\n"
-             "normals take a pass each, as colour with alpha does. config: settings of [render] "
-             "and [model] over the model's own,\n"
-             "as train() takes them. Several threads may render; on one device they take turns.");
+      R"((height, width, 3): mean normal of what is seen, world space, length 1, towards the camera; a
+Gaussian's normal is its shortest axis. 0 where next to nothing is seen. None unless asked for.)");
+  module.def(
+      "render", render, py::arg("model"), py::arg("camera"), py::kw_only(),
+      py::arg("background") = py::none(), py::arg("device") = "auto", py::arg("depth") = true,
+      py::arg("normals") = false, py::arg("config") = py::none(),
+      R"(A Picture of the model from a Camera; of an iterable of cameras a list, for which a GPU gets the
+model once. background: "black", "white" or three numbers 0 to 1; else the model's. device: auto,
+cpu, cuda, cuda:N. depth and normals take a pass each, as colour with alpha does. config: settings
+of [render] and [model] over the model's own, as train() takes them. Several threads may render;
+on one device they take turns.)");
   bind_evaluation(module);
 }
 

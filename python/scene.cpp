@@ -126,10 +126,10 @@ void bind_view(py::module_& module) {
         return NamedCamera{self.view->name, self.view->camera};
       },
       "Its Camera.");
-  view.def_property_readonly("photo", photo_of,
-                             "(height, width, 3) uint8, sRGB, of the camera's size: undistorted "
-                             "and resized. Read-only, and no\n"
-                             "copy; of a scene that does not fit into memory it is decoded now.");
+  view.def_property_readonly(
+      "photo", photo_of,
+      R"((height, width, 3) uint8, sRGB, of the camera's size: undistorted and resized. Read-only, and no
+copy; of a scene that does not fit into memory it is decoded now.)");
   view.def_property_readonly(
       "mask", mask_of,
       "(height, width) uint8: 255 trains, 0 does not; None where every pixel trains. Read-only.");
@@ -166,28 +166,24 @@ void bind_scene(py::module_& module) {
   const auto held = [](const ScenePointer& pointer) {
     return std::const_pointer_cast<LoadedScene>(pointer);
   };
-  scene.def(py::init([=](const py::iterable& train, const py::iterable& test,
-                         const py::object& points, const py::object& colors) {
-              return held(scene_from(train, test, points, colors));
-            }),
-            "From arrays, which are copied. train, test: pairs of a Camera and its photo, (height, "
-            "width, 3) uint8, sRGB, of\n"
-            "the camera's size; views are sorted by their cameras' names. points: (M, 3), world "
-            "units; without points training\n"
-            "starts at random. point_colors: (M, 3) uint8, else grey.",
-            py::arg("train"), py::arg("test") = py::tuple(), py::kw_only(),
-            py::arg("points") = py::none(), py::arg("point_colors") = py::none());
+  scene.def(
+      py::init(
+          [=](const py::iterable& train, const py::iterable& test, const py::object& points,
+              const py::object& colors) { return held(scene_from(train, test, points, colors)); }),
+      R"(From arrays, which are copied. train, test: pairs of a Camera and its photo, (height, width, 3)
+uint8, sRGB, of the camera's size; views are sorted by their cameras' names. points: (M, 3), world
+units; without points training starts at random. point_colors: (M, 3) uint8, else grey.)",
+      py::arg("train"), py::arg("test") = py::tuple(), py::kw_only(),
+      py::arg("points") = py::none(), py::arg("point_colors") = py::none());
   scene.def_static(
       "load",
       [=](const std::filesystem::path& path, const py::kwargs& settings) {
         return held(load_from(path, settings));
       },
       py::arg("path"),
-      "A folder with photos and a COLMAP model, or a transforms.json. Keywords are the settings of "
-      "[dataset]:\n"
-      "eval=True holds out every test_every-th view, resolution=4 divides the photos' size by 4, "
-      "16 and more is their\n"
-      "width, images, masks, model, ... (docs/configuration.md).");
+      R"(A folder with photos and a COLMAP model, or a transforms.json. Keywords are the settings of
+[dataset]: eval=True holds out every test_every-th view, resolution=4 divides the photos' size by
+4, 16 and more is their width, images, masks, model, ... (docs/configuration.md).)");
   const auto views = [&](const char* name, std::vector<View> Scene::*member, const char* meaning) {
     scene.def_property_readonly(
         name,

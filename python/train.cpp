@@ -231,20 +231,17 @@ void bind_train(py::module_& module) {
              py::arg("iterations") = py::none(), py::arg("seed") = py::none(),
              py::arg("device") = py::none(), py::arg("callback") = py::none(),
              py::arg("callback_every") = 100,
-             "Trains Gaussians on a Scene, or on the scene in a folder, and returns a Result.\n\n"
-             "config: the name of a preset, a TOML file or a run's folder; a dict of settings, "
-             "nested or with dots in the names\n"
-             "({\"density.max_gaussians\": 100000}); or a list of these, the later over the "
-             "earlier. Settings of [dataset] are\n"
-             "those of the Scene, where one is given. iterations, seed and device are short for "
-             "train.iterations, train.seed and\n"
-             "train.device.\n\n"
-             "callback(progress) is called after every callback_every-th step and after the last. "
-             "Returning False ends the run\n"
-             "after that step, with a Result; an exception ends it at once, and comes out of "
-             "train(), as Ctrl-C does. A run that\n"
-             "went back after a breakdown reports steps again. The GIL is released but for "
-             "callbacks. Nothing is written.");
+             R"(Trains Gaussians on a Scene, or on the scene in a folder, and returns a Result.
+
+config: the name of a preset, a TOML file or a run's folder; a dict of settings, nested or with
+dots in the names ({"density.max_gaussians": 100000}); or a list of these, the later over the
+earlier. Settings of [dataset] are those of the Scene, where one is given. iterations, seed and
+device are short for train.iterations, train.seed and train.device.
+
+callback(progress) is called after every callback_every-th step and after the last. Returning
+False ends the run after that step, with a Result; an exception ends it at once, and comes out of
+train(), as Ctrl-C does. A run that went back after a breakdown reports steps again. The GIL is
+released but for callbacks. Nothing is written.)");
 }
 
 }  // namespace gs::python

@@ -28,6 +28,8 @@ if(GS_WITH_PYTHON)
     set(GS_HAVE_PYTHON ${Python3_FOUND})
   endif()
 endif()
-set(GS_PYTHON_INSTALL_DIR lib/python${Python3_VERSION_MAJOR}.${Python3_VERSION_MINOR}/site-packages CACHE STRING
-  "Where the Python module is installed, below the prefix")
+if(GS_HAVE_PYTHON)
+  set(GS_PYTHON_INSTALL_DIR lib/python${Python3_VERSION_MAJOR}.${Python3_VERSION_MINOR}/site-packages CACHE STRING
+    "Where the Python module is installed, below the prefix")
+endif()
 gs_report("Python, NumPy and pybind11" "${GS_HAVE_PYTHON}" "no Python module is built")
