@@ -11,6 +11,7 @@
 #include "cli/verbs.h"
 #include "data_loaders/model_info.h"
 #include "gs_api/open_model.h"
+#include "gs_core/log.h"
 #include "gs_core/version.h"
 
 namespace gs {

@@ -15,7 +15,7 @@ namespace gs::python {
 
 namespace py = pybind11;
 
-using FloatArray = py::array_t<float, py::array::c_style>;
+using FloatArray = py::array_t<float, py::array::c_style | py::array::forcecast>;
 using Shape = std::vector<py::ssize_t>;
 inline constexpr py::ssize_t kAny = -1;  // in a shape that is asked for: any length
 

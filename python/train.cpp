@@ -67,8 +67,7 @@ class CallbackObserver final : public Observer {
 
   void after_step(int step, Trainer& trainer) override {
     const bool is_last = step == trainer.schedule().steps();
-    if (is_last || step % trainer.config().train.log_every == 0)
-      rows_.push_back({step, trainer.loss(), trainer.gaussian_count(), trainer.train_seconds()});
+    if (is_last || step % trainer.config().train.log_every == 0) note(trainer);
     const bool is_due = has_callback_ && (is_last || step % every_ == 0);
     if (!is_due && Clock::now() < next_look_) return;
     const py::gil_scoped_acquire gil;
@@ -79,9 +78,16 @@ class CallbackObserver final : public Observer {
   void after_rollback(int step, Trainer&) override {
     while (!rows_.empty() && rows_.back().step > step) rows_.pop_back();
   }
+  void after_run(Trainer& trainer) override {
+    if (rows_.empty() || rows_.back().step != trainer.step()) note(trainer);  // was stopped
+  }
   std::vector<MetricsRow> rows() const { return rows_; }
 
  private:
+  void note(Trainer& trainer) {
+    rows_.push_back(
+        {trainer.step(), trainer.loss(), trainer.gaussian_count(), trainer.train_seconds()});
+  }
   void call_back(Trainer& trainer) {
     const auto progress = std::make_shared<Progress>(trainer);
     const struct End {
@@ -239,7 +245,7 @@ earlier. Settings of [dataset] are those of the Scene, where one is given. itera
 device are short for train.iterations, train.seed and train.device.
 
 callback(progress) is called after every callback_every-th step and after the last. Returning
-False ends the run after that step, with a Result; an exception ends it at once, and comes out of
+False ends the run after one more step, with a Result; an exception ends it at once, and comes out of
 train(), as Ctrl-C does. A run that went back after a breakdown reports steps again. The GIL is
 released but for callbacks. Nothing is written.)");
 }

@@ -11,7 +11,7 @@ function(gs_install_library target name)
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
   install(TARGETS ${target} EXPORT gemsplat ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
   cmake_path(GET CMAKE_CURRENT_SOURCE_DIR FILENAME folder)
-  install(DIRECTORY . DESTINATION ${GS_INSTALL_INCLUDE_DIR}/${folder} FILES_MATCHING PATTERN "*.h")
+  install(DIRECTORY . DESTINATION ${GS_INSTALL_INCLUDE_DIR}/${folder} FILES_MATCHING PATTERN "*.h" PATTERN example EXCLUDE)
 endfunction()
 
 # gs_install_package(): what is not a library's own; called when all targets are known.

@@ -34,7 +34,7 @@ class Docs(TestCase):
             printed.append(out.getvalue())
         self.assertRegex(printed[0], r"^20 0\.\d+ \d+\n(.*\n)+100 .*\n<gemsplat.Evaluation: .* over 5 views>\n\(90, 120, 3\) ")
         self.assertRegex(printed[1], r"^\d+ \d+\n$")
-        self.assertRegex(printed[2], r"^60 True \{'step': 60, ")
+        self.assertRegex(printed[2], r"^61 True \{'step': 61, ")
         for file in ["courtyard.ply", "after_40.ply"]:
             self.assertGreater(len(gemsplat.load(file)), 100)
 
