@@ -43,7 +43,9 @@ const std::map<std::string, std::set<std::string>> kLayers = {
     {"python", {"gs_core", "gs_render", "gs_train", "data_loaders", "gs_api"}},
     {"web", {}},
     {"cli", {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders", "gs_api", "web"}},
-    {"tests", {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders", "gs_api", "web", "cli"}},
+    {"tests",
+     {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders", "gs_api", "web", "cli",
+      "python"}},
 };
 
 /// One header or target that a path may use beside the owners: the beginning of a path, and a whole name.
