@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "cli/run_folder.h"
 #include "data_loaders/camera_file.h"
+#include "gs_api/run_folder.h"
 #include "gs_core/config.h"
 
 namespace gs {

@@ -4,45 +4,19 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "cli/report_page.h"
-#include "gs_core/error.h"
 #include "gs_core/parallel.h"
-
-#ifdef GS_HAVE_CUDA
-#include "cuda/backend.h"
-#endif
 
 namespace gs {
 namespace {
 
-#ifdef GS_HAVE_CUDA
-int cuda_devices() { return cuda::device_count(); }
-
-std::unique_ptr<Backend> make_cuda_backend(int index) {
-  if (index < cuda_devices()) return cuda::make_backend(index);
-  throw Error("there is no GPU cuda:" + std::to_string(index) + ": the driver reports " +
-              std::to_string(cuda_devices()) + "; check nvidia-smi, or use --device cpu");
-}
-#else
-int cuda_devices() { return 0; }
-
-std::unique_ptr<Backend> make_cuda_backend(int) {
-  throw Error(
-      "this build has no CUDA; configure again where nvcc is on the PATH (-DGS_REQUIRE_CUDA=ON "
-      "says what "
-      "is missing), or use --device cpu");
-}
-#endif
-
 Capability cuda_capability() {
-#ifdef GS_HAVE_CUDA
-  const int count = cuda_devices();
-  return {"CUDA", count > 0,
-          count > 0 ? "trains and renders on " + std::to_string(count) + " GPU(s)"
-                    : "this build has CUDA, and the driver reports no GPU; check nvidia-smi"};
-#else
+  const int count = cuda_device_count();
+  if (count > 0)
+    return {"CUDA", true, "trains and renders on " + std::to_string(count) + " GPU(s)"};
   return {"CUDA", false,
-          "training and rendering run on the CPU; build again where nvcc is on the PATH"};
-#endif
+          has_cuda()
+              ? "this build has CUDA, and the driver reports no GPU; check nvidia-smi"
+              : "training and rendering run on the CPU; build again where nvcc is on the PATH"};
 }
 
 Capability openimageio_capability() {
@@ -80,6 +54,16 @@ Capability report_capability() {
       can_write_reports() ? "writes report.html of runs and experiments" : cannot_write_reports()};
 }
 
+Capability python_capability() {
+#ifdef GS_HAVE_PYTHON
+  return {"Python", true, "the module gemsplat is built beside this program"};
+#else
+  return {"Python", false,
+          "there is no Python module; install pybind11-dev, python3-dev and python3-numpy, and "
+          "build again"};
+#endif
+}
+
 // What a build without a library cannot read or write.
 Capability format_capability(bool is_there, const char* name, const char* files,
                              const char* package) {
@@ -107,17 +91,6 @@ constexpr bool kHasWebp = false;
 
 }  // namespace
 
-std::unique_ptr<Backend> make_backend(const std::string& device) {
-  if (device == "cpu") return make_scalar_backend();
-  if (device == "auto") return cuda_devices() > 0 ? make_cuda_backend(0) : make_scalar_backend();
-  const std::size_t colon = device.find(':');
-  try {
-    return make_cuda_backend(colon == device.npos ? 0 : std::stoi(device.substr(colon + 1)));
-  } catch (const std::out_of_range&) {
-    throw UsageError("--device " + device + ": there is no GPU with such a number");
-  }
-}
-
 std::vector<Capability> capabilities() {
   return {{"CPU", true, "trains and renders on " + std::to_string(thread_count()) + " threads"},
           cuda_capability(),
@@ -127,7 +100,8 @@ std::vector<Capability> capabilities() {
           report_capability(),
           format_capability(kHasZlib, "zlib", ".spz", "zlib1g-dev"),
           format_capability(kHasZstd, "zstd", ".spz of version 4", "libzstd-dev"),
-          format_capability(kHasWebp, "libwebp", ".sog", "libwebp-dev")};
+          format_capability(kHasWebp, "libwebp", ".sog", "libwebp-dev"),
+          python_capability()};
 }
 
 }  // namespace gs

@@ -1,17 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the name of a device to its backend; and what this build can do at all.
+// What this build can do, and the backends of its devices (gs_api/make_backend.h).
 #pragma once
 
-#include <memory>
 #include <string>
+#include <vector>
 
-#include "gs_train/backend.h"
+#include "gs_api/make_backend.h"
 
 namespace gs {
-
-/// The backend for "cpu", "cuda", "cuda:N" or "auto" (a GPU where this build and machine have one, else the
-/// CPU). Throws Error that says what is missing and how to get it.
-std::unique_ptr<Backend> make_backend(const std::string& device);
 
 /// One thing that a build may have or lack.
 struct Capability {

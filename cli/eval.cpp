@@ -7,12 +7,12 @@
 #include <memory>
 
 #include "cli/devices.h"
-#include "cli/open_model.h"
 #include "cli/options.h"
 #include "cli/progress_bar.h"
 #include "cli/results.h"
 #include "cli/text.h"
 #include "cli/verbs.h"
+#include "gs_api/open_model.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "cli/experiment_file.h"
-#include "cli/run_folder.h"
+#include "gs_api/run_folder.h"
 
 namespace gs {
 

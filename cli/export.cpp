@@ -10,9 +10,9 @@
 #include "cli/cameras.h"
 #include "cli/devices.h"
 #include "cli/exported_file.h"
-#include "cli/open_model.h"
 #include "cli/options.h"
 #include "cli/verbs.h"
+#include "gs_api/open_model.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 

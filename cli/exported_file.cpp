@@ -5,8 +5,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "cli/run_folder.h"
 #include "data_loaders/move_aside.h"
+#include "gs_api/open_model.h"
+#include "gs_api/run_folder.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/markdown.h"
@@ -75,8 +76,6 @@ std::string size_text(std::uint64_t bytes) {
 }
 
 }  // namespace
-
-fs::path sidecar_of(const fs::path& file) { return file.string() + ".transforms.json"; }
 
 void check_place(const fs::path& file, bool force) {
   if (!fs::exists(file)) return;

@@ -30,9 +30,6 @@ struct ExportedFile {
   double bytes_per_gaussian() const { return gaussians ? double(bytes) / double(gaussians) : 0; }
 };
 
-/// FILE.transforms.json
-std::filesystem::path sidecar_of(const std::filesystem::path& file);
-
 /// Throws UsageError for a file that is there already and may not be moved aside (`force`), or is none.
 void check_place(const std::filesystem::path& file, bool force);
 /// A file that is there gets the name FILE.bak-N, and the log says so; it stays until the newer one is whole.
@@ -42,7 +39,7 @@ void keep_older_aside(const std::filesystem::path& file);
 /// (`force`); Error where this build cannot write the format. To be asked before the work starts.
 void check_export(const ExportRequest& request, bool force);
 
-/// Writes the model, and the sidecar: {"file", "format", "gaussians", "bytes", "bytes_per_gaussian", "antialiased",
+/// Writes the model, and the sidecar (sidecar_of() in open_model.h): {"file", "format", "gaussians", "bytes", "bytes_per_gaussian", "antialiased",
 ///   "axes": {"x", "y", "z"},               of the numbers in the file
 ///   "input_from_file", "file_from_input"   4x4 by rows; the input's frame is that of the photos' poses
 ///   "input_from_train", "train_from_input" the same for the frame that the model was trained in

@@ -8,9 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/devices.h"
-#include "cli/open_model.h"
 #include "cli/verbs.h"
 #include "data_loaders/model_info.h"
+#include "gs_api/open_model.h"
+#include "gs_core/log.h"
 #include "gs_core/version.h"
 
 namespace gs {

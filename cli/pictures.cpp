@@ -17,14 +17,6 @@ constexpr std::string_view kPhotoExtensions[] = {".jpg",  ".jpeg", ".png",  ".ti
 
 }  // namespace
 
-Image8 to_image8(const ImageF& image) {
-  Image8 result(image.width, image.height, image.channels);
-  std::transform(image.pixels.begin(), image.pixels.end(), result.pixels.begin(), [](float value) {
-    return value > 0 ? std::uint8_t(std::min(value, 1.0f) * 255.0f + 0.5f) : std::uint8_t(0);
-  });
-  return result;
-}
-
 std::vector<std::size_t> evenly_chosen(std::size_t count, std::size_t wanted) {
   const std::size_t chosen = std::min(count, wanted);
   std::vector<std::size_t> indices(chosen);

@@ -10,9 +10,6 @@
 
 namespace gs {
 
-/// 0..1 to 0..255, rounded; values outside are clamped, NaN becomes 0.
-Image8 to_image8(const ImageF& image);
-
 /// `wanted` (or all, where there are fewer) indices below `count`, evenly spread, ascending.
 std::vector<std::size_t> evenly_chosen(std::size_t count, std::size_t wanted);
 

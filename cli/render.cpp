@@ -6,12 +6,12 @@
 
 #include "cli/cameras.h"
 #include "cli/devices.h"
-#include "cli/open_model.h"
 #include "cli/options.h"
 #include "cli/pictures.h"
 #include "cli/progress_bar.h"
 #include "cli/verbs.h"
 #include "data_loaders/photos.h"
+#include "gs_api/open_model.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 

@@ -7,6 +7,7 @@
 
 #include "cli/report_curves.h"
 #include "cli/report_page.h"
+#include "gs_api/read_json.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 

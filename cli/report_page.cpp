@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/report_page.h"
 
-#include <fstream>
-
 #include "cli/provenance.h"
-#include "cli/run_folder.h"
+#include "gs_api/run_folder.h"
 #include "gs_core/error.h"
 #include "gs_core/version.h"
 #include "web/pages.h"
@@ -43,15 +41,5 @@ void write_report(const std::filesystem::path& file, const Json& data) {
 }
 
 Json made_by() { return {{"version", kVersion}, {"commit", built_commit()}, {"date", utc_date()}}; }
-
-Json read_json(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  if (!file) throw Error("cannot read " + path.string() + ": there is no such file");
-  Json json = Json::parse(file, nullptr, false);
-  if (!json.is_object())
-    throw Error("cannot read " + path.string() +
-                ": it is damaged; move it away to go without it, or train again");
-  return json;
-}
 
 }  // namespace gs

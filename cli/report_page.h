@@ -21,7 +21,4 @@ void write_report(const std::filesystem::path& file, const nlohmann::ordered_jso
 /// {"version", "commit", "date"} of the program that writes the report, now.
 nlohmann::ordered_json made_by();
 
-/// A JSON file of a run or an experiment. Throws Error where it cannot be read or is no object.
-nlohmann::ordered_json read_json(const std::filesystem::path& file);
-
 }  // namespace gs

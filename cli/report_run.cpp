@@ -11,6 +11,7 @@
 #include "cli/report_page.h"
 #include "cli/report_views.h"
 #include "data_loaders/ply.h"
+#include "gs_api/read_json.h"
 #include "gs_core/config_fields.h"
 #include "gs_core/config_text.h"
 #include "gs_core/error.h"

@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "cli/run_folder.h"
+#include "gs_api/run_folder.h"
 
 namespace gs {
 

@@ -11,6 +11,7 @@
 #include "cli/report_page.h"
 #include "cli/results.h"
 #include "data_loaders/photos.h"
+#include "gs_api/read_json.h"
 #include "gs_core/error.h"
 
 namespace gs {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/run_folder.h"
+#include "gs_api/run_folder.h"
 
 namespace gs {
 

@@ -8,7 +8,7 @@
 
 #include "cli/checkpoint_file.h"
 #include "cli/options.h"
-#include "cli/run_folder.h"
+#include "gs_api/run_folder.h"
 
 namespace gs {
 

@@ -20,7 +20,6 @@
 #include "cli/report_run.h"
 #include "cli/results.h"
 #include "cli/resume.h"
-#include "cli/run_folder.h"
 #include "cli/stop_on_signal.h"
 #include "cli/text.h"
 #include "cli/train_observers.h"
@@ -30,6 +29,7 @@
 #include "data_loaders/photo_folder.h"
 #include "data_loaders/photos.h"
 #include "data_loaders/scene_hash.h"
+#include "gs_api/run_folder.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 

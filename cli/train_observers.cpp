@@ -12,8 +12,6 @@
 #include "cli/text.h"
 #include "data_loaders/ply.h"
 #include "gs_core/log.h"
-#include "gs_core/math/activations.h"
-#include "gs_core/math/constants.h"
 
 namespace gs {
 namespace {
@@ -23,13 +21,6 @@ const std::string kMetricsHeader =
 
 bool names(const std::vector<int>& steps, int step) {
   return std::find(steps.begin(), steps.end(), step) != steps.end();
-}
-
-std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians) {
-  std::vector<std::uint32_t> rows;
-  for (std::uint32_t i = 0; i < gaussians.count(); ++i)
-    if (!(sigmoid(gaussians.logit_opacity[i]) < kMinAlpha)) rows.push_back(i);
-  return rows;
 }
 
 bool is_last(int step, Trainer& trainer) { return step == trainer.schedule().steps(); }
@@ -105,16 +96,6 @@ void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* te
           (test ? fmt::format("{:.4f},{:.5f}\n", test->psnr, test->ssim) : std::string(",\n")));
   last_row_ = step;
   last_seconds_ = seconds;
-}
-
-GaussianModel trained_model(Trainer& trainer) {
-  GaussianModel model;
-  trainer.look_at_result([&](const Gaussians& gaussians) {
-    model = host_copy(gaussians, trainer.config().model.sh_degree, trainer.settings().antialias);
-  });
-  model.gaussians = rows_of(model.gaussians, visible_rows(model.gaussians));
-  model.world_offset = trainer.scene().world_offset;
-  return model;
 }
 
 void save_model(const RunFolder& folder, int step, Trainer& trainer) {

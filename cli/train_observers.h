@@ -7,7 +7,7 @@
 #include <string>
 
 #include "cli/progress_bar.h"
-#include "cli/run_folder.h"
+#include "gs_api/run_folder.h"
 #include "gs_train/metrics.h"
 #include "gs_train/trainer.h"
 
@@ -75,9 +75,6 @@ class MetricsObserver final : public Observer {
   int last_row_ = 0;
   double last_seconds_ = 0;
 };
-
-/// The model as it is now, as files carry it.
-GaussianModel trained_model(Trainer& trainer);
 
 /// Saves it to its place in the run's folder.
 void save_model(const RunFolder& folder, int step, Trainer& trainer);

@@ -2,6 +2,7 @@
 // Pictures in host memory: row-major, channels interleaved.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -28,5 +29,14 @@ struct Image {
 
 using Image8 = Image<std::uint8_t>;  // 0..255, display sRGB as stored in the file
 using ImageF = Image<float>;         // 0..1, display sRGB unless said otherwise
+
+/// 0..1 to 0..255, rounded; values outside are clamped, NaN becomes 0.
+inline Image8 to_image8(const ImageF& image) {
+  Image8 result(image.width, image.height, image.channels);
+  std::transform(image.pixels.begin(), image.pixels.end(), result.pixels.begin(), [](float value) {
+    return value > 0 ? std::uint8_t(std::min(value, 1.0f) * 255.0f + 0.5f) : std::uint8_t(0);
+  });
+  return result;
+}
 
 }  // namespace gs

@@ -6,7 +6,8 @@
 namespace gs {
 
 void setup_log(Verbosity verbosity) {
-  auto logger = spdlog::stderr_color_mt("gemsplat");
+  auto logger = spdlog::get("gemsplat");
+  if (!logger) logger = spdlog::stderr_color_mt("gemsplat");
   logger->set_pattern("%^%v%$");
   logger->set_level(verbosity == Verbosity::quiet     ? spdlog::level::warn
                     : verbosity == Verbosity::verbose ? spdlog::level::debug

@@ -9,7 +9,7 @@ namespace gs {
 /// Log levels that a user chooses between: quiet shows warnings and errors only.
 enum class Verbosity { quiet, normal, verbose };
 
-/// Sends the log to standard error in the program's plain form. Call once, from main().
+/// Sends the log to standard error in the program's plain form. Call from main(), and again where it is to say more or less.
 void setup_log(Verbosity verbosity);
 
 template <class... Args>

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "gs_core/error.h"
+#include "gs_core/math/activations.h"
 #include "gs_train/floaters.h"
 #include "gs_train/gaussian_budget.h"
 #include "gs_train/initialise.h"
@@ -33,6 +34,13 @@ Config with_known_cap(Config config, const RunProgress& progress) {
   if (config.density.max_gaussians == kAutoCount && progress.growth_cap > 0)
     config.density.max_gaussians = progress.growth_cap;
   return config;
+}
+
+std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians) {
+  std::vector<std::uint32_t> rows;
+  for (std::uint32_t i = 0; i < gaussians.count(); ++i)
+    if (!(sigmoid(gaussians.logit_opacity[i]) < kMinAlpha)) rows.push_back(i);
+  return rows;
 }
 
 }  // namespace
@@ -229,6 +237,16 @@ RenderSettings Trainer::evaluation_settings() const {
   settings.sh_degree = settings_.sh_degree;
   settings.for_backward = false;
   return settings;
+}
+
+GaussianModel trained_model(Trainer& trainer) {
+  GaussianModel model;
+  trainer.look_at_result([&](const Gaussians& gaussians) {
+    model = host_copy(gaussians, trainer.config().model.sh_degree, trainer.settings().antialias);
+  });
+  model.gaussians = rows_of(model.gaussians, visible_rows(model.gaussians));
+  model.world_offset = trainer.scene().world_offset;
+  return model;
 }
 
 }  // namespace gs

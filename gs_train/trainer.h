@@ -132,6 +132,9 @@ class Trainer {
   volatile bool stop_requested_ = false;
 };
 
+/// The model as it is now, as files carry it: what cannot be seen is left out. Waits for the device.
+GaussianModel trained_model(Trainer& trainer);
+
 /// Render settings as the config states them, at the model's full SH degree.
 RenderSettings render_settings(const Config& config);
 

@@ -10,7 +10,9 @@ function(gs_header_library target header)
                         "header-only dependencies with -DGS_DEPS_INCLUDE=DIR (docs/developing.md).")
   endif()
   add_library(${target} INTERFACE)
-  target_include_directories(${target} SYSTEM INTERFACE ${${target}_DIR_FOUND})
+  target_include_directories(${target} SYSTEM INTERFACE $<BUILD_INTERFACE:${${target}_DIR_FOUND}>)
+  list(APPEND GS_HEADER_LIBRARIES ${target})
+  set(GS_HEADER_LIBRARIES ${GS_HEADER_LIBRARIES} PARENT_SCOPE)
 endfunction()
 
 gs_header_library(gs_glm glm/vec3.hpp)
@@ -90,6 +92,7 @@ set(GS_HAVE_CERES ${Ceres_FOUND})
 gs_report("Ceres" "${GS_HAVE_CERES}" "no cameras are refined (--refine-cameras) and no exposures solved for (--exposure), and the gradient tests against ceres::Jet are left out")
 
 include(web)
+include(python)
 
 set(GS_HAVE_CUDA FALSE)
 if(GS_WITH_CUDA)

@@ -1,26 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-# gs_library(), gs_test() and gs_benchmark(): one line per target elsewhere.
+# gs_library(), gs_test() and gs_benchmark(): one line per target elsewhere. What is installed: install.cmake.
 
 # Warnings, sanitizers and the arithmetic that all our own targets share.
 add_library(gs_flags INTERFACE)
-target_include_directories(gs_flags INTERFACE ${PROJECT_SOURCE_DIR})
+target_include_directories(gs_flags INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:${GS_INSTALL_INCLUDE_DIR}>)
+target_compile_features(gs_flags INTERFACE cxx_std_20)
 set(gs_cxx "$<$<COMPILE_LANGUAGE:CXX>:")
 # A product and a sum are one rounding only where multiply_add() says so: forward and backward, and two
-# compilers, then agree on every bit.
-target_compile_options(gs_flags INTERFACE "${gs_cxx}-Wall;-Wextra;-ffp-contract=off;-fno-math-errno>")
+# compilers, then agree on every bit. Programs that link the installed libraries take this over, since a linker keeps
+# one copy of an inline function, be it theirs or ours.
+target_compile_options(gs_flags INTERFACE "${gs_cxx}-ffp-contract=off;-fno-math-errno>")
+# Libraries are position independent, so that a shared one can hold them; calls within a file are inlined all the same.
+target_compile_options(gs_flags INTERFACE "$<BUILD_INTERFACE:${gs_cxx}-Wall;-Wextra;-fno-semantic-interposition>>")
 if(GS_NATIVE)
-  target_compile_options(gs_flags INTERFACE "${gs_cxx}-march=native>")
+  target_compile_options(gs_flags INTERFACE "$<BUILD_INTERFACE:${gs_cxx}-march=native>>")
 endif()
 if(GS_SANITIZE)
   target_compile_options(gs_flags INTERFACE "${gs_cxx}-fsanitize=address,undefined;-fno-omit-frame-pointer;-fno-sanitize-recover=undefined>")
   target_link_options(gs_flags INTERFACE -fsanitize=address,undefined)
 endif()
 
-# gs_library(name SOURCES ... PUBLIC ... PRIVATE ...)
+# gs_library(name [EXPORT name] SOURCES ... PUBLIC ... PRIVATE ...); EXPORT: installed, as gemsplat::name.
 function(gs_library name)
-  cmake_parse_arguments(arg "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(arg "" "EXPORT" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
   add_library(${name} STATIC ${arg_SOURCES})
-  target_link_libraries(${name} PUBLIC gs_flags ${arg_PUBLIC} PRIVATE ${arg_PRIVATE})
+  target_link_libraries(${name} PUBLIC gs_flags ${arg_PUBLIC})
+  foreach(library IN LISTS arg_PRIVATE)
+    if(library IN_LIST GS_HEADER_LIBRARIES)  # is compiled in: nothing is left of it to link
+      set(library $<BUILD_INTERFACE:${library}>)
+    endif()
+    target_link_libraries(${name} PRIVATE ${library})
+  endforeach()
+  if(arg_EXPORT)
+    gs_install_library(${name} ${arg_EXPORT})
+  endif()
 endfunction()
 
 # gs_test(path [LINK ...]): tests/<path>.cpp, with everything linked; left out by name where a library under

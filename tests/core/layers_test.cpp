@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Includes and link lines go one way, and a library is seen only by the folder that owns it:
 //
-//   gs_core <- gs_render <- gs_train <- cuda;   gs_core <- data_loaders;   web;   cli and tests see everything
+//   gs_core <- gs_render <- gs_train <- cuda;   gs_core <- data_loaders;   all of these <- gs_api <- python;   web;
+//   cli and tests see everything
 //
 // This test reads the source tree. The rules are the two tables below; docs/developing.md explains them.
 #include <gmock/gmock.h>
@@ -38,9 +39,13 @@ const std::map<std::string, std::set<std::string>> kLayers = {
     {"gs_train", {"gs_core", "gs_render"}},
     {"cuda", {"gs_core", "gs_render", "gs_train"}},
     {"data_loaders", {"gs_core"}},
+    {"gs_api", {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders"}},
+    {"python", {"gs_core", "gs_render", "gs_train", "data_loaders", "gs_api"}},
     {"web", {}},
-    {"cli", {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders", "web"}},
-    {"tests", {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders", "web", "cli"}},
+    {"cli", {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders", "gs_api", "web"}},
+    {"tests",
+     {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders", "gs_api", "web", "cli",
+      "python"}},
 };
 
 /// One header or target that a path may use beside the owners: the beginning of a path, and a whole name.
@@ -76,6 +81,11 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
      {"data_loaders/"}},
     {"zlib", {"zlib.h"}, {"ZLIB::"}, {"data_loaders/formats/compression"}, {"data_loaders/"}},
     {"libwebp", {"webp/"}, {"GS_WEBP_"}, {"data_loaders/formats/webp"}, {"data_loaders/"}},
+    {"pybind11",
+     {"pybind11/", "Python.h"},
+     {"GS_PYBIND11_", "Python3"},
+     {"python/"},
+     {"python/", "tests/"}},
     {"OpenImageIO", {"OpenImageIO/"}, {"OpenImageIO"}, {"data_loaders/"}, {"data_loaders/"}},
     {"Ceres",
      {"ceres/"},

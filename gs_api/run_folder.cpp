@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/run_folder.h"
+#include "gs_api/run_folder.h"
 
 #include <spdlog/fmt/fmt.h>
 

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <optional>
 
-#include "cli/options.h"
-#include "cli/run_folder.h"
+#include "gs_api/run_folder.h"
+#include "gs_core/config.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/scene.h"
 #include "gs_render/render_pass.h"
@@ -20,6 +20,9 @@ struct OpenedModel {
   Config config;  // the run's, but its [train], or the defaults; SH degree, antialiasing and, where another
                   // trainer wrote it, the classic blending rule of the PLY
 };
+
+/// FILE.transforms.json, which says what the file of an export cannot.
+std::filesystem::path sidecar_of(const std::filesystem::path& file);
 
 /// Opens `path` (formats.h); of a run's folder the newest PLY, or that of `step`. Throws Error where there is none.
 OpenedModel open_model(const std::filesystem::path& path, std::optional<int> step);

@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/open_model.h"
+#include "gs_api/open_model.h"
 
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "cli/exported_file.h"
-#include "cli/report_page.h"
 #include "data_loaders/exposure_file.h"
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/load_scene.h"
 #include "data_loaders/world_offset.h"
+#include "gs_api/read_json.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_train/trainer.h"
@@ -34,7 +33,7 @@ fs::path ply_of(const RunFolder& run, std::optional<int> step) {
               "; the newest is that of step " + std::to_string(*newest));
 }
 
-// What a file of an export cannot say itself: its sidecar (exported_file.h) may. Of a model that was turned, moved or scaled
+// What a file of an export cannot say itself: its sidecar may. Of a model that was turned, moved or scaled
 // nothing is taken: it is nobody's frame but its own.
 void take_sidecar(const fs::path& file, GaussianModel& model) {
   const fs::path sidecar = sidecar_of(file);
@@ -60,6 +59,8 @@ void take_sidecar(const fs::path& file, GaussianModel& model) {
 }
 
 }  // namespace
+
+fs::path sidecar_of(const fs::path& file) { return file.string() + ".transforms.json"; }
 
 OpenedModel open_model(const fs::path& path, std::optional<int> step) {
   OpenedModel opened;

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// From the name of a device to its backend.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "gs_train/backend.h"
+
+namespace gs {
+
+/// The backend for "cpu", "cuda", "cuda:N" or "auto" (a GPU where this build and machine have one, else the
+/// CPU). Throws Error that says what is missing and how to get it; UsageError for any other name. A backend serves
+/// one thread at a time.
+std::unique_ptr<Backend> make_backend(const std::string& device);
+
+/// Whether this build has CUDA, and how many GPUs the driver then reports.
+bool has_cuda();
+int cuda_device_count();
+
+}  // namespace gs

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat.Error and its kinds: what C++ throws as Error, in Python.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+namespace gs::python {
+
+/// Makes Error, UsageError (a ValueError, too) and OutOfMemoryError (a MemoryError, too) and turns Error into them.
+void bind_errors(pybind11::module_& module);
+
+}  // namespace gs::python

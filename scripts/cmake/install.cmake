@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+# What `cmake --install` writes: the program, libraries with their headers, an example, the Python module, and the package
+# that find_package(gemsplat) reads (docs/embedding.md).
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+set(GS_INSTALL_INCLUDE_DIR ${CMAKE_INSTALL_INCLUDEDIR}/gemsplat)  # headers name each other by their folders in here
+set(GS_INSTALL_PACKAGE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/gemsplat)
+
+# gs_install_library(target name): the library, the headers of its folder, and gemsplat::name for those who link it.
+function(gs_install_library target name)
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
+  install(TARGETS ${target} EXPORT gemsplat ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  cmake_path(GET CMAKE_CURRENT_SOURCE_DIR FILENAME folder)
+  install(DIRECTORY . DESTINATION ${GS_INSTALL_INCLUDE_DIR}/${folder} FILES_MATCHING PATTERN "*.h" PATTERN example EXCLUDE)
+endfunction()
+
+# gs_install_package(): what is not a library's own; called when all targets are known.
+function(gs_install_package)
+  foreach(target gs_flags gs_glm gs_fmt gs_spdlog)  # of headers alone; the package finds the last three again
+    string(REPLACE "gs_" "" name ${target})
+    set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
+    install(TARGETS ${target} EXPORT gemsplat)
+  endforeach()
+  install(EXPORT gemsplat NAMESPACE gemsplat:: FILE gemsplatTargets.cmake DESTINATION ${GS_INSTALL_PACKAGE_DIR})
+  set(package ${PROJECT_BINARY_DIR}/package)
+  configure_package_config_file(${PROJECT_SOURCE_DIR}/scripts/cmake/gemsplatConfig.cmake.in ${package}/gemsplatConfig.cmake
+    INSTALL_DESTINATION ${GS_INSTALL_PACKAGE_DIR})
+  write_basic_package_version_file(${package}/gemsplatConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+  install(FILES ${package}/gemsplatConfig.cmake ${package}/gemsplatConfigVersion.cmake DESTINATION ${GS_INSTALL_PACKAGE_DIR})
+  install(DIRECTORY gs_api/example DESTINATION ${CMAKE_INSTALL_DATADIR}/gemsplat)
+  install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+endfunction()
