@@ -99,7 +99,7 @@ ViewScene view_scene_of(const OpenedModel& opened, const Config& config, bool ha
                         const std::string& cameras) {
   ViewScene scene;
   scene.title = title_of(opened);
-  scene.background = view_settings(opened, config).background;
+  take_settings(scene, view_settings(opened, config));
   if (has_scene) {
     scene.photos = photos_of(config.dataset, opened.model.world_offset);
     scene.cameras = viewed_cameras(*scene.photos);

@@ -3,6 +3,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 
@@ -19,15 +20,15 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Of the formats that the page reads the quickest to write: docs/viewer.md.
-constexpr const char* kSnapshotFormat = "splat";
+// Of the formats that the page reads the quickest to write, and with all SH: docs/viewer.md.
+constexpr const char* kSnapshotFormat = "compressed.ply";
 
 Json json_of(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
 
 ViewScene live_scene(std::string title, const Scene& scene, const Config& config) {
   ViewScene live;
   live.title = std::move(title);
-  live.background = render_settings(config).background;
+  take_settings(live, render_settings(config));
   live.cameras = viewed_cameras(scene);
   std::vector<Vec3f> points;
   for (const ScenePoint& point : scene.points) points.push_back(point.position);
@@ -66,6 +67,7 @@ void LiveView::after_step(int step, Trainer& trainer) {
   trainer.model();  // the steps under way are training's own time
   std::optional<GaussianModel> copy;
   budget_.look([&] { copy.emplace(copied_model(trainer)); });
+  copy->sh_degree = std::min(copy->sh_degree, trainer.settings().sh_degree);  // what is in use so far
   ++looks_;
   hand_over(std::move(*copy));
 }
@@ -154,7 +156,7 @@ LiveView::Snapshot LiveView::encode(const GaussianModel& model) const {
                                              std::istreambuf_iterator<char>());
   if (bytes->size() != std::filesystem::file_size(path))
     throw Error("cannot read " + path.string() + " back");
-  return {std::move(bytes), written, 0, model.antialiased};
+  return {std::move(bytes), written, model.sh_degree, model.antialiased};
 }
 
 Json LiveView::mode_and_model() {

@@ -15,11 +15,11 @@ class PaintedModel {
   PaintedModel(Renderer& renderer, const Gaussians& gaussians, const Gaussians& host);
 
   /// Depth along the viewing axis, blended as colours are: 255 is near, 55 far, between the 2nd and the 98th percentile of what
-  /// is in the picture, evenly in 1 / depth. Black where less than half of what shines through is covered.
+  /// is in the picture, evenly in 1 / depth. Black where the Gaussians cover less than half.
   Image8 depth(const Camera& camera, const RenderSettings& settings);
 
   /// The direction of the shortest axis, turned towards the camera: (x, y, z) of camera axes as 127.5 + 127.5 (x, -y, -z),
-  /// so that what faces the camera is blue and what faces up green. Black where less than half is covered.
+  /// so that what faces the camera is blue and what faces up green. Black where they cover less than half.
   Image8 normals(const Camera& camera, const RenderSettings& settings);
 
  private:

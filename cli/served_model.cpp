@@ -33,9 +33,11 @@ bool is_newer_spz(const std::filesystem::path& file) {
   return reader.size() >= 4 && std::memcmp(reader.peek(4), "NGSP", 4) == 0;
 }
 
+// By name; a PLY may be a compressed one whatever it is called.
 const ModelFormat& format_of(const std::filesystem::path& file) {
   const ModelFormat* const format = find_format(file);
-  return format ? *format : format_named("ply");
+  if (format && format->name != "ply") return *format;
+  return format_named(is_compressed_ply(PlyFile(file).header()) ? "compressed.ply" : "ply");
 }
 
 }  // namespace

@@ -87,9 +87,7 @@ void view(const ViewCommand& command) {
   const HttpServer server(command.place, [&](const HttpRequest& request) {
     return view_answer(*source, request);
   });
-  if (!is_loopback(command.place.host))
-    log_warning("{} is no address of this machine alone: whoever reaches it sees the model and the photos",
-                command.place.host);
+  warn_of_guests(command.place);
   log_info("{}: {} Gaussians, {} cameras; Ctrl-C ends it", opened.ply.string(),
            with_commas(opened.model.gaussians.count()), source->scene().cameras.size());
   std::cout << server.url() << std::endl;

@@ -17,7 +17,6 @@ constexpr double kOrdinaryShare = 0.9;
 // How much the middle of the points weighs against the cameras' lines of sight: decides along lines that are all parallel,
 // and moves the crossing of others by a few percent at most.
 constexpr double kMiddleWeight = 0.02;
-constexpr double kNearShare = 0.01, kFarShare = 1000;  // of the radius
 
 Mat3<double> rotation_of(const Camera& camera) {
   const Mat3<float>& R = camera.cam_from_world_rotation;
@@ -139,14 +138,20 @@ Json scene_json(const ViewScene& scene) {
                {"up", list_of(scene.framing.up)},
                {"center", list_of(scene.framing.center)},
                {"radius", scene.framing.radius},
-               {"near", kNearShare * scene.framing.radius},
-               {"far", kFarShare * scene.framing.radius},
+               {"near", scene.near_plane},
+               {"far", scene.far_plane},
                {"notes", scene.notes}};
   Json cameras = Json::array();
   for (std::size_t i = 0; i < scene.cameras.size(); ++i)
     cameras.push_back(camera_json(scene.cameras[i], i));
   json["cameras"] = std::move(cameras);
   return json;
+}
+
+void take_settings(ViewScene& scene, const RenderSettings& settings) {
+  scene.background = settings.background;
+  scene.near_plane = settings.near_plane;
+  scene.far_plane = settings.far_plane;
 }
 
 std::vector<ViewedCamera> viewed_cameras(const Scene& scene) {

@@ -10,6 +10,7 @@
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/scene.h"
+#include "gs_render/render_pass.h"
 
 namespace gs {
 
@@ -37,6 +38,7 @@ Framing framing_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> p
 struct ViewScene {
   std::string title;
   Vec3f background{0};
+  float near_plane = 0.2f, far_plane = 10000;  // world units of depth: what is shown lies between
   std::vector<ViewedCamera> cameras;
   Framing framing;
   std::vector<std::string> notes;            // what is missing, and why
@@ -45,6 +47,9 @@ struct ViewScene {
 
 /// What /scene.json says, but for "mode" and "model".
 nlohmann::ordered_json scene_json(const ViewScene& scene);
+
+/// Takes what the pictures' settings say.
+void take_settings(ViewScene& scene, const RenderSettings& settings);
 
 /// All views of a scene as cameras with photos: the test views first, as in cameras.json.
 std::vector<ViewedCamera> viewed_cameras(const Scene& scene);

@@ -5,6 +5,7 @@
 
 #include "data_loaders/photos.h"
 #include "gs_core/error.h"
+#include "gs_core/log.h"
 #include "gs_train/metrics.h"
 #include "web/pages.h"
 
@@ -71,6 +72,13 @@ std::string cannot_view() {
 
 void check_can_view() {
   if (!can_view()) throw Error(cannot_view());
+}
+
+void warn_of_guests(const HttpPlace& place) {
+  if (!is_loopback(place.host))
+    log_warning(
+        "{} is no address of this machine alone: whoever reaches it sees the model and the photos",
+        place.host);
 }
 
 }  // namespace gs

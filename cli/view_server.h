@@ -37,4 +37,7 @@ std::string cannot_view();
 /// Throws Error where it cannot.
 void check_can_view();
 
+/// Warns where others than this machine may come.
+void warn_of_guests(const HttpPlace& place);
+
 }  // namespace gs
