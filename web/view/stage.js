@@ -36,7 +36,6 @@ export class Stage {
     this.scale = 1;             // of the picture's pixels, while the view moves
     this.fullSize = false;      // never fewer pixels
     this.frameTime = null;      // milliseconds, running mean while frames follow one another
-    this.frame = this.frame.bind(this);
     new ResizeObserver(() => this.resize()).observe(this.node);
   }
 
@@ -73,7 +72,7 @@ export class Stage {
   }
   request() {
     this.isStale = true;
-    if (!this.requested) this.requested = requestAnimationFrame(this.frame);
+    if (!this.requested) this.requested = requestAnimationFrame(now => this.frame(now));
   }
 
   setFullSize(on) {
@@ -117,14 +116,12 @@ export class Stage {
       if (!this.frames.hasShown) this.overlay(view);
       return;
     }
-    const projection = this.projection(view.lens), scale = this.pixelRatio * (this.isMoving ? this.scale : 1);
-    this.splats.place(view.pose, projection);
+    const scale = this.pixelRatio * (this.isMoving ? this.scale : 1);
+    this.splats.place(view.pose, projectionOf(view.lens, this.scene.near, this.scene.far));
     this.splats.draw(Math.max(1, Math.round(this.width * scale)), Math.max(1, Math.round(this.height * scale)));
-    this.frusta.draw(this.renderer, view.pose, projection);
+    this.frusta.draw(this.renderer, view.pose, view.lens, this.scene.far);
     this.drawn(view);
   }
-
-  projection(lens) { return projectionOf(lens, this.scene.near, this.scene.far); }
 
   // What lies over a frame of the server goes with the view that the frame is of.
   overlay(view) {
@@ -132,7 +129,7 @@ export class Stage {
     if (this.renderer) {
       this.renderer.setClearColor(0, 0);
       this.renderer.clear();
-      this.frusta.draw(this.renderer, view.pose, this.projection(lens));
+      this.frusta.draw(this.renderer, view.pose, lens, this.scene.far);
     }
     if (view.window) this.frames.hasShown = true;
     this.drawn({...view, lens});
