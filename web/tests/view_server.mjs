@@ -46,6 +46,7 @@ export class ViewServer {
   }
 }
 
+const HALF_TURN = [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1];  // about x: .spz has y up (docs/formats.md)
 const FORMATS = ['compressed.ply', 'ply', 'spz', 'sog', 'splat'];
 export const formatOf = file => FORMATS.find(ending => file.endsWith(`.${ending}`));
 
@@ -63,5 +64,5 @@ export async function sceneOf(run, file, {photos = () => null, gaussians, shDegr
   const radius = 1.1 * Math.max(...centres.map(c => Math.hypot(...c.map((x, i) => x - middle[i])))), ahead = mean(cameras.map(camera => column(camera.world_from_camera, 2)));
   return {title: basename(run), mode: 'file', background: [0, 0, 0], near: 0.2, far: 1e4, cameras, radius,
           up: mean(cameras.map(camera => column(camera.world_from_camera, 1))).map(x => -x), center: middle.map((x, i) => x + radius * ahead[i]),
-          model: {format: formatOf(file), gaussians, bytes: (await stat(file)).size, sh_degree: shDegree, antialiased, name: basename(file)}};
+          model: {format: formatOf(file), world_from_file: file.endsWith('.spz') ? HALF_TURN : undefined, gaussians, bytes: (await stat(file)).size, sh_degree: shDegree, antialiased, name: basename(file)}};
 }

@@ -109,7 +109,7 @@ export class Frusta {
     const viewFromWorld = new Matrix4().compose(position, quaternion, new Vector3(1, 1, 1)).invert();
     const onScreen = point => {
       const p = point.clone().applyMatrix4(viewFromWorld);
-      return p.z < -1e-6 ? {x: lens.cx - lens.fx * p.x / p.z, y: lens.cy + lens.fy * p.y / p.z, depth: -p.z} : null;
+      return p.z < -NEAREST * this.size ? {x: lens.cx - lens.fx * p.x / p.z, y: lens.cy + lens.fy * p.y / p.z, depth: -p.z} : null;
     };
     let best = null, depth = Infinity;
     this.points.forEach((points, i) => {

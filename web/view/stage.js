@@ -15,9 +15,10 @@ const LEAST_SCALE = 0.3;
 ColorManagement.enabled = false;       // colours are what files say, display sRGB: nothing converts them
 
 export class Stage {
-  // rig: what is seen; step(seconds): moves it by what is held, true while something is; drawn(view): after each frame
-  constructor(scene, rig, {step, drawn, failed}) {
-    Object.assign(this, {scene, rig, step, drawn, failed});
+  // rig: what is seen; step(seconds): moves it by what is held, true while something is; drawn(view): after each frame;
+  // marginsOf(): what the interface covers, {above, below} in CSS pixels; failed(error)
+  constructor(scene, rig, {step, drawn, marginsOf, failed}) {
+    Object.assign(this, {scene, rig, step, drawn, marginsOf, failed});
     this.isRemote = scene.mode === 'remote';
     this.frameCanvas = this.isRemote ? el('canvas.frame', {'aria-hidden': 'true'}) : null;
     this.canvas = el('canvas.gl', {tabindex: '-1', 'aria-label': 'the picture'});
@@ -33,6 +34,7 @@ export class Stage {
     this.isStale = true;        // something changed since the last frame
     this.isExact = false;       // the picture is of this view and no other, at full size
     this.changedAt = 0;
+    this.margins = {above: 0, below: 0};  // CSS pixels that the interface covers
     this.scale = 1;             // of the picture's pixels, while the view moves
     this.fullSize = false;      // never fewer pixels
     this.frameTime = null;      // milliseconds, running mean while frames follow one another
@@ -59,9 +61,9 @@ export class Stage {
     this.pixelRatio = Math.min(devicePixelRatio || 1, MOST_PIXEL_RATIO);
     this.renderer?.setPixelRatio(this.pixelRatio);
     this.renderer?.setSize(width, height, false);
-    this.onresize?.();
+    this.margins = this.marginsOf();
     this.touch();
-    if (this.lastFrame === undefined || !this.isRemote) this.draw(performance.now());  // no empty frame between
+    this.draw();  // at once: a canvas of another size is empty
   }
 
   // The view changed.
@@ -81,7 +83,11 @@ export class Stage {
     this.touch();
   }
 
-  lens(width = this.width, height = this.height) { return fitted(this.rig.lens, width, height); }
+  // The window's lens, `ratio` pixels to a CSS pixel.
+  lens(ratio = 1) {
+    const {above, below} = this.margins;
+    return fitted(this.rig.lens, Math.round(this.width * ratio), Math.round(this.height * ratio), {above: above * ratio, below: below * ratio});
+  }
   get pose() { return {position: this.rig.position.clone(), quaternion: this.rig.quaternion.clone()}; }
   get isMoving() { return performance.now() - this.changedAt < REST || this.rig.flight !== null; }
 
@@ -92,7 +98,7 @@ export class Stage {
     this.rig.advance(now);
     this.measure(now);
     this.lastFrame = now;
-    if (this.isStale && this.width) this.draw(now);
+    if (this.isStale && this.width) this.draw();
     if (goesOn || this.rig.flight) this.request();
     else this.settleSoon();
   }
@@ -111,8 +117,7 @@ export class Stage {
     this.isStale = false;
     const view = {pose: this.pose, lens: this.lens(), at: this.rig.at};
     if (this.isRemote) {
-      const ratio = this.pixelRatio;
-      this.frames.want({...view, lens: this.lens(Math.round(this.width * ratio), Math.round(this.height * ratio)), window: view.lens}, this.isMoving);
+      this.frames.want({...view, lens: this.lens(this.pixelRatio), window: view.lens}, this.isMoving);
       if (!this.frames.hasShown) this.overlay(view);
       return;
     }

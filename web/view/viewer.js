@@ -18,6 +18,7 @@ import {settings} from './settings.js';
 import {Stage} from './stage.js';
 
 const FIELD_OF_VIEW = 60;  // degrees, where no camera says one
+const MARGIN = 12;         // CSS pixels between a camera's picture and what lies above and below it
 const NARROW = 720;        // CSS pixels: below, panels start closed and one closes the other
 
 export class Viewer {
@@ -32,7 +33,8 @@ export class Viewer {
     this.rig.lens = scene.cameras.length ? lensOf(scene.cameras[0]) : plainLens(innerWidth, innerHeight, FIELD_OF_VIEW);
     this.messages = new Messages();
     this.stage = new Stage(scene, this.rig, {
-      step: seconds => this.step(seconds), drawn: view => this.drawn(view), failed: error => this.messages.fail(error)});
+      step: seconds => this.step(seconds), drawn: view => this.drawn(view), marginsOf: () => this.margins(),
+      failed: error => this.messages.fail(error)});
     this.controls = new Controls(this.stage.canvas, this.rig, scene.radius, {
       hover: (x, y) => this.hover(x, y), click: (x, y) => this.click(x, y), double: (x, y) => this.orbitAround(x, y),
       wake: () => this.stage.request(), focal: () => this.stage.lens().fx});
@@ -81,6 +83,7 @@ export class Viewer {
     if (this.scene.cameras[first]) this.goTo(Number(first), {jump: true});
     else this.reset({jump: true});
     if (innerWidth >= NARROW) this.panels.figures.toggle(true);
+    for (const note of this.scene.notes ?? []) this.messages.add(note);
     this.live?.start();
     if (!this.stage.isRemote && this.scene.model) await this.load(0);
   }
@@ -228,7 +231,14 @@ export class Viewer {
     this.app.classList.toggle('is-bare', !shown);
     this.isBare = !shown;
     if (this.stage.frusta) this.stage.frusta.isSuppressed = !shown;
-    this.stage.request();
+    this.stage.resize();
+  }
+
+  // What head and camera bar cover of the window; a picture lies between them.
+  margins() {
+    if (this.isBare || !this.head.isConnected) return {above: 0, below: 0};
+    const {bottom} = this.head.getBoundingClientRect(), {top, height} = this.bar.node.getBoundingClientRect();
+    return {above: bottom + MARGIN, below: height ? this.stage.height - top + MARGIN : MARGIN};
   }
 
   state() {
