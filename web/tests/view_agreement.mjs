@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // How well the viewer's picture agrees with gemsplat's own, in dB, for each format that the viewer reads: the page at the
 // exact size of a camera, its interface hidden, against `gemsplat render` of the same file. Fails below LEAST.
-//   node view_agreement.mjs MODULES PROGRAM OUT CHROMIUM RUN... [--views 3] [--formats ply,spz] [--least 28]
-// MODULES holds node_modules and view.html.
+//   node view_agreement.mjs MODULES PROGRAM OUT CHROMIUM [RUN...] [--scene FOLDER] [--views 3] [--formats ply,spz] [--least 45]
+// MODULES holds node_modules and view.html. --scene: also of two short runs on this scene, the second antialiased.
 import {execFileSync} from 'node:child_process';
 import {existsSync} from 'node:fs';
 import {mkdir, readFile, readdir, rm, writeFile} from 'node:fs/promises';
@@ -13,13 +13,24 @@ import {ViewServer, sceneOf} from './view_server.mjs';
 
 const SKIPPED = 77;  // as CTest is told
 const {values: options, positionals} = parseArgs({allowPositionals: true, options: {
-  views: {type: 'string', default: '3'}, formats: {type: 'string', default: 'ply,compressed.ply,spz,sog'}, least: {type: 'string', default: '28'}}});
+  scene: {type: 'string'}, views: {type: 'string', default: '3'}, formats: {type: 'string', default: 'ply,compressed.ply,spz,sog'}, least: {type: 'string', default: '45'}}});
 const [modules, program, out, chromium, ...runs] = positionals.map((path, i) => i === 3 ? path : resolve(path));
 if (!chromium || !existsSync(chromium)) {
   console.log('skipped: no Chromium was found; install the package chromium');
   process.exit(SKIPPED);
 }
 const gemsplat = (...words) => execFileSync(program, words, {stdio: ['ignore', 'pipe', 'inherit']}).toString();
+
+const SHORT = ['--device', 'cpu', '-q', '-r', '4', '-i', '300', '--eval', '--set', 'density.max_gaussians=5000'];
+
+async function shortRuns(scene) {
+  await rm(out, {recursive: true, force: true});
+  return ['false', 'true'].map(antialias => {
+    const run = join(out, 'runs', antialias === 'true' ? 'antialiased' : 'classic');
+    gemsplat('train', resolve(scene), '-o', run, ...SHORT, '--set', `render.antialias=${antialias}`);
+    return run;
+  });
+}
 
 // PSNR of two PNGs over all pixels and channels, in the browser, which can read them.
 const psnr = (page, a, b) => page.evaluate(async pictures => {
@@ -44,7 +55,7 @@ async function measure(browser, run, format) {
   const antialiased = /^antialias = true/m.test(config), [, degree] = config.match(/^sh_degree = (\d)/m);
   const scene = await sceneOf(run, file, {antialiased, shDegree: Number(degree)});
   if (!existsSync(renders))
-    gemsplat('render', file, '--cameras', join(run, 'cameras.json'), '-c', run, '-o', renders, '-q', '--device', 'cpu');
+    gemsplat('render', file, '--cameras', join(run, 'cameras.json'), '-c', run, '-r', '1', '-o', renders, '-q', '--device', 'cpu');
   const rendered = new Set(await readdir(renders));
   const cameras = scene.cameras.map((camera, index) => ({...camera, index}));
   const some = Array.from({length: Math.min(Number(options.views), cameras.length)}, (_, i, count = Number(options.views)) =>
@@ -65,8 +76,8 @@ async function measure(browser, run, format) {
 
 const browser = await Browser.start(modules, chromium, {server: true});
 browser.context.setDefaultTimeout(300_000);
-let worst = Infinity;
-for (const run of runs) {
+let worst = runs.length || options.scene ? Infinity : -Infinity;
+for (const run of [...runs, ...(options.scene ? await shortRuns(options.scene) : [])]) {
   await mkdir(join(out, basename(run)), {recursive: true});
   console.log(`${basename(run)}\n| format | dB, each view | least |\n|---|---|---|`);
   for (const format of options.formats.split(',')) {

@@ -198,7 +198,7 @@ const tests = {
     const bright = BLOBS.map(blob => ({...blob, color: [0.9, 0.5, 0.1]}));
     const page = await shown(browser, {scene: live, state: () => run, model: version => plyOf(version < 2 ? BLOBS : bright)}, {at: 'camera=0'});
     await page.evaluate(() => gemsplatViewer.ready);
-    assert.match(await page.locator('.live-words').innerText(), /first model/);
+    assert.match(await page.locator('.live-words').innerText(), /first model/i);
     live.model = model;
     Object.assign(run, {version: 1, step: 200, loss: 0.15, psnr: 21.5});
     await page.waitForFunction(() => gemsplatViewer.state().gaussians === 4);

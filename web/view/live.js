@@ -61,8 +61,9 @@ export class Live {
     this.figures.set('Gaussians', whole(gaussians));
     this.figures.set('Time', duration(seconds));
     this.figures.set('Left', left === null ? null : duration(left));
+    this.words.hidden = version > 0 && !done && !stopped && !message;
     this.figures.set('Snapshot', version ? String(version) : null);
-    this.words.textContent = message || (stopped ? 'Training was stopped.' : done ? 'Training is done.' : version ? 'Training' : 'Training; the first model is on its way.');
+    this.words.textContent = message || (stopped ? 'Training was stopped.' : done ? 'Training is done.' : version ? '' : 'The first model is on its way.');
   }
 
   add(step, loss) {
@@ -79,7 +80,7 @@ export class Live {
     this.plot?.destroy();
     const axis = {stroke: cssColor('--muted'), grid: {stroke: cssColor('--grid'), width: 1}, ticks: {show: false}, font: '11px system-ui, sans-serif'};
     this.plot = new uPlot({
-      width, height: CHART_HEIGHT, padding: [6, 6, 0, 0], legend: {show: false}, cursor: {show: false},
+      width, height: CHART_HEIGHT, padding: [6, 14, 0, 0], legend: {show: false}, cursor: {show: false},
       scales: {x: {time: false}},
       axes: [{...axis, size: 20, space: 60, values: (_, ticks) => ticks.map(short)},
              {...axis, size: 42, space: 28, values: (_, ticks) => ticks.map(value => significant(value, 2))}],

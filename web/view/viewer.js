@@ -18,7 +18,7 @@ import {settings} from './settings.js';
 import {Stage} from './stage.js';
 
 const FIELD_OF_VIEW = 60;  // degrees, where no camera says one
-const MARGIN = 12;         // CSS pixels between a camera's picture and what lies above and below it
+const HEAD = 70, HEAD_NARROW = 62, BAR_NARROW = 104;  // CSS pixels of page.css: the head or bar and a gap on both sides
 const NARROW = 720;        // CSS pixels: below, panels start closed and one closes the other
 
 export class Viewer {
@@ -234,11 +234,11 @@ export class Viewer {
     this.stage.resize();
   }
 
-  // What head and camera bar cover of the window; a picture lies between them.
+  // What head and camera bar cover of the window; a picture lies between them. As if the bar always offered comparison.
   margins() {
-    if (this.isBare || !this.head.isConnected) return {above: 0, below: 0};
-    const {bottom} = this.head.getBoundingClientRect(), {top, height} = this.bar.node.getBoundingClientRect();
-    return {above: bottom + MARGIN, below: height ? this.stage.height - top + MARGIN : MARGIN};
+    if (this.isBare) return {above: 0, below: 0};
+    const hasPhotos = this.scene.cameras.some(camera => camera.photo);
+    return innerWidth < NARROW ? {above: HEAD_NARROW, below: hasPhotos ? BAR_NARROW : HEAD_NARROW} : {above: HEAD, below: HEAD};
   }
 
   state() {
