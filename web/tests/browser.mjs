@@ -28,10 +28,10 @@ export class Browser {
   }
 
   // Opens a page. Any request for which `isAllowed(url)` is false, and anything that the page complains about, is a failure.
-  async visit(url, isAllowed, {width = 1280, height = 900, colorScheme = 'light'} = {}) {
+  async visit(url, isAllowed, {width = 1280, height = 900, colorScheme = 'light', reducedMotion = 'reduce'} = {}) {
     const page = await this.context.newPage();
     await page.setViewportSize({width, height});
-    await page.emulateMedia({colorScheme, reducedMotion: 'reduce'});
+    await page.emulateMedia({colorScheme, reducedMotion});
     const fail = text => this.failures.push(`${url}: ${text}`);
     page.on('console', message => {
       if (['error', 'warning'].includes(message.type())) fail(`console: ${message.text()}`);

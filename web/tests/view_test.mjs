@@ -68,7 +68,7 @@ const tests = {
     const figures = await page.locator('.panel.figures').innerText();
     for (const words of ['blobs.ply', 'Gaussians', '4', 'SH degree', '4, 2 of them test']) assert.ok(figures.includes(words), figures);
     await page.getByRole('button', {name: 'Cameras', exact: true}).click();
-    assert.deepEqual(await page.locator('.entry').allInnerTexts(), CAMERAS.map(camera => camera.name));
+    assert.deepEqual(await page.locator('.entry').allTextContents(), CAMERAS.map(camera => camera.name));
     await page.getByRole('group', {name: 'which cameras'}).getByRole('button', {name: 'Test'}).click();
     assert.equal(await page.locator('.entry:visible').count(), 2);
     await page.getByPlaceholder('Filter by name').fill('ODD');
@@ -104,6 +104,18 @@ const tests = {
     await page.keyboard.press('KeyW');
     await page.keyboard.press('n');
     assert.equal((await state(page)).camera, 0);
+    await page.close();
+  },
+
+  async 'the view flies to a camera, and arrives exactly there'(browser) {
+    const page = await shown(browser, {}, {at: 'camera=0', reducedMotion: 'no-preference'});
+    await ready(page);
+    await page.keyboard.press('ArrowRight');
+    assert.equal((await state(page)).camera, null);
+    await page.waitForFunction(() => gemsplatViewer.state().camera === 1);
+    const {position, lens} = await state(page), {world_from_camera: m, width, height, fx, fy, cx, cy} = CAMERAS[1];
+    assert.deepEqual(position, [m[3], m[7], m[11]]);
+    assert.deepEqual(lens, {width, height, fx, fy, cx, cy});
     await page.close();
   },
 

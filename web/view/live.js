@@ -11,7 +11,7 @@ const MOST_POINTS = 400;     // of the chart; beyond, every second one goes
 const CHART_HEIGHT = 120;    // CSS pixels
 
 export class Live {
-  // snapshot(state): a model that was not there before; failed(error or null)
+  // snapshot(state): shows a model that was not there before, resolves to whether it could; failed(error or null)
   constructor({snapshot, failed}) {
     Object.assign(this, {snapshot, failed});
     this.version = 0;
@@ -43,13 +43,16 @@ export class Live {
   }
 
   take(state) {
-    this.isDone = state.done;
     this.show(state);
     if (isNumber(state.loss) && state.step > (this.points[0].at(-1) ?? -1)) this.add(state.step, state.loss);
-    if (state.version > this.version) {
-      this.version = state.version;
-      this.snapshot(state);
-    }
+    if (state.version > this.version && !this.isLoading) this.fetch(state);
+    this.isDone = state.done && this.version >= state.version;
+  }
+
+  async fetch(state) {
+    this.isLoading = true;
+    if (await this.snapshot(state)) this.version = state.version;
+    this.isLoading = false;
   }
 
   show({step, steps, loss, gaussians, psnr, seconds, done, stopped, message, version}) {

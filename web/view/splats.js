@@ -64,7 +64,12 @@ export class SplatPicture {
     const fileType = FILE_TYPES[model.format];
     if (!fileType) throw new Error(`This page does not read .${model.format} files.`);
     const next = new SplatMesh({stream: read.stream, streamLength: read.length, fileType, extSplats: this.precise});
-    await next.initialized;
+    try {
+      await next.initialized;
+    } catch (error) {
+      next.dispose();
+      throw error;
+    }
     if (model.world_from_file) new Matrix4().set(...model.world_from_file).decompose(next.position, next.quaternion, next.scale);
     if (this.shDegree !== undefined) next.maxSh = this.shDegree;
     this.setAntialiased(model.antialiased ?? false);

@@ -38,6 +38,7 @@ export class Stage {
     this.scale = 1;             // of the picture's pixels, while the view moves
     this.fullSize = false;      // never fewer pixels
     this.frameTime = null;      // milliseconds, running mean while frames follow one another
+    this.canvas.addEventListener('webglcontextlost', () => failed(new Error('The graphics driver gave up this picture, perhaps for lack of memory. Load the page again.')));
     new ResizeObserver(() => this.resize()).observe(this.node);
   }
 

@@ -84,8 +84,8 @@ export class Viewer {
     else this.reset({jump: true});
     if (innerWidth >= NARROW) this.panels.figures.toggle(true);
     for (const note of this.scene.notes ?? []) this.messages.add(note);
-    this.live?.start();
-    if (!this.stage.isRemote && this.scene.model) await this.load(0);
+    if (this.live) this.live.start();
+    else if (!this.stage.isRemote) await this.load(0);
   }
 
   // Where the view begins: at the first camera, without its frame; without cameras, before the model.
@@ -102,7 +102,7 @@ export class Viewer {
   }
 
   async load(version) {
-    const bar = this.messages.progress(version ? null : 'Loading the model');
+    const bar = this.messages.progress(this.stage.splats.gaussians ? null : 'Loading the model');
     try {
       const read = await askForModel(version, this.scene.model.bytes, share => bar.set(share));
       await this.stage.splats.load(this.scene.model, read);
@@ -114,19 +114,17 @@ export class Viewer {
     }
   }
 
+  // A newer model of a run; true where it is shown.
   async takeSnapshot(state) {
-    if (this.isLoading) return;  // the next answer asks again
-    this.isLoading = true;
+    let trouble = null;
     try {
-      if (!this.scene.model) this.scene.model = (await askForScene()).model;
+      this.scene.model = (await askForScene()).model;
       await this.load(state.version);
-      this.messages.trouble('snapshot', null);
     } catch (error) {
-      this.live.version = Math.min(this.live.version, state.version - 1);
-      this.messages.trouble('snapshot', error);
-    } finally {
-      this.isLoading = false;
+      trouble = error;
     }
+    this.messages.trouble('snapshot', trouble);
+    return trouble === null;
   }
 
   step(seconds) {
