@@ -7,6 +7,7 @@ import {mkdir, readFile, writeFile} from 'node:fs/promises';
 import {createRequire} from 'node:module';
 import {dirname, join, resolve} from 'node:path';
 import {fileURLToPath} from 'node:url';
+import {sparkFix} from './spark_fix.mjs';
 
 // What is bundled into each page, and whose licences therefore go into it. Spark's build holds fflate.
 const PAGES = {
@@ -30,6 +31,7 @@ async function bundle(file) {
     charset: 'utf8',
     legalComments: 'none',  // the licences are below, whole
     logLevel: 'warning',
+    plugins: [sparkFix],
   });
   return result.outputFiles[0].text.trim();
 }

@@ -5,6 +5,7 @@ const WHEEL = 0.0011;            // of the distance per pixel of the wheel, as a
 const CLICK = 5;                 // CSS pixels: a press that moved less is a click
 const DOUBLE = 350;              // milliseconds between the clicks of a double click
 const FLY = 0.35;                // scene radii a second, at speed 1
+const NEAREST = 0.02;            // scene radii from the viewer to what orbits go around
 const RAMP = 0.25;               // seconds until a held key has its full speed
 
 const MOVES = {  // key (by place on the keyboard) -> right, down, forward
@@ -33,7 +34,7 @@ export class Controls {
     addEventListener('blur', () => this.keys.clear());
   }
 
-  get nearest() { return 1e-3 * this.radius; }
+  get nearest() { return NEAREST * this.radius; }
   get perPixel() { return TURN / Math.min(this.element.clientWidth, this.element.clientHeight); }
   // World units that one CSS pixel stands for at the target's distance.
   get worldPerPixel() { return this.rig.distance / this.on.focal(); }

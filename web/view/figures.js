@@ -6,15 +6,16 @@ import {figureList} from './parts.js';
 const FRAMES_EVERY = 250;  // milliseconds between updates of the speed
 
 export function figuresOf({scene, stage}) {
-  const list = figureList(['File', 'Format', 'Gaussians', 'SH degree', 'Size', 'Antialiased', 'Cameras', 'Frames', 'Latency', 'On the server']);
+  const list = figureList(['File', 'Format', 'Gaussians', 'Shown', 'SH degree', 'Size', 'Antialiased', 'Cameras', 'Frames', 'Drawn by', 'Latency', 'On the server']);
   const show = () => {
     const {model} = scene;
     list.set('File', model?.name);
     list.set('Format', model?.format);
-    list.set('Gaussians', model && whole(stage.splats?.gaussians || model.gaussians));
+    list.set(scene.mode === 'live' ? 'Shown' : 'Gaussians', model && whole(stage.splats?.gaussians || model.gaussians));
     list.set('SH degree', model?.sh_degree);
     list.set('Size', isNumber(model?.bytes) ? bytes(model.bytes) : null);
     list.set('Antialiased', model?.antialiased ? 'yes' : null);
+    list.set('Drawn by', scene.device);
     const tests = scene.cameras.filter(camera => camera.split === 'test').length;
     list.set('Cameras', scene.cameras.length ? whole(scene.cameras.length) + (tests ? `, ${whole(tests)} of them test` : '') : null);
   };

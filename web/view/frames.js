@@ -5,6 +5,7 @@ import {askForFrame} from './server.js';
 
 const GOAL = 90;                    // milliseconds from request to picture, while the view moves
 const LEAST_SCALE = 0.15;
+const MOST_PIXELS = 4096;           // a side, of the server's
 const QUALITY_MOVING = 70, QUALITY_STILL = 92;
 
 export class FramePicture {
@@ -19,6 +20,7 @@ export class FramePicture {
     this.render = null;
     this.wanted = null;        // the view that is to be seen
     this.isBusy = false;
+    this.client = Math.random().toString(36).slice(2);  // the server drops requests that a newer one of the same page has overtaken
   }
 
   get isPending() { return this.isBusy || this.wanted !== null; }
@@ -45,14 +47,17 @@ export class FramePicture {
   }
 
   async ask(view) {
-    const width = Math.max(16, Math.round(view.lens.width * view.scale)), height = Math.max(16, Math.round(view.lens.height * view.scale));
+    const scale = Math.min(view.scale, MOST_PIXELS / Math.max(view.lens.width, view.lens.height));
+    const [width, height] = [view.lens.width, view.lens.height].map(pixels => Math.max(16, Math.round(pixels * scale)));
     const {fx, fy, cx, cy} = resized(view.lens, width, height);
     const from = performance.now();
-    const {picture, milliseconds} = await askForFrame({
+    const frame = await askForFrame({
       w: width, h: height, fx, fy, cx, cy, m: rowsOfPose(view.pose).map(x => Number(x.toPrecision(9))).join(','),
-      mode: view.mode, q: view.scale < 1 ? QUALITY_MOVING : QUALITY_STILL});
+      mode: view.mode, q: view.scale < 1 ? QUALITY_MOVING : QUALITY_STILL, client: this.client});
+    if (!frame) return;  // overtaken
     this.latency = performance.now() - from;
-    this.render = milliseconds;
+    this.render = frame.milliseconds;
+    const {picture} = frame;
     if (view.scale < 1) this.adapt();
     this.canvas.width = picture.width;
     this.canvas.height = picture.height;

@@ -4,10 +4,12 @@ import {Color, Matrix4, PerspectiveCamera, Scene, Vector3} from 'three';
 import {LineMaterial} from 'three/addons/lines/LineMaterial.js';
 import {LineSegments2} from 'three/addons/lines/LineSegments2.js';
 import {LineSegmentsGeometry} from 'three/addons/lines/LineSegmentsGeometry.js';
+import {projectionOf} from './lens.js';
 
 const WIDTH = 1.6, WIDTH_MARKED = 3;   // CSS pixels
 const REACH = 12;                      // CSS pixels around an apex that count as it
 const COLORS = {train: '#6ea8ff', test: '#ffae57', '': '#6ea8ff', marked: '#ffffff'};  // on any picture, light or dark
+const NEAREST = 2.5;                   // sizes of a frustum
 const EDGES = [[0, 1], [0, 2], [0, 3], [0, 4], [1, 2], [2, 3], [3, 4], [4, 1], [1, 5], [5, 2]];  // 5: the roof says what is up
 
 // The five corners and the roof of a camera's frustum, the picture `depth` ahead of it.
@@ -34,13 +36,14 @@ function sizeFor(centres, radius) {
 export class Frusta {
   constructor(cameras, radius) {
     this.cameras = cameras;
-    this.visible = true;
+    this.visible = true;      // as the settings say
+    this.isSuppressed = false; // while the interface is hidden
     this.marked = this.hidden = null;  // indices: under the pointer; the view itself
     this.scene = new Scene();
     this.eye = new PerspectiveCamera();
     const centres = cameras.map(({world_from_camera: m}) => new Vector3(m[3], m[7], m[11]));
-    const size = sizeFor(centres, radius);
-    this.points = cameras.map(camera => corners(camera, size * 2 * Math.min(camera.fx, camera.fy) / Math.hypot(camera.width, camera.height)));
+    this.size = sizeFor(centres, radius);
+    this.points = cameras.map(camera => corners(camera, this.size * 2 * Math.min(camera.fx, camera.fy) / Math.hypot(camera.width, camera.height)));
     this.lines = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({
       vertexColors: true, linewidth: WIDTH, depthTest: false, transparent: true, opacity: 0.75}));
     this.mark = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({
@@ -86,24 +89,27 @@ export class Frusta {
     return true;
   }
 
-  draw(renderer, {position, quaternion}, projection) {
-    if (!this.visible || !this.cameras.length) return;
+  get isShown() { return this.visible && !this.isSuppressed && this.cameras.length > 0; }
+
+  // lens: of the window. Lines right before the eye, of frusta that it nearly stands in, are left out.
+  draw(renderer, {position, quaternion}, lens, far) {
+    if (!this.isShown) return;
+    const projection = projectionOf(lens, Math.min(NEAREST * this.size, far / 2), far);
     this.eye.position.copy(position);
     this.eye.quaternion.copy(quaternion);
     this.eye.updateMatrixWorld(true);
     this.eye.projectionMatrix.copy(projection);
     this.eye.projectionMatrixInverse.copy(projection).invert();
-    for (const each of [this.lines, this.mark]) each.material.linewidth = (each === this.mark ? WIDTH_MARKED : WIDTH) * renderer.getPixelRatio();
     renderer.render(this.scene, this.eye);
   }
 
   // The index of the camera at a place of the window (CSS pixels), the nearest where several are, or null.
   pick(x, y, {position, quaternion}, lens) {
-    if (!this.visible) return null;
+    if (!this.isShown) return null;
     const viewFromWorld = new Matrix4().compose(position, quaternion, new Vector3(1, 1, 1)).invert();
     const onScreen = point => {
       const p = point.clone().applyMatrix4(viewFromWorld);
-      return p.z < -1e-6 ? {x: lens.cx - lens.fx * p.x / p.z, y: lens.cy + lens.fy * p.y / p.z, depth: -p.z} : null;
+      return p.z < -NEAREST * this.size ? {x: lens.cx - lens.fx * p.x / p.z, y: lens.cy + lens.fy * p.y / p.z, depth: -p.z} : null;
     };
     let best = null, depth = Infinity;
     this.points.forEach((points, i) => {

@@ -11,13 +11,13 @@ export function plainLens(width, height, degrees) {
   return {width, height, fx: focal, fy: focal, cx: width / 2, cy: height / 2};
 }
 
-/// The lens of a window of width x height that holds the whole picture of `lens`, as large as it goes: a lens, and
-/// where the picture lies: `picture` {left, top, width, height}.
-export function fitted(lens, width, height) {
-  const scale = Math.min(width / lens.width, height / lens.height);
+/// The lens of a window of width x height that holds the whole picture of `lens`, as large as it goes between margins
+/// `above` and `below`: a lens, and where the picture lies: `picture` {left, top, width, height}.
+export function fitted(lens, width, height, {above = 0, below = 0} = {}) {
+  const scale = Math.min(width / lens.width, (height - above - below) / lens.height);
   const picture = {width: lens.width * scale, height: lens.height * scale};
   picture.left = (width - picture.width) / 2;
-  picture.top = (height - picture.height) / 2;
+  picture.top = above + (height - above - below - picture.height) / 2;
   return {width, height, fx: lens.fx * scale, fy: lens.fy * scale,
           cx: lens.cx * scale + picture.left, cy: lens.cy * scale + picture.top, picture};
 }

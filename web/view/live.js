@@ -11,7 +11,7 @@ const MOST_POINTS = 400;     // of the chart; beyond, every second one goes
 const CHART_HEIGHT = 120;    // CSS pixels
 
 export class Live {
-  // snapshot(state): a model that was not there before; failed(error or null)
+  // snapshot(state): shows a model that was not there before, resolves to whether it could; failed(error or null)
   constructor({snapshot, failed}) {
     Object.assign(this, {snapshot, failed});
     this.version = 0;
@@ -43,13 +43,16 @@ export class Live {
   }
 
   take(state) {
-    this.isDone = state.done;
     this.show(state);
     if (isNumber(state.loss) && state.step > (this.points[0].at(-1) ?? -1)) this.add(state.step, state.loss);
-    if (state.version > this.version) {
-      this.version = state.version;
-      this.snapshot(state);
-    }
+    if (state.version > this.version && !this.isLoading) this.fetch(state);
+    this.isDone = state.done && this.version >= state.version;
+  }
+
+  async fetch(state) {
+    this.isLoading = true;
+    if (await this.snapshot(state)) this.version = state.version;
+    this.isLoading = false;
   }
 
   show({step, steps, loss, gaussians, psnr, seconds, done, stopped, message, version}) {
@@ -61,8 +64,9 @@ export class Live {
     this.figures.set('Gaussians', whole(gaussians));
     this.figures.set('Time', duration(seconds));
     this.figures.set('Left', left === null ? null : duration(left));
+    this.words.hidden = version > 0 && !done && !stopped && !message;
     this.figures.set('Snapshot', version ? String(version) : null);
-    this.words.textContent = message || (stopped ? 'Training was stopped.' : done ? 'Training is done.' : version ? 'Training' : 'Training; the first model is on its way.');
+    this.words.textContent = message || (stopped ? 'Training was stopped.' : done ? 'Training is done.' : version ? '' : 'The first model is on its way.');
   }
 
   add(step, loss) {
@@ -79,7 +83,7 @@ export class Live {
     this.plot?.destroy();
     const axis = {stroke: cssColor('--muted'), grid: {stroke: cssColor('--grid'), width: 1}, ticks: {show: false}, font: '11px system-ui, sans-serif'};
     this.plot = new uPlot({
-      width, height: CHART_HEIGHT, padding: [6, 6, 0, 0], legend: {show: false}, cursor: {show: false},
+      width, height: CHART_HEIGHT, padding: [6, 14, 0, 0], legend: {show: false}, cursor: {show: false},
       scales: {x: {time: false}},
       axes: [{...axis, size: 20, space: 60, values: (_, ticks) => ticks.map(short)},
              {...axis, size: 42, space: 28, values: (_, ticks) => ticks.map(value => significant(value, 2))}],

@@ -62,12 +62,11 @@ export class Rig {
     this.moved();
   }
 
-  // Towards the target (factor < 1) or away from it. Past the nearest approach the target is pushed ahead.
+  // Towards the target (factor < 1) or away from it. The target keeps at least `nearest` ahead.
   approach(factor, nearest) {
-    const distance = Math.max(nearest, this.distance * factor);
-    const by = this.distance - distance;
-    this.position.addScaledVector(this.axis(0, 0, -1), by || (factor < 1 ? nearest * 0.2 : 0));
-    this.target.copy(this.position).addScaledVector(this.axis(0, 0, -1), distance);
+    const distance = this.distance, by = distance * (1 - factor), ahead = this.axis(0, 0, -1);
+    this.position.addScaledVector(ahead, by);
+    this.target.copy(this.position).addScaledVector(ahead, Math.max(nearest, distance - by));
     this.moved();
   }
 

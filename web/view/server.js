@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the page asks its server for. Every failure becomes a sentence.
 
-async function ask(address, options) {
+const OVERTAKEN = 409;  // the status of a frame that nobody waits for any more
+
+async function ask(address) {
   let response;
   try {
-    response = await fetch(address, {cache: 'no-store', ...options});
-  } catch (error) {
-    if (error.name === 'AbortError') throw error;
+    response = await fetch(address, {cache: 'no-store'});
+  } catch {
     throw new Error('The server does not answer. Does gemsplat still run?');
   }
-  if (response.ok) return response;
+  if (response.ok || response.status === OVERTAKEN) return response;
   const words = (await response.text().catch(() => '')).trim();
   throw new Error(words && words.length < 600 && !words.startsWith('<') ? words : `The server answered ${address} with ${response.status}.`);
 }
@@ -41,9 +42,11 @@ export async function askForModel(version, bytes, progress) {
   return {stream: response.body.pipeThrough(counted), length: length || undefined};
 }
 
-/// A frame as {picture: ImageBitmap, milliseconds}: what it took the server, or null where it did not say.
+/// A frame as {picture: ImageBitmap, milliseconds}: what it took the server, or null where it did not say. Null where a
+/// newer question has overtaken this one.
 export async function askForFrame(query) {
   const response = await ask(`frame?${new URLSearchParams(query)}`);
+  if (response.status === OVERTAKEN) return null;
   const header = response.headers.get('X-Render-Ms');
   const picture = await createImageBitmap(await response.blob());
   return {picture, milliseconds: header === null ? null : Number(header)};

@@ -25,7 +25,7 @@ export function settings(viewer) {
                                              name => stage.splats.setBackground(GROUNDS[name] ?? scene.background))),
     !isRemote && degree > 0 && row('SH degree', segmented('degree of spherical harmonics', [...Array(degree + 1).keys()].map(d => [String(d), String(d)]), String(degree),
                                                            d => stage.splats.setShDegree(Number(d)))),
-    !isRemote && row('While moving', segmented('resolution while the view moves', [['auto', 'Fewer pixels if slow'], ['full', 'All']], 'auto', which => stage.setFullSize(which === 'full'))),
+    !isRemote && row('While moving', segmented('resolution while the view moves', [['auto', 'Fewer pixels'], ['full', 'All pixels']], 'auto', which => stage.setFullSize(which === 'full'))),
     el('div.row.buttons', {}, button('Reset view', 'R', () => viewer.reset()), button('Level', 'L', () => rig.level()), button('Flip up', 'U', () => viewer.flipUp())),
   ].filter(Boolean));
   const sync = () => {

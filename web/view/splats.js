@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The picture that this machine draws: Spark on three.js, set up to agree with gemsplat's own (docs/viewer.md).
 import {SparkRenderer, SplatFileType, SplatMesh} from '@sparkjsdev/spark';
-import {HalfFloatType, LinearFilter, Mesh, PerspectiveCamera, PlaneGeometry, Raycaster, Scene, ShaderMaterial,
+import {HalfFloatType, LinearFilter, Matrix4, Mesh, PerspectiveCamera, PlaneGeometry, Raycaster, Scene, ShaderMaterial,
         UnsignedByteType, Vector2, Vector3, WebGLRenderTarget} from 'three';
 import {compositeFragmentShader, compositeVertexShader, fragmentShader, vertexShader} from './shaders.js';
 
@@ -64,8 +64,13 @@ export class SplatPicture {
     const fileType = FILE_TYPES[model.format];
     if (!fileType) throw new Error(`This page does not read .${model.format} files.`);
     const next = new SplatMesh({stream: read.stream, streamLength: read.length, fileType, extSplats: this.precise});
-    await next.initialized;
-    if (model.format === 'spz') next.quaternion.set(1, 0, 0, 0);  // its y is up: half a turn about x (docs/formats.md)
+    try {
+      await next.initialized;
+    } catch (error) {
+      next.dispose();
+      throw error;
+    }
+    if (model.world_from_file) new Matrix4().set(...model.world_from_file).decompose(next.position, next.quaternion, next.scale);
     if (this.shDegree !== undefined) next.maxSh = this.shDegree;
     this.setAntialiased(model.antialiased ?? false);
     this.scene.add(next);

@@ -15,9 +15,10 @@ const LEAST_SCALE = 0.3;
 ColorManagement.enabled = false;       // colours are what files say, display sRGB: nothing converts them
 
 export class Stage {
-  // rig: what is seen; step(seconds): moves it by what is held, true while something is; drawn(view): after each frame
-  constructor(scene, rig, {step, drawn, failed}) {
-    Object.assign(this, {scene, rig, step, drawn, failed});
+  // rig: what is seen; step(seconds): moves it by what is held, true while something is; drawn(view): after each frame;
+  // marginsOf(): what the interface covers, {above, below} in CSS pixels; failed(error)
+  constructor(scene, rig, {step, drawn, marginsOf, failed}) {
+    Object.assign(this, {scene, rig, step, drawn, marginsOf, failed});
     this.isRemote = scene.mode === 'remote';
     this.frameCanvas = this.isRemote ? el('canvas.frame', {'aria-hidden': 'true'}) : null;
     this.canvas = el('canvas.gl', {tabindex: '-1', 'aria-label': 'the picture'});
@@ -33,10 +34,11 @@ export class Stage {
     this.isStale = true;        // something changed since the last frame
     this.isExact = false;       // the picture is of this view and no other, at full size
     this.changedAt = 0;
+    this.margins = {above: 0, below: 0};  // CSS pixels that the interface covers
     this.scale = 1;             // of the picture's pixels, while the view moves
     this.fullSize = false;      // never fewer pixels
     this.frameTime = null;      // milliseconds, running mean while frames follow one another
-    this.frame = this.frame.bind(this);
+    this.canvas.addEventListener('webglcontextlost', () => failed(new Error('The graphics driver gave up this picture, perhaps for lack of memory. Load the page again.')));
     new ResizeObserver(() => this.resize()).observe(this.node);
   }
 
@@ -60,9 +62,9 @@ export class Stage {
     this.pixelRatio = Math.min(devicePixelRatio || 1, MOST_PIXEL_RATIO);
     this.renderer?.setPixelRatio(this.pixelRatio);
     this.renderer?.setSize(width, height, false);
-    this.onresize?.();
+    this.margins = this.marginsOf();
     this.touch();
-    if (this.lastFrame === undefined || !this.isRemote) this.draw(performance.now());  // no empty frame between
+    this.draw();  // at once: a canvas of another size is empty
   }
 
   // The view changed.
@@ -73,7 +75,7 @@ export class Stage {
   }
   request() {
     this.isStale = true;
-    if (!this.requested) this.requested = requestAnimationFrame(this.frame);
+    if (!this.requested) this.requested = requestAnimationFrame(now => this.frame(now));
   }
 
   setFullSize(on) {
@@ -82,7 +84,11 @@ export class Stage {
     this.touch();
   }
 
-  lens(width = this.width, height = this.height) { return fitted(this.rig.lens, width, height); }
+  // The window's lens, `ratio` pixels to a CSS pixel.
+  lens(ratio = 1) {
+    const {above, below} = this.margins;
+    return fitted(this.rig.lens, Math.round(this.width * ratio), Math.round(this.height * ratio), {above: above * ratio, below: below * ratio});
+  }
   get pose() { return {position: this.rig.position.clone(), quaternion: this.rig.quaternion.clone()}; }
   get isMoving() { return performance.now() - this.changedAt < REST || this.rig.flight !== null; }
 
@@ -93,7 +99,7 @@ export class Stage {
     this.rig.advance(now);
     this.measure(now);
     this.lastFrame = now;
-    if (this.isStale && this.width) this.draw(now);
+    if (this.isStale && this.width) this.draw();
     if (goesOn || this.rig.flight) this.request();
     else this.settleSoon();
   }
@@ -112,19 +118,16 @@ export class Stage {
     this.isStale = false;
     const view = {pose: this.pose, lens: this.lens(), at: this.rig.at};
     if (this.isRemote) {
-      const ratio = this.pixelRatio;
-      this.frames.want({...view, lens: this.lens(Math.round(this.width * ratio), Math.round(this.height * ratio)), window: view.lens}, this.isMoving);
+      this.frames.want({...view, lens: this.lens(this.pixelRatio), window: view.lens}, this.isMoving);
       if (!this.frames.hasShown) this.overlay(view);
       return;
     }
-    const projection = this.projection(view.lens), scale = this.pixelRatio * (this.isMoving ? this.scale : 1);
-    this.splats.place(view.pose, projection);
+    const scale = this.pixelRatio * (this.isMoving ? this.scale : 1);
+    this.splats.place(view.pose, projectionOf(view.lens, this.scene.near, this.scene.far));
     this.splats.draw(Math.max(1, Math.round(this.width * scale)), Math.max(1, Math.round(this.height * scale)));
-    this.frusta.draw(this.renderer, view.pose, projection);
+    this.frusta.draw(this.renderer, view.pose, view.lens, this.scene.far);
     this.drawn(view);
   }
-
-  projection(lens) { return projectionOf(lens, this.scene.near, this.scene.far); }
 
   // What lies over a frame of the server goes with the view that the frame is of.
   overlay(view) {
@@ -132,7 +135,7 @@ export class Stage {
     if (this.renderer) {
       this.renderer.setClearColor(0, 0);
       this.renderer.clear();
-      this.frusta.draw(this.renderer, view.pose, this.projection(lens));
+      this.frusta.draw(this.renderer, view.pose, lens, this.scene.far);
     }
     if (view.window) this.frames.hasShown = true;
     this.drawn({...view, lens});

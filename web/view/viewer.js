@@ -18,6 +18,7 @@ import {settings} from './settings.js';
 import {Stage} from './stage.js';
 
 const FIELD_OF_VIEW = 60;  // degrees, where no camera says one
+const HEAD = 70, HEAD_NARROW = 62, BAR_NARROW = 104;  // CSS pixels of page.css: the head or bar and a gap on both sides
 const NARROW = 720;        // CSS pixels: below, panels start closed and one closes the other
 
 export class Viewer {
@@ -32,7 +33,8 @@ export class Viewer {
     this.rig.lens = scene.cameras.length ? lensOf(scene.cameras[0]) : plainLens(innerWidth, innerHeight, FIELD_OF_VIEW);
     this.messages = new Messages();
     this.stage = new Stage(scene, this.rig, {
-      step: seconds => this.step(seconds), drawn: view => this.drawn(view), failed: error => this.messages.fail(error)});
+      step: seconds => this.step(seconds), drawn: view => this.drawn(view), marginsOf: () => this.margins(),
+      failed: error => this.messages.fail(error)});
     this.controls = new Controls(this.stage.canvas, this.rig, scene.radius, {
       hover: (x, y) => this.hover(x, y), click: (x, y) => this.click(x, y), double: (x, y) => this.orbitAround(x, y),
       wake: () => this.stage.request(), focal: () => this.stage.lens().fx});
@@ -81,8 +83,9 @@ export class Viewer {
     if (this.scene.cameras[first]) this.goTo(Number(first), {jump: true});
     else this.reset({jump: true});
     if (innerWidth >= NARROW) this.panels.figures.toggle(true);
-    this.live?.start();
-    if (!this.stage.isRemote && this.scene.model) await this.load(0);
+    for (const note of this.scene.notes ?? []) this.messages.add(note);
+    if (this.live) this.live.start();
+    else if (!this.stage.isRemote) await this.load(0);
   }
 
   // Where the view begins: at the first camera, without its frame; without cameras, before the model.
@@ -99,7 +102,7 @@ export class Viewer {
   }
 
   async load(version) {
-    const bar = this.messages.progress(version ? null : 'Loading the model');
+    const bar = this.messages.progress(this.stage.splats.gaussians ? null : 'Loading the model');
     try {
       const read = await askForModel(version, this.scene.model.bytes, share => bar.set(share));
       await this.stage.splats.load(this.scene.model, read);
@@ -111,19 +114,17 @@ export class Viewer {
     }
   }
 
+  // A newer model of a run; true where it is shown.
   async takeSnapshot(state) {
-    if (this.isLoading) return;  // the next answer asks again
-    this.isLoading = true;
+    let trouble = null;
     try {
-      if (!this.scene.model) this.scene.model = (await askForScene()).model;
+      this.scene.model = (await askForScene()).model;
       await this.load(state.version);
-      this.messages.trouble('snapshot', null);
     } catch (error) {
-      this.live.version = Math.min(this.live.version, state.version - 1);
-      this.messages.trouble('snapshot', error);
-    } finally {
-      this.isLoading = false;
+      trouble = error;
     }
+    this.messages.trouble('snapshot', trouble);
+    return trouble === null;
   }
 
   step(seconds) {
@@ -228,7 +229,14 @@ export class Viewer {
     this.app.classList.toggle('is-bare', !shown);
     this.isBare = !shown;
     if (this.stage.frusta) this.stage.frusta.isSuppressed = !shown;
-    this.stage.request();
+    this.stage.resize();
+  }
+
+  // What head and camera bar cover of the window; a picture lies between them. As if the bar always offered comparison.
+  margins() {
+    if (this.isBare) return {above: 0, below: 0};
+    const hasPhotos = this.scene.cameras.some(camera => camera.photo);
+    return innerWidth < NARROW ? {above: HEAD_NARROW, below: hasPhotos ? BAR_NARROW : HEAD_NARROW} : {above: HEAD, below: HEAD};
   }
 
   state() {
