@@ -89,9 +89,10 @@ void MetricsObserver::finish(int step, Trainer& trainer, const Evaluation& test)
 void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* test) {
   const double seconds = trainer.train_seconds();
   const double rate = seconds > last_seconds_ ? (step - last_row_) / (seconds - last_seconds_) : 0;
+  last_loss_ = trainer.loss();
   append_rows(
       path_,
-      fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, trainer.loss(), trainer.gaussian_count(),
+      fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, *last_loss_, trainer.gaussian_count(),
                   seconds, rate, trainer.settings().sh_degree) +
           (test ? fmt::format("{:.4f},{:.5f}\n", test->psnr, test->ssim) : std::string(",\n")));
   last_row_ = step;

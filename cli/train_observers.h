@@ -65,6 +65,8 @@ class MetricsObserver final : public Observer {
   void after_step(int step, Trainer& trainer) override;
   void after_rollback(int step, Trainer& trainer) override;
   void finish(int step, Trainer& trainer, const Evaluation& test);
+  /// That of the last row; nothing before the first.
+  std::optional<double> last_loss() const { return last_loss_; }
 
  private:
   void go_on_after(const std::string& rows);
@@ -74,6 +76,7 @@ class MetricsObserver final : public Observer {
   const EvaluationObserver& evaluations_;
   int last_row_ = 0;
   double last_seconds_ = 0;
+  std::optional<double> last_loss_;
 };
 
 /// Saves it to its place in the run's folder.

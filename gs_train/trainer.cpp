@@ -239,14 +239,20 @@ RenderSettings Trainer::evaluation_settings() const {
   return settings;
 }
 
-GaussianModel trained_model(Trainer& trainer) {
+GaussianModel copied_model(Trainer& trainer) {
   GaussianModel model;
   trainer.look_at_result([&](const Gaussians& gaussians) {
     model = host_copy(gaussians, trainer.config().model.sh_degree, trainer.settings().antialias);
   });
-  model.gaussians = rows_of(model.gaussians, visible_rows(model.gaussians));
   model.world_offset = trainer.scene().world_offset;
   return model;
 }
+
+GaussianModel visible_part(const GaussianModel& model) {
+  return {rows_of(model.gaussians, visible_rows(model.gaussians)), model.sh_degree, model.is_ours,
+          model.antialiased, model.world_offset};
+}
+
+GaussianModel trained_model(Trainer& trainer) { return visible_part(copied_model(trainer)); }
 
 }  // namespace gs

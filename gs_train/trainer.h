@@ -134,6 +134,9 @@ class Trainer {
 
 /// The model as it is now, as files carry it: what cannot be seen is left out. Waits for the device.
 GaussianModel trained_model(Trainer& trainer);
+/// The same in two steps: the copy, which waits for the device, and what of it can be seen.
+GaussianModel copied_model(Trainer& trainer);
+GaussianModel visible_part(const GaussianModel& model);
 
 /// Render settings as the config states them, at the model's full SH degree.
 RenderSettings render_settings(const Config& config);

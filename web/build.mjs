@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // Makes each page one self-contained HTML file: script and style bundled into it, nothing left to load.
 //   node build.mjs MODULES OUT
-// MODULES holds node_modules (npm ci puts it there); OUT/report.html is written. The place of the data stays open:
-// gemsplat puts it in (cli/report_page.cpp).
+// MODULES holds node_modules (npm ci puts it there); OUT/report.html and OUT/view.html are written. The place of the
+// report's data stays open: gemsplat puts it in (cli/report_page.cpp). The viewer asks its server (docs/viewer.md).
 import {mkdir, readFile, writeFile} from 'node:fs/promises';
 import {createRequire} from 'node:module';
 import {dirname, join, resolve} from 'node:path';
 import {fileURLToPath} from 'node:url';
+import {sparkFix} from './spark_fix.mjs';
 
-const PAGES = ['report'];
-const BUNDLED = ['uplot'];  // whose licences go into the pages
+// What is bundled into each page, and whose licences therefore go into it. Spark's build holds fflate.
+const PAGES = {
+  report: ['uplot'],
+  view: ['@sparkjsdev/spark', 'fflate', 'three', 'uplot'],
+};
 
 const here = dirname(fileURLToPath(import.meta.url));
 const [modules, out] = process.argv.slice(2).map(path => resolve(path));
@@ -27,13 +31,14 @@ async function bundle(file) {
     charset: 'utf8',
     legalComments: 'none',  // the licences are below, whole
     logLevel: 'warning',
+    plugins: [sparkFix],
   });
   return result.outputFiles[0].text.trim();
 }
 
-async function licences() {
+async function licences(names) {
   const texts = [];
-  for (const name of BUNDLED) {
+  for (const name of names) {
     const folder = join(modules, 'node_modules', name);
     const {version} = JSON.parse(await readFile(join(folder, 'package.json'), 'utf8'));
     const text = (await readFile(join(folder, 'LICENSE'), 'utf8')).trim();
@@ -44,9 +49,9 @@ async function licences() {
 }
 
 await mkdir(out, {recursive: true});
-for (const page of PAGES) {
+for (const [page, bundled] of Object.entries(PAGES)) {
   const parts = {
-    LICENCES: await licences(),
+    LICENCES: await licences(bundled),
     STYLE: await bundle(`${page}/page.css`),
     SCRIPT: await bundle(`${page}/main.js`),
   };

@@ -27,7 +27,7 @@ export function svg(tag, attributes = {}, ...children) {
   return append(node, children);
 }
 
-// A row of buttons of which one is pressed. choices: [[value, label], ...]
+// A row of buttons of which one is pressed. choices: [[value, label], ...]; its press(value) shows another one as pressed.
 export function segmented(label, choices, chosen, choose) {
   const buttons = choices.map(([value, text]) => el('button', {
     type: 'button',
@@ -37,7 +37,7 @@ export function segmented(label, choices, chosen, choose) {
   const press = value => buttons.forEach(
       button => button.setAttribute('aria-pressed', String(button.dataset.value === value)));
   press(chosen);
-  return el('div.segmented', {role: 'group', 'aria-label': label}, buttons);
+  return Object.assign(el('div.segmented', {role: 'group', 'aria-label': label}, buttons), {press});
 }
 
 export function section(id, title, aside, ...children) {

@@ -1,20 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// A headless Chromium that reaches nothing but the files it is given, and remembers what went wrong.
+// A headless Chromium that reaches nothing but the file or the server it is given, and remembers what went wrong.
 import {mkdtemp, rm} from 'node:fs/promises';
 import {createRequire} from 'node:module';
 import {tmpdir} from 'node:os';
 import {join, resolve} from 'node:path';
 import {pathToFileURL} from 'node:url';
 
-const FLAGS = ['--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
-               '--disable-background-networking', '--disable-component-update', '--disable-sync'];
+const FLAGS = ['--headless', '--no-sandbox', '--disable-quic', '--no-first-run', '--disable-background-networking',
+               '--disable-component-update', '--disable-sync'];
+const WITHOUT_3D = ['--disable-gpu'];
+const WITH_3D = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'];  // drawn by the CPU
+const THIS_MACHINE_ONLY = ['--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1', '--proxy-server=direct://'];
 
 export class Browser {
-  // modules: the folder that holds node_modules; executable: Chromium's
-  static async start(modules, executable) {
+  // modules: the folder that holds node_modules; executable: Chromium's; for pages of a server, with WebGL: {server: true}
+  static async start(modules, executable, {server = false} = {}) {
     const {chromium} = createRequire(join(resolve(modules), 'package.json'))('playwright-core');
     const profile = await mkdtemp(join(tmpdir(), 'gemsplat-browser-'));
-    const context = await chromium.launchPersistentContext(profile, {executablePath: executable, args: FLAGS, offline: true});
+    const args = [...FLAGS, ...(server ? [...WITH_3D, ...THIS_MACHINE_ONLY] : WITHOUT_3D)];
+    const context = await chromium.launchPersistentContext(profile, {executablePath: executable, args, offline: !server});
     return new Browser(context, profile);
   }
   constructor(context, profile) {
@@ -23,25 +27,37 @@ export class Browser {
     this.failures = [];
   }
 
-  // Opens a file. Any request for something else, and anything that the page complains about, is a failure.
-  async open(file, {width = 1280, height = 900, colorScheme = 'light', touch = false} = {}) {
-    const url = pathToFileURL(resolve(file)).href;
+  // Opens a page. Any request for which `isAllowed(url)` is false, and anything that the page complains about, is a failure.
+  async visit(url, isAllowed, {width = 1280, height = 900, colorScheme = 'light', reducedMotion = 'reduce'} = {}) {
     const page = await this.context.newPage();
     await page.setViewportSize({width, height});
-    await page.emulateMedia({colorScheme, reducedMotion: 'reduce'});
-    const fail = text => this.failures.push(`${file}: ${text}`);
+    await page.emulateMedia({colorScheme, reducedMotion});
+    const fail = text => this.failures.push(`${url}: ${text}`);
     page.on('console', message => {
       if (['error', 'warning'].includes(message.type())) fail(`console: ${message.text()}`);
     });
     page.on('pageerror', error => fail(`error: ${error.message}`));
     page.on('dialog', dialog => { fail(`dialog: ${dialog.message()}`); dialog.dismiss(); });
     page.on('request', request => {
-      if (request.url().split('#')[0] !== url && !request.url().startsWith('data:')) fail(`request: ${request.url()}`);
+      if (!request.url().startsWith('data:') && !isAllowed(request.url())) fail(`request: ${request.url()}`);
     });
     await page.goto(url);
+    return page;
+  }
+
+  // Opens a file, which may load nothing else.
+  async open(file, options) {
+    const url = pathToFileURL(resolve(file)).href;
+    const page = await this.visit(url, address => address.split('#')[0] === url, options);
     await page.waitForFunction(() => document.querySelector('h1') || document.querySelector('.failure'));
     await page.waitForTimeout(300);  // charts are drawn when their places are known
     return page;
+  }
+
+  // Opens the page of a server on this machine, which may load from there alone. options: `at`, what follows # in the address
+  openServer(url, {at = '', ...options} = {}) {
+    const own = address => address.startsWith(url) || address.startsWith(`blob:${url}`);
+    return this.visit(`${url}${at && `#${at}`}`, own, options);
   }
 
   async close() {

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// What keys do; help.js says so to people.
+
+export function bindKeys(viewer) {
+  const {panels, rig, controls, compare} = viewer;
+  const frames = mode => viewer.stage.isRemote && viewer.showFrames(mode);
+  const actions = {
+    ArrowLeft: () => viewer.stepCamera(-1), ArrowRight: () => viewer.stepCamera(1), n: () => viewer.goToNearest(),
+    f: () => viewer.showFrusta(!viewer.stage.frusta?.visible), c: () => compare.next(), g: () => panels.cameras?.toggle(), p: () => panels.settings.toggle(),
+    i: () => panels.figures.toggle(), h: () => viewer.setInterface(viewer.isBare), r: () => viewer.reset(), l: () => rig.level(), u: () => viewer.flipUp(),
+    o: () => viewer.navigate(controls.mode === 'orbit' ? 'fly' : 'orbit'), '?': () => viewer.help.showModal(),
+    1: () => frames('color'), 2: () => frames('depth'), 3: () => frames('normal'),
+    Escape: () => Object.values(panels).forEach(panel => panel.toggle(false)),
+  };
+  const types = target => target.closest?.('input:not([type=range]), select, textarea, dialog') !== null;
+  addEventListener('keydown', event => {
+    if (event.ctrlKey || event.metaKey || types(event.target)) return;
+    if (event.key === ' ' && !event.target.closest?.('button')) {
+      compare.flip(true);
+      return event.preventDefault();
+    }
+    if (controls.press(event)) return event.preventDefault();
+    const ranges = event.target.closest?.('input[type=range]') && event.key.startsWith('Arrow');
+    const act = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    if (!act || event.repeat && !event.key.startsWith('Arrow') || ranges || event.altKey) return;
+    event.preventDefault();
+    act();
+  });
+  addEventListener('keyup', event => {
+    controls.release(event);
+    if (event.key === ' ') compare.flip(false);
+  });
+}

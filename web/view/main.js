@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer: asks the server what there is to see (docs/viewer.md), puts the page together, and tells why where it cannot.
+import {el} from '../shared/dom.js';
+import {askForScene} from './server.js';
+import {Viewer} from './viewer.js';
+
+const app = document.getElementById('app');
+
+async function start() {
+  const scene = await askForScene();
+  document.title = `${scene.title} · gemsplat`;
+  const viewer = new Viewer(app, scene);
+  await viewer.start(new URLSearchParams(location.hash.slice(1)));
+  return viewer;
+}
+
+const started = start();
+// For tests and scripts: docs/viewer.md.
+window.gemsplatViewer = {
+  ready: started.then(() => undefined),
+  setCamera: async index => (await started).goTo(index, {jump: true}),
+  setPose: async pose => (await started).setPose(pose),
+  setInterface: async shown => (await started).setInterface(shown),
+  resize: async () => (await started).stage.resize(),
+  settled: async () => (await started).stage.settled(),
+  state: () => app.viewer?.state() ?? null,
+};
+started.catch(error => {
+  app.replaceChildren(el('p.card.failure', {role: 'alert'}, error.message));
+  console.warn(error);
+});

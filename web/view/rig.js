@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the viewer stands, what its lens is, and how it moves: orbits, looks around, flies. World axes are the scene's.
+import {Matrix4, Quaternion, Vector3} from 'three';
+import {lensOf, mixedLens, poseFromRows} from './lens.js';
+
+const STEEPEST = 89.5 * Math.PI / 180;  // between the horizon and the line of sight
+const FLIGHT = 700;                     // milliseconds
+
+const ease = t => t < 0.5 ? 4 * t ** 3 : 1 - (2 - 2 * t) ** 3 / 2;
+const calm = () => matchMedia('(prefers-reduced-motion: reduce)').matches;
+
+export class Rig {
+  // changed(): called after every movement.
+  constructor(changed) {
+    this.changed = changed;
+    this.position = new Vector3();
+    this.quaternion = new Quaternion();
+    this.target = new Vector3(0, 0, 1);  // what orbits go around
+    this.up = new Vector3(0, -1, 0);
+    this.lens = null;
+    this.at = null;      // index of the camera that this is exactly the view of
+    this.flight = null;  // towards another view
+  }
+
+  axis(x, y, z) { return new Vector3(x, y, z).applyQuaternion(this.quaternion); }
+  get distance() { return this.position.distanceTo(this.target); }
+
+  // Something moved by hand: no longer a camera's view, and no flight goes on.
+  moved() {
+    this.at = null;
+    this.flight = null;
+    this.changed();
+  }
+
+  turn(rotation, pivot) {
+    if (pivot) this.position.sub(pivot).applyQuaternion(rotation).add(pivot);
+    this.quaternion.premultiply(rotation).normalize();
+  }
+
+  // Angles in radians, to the left and up positive; about `pivot`, or about the viewer where there is none.
+  rotate(yaw, pitch, pivot) {
+    const elevation = Math.asin(Math.min(1, Math.max(-1, this.axis(0, 0, -1).dot(this.up))));
+    const free = this.axis(0, 1, 0).dot(this.up) > 0;  // upright: then it stays so
+    const tilt = free ? Math.min(STEEPEST, Math.max(-STEEPEST, elevation + pitch)) - elevation : pitch;
+    this.turn(new Quaternion().setFromAxisAngle(this.axis(1, 0, 0), tilt), pivot);
+    this.turn(new Quaternion().setFromAxisAngle(this.up, yaw), pivot);
+    this.moved();
+  }
+
+  orbit(yaw, pitch) { this.rotate(yaw, pitch, this.target); }
+  look(yaw, pitch) {
+    const distance = this.distance;
+    this.rotate(yaw, pitch);
+    this.target.copy(this.position).addScaledVector(this.axis(0, 0, -1), distance);
+  }
+
+  // Along the camera's right and down, and straight ahead; the target comes along. World units.
+  shift(right, down, forward) {
+    const by = this.axis(right, -down, -forward);
+    this.position.add(by);
+    this.target.add(by);
+    this.moved();
+  }
+
+  // Towards the target (factor < 1) or away from it. The target keeps at least `nearest` ahead.
+  approach(factor, nearest) {
+    const distance = this.distance, by = distance * (1 - factor), ahead = this.axis(0, 0, -1);
+    this.position.addScaledVector(ahead, by);
+    this.target.copy(this.position).addScaledVector(ahead, Math.max(nearest, distance - by));
+    this.moved();
+  }
+
+  roll(angle) {
+    this.turn(new Quaternion().setFromAxisAngle(this.axis(0, 0, -1), angle));
+    this.moved();
+  }
+
+  // Orbits go around this point from now on; the view turns to it.
+  setTarget(point) {
+    const direction = point.clone().sub(this.position).normalize();
+    const rotation = new Quaternion().setFromUnitVectors(this.axis(0, 0, -1), direction);
+    this.target.copy(point);
+    this.go({position: this.position.clone(), quaternion: rotation.multiply(this.quaternion.clone())});
+  }
+
+  level() { this.go({position: this.position.clone(), quaternion: this.facing(this.axis(0, 0, -1))}); }
+
+  // The orientation that looks along `forward` with the horizon level.
+  facing(forward) {
+    const back = forward.clone().negate().normalize();
+    let right = this.up.clone().cross(back);
+    if (right.lengthSq() < 1e-8) right = this.axis(1, 0, 0);
+    right.normalize();
+    const up = back.clone().cross(right);
+    return new Quaternion().setFromRotationMatrix(new Matrix4().makeBasis(right, up, back));
+  }
+
+  // Flies to a view, or jumps where movement is not wanted. view: {position, quaternion, lens, at, target}
+  go(view, {jump = calm()} = {}) {
+    const lens = view.lens ?? this.lens;
+    this.at = null;
+    if (jump) return this.arrive({...view, lens});
+    this.flight = {from: {position: this.position.clone(), quaternion: this.quaternion.clone(), lens: this.lens},
+                   to: {...view, lens}, since: performance.now()};
+    this.changed();
+  }
+
+  // To a camera of scene.json; the target lies as far ahead as it was, or at the depth of `center`.
+  goToCamera(camera, index, center, options) {
+    const pose = poseFromRows(camera.world_from_camera);
+    const forward = new Vector3(0, 0, -1).applyQuaternion(pose.quaternion);
+    const depth = Math.max(center.clone().sub(pose.position).dot(forward), 0.2 * center.distanceTo(pose.position), 1e-3);
+    this.go({...pose, lens: lensOf(camera), at: index, target: pose.position.clone().addScaledVector(forward, depth)}, options);
+  }
+
+  arrive({position, quaternion, lens, at = null, target}) {
+    this.position.copy(position);
+    this.quaternion.copy(quaternion);
+    if (target) this.target.copy(target);
+    this.lens = lens;
+    this.at = at;
+    this.flight = null;
+    this.changed();
+  }
+
+  // One frame further on a flight.
+  advance(now) {
+    if (!this.flight) return;
+    const {from, to, since} = this.flight, t = Math.min(1, (now - since) / FLIGHT), s = ease(t);
+    if (t >= 1) return this.arrive(to);
+    this.position.lerpVectors(from.position, to.position, s);
+    this.quaternion.slerpQuaternions(from.quaternion, to.quaternion, s);
+    this.lens = mixedLens(from.lens, to.lens, s);
+    this.changed();
+  }
+}
