@@ -9,6 +9,7 @@ import {mkdir, readFile, readdir, rm, writeFile} from 'node:fs/promises';
 import {basename, join, resolve} from 'node:path';
 import {parseArgs} from 'node:util';
 import {Browser} from './browser.mjs';
+import {psnr} from './pictures.mjs';
 import {ViewServer, sceneOf} from './view_server.mjs';
 
 const SKIPPED = 77;  // as CTest is told
@@ -32,22 +33,6 @@ async function shortRuns(scene) {
   });
 }
 
-// PSNR of two PNGs over all pixels and channels, in the browser, which can read them.
-const psnr = (page, a, b) => page.evaluate(async pictures => {
-  const [x, y] = await Promise.all(pictures.map(async data => {
-    const image = new Image();
-    image.src = `data:image/png;base64,${data}`;
-    await image.decode();
-    const canvas = new OffscreenCanvas(image.naturalWidth, image.naturalHeight), context = canvas.getContext('2d');
-    context.drawImage(image, 0, 0);
-    return context.getImageData(0, 0, canvas.width, canvas.height);
-  }));
-  if (x.width !== y.width || x.height !== y.height) throw new Error(`${x.width} x ${x.height} against ${y.width} x ${y.height}`);
-  let sum = 0;
-  for (let i = 0; i < x.data.length; ++i) if (i % 4 < 3) sum += (x.data[i] - y.data[i]) ** 2;
-  return -10 * Math.log10(Math.max(sum / (x.width * x.height * 3) / 255 ** 2, 1e-12));
-}, [a, b].map(picture => picture.toString('base64')));
-
 async function measure(browser, run, format) {
   const name = basename(run), file = join(out, name, `${name}.${format}`), renders = join(out, name, `render-${format}`);
   if (!existsSync(file)) gemsplat('export', run, file, '--no-measure', '-q');
@@ -64,7 +49,7 @@ async function measure(browser, run, format) {
   const results = [];
   for (const camera of some) {
     const page = await browser.openServer(server.url, {at: `c=${camera.index}&ui=0`, width: camera.width, height: camera.height});
-    await page.evaluate(() => gemsplatViewer.ready.then(() => gemsplatViewer.settled()));
+    await page.waitForFunction(() => gemsplatViewer.ready.then(() => gemsplatViewer.settled()).then(() => true));
     const picture = await page.screenshot();
     await writeFile(join(out, name, `page-${format}-${camera.name.replaceAll('/', '-')}.png`), picture);
     results.push(await psnr(page, picture, await readFile(join(renders, `${camera.name.replace(/\.[^.]*$/, '')}.png`))));

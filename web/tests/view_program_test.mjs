@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer with the program's own server: a trained run, the same with pictures from the server, and a run that trains.
+//   node view_program_test.mjs MODULES PROGRAM SCENE OUT CHROMIUM
+import assert from 'node:assert/strict';
+import {execFileSync, spawn} from 'node:child_process';
+import {existsSync} from 'node:fs';
+import {mkdir, readFile, rm} from 'node:fs/promises';
+import {join, resolve} from 'node:path';
+import {Browser} from './browser.mjs';
+import {psnr} from './pictures.mjs';
+
+const SKIPPED = 77;  // as CTest is told
+const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path)), chromium = process.argv[6];
+if (!chromium || !existsSync(chromium)) {
+  console.log('skipped: no Chromium was found; install the package chromium');
+  process.exit(SKIPPED);
+}
+
+const SETTINGS = ['--device', 'cpu', '-q', '-r', '4', '--eval', '--set', 'density.max_gaussians=5000'];
+const run = join(out, 'run'), renders = join(out, 'renders');
+const gemsplat = (...words) => execFileSync(program, words, {stdio: ['ignore', 'pipe', 'inherit']}).toString();
+
+// Starts the program and waits for the address that it prints: {url, end()}.
+async function serve(...words) {
+  const child = spawn(program, words, {stdio: ['ignore', 'pipe', 'pipe']});
+  const ended = new Promise(done => child.on('exit', code => done(code)));
+  let said = '';
+  const url = await new Promise((done, fail) => {
+    const hear = data => {
+      said += data;
+      const address = said.match(/http:\/\/127\.0\.0\.1:\d+\//);
+      if (address) done(address[0]);
+    };
+    child.stdout.on('data', hear);
+    child.stderr.on('data', hear);
+    ended.then(code => fail(new Error(`the program ended with ${code}: ${said}`)));
+  });
+  return {url, child, ended, end: () => { child.kill('SIGINT'); return ended; }};
+}
+const ready = page => page.waitForFunction(() => gemsplatViewer.ready.then(() => gemsplatViewer.settled()).then(() => true));
+const settled = page => page.waitForFunction(() => gemsplatViewer.settled().then(() => true));
+const state = page => page.evaluate(() => gemsplatViewer.state());
+const shot = (page, name) => page.screenshot({path: join(out, `${name}.png`)});
+
+// The page at the size of camera `index`, without interface, against the program's own picture of it.
+async function agreement(browser, url, index) {
+  const {cameras} = await (await fetch(`${url}scene.json`)).json(), {name, width, height} = cameras[index];
+  const page = await browser.openServer(url, {at: `c=${index}&ui=0`, width, height});
+  await ready(page);
+  const dB = await psnr(page, await page.screenshot(), await readFile(join(renders, name.replace(/\.[^.]*$/, '.png'))));
+  await page.close();
+  return dB;
+}
+
+const tests = {
+  async 'a trained run: its picture is that of render, its cameras have their photos'(browser) {
+    const server = await serve('view', run, '--no-open', '--port', '0');
+    const dB = await agreement(browser, server.url, 1);
+    assert.ok(dB > 45, `${dB} dB`);
+    const page = await browser.openServer(server.url, {at: 'camera=0'});
+    await ready(page);
+    const results = JSON.parse(await readFile(join(run, 'results.json'), 'utf8'));
+    assert.equal((await state(page)).gaussians, results.num_gaussians);
+    await page.getByRole('button', {name: 'Slider'}).click();
+    await page.waitForFunction(() => document.querySelector('.photo').naturalWidth > 0);
+    await shot(page, 'program-slider');
+    await page.keyboard.press('ArrowRight');
+    assert.equal((await state(page)).camera, 1);
+    await page.close();
+    assert.equal(await server.end(), 0);
+  },
+
+  async 'pictures from the server are those of render'(browser) {
+    const server = await serve('view', run, '--remote', '--device', 'cpu', '--no-open', '--port', '0');
+    const dB = await agreement(browser, server.url, 1);
+    assert.ok(dB > 32, `${dB} dB`);  // less than of the other: JPEG
+    const page = await browser.openServer(server.url, {at: 'camera=0'});
+    await ready(page);
+    await page.keyboard.press('2');
+    await settled(page);
+    await shot(page, 'program-depth');
+    await page.close();
+    assert.equal(await server.end(), 0);
+  },
+
+  async 'a run that trains is shown while it does'(browser) {
+    const server = await serve('train', scene, '-o', join(out, 'live'), '-i', '4000', '--viewer', '--viewer-port', '0', ...SETTINGS.filter(word => word !== '-q'));
+    const page = await browser.openServer(server.url, {at: 'camera=0'});
+    await page.evaluate(() => gemsplatViewer.ready);
+    await page.waitForFunction(() => gemsplatViewer.state().version >= 2 && gemsplatViewer.state().gaussians > 0, null, {timeout: 120_000});
+    await page.waitForFunction(() => /Step\s*[1-9]/.test(document.querySelector('.training-body').innerText));
+    await shot(page, 'program-live');
+    await page.close();
+    server.child.kill('SIGINT');
+    assert.equal(await server.ended, 5);  // stopped: docs/conventions.md
+  },
+};
+
+await rm(out, {recursive: true, force: true});
+await mkdir(out, {recursive: true});
+gemsplat('train', scene, '-o', run, '-i', '300', ...SETTINGS);
+gemsplat('render', run, '-o', renders, '-q', '--device', 'cpu');
+const browser = await Browser.start(modules, chromium, {server: true});
+browser.context.setDefaultTimeout(60_000);
+let failed = 0;
+for (const [name, test] of Object.entries(tests)) {
+  try {
+    await test(browser);
+    assert.deepEqual(browser.failures, []);
+    console.log(`ok      ${name}`);
+  } catch (error) {
+    ++failed;
+    console.log(`FAILED  ${name}\n${error.stack}\n${browser.failures.join('\n')}`);
+  }
+  browser.failures.length = 0;
+}
+await browser.close();
+console.log(`${failed ? `${failed} failed` : 'all passed'}; screenshots: ${out}`);
+process.exit(failed ? 1 : 0);
