@@ -7,7 +7,7 @@ import {existsSync} from 'node:fs';
 import {mkdir, readFile, rm} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
 import {Browser} from './browser.mjs';
-import {psnr} from './pictures.mjs';
+import {colorsAt, psnr} from './pictures.mjs';
 
 const SKIPPED = 77;  // as CTest is told
 const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path)), chromium = process.argv[6];
@@ -23,6 +23,7 @@ const gemsplat = (...words) => execFileSync(program, words, {stdio: ['ignore', '
 // Starts the program and waits for the address that it prints: {url, end()}.
 async function serve(...words) {
   const child = spawn(program, words, {stdio: ['ignore', 'pipe', 'pipe']});
+  process.on('exit', () => child.kill());
   const ended = new Promise(done => child.on('exit', code => done(code)));
   let said = '';
   const url = await new Promise((done, fail) => {
@@ -89,7 +90,9 @@ const tests = {
     await page.evaluate(() => gemsplatViewer.ready);
     await page.waitForFunction(() => gemsplatViewer.state().version >= 2 && gemsplatViewer.state().gaussians > 0, null, {timeout: 120_000});
     await page.waitForFunction(() => /Step\s*[1-9]/.test(document.querySelector('.training-body').innerText));
-    await shot(page, 'program-live');
+    await settled(page);
+    const [middle] = await colorsAt(page, await shot(page, 'program-live'), [[640, 450]]);
+    assert.ok(Math.max(...middle) > 40, `nothing is drawn: ${middle}`);
     await page.close();
     server.child.kill('SIGINT');
     assert.equal(await server.ended, 5);  // stopped: docs/conventions.md
