@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "cli/report_page.h"
+#include "cli/view_server.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 
@@ -80,6 +81,12 @@ Capability report_capability() {
       can_write_reports() ? "writes report.html of runs and experiments" : cannot_write_reports()};
 }
 
+Capability viewer_capability() {
+  return {"viewer", can_view(),
+          can_view() ? "serves models and runs to a browser (`gemsplat view`, `train --viewer`)"
+                     : cannot_view()};
+}
+
 // What a build without a library cannot read or write.
 Capability format_capability(bool is_there, const char* name, const char* files,
                              const char* package) {
@@ -125,6 +132,7 @@ std::vector<Capability> capabilities() {
           opencv_capability(),
           ceres_capability(),
           report_capability(),
+          viewer_capability(),
           format_capability(kHasZlib, "zlib", ".spz", "zlib1g-dev"),
           format_capability(kHasZstd, "zstd", ".spz of version 4", "libzstd-dev"),
           format_capability(kHasWebp, "libwebp", ".sog", "libwebp-dev")};

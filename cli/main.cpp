@@ -63,6 +63,7 @@ int run(int argc, const char* const* argv) {
   add_report(program);
   add_eval(program);
   add_render(program);
+  add_view(program);
   add_prune(program);
   add_export(program);
   add_info(program);

@@ -108,6 +108,19 @@ void add_general_options(CLI::App& verb, CommandLine& line) {
   verb.add_flag("-v,--verbose", line.verbose, "print more")->group("Messages");
 }
 
+void add_http_place(CLI::App& verb, HttpPlace& place, const std::string& prefix,
+                    const std::string& group) {
+  verb.add_option(prefix + "host", place.host,
+                  "address to listen at [127.0.0.1: for this machine alone]")
+      ->type_name("ADDRESS")
+      ->group(group);
+  verb.add_option(prefix + "port", place.port,
+                  "port to listen at [the first free one from 7070 on]; 0: any")
+      ->check(CLI::Range(0, 65535))
+      ->type_name("N")
+      ->group(group);
+}
+
 void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
   add_setting(verb, line, scene_names, "dataset.source", "Scene");
   add_setting(verb, line, "--images", "dataset.images", "Scene");

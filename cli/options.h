@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/http_server.h"
 #include "gs_core/config.h"
 #include "gs_core/log.h"
 
@@ -41,6 +42,10 @@ void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& s
 
 /// --background, -w, --antialiased, --blend-rule, --sh-degree.
 void add_render_options(CLI::App& verb, CommandLine& line);
+
+/// Where a server listens: HOST and PORT, behind `prefix` ("--viewer-").
+void add_http_place(CLI::App& verb, HttpPlace& place, const std::string& prefix,
+                    const std::string& group);
 
 /// The settings of the command line over `start`, validated; in `origins`, where given, what came from where. Throws
 /// UsageError.

@@ -13,6 +13,7 @@
 #include "cli/devices.h"
 #include "cli/exported_file.h"
 #include "cli/folder_lock.h"
+#include "cli/live_view.h"
 #include "cli/options.h"
 #include "cli/pictures.h"
 #include "cli/profile_observer.h"
@@ -43,6 +44,21 @@ struct TrainCommand : CommandLine {
   std::string resume;   // auto, or the folder or checkpoint of a run; empty: not at all
   int added_steps = 0;  // --iterations +N
   std::vector<std::string> exports;  // names of formats
+  bool viewer = false, viewer_wait = false;
+  HttpPlace viewer_place;
+};
+
+// The run in a browser, with --viewer. Its place is taken before the run's folder is touched.
+struct Viewer {
+  Viewer(const RunFolder& folder, const Scene& scene, const Config& config, const HttpPlace& place)
+      : view(folder.root().string(), scene, config),
+        server(place, [this](const HttpRequest& request) { return view_answer(view, request); }) {
+    warn_of_guests(place);
+    log_info("viewer: {}", server.url());
+  }
+
+  LiveView view;
+  HttpServer server;
 };
 
 // The config of this run, with the scene's absolute path, so that its folder can be used from anywhere.
@@ -271,8 +287,20 @@ void export_run(const TrainCommand& command, Trainer& trainer, const RunFolder& 
   }
 }
 
+// With --viewer: says that the run is over, and with --viewer-wait shows its model until a signal comes.
+void end_viewer(const TrainCommand& command, std::optional<Viewer>& viewer, Trainer& trainer,
+                const Evaluation& test) {
+  if (!viewer) return;
+  if (!command.viewer_wait) return viewer->view.end({}, test);
+  SignalWait signal;
+  viewer->view.end(trained_model(trainer), test);
+  log_info("{} shows the model until Ctrl-C", viewer->server.url());
+  signal.wait();
+}
+
 void train(const TrainCommand& command) {
   setup_log(command.verbosity());
+  if (command.viewer) check_can_view();
   for (const std::string& name : command.exports) format_named(name).require({});
   const auto find_resumed = [&]() -> std::optional<ResumedRun> {
     if (command.resume.empty() || command.print_config) return std::nullopt;
@@ -307,6 +335,8 @@ void train(const TrainCommand& command) {
 
   std::optional<Trainer> made;  // before the folder, so that a scene that cannot be trained leaves none
   if (!resumed) made.emplace(scene, config, *backend);
+  std::optional<Viewer> viewer;
+  if (command.viewer) viewer.emplace(folder, scene, config, command.viewer_place);
   CheckpointFolder checkpoints(folder.checkpoints(), config, SceneRecord(scene));
   const auto keep_start = [&] {
     checkpoints.save(resumed->checkpoint.state.progress, resumed->checkpoint.state.model);
@@ -330,6 +360,10 @@ void train(const TrainCommand& command) {
   for (Observer* observer :
        std::initializer_list<Observer*>{&saver, &evaluations, &metrics, &progress, &profile})
     trainer.add_observer(*observer);
+  if (viewer) {
+    viewer->view.follow(metrics, evaluations);
+    trainer.add_observer(viewer->view);
+  }
 
   run_until_done(trainer, folder);
   progress.clear();
@@ -346,6 +380,7 @@ void train(const TrainCommand& command) {
   checkpoints.keep_only_newest();
   export_run(command, trainer, folder);  // when nothing can be lost any more
   if (!command.quiet) print_summary(results, folder);
+  end_viewer(command, viewer, trainer, results.test);
 }
 
 }  // namespace
@@ -375,6 +410,14 @@ void add_train(CLI::App& program) {
       ->delimiter(',')
       ->type_name("FORMAT,...")
       ->group("Output");
+  verb.add_flag("--viewer", command->viewer, "show the run in a browser while it goes on")
+      ->group("Viewer");
+  add_http_place(verb, command->viewer_place, "--viewer-", "Viewer");
+  verb.add_flag("--viewer-wait", command->viewer_wait,
+                "go on showing the model after the end, until Ctrl-C")
+      ->group("Viewer");
+  for (const char* option : {"--viewer-host", "--viewer-port", "--viewer-wait"})
+    verb.get_option(option)->needs("--viewer");
   add_setting(verb, line, "--save-steps,--save-iterations", "train.save_steps", "Output",
               "save the PLY after these steps, besides the last");
   add_setting(verb, line, "--test-steps,--test-iterations,--eval-steps", "train.test_steps",

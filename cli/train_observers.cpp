@@ -98,24 +98,31 @@ void MetricsObserver::finish(int step, Trainer& trainer, const Evaluation& test)
 void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* test) {
   const double seconds = trainer.train_seconds();
   const double rate = seconds > last_seconds_ ? (step - last_row_) / (seconds - last_seconds_) : 0;
+  last_loss_ = trainer.loss();
   append_rows(
       path_,
-      fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, trainer.loss(), trainer.gaussian_count(),
+      fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, *last_loss_, trainer.gaussian_count(),
                   seconds, rate, trainer.settings().sh_degree) +
           (test ? fmt::format("{:.4f},{:.5f}\n", test->psnr, test->ssim) : std::string(",\n")));
   last_row_ = step;
   last_seconds_ = seconds;
 }
 
-GaussianModel trained_model(Trainer& trainer) {
+GaussianModel copied_model(Trainer& trainer) {
   GaussianModel model;
   trainer.look_at_result([&](const Gaussians& gaussians) {
     model = host_copy(gaussians, trainer.config().model.sh_degree, trainer.settings().antialias);
   });
-  model.gaussians = rows_of(model.gaussians, visible_rows(model.gaussians));
   model.world_offset = trainer.scene().world_offset;
   return model;
 }
+
+GaussianModel visible_part(const GaussianModel& model) {
+  return {rows_of(model.gaussians, visible_rows(model.gaussians)), model.sh_degree, model.is_ours,
+          model.antialiased, model.world_offset};
+}
+
+GaussianModel trained_model(Trainer& trainer) { return visible_part(copied_model(trainer)); }
 
 void save_model(const RunFolder& folder, int step, Trainer& trainer) {
   write_gaussian_ply(folder.ply(step), trained_model(trainer));

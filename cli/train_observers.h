@@ -65,6 +65,8 @@ class MetricsObserver final : public Observer {
   void after_step(int step, Trainer& trainer) override;
   void after_rollback(int step, Trainer& trainer) override;
   void finish(int step, Trainer& trainer, const Evaluation& test);
+  /// That of the last row; nothing before the first.
+  std::optional<double> last_loss() const { return last_loss_; }
 
  private:
   void go_on_after(const std::string& rows);
@@ -74,9 +76,14 @@ class MetricsObserver final : public Observer {
   const EvaluationObserver& evaluations_;
   int last_row_ = 0;
   double last_seconds_ = 0;
+  std::optional<double> last_loss_;
 };
 
-/// The model as it is now, as files carry it.
+/// A copy of the model as it is now, rows that nobody sees among it.
+GaussianModel copied_model(Trainer& trainer);
+/// The rows that can be seen.
+GaussianModel visible_part(const GaussianModel& model);
+/// The visible part of the model as it is now, as files carry it.
 GaussianModel trained_model(Trainer& trainer);
 
 /// Saves it to its place in the run's folder.

@@ -18,6 +18,7 @@ void add_experiment(CLI::App& program);
 void add_report(CLI::App& program);
 void add_eval(CLI::App& program);
 void add_render(CLI::App& program);
+void add_view(CLI::App& program);
 void add_prune(CLI::App& program);
 void add_export(CLI::App& program);
 void add_info(CLI::App& program);

@@ -36,6 +36,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kMostDecoders = 16;  // threads of a PhotoPool
+constexpr std::size_t kRoomForLooking = std::size_t(1) << 30;  // bytes of photos kept for those who look at some
 // Smaller photos are not kept in a cache that nobody named: they are decoded in 10 ms.
 constexpr std::int64_t kWorthCaching = std::int64_t(1) << 20;  // pixels
 /// In all photos together: the rest would tell nothing new of three numbers per photo.
@@ -261,12 +262,17 @@ std::vector<View> lazy_views(std::vector<ViewPlan> plans, const MaskSource& mask
 
 /// All photos decoded, or none yet.
 std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan> plans,
-                             const MaskSource& masks, const LoadProgress& progress) {
+                             const MaskSource& masks, const LoadProgress& progress,
+                             PhotoLoading loading) {
   std::vector<PhotoCost> costs;
   double held = 0;
   for (const ViewPlan& plan : plans) {
     costs.push_back(cost_of(plan, masks));
     held += double(costs.back().held);
+  }
+  if (loading == PhotoLoading::when_asked) {
+    const std::size_t room = std::max(kRoomForLooking, PhotoPool::least_budget(costs));
+    return lazy_views(std::move(plans), masks, std::move(costs), room, nullptr);
   }
   std::size_t budget = photo_ram_bytes(dataset);
   const bool all_fit = fit_into_ram(costs, budget);
@@ -438,11 +444,12 @@ void check_scene(const DatasetConfig& dataset) {
   for (const ViewPlan& view : plan_scene(as_it_is, {}).views) single_precision_camera(view);
 }
 
-Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress) {
+Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress, PhotoLoading loading) {
   ScenePlan plan = plan_scene(dataset, progress);
   Scene scene;
   scene.source = dataset.source;
-  std::vector<View> views = make_views(dataset, std::move(plan.views), plan.masks, progress);
+  std::vector<View> views =
+      make_views(dataset, std::move(plan.views), plan.masks, progress, loading);
   report_masks(views, dataset);
   if (dataset.exposure) scene.exposure = solve_exposures(plan, views);
   split_views(std::move(views), plan.is_test, scene);

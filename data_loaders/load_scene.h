@@ -22,8 +22,11 @@ using LoadProgress = std::function<void(LoadStage stage, std::size_t done, std::
 /// decoded. Photos that do not fit into dataset.photo_ram_gib as a whole are decoded when they are asked for, by a
 /// PhotoPool. Throws Error that names the file and the remedy; UsageError for a resolution or a budget that
 /// cannot be taken.
-/// With dataset.refine_cameras the model is refined first.
-Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress = {});
+/// With dataset.refine_cameras the model is refined first. With PhotoLoading::when_asked no photo is decoded before it is
+/// asked for, whatever would fit: for those who look at some.
+enum class PhotoLoading { as_they_fit, when_asked };
+Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress = {},
+                 PhotoLoading loading = PhotoLoading::as_they_fit);
 
 /// All that load_scene() checks before it decodes the first photo; cameras are not refined. Throws like it.
 void check_scene(const DatasetConfig& dataset);

@@ -11,6 +11,7 @@ GS_PACKAGES=(
   libopencv-dev libceres-dev                                                      # lenses, cameras
   libzstd-dev libxxhash-dev                                                       # decoded photos on disk; .spz 4
   zlib1g-dev libwebp-dev                                                          # .spz, .sog
+  libcpp-httplib-dev pkg-config                                                   # the viewer
   libgtest-dev libgmock-dev libbenchmark-dev                                      # tests
 )
 # Report pages. Debian's packages conflict with node from elsewhere, so only where there is none.

@@ -16,12 +16,13 @@ done
 cp "$system"/stb/stb_image.h "$system"/stb/stb_image_write.h "$dir/include/stb/"
 cp "$system/xxhash.h" "$dir/include/"
 
-# The page of reports, for a machine without npm, where a build here has made it.
+# The pages of reports and of the viewer, for a machine without npm, where a build here has made them.
 builds=$(realpath -m "$(dirname "$0")/../build")
 page=$(find "$builds" -path '*/web/report.html' -size +1k -printf '%T@ %p\n' 2>/dev/null | sort -n | sed -n '$s/^[^ ]* //p') || page=
 if [[ -n $page ]]; then
   mkdir -p "$dir/web"
   cp "$page" "$dir/web/"
+  if [[ -s ${page%report.html}view.html ]]; then cp "${page%report.html}view.html" "$dir/web/"; fi
 fi
 
 rm -rf "$dir/googletest"

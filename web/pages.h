@@ -11,4 +11,7 @@ std::string_view report_template();
 
 inline constexpr std::string_view kDataPlace = "@GEMSPLAT_DATA@";
 
+/// The viewer's page, which asks the server that it came from for all else; empty in a build without npm.
+std::string_view view_page();
+
 }  // namespace gs

@@ -89,6 +89,19 @@ endif()
 set(GS_HAVE_CERES ${Ceres_FOUND})
 gs_report("Ceres" "${GS_HAVE_CERES}" "no cameras are refined (--refine-cameras) and no exposures solved for (--exposure), and the gradient tests against ceres::Jet are left out")
 
+# Some builds of the library are made of sources and a header that must agree on macros, which pkg-config knows.
+if(GS_WITH_HTTPLIB)
+  find_package(PkgConfig QUIET)
+  if(PkgConfig_FOUND)
+    pkg_check_modules(gs_httplib QUIET IMPORTED_TARGET cpp-httplib>=0.11)
+  endif()
+endif()
+set(GS_HAVE_HTTPLIB FALSE)
+if(TARGET PkgConfig::gs_httplib)
+  set(GS_HAVE_HTTPLIB TRUE)
+endif()
+gs_report("cpp-httplib" "${GS_HAVE_HTTPLIB}" "there is no viewer (`gemsplat view`, `gemsplat train --viewer`)")
+
 include(web)
 
 set(GS_HAVE_CUDA FALSE)

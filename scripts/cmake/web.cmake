@@ -3,11 +3,11 @@
 # build folder once. Where npm or its registry cannot be reached the program is built without pages, or with those that
 # scripts/pack_headers.sh put beside the headers.
 #
-# Sets GS_HAVE_WEB (the program can write reports), GS_HAVE_NPM (the pages are bundled here), GS_NODE, GS_WEB_DIR.
+# Sets GS_HAVE_WEB (the program has pages), GS_HAVE_NPM (the pages are bundled here), GS_NODE, GS_WEB_DIR.
 set(GS_HAVE_WEB FALSE)
 set(GS_HAVE_NPM FALSE)
 set(GS_WEB_DIR ${PROJECT_BINARY_DIR}/web)
-set(gs_web_missing "reports are written by `gemsplat report` of another build, on the same folders")
+set(gs_web_missing "reports are written by `gemsplat report` of another build, on the same folders; there is no viewer")
 
 # gs_install_web_packages(result): npm ci where package-lock.json has changed since the last one.
 function(gs_install_web_packages result)
@@ -53,9 +53,11 @@ endif()
 set(GS_HAVE_WEB ${GS_HAVE_NPM})
 if(NOT GS_HAVE_WEB AND GS_DEPS_INCLUDE)
   cmake_path(GET GS_DEPS_INCLUDE PARENT_PATH packed)
-  if(EXISTS ${packed}/web/report.html)
-    file(COPY ${packed}/web/report.html DESTINATION ${GS_WEB_DIR})
-    set(GS_HAVE_WEB TRUE)
-  endif()
+  foreach(page report.html view.html)
+    if(EXISTS ${packed}/web/${page})
+      file(COPY ${packed}/web/${page} DESTINATION ${GS_WEB_DIR})
+      set(GS_HAVE_WEB TRUE)
+    endif()
+  endforeach()
 endif()
 gs_report("npm" "${GS_HAVE_WEB}" "${gs_web_missing}")

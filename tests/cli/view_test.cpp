@@ -1,0 +1,475 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer's server: what it answers and what it refuses, in this process; and the verbs that start it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <httplib.h>
+#include <signal.h>
+#include <sys/wait.h>
+
+#include <chrono>
+#include <thread>
+
+#include "cli/child_process.h"
+#include "cli/file_view.h"
+#include "cli/options.h"
+#include "data_loaders/ply.h"
+#include "gs_core/error.h"
+#include "tests/support/program.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+/// A FileView behind a server of its own.
+class Served {
+ public:
+  explicit Served(std::unique_ptr<FileView> view)
+      : view_(std::move(view)), server_({"127.0.0.1", 0}, [this](const HttpRequest& request) {
+          return view_answer(*view_, request);
+        }) {}
+  httplib::Client client() const { return httplib::Client("127.0.0.1", server_.port()); }
+  httplib::Result get(const std::string& path, const httplib::Headers& headers = {}) const {
+    return client().Get(path, headers);
+  }
+  Json json(const std::string& path) const { return Json::parse(get(path)->body); }
+
+ private:
+  std::unique_ptr<FileView> view_;
+  HttpServer server_;
+};
+
+class View : public Program {
+ protected:
+  /// The model or run in `name` as `gemsplat view` serves it.
+  Served serve(const std::string& name, const DatasetConfig* dataset = nullptr) {
+    const OpenedModel opened = open_model(path(name), std::nullopt);
+    Config config = opened.config;
+    if (dataset) config.dataset = *dataset;
+    return Served(std::make_unique<FileView>(view_scene_of(opened, config, dataset, ""),
+                                             serve_model(opened)));
+  }
+  Image8 decoded(const std::string& bytes) {
+    write_bytes(path("picture.jpg"), bytes);
+    return read_photo(path("picture.jpg"));
+  }
+  fs::path ply() const { return path("out/point_cloud/iteration_20/point_cloud.ply"); }
+};
+
+double mean_difference(const Image8& a, const Image8& b) {
+  EXPECT_EQ(a.pixels.size(), b.pixels.size());
+  double sum = 0;
+  for (std::size_t i = 0; i < std::min(a.pixels.size(), b.pixels.size()); ++i)
+    sum += std::abs(int(a.pixels[i]) - int(b.pixels[i]));
+  return sum / double(a.pixels.size());
+}
+
+TEST(HttpHosts, OnlyNamesOfTheLoopbackAreOwnThere) {
+  for (const char* named : {"127.0.0.1:7070", "localhost", "LocalHost:80", "[::1]:7070", "::1"})
+    EXPECT_TRUE(is_own_host(named, "127.0.0.1")) << named;
+  for (const char* named : {"evil.example", "127.0.0.1.evil.example", "192.168.0.7:7070", "",
+                            "localhost.evil.example", "[fe80::1]"})
+    EXPECT_FALSE(is_own_host(named, "127.0.0.1")) << named;
+}
+
+TEST(HttpHosts, OpenServersAnswerToAddressesAndGivenNamesAlone) {
+  EXPECT_TRUE(is_own_host("192.168.0.7:7070", "0.0.0.0"));
+  EXPECT_TRUE(is_own_host("box.example:7070", "box.example"));
+  EXPECT_FALSE(is_own_host("evil.example", "0.0.0.0"));
+  EXPECT_FALSE(is_own_host("evil.example", "box.example"));
+}
+
+TEST(Http, APortThatIsTakenIsNamed) {
+  const HttpServer first({"127.0.0.1", 0}, [](const HttpRequest&) { return HttpAnswer(); });
+  try {
+    const HttpServer second({"127.0.0.1", first.port()},
+                            [](const HttpRequest&) { return HttpAnswer(); });
+    FAIL() << "two servers share a port";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr(std::to_string(first.port())), HasSubstr("--port")));
+  }
+}
+
+TEST(Http, WhatAHandlerThrowsIsAnAnswer) {
+  const HttpServer server({"127.0.0.1", 0},
+                          [](const HttpRequest&) -> HttpAnswer { throw Error("no such\x1bthing"); });
+  const auto answer = httplib::Client("127.0.0.1", server.port()).Get("/");
+  EXPECT_EQ(answer->status, 500);
+  EXPECT_EQ(answer->body, "no such?thing");
+}
+
+TEST_F(View, OfARunHasItsCamerasWithSplitsAndPhotos) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve("out");
+  const Json scene = served.json("/scene.json");
+  EXPECT_EQ(scene.at("mode"), "file");
+  EXPECT_EQ(scene.at("title"), text("out"));
+  EXPECT_THAT(scene.at("notes"), IsEmpty());
+  ASSERT_EQ(scene.at("cameras").size(), std::size_t(kViews));
+  const Json& camera = scene.at("cameras").at(1);  // the second test view
+  EXPECT_EQ(camera.at("name"), "view_3.png");
+  EXPECT_EQ(camera.at("split"), "test");
+  EXPECT_EQ(scene.at("cameras").at(2).at("split"), "train");
+  EXPECT_EQ(camera.at("width"), kWidth);
+  EXPECT_EQ(camera.at("fy"), 40);
+  EXPECT_EQ(camera.at("cx"), 20);
+  const std::vector<double> expected{1, 0, 0, 0.3, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  for (int i = 0; i < 16; ++i)
+    EXPECT_NEAR(camera.at("world_from_camera").at(i), expected[i], 1e-6) << i;
+  EXPECT_EQ(scene.at("up"), Json({0, -1, 0}));
+  EXPECT_GT(scene.at("radius"), 0.0);
+  const Json state = served.json("/state.json");
+  EXPECT_EQ(state.at("done"), true);
+  EXPECT_EQ(state.at("gaussians"), scene.at("model").at("gaussians"));
+
+  const auto photo = served.get("/" + camera.at("photo").get<std::string>());
+  EXPECT_EQ(photo->get_header_value("Content-Type"), "image/jpeg");
+  EXPECT_LT(mean_difference(decoded(photo->body), read_photo(path("scene/images/view_3.png"))), 4);
+}
+
+TEST_F(View, TheModelHasTheBytesOfItsFile) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve("out");
+  const auto model = served.get("/model?v=1");
+  EXPECT_EQ(model->status, 200);
+  EXPECT_EQ(model->body, read_bytes(ply()));
+  const Json said = served.json("/scene.json").at("model");
+  EXPECT_EQ(said.at("format"), "ply");
+  EXPECT_EQ(said.at("bytes"), model->body.size());
+  EXPECT_EQ(said.at("name"), "point_cloud.ply");
+  EXPECT_EQ(said.at("sh_degree"), 3);
+  EXPECT_EQ(said.at("gaussians"), read_gaussian_ply(ply()).gaussians.count());
+}
+
+TEST_F(View, ThePageHasTheBytesOfItsFileAndIsNeverKept) {
+  if (!can_view()) GTEST_SKIP() << cannot_view();
+  ASSERT_EQ(train("out").code, 0);
+  const auto page = serve("out").get("/", {{"Accept-Encoding", "gzip, br"}});
+  EXPECT_EQ(page->body, read_bytes(GS_VIEW_PAGE));
+  EXPECT_EQ(page->get_header_value("Cache-Control"), "no-store");
+  EXPECT_THAT(page->get_header_value("Content-Type"), HasSubstr("text/html"));
+}
+
+TEST_F(View, OtherFormatsAreServedAsTheyAreOrAsAPly) {
+  ASSERT_EQ(train("out").code, 0);
+  ASSERT_EQ(run("export " + text("out") + " " + text("a.spz") + " " + text("b.csv") + " " +
+                text("c.compressed.ply"))
+                .code,
+            0);
+  const Served spz = serve("a.spz");
+  EXPECT_EQ(spz.get("/model")->body, read_bytes(path("a.spz")));
+  const Json model = spz.json("/scene.json").at("model");
+  EXPECT_EQ(model.at("format"), "spz");
+  EXPECT_EQ(model.at("world_from_file"), Json({1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}));
+  EXPECT_EQ(serve("c.compressed.ply").get("/model")->body, read_bytes(path("c.compressed.ply")));
+
+  const Served csv = serve("b.csv");
+  EXPECT_EQ(csv.json("/scene.json").at("model").at("format"), "ply");
+  EXPECT_EQ(csv.json("/scene.json").at("model").at("name"), "b.csv");
+  write_bytes(path("d.ply"), csv.get("/model")->body);
+  EXPECT_EQ(read_gaussian_ply(path("d.ply")).gaussians.count(),
+            read_gaussian_ply(ply()).gaussians.count());
+  EXPECT_THAT(csv.json("/scene.json").at("cameras"), IsEmpty());
+}
+
+TEST_F(View, AnAsciiPlyIsMadeBinary) {
+  ASSERT_EQ(train("out").code, 0);
+  std::string file = read_bytes(ply());
+  const std::size_t body = file.find("end_header\n") + 11;
+  std::istringstream header(file.substr(0, body));
+  std::string text_file;
+  std::size_t columns = 0;
+  for (std::string line; std::getline(header, line);) {
+    columns += line.starts_with("property");
+    text_file += (line.starts_with("format") ? "format ascii 1.0" : line) + "\n";
+  }
+  const auto* numbers = reinterpret_cast<const float*>(file.data() + body);
+  for (std::size_t i = 0; i < (file.size() - body) / sizeof(float); ++i) {
+    float value = 0;
+    std::memcpy(&value, numbers + i, sizeof value);
+    text_file += fmt::format("{}{}", value, (i + 1) % columns ? ' ' : '\n');
+  }
+  write_bytes(path("ascii.ply"), text_file);
+  EXPECT_THAT(serve("ascii.ply").get("/model")->body, HasSubstr("format binary_little_endian"));
+}
+
+TEST_F(View, WithoutItsSceneARunHasNoPhotosAndSaysSo) {
+  ASSERT_EQ(train("out").code, 0);
+  fs::rename(path("scene"), path("elsewhere"));
+  const Json scene = serve("out").json("/scene.json");
+  ASSERT_EQ(scene.at("cameras").size(), std::size_t(kViews));
+  EXPECT_TRUE(scene.at("cameras").at(0).at("photo").is_null());
+  EXPECT_EQ(scene.at("cameras").at(0).at("split"), "test");
+  EXPECT_THAT(scene.at("notes").at(0), HasSubstr("no photos: "));
+
+  DatasetConfig dataset;
+  dataset.source = text("elsewhere");
+  EXPECT_EQ(serve("out", &dataset).get("/photo/5")->status, 200);
+}
+
+TEST_F(View, AMissingPhotoFailsAloneAndInWords) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve("out");
+  fs::remove(path("scene/images/view_3.png"));
+  const auto photo = served.get("/photo/1");
+  EXPECT_EQ(photo->status, 500);
+  EXPECT_THAT(photo->body, HasSubstr("view_3.png"));
+  EXPECT_EQ(served.get("/photo/0")->status, 200);
+}
+
+TEST_F(View, WhatHasNoAddressIsNotFound) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve("out");
+  for (const char* address : {"/photo/6", "/photo/-1", "/photo/1x", "/photo/", "/etc/passwd",
+                              "/../../../../etc/passwd", "/model/", "/index.html", "/frame?w=1"})
+    EXPECT_EQ(served.get(address)->status, 404) << address;
+  EXPECT_EQ(served.client().Post("/model")->status, 404);
+}
+
+TEST_F(View, RequestsOfOtherNamesAndPagesAreRefused) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve("out");
+  for (const char* address : {"/", "/scene.json", "/model", "/photo/0"}) {
+    EXPECT_EQ(served.get(address, {{"Host", "evil.example"}})->status, 403) << address;
+    EXPECT_EQ(served.get(address, {{"Host", "localhost:1234"}})->status, 200) << address;
+  }
+  EXPECT_EQ(served.get("/photo/0", {{"Sec-Fetch-Site", "cross-site"}, {"Sec-Fetch-Mode", "no-cors"}})
+                ->status,
+            403);
+  EXPECT_EQ(served.get("/", {{"Sec-Fetch-Site", "cross-site"}, {"Sec-Fetch-Mode", "navigate"}})
+                ->status,
+            200);
+}
+
+// --- Frames
+
+class Remote : public View {
+ protected:
+  Served serve_remote() {
+    opened_ = open_model(path("out"), std::nullopt);
+    auto renderer = std::make_unique<FrameRenderer>("cpu", opened_.model,
+                                                    view_settings(opened_, opened_.config));
+    return Served(std::make_unique<FileView>(view_scene_of(opened_, opened_.config, false, ""),
+                                             opened_.model.gaussians.count(), std::move(renderer)));
+  }
+  OpenedModel opened_;
+};
+
+// Of camera 0, view_0.
+const std::string kFrame =
+    "/frame?w=40&h=32&fx=40&fy=40&cx=20&cy=16&m=1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1&q=100";
+
+TEST_F(Remote, AFrameIsThePictureThatRenderMakes) {
+  ASSERT_EQ(train("out").code, 0);
+  ASSERT_EQ(run("render " + text("out") + " -o " + text("pictures") + " --device cpu").code, 0);
+  const Served served = serve_remote();
+  const Json scene = served.json("/scene.json");
+  EXPECT_EQ(scene.at("mode"), "remote");
+  EXPECT_EQ(scene.at("cameras").at(0).at("name"), "view_0.png");
+  const auto frame = served.get(kFrame);
+  ASSERT_EQ(frame->status, 200) << frame->body;
+  EXPECT_GT(std::stod(frame->get_header_value("X-Render-Ms")), 0);
+  // A JPEG of quality 100 is off by about one level, more where colour is averaged over 2 x 2 pixels.
+  EXPECT_LT(mean_difference(decoded(frame->body), read_photo(path("pictures/view_0.png"))), 3);
+  EXPECT_EQ(served.get("/model")->status, 404);
+}
+
+TEST_F(Remote, DepthAndNormalsAreOfTheFramesSize) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve_remote();
+  for (const char* mode : {"depth", "normal"}) {
+    const auto frame = served.get(kFrame + "&mode=" + mode);
+    ASSERT_EQ(frame->status, 200) << frame->body;
+    const Image8 picture = decoded(frame->body);
+    EXPECT_EQ(picture.width, kWidth);
+    EXPECT_GT(*std::max_element(picture.pixels.begin(), picture.pixels.end()), 50) << mode;
+  }
+}
+
+TEST_F(Remote, WordsThatCannotBeTakenAreNamed) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve_remote();
+  const auto refusal = [&](const std::string& word, const std::string& instead) {
+    std::string address = kFrame;
+    const std::size_t at = address.find(word);
+    const auto answer = served.get(address.replace(at, word.size(), instead));
+    EXPECT_EQ(answer->status, 400) << instead;
+    return answer->body;
+  };
+  EXPECT_THAT(refusal("w=40", "w=0"), HasSubstr("cannot take w: 0"));
+  EXPECT_THAT(refusal("h=32", "h=4097"), HasSubstr("4096"));
+  EXPECT_THAT(refusal("h=32", "h=3.5"), HasSubstr("whole number"));
+  EXPECT_THAT(refusal("fx=40", "fx=nan"), HasSubstr("cannot take fx"));
+  EXPECT_THAT(refusal("fy=40", "fy=-1"), HasSubstr("focal length"));
+  EXPECT_THAT(refusal("&cx=20", ""), HasSubstr("cannot take cx: it is missing"));
+  EXPECT_THAT(refusal("q=100", "q=101"), HasSubstr("cannot take q"));
+  EXPECT_THAT(refusal("q=100", "mode=xray"), HasSubstr("color, depth and normal"));
+  EXPECT_THAT(refusal("m=1,0", "m=2,0"), HasSubstr("no rotation"));
+  EXPECT_THAT(refusal("m=1,0", "m=-1,0"), HasSubstr("no rotation"));  // mirrored
+  EXPECT_THAT(refusal("m=1,0", "m=0"), HasSubstr("16 numbers"));
+}
+
+TEST_F(Remote, ANewerRequestOfTheSameClientOvertakesOneThatWaits) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve_remote();
+  std::string large = kFrame;
+  large.replace(large.find("w=40&h=32"), 9, "w=4000&h=3000");  // keeps the renderer busy
+  std::map<int, int> statuses;
+  std::mutex mutex;
+  std::vector<std::thread> askers;
+  const auto ask = [&](const std::string& address) {
+    askers.emplace_back([&, address] {
+      httplib::Client client = served.client();
+      client.set_read_timeout(60);
+      const int status = client.Get(address)->status;
+      const std::lock_guard lock(mutex);
+      ++statuses[status];
+    });
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  };
+  ask(large + "&client=a");
+  for (int i = 0; i < 3; ++i) ask(kFrame + "&client=b");
+  ask(kFrame + "&client=c");
+  for (std::thread& asker : askers) asker.join();
+  EXPECT_EQ(statuses[200], 3);  // a, the last of b, c
+  EXPECT_EQ(statuses[409], 2);
+}
+
+// --- The verbs
+
+/// `gemsplat VERB ... ` beside this process, until it has printed its address.
+class Started {
+ public:
+  Started(const std::vector<std::string>& arguments, const fs::path& log) : log_(log) {
+    process_ = start_child(arguments, log);
+    for (int i = 0; i < 600 && port_ == 0; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      const std::string said = read_bytes(log);
+      const std::size_t at = said.find("http://127.0.0.1:");
+      if (at != said.npos && said.find('\n', at) != said.npos) port_ = std::stoi(said.substr(at + 17));
+    }
+    EXPECT_GT(port_, 0) << read_bytes(log);
+  }
+  ~Started() {
+    if (process_ > 0) end(SIGKILL);
+  }
+  httplib::Result get(const std::string& path) const {
+    return httplib::Client("127.0.0.1", port_).Get(path);
+  }
+  int end(int signal) {
+    kill(process_, signal);
+    return wait();
+  }
+  int wait() {
+    int status = 0;
+    waitpid(process_, &status, 0);
+    process_ = 0;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  std::string said() const { return read_bytes(log_); }
+
+ private:
+  fs::path log_;
+  pid_t process_ = 0;
+  int port_ = 0;
+};
+
+class Verbs : public View {
+ protected:
+  void SetUp() override {
+    if (!can_view()) GTEST_SKIP() << cannot_view();
+  }
+};
+
+TEST_F(Verbs, ViewServesUntilASignalAndThenReturns0) {
+  ASSERT_EQ(train("out").code, 0);
+  for (const int signal : {SIGINT, SIGTERM}) {
+    Started view({GS_PROGRAM, "view", text("out"), "--no-open", "--port", "0"}, path("view.log"));
+    EXPECT_EQ(view.get("/model")->body, read_bytes(ply()));
+    EXPECT_EQ(view.end(signal), 0) << view.said();
+    fs::remove(path("view.log"));
+  }
+}
+
+TEST_F(Verbs, ViewOpensTheBrowserWhereItIsAskedTo) {
+  ASSERT_EQ(train("out").code, 0);
+  write_bytes(path("bin/xdg-open"), "#!/bin/sh\necho \"$1\" >" + text("opened.tmp") + "; mv " +
+                                        text("opened.tmp") + " " + text("opened") + "\n");
+  fs::permissions(path("bin/xdg-open"), fs::perms::owner_all);
+  const std::string old = std::getenv("PATH");
+  setenv("PATH", (text("bin") + ":" + old).c_str(), 1);
+  Started view({GS_PROGRAM, "view", text("out"), "--open", "--port", "0"}, path("view.log"));
+  setenv("PATH", old.c_str(), 1);
+  for (int i = 0; i < 100 && !fs::exists(path("opened")); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  EXPECT_THAT(view.said(), HasSubstr(read_bytes(path("opened"))));
+  EXPECT_THAT(read_bytes(path("opened")), HasSubstr("http://127.0.0.1:"));
+}
+
+TEST_F(Verbs, ViewRefusesWhatItCannotShow) {
+  EXPECT_EQ(run("view " + text("nothing.ply") + " --no-open").code, 3);
+  ASSERT_EQ(train("out").code, 0);
+  EXPECT_EQ(run("view " + text("out") + " --port 70000").code, 2);
+  EXPECT_EQ(run("view " + text("out") + " --no-open --host 192.0.2.1 --port 0").code, 3);
+}
+
+TEST_F(Verbs, AWatchedRunShowsItselfAndLearnsTheSame) {
+  ASSERT_EQ(train("out", "--iterations 3000").code, 0);
+  const std::string watched = text("scene") + " -o " + text("watched") + kTrain;
+  std::istringstream words("train " + watched +
+                           " --iterations 3000 --viewer --viewer-port 0 --viewer-wait");
+  std::vector<std::string> arguments{GS_PROGRAM};
+  for (std::string word; words >> word;) arguments.push_back(word);
+  Started train(arguments, path("train.log"));
+  Json state;
+  int last_step = 0, version = 0;
+  for (int i = 0; i < 2400 && !state.value("done", false); ++i) {
+    const auto answer = train.get("/state.json");
+    ASSERT_TRUE(answer) << train.said();
+    state = Json::parse(answer->body);
+    EXPECT_GE(state.at("step"), last_step);
+    EXPECT_GE(state.at("version"), version);
+    last_step = state.at("step");
+    version = state.at("version");
+    std::this_thread::sleep_for(std::chrono::milliseconds(25));
+  }
+  EXPECT_EQ(state.at("step"), 3000);
+  EXPECT_EQ(state.at("steps"), 3000);
+  EXPECT_GT(state.at("loss"), 0.0);
+  EXPECT_GT(state.at("psnr"), 1.0);
+  EXPECT_GE(version, 2) << "one while it trained, and the last";
+  const Json scene = Json::parse(train.get("/scene.json")->body);
+  EXPECT_EQ(scene.at("mode"), "live");
+  EXPECT_EQ(scene.at("cameras").size(), std::size_t(kViews));
+  EXPECT_EQ(train.get("/photo/0")->status, 200);
+  write_bytes(path("last." + scene.at("model").at("format").get<std::string>()),
+              train.get("/model")->body);
+  const std::string ply = "point_cloud/iteration_3000/point_cloud.ply";
+  EXPECT_EQ(read_model(path("last." + scene.at("model").at("format").get<std::string>()))
+                .gaussians.count(),
+            read_gaussian_ply(path("watched") / ply).gaussians.count());
+  EXPECT_EQ(train.end(SIGINT), 0) << train.said();
+  EXPECT_EQ(read_bytes(path("watched") / ply), read_bytes(path("out") / ply));
+}
+
+TEST_F(Verbs, AnUnwatchedRunEndsByItself) {
+  const Outcome outcome = train("out", "--viewer --viewer-port 0");
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_THAT(outcome.err, HasSubstr("viewer: http://127.0.0.1:"));
+  EXPECT_EQ(train("again", "--viewer-port 0").code, 2) << "--viewer-port needs --viewer";
+}
+
+TEST_F(Verbs, APortThatIsTakenLeavesNoRunBehind) {
+  const HttpServer other({"127.0.0.1", 0}, [](const HttpRequest&) { return HttpAnswer(); });
+  const Outcome outcome = train("out", "--viewer --viewer-port " + std::to_string(other.port()));
+  EXPECT_EQ(outcome.code, 3);
+  EXPECT_FALSE(fs::exists(path("out/config.toml")));
+}
+
+}  // namespace
+}  // namespace gs
