@@ -9,7 +9,7 @@ import {mkdir, readFile, readdir, rm, writeFile} from 'node:fs/promises';
 import {basename, join, resolve} from 'node:path';
 import {parseArgs} from 'node:util';
 import {Browser} from './browser.mjs';
-import {psnr} from './psnr.mjs';
+import {psnr} from './pictures.mjs';
 import {ViewServer, sceneOf} from './view_server.mjs';
 
 const SKIPPED = 77;  // as CTest is told
@@ -49,7 +49,7 @@ async function measure(browser, run, format) {
   const results = [];
   for (const camera of some) {
     const page = await browser.openServer(server.url, {at: `c=${camera.index}&ui=0`, width: camera.width, height: camera.height});
-    await page.evaluate(() => gemsplatViewer.ready.then(() => gemsplatViewer.settled()));
+    await page.waitForFunction(() => gemsplatViewer.ready.then(() => gemsplatViewer.settled()).then(() => true));
     const picture = await page.screenshot();
     await writeFile(join(out, name, `page-${format}-${camera.name.replaceAll('/', '-')}.png`), picture);
     results.push(await psnr(page, picture, await readFile(join(renders, `${camera.name.replace(/\.[^.]*$/, '')}.png`))));

@@ -64,13 +64,3 @@ export function plainPng(width, height, color) {
   const row = Buffer.concat([Buffer.from([0]), Buffer.alloc(3 * width, Buffer.from(color))]);
   return Buffer.concat([Buffer.from('89504e470d0a1a0a', 'hex'), chunk('IHDR', head), chunk('IDAT', deflateSync(Buffer.concat(Array(height).fill(row)))), chunk('IEND', Buffer.alloc(0))]);
 }
-
-/// Colours [r, g, b] of a PNG at places, read by the browser.
-export const colorsAt = (page, png, places) => page.evaluate(async ([data, places]) => {
-  const image = new Image();
-  image.src = `data:image/png;base64,${data}`;
-  await image.decode();
-  const context = new OffscreenCanvas(image.naturalWidth, image.naturalHeight).getContext('2d', {willReadFrequently: true});
-  context.drawImage(image, 0, 0);
-  return places.map(([x, y]) => [...context.getImageData(Math.floor(x), Math.floor(y), 1, 1).data.subarray(0, 3)]);
-}, [png.toString('base64'), places]);

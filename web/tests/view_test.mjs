@@ -8,7 +8,8 @@ import {existsSync} from 'node:fs';
 import {mkdir} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
 import {Browser} from './browser.mjs';
-import {BLOBS, CAMERAS, colorsAt, plainPng, plyOf, sceneFor, seenAt} from './view_scene.mjs';
+import {colorsAt} from './pictures.mjs';
+import {BLOBS, CAMERAS, plainPng, plyOf, sceneFor, seenAt} from './view_scene.mjs';
 import {ViewServer} from './view_server.mjs';
 
 const SKIPPED = 77;  // as CTest is told
@@ -30,8 +31,8 @@ async function shown(browser, what, options) {
   page.server = server;
   return page;
 }
-const ready = page => page.evaluate(() => gemsplatViewer.ready.then(() => gemsplatViewer.settled()));
-const settled = page => page.evaluate(() => gemsplatViewer.settled());
+const ready = page => page.waitForFunction(() => gemsplatViewer.ready.then(() => gemsplatViewer.settled()).then(() => true));
+const settled = page => page.waitForFunction(() => gemsplatViewer.settled().then(() => true));
 const state = page => page.evaluate(() => gemsplatViewer.state());
 const distance = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
 const shot = async (page, name) => page.screenshot({path: join(out, `${name}.png`)});

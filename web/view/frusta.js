@@ -6,6 +6,7 @@ import {LineSegments2} from 'three/addons/lines/LineSegments2.js';
 import {LineSegmentsGeometry} from 'three/addons/lines/LineSegmentsGeometry.js';
 import {projectionOf} from './lens.js';
 
+const FAINT = 0.3;
 const WIDTH = 1.6, WIDTH_MARKED = 3;   // CSS pixels
 const REACH = 12;                      // CSS pixels around an apex that count as it
 const COLORS = {train: '#6ea8ff', test: '#ffae57', '': '#6ea8ff', marked: '#ffffff'};  // on any picture, light or dark
@@ -21,7 +22,7 @@ function corners(camera, depth) {
           at(width / 2, -0.18 * height)];
 }
 
-// So large that neighbours hardly overlap: half of what lies between cameras, within reason for the scene.
+// So large that neighbours do not overlap: a part of what lies between cameras, within reason for the scene.
 function sizeFor(centres, radius) {
   const step = Math.max(1, Math.floor(centres.length / 200)), gaps = [];
   for (let i = 0; i < centres.length; i += step) {
@@ -30,7 +31,7 @@ function sizeFor(centres, radius) {
     if (nearest > 0 && nearest < Infinity) gaps.push(nearest);
   }
   const gap = gaps.length ? gaps.sort((a, b) => a - b)[gaps.length >> 1] : radius;
-  return Math.min(Math.max(0.5 * gap, 0.01 * radius), 0.12 * radius);
+  return Math.min(Math.max(0.4 * gap, 0.01 * radius), 0.12 * radius);
 }
 
 export class Frusta {
@@ -45,7 +46,7 @@ export class Frusta {
     this.size = sizeFor(centres, radius);
     this.points = cameras.map(camera => corners(camera, this.size * 2 * Math.min(camera.fx, camera.fy) / Math.hypot(camera.width, camera.height)));
     this.lines = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({
-      vertexColors: true, linewidth: WIDTH, depthTest: false, transparent: true, opacity: 0.75}));
+      vertexColors: true, linewidth: WIDTH, depthTest: false, transparent: true}));
     this.mark = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({
       color: COLORS.marked, linewidth: WIDTH_MARKED, depthTest: false, transparent: true}));
     for (const each of [this.lines, this.mark]) {
@@ -91,9 +92,10 @@ export class Frusta {
 
   get isShown() { return this.visible && !this.isSuppressed && this.cameras.length > 0; }
 
-  // lens: of the window. Lines right before the eye, of frusta that it nearly stands in, are left out.
-  draw(renderer, {position, quaternion}, lens, far) {
+  // lens: of the window; isFaint: what matters is the picture. Lines right before the eye, of frusta that it nearly stands in, are left out.
+  draw(renderer, {position, quaternion}, lens, far, isFaint) {
     if (!this.isShown) return;
+    this.lines.material.opacity = isFaint ? FAINT : 0.8;
     const projection = projectionOf(lens, Math.min(NEAREST * this.size, far / 2), far);
     this.eye.position.copy(position);
     this.eye.quaternion.copy(quaternion);

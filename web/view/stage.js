@@ -125,7 +125,7 @@ export class Stage {
     const scale = this.pixelRatio * (this.isMoving ? this.scale : 1);
     this.splats.place(view.pose, projectionOf(view.lens, this.scene.near, this.scene.far));
     this.splats.draw(Math.max(1, Math.round(this.width * scale)), Math.max(1, Math.round(this.height * scale)));
-    this.frusta.draw(this.renderer, view.pose, view.lens, this.scene.far);
+    this.frusta.draw(this.renderer, view.pose, view.lens, this.scene.far, view.at !== null);
     this.drawn(view);
   }
 
@@ -135,7 +135,7 @@ export class Stage {
     if (this.renderer) {
       this.renderer.setClearColor(0, 0);
       this.renderer.clear();
-      this.frusta.draw(this.renderer, view.pose, lens, this.scene.far);
+      this.frusta.draw(this.renderer, view.pose, lens, this.scene.far, view.at !== null);
     }
     if (view.window) this.frames.hasShown = true;
     this.drawn({...view, lens});
