@@ -5,9 +5,9 @@
 #include <memory>
 
 #include "cli/frame_renderer.h"
-#include "cli/open_model.h"
 #include "cli/served_model.h"
 #include "cli/view_server.h"
+#include "gs_api/open_model.h"
 
 namespace gs {
 

@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "cli/open_model.h"
 #include "cli/scratch_folder.h"
 #include "data_loaders/formats/formats.h"
+#include "gs_api/open_model.h"
 
 namespace gs {
 

@@ -96,8 +96,8 @@ TEST(Http, APortThatIsTakenIsNamed) {
 }
 
 TEST(Http, WhatAHandlerThrowsIsAnAnswer) {
-  const HttpServer server({"127.0.0.1", 0},
-                          [](const HttpRequest&) -> HttpAnswer { throw Error("no such\x1bthing"); });
+  const HttpServer server(
+      {"127.0.0.1", 0}, [](const HttpRequest&) -> HttpAnswer { throw Error("no such\x1bthing"); });
   const auto answer = httplib::Client("127.0.0.1", server.port()).Get("/");
   EXPECT_EQ(answer->status, 500);
   EXPECT_EQ(answer->body, "no such?thing");
@@ -238,12 +238,13 @@ TEST_F(View, RequestsOfOtherNamesAndPagesAreRefused) {
     EXPECT_EQ(served.get(address, {{"Host", "evil.example"}})->status, 403) << address;
     EXPECT_EQ(served.get(address, {{"Host", "localhost:1234"}})->status, 200) << address;
   }
-  EXPECT_EQ(served.get("/photo/0", {{"Sec-Fetch-Site", "cross-site"}, {"Sec-Fetch-Mode", "no-cors"}})
-                ->status,
-            403);
-  EXPECT_EQ(served.get("/", {{"Sec-Fetch-Site", "cross-site"}, {"Sec-Fetch-Mode", "navigate"}})
-                ->status,
-            200);
+  EXPECT_EQ(
+      served.get("/photo/0", {{"Sec-Fetch-Site", "cross-site"}, {"Sec-Fetch-Mode", "no-cors"}})
+          ->status,
+      403);
+  EXPECT_EQ(
+      served.get("/", {{"Sec-Fetch-Site", "cross-site"}, {"Sec-Fetch-Mode", "navigate"}})->status,
+      200);
 }
 
 // --- Frames
@@ -351,7 +352,8 @@ class Started {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
       const std::string said = read_bytes(log);
       const std::size_t at = said.find("http://127.0.0.1:");
-      if (at != said.npos && said.find('\n', at) != said.npos) port_ = std::stoi(said.substr(at + 17));
+      if (at != said.npos && said.find('\n', at) != said.npos)
+        port_ = std::stoi(said.substr(at + 17));
     }
     EXPECT_GT(port_, 0) << read_bytes(log);
   }
