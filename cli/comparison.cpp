@@ -68,7 +68,8 @@ Image8 error_picture(const Image8& photo, const Image8& render) {
     int difference = 0;
     for (int c = 0; c < 3; ++c)
       difference += std::abs(int(photo.pixels[i + c]) - int(render.pixels[i + c]));
-    const Rgb& color = color_ramp()[std::size_t(std::min(kErrorGain * float(difference) / 3, 255.0f))];
+    const Rgb& color =
+        color_ramp()[std::size_t(std::min(kErrorGain * float(difference) / 3, 255.0f))];
     std::copy(color.begin(), color.end(), result.pixels.begin() + std::ptrdiff_t(i));
   }
   return result;

@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "cli/report_page.h"
+#include "data_loaders/film_writer.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 
@@ -47,10 +48,10 @@ Capability cuda_capability() {
 
 Capability openimageio_capability() {
 #ifdef GS_HAVE_OPENIMAGEIO
-  return {"OpenImageIO", true, "reads every common picture format"};
+  return {"OpenImageIO", true, "reads every common picture format, writes EXR"};
 #else
   return {"OpenImageIO", false,
-          "reads JPEG and PNG only; install libopenimageio-dev and build again"};
+          "reads JPEG and PNG only, writes no EXR; install libopenimageio-dev and build again"};
 #endif
 }
 
@@ -63,6 +64,13 @@ Capability opencv_capability() {
       "takes undistorted photos only (PINHOLE, SIMPLE_PINHOLE); run `colmap image_undistorter`, or "
       "install libopencv-dev and build again"};
 #endif
+}
+
+Capability film_capability() {
+  return {"films", can_write_films(),
+          can_write_films()
+              ? "takes frames out of videos, writes films (.mp4)"
+              : "neither takes frames out of videos nor writes films: " + cannot_write_films()};
 }
 
 Capability ceres_capability() {
@@ -123,6 +131,7 @@ std::vector<Capability> capabilities() {
           cuda_capability(),
           openimageio_capability(),
           opencv_capability(),
+          film_capability(),
           ceres_capability(),
           report_capability(),
           format_capability(kHasZlib, "zlib", ".spz", "zlib1g-dev"),

@@ -32,12 +32,11 @@ std::size_t find_camera(const std::string& word, const std::vector<NamedCamera>&
   std::vector<std::string> names;
   for (const NamedCamera& named : cameras) names.push_back(named.name);
   const std::string near = nearest_word(word, names);
-  throw UsageError(
-      fmt::format("--through {}: there is no camera of that name, and none of that number from 0 "
-                  "to {}{}",
-                  word, cameras.size() - 1,
-                  near.empty() ? "; the first is called " + names.front()
-                               : "; did you mean " + near + "?"));
+  throw UsageError(fmt::format(
+      "--through {}: there is no camera of that name, and none of that number from 0 "
+      "to {}{}",
+      word, cameras.size() - 1,
+      near.empty() ? "; the first is called " + names.front() : "; did you mean " + near + "?"));
 }
 
 std::vector<CameraPose> poses_of(const std::vector<NamedCamera>& cameras) {
@@ -87,9 +86,10 @@ PosedPath through_cameras(const PathRequest& request, const std::vector<NamedCam
         "--path {} needs two cameras in different poses, and passes {} in one; name others with "
         "--through, or take --path orbit",
         request.kind, keys.size()));
-  return {poses_along(spline, request.frames, request.pace == "even" ? Pace::even : Pace::by_keys),
-          keys.front(),
-          {{"kind", request.kind}, {"through", names}, {"closed", is_closed}, {"pace", request.pace}}};
+  return {
+      poses_along(spline, request.frames, request.pace == "even" ? Pace::even : Pace::by_keys),
+      keys.front(),
+      {{"kind", request.kind}, {"through", names}, {"closed", is_closed}, {"pace", request.pace}}};
 }
 
 PosedPath round_the_scene(const PathRequest& request, const std::vector<NamedCamera>& cameras,
@@ -97,9 +97,8 @@ PosedPath round_the_scene(const PathRequest& request, const std::vector<NamedCam
   std::vector<Camera> all;
   for (const NamedCamera& named : cameras) all.push_back(named.camera);
   Orbit circle;
-  circle.frame = request.centre
-                     ? scene_frame_about(*request.centre - world_offset, all)
-                     : scene_frame(all, focus());
+  circle.frame = request.centre ? scene_frame_about(*request.centre - world_offset, all)
+                                : scene_frame(all, focus());
   circle.turns = request.turns;
   circle.start = Vec3d(cameras.front().camera.position());
   if (request.radius) circle.frame.radius = *request.radius;
@@ -119,8 +118,6 @@ PosedPath round_the_scene(const PathRequest& request, const std::vector<NamedCam
 
 FilmPath film_path(const PathRequest& request, const std::vector<NamedCamera>& cameras,
                    const std::function<double()>& focus, const Vec3d& world_offset) {
-  if (cameras.empty())
-    throw UsageError("--path needs cameras to follow, and there is none; choose another --split");
   PosedPath path = request.kind == "orbit" ? round_the_scene(request, cameras, focus, world_offset)
                                            : through_cameras(request, cameras);
   FilmPath film{{}, std::move(path.description)};

@@ -32,7 +32,7 @@ struct FilmPath {
   nlohmann::ordered_json description;
 };
 
-/// The path among `cameras`, in their frame, with the lens and size of the first one that it passes (of an orbit, of the
+/// The path among `cameras`, of which there is one at least, in their frame, with the lens and size of the first one that it passes (of an orbit, of the
 /// first of all).
 ///
 /// focus          how far before the cameras the scene is, world units; asked where an orbit's centre is to be found

@@ -30,8 +30,8 @@ std::vector<NamedCamera> cameras_of(const RenderCommand& command, const OpenedMo
                                     const Config& config) {
   const int resolution = config.dataset.resolution;
   const Vec3d& offset = opened.model.world_offset;
-  const bool has_split = command.has("dataset.source") ||
-                         (opened.run && std::filesystem::exists(opened.run->split()));
+  const bool has_split =
+      command.has("dataset.source") || (opened.run && std::filesystem::exists(opened.run->split()));
   const bool follows_training = command.is_path() && command.path.through.empty() && has_split;
   const std::string split = !command.split.empty() ? command.split
                             : follows_training     ? "train"
@@ -53,18 +53,16 @@ std::vector<NamedCamera> cameras_of(const RenderCommand& command, const OpenedMo
 void fit_cameras(const RenderCommand& command, std::vector<NamedCamera>& cameras) {
   const bool is_film = command.output.is_film();
   std::optional<PictureSize> size = command.size;
-  if (is_film && !size && !cameras.empty())
-    size = PictureSize{cameras[0].camera.width, cameras[0].camera.height};
+  if (is_film && !size) size = PictureSize{cameras[0].camera.width, cameras[0].camera.height};
   for (auto& [name, camera] : cameras) {
-    const bool is_other =
-        size && (size->width != camera.width || size->height != camera.height);
+    const bool is_other = size && (size->width != camera.width || size->height != camera.height);
     if (is_other) camera = reframed(camera, size->width, size->height);
     if (command.field_of_view) camera = with_field_of_view(camera, *command.field_of_view);
   }
   if (!is_film || !size || (size->width % 2 == 0 && size->height % 2 == 0)) return;
   const PictureSize even{std::max(2, size->width & ~1), std::max(2, size->height & ~1)};
-  log_info("films have even sides: {}x{} becomes {}x{}, without the last row or column", size->width,
-           size->height, even.width, even.height);
+  log_info("films have even sides: {}x{} becomes {}x{}, without the last row or column",
+           size->width, size->height, even.width, even.height);
   for (auto& [name, camera] : cameras) camera.width = even.width, camera.height = even.height;
 }
 
@@ -80,41 +78,43 @@ double focus_of(ViewPictures& pictures, const std::vector<NamedCamera>& cameras)
   return depths.empty() ? 1 : double(depths[depths.size() / 2]);
 }
 
+bool has_depth_in_colors(const RenderCommand& command) {
+  return command.shows(Quantity::depth) && (command.output.png || command.output.is_film());
+}
+
 DepthRange depth_range(const RenderCommand& command, ViewPictures& pictures,
                        const std::vector<NamedCamera>& cameras) {
   if (!command.depth_range.empty()) return {command.depth_range[0], command.depth_range[1]};
-  const bool is_shown =
-      command.shows(Quantity::depth) && (command.output.png || command.output.is_film());
-  return is_shown ? range_of(pictures.sample_depths(without_names(cameras))) : DepthRange{};
+  if (!has_depth_in_colors(command)) return {};
+  return range_of(pictures.sample_depths(without_names(cameras)));
 }
 
 // --- What was done
 
-Json film_json(const RenderCommand& command, const OpenedModel& opened, const Config& config,
-               const RenderSettings& settings, const RenderOutput& output,
+Json model_json(const OpenedModel& opened) {
+  return {{"file", opened.ply.string()},
+          {"gaussians", opened.model.gaussians.count()},
+          {"sh_degree", opened.model.sh_degree}};
+}
+
+Json settings_json(const Config& config, const RenderSettings& settings) {
+  return {{"background", {settings.background.x, settings.background.y, settings.background.z}},
+          {"antialiased", config.render.antialias},
+          {"blend_rule", config.render.blend_rule},
+          {"sh_degree", settings.sh_degree}};
+}
+
+Json film_json(const RenderCommand& command, const RenderOutput& output,
                const std::vector<NamedCamera>& cameras, const DepthRange& range) {
   Json json = {{"pictures", output.patterns()},
                {"cameras", output.cameras().filename().string()},
                {"frames", cameras.size()},
                {"fps", command.output.frames_per_second}};
   if (!output.codec().empty()) json["codec"] = output.codec();
-  if (!cameras.empty()) {
-    json["width"] = cameras[0].camera.width;
-    json["height"] = cameras[0].camera.height;
-  }
-  if (command.shows(Quantity::depth)) json["depth_range"] = {range.nearest, range.farthest};
+  json["width"] = cameras[0].camera.width;
+  json["height"] = cameras[0].camera.height;
+  if (has_depth_in_colors(command)) json["depth_range"] = {range.nearest, range.farthest};
   if (command.shows(Quantity::normal)) json["normal_space"] = command.normal_space;
-  json["model"] = {{"file", opened.ply.string()},
-                   {"gaussians", opened.model.gaussians.count()},
-                   {"sh_degree", opened.model.sh_degree}};
-  json["settings"] = {
-      {"background", {settings.background.x, settings.background.y, settings.background.z}},
-      {"antialiased", config.render.antialias},
-      {"blend_rule", config.render.blend_rule},
-      {"sh_degree", settings.sh_degree}};
-  json["version"] = kVersion;
-  json["commit"] = built_commit();
-  json["date"] = utc_date();
   return json;
 }
 
@@ -123,8 +123,7 @@ void write_description(const RenderOutput& output, const std::vector<NamedCamera
   move_older_aside(output.cameras());
   write_cameras_json(output.cameras(), cameras);
   move_older_aside(output.description());
-  write_text(output.description(),
-             json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  write_text(output.description(), json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
 }
 
 std::vector<std::string> names_of(const std::vector<NamedCamera>& cameras) {
@@ -161,6 +160,8 @@ void render(const RenderCommand& command) {
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
   std::vector<NamedCamera> cameras = cameras_of(command, opened, config);
+  if (cameras.empty())
+    throw UsageError("there is no view to render; choose another --split, or --cameras");
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
   const RenderSettings settings = view_settings(opened, config);
@@ -183,8 +184,13 @@ void render(const RenderCommand& command) {
       check_place(file, command.output.force);
   render_views(command, cameras, pictures, output);
   if (is_described) {
-    Json json = film_json(command, opened, config, settings, output, cameras, range);
+    Json json = film_json(command, output, cameras, range);
     if (!path.is_null()) json["path"] = path;
+    json["model"] = model_json(opened);
+    json["settings"] = settings_json(config, settings);
+    json["version"] = kVersion;
+    json["commit"] = built_commit();
+    json["date"] = utc_date();
     write_description(output, cameras, json);
   }
   if (!command.quiet)

@@ -51,9 +51,9 @@ PictureSize size_of(const std::string& text) {
 void check_path_flags(const CLI::App& verb, const std::string& kind) {
   const std::string all = "orbit, spline, flythrough", through = "spline, flythrough";
   const std::pair<const char*, std::string> kinds_of[] = {
-      {"--through", "spline"},  {"--loop", "spline"}, {"--keys", through},
-      {"--pace", through},      {"--turns", "orbit"}, {"--elevation", "orbit"},
-      {"--radius", "orbit"},    {"--center", "orbit"}, {"--frames", all},
+      {"--through", "spline"}, {"--loop", "spline"},  {"--keys", through},
+      {"--pace", through},     {"--turns", "orbit"},  {"--elevation", "orbit"},
+      {"--radius", "orbit"},   {"--center", "orbit"}, {"--frames", all},
       {"--seconds", all}};
   for (const auto& [flag, kinds] : kinds_of)
     if (verb.count(flag) > 0 && (kind.empty() || kinds.find(kind) == kinds.npos))
@@ -172,8 +172,9 @@ void add_picture_options(CLI::App& verb, RenderFlags& flags) {
       ->type_name("F")
       ->check(CLI::Range(0.1, 240.0))
       ->group("Pictures");
-  verb.add_option("--depth-range", command.depth_range,
-                  "world units between which pictures of depth have colours [of 98 % of the pixels]")
+  verb.add_option(
+          "--depth-range", command.depth_range,
+          "world units between which pictures of depth have colours [of 98 % of the pixels]")
       ->type_name("NEAR FAR")
       ->expected(2)
       ->check(CLI::PositiveNumber)
@@ -183,7 +184,8 @@ void add_picture_options(CLI::App& verb, RenderFlags& flags) {
       ->check(CLI::IsMember({"world", "camera"}))
       ->type_name("world|camera")
       ->group("Pictures");
-  verb.add_flag("--force", command.output.force, "move files that are in the way to FILE.bak-N first")
+  verb.add_flag("--force", command.output.force,
+                "move files that are in the way to FILE.bak-N first")
       ->group("Pictures");
 }
 
@@ -205,8 +207,9 @@ void add_render(CLI::App& program) {
   verb.add_option("--iteration", command.step,
                   "of a run, the model saved after that step [the newest]")
       ->type_name("STEP");
-  verb.add_option("--cameras", command.cameras,
-                  "cameras.json, transforms.json or the folder of a COLMAP model [those of the run]")
+  verb.add_option(
+          "--cameras", command.cameras,
+          "cameras.json, transforms.json or the folder of a COLMAP model [those of the run]")
       ->type_name("FILE|FOLDER")
       ->group("Scene");
   add_dataset_options(verb, command, "-d,--data,-s,--source-path");

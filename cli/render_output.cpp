@@ -29,9 +29,10 @@ void check_output(const OutputRequest& request) {
   const std::string ending = lowercase_ending(request.output);
   for (const char* other : kOtherFilms)
     if (ending == other)
-      throw UsageError(fmt::format("-o {}: films are written as .mp4; name a file that ends so, or "
-                                   "a folder for pictures",
-                                   request.output.string()));
+      throw UsageError(
+          fmt::format("-o {}: films are written as .mp4; name a file that ends so, or "
+                      "a folder for pictures",
+                      request.output.string()));
   if (request.is_film() && request.exr)
     throw UsageError(
         "a film has 8 bits; EXR files go into a folder: name one with -o, or leave --format out");
@@ -41,8 +42,9 @@ void check_output(const OutputRequest& request) {
   if (request.exr && !can_write_exr())
     throw Error(fmt::format("cannot write EXR files: {}", cannot_write_exr()));
   if (!request.is_film() && fs::exists(request.output) && !fs::is_directory(request.output))
-    throw UsageError(request.output.string() + " is a file; name a folder, or a film that ends "
-                                               "in .mp4");
+    throw UsageError(request.output.string() +
+                     " is a file; name a folder, or a film that ends "
+                     "in .mp4");
 }
 
 RenderOutput::RenderOutput(OutputRequest request, std::vector<std::string> names,

@@ -27,8 +27,9 @@ void write_exr(const std::filesystem::path& path, const ImageF& image,
                     output->write_image(OIIO::TypeDesc::FLOAT, image.pixels.data()) &&
                     output->close();
   if (!done)
-    throw Error(fmt::format("cannot write {}: {}; write PNG (--format png), or reinstall OpenImageIO",
-                            path.string(), output ? output->geterror() : OIIO::geterror()));
+    throw Error(
+        fmt::format("cannot write {}: {}; write PNG (--format png), or reinstall OpenImageIO",
+                    path.string(), output ? output->geterror() : OIIO::geterror()));
   AtomicFile file(path);
   file.write(bytes.data(), bytes.size());
   file.commit();

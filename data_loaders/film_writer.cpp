@@ -4,8 +4,6 @@
 #include <spdlog/fmt/fmt.h>
 #include <unistd.h>
 
-#include <cstdlib>
-
 #include "data_loaders/atomic_file.h"
 #include "data_loaders/video_frames.h"
 #include "gs_core/error.h"
@@ -25,11 +23,6 @@ namespace fs = std::filesystem;
 #ifdef GS_HAVE_VIDEO
 
 namespace {
-
-// For OpenCV's ffmpeg: quality of the film, and the matrix from RGB that its conversion uses, said in the file, so that
-// players do not guess the one of HDTV for large pictures.
-constexpr const char* kOptionsVariable = "OPENCV_FFMPEG_WRITER_OPTIONS";
-constexpr const char* kOptions = "crf;18|colorspace;smpte170m|color_range;tv";
 
 [[noreturn]] void cannot_write_film(const fs::path& film, const std::string& what) {
   throw Error(fmt::format("cannot write the film {}: {}", film.string(), what));
@@ -51,7 +44,6 @@ FilmWriter::FilmWriter(fs::path path, int width, int height, double frames_per_s
   GS_CHECK(width > 0 && height > 0 && width % 2 == 0 && height % 2 == 0 && frames_per_second > 0);
   { const AtomicFile is_writable(path_); }  // makes the folder; says why where it is not
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // we say it ourselves
-  ::setenv(kOptionsVariable, kOptions, 0);
   temporary_ = path_;
   temporary_.replace_filename(fmt::format(".{}.{}.mp4", path_.filename().string(), ::getpid()));
   encode_as("avc1", frames_per_second);

@@ -2,6 +2,7 @@
 // A film, frame by frame into an MP4. Needs OpenCV with its videoio module; a build without it says so.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -18,8 +19,8 @@ std::string cannot_write_films();
 /// beside `path`; without commit() nothing is left of it, and an older file of that name is untouched.
 class FilmWriter {
  public:
-  /// H.264 in 4:2:0, which browsers play, where this machine's OpenCV and ffmpeg have an encoder for it, at a constant
-  /// quality (CRF 18, unless OPENCV_FFMPEG_WRITER_OPTIONS says otherwise); else MPEG-4 Part 2, with a warning.
+  /// H.264 in 4:2:0, which browsers play, where this machine's OpenCV and ffmpeg have an encoder for it, at the constant
+  /// quality that OpenCV asks for (x264's CRF 23 in 4.6); else MPEG-4 Part 2, with a warning.
   /// `width` and `height` are even. Throws Error where the file cannot be written or no encoder is there.
   FilmWriter(std::filesystem::path path, int width, int height, double frames_per_second);
   ~FilmWriter();

@@ -97,8 +97,7 @@ std::vector<double> evenly_paced(const CameraSpline& spline, const std::vector<d
     const std::size_t i =
         std::clamp<std::size_t>(std::size_t(above - lengths.begin()), 1, times.size() - 1);
     const double step = lengths[i] - lengths[i - 1];
-    const double part =
-        step > 0 ? std::clamp((share * gone - lengths[i - 1]) / step, 0.0, 1.0) : 0;
+    const double part = step > 0 ? std::clamp((share * gone - lengths[i - 1]) / step, 0.0, 1.0) : 0;
     result.push_back(times[i - 1] + part * (times[i] - times[i - 1]));
   }
   return result;
@@ -178,9 +177,8 @@ CameraPose CameraSpline::at(double t) const {
                      qc = on_side_of(qb, c.world_from_cam), qd = on_side_of(qc, d.world_from_cam);
   const Vec3d position = between(Knot<Vec3d>{a.position, b.position, c.position, before, h},
                                  Knot<Vec3d>{b.position, c.position, d.position, h, after}, h, u);
-  const Vec4d q =
-      between(Knot<Vec4d>{vector_of(qa), vector_of(qb), vector_of(qc), before, h},
-              Knot<Vec4d>{vector_of(qb), vector_of(qc), vector_of(qd), h, after}, h, u);
+  const Vec4d q = between(Knot<Vec4d>{vector_of(qa), vector_of(qb), vector_of(qc), before, h},
+                          Knot<Vec4d>{vector_of(qb), vector_of(qc), vector_of(qd), h, after}, h, u);
   const double norm = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
   return {position, {q.w / norm, q.x / norm, q.y / norm, q.z / norm}};
 }
@@ -188,7 +186,8 @@ CameraPose CameraSpline::at(double t) const {
 std::vector<CameraPose> poses_along(const CameraSpline& spline, std::size_t count, Pace pace) {
   if (spline.end() == 0) return std::vector<CameraPose>(count, spline.at(0));
   std::vector<double> shares;
-  const double steps = spline.is_closed() ? double(count) : double(std::max<std::size_t>(count, 2)) - 1;
+  const double steps =
+      spline.is_closed() ? double(count) : double(std::max<std::size_t>(count, 2)) - 1;
   for (std::size_t i = 0; i < count; ++i) shares.push_back(double(i) / steps);
   std::vector<CameraPose> poses;
   for (const double t :

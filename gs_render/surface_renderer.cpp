@@ -36,9 +36,9 @@ ImageF alpha_of(const RenderPass& pass) {
 
 SurfaceRenderer::SurfaceRenderer(Renderer& renderer, const GaussiansSpan& gaussians,
                                  const Gaussians& host, const RenderSettings& settings)
-    : renderer_(renderer), gaussians_(gaussians), settings_(settings),
-      means_(host.mean.download()), axes_(shortest_axes(host)),
-      sh0_(gaussians.mean.size, renderer.memory()), pass_(renderer.memory()) {
+    : renderer_(renderer), gaussians_(gaussians), settings_(settings), means_(host.mean.download()),
+      axes_(shortest_axes(host)), sh0_(gaussians.mean.size, renderer.memory()),
+      pass_(renderer.memory()) {
   gaussians_.sh0 = sh0_.span();
   settings_.sh_degree = 0;
   settings_.background = Vec3f(0);

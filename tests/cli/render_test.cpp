@@ -62,8 +62,8 @@ TEST_F(Render, TheColmapModelOfTheSceneGivesThePicturesOfTheRun) {
 
 TEST_F(Render, EachQuantityHasAFileOfItsOwn) {
   expect_done("--split test --write color,normal,depth,alpha -o " + text("all"));
-  for (const char* file : {"view_0.png", "view_0.depth.png", "view_0.alpha.png", "view_0.normal.png",
-                           "view_3.depth.png"}) {
+  for (const char* file : {"view_0.png", "view_0.depth.png", "view_0.alpha.png",
+                           "view_0.normal.png", "view_3.depth.png"}) {
     ASSERT_TRUE(fs::exists(path("all") / file)) << file;
     EXPECT_EQ(read_photo_size(path("all") / file).width, kWidth);
   }
@@ -130,7 +130,8 @@ TEST_F(Render, ASplineBeginsAndEndsWithTheCamerasThatWereNamed) {
   ASSERT_EQ(spline.size(), 5u);
   EXPECT_LT(distance(spline[0], place_of("view_4")), 1e-5);
   EXPECT_LT(distance(spline[4], place_of("view_2")), 1e-5);
-  expect_refused("--path spline --through view_4,view_22 -o " + text("none"), "did you mean view_2");
+  expect_refused("--path spline --through view_4,view_22 -o " + text("none"),
+                 "did you mean view_2");
   expect_refused("--path spline --through 99,view_4 -o " + text("none"), "99");
   expect_refused("--path spline --through view_4 -o " + text("none"), "two cameras");
 }
@@ -146,8 +147,7 @@ TEST_F(Render, AFlythroughStaysAmongTheTrainingCameras) {
   }
   const auto through = json("tour/film.json").at("path").at("through");
   EXPECT_EQ(through.size(), 3u);
-  for (const auto& name : through)
-    EXPECT_TRUE(name != "view_0" && name != "view_3") << name;  // those are for testing
+  for (const auto& name : through) EXPECT_TRUE(name != "view_0" && name != "view_3") << name;  // those are for testing
 }
 
 TEST_F(Render, AFilmHasAllFramesAndAFileBesideIt) {
@@ -220,6 +220,8 @@ TEST_F(Render, FlagsThatDoNotFitAreUsageErrors) {
   expect_refused("--size 12" + out, "1280x720");
   expect_refused("--size 12x0" + out, "1280x720");
   expect_refused("--size 70000x10" + out, "65520");
+  write_bytes(path("empty.json"), "[]");
+  expect_refused("--path orbit --cameras " + text("empty.json") + out, "no camera", 3);
   expect_refused("--depth-range 5 2 --write depth" + out, "nearer");
   expect_refused("--split test --cameras " + text("run/cameras.json") + out, "--split");
   expect_refused("--cameras " + text("scene/images") + out, "no cameras in", 3);

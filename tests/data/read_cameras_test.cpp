@@ -56,7 +56,7 @@ ColmapModel turned_model(const Vec3d& moved = Vec3d(0.0)) {
 /// The same in OpenGL's axes, as nerfstudio writes it.
 nlohmann::json transforms_of(const ColmapModel& model) {
   const ColmapCamera& camera = model.cameras.begin()->second;
-  nlohmann::json json = {{"w", camera.width},       {"h", camera.height},
+  nlohmann::json json = {{"w", camera.width},        {"h", camera.height},
                          {"fl_x", camera.params[0]}, {"fl_y", camera.params[1]},
                          {"cx", camera.params[2]},   {"cy", camera.params[3]}};
   for (const ColmapImage& image : model.images) {

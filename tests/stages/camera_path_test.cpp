@@ -33,8 +33,8 @@ std::vector<Camera> arc(int count, double part) {
   for (int i = 0; i < count; ++i) {
     const double angle = 2 * std::numbers::pi * part * i / count;
     const Vec3d centre(5.0, 6.0, 7.0);
-    cameras.push_back(looking(
-        centre + Vec3d(4 * std::cos(angle), 4 * std::sin(angle), 3.0), centre));
+    cameras.push_back(
+        looking(centre + Vec3d(4 * std::cos(angle), 4 * std::sin(angle), 3.0), centre));
   }
   return cameras;
 }
@@ -139,7 +139,8 @@ TEST(ShortTour, IsTheCircleOnWhichThePosesStand) {
   Draws draws(3);
   std::vector<int> places(30);
   for (int i = 0; i < 30; ++i) places[std::size_t(i)] = i;
-  for (std::size_t i = 29; i > 0; --i) std::swap(places[i], places[draws.below(std::uint32_t(i + 1))]);
+  for (std::size_t i = 29; i > 0; --i)
+    std::swap(places[i], places[draws.below(std::uint32_t(i + 1))]);
   for (const int place : places) {
     const double angle = 2 * std::numbers::pi * place / 30;
     poses.push_back({{std::cos(angle), std::sin(angle), 0.0}});
