@@ -20,6 +20,7 @@
 #include "data_loaders/ply_file.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
+#include "gs_core/math/quaternion.h"
 #include "gs_core/math/rotation.h"
 
 namespace gs {

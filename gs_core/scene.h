@@ -110,8 +110,6 @@ struct Scene {
 /// Cameras that stand far away from all others, mostly by a wrong pose: more than ten times as far from the median
 /// position as nine in ten of the cameras. Indices, ascending; at most a tenth of all.
 std::vector<std::size_t> stray_cameras(const std::vector<View>& views);
-/// The same of their positions alone.
-std::vector<std::size_t> stray_positions(const std::vector<Vec3d>& positions);
 
 /// Extent of a set of cameras, as the position learning rate and the density rules use it
 /// (Kerbl et al. 2023), stray cameras left out. Returns 1 for fewer than two distinct positions.

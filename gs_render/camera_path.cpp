@@ -7,8 +7,8 @@
 #include <numeric>
 
 #include "gs_core/error.h"
-#include "gs_core/math/rotation.h"
-#include "gs_core/scene.h"
+#include "gs_core/math/quaternion.h"
+#include "gs_core/strays.h"
 
 namespace gs {
 namespace {
