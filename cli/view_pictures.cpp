@@ -82,16 +82,22 @@ std::vector<ImageF> ViewPictures::values(const Camera& camera,
   };
   if (std::any_of(quantities.begin(), quantities.end(), is_of_colour_pass))
     backend_.renderer().forward(gaussians_.span(), camera, settings_, pass_);
+  ImageF depth;
+  if (!std::all_of(quantities.begin(), quantities.end(), is_of_colour_pass))
+    depth = surface().depth(camera);
   std::vector<ImageF> result;
-  for (const Quantity quantity : quantities) switch (quantity) {
-      case Quantity::color: result.push_back(image_of(pass_)); break;
-      case Quantity::alpha: result.push_back(alpha_of(pass_)); break;
-      case Quantity::depth: result.push_back(surface().depth(camera)); break;
-      case Quantity::normal:
-        result.push_back(surface().normals(camera));
-        if (normals_in_camera_) result.back() = gs::normals_in_camera(result.back(), camera);
-    }
+  for (const Quantity quantity : quantities) {
+    if (quantity == Quantity::color) result.push_back(image_of(pass_));
+    if (quantity == Quantity::alpha) result.push_back(alpha_of(pass_));
+    if (quantity == Quantity::depth) result.push_back(depth);
+    if (quantity == Quantity::normal) result.push_back(normals(depth, camera));
+  }
   return result;
+}
+
+ImageF ViewPictures::normals(const ImageF& depth, const Camera& camera) const {
+  const ImageF in_world = normals_of(depth, camera);
+  return normals_in_camera_ ? gs::normals_in_camera(in_world, camera) : in_world;
 }
 
 std::vector<float> ViewPictures::sample_depths(const std::vector<Camera>& cameras) {

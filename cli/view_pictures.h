@@ -36,7 +36,7 @@ class ViewPictures {
   ViewPictures(Backend& backend, const Gaussians& gaussians, const Gaussians& host,
                const RenderSettings& settings, bool normals_in_camera);
 
-  /// One after the other; colour and alpha of one view are one pass. Values of depth and normal: surface_renderer.h.
+  /// One after the other; colour and alpha of one view are one pass, depth and normal another (surface_renderer.h).
   std::vector<ImageF> values(const Camera& camera, const std::vector<Quantity>& quantities);
 
   /// Of pixels of a few of the cameras, small pictures of them; sorted. Empty where they show nothing.
@@ -44,6 +44,7 @@ class ViewPictures {
 
  private:
   SurfaceRenderer& surface();
+  ImageF normals(const ImageF& depth, const Camera& camera) const;
 
   Backend& backend_;
   const Gaussians &gaussians_, &host_;

@@ -15,8 +15,9 @@ namespace {
 
 double norm(const Vec3d& v) { return std::sqrt(inner(v, v)); }
 
-Quat<double> unit(const Quatf& q) {
-  const double n = std::sqrt(double(squared_norm(q)));
+Quat<double> unit(const Quatf& single) {
+  const Quat<double> q{single.w, single.x, single.y, single.z};
+  const double n = std::sqrt(squared_norm(q));
   return {q.w / n, q.x / n, q.y / n, q.z / n};
 }
 
