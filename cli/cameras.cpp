@@ -1,17 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/cameras.h"
 
+#include <cmath>
+#include <numbers>
 #include <set>
 
 #include "data_loaders/load_scene.h"
-#include "data_loaders/photos.h"
+#include "data_loaders/read_cameras.h"
 #include "data_loaders/world_offset.h"
 
 namespace gs {
 
 std::vector<NamedCamera> cameras_of_file(const std::filesystem::path& file, int resolution,
                                          const Vec3d& world_offset) {
-  std::vector<NamedCamera> cameras = read_cameras_json(file, world_offset);
+  std::vector<NamedCamera> cameras = read_cameras(file, world_offset);
   for (NamedCamera& named : cameras) named.camera = at_resolution(named.camera, resolution);
   return cameras;
 }
@@ -37,6 +39,29 @@ std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::stri
   for (const View& view : split == "test" ? scene.test_views : scene.train_views)
     cameras.push_back({view.name, view.camera});
   return cameras;
+}
+
+Camera reframed(Camera camera, int width, int height) {
+  const float scale =
+      std::min(float(width) / float(camera.width), float(height) / float(camera.height));
+  const auto centre = [&](float c, int from, int to) {
+    return 0.5f * float(to) + scale * (c - 0.5f * float(from));
+  };
+  camera.cx = centre(camera.cx, camera.width, width);
+  camera.cy = centre(camera.cy, camera.height, height);
+  camera.fx *= scale;
+  camera.fy *= scale;
+  camera.width = width;
+  camera.height = height;
+  return camera;
+}
+
+Camera with_field_of_view(Camera camera, double degrees) {
+  const double half = 0.5 * degrees * std::numbers::pi / 180;
+  camera.fx = camera.fy = float(0.5 * camera.width / std::tan(half));
+  camera.cx = 0.5f * float(camera.width);
+  camera.cy = 0.5f * float(camera.height);
+  return camera;
 }
 
 }  // namespace gs

@@ -13,7 +13,7 @@
 
 namespace gs {
 
-/// The cameras of a cameras.json, in pictures smaller by `resolution`. Throws Error.
+/// The cameras of a file or folder (read_cameras.h), in pictures smaller by `resolution`. Throws Error.
 std::vector<NamedCamera> cameras_of_file(const std::filesystem::path& file, int resolution,
                                          const Vec3d& world_offset);
 
@@ -24,5 +24,12 @@ std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
 /// The cameras of a scene, split as training on it would. Throws Error.
 std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::string& split,
                                           const Vec3d& world_offset);
+
+/// The camera at another picture size, its pixels still as high as they are wide: all that it shows stays in the picture, and
+/// where the shape is another one, more of the scene is seen beside it.
+Camera reframed(Camera camera, int width, int height);
+
+/// The camera with square pixels and this angle across the picture's width, its axis through the middle.
+Camera with_field_of_view(Camera camera, double degrees);
 
 }  // namespace gs

@@ -5,6 +5,7 @@
 
 #include "cli/report_page.h"
 #include "cli/view_server.h"
+#include "data_loaders/film_writer.h"
 #include "gs_core/parallel.h"
 
 namespace gs {
@@ -22,10 +23,10 @@ Capability cuda_capability() {
 
 Capability openimageio_capability() {
 #ifdef GS_HAVE_OPENIMAGEIO
-  return {"OpenImageIO", true, "reads every common picture format"};
+  return {"OpenImageIO", true, "reads every common picture format, writes EXR"};
 #else
   return {"OpenImageIO", false,
-          "reads JPEG and PNG only; install libopenimageio-dev and build again"};
+          "reads JPEG and PNG only, writes no EXR; install libopenimageio-dev and build again"};
 #endif
 }
 
@@ -38,6 +39,13 @@ Capability opencv_capability() {
       "takes undistorted photos only (PINHOLE, SIMPLE_PINHOLE); run `colmap image_undistorter`, or "
       "install libopencv-dev and build again"};
 #endif
+}
+
+Capability film_capability() {
+  return {"films", can_write_films(),
+          can_write_films()
+              ? "takes frames out of videos, writes films (.mp4)"
+              : "neither takes frames out of videos nor writes films: " + cannot_write_films()};
 }
 
 Capability ceres_capability() {
@@ -103,6 +111,7 @@ std::vector<Capability> capabilities() {
           cuda_capability(),
           openimageio_capability(),
           opencv_capability(),
+          film_capability(),
           ceres_capability(),
           report_capability(),
           viewer_capability(),

@@ -3,22 +3,32 @@
 
 #include <algorithm>
 #include <chrono>
+#include <utility>
 
 #include "cli/devices.h"
-#include "cli/painted.h"
 #include "cli/pictures.h"
 #include "data_loaders/photos.h"
 
 namespace gs {
 namespace {
 
+constexpr std::size_t kMostDepths = 20000;  // enough to see between which most of them are
+
+// Of evenly chosen pixels that show something; sorted.
+std::vector<float> some_depths(const ImageF& depth) {
+  std::vector<float> depths;
+  for (const std::size_t i : evenly_chosen(depth.pixels.size(), kMostDepths))
+    if (depth.pixels[i] > 0) depths.push_back(depth.pixels[i]);
+  std::sort(depths.begin(), depths.end());
+  return depths;
+}
+
 // What the thread of the renderer holds.
 class Studio {
  public:
   Studio(const std::string& device, const GaussianModel& model, const RenderSettings& settings)
-      : backend_(make_backend(device)), settings_(settings),
-        gaussians_(copy_to(backend_->memory(), model)), pass_(backend_->memory()),
-        painted_(backend_->renderer(), gaussians_, model.gaussians) {}
+      : backend_(make_backend(device)), gaussians_(copy_to(backend_->memory(), model)),
+        pictures_(*backend_, gaussians_, model.gaussians, settings, true) {}
 
   std::string device() const { return backend_->name(); }
 
@@ -33,17 +43,15 @@ class Studio {
 
  private:
   Image8 picture_of(const FrameRequest& request) {
-    if (request.mode == FrameMode::depth) return painted_.depth(request.camera, settings_);
-    if (request.mode == FrameMode::normal) return painted_.normals(request.camera, settings_);
-    backend_->renderer().forward(gaussians_.span(), request.camera, settings_, pass_);
-    return to_image8(image_of(pass_));
+    const Quantity shown = request.quantity;
+    const ImageF values = std::move(pictures_.values(request.camera, {shown}).front());
+    return gs::picture_of(shown, values,
+                          shown == Quantity::depth ? range_of(some_depths(values)) : DepthRange());
   }
 
   std::unique_ptr<Backend> backend_;
-  RenderSettings settings_;
   Gaussians gaussians_;
-  RenderPass pass_;
-  PaintedModel painted_;
+  ViewPictures pictures_;
 };
 
 }  // namespace

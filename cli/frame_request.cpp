@@ -87,10 +87,10 @@ void place(Camera& camera, const Matrix& matrix) {
   camera.cam_from_world_translation = Vec3f(-multiply(R, Vec3d(m[3], m[7], m[11])));
 }
 
-FrameMode mode_named(const std::string& name) {
-  if (name == "color") return FrameMode::color;
-  if (name == "depth") return FrameMode::depth;
-  if (name == "normal") return FrameMode::normal;
+Quantity quantity_named(const std::string& name) {
+  if (name == "color") return Quantity::color;
+  if (name == "depth") return Quantity::depth;
+  if (name == "normal") return Quantity::normal;
   fail("mode", "there are color, depth and normal");
 }
 
@@ -106,7 +106,7 @@ FrameRequest frame_request_of(const HttpRequest& request) {
   frame.camera.cx = float(words.number("cx"));
   frame.camera.cy = float(words.number("cy"));
   place(frame.camera, matrix_of(words.text("m")));
-  if (words.has("mode")) frame.mode = mode_named(words.text("mode"));
+  if (words.has("mode")) frame.quantity = quantity_named(words.text("mode"));
   if (words.has("q")) frame.quality = words.whole("q", 100);
   frame.client = words.has("client") ? words.text("client") : request.client;
   return frame;

@@ -5,17 +5,16 @@
 #include <string>
 
 #include "cli/http_server.h"
+#include "cli/view_pictures.h"
 #include "gs_core/camera.h"
 
 namespace gs {
 
 inline constexpr int kLargestFrameSide = 4096;  // pixels
 
-enum class FrameMode { color, depth, normal };
-
 struct FrameRequest {
   Camera camera;
-  FrameMode mode = FrameMode::color;
+  Quantity quantity = Quantity::color;
   int quality = 85;    // of JPEG, 1 to 100
   std::string client;  // whose request it is: a newer one of the same client overtakes it
 };

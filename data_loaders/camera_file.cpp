@@ -8,6 +8,7 @@
 
 #include "data_loaders/atomic_file.h"
 #include "data_loaders/byte_reader.h"
+#include "data_loaders/world_offset.h"
 
 namespace gs {
 namespace {
@@ -28,15 +29,14 @@ std::string without_extension(const std::string& name) {
   return std::filesystem::path(name).replace_extension().generic_string();
 }
 
-std::string camera_line(const View& view, std::size_t id) {
-  const Camera& camera = view.camera;
+std::string camera_line(const std::string& name, const Camera& camera, std::size_t id) {
   const Mat3<float>& R = camera.cam_from_world_rotation;
   const Mat3<double> R_double{Vec3d(R.row0), Vec3d(R.row1), Vec3d(R.row2)};
   const Vec3d position =
       Vec3d(0.0) - multiply_transposed(R_double, Vec3d(camera.cam_from_world_translation));  // no -0
   FloatJson json;
   json["id"] = id;
-  json["img_name"] = without_extension(view.name);
+  json["img_name"] = name;
   json["width"] = camera.width;
   json["height"] = camera.height;
   json["position"] = to_json(Vec3f(position));
@@ -162,23 +162,21 @@ void place(Camera& camera, const Vec3d& position) {
   camera.cam_from_world_translation = Vec3f(-multiply(R_double, position));
 }
 
-/// Whether most positions are nearer to the offset than to 0.
-bool are_nearer_to(const Vec3d& offset, const std::vector<Vec3d>& positions) {
-  std::size_t nearer = 0;
-  for (const Vec3d& at : positions) nearer += inner(at - offset, at - offset) < inner(at, at);
-  return 2 * nearer > positions.size();
-}
-
 }  // namespace
 
 void write_cameras_json(const std::filesystem::path& path, const Scene& scene) {
+  std::vector<NamedCamera> cameras;
+  for (const auto* views : {&scene.test_views, &scene.train_views})
+    for (const View& view : *views) cameras.push_back({without_extension(view.name), view.camera});
+  write_cameras_json(path, cameras);
+}
+
+void write_cameras_json(const std::filesystem::path& path,
+                        const std::vector<NamedCamera>& cameras) {
   std::string text = "[";
-  std::size_t id = 0;
-  for (const auto* views : {&scene.test_views, &scene.train_views}) {
-    for (const View& view : *views) {
-      text += id ? ",\n" : "\n";
-      text += camera_line(view, id++);
-    }
+  for (std::size_t id = 0; id < cameras.size(); ++id) {
+    text += id ? ",\n" : "\n";
+    text += camera_line(cameras[id].name, cameras[id].camera, id);
   }
   AtomicFile file(path);
   file.write(text + "\n]\n");
@@ -198,7 +196,7 @@ std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path,
     cameras.push_back(std::move(camera));
     positions.push_back(position);
   }
-  const bool is_far = world_offset != Vec3d(0.0) && are_nearer_to(world_offset, positions);
+  const bool is_far = are_nearer_to(world_offset, positions);
   for (std::size_t i = 0; i < cameras.size(); ++i)
     place(cameras[i].camera, is_far ? positions[i] - world_offset : positions[i]);
   return cameras;

@@ -26,6 +26,9 @@ struct NamedCamera {
 /// where it cannot be written.
 void write_cameras_json(const std::filesystem::path& path, const Scene& scene);
 
+/// The same of cameras under their names as they are.
+void write_cameras_json(const std::filesystem::path& path, const std::vector<NamedCamera>& cameras);
+
 /// Reads such a list, in its order; without cx or cy the centre is that of the picture, other keys
 /// are ignored.
 /// `world_offset` is that of the model to be seen (Scene): where the positions are nearer to it than to 0, more of them than

@@ -20,6 +20,7 @@
 #include "data_loaders/ply_file.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
+#include "gs_core/math/quaternion.h"
 #include "gs_core/math/rotation.h"
 
 namespace gs {
@@ -109,21 +110,6 @@ std::string with_extension(const fs::path& folder, const std::string& name) {
 }
 
 // --- Rotations
-
-/// Shepperd 1978: from the products of its components, by the largest of them.
-Quat<double> quaternion_of(const Mat3<double>& R) {
-  const double x = R.row0.x, y = R.row1.y, z = R.row2.z;
-  const double ww = 1 + x + y + z, xx = 1 + x - y - z, yy = 1 - x + y - z, zz = 1 - x - y + z;
-  const double wx = R.row2.y - R.row1.z, wy = R.row0.z - R.row2.x, wz = R.row1.x - R.row0.y;
-  const double xy = R.row0.y + R.row1.x, xz = R.row0.z + R.row2.x, yz = R.row1.z + R.row2.y;
-  const double largest = std::max({ww, xx, yy, zz});
-  const Quat<double> q = largest == ww   ? Quat<double>{ww, wx, wy, wz}
-                         : largest == xx ? Quat<double>{wx, xx, xy, xz}
-                         : largest == yy ? Quat<double>{wy, xy, yy, yz}
-                                         : Quat<double>{wz, xz, yz, zz};
-  const double length = std::sqrt(squared_norm(q));
-  return {q.w / length, q.x / length, q.y / length, q.z / length};
-}
 
 /// Why rows are no axes of a camera, "" where they are.
 std::string fault_of(const Mat3<double>& R) {
@@ -538,6 +524,13 @@ TransformsScene read_transforms(const fs::path& folder) {
   }
   add_points(first, scene.model);
   return scene;
+}
+
+ColmapModel read_transforms_file(const fs::path& file) {
+  ColmapModel model;
+  model.folder = file.parent_path();
+  FrameCollector(model).add_frames(open_file(file));
+  return model;
 }
 
 }  // namespace gs

@@ -54,4 +54,7 @@ struct TransformsScene {
 /// of the folder. No file costs more memory than a small multiple of its size.
 TransformsScene read_transforms(const std::filesystem::path& folder);
 
+/// The cameras of one file of that form, whatever its name: no points, no split. Throws Error likewise.
+ColmapModel read_transforms_file(const std::filesystem::path& file);
+
 }  // namespace gs

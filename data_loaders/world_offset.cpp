@@ -18,11 +18,6 @@ constexpr double kOrdinaryShare = 0.9;
 
 double length(const Vec3d& v) { return std::sqrt(inner(v, v)); }
 
-Vec3d centre_of(const ColmapImage& image) {
-  return -multiply_transposed(rotation_matrix(image.cam_from_world_rotation),
-                              image.cam_from_world_translation);
-}
-
 /// Component by component, so that a few strays cannot move it. `positions` is not empty.
 Vec3d median_of(const std::vector<Vec3d>& positions) {
   Vec3d median(0.0);
@@ -48,6 +43,18 @@ double spread_about(const Vec3d& centre, const std::vector<Vec3d>& positions) {
 }
 
 }  // namespace
+
+Vec3d centre_of(const ColmapImage& image) {
+  return -multiply_transposed(rotation_matrix(image.cam_from_world_rotation),
+                              image.cam_from_world_translation);
+}
+
+bool are_nearer_to(const Vec3d& offset, const std::vector<Vec3d>& positions) {
+  if (offset == Vec3d(0.0)) return false;
+  std::size_t nearer = 0;
+  for (const Vec3d& at : positions) nearer += inner(at - offset, at - offset) < inner(at, at);
+  return 2 * nearer > positions.size();
+}
 
 Vec3d world_offset_of(const ColmapModel& model) {
   std::vector<Vec3d> centres, points;

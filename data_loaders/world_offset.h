@@ -15,8 +15,14 @@ namespace gs {
 /// the median that nine in ten of the cameras keep; where it is 0, of the points.
 Vec3d world_offset_of(const ColmapModel& model);
 
+/// Where an image's camera stands.   world units
+Vec3d centre_of(const ColmapImage& image);
+
 /// The model in coordinates from which `offset` is taken off; in double precision.
 void take_off(ColmapModel& model, const Vec3d& offset);
+
+/// Whether most positions are nearer to the offset than to 0, so that it was not taken off them; never where it is 0.
+bool are_nearer_to(const Vec3d& offset, const std::vector<Vec3d>& positions);
 
 /// A loaded scene in the coordinates that have `offset` taken off, instead of its own.
 void bring_to_offset(Scene& scene, const Vec3d& offset);

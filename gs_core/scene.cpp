@@ -5,26 +5,12 @@
 #include <cmath>
 
 #include "gs_core/math/constants.h"
+#include "gs_core/strays.h"
 
 namespace gs {
 namespace {
 
-constexpr double kStrayDistance = 10;  // times the distance that nine in ten cameras keep
-constexpr double kOrdinaryShare = 0.9;
-
 double distance(const Vec3d& a, const Vec3d& b) { return std::sqrt(inner(a - b, a - b)); }
-
-// Component by component, so that a few cameras cannot move it.
-Vec3d median_position(const std::vector<View>& views) {
-  Vec3d median(0.0);
-  std::vector<double> values(views.size());
-  for (int axis = 0; axis < 3; ++axis) {
-    for (std::size_t i = 0; i < views.size(); ++i) values[i] = views[i].camera.position()[axis];
-    std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-    median[axis] = values[values.size() / 2];
-  }
-  return median;
-}
 
 bool is_elsewhere(const View& view) { return view.source && view.photo.empty(); }
 
@@ -56,18 +42,9 @@ std::size_t photo_bytes(const View& view) {
 }
 
 std::vector<std::size_t> stray_cameras(const std::vector<View>& views) {
-  if (views.empty()) return {};
-  const Vec3d centre = median_position(views);
-  std::vector<double> distances;
-  for (const View& view : views)
-    distances.push_back(distance(Vec3d(view.camera.position()), centre));
-  std::vector<double> sorted = distances;
-  std::sort(sorted.begin(), sorted.end());
-  const double ordinary = sorted[std::size_t(kOrdinaryShare * double(sorted.size() - 1))];
-  std::vector<std::size_t> strays;
-  for (std::size_t i = 0; i < views.size(); ++i)
-    if (ordinary > 0 && distances[i] > kStrayDistance * ordinary) strays.push_back(i);
-  return strays;
+  std::vector<Vec3d> positions;
+  for (const View& view : views) positions.push_back(Vec3d(view.camera.position()));
+  return stray_positions(positions);
 }
 
 float camera_extent(const std::vector<View>& views) {

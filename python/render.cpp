@@ -62,8 +62,10 @@ std::vector<Frame> render_frames(const Model& model, const std::vector<NamedCame
   for (const NamedCamera& named : cameras) {
     renderer.forward(gaussians.span(), named.camera, settings, pass);
     Frame& frame = frames.emplace_back(Frame{image_of(pass), alpha_of(pass), {}, {}});
-    if (wanted.depth) frame.depth = surface->depth(named.camera);
-    if (wanted.normals) frame.normals = surface->normals(named.camera);
+    if (!surface) continue;
+    ImageF depth = surface->depth(named.camera);
+    if (wanted.normals) frame.normals = normals_of(depth, named.camera);
+    if (wanted.depth) frame.depth = std::move(depth);
   }
   return frames;
 }
@@ -176,7 +178,7 @@ Gaussian's normal is its shortest axis. 0 where next to nothing is seen. None un
       py::arg("normals") = false, py::arg("config") = py::none(),
       R"(A Picture of the model from a Camera; of an iterable of cameras a list, for which a GPU gets the
 model once. background: "black", "white" or three numbers 0 to 1; else the model's. device: auto,
-cpu, cuda, cuda:N. depth and normals take a pass each, as colour with alpha does. config: settings
+cpu, cuda, cuda:N. depth and normals take one pass more. config: settings
 of [render] and [model] over the model's own, as train() takes them. Several threads may render;
 on one device they take turns.)");
   bind_evaluation(module);

@@ -5,6 +5,7 @@
 
 #include <limits>
 
+#include "gs_core/math/quaternion.h"
 #include "tests/support/jet_oracle.h"
 
 namespace gs {
@@ -43,6 +44,19 @@ TEST(Rotation, AgreesWithRodriguesFormula) {
 TEST(Rotation, DoesNotDependOnTheLengthOfTheQuaternion) {
   const Mat3<double> R = rotation_matrix(Quat<double>{0.3, -0.2, 0.5, 0.1});
   expect_near(rotation_matrix(Quat<double>{30.0, -20.0, 50.0, 10.0}), R, 1e-15);
+}
+
+TEST(QuaternionOf, IsTheWayBackFromEveryRotation) {
+  TestRandom random;
+  for (int i = 0; i < 1000; ++i) {  // each component is the largest of some
+    const Mat3<double> R = rotation_matrix(random.quaternion());
+    const Quat<double> q = quaternion_of(R);
+    EXPECT_NEAR(squared_norm(q), 1, 1e-14);
+    expect_near(rotation_matrix(q), R, 1e-14);
+  }
+  for (const Quat<double>& half_turn : {Quat<double>{0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}})
+    expect_near(rotation_matrix(quaternion_of(rotation_matrix(half_turn))),
+                rotation_matrix(half_turn), 1e-15);
 }
 
 TEST(Rotation, IsOrthogonalInFloatForEveryLength) {

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// From rotation matrices to quaternions; math/rotation.h is the other way.
+#pragma once
+
+#include "gs_core/types.h"
+
+namespace gs {
+
+/// The quaternion of length 1 of a rotation matrix, the way back: from the products of its components, by the largest of
+/// them.                                                                                     Shepperd 1978
+template <class T>
+GS_HD Quat<T> quaternion_of(const Mat3<T>& R) {
+  using std::sqrt;
+  const T x = R.row0.x, y = R.row1.y, z = R.row2.z;
+  const T ww = T(1) + x + y + z, xx = T(1) + x - y - z, yy = T(1) - x + y - z,
+          zz = T(1) - x - y + z;
+  const T wx = R.row2.y - R.row1.z, wy = R.row0.z - R.row2.x, wz = R.row1.x - R.row0.y;
+  const T xy = R.row0.y + R.row1.x, xz = R.row0.z + R.row2.x, yz = R.row1.z + R.row2.y;
+  const T largest = max_of(max_of(ww, xx), max_of(yy, zz));
+  const Quat<T> q = largest == ww   ? Quat<T>{ww, wx, wy, wz}
+                    : largest == xx ? Quat<T>{wx, xx, xy, xz}
+                    : largest == yy ? Quat<T>{wy, xy, yy, yz}
+                                    : Quat<T>{wz, xz, yz, zz};
+  const T length = sqrt(squared_norm(q));
+  return {q.w / length, q.x / length, q.y / length, q.z / length};
+}
+
+}  // namespace gs

@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_render/camera_path.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+#include "gs_core/error.h"
+#include "gs_core/math/quaternion.h"
+#include "gs_core/strays.h"
+
+namespace gs {
+namespace {
+
+constexpr double kRadiansPerDegree = std::numbers::pi / 180;
+// Of what is known of a direction without asking all cameras, against what all of them say: it decides only where they are
+// silent.
+constexpr double kPriorWeight = 1e-2;
+constexpr int kMostRegroupings = 10;
+
+double length(const Vec3d& v) { return std::sqrt(inner(v, v)); }
+Vec3d unit(const Vec3d& v) { return v / length(v); }
+Vec3d cross(const Vec3d& a, const Vec3d& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+/// Some direction at right angles to another.
+Vec3d across(const Vec3d& v) {
+  return unit(std::abs(v.x) < 0.5 * length(v) ? cross(v, {1.0, 0.0, 0.0})
+                                              : cross(v, {0.0, 1.0, 0.0}));
+}
+
+/// The sum of w (I - d d^T), and of what it is multiplied with.
+struct LeastSquares {
+  Sym3<double> matrix{0, 0, 0, 0, 0, 0};
+  Vec3d right_side{0.0, 0.0, 0.0};
+
+  void add(double weight, const Sym3<double>& m, const Vec3d& at) {
+    matrix = {matrix.xx + weight * m.xx, matrix.xy + weight * m.xy, matrix.xz + weight * m.xz,
+              matrix.yy + weight * m.yy, matrix.yz + weight * m.yz, matrix.zz + weight * m.zz};
+    right_side += weight * multiply(m, at);
+  }
+  /// By Cramer's rule: the prior keeps the matrix far from singular.
+  Vec3d solution() const {
+    const Vec3d a{matrix.xx, matrix.xy, matrix.xz}, b{matrix.xy, matrix.yy, matrix.yz},
+        c{matrix.xz, matrix.yz, matrix.zz};
+    const Vec3d bc = cross(b, c), ca = cross(c, a), ab = cross(a, b);
+    return (right_side.x * bc + right_side.y * ca + right_side.z * ab) / inner(a, bc);
+  }
+};
+
+constexpr Sym3<double> kIdentity{1, 0, 0, 1, 0, 1};
+Sym3<double> outer(const Vec3d& d) {
+  return {d.x * d.x, d.x * d.y, d.x * d.z, d.y * d.y, d.y * d.z, d.z * d.z};
+}
+Sym3<double> projector_across(const Vec3d& d) {
+  return {1 - d.x * d.x, -d.x * d.y, -d.x * d.z, 1 - d.y * d.y, -d.y * d.z, 1 - d.z * d.z};
+}
+
+/// Indices of the poses that stand where others do.
+std::vector<std::size_t> ordinary(const std::vector<CameraPose>& poses) {
+  std::vector<Vec3d> positions;
+  for (const CameraPose& pose : poses) positions.push_back(pose.position);
+  const std::vector<std::size_t> strays = stray_positions(positions);
+  std::vector<std::size_t> indices;
+  for (std::size_t i = 0; i < poses.size(); ++i)
+    if (!std::binary_search(strays.begin(), strays.end(), i)) indices.push_back(i);
+  return indices;
+}
+
+std::vector<PinholeCamera<double>> without_strays(const std::vector<Camera>& cameras) {
+  GS_CHECK(!cameras.empty());
+  std::vector<CameraPose> poses;
+  for (const Camera& camera : cameras) poses.push_back(pose_of(camera));
+  std::vector<PinholeCamera<double>> kept;
+  for (const std::size_t i : ordinary(poses)) kept.push_back(camera_as<double>(cameras[i]));
+  return kept;
+}
+
+Vec3d up_of(const std::vector<PinholeCamera<double>>& cameras) {
+  Vec3d mean(0.0);
+  for (const auto& camera : cameras) mean -= camera.cam_from_world_rotation.row1;
+  if (length(mean) < 1e-6 * double(cameras.size()))  // every way up: the first one's
+    mean = -cameras.front().cam_from_world_rotation.row1;
+  LeastSquares sum;
+  for (const auto& camera : cameras) {
+    const Sym3<double> row = outer(camera.cam_from_world_rotation.row0);
+    sum.add(1, row, Vec3d(0.0));  // up . row = 0
+  }
+  sum.add(kPriorWeight * double(cameras.size()), kIdentity, unit(mean));
+  const Vec3d up = sum.solution();
+  return length(up) > 0 ? unit(up) : unit(mean);
+}
+
+Vec3d centre_of(const std::vector<PinholeCamera<double>>& cameras, double focus) {
+  LeastSquares sum;
+  Vec3d seen(0.0);
+  for (const auto& camera : cameras) {
+    const Vec3d axis = camera.cam_from_world_rotation.row2;
+    sum.add(1, projector_across(axis), camera.position());
+    seen += camera.position() + focus * axis;
+  }
+  sum.add(kPriorWeight * double(cameras.size()), kIdentity, seen / double(cameras.size()));
+  return sum.solution();
+}
+
+/// How far apart poses are, with turns as long as where they stand says.
+class Nearness {
+ public:
+  explicit Nearness(const std::vector<CameraPose>& poses) : poses_(poses) {
+    Vec3d middle(0.0);
+    for (const CameraPose& pose : poses) middle += pose.position / double(poses.size());
+    double sum = 0;
+    for (const CameraPose& pose : poses) sum += length(pose.position - middle);
+    turn_length_ = sum > 0 ? sum / double(poses.size()) : 1;
+  }
+  double between(std::size_t a, std::size_t b) const {
+    return std::hypot(
+        length(poses_[a].position - poses_[b].position),
+        turn_length_ * angle_between(poses_[a].world_from_cam, poses_[b].world_from_cam));
+  }
+  std::size_t nearest_of(const std::vector<std::size_t>& to, std::size_t pose) const {
+    return *std::min_element(to.begin(), to.end(), [&](std::size_t a, std::size_t b) {
+      return between(pose, a) < between(pose, b);
+    });
+  }
+
+ private:
+  const std::vector<CameraPose>& poses_;
+  double turn_length_;
+};
+
+/// Of a group the pose that has the smallest sum of distances to the others.
+std::size_t middle_of(const std::vector<std::size_t>& group, const Nearness& nearness) {
+  std::size_t best = group.front();
+  double least = INFINITY;
+  for (const std::size_t candidate : group) {
+    double sum = 0;
+    for (const std::size_t other : group) sum += nearness.between(candidate, other);
+    if (sum < least) least = sum, best = candidate;
+  }
+  return best;
+}
+
+/// Each time the pose that is farthest from all taken so far.
+std::vector<std::size_t> spread_out(const std::vector<std::size_t>& all, std::size_t count,
+                                    const Nearness& nearness) {
+  std::vector<std::size_t> taken = {all.front()};
+  std::vector<double> distance(all.size(), INFINITY);
+  while (taken.size() < count) {
+    for (std::size_t i = 0; i < all.size(); ++i)
+      distance[i] = std::min(distance[i], nearness.between(all[i], taken.back()));
+    const auto farthest = std::max_element(distance.begin(), distance.end());
+    if (*farthest <= 0) break;
+    taken.push_back(all[std::size_t(farthest - distance.begin())]);
+  }
+  return taken;
+}
+
+}  // namespace
+
+SceneFrame scene_frame(const std::vector<Camera>& cameras, double focus) {
+  return scene_frame_about(centre_of(without_strays(cameras), focus), cameras);
+}
+
+SceneFrame scene_frame_about(const Vec3d& centre, const std::vector<Camera>& cameras) {
+  const std::vector<PinholeCamera<double>> kept = without_strays(cameras);
+  SceneFrame frame{up_of(kept), centre};
+  std::vector<double> distances;
+  double heights = 0;
+  for (const auto& camera : kept) {
+    const Vec3d from_centre = camera.position() - centre;
+    distances.push_back(length(from_centre));
+    if (distances.back() > 0)
+      heights += std::asin(std::clamp(inner(from_centre, frame.up) / distances.back(), -1.0, 1.0));
+  }
+  const auto middle = distances.begin() + std::ptrdiff_t(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  if (*middle > 0) frame.radius = *middle;
+  frame.elevation = heights / double(kept.size()) / kRadiansPerDegree;
+  return frame;
+}
+
+Quat<double> looking_at(const Vec3d& from, const Vec3d& to, const Vec3d& up) {
+  const Vec3d z = unit(to - from), level = cross(z, up);
+  const Vec3d x = length(level) > 1e-9 * length(up) ? unit(level) : across(z);
+  const Vec3d y = cross(z, x);
+  return quaternion_of(Mat3<double>{{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}});
+}
+
+std::vector<CameraPose> orbit(const Orbit& orbit, std::size_t count) {
+  const SceneFrame& frame = orbit.frame;
+  const Vec3d start = orbit.start - frame.centre;
+  const Vec3d level = start - inner(start, frame.up) * frame.up;
+  const Vec3d e1 = length(level) > 1e-9 * frame.radius ? unit(level) : across(frame.up);
+  const Vec3d e2 = cross(frame.up, e1);
+  const double elevation = frame.elevation * kRadiansPerDegree;
+  const bool is_closed = orbit.turns != 0 && orbit.turns == std::round(orbit.turns);
+  const double steps = is_closed ? double(count) : double(std::max<std::size_t>(count, 2)) - 1;
+  std::vector<CameraPose> poses;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double angle = 2 * std::numbers::pi * orbit.turns * double(i) / steps;
+    const Vec3d outward = std::cos(elevation) * (std::cos(angle) * e1 + std::sin(angle) * e2) +
+                          std::sin(elevation) * frame.up;
+    const Vec3d position = frame.centre + frame.radius * outward;
+    poses.push_back({position, looking_at(position, frame.centre, frame.up)});
+  }
+  return poses;
+}
+
+std::vector<std::size_t> representative_poses(const std::vector<CameraPose>& poses,
+                                              std::size_t count) {
+  const std::vector<std::size_t> all = ordinary(poses);
+  if (all.empty() || count == 0) return {};
+  std::vector<CameraPose> kept;
+  for (const std::size_t i : all) kept.push_back(poses[i]);
+  const Nearness nearness(kept);
+  std::vector<std::size_t> indices(kept.size());
+  std::iota(indices.begin(), indices.end(), std::size_t(0));
+  std::vector<std::size_t> chosen = spread_out(indices, count, nearness);
+  for (int round = 0; round < kMostRegroupings; ++round) {
+    std::vector<std::vector<std::size_t>> groups(kept.size());
+    for (const std::size_t i : indices) groups[nearness.nearest_of(chosen, i)].push_back(i);
+    std::vector<std::size_t> middles;
+    for (const std::size_t i : chosen)
+      if (!groups[i].empty()) middles.push_back(middle_of(groups[i], nearness));
+    if (middles == chosen) break;
+    chosen = middles;
+  }
+  for (std::size_t& i : chosen) i = all[i];
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
+}
+
+std::vector<std::size_t> short_tour(const std::vector<CameraPose>& poses) {
+  const std::size_t n = poses.size();
+  if (n == 0) return {};
+  const Nearness nearness(poses);
+  std::vector<std::size_t> tour = {0}, left(n - 1);
+  std::iota(left.begin(), left.end(), std::size_t(1));
+  while (!left.empty()) {
+    tour.push_back(nearness.nearest_of(left, tour.back()));
+    std::erase(left, tour.back());
+  }
+  const auto leg = [&](std::size_t i, std::size_t j) {
+    return nearness.between(tour[i], tour[j % n]);
+  };
+  constexpr double kRounding = 1e-9;  // a gain below this share of the legs is none
+  for (bool is_shorter = true; is_shorter;) {
+    is_shorter = false;
+    for (std::size_t i = 0; i + 2 < n; ++i)
+      for (std::size_t j = i + 2; j < n; ++j) {
+        const double now = leg(i, i + 1) + leg(j, j + 1), then = leg(i, j) + leg(i + 1, j + 1);
+        if (then >= now * (1 - kRounding)) continue;
+        std::reverse(tour.begin() + std::ptrdiff_t(i) + 1, tour.begin() + std::ptrdiff_t(j) + 1);
+        is_shorter = true;
+      }
+  }
+  return tour;
+}
+
+}  // namespace gs

@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat render as users run it: what each source, path and output gives.
+#include <gmock/gmock.h>
+
+#include <cmath>
+
+#include "data_loaders/exr.h"
+#include "data_loaders/film_writer.h"
+#include "data_loaders/read_cameras.h"
+#include "data_loaders/video_frames.h"
+#include "gs_core/error.h"
+#include "tests/support/program.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class Render : public Program {
+ protected:
+  void SetUp() override { ASSERT_EQ(train("run").code, 0); }
+  Outcome render(const std::string& more) {
+    return run("render " + text("run") + " --device cpu " + more);
+  }
+  void expect_done(const std::string& more) {
+    const Outcome outcome = render(more);
+    EXPECT_EQ(outcome.code, 0) << more << ": " << outcome.err;
+  }
+  void expect_refused(const std::string& more, const std::string& reason, int code = 2) {
+    const Outcome outcome = render(more);
+    EXPECT_EQ(outcome.code, code) << more;
+    EXPECT_THAT(outcome.err, HasSubstr(reason)) << more;
+  }
+  /// Positions of the cameras of a file.
+  std::vector<Vec3f> places(const std::string& file) const {
+    std::vector<Vec3f> result;
+    for (const NamedCamera& named : read_cameras(path(file), Vec3d(0.0)))
+      result.push_back(named.camera.position());
+    return result;
+  }
+};
+
+double distance(const Vec3f& a, const Vec3f& b) { return std::sqrt(inner(a - b, a - b)); }
+
+int largest_difference(const fs::path& a, const fs::path& b) {
+  const Image8 x = read_photo(a), y = read_photo(b);
+  EXPECT_EQ(x.pixels.size(), y.pixels.size());
+  int most = 0;
+  for (std::size_t i = 0; i < std::min(x.pixels.size(), y.pixels.size()); ++i)
+    most = std::max(most, std::abs(int(x.pixels[i]) - int(y.pixels[i])));
+  return most;
+}
+
+TEST_F(Render, TheColmapModelOfTheSceneGivesThePicturesOfTheRun) {
+  expect_done("-o " + text("a"));
+  expect_done("--cameras " + text("scene/sparse/0") + " -o " + text("b"));
+  for (const char* name : {"view_0.png", "view_5.png"})
+    EXPECT_LE(largest_difference(path("a") / name, path("b") / name), 1);
+}
+
+TEST_F(Render, EachQuantityHasAFileOfItsOwn) {
+  expect_done("--split test --write color,normal,depth,alpha -o " + text("all"));
+  for (const char* file : {"view_0.png", "view_0.depth.png", "view_0.alpha.png",
+                           "view_0.normal.png", "view_3.depth.png"}) {
+    ASSERT_TRUE(fs::exists(path("all") / file)) << file;
+    EXPECT_EQ(read_photo_size(path("all") / file).width, kWidth);
+  }
+  EXPECT_FALSE(fs::exists(path("all/film.json")));
+  expect_done("--split test --write depth -o " + text("alone"));  // has the plain name
+  EXPECT_EQ(largest_difference(path("alone/view_0.png"), path("all/view_0.depth.png")), 0);
+  expect_refused("--write colour -o " + text("none"), "colour");
+}
+
+TEST_F(Render, ExrHoldsDepthInWorldUnitsAndNormalsOfLengthOne) {
+  if (!can_write_exr()) GTEST_SKIP() << cannot_write_exr();
+  expect_done("--split test --write depth,normal,alpha --format exr -o " + text("exr"));
+  EXPECT_FALSE(fs::exists(path("exr/view_0.depth.png")));
+  std::vector<std::string> channels;
+  const ImageF depth = read_exr(path("exr/view_0.depth.exr"), &channels);
+  EXPECT_EQ(channels, std::vector<std::string>{"Z"});
+  const ImageF alpha = read_exr(path("exr/view_0.alpha.exr"));
+  const ImageF normal = read_exr(path("exr/view_0.normal.exr"));
+  ASSERT_EQ(depth.pixels.size(), std::size_t(kWidth * kHeight));
+  int seen = 0;
+  for (std::size_t i = 0; i < depth.pixels.size(); ++i) {
+    const float* n = &normal.pixels[3 * i];
+    EXPECT_EQ(depth.pixels[i] > 0, alpha.pixels[i] >= 1.0f / 255) << i;
+    if (depth.pixels[i] == 0) continue;
+    ++seen;
+    EXPECT_GT(depth.pixels[i], 1) << i;  // the scene's points are 3 to 5 units away
+    EXPECT_LT(depth.pixels[i], 8) << i;
+    EXPECT_NEAR(n[0] * n[0] + n[1] * n[1] + n[2] * n[2], 1, 1e-4);
+  }
+  EXPECT_GT(seen, kWidth * kHeight / 2);
+  expect_done("--split test --write depth --format png,exr -o " + text("both"));
+  EXPECT_TRUE(fs::exists(path("both/view_0.png")) && fs::exists(path("both/view_0.exr")));
+  expect_refused("--format exr -o " + text("a.mp4"), "8 bits");
+}
+
+TEST_F(Render, AnOrbitIsACircleThatItsCamerasFileRepeats) {
+  expect_done("--path orbit --frames 6 --elevation 20 --radius 3 --center 0 0 4 --size 24x20 -o " +
+              text("orbit"));
+  const auto orbit = places("orbit/cameras.json");
+  ASSERT_EQ(orbit.size(), 6u);
+  for (const Vec3f& place : orbit) EXPECT_NEAR(distance(place, {0, 0, 4}), 3, 1e-4);
+  EXPECT_NEAR(distance(orbit[0], orbit[1]), distance(orbit[5], orbit[0]), 1e-4);
+  EXPECT_EQ(read_photo_size(path("orbit/00005.png")).width, 24);
+  const auto film = json("orbit/film.json");
+  EXPECT_EQ(film.at("frames"), 6);
+  EXPECT_EQ(film.at("path").at("kind"), "orbit");
+  EXPECT_EQ(film.at("path").at("elevation"), 20);
+  EXPECT_EQ(film.at("pictures").at("color").at(0), "{name}.png");
+  EXPECT_EQ(film.at("cameras"), "cameras.json");
+  expect_done("--cameras " + text("orbit/cameras.json") + " -o " + text("again"));
+  for (const char* name : {"00000.png", "00003.png"})
+    EXPECT_LE(largest_difference(path("orbit") / name, path("again") / name), 1);
+}
+
+TEST_F(Render, ASplineBeginsAndEndsWithTheCamerasThatWereNamed) {
+  expect_done("--path spline --through view_4,1,view_2.png --frames 5 -o " + text("spline"));
+  const auto run = read_cameras(path("run/cameras.json"), Vec3d(0.0));
+  const auto place_of = [&](const std::string& name) {
+    for (const NamedCamera& named : run)
+      if (named.name == name) return named.camera.position();
+    throw Error("no " + name);
+  };
+  const auto spline = places("spline/cameras.json");
+  ASSERT_EQ(spline.size(), 5u);
+  EXPECT_LT(distance(spline[0], place_of("view_4")), 1e-5);
+  EXPECT_LT(distance(spline[4], place_of("view_2")), 1e-5);
+  expect_refused("--path spline --through view_4,view_22 -o " + text("none"),
+                 "did you mean view_2");
+  expect_refused("--path spline --through 99,view_4 -o " + text("none"), "99");
+  expect_refused("--path spline --through view_4 -o " + text("none"), "two cameras");
+}
+
+TEST_F(Render, AFlythroughStaysAmongTheTrainingCameras) {
+  expect_done("--path flythrough --keys 3 --seconds 0.4 --fps 20 -o " + text("tour"));
+  const auto tour = places("tour/cameras.json");
+  ASSERT_EQ(tour.size(), 8u);
+  for (const Vec3f& place : tour) {  // which stand on a line, 0.1 apart
+    EXPECT_NEAR(place.y, 0, 1e-5);
+    EXPECT_GT(place.x, -0.1);
+    EXPECT_LT(place.x, 0.6);
+  }
+  const auto through = json("tour/film.json").at("path").at("through");
+  EXPECT_EQ(through.size(), 3u);
+  for (const auto& name : through) EXPECT_TRUE(name != "view_0" && name != "view_3") << name;  // those are for testing
+}
+
+TEST_F(Render, AFilmHasAllFramesAndAFileBesideIt) {
+  if (!can_write_films()) GTEST_SKIP() << cannot_write_films();
+  expect_done("--path spline --frames 7 --fps 12 --write color,depth -o " + text("film.mp4"));
+  for (const char* name : {"film.mp4", "film.depth.mp4"})
+    EXPECT_EQ(count_frames(path(name)), 7) << name;
+  const auto film = json("film.json");
+  EXPECT_EQ(film.at("fps"), 12);
+  EXPECT_EQ(film.at("width"), kWidth);
+  EXPECT_EQ(film.at("pictures").at("depth").at(0), "film.depth.mp4");
+  EXPECT_EQ(film.at("model").at("gaussians"), json("run/results.json").at("num_gaussians"));
+  EXPECT_LT(film.at("depth_range").at(0), film.at("depth_range").at(1));
+  EXPECT_EQ(places("film.cameras.json").size(), 7u);
+
+  // The same frames as pictures: only the codec lies between.
+  expect_done("--cameras " + text("film.cameras.json") + " -o " + text("frames"));
+  const auto names = take_frames(path("film.mp4"), 7, 7, path("decoded"), "f", {});
+  ASSERT_EQ(names.size(), 7u);
+  for (int i = 0; i < 7; ++i) {
+    const Image8 a = read_photo(path("decoded") / names[std::size_t(i)]);
+    const Image8 b = read_photo(path("frames") / ("0000" + std::to_string(i) + ".png"));
+    ASSERT_EQ(a.pixels.size(), b.pixels.size());
+    double sum = 0;
+    for (std::size_t k = 0; k < a.pixels.size(); ++k)
+      sum += std::abs(int(a.pixels[k]) - int(b.pixels[k]));
+    EXPECT_LT(sum / double(a.pixels.size()), 6) << i;
+  }
+}
+
+TEST_F(Render, AFilmOfViewsHasOneSizeWithEvenSides) {
+  if (!can_write_films()) GTEST_SKIP() << cannot_write_films();
+  const Outcome outcome = render("--size 31x23 --fps 2 -o " + text("odd.mp4"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("31x23 becomes 30x22"));
+  EXPECT_EQ(count_frames(path("odd.mp4")), kViews);
+  EXPECT_EQ(json("odd.json").at("width"), 30);
+  expect_refused("-o " + text("film.webm"), ".mp4");
+}
+
+TEST_F(Render, NothingIsOverwritten) {
+  expect_done("--split test -o " + text("a"));
+  const std::string picture = read_bytes(path("a/view_3.png"));
+  expect_refused("--split test -w -o " + text("a"), "view_0.png is there already");
+  EXPECT_EQ(read_bytes(path("a/view_3.png")), picture);
+  expect_done("--split test -w --force -o " + text("a"));
+  EXPECT_EQ(read_bytes(path("a/view_3.png.bak-1")), picture);
+  if (!can_write_films()) return;
+  write_bytes(path("b.cameras.json"), "somebody's");
+  expect_refused("-o " + text("b.mp4"), "b.cameras.json is there already");
+  EXPECT_FALSE(fs::exists(path("b.mp4")));
+  expect_done("--force -o " + text("b.mp4"));
+  EXPECT_EQ(read_bytes(path("b.cameras.json.bak-1")), "somebody's");
+}
+
+TEST_F(Render, ViewsOfOneNameAreNotWrittenOverEachOther) {
+  nlohmann::json cameras = json("run/cameras.json");
+  cameras[1]["img_name"] = cameras[0]["img_name"];
+  write_bytes(path("twice.json"), cameras.dump());
+  expect_refused("--cameras " + text("twice.json") + " -o " + text("a"), "two views");
+}
+
+TEST_F(Render, FlagsThatDoNotFitAreUsageErrors) {
+  const std::string out = " -o " + text("none");
+  expect_refused("--frames 9" + out, "--path");
+  expect_refused("--turns 2 --path spline" + out, "--turns goes with --path orbit");
+  expect_refused("--path orbit --through 1,2" + out, "--through goes with --path spline");
+  expect_refused("--path orbit --turns 0" + out, "--turns");
+  expect_refused("--path circle" + out, "circle");
+  expect_refused("--size 12" + out, "1280x720");
+  expect_refused("--size 12x0" + out, "1280x720");
+  expect_refused("--size 70000x10" + out, "65520");
+  write_bytes(path("empty.json"), "[]");
+  expect_refused("--path orbit --cameras " + text("empty.json") + out, "no camera", 3);
+  expect_refused("--depth-range 5 2 --write depth" + out, "nearer");
+  expect_refused("--split test --cameras " + text("run/cameras.json") + out, "--split");
+  expect_refused("--cameras " + text("scene/images") + out, "no cameras in", 3);
+  expect_refused("-o " + text("run/cameras.json"), "is a file");
+  EXPECT_FALSE(fs::exists(path("none")));
+}
+
+TEST_F(Render, AFieldOfViewZoomsAndASizeKeepsAllThatWasSeen) {
+  expect_done("--path orbit --frames 1 --fov 90 --size 50x20 -o " + text("wide"));
+  const Camera camera = read_cameras(path("wide/cameras.json"), Vec3d(0.0)).at(0).camera;
+  EXPECT_NEAR(camera.fx, 25, 1e-3);
+  EXPECT_NEAR(camera.fy, 25, 1e-3);
+  expect_done("--path orbit --frames 1 --size 80x32 -o " + text("same"));
+  const Camera same = read_cameras(path("same/cameras.json"), Vec3d(0.0)).at(0).camera;
+  EXPECT_NEAR(same.fy, 40, 1e-3);  // as high as before, so no larger
+  EXPECT_NEAR(same.cx, 40, 1e-3);
+}
+
+}  // namespace
+}  // namespace gs

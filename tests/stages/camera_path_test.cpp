@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// Orbits and tours: where they lead past cameras whose places are known.
+#include "gs_render/camera_path.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "gs_core/math/rotation.h"
+#include "tests/support/scenes.h"
+
+namespace gs {
+namespace {
+
+using ::testing::ElementsAre;
+
+const Vec3d kUp{0.0, 0.0, 1.0};
+
+double norm(const Vec3d& v) { return std::sqrt(inner(v, v)); }
+
+Camera looking(const Vec3d& from, const Vec3d& to) {
+  Camera camera;
+  camera.width = 40, camera.height = 30, camera.fx = camera.fy = 40, camera.cx = 20, camera.cy = 15;
+  return with_pose(camera, {from, looking_at(from, to, kUp)});
+}
+
+/// Cameras on a part of a circle of radius 4 at height 3 about (5, 6, 7), looking at its middle from 5 units away.
+std::vector<Camera> arc(int count, double part) {
+  std::vector<Camera> cameras;
+  for (int i = 0; i < count; ++i) {
+    const double angle = 2 * std::numbers::pi * part * i / count;
+    const Vec3d centre(5.0, 6.0, 7.0);
+    cameras.push_back(
+        looking(centre + Vec3d(4 * std::cos(angle), 4 * std::sin(angle), 3.0), centre));
+  }
+  return cameras;
+}
+
+TEST(SceneFrame, OfCamerasOnACircle) {
+  const SceneFrame frame = scene_frame(arc(24, 1), 5);
+  EXPECT_LT(norm(frame.up - kUp), 1e-5);
+  EXPECT_LT(norm(frame.centre - Vec3d(5.0, 6.0, 7.0)), 1e-4);
+  EXPECT_NEAR(frame.radius, 5, 1e-4);
+  EXPECT_NEAR(frame.elevation, std::asin(0.6) * 180 / std::numbers::pi, 1e-3);
+}
+
+// The mean of the pictures' columns leans back by some 33 degrees here.
+TEST(SceneFrame, UpIsFoundFromAShortArcOfTiltedCameras) {
+  const SceneFrame frame = scene_frame(arc(12, 0.25), 5);
+  EXPECT_LT(std::acos(inner(frame.up, kUp)) * 180 / std::numbers::pi, 3);
+}
+
+TEST(SceneFrame, ParallelAxesMeetWhereTheSceneIs) {
+  std::vector<Camera> cameras;
+  for (int i = 0; i < 10; ++i)
+    cameras.push_back(looking({double(i), 0.0, 0.0}, {double(i), 100.0, 0.0}));
+  const SceneFrame frame = scene_frame(cameras, 3);
+  EXPECT_LT(norm(frame.centre - Vec3d(4.5, 3.0, 0.0)), 1e-3);
+  EXPECT_LT(norm(frame.up - kUp), 1e-3);
+}
+
+TEST(SceneFrame, OneStrayCameraChangesNothing) {
+  std::vector<Camera> cameras = arc(24, 1);
+  const SceneFrame expected = scene_frame(cameras, 5);
+  cameras.push_back(looking({1000.0, 0.0, 0.0}, {2000.0, 0.0, 0.0}));
+  EXPECT_LT(norm(scene_frame(cameras, 5).centre - expected.centre), 1e-9);
+}
+
+TEST(SceneFrame, AboutAGivenCentreIsMeasuredFromThere) {
+  const SceneFrame frame = scene_frame_about({5.0, 6.0, 10.0}, arc(24, 1));
+  EXPECT_NEAR(frame.radius, 4, 1e-5);
+  EXPECT_NEAR(frame.elevation, 0, 1e-4);
+}
+
+TEST(LookingAt, PutsTheTargetOnTheAxisAndUpAtTheTop) {
+  const Vec3d from(1.0, 2.0, 3.0), to(-4.0, 0.5, 2.0);
+  const Camera camera = looking(from, to);
+  const Vec3f p = multiply(camera.cam_from_world_rotation, Vec3f(to - from));
+  EXPECT_NEAR(p.x, 0, 1e-5);
+  EXPECT_NEAR(p.y, 0, 1e-5);
+  EXPECT_GT(p.z, 0);
+  const Vec3f up = multiply(camera.cam_from_world_rotation, Vec3f(kUp));
+  EXPECT_NEAR(up.x, 0, 1e-6);
+  EXPECT_LT(up.y, 0);
+  const Quat<double> down = looking_at({0.0, 0.0, 5.0}, {0.0, 0.0, 0.0}, kUp);
+  EXPECT_NEAR(squared_norm(down), 1, 1e-12);  // no way to be level, and still a rotation
+}
+
+TEST(Orbit, KeepsDistanceHeightAndAim) {
+  Orbit circle{scene_frame(arc(24, 1), 5), 1, {100.0, 6.0, 7.0}};
+  const auto poses = orbit(circle, 36);
+  ASSERT_EQ(poses.size(), 36u);
+  EXPECT_LT(norm(poses[0].position - Vec3d(9.0, 6.0, 10.0)), 1e-3);  // on the side of the start
+  const double step = norm(poses[1].position - poses[0].position);
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const Vec3d from_centre = poses[i].position - circle.frame.centre;
+    EXPECT_NEAR(norm(from_centre), 5, 1e-4);
+    EXPECT_NEAR(inner(from_centre, kUp), 3, 1e-3);
+    const Mat3<double> R = rotation_matrix(poses[i].world_from_cam);
+    const Vec3d axis{R.row0.z, R.row1.z, R.row2.z};
+    EXPECT_LT(norm(axis + from_centre / norm(from_centre)), 1e-9);
+    EXPECT_NEAR(norm(poses[(i + 1) % 36].position - poses[i].position), step, 1e-9);  // and back
+  }
+  EXPECT_GT(poses[1].position.y, 6.0);  // counterclockwise, seen from above
+  circle.turns = -1;
+  EXPECT_LT(orbit(circle, 36)[1].position.y, 6.0);
+}
+
+TEST(Orbit, OfAPartOfATurnReachesItsEnd) {
+  const auto poses = orbit({scene_frame(arc(24, 1), 5), 0.5, {100.0, 6.0, 7.0}}, 11);
+  EXPECT_LT(norm(poses.back().position - Vec3d(1.0, 6.0, 10.0)), 1e-3);
+  EXPECT_EQ(orbit({{}, 0.25, {}}, 1).size(), 1u);
+}
+
+std::vector<CameraPose> poses_at(const std::vector<double>& xs) {
+  std::vector<CameraPose> poses;
+  for (const double x : xs) poses.push_back({{x, 0.0, 0.0}});
+  return poses;
+}
+
+TEST(RepresentativePoses, AreTheMiddlesOfGroups) {
+  EXPECT_THAT(representative_poses(poses_at({0, 1, 2, 10, 11, 12, 20, 21, 22}), 3),
+              ElementsAre(1, 4, 7));
+  EXPECT_THAT(representative_poses(poses_at({3, 3, 3}), 2), ElementsAre(0));
+  EXPECT_EQ(representative_poses(poses_at({0, 1, 2, 3}), 9).size(), 4u);
+}
+
+TEST(RepresentativePoses, TellAttitudesApartAtOnePlace) {
+  std::vector<CameraPose> poses = poses_at({0, 0, 0, 0});
+  for (std::size_t i : {1, 3}) poses[i].world_from_cam = {0, 1, 0, 0};
+  EXPECT_THAT(representative_poses(poses, 2), ElementsAre(0, 1));
+}
+
+TEST(ShortTour, IsTheCircleOnWhichThePosesStand) {
+  std::vector<CameraPose> poses;
+  Draws draws(3);
+  std::vector<int> places(30);
+  for (int i = 0; i < 30; ++i) places[std::size_t(i)] = i;
+  for (std::size_t i = 29; i > 0; --i)
+    std::swap(places[i], places[draws.below(std::uint32_t(i + 1))]);
+  for (const int place : places) {
+    const double angle = 2 * std::numbers::pi * place / 30;
+    poses.push_back({{std::cos(angle), std::sin(angle), 0.0}});
+  }
+  const std::vector<std::size_t> tour = short_tour(poses);
+  ASSERT_EQ(tour.size(), 30u);
+  EXPECT_EQ(tour[0], 0u);
+  for (std::size_t i = 0; i < 30; ++i) {
+    const int apart = std::abs(places[tour[i]] - places[tour[(i + 1) % 30]]);
+    EXPECT_TRUE(apart == 1 || apart == 29) << i;
+  }
+}
+
+// From each place to the nearest next one the way would cross itself on the way back.
+TEST(ShortTour, NoExchangeOfTwoLegsMakesItShorter) {
+  for (const std::uint64_t seed : {1, 2, 3, 4, 5}) {
+    Draws draws(seed);
+    std::vector<CameraPose> poses;
+    for (int i = 0; i < 12; ++i) poses.push_back({Vec3d(draws.uniform3(-1, 1))});
+    const std::vector<std::size_t> tour = short_tour(poses);
+    const auto at = [&](std::size_t i) { return poses[tour[i % tour.size()]].position; };
+    for (std::size_t i = 0; i < 12; ++i)
+      for (std::size_t j = i + 2; j < 12; ++j) {
+        const double now = norm(at(i) - at(i + 1)) + norm(at(j) - at(j + 1));
+        EXPECT_GE(norm(at(i) - at(j)) + norm(at(i + 1) - at(j + 1)), now - 1e-6);
+      }
+    std::vector<std::size_t> sorted = tour;
+    std::sort(sorted.begin(), sorted.end());
+    for (std::size_t i = 0; i < 12; ++i) EXPECT_EQ(sorted[i], i);
+  }
+  EXPECT_TRUE(short_tour({}).empty());
+  EXPECT_THAT(short_tour(poses_at({1})), ElementsAre(0));
+}
+
+}  // namespace
+}  // namespace gs
