@@ -109,7 +109,7 @@ TEST_F(Verbs, AWatchedRunShowsItselfAndLearnsTheSame) {
   std::vector<std::string> arguments{GS_PROGRAM};
   for (std::string word; words >> word;) arguments.push_back(word);
   Started train(arguments, path("train.log"));
-  Json state;
+  Json state = Json::object();
   int last_step = 0, version = 0;
   for (int i = 0; i < 2400 && !state.value("done", false); ++i) {
     const auto answer = train.get("/state.json");
