@@ -313,6 +313,25 @@ const tests = {
     await page.close();
   },
 
+  async 'without WebGL frames from the server are shown all the same, and else it is said what is missing'(browser) {
+    browser.isForgiving = true;  // three.js complains
+    const frame = query => ({body: plainPng(Number(query.get('w')), Number(query.get('h')), [10, 200, 90]), milliseconds: 1});
+    for (const mode of ['remote', 'file']) {
+      const page = await shown(browser, {scene: sceneFor(mode), frame}, {before: () => {
+        const getContext = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = function(kind, ...more) { return kind.startsWith('webgl') ? null : getContext.call(this, kind, ...more); };
+      }});
+      if (mode === 'file') {
+        await page.locator('.failure').waitFor();
+        assert.match(await page.locator('.failure').innerText(), /no WebGL 2.*gemsplat view --remote/);
+      } else {
+        await ready(page);
+        assert.ok(isNear((await colorsAt(page, await page.screenshot(), [[640, 450]]))[0], [10, 200, 90], 2));
+      }
+      await page.close();
+    }
+  },
+
   async 'what goes wrong is said in words'(browser) {
     browser.isForgiving = true;
     const refuse = (status, message) => () => { throw Object.assign(new Error(message), {status}); };
