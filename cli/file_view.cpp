@@ -67,8 +67,8 @@ void take_photos(ViewScene& scene, const DatasetConfig& dataset, const Vec3d& wo
     viewed.name = (*view)->name;
   }
   if (missing > 0)
-    scene.notes.push_back(
-        fmt::format("{} of {} cameras have no photo in {}", missing, scene.cameras.size(), dataset.source));
+    scene.notes.push_back(fmt::format("{} of {} cameras have no photo in {}", missing,
+                                      scene.cameras.size(), dataset.source));
 }
 
 void take_cameras_of_run(ViewScene& scene, const OpenedModel& opened, const Config& config) {
@@ -83,7 +83,8 @@ void take_cameras_of_run(ViewScene& scene, const OpenedModel& opened, const Conf
     scene.cameras.push_back({named.name, split ? *split : "", named.camera});
   }
   if (config.dataset.source.empty())
-    scene.notes.push_back("no photos: the run does not say which scene it was trained on; name it with --data");
+    scene.notes.push_back(
+        "no photos: the run does not say which scene it was trained on; name it with --data");
   else
     take_photos(scene, config.dataset, opened.model.world_offset);
 }

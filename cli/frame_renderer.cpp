@@ -53,9 +53,8 @@ FrameRenderer::FrameRenderer(const std::string& device, const GaussianModel& mod
     : model_(model), settings_(settings) {
   std::promise<std::string> ready;
   std::future<std::string> name = ready.get_future();
-  thread_ = std::thread([this, device, ready = std::move(ready)]() mutable {
-    serve(device, std::move(ready));
-  });
+  thread_ = std::thread(
+      [this, device, ready = std::move(ready)]() mutable { serve(device, std::move(ready)); });
   try {
     device_ = name.get();
   } catch (...) {

@@ -79,7 +79,8 @@ bool is_wanted(const httplib::Request& request, const std::string& host) {
 }  // namespace
 
 struct HttpServer::Impl {
-  Impl(const HttpPlace& place, HttpHandler answers) : host(place.host), handler(std::move(answers)) {
+  Impl(const HttpPlace& place, HttpHandler answers)
+      : host(place.host), handler(std::move(answers)) {
     server.set_socket_options(set_socket_options);
     server.set_tcp_nodelay(true);
     server.set_keep_alive_timeout(kKeepAliveSeconds);
@@ -116,9 +117,10 @@ struct HttpServer::Impl {
         if (server.bind_to_port(host, tried)) port = tried;
     }
     if (port <= 0)
-      throw Error(fmt::format("cannot listen at {}{}: the port is taken or the address is none of "
-                              "this machine's; give another --port (0: any) or --host",
-                              host, place.port > 0 ? fmt::format(":{}", place.port) : ""));
+      throw Error(
+          fmt::format("cannot listen at {}{}: the port is taken or the address is none of "
+                      "this machine's; give another --port (0: any) or --host",
+                      host, place.port > 0 ? fmt::format(":{}", place.port) : ""));
   }
 
   void start() {

@@ -35,8 +35,7 @@ Vec3f normal_in_camera(const Camera& camera, const Gaussians& host, std::size_t 
   const int shortest = s.x <= s.y && s.x <= s.z ? 0 : s.y <= s.z ? 1 : 2;
   Vec3f axis(0.0f);
   axis[shortest] = 1;
-  const Vec3f normal =
-      multiply(camera.cam_from_world_rotation, multiply(rotation_matrix(q), axis));
+  const Vec3f normal = multiply(camera.cam_from_world_rotation, multiply(rotation_matrix(q), axis));
   return inner(normal, in_camera(camera, host.mean[i])) > 0 ? -normal : normal;
 }
 

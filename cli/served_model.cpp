@@ -20,11 +20,11 @@ bool is_plain(const PlyHeader& header) {
   if (header.format != PlyFormat::little_endian || header.elements.empty()) return false;
   if (is_compressed_ply(header)) return true;
   const PlyElement& vertex = header.elements.front();
-  return vertex.name == "vertex" &&
-         std::all_of(vertex.properties.begin(), vertex.properties.end(),
-                     [](const PlyProperty& property) {
-                       return property.type == PlyType::float32 && !property.count_type;
-                     });
+  return vertex.name == "vertex" && std::all_of(vertex.properties.begin(), vertex.properties.end(),
+                                                [](const PlyProperty& property) {
+                                                  return property.type == PlyType::float32 &&
+                                                         !property.count_type;
+                                                });
 }
 
 // Version 4 begins with its name; the others are gzip as a whole.
@@ -76,8 +76,8 @@ Json model_json(const ModelFormat& format, const std::string& name, std::size_t 
   Json matrix = Json::array();
   for (const auto& row : diagonal(format.signs).m)
     for (const double number : row) matrix.push_back(number);
-  return {{"format", format.name},     {"gaussians", gaussians},     {"bytes", bytes},
-          {"sh_degree", sh_degree},    {"antialiased", antialiased}, {"name", name},
+  return {{"format", format.name},    {"gaussians", gaussians},     {"bytes", bytes},
+          {"sh_degree", sh_degree},   {"antialiased", antialiased}, {"name", name},
           {"world_from_file", matrix}};
 }
 

@@ -66,8 +66,7 @@ void open_browser(const std::string& url, std::optional<bool> wish) {
 
 std::unique_ptr<FileView> view_of(const ViewCommand& command, const OpenedModel& opened,
                                   const Config& config) {
-  ViewScene scene =
-      view_scene_of(opened, config, command.has("dataset.source"), command.cameras);
+  ViewScene scene = view_scene_of(opened, config, command.has("dataset.source"), command.cameras);
   for (const std::string& note : scene.notes) log_warning("{}", note);
   if (!command.remote) return std::make_unique<FileView>(std::move(scene), serve_model(opened));
   return std::make_unique<FileView>(
@@ -84,9 +83,8 @@ void view(const ViewCommand& command) {
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
   const std::unique_ptr<FileView> source = view_of(command, opened, config);
-  const HttpServer server(command.place, [&](const HttpRequest& request) {
-    return view_answer(*source, request);
-  });
+  const HttpServer server(
+      command.place, [&](const HttpRequest& request) { return view_answer(*source, request); });
   warn_of_guests(command.place);
   log_info("{}: {} Gaussians, {} cameras; Ctrl-C ends it", opened.ply.string(),
            with_commas(opened.model.gaussians.count()), source->scene().cameras.size());
@@ -108,11 +106,11 @@ void add_view(CLI::App& program) {
                   "of a run, the model saved after that step [the newest]")
       ->type_name("STEP");
   add_http_place(verb, command->place, "--", "Server");
-  verb.add_flag("--open,!--no-open", command->open,
-                "open the browser [where there is a desktop]")
+  verb.add_flag("--open,!--no-open", command->open, "open the browser [where there is a desktop]")
       ->group("Server");
-  verb.add_flag("--remote", command->remote,
-                "render here (--device), and send pictures: for models that the browser cannot hold")
+  verb.add_flag(
+          "--remote", command->remote,
+          "render here (--device), and send pictures: for models that the browser cannot hold")
       ->group("Server");
   verb.add_option("--cameras", command->cameras, "cameras.json [that of the run]")
       ->type_name("FILE")

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-
 namespace gs {
 namespace {
 
@@ -68,8 +67,7 @@ Vec3d solution(const Sym3<double>& S, const Vec3d& b) {
   const Sym3<double> adjugate{S.yy * S.zz - S.yz * S.yz, S.xz * S.yz - S.xy * S.zz,
                               S.xy * S.yz - S.xz * S.yy, S.xx * S.zz - S.xz * S.xz,
                               S.xy * S.xz - S.xx * S.yz, S.xx * S.yy - S.xy * S.xy};
-  const double determinant =
-      S.xx * adjugate.xx + S.xy * adjugate.xy + S.xz * adjugate.xz;
+  const double determinant = S.xx * adjugate.xx + S.xy * adjugate.xy + S.xz * adjugate.xz;
   return multiply(adjugate, b) / determinant;
 }
 
@@ -101,13 +99,13 @@ Json camera_json(const ViewedCamera& viewed, std::size_t index) {
   const Camera& camera = viewed.camera;
   const Mat3<float>& R = camera.cam_from_world_rotation;
   const Vec3d p = position_of(camera);
-  Json json = {{"name", viewed.name},   {"split", viewed.split}, {"width", camera.width},
+  Json json = {{"name", viewed.name},     {"split", viewed.split}, {"width", camera.width},
                {"height", camera.height}, {"fx", camera.fx},       {"fy", camera.fy},
                {"cx", camera.cx},         {"cy", camera.cy}};
   json["world_from_camera"] = {R.row0.x, R.row1.x, R.row2.x, p.x,  //
                                R.row0.y, R.row1.y, R.row2.y, p.y,  //
                                R.row0.z, R.row1.z, R.row2.z, p.z,  //
-                               0, 0, 0, 1};
+                               0,        0,        0,        1};
   json["photo"] = viewed.view ? Json(fmt::format("photo/{}", index)) : Json();
   return json;
 }
@@ -156,7 +154,8 @@ void take_settings(ViewScene& scene, const RenderSettings& settings) {
 
 std::vector<ViewedCamera> viewed_cameras(const Scene& scene) {
   std::vector<ViewedCamera> cameras;
-  for (const View& view : scene.test_views) cameras.push_back({view.name, "test", view.camera, &view});
+  for (const View& view : scene.test_views)
+    cameras.push_back({view.name, "test", view.camera, &view});
   for (const View& view : scene.train_views)
     cameras.push_back({view.name, "train", view.camera, &view});
   return cameras;

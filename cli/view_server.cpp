@@ -46,8 +46,8 @@ HttpAnswer ViewSource::frame(const HttpRequest&) {
 }
 
 Json finished_state(std::size_t gaussians) {
-  return {{"step", 0},     {"steps", 0},   {"loss", nullptr}, {"gaussians", gaussians},
-          {"psnr", nullptr}, {"seconds", 0}, {"version", 1},    {"done", true},
+  return {{"step", 0},        {"steps", 0},   {"loss", nullptr}, {"gaussians", gaussians},
+          {"psnr", nullptr},  {"seconds", 0}, {"version", 1},    {"done", true},
           {"stopped", false}, {"message", ""}};
 }
 

@@ -188,8 +188,7 @@ TEST(Framing, IsAroundWhatCamerasLookAt) {
   for (int k = 0; k < 8; ++k) {
     Camera camera = orbit_camera(0.785f * float(k));
     // The orbit's centre is the origin; it is moved to (5, 6, 7).
-    camera.cam_from_world_translation -=
-        multiply(camera.cam_from_world_rotation, Vec3f(5, 6, 7));
+    camera.cam_from_world_translation -= multiply(camera.cam_from_world_rotation, Vec3f(5, 6, 7));
     cameras.push_back({"", "", camera});
   }
   const Vec3f far{100, 100, 100};
