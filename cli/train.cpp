@@ -13,7 +13,6 @@
 #include "cli/devices.h"
 #include "cli/exported_file.h"
 #include "cli/folder_lock.h"
-#include "cli/live_view.h"
 #include "cli/options.h"
 #include "cli/pictures.h"
 #include "cli/profile_observer.h"
@@ -24,6 +23,7 @@
 #include "cli/stop_on_signal.h"
 #include "cli/text.h"
 #include "cli/train_observers.h"
+#include "cli/train_viewer.h"
 #include "cli/verbs.h"
 #include "data_loaders/forecast.h"
 #include "data_loaders/load_scene.h"
@@ -44,21 +44,7 @@ struct TrainCommand : CommandLine {
   std::string resume;   // auto, or the folder or checkpoint of a run; empty: not at all
   int added_steps = 0;  // --iterations +N
   std::vector<std::string> exports;  // names of formats
-  bool viewer = false, viewer_wait = false;
-  HttpPlace viewer_place;
-};
-
-// The run in a browser, with --viewer. Its place is taken before the run's folder is touched.
-struct Viewer {
-  Viewer(const RunFolder& folder, const Scene& scene, const Config& config, const HttpPlace& place)
-      : view(folder.root().string(), scene, config),
-        server(place, [this](const HttpRequest& request) { return view_answer(view, request); }) {
-    warn_of_guests(place);
-    log_info("viewer: {}", server.url());
-  }
-
-  LiveView view;
-  HttpServer server;
+  ViewerOptions viewer;
 };
 
 // The config of this run, with the scene's absolute path, so that its folder can be used from anywhere.
@@ -287,20 +273,9 @@ void export_run(const TrainCommand& command, Trainer& trainer, const RunFolder& 
   }
 }
 
-// With --viewer: says that the run is over, and with --viewer-wait shows its model until a signal comes.
-void end_viewer(const TrainCommand& command, std::optional<Viewer>& viewer, Trainer& trainer,
-                const Evaluation& test) {
-  if (!viewer) return;
-  if (!command.viewer_wait) return viewer->view.end({}, test);
-  SignalWait signal;
-  viewer->view.end(trained_model(trainer), test);
-  log_info("{} shows the model until Ctrl-C", viewer->server.url());
-  signal.wait();
-}
-
 void train(const TrainCommand& command) {
   setup_log(command.verbosity());
-  if (command.viewer) check_can_view();
+  if (command.viewer.is_wanted) check_can_view();
   for (const std::string& name : command.exports) format_named(name).require({});
   const auto find_resumed = [&]() -> std::optional<ResumedRun> {
     if (command.resume.empty() || command.print_config) return std::nullopt;
@@ -335,8 +310,8 @@ void train(const TrainCommand& command) {
 
   std::optional<Trainer> made;  // before the folder, so that a scene that cannot be trained leaves none
   if (!resumed) made.emplace(scene, config, *backend);
-  std::optional<Viewer> viewer;
-  if (command.viewer) viewer.emplace(folder, scene, config, command.viewer_place);
+  std::optional<TrainViewer> viewer;  // takes its port before the run's folder is touched
+  if (command.viewer.is_wanted) viewer.emplace(folder, scene, config, command.viewer);
   CheckpointFolder checkpoints(folder.checkpoints(), config, SceneRecord(scene));
   const auto keep_start = [&] {
     checkpoints.save(resumed->checkpoint.state.progress, resumed->checkpoint.state.model);
@@ -360,10 +335,7 @@ void train(const TrainCommand& command) {
   for (Observer* observer :
        std::initializer_list<Observer*>{&saver, &evaluations, &metrics, &progress, &profile})
     trainer.add_observer(*observer);
-  if (viewer) {
-    viewer->view.follow(metrics, evaluations);
-    trainer.add_observer(viewer->view);
-  }
+  if (viewer) trainer.add_observer(viewer->observer(metrics, evaluations));
 
   run_until_done(trainer, folder);
   progress.clear();
@@ -380,7 +352,7 @@ void train(const TrainCommand& command) {
   checkpoints.keep_only_newest();
   export_run(command, trainer, folder);  // when nothing can be lost any more
   if (!command.quiet) print_summary(results, folder);
-  end_viewer(command, viewer, trainer, results.test);
+  if (viewer) viewer->end(trainer, results.test);
 }
 
 }  // namespace
@@ -410,14 +382,7 @@ void add_train(CLI::App& program) {
       ->delimiter(',')
       ->type_name("FORMAT,...")
       ->group("Output");
-  verb.add_flag("--viewer", command->viewer, "show the run in a browser while it goes on")
-      ->group("Viewer");
-  add_http_place(verb, command->viewer_place, "--viewer-", "Viewer");
-  verb.add_flag("--viewer-wait", command->viewer_wait,
-                "go on showing the model after the end, until Ctrl-C")
-      ->group("Viewer");
-  for (const char* option : {"--viewer-host", "--viewer-port", "--viewer-wait"})
-    verb.get_option(option)->needs("--viewer");
+  add_viewer_options(verb, command->viewer);
   add_setting(verb, line, "--save-steps,--save-iterations", "train.save_steps", "Output",
               "save the PLY after these steps, besides the last");
   add_setting(verb, line, "--test-steps,--test-iterations,--eval-steps", "train.test_steps",

@@ -1,17 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The viewer's server: what it answers and what it refuses, in this process; and the verbs that start it.
+// The viewer's server: what it answers and what it refuses, in this process. The verbs that start it: view_verbs_test.cpp.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <httplib.h>
-#include <signal.h>
-#include <sys/wait.h>
 
 #include <chrono>
 #include <thread>
 
-#include "cli/child_process.h"
 #include "cli/file_view.h"
-#include "cli/options.h"
 #include "data_loaders/ply.h"
 #include "gs_core/error.h"
 #include "tests/support/program.h"
@@ -339,138 +335,6 @@ TEST_F(Remote, ANewerRequestOfTheSameClientOvertakesOneThatWaits) {
   for (std::thread& asker : askers) asker.join();
   EXPECT_EQ(statuses[200], 3);  // a, the last of b, c
   EXPECT_EQ(statuses[409], 2);
-}
-
-// --- The verbs
-
-/// `gemsplat VERB ... ` beside this process, until it has printed its address.
-class Started {
- public:
-  Started(const std::vector<std::string>& arguments, const fs::path& log) : log_(log) {
-    process_ = start_child(arguments, log);
-    for (int i = 0; i < 600 && port_ == 0; ++i) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-      const std::string said = read_bytes(log);
-      const std::size_t at = said.find("http://127.0.0.1:");
-      if (at != said.npos && said.find('\n', at) != said.npos)
-        port_ = std::stoi(said.substr(at + 17));
-    }
-    EXPECT_GT(port_, 0) << read_bytes(log);
-  }
-  ~Started() {
-    if (process_ > 0) end(SIGKILL);
-  }
-  httplib::Result get(const std::string& path) const {
-    return httplib::Client("127.0.0.1", port_).Get(path);
-  }
-  int end(int signal) {
-    kill(process_, signal);
-    return wait();
-  }
-  int wait() {
-    int status = 0;
-    waitpid(process_, &status, 0);
-    process_ = 0;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-  std::string said() const { return read_bytes(log_); }
-
- private:
-  fs::path log_;
-  pid_t process_ = 0;
-  int port_ = 0;
-};
-
-class Verbs : public View {
- protected:
-  void SetUp() override {
-    if (!can_view()) GTEST_SKIP() << cannot_view();
-  }
-};
-
-TEST_F(Verbs, ViewServesUntilASignalAndThenReturns0) {
-  ASSERT_EQ(train("out").code, 0);
-  for (const int signal : {SIGINT, SIGTERM}) {
-    Started view({GS_PROGRAM, "view", text("out"), "--no-open", "--port", "0"}, path("view.log"));
-    EXPECT_EQ(view.get("/model")->body, read_bytes(ply()));
-    EXPECT_EQ(view.end(signal), 0) << view.said();
-    fs::remove(path("view.log"));
-  }
-}
-
-TEST_F(Verbs, ViewOpensTheBrowserWhereItIsAskedTo) {
-  ASSERT_EQ(train("out").code, 0);
-  write_bytes(path("bin/xdg-open"), "#!/bin/sh\necho \"$1\" >" + text("opened.tmp") + "; mv " +
-                                        text("opened.tmp") + " " + text("opened") + "\n");
-  fs::permissions(path("bin/xdg-open"), fs::perms::owner_all);
-  const std::string old = std::getenv("PATH");
-  setenv("PATH", (text("bin") + ":" + old).c_str(), 1);
-  Started view({GS_PROGRAM, "view", text("out"), "--open", "--port", "0"}, path("view.log"));
-  setenv("PATH", old.c_str(), 1);
-  for (int i = 0; i < 100 && !fs::exists(path("opened")); ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  EXPECT_THAT(view.said(), HasSubstr(read_bytes(path("opened"))));
-  EXPECT_THAT(read_bytes(path("opened")), HasSubstr("http://127.0.0.1:"));
-}
-
-TEST_F(Verbs, ViewRefusesWhatItCannotShow) {
-  EXPECT_EQ(run("view " + text("nothing.ply") + " --no-open").code, 3);
-  ASSERT_EQ(train("out").code, 0);
-  EXPECT_EQ(run("view " + text("out") + " --port 70000").code, 2);
-  EXPECT_EQ(run("view " + text("out") + " --no-open --host 192.0.2.1 --port 0").code, 3);
-}
-
-TEST_F(Verbs, AWatchedRunShowsItselfAndLearnsTheSame) {
-  ASSERT_EQ(train("out", "--iterations 3000").code, 0);
-  const std::string watched = text("scene") + " -o " + text("watched") + kTrain;
-  std::istringstream words("train " + watched +
-                           " --iterations 3000 --viewer --viewer-port 0 --viewer-wait");
-  std::vector<std::string> arguments{GS_PROGRAM};
-  for (std::string word; words >> word;) arguments.push_back(word);
-  Started train(arguments, path("train.log"));
-  Json state;
-  int last_step = 0, version = 0;
-  for (int i = 0; i < 2400 && !state.value("done", false); ++i) {
-    const auto answer = train.get("/state.json");
-    ASSERT_TRUE(answer) << train.said();
-    state = Json::parse(answer->body);
-    EXPECT_GE(state.at("step"), last_step);
-    EXPECT_GE(state.at("version"), version);
-    last_step = state.at("step");
-    version = state.at("version");
-    std::this_thread::sleep_for(std::chrono::milliseconds(25));
-  }
-  EXPECT_EQ(state.at("step"), 3000);
-  EXPECT_EQ(state.at("steps"), 3000);
-  EXPECT_GT(state.at("loss"), 0.0);
-  EXPECT_GT(state.at("psnr"), 1.0);
-  EXPECT_GE(version, 2) << "one while it trained, and the last";
-  const Json scene = Json::parse(train.get("/scene.json")->body);
-  EXPECT_EQ(scene.at("mode"), "live");
-  EXPECT_EQ(scene.at("cameras").size(), std::size_t(kViews));
-  EXPECT_EQ(train.get("/photo/0")->status, 200);
-  write_bytes(path("last." + scene.at("model").at("format").get<std::string>()),
-              train.get("/model")->body);
-  const std::string ply = "point_cloud/iteration_3000/point_cloud.ply";
-  EXPECT_EQ(read_model(path("last." + scene.at("model").at("format").get<std::string>()))
-                .gaussians.count(),
-            read_gaussian_ply(path("watched") / ply).gaussians.count());
-  EXPECT_EQ(train.end(SIGINT), 0) << train.said();
-  EXPECT_EQ(read_bytes(path("watched") / ply), read_bytes(path("out") / ply));
-}
-
-TEST_F(Verbs, AnUnwatchedRunEndsByItself) {
-  const Outcome outcome = train("out", "--viewer --viewer-port 0");
-  EXPECT_EQ(outcome.code, 0);
-  EXPECT_THAT(outcome.err, HasSubstr("viewer: http://127.0.0.1:"));
-  EXPECT_EQ(train("again", "--viewer-port 0").code, 2) << "--viewer-port needs --viewer";
-}
-
-TEST_F(Verbs, APortThatIsTakenLeavesNoRunBehind) {
-  const HttpServer other({"127.0.0.1", 0}, [](const HttpRequest&) { return HttpAnswer(); });
-  const Outcome outcome = train("out", "--viewer --viewer-port " + std::to_string(other.port()));
-  EXPECT_EQ(outcome.code, 3);
-  EXPECT_FALSE(fs::exists(path("out/config.toml")));
 }
 
 }  // namespace

@@ -89,7 +89,7 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
     {"cpp-httplib",
      {"httplib.h"},
      {"PkgConfig::gs_httplib"},
-     {"cli/http_server.cpp", "tests/cli/view_test"},
+     {"cli/http_server.cpp", "tests/cli/view_"},
      {"cli/", "tests/"}},
     {"OpenImageIO", {"OpenImageIO/"}, {"OpenImageIO"}, {"data_loaders/"}, {"data_loaders/"}},
     {"Ceres",

@@ -27,9 +27,10 @@ export class Browser {
     this.failures = [];
   }
 
-  // Opens a page. Any request for which `isAllowed(url)` is false, and anything that the page complains about, is a failure.
-  async visit(url, isAllowed, {width = 1280, height = 900, colorScheme = 'light', reducedMotion = 'reduce'} = {}) {
+  // Opens a page; `before` runs in it before its own script. Any request for which `isAllowed(url)` is false, and anything that the page complains about, is a failure.
+  async visit(url, isAllowed, {width = 1280, height = 900, colorScheme = 'light', reducedMotion = 'reduce', before} = {}) {
     const page = await this.context.newPage();
+    if (before) await page.addInitScript(before);
     await page.setViewportSize({width, height});
     await page.emulateMedia({colorScheme, reducedMotion});
     const fail = text => this.failures.push(`${url}: ${text}`);

@@ -83,6 +83,20 @@ const tests = {
     await page.close();
   },
 
+  async 'a view at rest is not drawn again'(browser) {
+    const page = await shown(browser, {});
+    await ready(page);
+    const drawn = await page.evaluate(async () => {
+      const {stage} = app.viewer, tell = stage.drawn;
+      let count = 0;
+      stage.drawn = view => { ++count; tell(view); };
+      await new Promise(done => setTimeout(done, 800));
+      return count;
+    });
+    assert.equal(drawn, 0);
+    await page.close();
+  },
+
   async 'a click on a frustum leads to its camera, keys to the next and back'(browser) {
     const page = await shown(browser, {});
     await ready(page);
@@ -130,6 +144,9 @@ const tests = {
     const at = share => [box.x + share * box.width, box.y + 0.3 * box.height];
     const colors = async () => colorsAt(page, await page.screenshot(), [at(0.1), at(0.35), at(0.9)]);
     assert.deepEqual((await colors()).map(color => isNear(color, PHOTO)), [true, true, false]);
+    await page.keyboard.down(' ');  // although the button was pressed last
+    assert.deepEqual((await colors()).map(color => isNear(color, PHOTO)), [true, true, true]);
+    await page.keyboard.up(' ');
     await page.mouse.move(...at(0.5));
     await page.mouse.down();
     await page.mouse.move(...at(0.2), {steps: 4});
@@ -294,6 +311,25 @@ const tests = {
     await page.keyboard.press('1');
     await page.getByText('The GPU is out of memory.').waitFor();
     await page.close();
+  },
+
+  async 'without WebGL frames from the server are shown all the same, and else it is said what is missing'(browser) {
+    browser.isForgiving = true;  // three.js complains
+    const frame = query => ({body: plainPng(Number(query.get('w')), Number(query.get('h')), [10, 200, 90]), milliseconds: 1});
+    for (const mode of ['remote', 'file']) {
+      const page = await shown(browser, {scene: sceneFor(mode), frame}, {before: () => {
+        const getContext = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = function(kind, ...more) { return kind.startsWith('webgl') ? null : getContext.call(this, kind, ...more); };
+      }});
+      if (mode === 'file') {
+        await page.locator('.failure').waitFor();
+        assert.match(await page.locator('.failure').innerText(), /no WebGL 2.*gemsplat view --remote/);
+      } else {
+        await ready(page);
+        assert.ok(isNear((await colorsAt(page, await page.screenshot(), [[640, 450]]))[0], [10, 200, 90], 2));
+      }
+      await page.close();
+    }
   },
 
   async 'what goes wrong is said in words'(browser) {

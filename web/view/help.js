@@ -12,7 +12,7 @@ const GROUPS = [
   ]],
   ['Cameras and photos', [
     ['click a frustum', 'to this camera'], ['← →', 'previous, next camera'], ['N', 'to the nearest camera'], ['F', 'frusta on or off'],
-    ['C', 'render, slider, blend, photo'], ['Space, held', 'the photo'],
+    ['C', 'render, slider, blend, photo'], ['Space, held', 'the photo'], ['1 2 3', 'colour, depth, normals, of frames from the server'],
   ]],
   ['Page', [
     ['G', 'list of cameras'], ['P', 'settings'], ['I', 'figures'], ['H', 'hide everything but the picture'], ['?', 'this list'], ['Esc', 'close'],

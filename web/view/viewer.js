@@ -73,7 +73,7 @@ export class Viewer {
            iconButton('reset', 'reset view (R)', () => this.reset()), iconButton('help', 'keys and gestures (?)', () => this.help.showModal()),
            document.fullscreenEnabled && full));
     this.app.replaceChildren(this.stage.node, this.mat, this.compare.node,
-        el('div.interface', {}, this.head, Object.values(this.panels).map(each => each.node), this.bar.node, this.messages.node), this.help);
+        el('div.interface', {onclick: releaseFocus}, this.head, Object.values(this.panels).map(each => each.node), this.bar.node, this.messages.node), this.help);
   }
 
   async start(options) {
@@ -245,4 +245,9 @@ export class Viewer {
             position: rig.position.toArray(), quaternion: rig.quaternion.toArray(), target: rig.target.toArray(), lens: {...rig.lens},
             version: this.live?.version ?? null, compare: this.compare.mode, latency: stage.frames?.latency ?? null};
   }
+}
+
+// A button that was pressed with a pointer gives the keys back to the picture.
+function releaseFocus(event) {
+  if (event.detail > 0) event.target.closest('button')?.blur();
 }
