@@ -3,7 +3,7 @@
 #pragma once
 
 #include "cli/live_view.h"
-#include "cli/run_folder.h"
+#include "gs_api/run_folder.h"
 
 namespace CLI {
 class App;
