@@ -120,9 +120,9 @@ Json film_json(const RenderCommand& command, const RenderOutput& output,
 
 void write_description(const RenderOutput& output, const std::vector<NamedCamera>& cameras,
                        const Json& json) {
-  move_older_aside(output.cameras());
+  keep_older_aside(output.cameras());
   write_cameras_json(output.cameras(), cameras);
-  move_older_aside(output.description());
+  keep_older_aside(output.description());
   write_text(output.description(), json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
 }
 

@@ -118,7 +118,7 @@ std::map<std::string, std::vector<std::string>> RenderOutput::patterns() const {
 
 void RenderOutput::make_room(const fs::path& file) {
   if (!fs::exists(file)) return;
-  move_aside(file);
+  keep_aside(file);
   ++moved_aside_;
 }
 
