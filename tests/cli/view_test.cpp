@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <httplib.h>
+#include <spdlog/fmt/fmt.h>
 
 #include <chrono>
 #include <thread>
