@@ -26,9 +26,8 @@ std::size_t find_camera(const std::string& word, const std::vector<NamedCamera>&
     if (cameras[i].name == word) return i;
   for (std::size_t i = 0; i < cameras.size(); ++i)
     if (without_extension(cameras[i].name) == without_extension(word)) return i;
-  const bool is_number = !word.empty() && word.size() < 10 &&
-                         word.find_first_not_of("0123456789") == std::string::npos;
-  if (is_number && std::stoul(word) < cameras.size()) return std::stoul(word);
+  for (std::size_t i = 0; i < cameras.size(); ++i)
+    if (std::to_string(i) == word) return i;
   std::vector<std::string> names;
   for (const NamedCamera& named : cameras) names.push_back(named.name);
   const std::string near = nearest_word(word, names);
