@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "gs_core/math/projection.h"
-#include "gs_core/math/rotation.h"
 #include "gs_core/parallel.h"
 
 namespace gs {
@@ -12,18 +11,34 @@ namespace {
 
 constexpr std::size_t kRowsPerChunk = 4096;
 
-Vec3f column(const Mat3<float>& R, int i) { return {R.row0[i], R.row1[i], R.row2[i]}; }
-
-std::vector<Vec3f> shortest_axes(const Gaussians& gaussians) {
-  std::vector<Vec3f> axes(gaussians.count(), Vec3f(0));
-  parallel_for(axes.size(), kRowsPerChunk, [&](std::size_t i) {
-    const Quatf& q = gaussians.rotation[i];
-    if (is_degenerate(q)) return;  // never rendered
-    const Vec3f& s = gaussians.log_scale[i];
-    axes[i] = column(rotation_matrix(q), s.x <= s.y && s.x <= s.z ? 0 : s.y <= s.z ? 1 : 2);
-  });
-  return axes;
+Vec3f cross(const Vec3f& a, const Vec3f& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
+
+/// The points that a depth picture shows, in the frame of its camera.
+class SeenPoints {
+ public:
+  SeenPoints(const ImageF& depth, const Camera& camera) : depth_(depth), camera_(camera) {}
+
+  bool has(int x, int y) const {
+    return x >= 0 && y >= 0 && x < depth_.width && y < depth_.height && depth_.at(x, y, 0) > 0;
+  }
+  Vec3f at(int x, int y) const {
+    const float z = depth_.at(x, y, 0);
+    return {(float(x) + 0.5f - camera_.cx) / camera_.fx * z,
+            (float(y) + 0.5f - camera_.cy) / camera_.fy * z, z};
+  }
+  /// From the neighbour before a pixel to the one behind it, in steps of (dx, dy); from or to the pixel itself where one of
+  /// them shows nothing, 0 where both do.
+  Vec3f difference(int x, int y, int dx, int dy) const {
+    const int before = has(x - dx, y - dy), behind = has(x + dx, y + dy);
+    return at(x + behind * dx, y + behind * dy) - at(x - before * dx, y - before * dy);
+  }
+
+ private:
+  const ImageF& depth_;
+  const Camera& camera_;
+};
 
 }  // namespace
 
@@ -37,21 +52,12 @@ ImageF alpha_of(const RenderPass& pass) {
 SurfaceRenderer::SurfaceRenderer(Renderer& renderer, const GaussiansSpan& gaussians,
                                  const Gaussians& host, const RenderSettings& settings)
     : renderer_(renderer), gaussians_(gaussians), settings_(settings), means_(host.mean.download()),
-      axes_(shortest_axes(host)), sh0_(gaussians.mean.size, renderer.memory()),
-      pass_(renderer.memory()) {
+      sh0_(gaussians.mean.size, renderer.memory()), pass_(renderer.memory()) {
   gaussians_.sh0 = sh0_.span();
   settings_.sh_degree = 0;
   settings_.background = Vec3f(0);
   settings_.use_tensor_cores = settings_.half_precision = false;
   settings_.for_backward = false;
-}
-
-// `values` are not negative: colours below 0 are blended as 0.
-void SurfaceRenderer::blend(const Camera& camera, const std::vector<Vec3f>& values) {
-  sh0_.upload(values);
-  renderer_.forward(gaussians_, camera, settings_, pass_);
-  planes_ = pass_.image.download();
-  transmittance_ = pass_.transmittance.download();
 }
 
 ImageF SurfaceRenderer::depth(const Camera& camera) {
@@ -61,34 +67,31 @@ ImageF SurfaceRenderer::depth(const Camera& camera) {
     const float z = max_of(to_camera(camera, means_[i]).z, 0.0f);
     values[i] = (Vec3f(z, 1, 0) - Vec3f(kColorOffset)) * in_sh0;
   });
-  blend(camera, values);
+  sh0_.upload(values);
+  renderer_.forward(gaussians_, camera, settings_, pass_);
+  const std::vector<float> planes = pass_.image.download();
   ImageF depth(pass_.width, pass_.height, 1);
   const std::size_t plane = pass_.pixel_count();
   for (std::size_t i = 0; i < plane; ++i)
-    depth.pixels[i] = planes_[plane + i] >= kMinAlpha ? planes_[i] / planes_[plane + i] : 0;
+    depth.pixels[i] = planes[plane + i] >= kMinAlpha ? planes[i] / planes[plane + i] : 0;
   return depth;
 }
 
-ImageF SurfaceRenderer::normals(const Camera& camera) {
-  std::vector<Vec3f> values(means_.size());
-  const Vec3f from = camera.position();
-  const float in_sh0 = 1 / float(kSh0);
-  parallel_for(values.size(), kRowsPerChunk, [&](std::size_t i) {
-    const float side = inner(axes_[i], means_[i] - from) > 0 ? -1.0f : 1.0f;
-    values[i] = 0.5f * side * axes_[i] * in_sh0;  // the colour 0.5 + 0.5 n
+ImageF normals_of(const ImageF& depth, const Camera& camera) {
+  ImageF normals(depth.width, depth.height, 3);
+  const SeenPoints points(depth, camera);
+  parallel_for(std::size_t(depth.height), 1, [&](std::size_t row) {
+    const int y = int(row);
+    for (int x = 0; x < depth.width; ++x) {
+      if (!points.has(x, y)) continue;
+      Vec3f n = cross(points.difference(x, y, 0, 1), points.difference(x, y, 1, 0));
+      const float length = std::sqrt(inner(n, n));
+      if (!(length > 0)) continue;
+      const float side = inner(n, points.at(x, y)) > 0 ? -1.0f : 1.0f;
+      n = multiply_transposed(camera.cam_from_world_rotation, n * (side / length));
+      for (int c = 0; c < 3; ++c) normals.at(x, y, c) = n[c];
+    }
   });
-  blend(camera, values);
-  ImageF normals(pass_.width, pass_.height, 3);
-  const std::size_t plane = pass_.pixel_count();
-  for (std::size_t i = 0; i < plane; ++i) {
-    const float alpha = 1 - transmittance_[i];
-    Vec3f n{2 * planes_[i] - alpha, 2 * planes_[plane + i] - alpha,
-            2 * planes_[2 * plane + i] - alpha};
-    const float length = std::sqrt(inner(n, n));
-    if (!(alpha >= kMinAlpha && length > 0)) continue;
-    n /= length;
-    for (int c = 0; c < 3; ++c) normals.pixels[3 * i + std::size_t(c)] = n[c];
-  }
   return normals;
 }
 

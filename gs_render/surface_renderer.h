@@ -12,9 +12,9 @@ namespace gs {
 /// 1 - T of each pixel of a pass: how much of it the Gaussians cover.   (height, width, 1), 0..1
 ImageF alpha_of(const RenderPass& pass);
 
-/// Blends a vector of each Gaussian's own in the place of its colour, with the weights that its colour would have, so that
-/// every renderer can do it. Each picture is a forward pass of its own. Keeps the Gaussians' span, which outlives it, and
-/// 12 bytes for each of them on either side.
+/// Blends the depth of each Gaussian in the place of its colour, with the weights that its colour would have, so that every
+/// renderer can do it: a forward pass of its own. Keeps the Gaussians' span, which outlives it, and 12 bytes for each of
+/// them on either side.
 /// Throws Error where memory runs out.
 class SurfaceRenderer {
  public:
@@ -27,22 +27,19 @@ class SurfaceRenderer {
   /// viewing axis; 0 where it shows next to nothing (alpha below kMinAlpha).   (height, width, 1), world units
   ImageF depth(const Camera& camera);
 
-  /// The mean normal of what a pixel shows, in world space, of length 1; 0 0 0 where it shows next to nothing. A Gaussian's
-  /// normal is its shortest axis, on the side of the camera.   (height, width, 3)
-  ImageF normals(const Camera& camera);
-
  private:
-  void blend(const Camera& camera, const std::vector<Vec3f>& values);
-
   Renderer& renderer_;
   GaussiansSpan gaussians_;
   RenderSettings settings_;
   std::vector<Vec3f> means_;  // (N) world units
-  std::vector<Vec3f> axes_;   // (N) shortest ones, unit length
   Buffer<Vec3f> sh0_;         // (N) of the values
   RenderPass pass_;
-  std::vector<float> planes_, transmittance_;  // (3, H, W), (H, W) of the last pass
 };
+
+/// The normals of the surface that a depth picture shows, in world space, of length 1, on the side of the camera: across the
+/// differences between the points of the neighbouring pixels, or of the pixel itself at a border; 0 0 0 where there is no
+/// depth, or none beside it.   (height, width, 3)
+ImageF normals_of(const ImageF& depth, const Camera& camera);
 
 /// Normals in the frame of a camera: x right, y up, z towards it, as pictures of normals have them.
 ImageF normals_in_camera(const ImageF& normals, const Camera& camera);
