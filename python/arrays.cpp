@@ -50,7 +50,7 @@ FloatArray floats_of(const char* name, const py::handle& value, const Shape& sha
     refuse_type(name, array, "real numbers");
   check_shape(name, array, shape);
   const auto floats = FloatArray::ensure(array);
-  if (!floats) throw py::error_already_set();
+  if (!floats) throw UsageError(fmt::format("{} cannot be converted to float32", name));
   const float* const begin = floats.data();
   const float* const end = begin + floats.size();
   const float* const bad = std::find_if(begin, end, [](float x) { return !std::isfinite(x); });

@@ -40,12 +40,15 @@ PYBIND11_MODULE(_gemsplat, module) {
   using namespace gs;
   using namespace gs::python;
   module.attr("__version__") = kVersion;
+  const py::object own_name = module.attr("__name__");
+  module.attr("__name__") = "gemsplat";  // of which the classes say that they are a part
   bind_errors(module);
   bind_model(module);
   bind_camera(module);
   bind_scene(module);
   bind_render(module);
   bind_train(module);
+  module.attr("__name__") = own_name;
   module.def("set_verbosity", set_verbosity, py::arg("name"),
              "How much is said on standard error: quiet (warnings and errors, as at the start), "
              "normal or verbose.");

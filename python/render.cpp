@@ -62,10 +62,9 @@ std::vector<Frame> render_frames(const Model& model, const std::vector<NamedCame
   for (const NamedCamera& named : cameras) {
     renderer.forward(gaussians.span(), named.camera, settings, pass);
     Frame& frame = frames.emplace_back(Frame{image_of(pass), alpha_of(pass), {}, {}});
-    if (!surface) continue;
-    ImageF depth = surface->depth(named.camera);
-    if (wanted.normals) frame.normals = normals_of(depth, named.camera);
-    if (wanted.depth) frame.depth = std::move(depth);
+    if (surface) frame.depth = surface->depth(named.camera);
+    if (wanted.normals) frame.normals = normals_of(frame.depth, named.camera);
+    if (!wanted.depth) frame.depth = {};
   }
   return frames;
 }
@@ -170,17 +169,17 @@ void bind_render(py::module_& module) {
 colours are; 0 where next to nothing is seen. None unless asked for.)");
   picture.def_readonly(
       "normals", &Picture::normals,
-      R"((height, width, 3): mean normal of what is seen, world space, length 1, towards the camera; a
-Gaussian's normal is its shortest axis. 0 where next to nothing is seen. None unless asked for.)");
+      R"((height, width, 3): normals of the surface that the depth shows, world space, length 1, towards the
+camera; 0 where there is no depth. None unless asked for.)");
   module.def(
       "render", render, py::arg("model"), py::arg("camera"), py::kw_only(),
       py::arg("background") = py::none(), py::arg("device") = "auto", py::arg("depth") = true,
       py::arg("normals") = false, py::arg("config") = py::none(),
       R"(A Picture of the model from a Camera; of an iterable of cameras a list, for which a GPU gets the
 model once. background: "black", "white" or three numbers 0 to 1; else the model's. device: auto,
-cpu, cuda, cuda:N. depth and normals take one pass more. config: settings
-of [render] and [model] over the model's own, as train() takes them. Several threads may render;
-on one device they take turns.)");
+cpu, cuda, cuda:N. Depth, and normals from it, take another pass like that of colour and alpha. config:
+settings of [render] and [model] over the model's own, as train() takes them. Several threads may
+render; on one device they take turns.)");
   bind_evaluation(module);
 }
 

@@ -52,7 +52,7 @@ endforeach()
 
 if(PYTHON)
   run("the installed Python module" ${CMAKE_COMMAND} -E env PYTHONPATH=${prefix}/${PYTHON_DIR} PYTHONDONTWRITEBYTECODE=1
-    ${PYTHON} -c "import gemsplat; print(gemsplat.__file__, gemsplat.load('${WORK}/out/model.ply'))")
+    ${PYTHON} -c "import gemsplat\nprint(gemsplat.__file__, gemsplat.load('${WORK}/out/model.ply'))")
   if(NOT output MATCHES "${prefix}.*Gaussians, SH degree 3")
     message(FATAL_ERROR "the module is not the installed one:\n${output}")
   endif()
