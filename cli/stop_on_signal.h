@@ -45,8 +45,10 @@ class StopOnSignal {
   StopOnSignal& operator=(const StopOnSignal&) = delete;
 
  private:
-  static inline Trainer* trainer_ = nullptr;
-  SignalHandlers handlers_{[](int) { trainer_->stop(); }};
+  static inline Trainer* volatile trainer_ = nullptr;
+  SignalHandlers handlers_{[](int) {
+    if (Trainer* const trainer = trainer_) trainer->stop();  // it is named after the handlers and forgotten before them
+  }};
 };
 
 /// Waits for a signal that comes at any time while it lives. One at a time.
