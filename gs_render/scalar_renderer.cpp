@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The scalar renderer: the stages in order.
 #include "gs_core/error.h"
+#include "gs_core/parallel.h"
 #include "gs_render/renderer.h"
 #include "gs_render/stages.h"
 
 namespace gs {
 namespace {
+
+constexpr std::size_t kPixelsPerChunk = 16384;
 
 class ScalarRenderer final : public Renderer {
  public:
@@ -37,9 +40,10 @@ ImageF image_of(const RenderPass& pass, const Vec3f& exposure) {
   const std::vector<float> planes = pass.image.download();
   ImageF image(pass.width, pass.height, 3);
   const std::size_t plane = pass.pixel_count();
-  for (std::size_t i = 0; i < plane; ++i)
+  parallel_for(plane, kPixelsPerChunk, [&](std::size_t i) {
     for (int c = 0; c < 3; ++c)
       image.pixels[3 * i + c] = clamp_to(exposure[c] * planes[c * plane + i], 0.0f, 1.0f);
+  });
   return image;
 }
 
