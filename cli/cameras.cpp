@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/cameras.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <set>
@@ -21,6 +22,9 @@ std::vector<NamedCamera> cameras_of_file(const std::filesystem::path& file, int 
 std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
                                         const std::string& split, const Vec3d& world_offset) {
   std::vector<NamedCamera> cameras = cameras_of_file(run.cameras(), resolution, world_offset);
+  // The file has the test views first; films and paths go by name.
+  std::sort(cameras.begin(), cameras.end(),
+            [](const NamedCamera& a, const NamedCamera& b) { return a.name < b.name; });
   if (split == "all") return cameras;
   std::set<std::string> wanted;  // names as in cameras.json
   for (const std::string& name : split_names(run, split))

@@ -28,6 +28,10 @@ const T* find_camera(const std::map<std::string, T>& by_name, const std::string&
   return found == by_name.end() ? nullptr : &found->second;
 }
 
+bool is_of_size(const Camera& a, const Camera& b) {
+  return a.width == b.width && a.height == b.height;
+}
+
 // Of all photos, none decoded before it is looked at.
 std::shared_ptr<const Scene> photos_of(DatasetConfig dataset, const Vec3d& world_offset) {
   dataset.refine_cameras = false;
@@ -59,7 +63,7 @@ void take_photos(ViewScene& scene, const DatasetConfig& dataset, const Vec3d& wo
   std::size_t missing = 0;
   for (ViewedCamera& viewed : scene.cameras) {
     const View* const* const view = find_camera(views, viewed.name);
-    if (!view) {
+    if (!view || !is_of_size((*view)->camera, viewed.camera)) {
       ++missing;
       continue;
     }
@@ -67,8 +71,12 @@ void take_photos(ViewScene& scene, const DatasetConfig& dataset, const Vec3d& wo
     viewed.name = (*view)->name;
   }
   if (missing > 0)
-    scene.notes.push_back(fmt::format("{} of {} cameras have no photo in {}", missing,
+    scene.notes.push_back(fmt::format("{} of {} cameras have no photo of their size in {}", missing,
                                       scene.cameras.size(), dataset.source));
+  if (dataset.refine_cameras)
+    scene.notes.push_back(
+        "the run refined its cameras: photos taken through a lens are shown as before that, and "
+        "may be some pixels off");
 }
 
 void take_cameras_of_run(ViewScene& scene, const OpenedModel& opened, const Config& config) {

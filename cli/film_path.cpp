@@ -16,8 +16,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+/// The same for all names that one picture can have; "frame.7" has no extension.
 std::string without_extension(const std::string& name) {
-  return std::filesystem::path(name).replace_extension().generic_string();
+  return picture_path({}, name).generic_string();
 }
 
 /// The camera of that name, with or without extension, or else of that number.

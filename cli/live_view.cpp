@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <new>
 
 #include "cli/low_priority.h"
 #include "cli/scratch_folder.h"
@@ -34,6 +35,18 @@ ViewScene live_scene(std::string title, const Scene& scene, const Config& config
   for (const ScenePoint& point : scene.points) points.push_back(point.position);
   live.framing = framing_of(live.cameras, {points.data(), points.size()});
   return live;
+}
+
+// A run does not give up caches, let alone end, for those who watch.
+std::optional<GaussianModel> copy_if_there_is_room(Trainer& trainer) {
+  try {
+    return copied_model(trainer);
+  } catch (const std::bad_alloc&) {
+    return {};
+  } catch (const Error& error) {
+    if (error.code() != ExitCode::out_of_memory) throw;
+    return {};
+  }
 }
 
 }  // namespace
@@ -66,7 +79,13 @@ void LiveView::after_step(int step, Trainer& trainer) {
   if (!budget_.may_look()) return;
   trainer.model();  // the steps under way are training's own time
   std::optional<GaussianModel> copy;
-  budget_.look([&] { copy.emplace(copied_model(trainer)); });
+  budget_.look([&] { copy = copy_if_there_is_room(trainer); });
+  if (!copy) {
+    const std::lock_guard lock(mutex_);
+    figures_.message = "no snapshot: there is too little memory for a copy of the model";
+    figures_.message_until = step;
+    return;
+  }
   copy->sh_degree = std::min(copy->sh_degree, trainer.settings().sh_degree);  // what is in use so far
   ++looks_;
   hand_over(std::move(*copy));

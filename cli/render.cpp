@@ -3,6 +3,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <csignal>
 #include <iostream>
 #include <memory>
 
@@ -12,6 +13,7 @@
 #include "cli/progress_bar.h"
 #include "cli/provenance.h"
 #include "cli/render_command.h"
+#include "cli/stop_on_signal.h"
 #include "gs_api/open_model.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
@@ -132,10 +134,18 @@ std::vector<std::string> names_of(const std::vector<NamedCamera>& cameras) {
   return names;
 }
 
+volatile std::sig_atomic_t g_is_interrupted = 0;
+
 void render_views(const RenderCommand& command, const std::vector<NamedCamera>& cameras,
                   ViewPictures& pictures, RenderOutput& output) {
   ProgressBar bar(std::int64_t(cameras.size()), !command.quiet);
+  const SignalHandlers handlers([](int) { g_is_interrupted = 1; });
   for (std::size_t i = 0; i < cameras.size(); ++i) {
+    if (g_is_interrupted)
+      throw Error(fmt::format("stopped by a signal after {} of {} views; {}", i, cameras.size(),
+                              command.output.is_film() ? "the film is left out"
+                                                       : "their pictures are there"),
+                  ExitCode::interrupted);
     const std::vector<Quantity>& quantities = command.output.quantities;
     const std::vector<ImageF> values = pictures.values(cameras[i].camera, quantities);
     for (std::size_t q = 0; q < values.size(); ++q) output.write(i, quantities[q], values[q]);

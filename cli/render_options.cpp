@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 
@@ -127,7 +128,8 @@ void add_path_options(CLI::App& verb, RenderFlags& flags) {
   verb.add_option("--turns", path.turns, "orbit: how many; negative: clockwise [1]")
       ->type_name("N")
       ->check([](const std::string& text) {
-        return std::atof(text.c_str()) == 0 ? "must not be 0" : "";
+        const double turns = std::atof(text.c_str());
+        return turns == 0 || !std::isfinite(turns) ? "must be a number other than 0" : "";
       })
       ->group("Path");
   verb.add_option("--elevation", path.elevation,
@@ -143,6 +145,9 @@ void add_path_options(CLI::App& verb, RenderFlags& flags) {
                   "orbit: in the frame of the photos' poses [where the cameras look]")
       ->type_name("X Y Z")
       ->expected(3)
+      ->check([](const std::string& text) {
+        return std::isfinite(std::atof(text.c_str())) ? "" : "must be a number";
+      })
       ->group("Path");
 }
 

@@ -2,6 +2,7 @@
 #include "cli/view_server.h"
 
 #include <charconv>
+#include <mutex>
 
 #include "data_loaders/photos.h"
 #include "gs_core/error.h"
@@ -34,8 +35,12 @@ HttpAnswer photo_answer(const ViewScene& scene, std::string_view number) {
   if (error != std::errc() || end != number.data() + number.size() ||
       index >= scene.cameras.size() || !scene.cameras[index].view)
     return http_error(404, "there is no such photo");
-  const std::shared_ptr<const View> view = with_photo(*scene.cameras[index].view);
-  const auto jpeg = encode_jpeg(shown_photo(*view, scene.background), kPhotoQuality);
+  static std::mutex one_at_a_time;  // of the photos that a run keeps in memory, no more than that is in use
+  const Image8 shown = [&] {
+    const std::lock_guard lock(one_at_a_time);
+    return shown_photo(*with_photo(*scene.cameras[index].view), scene.background);
+  }();
+  const auto jpeg = encode_jpeg(shown, kPhotoQuality);
   return http_text(std::string(jpeg.begin(), jpeg.end()), kJpeg);
 }
 

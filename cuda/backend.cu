@@ -109,6 +109,7 @@ class CudaBackend final : private Device, public Backend {
         optimizer_(make_optimizer(context)), rows_(make_row_ops(context, device_memory)) {}
   ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
 
+  void enter() override { check(cudaSetDevice(context.device()), "choosing the GPU"); }
   std::string name() const override {
     return "cuda:" + std::to_string(context.device()) + " (" + context.device_name() + ")";
   }

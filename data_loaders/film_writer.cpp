@@ -44,7 +44,7 @@ FilmWriter::FilmWriter(fs::path path, int width, int height, double frames_per_s
   GS_CHECK(width > 0 && height > 0 && width % 2 == 0 && height % 2 == 0 && frames_per_second > 0);
   { const AtomicFile is_writable(path_); }  // makes the folder; says why where it is not
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // we say it ourselves
-  temporary_ = path_;
+  temporary_ = fs::absolute(path_);  // ffmpeg would take "a:b.mp4" for a protocol
   temporary_.replace_filename(fmt::format(".{}.{}.mp4", path_.filename().string(), ::getpid()));
   encode_as("avc1", frames_per_second);
   codec_ = "H.264";

@@ -153,4 +153,9 @@ SceneFolders find_scene(const DatasetConfig& dataset) {
   return {largest_model(models, images), images};
 }
 
+fs::path find_colmap_model(const fs::path& scene) {
+  const std::vector<fs::path> models = models_of(scene);
+  return models.empty() ? fs::path() : largest_model(models, scene / "images");
+}
+
 }  // namespace gs

@@ -20,4 +20,7 @@ struct SceneFolders {
 /// the places looked at and, where there is one, names a scene one level up or down.
 SceneFolders find_scene(const DatasetConfig& dataset);
 
+/// The COLMAP model of a folder that find_scene() would take, where none is named; empty where there is none.
+std::filesystem::path find_colmap_model(const std::filesystem::path& scene);
+
 }  // namespace gs

@@ -27,8 +27,8 @@ fs::path free_backup(const fs::path& from) {
 
 fs::path keep_aside(const fs::path& file) {
   const fs::path backup = free_backup(fs::absolute(file).lexically_normal());
-  std::error_code no_links;
-  fs::create_hard_link(file, backup, no_links);
+  std::error_code no_links;  // of what a symbolic link leads to: AtomicFile replaces that
+  fs::create_hard_link(fs::canonical(file), backup, no_links);
   return no_links ? move_aside(file) : backup;
 }
 

@@ -10,6 +10,7 @@
 
 #include "data_loaders/byte_reader.h"
 #include "data_loaders/colmap_model.h"
+#include "data_loaders/find_scene.h"
 #include "data_loaders/transforms_json.h"
 #include "data_loaders/undistort.h"
 #include "data_loaders/world_offset.h"
@@ -39,8 +40,8 @@ ColmapModel sorted_by_name(ColmapModel model) {
 
 /// The model that a folder is or holds; nothing where it does not.
 std::optional<ColmapModel> find_model(const fs::path& folder) {
-  for (const fs::path& place : {folder, folder / "sparse" / "0", folder / "sparse"})
-    if (is_colmap_model(place)) return sorted_by_name(read_colmap_model(place));
+  const fs::path place = is_colmap_model(folder) ? folder : find_colmap_model(folder);
+  if (!place.empty()) return sorted_by_name(read_colmap_model(place));
   if (has_transforms(folder)) return read_transforms(folder).model;
   return std::nullopt;
 }

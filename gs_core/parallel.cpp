@@ -103,14 +103,16 @@ class Pool {
 };
 
 int g_thread_count = 0;  // 0: all cores
-std::unique_ptr<Pool> g_pool;
+Pool* g_pool = nullptr;  // never ended at exit: threads may be in it, and after a fork there are none to join
 std::once_flag g_pool_made;
 
 }  // namespace
 
 void set_thread_count(int threads) {
   g_thread_count = threads;
-  if (g_pool) g_pool = std::make_unique<Pool>(thread_count() - 1);
+  if (!g_pool) return;
+  delete g_pool;
+  g_pool = new Pool(thread_count() - 1);
 }
 
 int thread_count() {
@@ -128,7 +130,7 @@ void detail::run_chunks(std::size_t count, std::size_t grain, ChunkBody body, vo
     loop.work();
     t_inside_loop = was_inside;
   } else {
-    std::call_once(g_pool_made, [] { g_pool = std::make_unique<Pool>(thread_count() - 1); });
+    std::call_once(g_pool_made, [] { g_pool = new Pool(thread_count() - 1); });
     g_pool->run(loop);
   }
   if (loop.failure) std::rethrow_exception(loop.failure);

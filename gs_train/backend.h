@@ -28,6 +28,8 @@ class Backend {
       : pass_(memory), dL_dimage_(memory), dL_dmean2d_(memory), gradients_(memory) {}
   virtual ~Backend() = default;
   virtual std::string name() const = 0;  // as in results.json: "cpu", "cuda:0 (NVIDIA H200)"
+  /// Makes its device the calling thread's: before work on a thread that may have used another GPU since.
+  virtual void enter() {}
   virtual Memory& memory() = 0;
   virtual Renderer& renderer() = 0;
   virtual Loss& loss() = 0;

@@ -39,6 +39,10 @@ void set_pose(PinholeCamera<double>& camera, const py::object& pose) {
   const bool fits = matrix && matrix.ndim() == 2 && matrix.shape(1) == 4 &&
                     (matrix.shape(0) == 3 || matrix.shape(0) == 4);
   if (!fits) throw UsageError("cam_from_world must be a matrix of 3 or 4 rows and 4 columns");
+  if (matrix.shape(0) == 4)
+    for (int j = 0; j < 4; ++j)
+      if (!(std::abs(matrix.at(3, j) - (j == 3)) < kRotationTolerance))
+        throw UsageError("the last row of cam_from_world must be 0 0 0 1; is it transposed?");
   const auto row = [&](int i) { return Vec3d{matrix.at(i, 0), matrix.at(i, 1), matrix.at(i, 2)}; };
   camera.cam_from_world_rotation = {row(0), row(1), row(2)};
   camera.cam_from_world_translation = {matrix.at(0, 3), matrix.at(1, 3), matrix.at(2, 3)};
@@ -67,7 +71,13 @@ NamedCamera make_camera(int width, int height, double fx, std::optional<double> 
   if (!std::isfinite(camera.cx) || !std::isfinite(camera.cy))
     throw UsageError("cx and cy must be finite");
   if (!pose.is_none()) set_pose(camera, pose);
-  return {name, camera_as<float>(camera)};
+  const Camera kept = camera_as<float>(camera);
+  const Vec3f at = kept.position();
+  bool fits = kept.fx > 0 && kept.fy > 0;
+  for (const float x : {kept.fx, kept.fy, kept.cx, kept.cy, at.x, at.y, at.z})
+    fits = fits && std::isfinite(x);
+  if (!fits) throw UsageError("the camera's numbers do not fit 32 bits; scale or move the scene");
+  return {name, kept};
 }
 
 Matrix cam_from_world(const NamedCamera& named) {

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "python/devices.h"
 
+#include <algorithm>
 #include <map>
+#include <thread>
 
 #include "gs_api/make_backend.h"
 #include "gs_core/error.h"
@@ -28,11 +30,16 @@ int g_work = 0;
 
 }  // namespace
 
-BorrowedBackend::BorrowedBackend(const std::string& name) {
+BorrowedBackend::BorrowedBackend(const std::string& called) {
+  const std::string name = called == "cuda" || (called == "auto" && cuda_device_count() > 0)
+                               ? "cuda:0"
+                           : called == "auto" ? "cpu"
+                                              : called;
   Device& device = device_named(name);
   turn_ = std::unique_lock(device.mutex);
   if (!device.backend) device.backend = make_backend(name);
   backend_ = device.backend.get();
+  backend_->enter();
 }
 
 Work::Work() {
@@ -48,6 +55,8 @@ Work::~Work() {
 void set_threads(int threads) {
   const std::scoped_lock lock(g_work_mutex);
   if (threads < 0) throw UsageError("the number of threads must be 0 (all cores) or more");
+  const int wanted = threads > 0 ? threads : std::max(1, int(std::thread::hardware_concurrency()));
+  if (wanted == thread_count()) return;
   if (g_work)
     throw UsageError("the number of threads cannot change while something is trained or rendered");
   set_thread_count(threads);

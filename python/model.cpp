@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "data_loaders/formats/formats.h"
+#include "gs_api/open_model.h"
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
@@ -85,12 +86,15 @@ std::size_t save(const Model& model, const std::filesystem::path& path, bool rep
                  int spz_version) {
   if (spz_version != 3 && spz_version != 4)
     throw UsageError(fmt::format("spz_version must be 3 or 4, and is {}", spz_version));
-  if (std::filesystem::exists(path) && !replace)
-    throw UsageError(path.string() +
-                     " is there already; choose another name, or give replace=True");
+  const std::filesystem::path sidecar = sidecar_of(path);  // it speaks of an older file
+  for (const std::filesystem::path& file : {path, sidecar})
+    if (std::filesystem::exists(file) && !replace)
+      throw UsageError(file.string() +
+                       " is there already; choose another name, or give replace=True");
   const ExportOptions options{spz_version};
   format_to_write(path).require(options);
   const Work work;
+  std::filesystem::remove(sidecar);
   return write_model(path, model.model, options);
 }
 

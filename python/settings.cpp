@@ -4,6 +4,8 @@
 #include <pybind11/stl/filesystem.h>
 #include <spdlog/fmt/fmt.h>
 
+#include <string_view>
+
 #include "gs_core/config_text.h"
 #include "gs_core/error.h"
 
@@ -22,10 +24,13 @@ bool is_list(const py::handle& value) {
 
 // As TOML has it.
 std::string value_text(const std::string& key, const py::handle& value) {
-  if (PyBool_Check(value.ptr())) return value.ptr() == Py_True ? "true" : "false";
+  if (is_bool(value)) return PyObject_IsTrue(value.ptr()) ? "true" : "false";
   if (is_path(value)) return toml_text(value.cast<std::filesystem::path>().string());
-  if (PyIndex_Check(value.ptr()))
-    return py::str(py::reinterpret_steal<py::object>(PyNumber_Index(value.ptr())));
+  if (PyIndex_Check(value.ptr())) {
+    if (PyObject* const whole = PyNumber_Index(value.ptr()))
+      return py::str(py::reinterpret_steal<py::object>(whole));
+    PyErr_Clear();  // an array, say
+  }
   if (py::hasattr(value, "__float__")) return toml_text(value.cast<double>());
   if (is_list(value)) {
     std::string items;
@@ -49,6 +54,11 @@ void merge_dict(Config& config, const py::dict& settings, const std::string& sec
 }
 
 }  // namespace
+
+bool is_bool(const py::handle& value) {
+  return PyBool_Check(value.ptr()) ||
+         std::string_view(Py_TYPE(value.ptr())->tp_name).starts_with("numpy.bool");
+}
 
 void merge_settings(Config& config, const py::handle& settings, const std::string& section) {
   if (settings.is_none()) return;

@@ -10,6 +10,9 @@
 
 namespace gs::python {
 
+/// True or False, of Python or of NumPy.
+bool is_bool(const pybind11::handle& value);
+
 /// Puts `settings` over `config`: None; the name of a preset, a TOML file or a run's folder; a dict, nested
 /// ({"train": {"iterations": 100}}) or flat ({"train.iterations": 100}); or a list of these, the later over the earlier.
 /// `section` (as "dataset.") stands before the keys of a dict. Throws UsageError that names the setting, and the nearest

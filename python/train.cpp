@@ -59,6 +59,11 @@ struct MetricsRow {
   double seconds;  // of training
 };
 
+/// False of Python or of NumPy; None and other things are not.
+bool is_false(const py::handle& answer) {
+  return is_bool(answer) && PyObject_IsTrue(answer.ptr()) == 0;
+}
+
 /// Logs, asks for signals and calls back. Holds the GIL only for the latter two.
 class CallbackObserver final : public Observer {
  public:
@@ -94,7 +99,8 @@ class CallbackObserver final : public Observer {
       Progress& progress;
       ~End() { progress.end(); }
     } end{*progress};
-    if (callback_(progress).ptr() == Py_False) trainer.stop();
+    if (is_false(callback_(progress))) trainer.stop();
+    trainer.backend().enter();  // the callback may have used another GPU
   }
 
   py::object callback_;

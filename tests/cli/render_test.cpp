@@ -136,6 +136,11 @@ TEST_F(Render, ASplineBeginsAndEndsWithTheCamerasThatWereNamed) {
   expect_refused("--path spline --through view_4 -o " + text("none"), "two cameras");
 }
 
+TEST_F(Render, APathOfNoNumbersIsRefused) {
+  expect_refused("--path orbit --turns nan -o " + text("none"), "turns");
+  expect_refused("--path orbit --center nan 0 0 -o " + text("none"), "center");
+}
+
 TEST_F(Render, AFlythroughStaysAmongTheTrainingCameras) {
   expect_done("--path flythrough --keys 3 --seconds 0.4 --fps 20 -o " + text("tour"));
   const auto tour = places("tour/cameras.json");

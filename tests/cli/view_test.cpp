@@ -22,6 +22,7 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::StartsWith;
 
 /// A FileView behind a server of its own.
 class Served {
@@ -33,6 +34,22 @@ class Served {
   httplib::Client client() const { return httplib::Client("127.0.0.1", server_.port()); }
   httplib::Result get(const std::string& path, const httplib::Headers& headers = {}) const {
     return client().Get(path, headers);
+  }
+  /// What comes back for these bytes, until the server ends the connection.
+  std::string say(const std::string& bytes) const {
+    const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(std::uint16_t(server_.port()));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    EXPECT_EQ(::connect(socket, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+    EXPECT_EQ(::send(socket, bytes.data(), bytes.size(), MSG_NOSIGNAL), ssize_t(bytes.size()));
+    std::string answers;
+    char piece[4096];
+    for (ssize_t got = 0; (got = ::recv(socket, piece, sizeof piece, 0)) > 0;)
+      answers.append(piece, std::size_t(got));
+    ::close(socket);
+    return answers;
   }
   Json json(const std::string& path) const { return Json::parse(get(path)->body); }
 
@@ -239,9 +256,25 @@ TEST_F(View, RequestsOfOtherNamesAndPagesAreRefused) {
       served.get("/photo/0", {{"Sec-Fetch-Site", "cross-site"}, {"Sec-Fetch-Mode", "no-cors"}})
           ->status,
       403);
-  EXPECT_EQ(
-      served.get("/", {{"Sec-Fetch-Site", "cross-site"}, {"Sec-Fetch-Mode", "navigate"}})->status,
-      200);
+  for (const auto& [destination, status] : {std::pair{"document", 200}, {"iframe", 403}})
+    EXPECT_EQ(served
+                  .get("/", {{"Sec-Fetch-Site", "cross-site"},
+                             {"Sec-Fetch-Mode", "navigate"},
+                             {"Sec-Fetch-Dest", destination}})
+                  ->status,
+              status)
+        << destination;
+}
+
+TEST_F(View, TheBodyOfARefusedRequestIsNoRequest) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve("out");
+  const std::string hidden = "GET /scene.json HTTP/1.1\r\nHost: localhost\r\n\r\n";
+  const std::string answers = served.say(
+      fmt::format("POST /x HTTP/1.1\r\nHost: evil.example\r\nContent-Length: {}\r\n\r\n{}",
+                  hidden.size(), hidden));
+  EXPECT_THAT(answers, StartsWith("HTTP/1.1 403"));
+  EXPECT_EQ(answers.find("HTTP/1.1", 1), answers.npos) << answers;
 }
 
 // --- Frames

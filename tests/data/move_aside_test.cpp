@@ -59,5 +59,13 @@ TEST_F(MoveAside, AFileIsThereUntilTheNewerOneIsWhole) {
   EXPECT_EQ(read_bytes(path("a.ply.bak-2")), "older");
 }
 
+TEST_F(MoveAside, WhatASymbolicLinkLeadsToIsKept) {
+  write_bytes(path("elsewhere/b.ply"), "older");
+  fs::create_symlink(path("elsewhere/b.ply"), path("a.ply"));
+  replace(path("a.ply"), "newer");
+  EXPECT_EQ(read_bytes(path("a.ply")), "newer");
+  EXPECT_EQ(read_bytes(path("a.ply.bak-1")), "older");
+}
+
 }  // namespace
 }  // namespace gs

@@ -2,6 +2,8 @@
 """gemsplat.Model: arrays in and out, files, and what is refused."""
 
 import gc
+import multiprocessing
+import sys
 import unittest
 
 import numpy as np
@@ -140,6 +142,21 @@ class Files(TestCase):
         self.assertEqual(path.read_bytes(), b"mine")
         model.save(path, replace=True)
         self.assertEqual(len(gemsplat.load(path)), 50)
+
+    def test_what_a_sidecar_said_of_an_older_file_is_not_taken_for_the_newer_one(self):
+        path, sidecar = self.folder / "model.ply", self.folder / "model.ply.transforms.json"
+        sidecar.write_text("{}")
+        model = gemsplat.Model(**random_arrays())
+        self.assert_refused("transforms.json is there already", model.save, path)
+        model.save(path, replace=True)
+        self.assertFalse(sidecar.exists())
+
+    def test_a_process_that_was_forked_ends(self):
+        gemsplat.Model(**random_arrays()).save(self.folder / "model.ply")  # starts the threads
+        child = multiprocessing.get_context("fork").Process(target=sys.exit)
+        child.start()
+        child.join(30)
+        self.assertEqual(child.exitcode, 0)
 
     def test_rows_that_became_nan_are_left_out(self):
         model = gemsplat.Model(**random_arrays())

@@ -90,6 +90,11 @@ class Cameras(TestCase):
         refuse("width and height must lie between 1 and", 0, 30, 50)
         refuse("fx and fy must be above 0", 40, 30, 0)
         refuse("3 or 4 rows and 4 columns", 40, 30, 50, cam_from_world=np.eye(3))
+        moved = np.eye(4)
+        moved[:3, 3] = 1, 2, 5
+        refuse("is it transposed", 40, 30, 50, cam_from_world=moved.T)
+        refuse("do not fit 32 bits", 40, 30, 1e-50)
+        refuse("do not fit 32 bits", 40, 30, 50, cx=1e300)
         refuse("must hold a rotation", 40, 30, 50, cam_from_world=2 * np.eye(4))
         refuse("must hold a rotation", 40, 30, 50, cam_from_world=np.diag([1, 1, -1, 1]))
         refuse("must hold a rotation", 40, 30, 50, cam_from_world=np.full((4, 4), np.nan))

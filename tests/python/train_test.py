@@ -77,6 +77,8 @@ class Training(TestCase):
         self.assertEqual((result.steps, result.stopped_early), (11, True))  # the step after is the last
         self.assertEqual(result.metrics[-1]["step"], 11)
         self.assertGreater(len(result.model), 0)
+        result = quick(self.scene, callback=lambda p: np.float32(p.step) < 10, callback_every=5)  # NumPy's own False
+        self.assertEqual((result.steps, result.stopped_early), (11, True))
         result = quick(self.scene, iterations=12, callback=lambda p: None, callback_every=5)
         self.assertEqual((result.steps, result.stopped_early), (12, False))
 
@@ -144,7 +146,8 @@ class Training(TestCase):
 
         def change(progress):
             try:
-                gemsplat.set_threads(1)
+                gemsplat.set_threads(gemsplat.thread_count())  # no change
+                gemsplat.set_threads(gemsplat.thread_count() + 1)
             except gemsplat.UsageError as error:
                 refused.append(str(error))
 
