@@ -95,9 +95,9 @@ class Cameras(TestCase):
         refuse("is it transposed", 40, 30, 50, cam_from_world=moved.T)
         refuse("do not fit 32 bits", 40, 30, 1e-50)
         refuse("do not fit 32 bits", 40, 30, 50, cx=1e300)
-        refuse("must hold a rotation", 40, 30, 50, cam_from_world=2 * np.eye(4))
+        refuse("must hold a rotation", 40, 30, 50, cam_from_world=2 * np.eye(4)[:3])
         refuse("must hold a rotation", 40, 30, 50, cam_from_world=np.diag([1, 1, -1, 1]))
-        refuse("must hold a rotation", 40, 30, 50, cam_from_world=np.full((4, 4), np.nan))
+        refuse("must hold a rotation", 40, 30, 50, cam_from_world=np.full((3, 4), np.nan))
 
 
 if __name__ == "__main__":
