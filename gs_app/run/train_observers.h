@@ -5,6 +5,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/run_folder.h"
@@ -55,6 +56,12 @@ class EvaluationObserver final : public Observer {
 /// What is left of a metrics.csv when a run goes on after `step`: whole rows up to it.
 std::string metrics_up_to(const std::filesystem::path& metrics, int step);
 
+/// Step and loss of one row of metrics.csv.
+struct LoggedLoss {
+  int step;
+  double loss;
+};
+
 /// metrics.csv: one row every train.log_every steps and for each evaluation. The row of the last step is
 /// written by finish(), when the final figures are known. The file grows as the run goes on.
 class MetricsObserver final : public Observer {
@@ -65,8 +72,8 @@ class MetricsObserver final : public Observer {
   void after_step(int step, Trainer& trainer) override;
   void after_rollback(int step, Trainer& trainer) override;
   void finish(int step, Trainer& trainer, const Evaluation& test);
-  /// That of the last row; nothing before the first.
-  std::optional<double> last_loss() const { return last_loss_; }
+  /// Those of all rows, also of the rows that a resumed run wrote.
+  const std::vector<LoggedLoss>& losses() const { return losses_; }
 
  private:
   void go_on_after(const std::string& rows);
@@ -76,7 +83,7 @@ class MetricsObserver final : public Observer {
   const EvaluationObserver& evaluations_;
   int last_row_ = 0;
   double last_seconds_ = 0;
-  std::optional<double> last_loss_;
+  std::vector<LoggedLoss> losses_;
 };
 
 /// Saves it to its place in the run's folder.

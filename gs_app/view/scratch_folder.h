@@ -13,8 +13,8 @@
 
 namespace gs {
 
-/// A new folder under the system's folder for temporary files ($TMPDIR), which only this user may enter; it goes with all
-/// that is in it.
+/// A new folder under the system's folder for temporary files ($TMPDIR), which only this user may
+/// enter; it goes with all that is in it.
 class ScratchFolder {
  public:
   /// Throws Error where none can be made.

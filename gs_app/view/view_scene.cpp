@@ -11,10 +11,10 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kPointsLookedAt = 100'000;
-constexpr double kOrdinaryShare = 0.9;
-// How much the middle of the points weighs against the cameras' lines of sight: decides along lines that are all parallel,
-// and moves the crossing of others by a few percent at most.
+constexpr std::size_t kPointsSampled = 100'000;
+constexpr double kInlierShare = 0.9;  // of the distances from the center: the radius covers so many
+// Weight of the points' median against one line of sight. It decides the depth along lines that are
+// all parallel, and moves the crossing of other lines by a few percent at most.
 constexpr double kMiddleWeight = 0.02;
 
 Mat3<double> rotation_of(const Camera& camera) {
@@ -28,22 +28,22 @@ Vec3d position_of(const Camera& camera) {
 
 double length(const Vec3d& v) { return std::sqrt(inner(v, v)); }
 
-// The value that the share of all does not exceed; `values` is not empty.
+// The quantile of `values`, which are not empty.
 double quantile(std::vector<double>& values, double share) {
   const auto place = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
   std::nth_element(values.begin(), place, values.end());
   return *place;
 }
 
-std::vector<Vec3d> some_of(Span<const Vec3f> points) {
+std::vector<Vec3d> sample_of(Span<const Vec3f> points) {
   std::vector<Vec3d> some;
-  const std::size_t step = points.size / kPointsLookedAt + 1;
+  const std::size_t step = points.size / kPointsSampled + 1;
   for (std::size_t i = 0; i < points.size; i += step)
     if (is_finite(points[i])) some.push_back(Vec3d(points[i]));
   return some;
 }
 
-// Axis by axis, so that outliers do not move it. 0 where there are no points.
+// The median of each coordinate, which outliers do not move; 0 if there are no points.
 Vec3d middle_of(const std::vector<Vec3d>& points) {
   Vec3d middle(0.0);
   std::vector<double> values(points.size());
@@ -55,11 +55,11 @@ Vec3d middle_of(const std::vector<Vec3d>& points) {
   return middle;
 }
 
-// The distance from `center` that most keep; 0 where there are no points.
+// The distance from `center` within which most points lie; 0 if there are no points.
 double reach(const Vec3d& center, const std::vector<Vec3d>& points) {
   std::vector<double> distances;
   for (const Vec3d& point : points) distances.push_back(length(point - center));
-  return distances.empty() ? 0 : quantile(distances, kOrdinaryShare);
+  return distances.empty() ? 0 : quantile(distances, kInlierShare);
 }
 
 // x with S x = b; S is positive definite (Cramer's rule).
@@ -71,7 +71,8 @@ Vec3d solution(const Sym3<double>& S, const Vec3d& b) {
   return multiply(adjugate, b) / determinant;
 }
 
-// The point that is nearest to all lines of sight, and to `middle` a little: the least sum of squared distances.
+// The point with the least sum of squared distances to all lines of sight and, with a small weight,
+// to `middle`.
 Vec3d looked_at(const std::vector<ViewedCamera>& cameras, const Vec3d& middle) {
   const double w = kMiddleWeight * double(cameras.size());
   Sym3<double> S{w, 0, 0, w, 0, w};
@@ -113,7 +114,7 @@ Json camera_json(const ViewedCamera& viewed, std::size_t index) {
 }  // namespace
 
 Framing framing_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> points) {
-  const std::vector<Vec3d> some = some_of(points);
+  const std::vector<Vec3d> some = sample_of(points);
   const Vec3d middle = middle_of(some);
   Framing framing;
   framing.center = middle;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `gemsplat view` shows besides the Gaussians: cameras with their photos, and where a look around begins.
+// What the viewer shows besides the Gaussians: cameras with their photos, and the first view.
 #pragma once
 
 #include <memory>
@@ -14,41 +14,43 @@
 
 namespace gs {
 
-/// A camera of the scene. `view` has its photo, at the camera's size; null where there is none.
+/// A camera of the scene. `view` has its photo, at the camera's size; it is null if there is none.
 struct ViewedCamera {
   std::string name;
-  std::string split;  // "train", "test", or "" where it is not known
+  std::string split;  // "train", "test", or "" if it is not known
   Camera camera;
   const View* view = nullptr;
 };
 
-/// Where a look around begins, in world units.
+/// Where navigation starts, in world units.
 struct Framing {
   Vec3d up{0, -1, 0};      // a direction of length 1
-  Vec3d center{0, 0, 0};   // what cameras look at
-  double radius = 1;       // of the cameras around it, or of the Gaussians where no camera is there
+  Vec3d center{0, 0, 0};   // the point that the cameras look at
+  double radius = 1;       // of the cameras around it, or of the Gaussians if there are no cameras
 };
 
-/// Up is the mean of the cameras' own; the center is nearest to where they look, and near the middle of `points` where their
-/// directions do not say it. Without cameras both come from the points, whose y axis points down (COLMAP's habit). At most
-/// some 100,000 points, evenly chosen, are looked at; those with NaN or infinity are left out.
+/// `up` is the mean of the cameras' up directions. The center is the point nearest to all lines of
+/// sight; along lines that are all parallel it lies at the median of `points`. Without cameras the
+/// center and the radius are those of the points, and y points down, as in COLMAP. A sample of some
+/// 100,000 points is used; those with NaN or infinity are ignored.
 Framing framing_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> points);
 
-/// Cameras and framing, and what keeps the photos.
+/// Cameras, framing and rendering settings, and the owner of the photos.
 struct ViewScene {
   std::string title;
   Vec3f background{0};
-  float near_plane = 0.2f, far_plane = 10000;  // world units of depth: what is shown lies between
+  // Depths in world units: nothing outside them is drawn.
+  float near_plane = 0.2f, far_plane = 10000;
   std::vector<ViewedCamera> cameras;
   Framing framing;
-  std::vector<std::string> notes;            // what is missing, and why
-  std::shared_ptr<const Scene> photos = {};  // owner of the views, unless they are somebody else's
+  std::vector<std::string> notes;            // sentences for the user: what is missing, and why
+  std::shared_ptr<const Scene> photos = {};  // owner of the views; null if the caller owns them
 };
 
-/// What /scene.json says, but for "mode" and "model".
+/// /scene.json without "mode" and "model".
 nlohmann::ordered_json scene_json(const ViewScene& scene);
 
-/// Takes what the pictures' settings say.
+/// Copies the background and the depth range from the rendering settings.
 void take_settings(ViewScene& scene, const RenderSettings& settings);
 
 /// All views of a scene as cameras with photos: the test views first, as in cameras.json.

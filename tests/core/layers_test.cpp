@@ -81,7 +81,8 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_app/pictures", {}},
     {"gs_app/export", {"gs_app/run", "gs_app/pictures"}},
     {"gs_app/report", {"gs_app/run", "gs_app/pictures"}},
-    {"gs_app/view", {"gs_app/run", "gs_app/pictures", "gs_app/export"}},
+    {"gs_app/view/http", {}},
+    {"gs_app/view", {"gs_app/run", "gs_app/pictures", "gs_app/export", "gs_app/view/http"}},
     {"gs_app/experiment", {"gs_app/run"}},
     {"gs_app/checks", {"gs_app/run"}},
 };
@@ -138,7 +139,7 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
     {"cpp-httplib",
      {"httplib.h"},
      {"PkgConfig::gs_httplib"},
-     {"gs_app/view/http_server.cpp", "tests/cli/view_", "tests/app/view_"},
+     {"gs_app/view/http/http_server.cpp", "tests/cli/view_", "tests/app/view_"},
      {"gs_app/", "tests/"}},
     {"OpenImageIO", {"OpenImageIO/"}, {"OpenImageIO"}, {"data_loaders/"}, {"data_loaders/"}},
     {"Ceres",
