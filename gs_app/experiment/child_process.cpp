@@ -16,13 +16,14 @@
 namespace gs {
 namespace {
 
-constexpr int kCannotStart = 127;  // what a shell returns then
+constexpr int kCannotStart = 127;  // exit code of a shell that cannot start a program
 
-// In the child, between fork and exec: only calls that POSIX allows there. Never returns.
+// Runs in the child between fork and exec, where POSIX allows only async-signal-safe calls. Never
+// returns.
 [[noreturn]] void become(char* const* arguments, int output, pid_t parent) {
   ::setpgid(0, 0);
   ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-  if (::getppid() != parent) ::_exit(kCannotStart);  // it died before the line above
+  if (::getppid() != parent) ::_exit(kCannotStart);  // the parent died before the line above
   const int input = ::open("/dev/null", O_RDONLY);
   ::dup2(input, STDIN_FILENO);
   ::dup2(output, STDOUT_FILENO);
@@ -42,7 +43,7 @@ pid_t start_child(const std::vector<std::string>& arguments, const std::filesyst
   pointers.push_back(nullptr);
   const int output = ::open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
   if (output < 0)
-    throw Error(fmt::format("cannot write {}: {}; write to a folder that you may change",
+    throw Error(fmt::format("cannot write {}: {}; choose an output folder that you may write to",
                             log.string(), std::strerror(errno)));
   const pid_t parent = ::getpid(), child = ::fork();
   if (child == 0) become(pointers.data(), output, parent);
@@ -51,7 +52,7 @@ pid_t start_child(const std::vector<std::string>& arguments, const std::filesyst
   if (child < 0)
     throw Error(fmt::format("cannot start {}: {}; run fewer jobs at a time", arguments.at(0),
                             std::strerror(error)));
-  ::setpgid(child, child);  // whoever is first
+  ::setpgid(child, child);  // also done by the child: the first of the two has the effect
   return child;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Programs that run beside this one, several at a time. For one program whose output is read: subprocess.h.
+// Child processes that run at the same time as this program. To run one program and read its
+// output, see gs_core/io/subprocess.h.
 #pragma once
 
 #include <sys/types.h>
@@ -13,11 +14,12 @@
 
 namespace gs {
 
-/// This program's own file.
+/// The file of this program.
 std::filesystem::path own_program();
 
-/// Starts `arguments` (the program first, a path) in a process group of its own, its output at the end of `log`. When the
-/// thread that called ends, however it does, the child gets SIGTERM. Throws Error. Call from a program with one thread.
+/// Starts a program in its own process group; arguments[0] is its path. Its output is appended to
+/// `log`. The child gets SIGTERM when the calling thread ends for any reason. Throws Error. Call it
+/// only while this program has a single thread.
 pid_t start_child(const std::vector<std::string>& arguments, const std::filesystem::path& log);
 
 struct ChildEnd {
@@ -25,7 +27,7 @@ struct ChildEnd {
   ProcessEnd end;
 };
 
-/// A child that has ended, not told before; nothing where none has.
+/// The next child that has ended, each child once; nothing if none has.
 std::optional<ChildEnd> ended_child();
 
 }  // namespace gs

@@ -15,9 +15,9 @@ namespace gs {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-constexpr std::chrono::milliseconds kLookEvery{20};
+constexpr std::chrono::milliseconds kPollEvery{20};
 
-/// While it lives, SIGINT and SIGTERM are counted and do nothing else.
+/// During its lifetime SIGINT and SIGTERM are only counted.
 class SignalCount {
  public:
   SignalCount() {
@@ -61,7 +61,7 @@ class Pool {
       if (running_.empty()) break;
       if (!collect()) {
         events_.waiting(running_.size());
-        std::this_thread::sleep_for(kLookEvery);
+        std::this_thread::sleep_for(kPollEvery);
       }
     }
     return signals_.value() == 0;

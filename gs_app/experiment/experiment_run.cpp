@@ -13,9 +13,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kThisProgram = "/proc/self/exe";  // of the child, too; also where the file was replaced meanwhile
+// Works even if the program's file was replaced meanwhile.
+constexpr const char* kThisProgram = "/proc/self/exe";
 
-// Without what changes no result.
+// The settings with defaults for those that do not affect the result.
 Config comparable(Config config) {
   const Config usual;
   config.train.threads = usual.train.threads;
@@ -26,7 +27,7 @@ Config comparable(Config config) {
   return config;
 }
 
-// A file that is missing, or written by another version with other settings, is another run's.
+// A settings.toml that is missing, or that this version cannot read, counts as that of another run.
 bool has_same_settings(const ExperimentRun& run) {
   if (!fs::exists(run.settings_file())) return false;
   Config written;
@@ -73,7 +74,7 @@ bool is_finished(const ExperimentRun& run) {
 void prepare(const ExperimentRun& run) {
   if (run.folder.holds_run() && !has_same_settings(run)) {
     const fs::path backup = move_aside(run.folder.root());
-    log_info("{}: what was there is now in {}", run.name(), backup.string());
+    log_info("{}: the earlier run is now in {}", run.name(), backup.string());
   }
   write_text(run.settings_file(), to_toml(run.settings));
 }
