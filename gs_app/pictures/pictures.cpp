@@ -31,7 +31,7 @@ std::filesystem::path picture_path(const std::filesystem::path& folder,
   std::filesystem::path name = std::filesystem::path(view_name).lexically_normal();
   if (name.is_absolute() || (!name.empty() && *name.begin() == "..")) name = name.filename();
   const std::string extension = lowercase_ending(name);
-  // cameras.json has names without extension: the ".7" of "frame.7" is none.
+  // Names in cameras.json have no extension: the ".7" of "frame.7" is part of the name.
   if (std::find(std::begin(kPhotoExtensions), std::end(kPhotoExtensions), extension) !=
       std::end(kPhotoExtensions))
     name.replace_extension();
