@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "gs_core/bytes.h"
 #include "gs_core/log.h"
 #include "gs_render/render_pass.h"
 
@@ -31,7 +32,7 @@ std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model
   const std::size_t free = memory.free_bytes();
   const std::int64_t count = gaussians_for(free, pixels, model.count());
   log_info("there is memory for {:.2f} million Gaussians at most ({:.1f} GiB are free)",
-           1e-6 * double(count), double(free) / (1024.0 * 1024.0 * 1024.0));
+           1e-6 * double(count), double(free) / kBytesPerGib);
   return count;
 }
 

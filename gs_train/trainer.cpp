@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "gs_core/bytes.h"
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
 #include "gs_train/floaters.h"
@@ -14,8 +15,6 @@
 
 namespace gs {
 namespace {
-
-constexpr double kGib = 1024.0 * 1024.0 * 1024.0;  // bytes
 
 double seconds_now() {
   using Clock = std::chrono::steady_clock;
@@ -76,7 +75,8 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
       model_(std::move(model)), checkpoint_timer_(config.train.checkpoint_every),
       guard_(scene.train_views.size()) {
   settings_.sh_degree = 0;  // raised by the schedule
-  backend_.upload_views(scene.train_views, std::size_t(double(config.train.photo_gib) * kGib));
+  backend_.upload_views(scene.train_views,
+                        std::size_t(double(config.train.photo_gib) * kBytesPerGib));
   const bool is_found_out = config_.density.max_gaussians == kAutoCount;
   if (is_found_out)
     config_.density.max_gaussians = affordable_gaussians(scene, model_, backend_.memory());

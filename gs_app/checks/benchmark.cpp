@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "gs_app/checks/untrained.h"
+#include "gs_core/bytes.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/constants.h"
@@ -16,7 +17,6 @@ namespace {
 constexpr std::size_t kDeviceCopyBytes = std::size_t(1) << 30;  // far beyond the caches
 constexpr std::size_t kHostCopyBytes = std::size_t(1) << 28;    // beyond them too, and kind to small machines
 constexpr int kCopies = 8;
-constexpr double kBytesPerGib = 1024.0 * 1024.0 * 1024.0;
 const LearningRates kNoRates{};  // all zero
 
 double milliseconds_now() {

@@ -6,8 +6,9 @@
 #include <algorithm>
 #include <fstream>
 
+#include "gs_core/bytes.h"
+
 namespace gs {
-namespace {}  // namespace
 
 std::size_t host_ram_bytes() {
   std::size_t bytes =
@@ -21,7 +22,7 @@ std::size_t host_ram_bytes() {
 }
 
 std::size_t photo_ram_bytes(const DatasetConfig& dataset) {
-  if (dataset.photo_ram_gib > 0) return std::size_t(double(dataset.photo_ram_gib) * kGib);
+  if (dataset.photo_ram_gib > 0) return std::size_t(double(dataset.photo_ram_gib) * kBytesPerGib);
   return host_ram_bytes() / 2;
 }
 

@@ -8,8 +8,6 @@
 
 namespace gs {
 
-inline constexpr double kGib = 1024.0 * 1024.0 * 1024.0;  // bytes
-
 /// Bytes of the machine's memory, or of what its control group (a container, a batch job) may take of it.
 std::size_t host_ram_bytes();
 
