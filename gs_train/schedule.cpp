@@ -27,7 +27,7 @@ Schedule::Schedule(const Config& config, float scene_extent)
   reset_every_ = std::max(scaled(density.reset_opacity_every),
                           std::min(density.reset_opacity_every, kMinResetInterval));
   reset_until_ = scaled(density.reset_opacity_until);
-  extra_reset_ = config.render.background == "white" ? scaled(kExtraResetStep) : 0;
+  extra_reset_ = config.render.background == Background::white ? scaled(kExtraResetStep) : 0;
   if (extra_reset_ < kExtraResetStep / 2) extra_reset_ = 0;  // too short a run to heal from it
   sh_every_ = scaled(config.train.sh_degree_every);
   morton_every_ = scaled(config.train.morton_every);

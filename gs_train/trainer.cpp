@@ -44,30 +44,6 @@ std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians) {
 
 }  // namespace
 
-RenderSettings render_settings(const Config& config) {
-  RenderSettings settings;
-  settings.sh_degree = config.model.sh_degree;
-  settings.truncation = config.render.truncation == "sigma2"   ? Truncation::sigma2
-                        : config.render.truncation == "sigma3" ? Truncation::sigma3
-                        : config.render.truncation == "sigma4" ? Truncation::sigma4
-                                                               : Truncation::alpha;
-  settings.bounds = config.render.bounds == "box"      ? TileBounds::box
-                    : config.render.bounds == "square" ? TileBounds::square
-                                                       : TileBounds::exact;
-  settings.use_tensor_cores = config.render.blend == "gemm";
-  settings.half_precision = config.render.precision == "half";
-  settings.deterministic = config.train.deterministic;
-  settings.blend_rule =
-      config.render.blend_rule == "classic" ? BlendRule::classic : BlendRule::faster_gs;
-  settings.antialias = config.render.antialias;
-  settings.antialias_detach = config.render.antialias_detach;
-  settings.absolute_gradient = config.density.absolute_gradient;
-  settings.near_plane = config.render.near_plane;
-  settings.far_plane = config.render.far_plane;
-  if (config.render.background == "white") settings.background = Vec3f(1.0f);
-  return settings;
-}
-
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingModel model)
     : scene_(with_views(scene)), config_(config), backend_(backend),
       schedule_(config, scene.extent), settings_(render_settings(config)),
@@ -181,7 +157,8 @@ void Trainer::take_step(int step) {
 
 void Trainer::one_step(int step) {
   const View& view = view_of(views_, step);
-  if (config_.render.background == "random") settings_.background = random_background(step);
+  if (config_.render.background == Background::random)
+    settings_.background = random_background(step);
   backend_.prefetch_next(view_of(views_, step + 1));
   // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec. "Optimization"
   backend_.step(model_, view, settings_, config_.loss.lambda_dssim, schedule_.learning_rates(step),

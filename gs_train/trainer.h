@@ -10,6 +10,7 @@
 
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
+#include "gs_render/render_settings.h"
 #include "gs_train/backend.h"
 #include "gs_train/checkpoint.h"
 #include "gs_train/checkpoint_timer.h"
@@ -137,8 +138,5 @@ GaussianModel trained_model(Trainer& trainer);
 /// The same in two steps: the copy, which waits for the device, and what of it can be seen.
 GaussianModel copied_model(Trainer& trainer);
 GaussianModel visible_part(const GaussianModel& model);
-
-/// Render settings as the config states them, at the model's full SH degree.
-RenderSettings render_settings(const Config& config);
 
 }  // namespace gs

@@ -102,7 +102,7 @@ Json model_json(const OpenedModel& opened) {
 Json settings_json(const Config& config, const RenderSettings& settings) {
   return {{"background", {settings.background.x, settings.background.y, settings.background.z}},
           {"antialiased", config.render.antialias},
-          {"blend_rule", config.render.blend_rule},
+          {"blend_rule", std::string(word_of(config.render.blend_rule))},
           {"sh_degree", settings.sh_degree}};
 }
 

@@ -385,7 +385,7 @@ void report_masks(const std::vector<View>& views, const DatasetConfig& dataset) 
     log_info("{} of {} photos are masked: {:.1f} % of their pixels {}", masked, views.size(),
              100 * share / double(masked),
              over_background ? "show the scene, the others its background" : "train");
-  else if (dataset.mask_mode == "background" && !views.empty() && !views.front().source)
+  else if (dataset.mask_mode == MaskMode::background && !views.empty() && !views.front().source)
     log_warning("dataset.mask_mode is background, but no photo has a mask or alpha");
 }
 

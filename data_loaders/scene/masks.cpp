@@ -114,9 +114,9 @@ MaskSource find_masks(const DatasetConfig& dataset, const SceneFolders& folders)
   MaskSource source;
   source.images = folders.images;
   source.invert = dataset.invert_masks;
-  source.over_background = dataset.mask_mode == "background" ||
-                           (dataset.mask_mode == "auto" && !is_colmap_model(folders.model) &&
-                            is_blender_scene(folders.model));
+  source.over_background = dataset.mask_mode == MaskMode::background ||
+                           (dataset.mask_mode == MaskMode::automatic &&
+                            !is_colmap_model(folders.model) && is_blender_scene(folders.model));
   if (dataset.masks == kNone) {
     source.use_alpha = false;
     return source;

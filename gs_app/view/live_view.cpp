@@ -15,6 +15,7 @@
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/parallel.h"
+#include "gs_render/render_settings.h"
 
 namespace gs {
 namespace {

@@ -85,7 +85,7 @@ Config eventful_run() {
   config.density.from_step = 20;
   config.density.every = 20;
   config.density.gradient_threshold = 1e-5f;
-  config.render.background = "random";
+  config.render.background = Background::random;
   return config;
 }
 

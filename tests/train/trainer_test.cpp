@@ -42,7 +42,7 @@ TEST_F(SmallRun, BringsThePicturesCloseToThePhotos) {
 
 TEST_F(SmallRun, GivesTheSameBitsForTheSameSeedAndAnyNumberOfThreads) {
   Config config = short_run();
-  config.render.background = "random";
+  config.render.background = Background::random;
   set_thread_count(1);
   const Gaussians one = trained(config);
   set_thread_count(2);
@@ -151,14 +151,14 @@ TEST_F(SmallRun, EndsWithTheStepAfterStopAndAsIfThatWereTheLast) {
 }
 
 TEST_F(SmallRun, TrainsUnderEverySettingOfTheRenderer) {
-  for (const char* background : {"white", "random"})
+  for (const Background background : {Background::white, Background::random})
     for (const bool antialias : {false, true}) {
       Config config = short_run();
       config.train.iterations = 60;
       config.render.background = background;
       config.render.antialias = antialias;
-      config.render.blend_rule = antialias ? "classic" : "faster_gs";
-      config.render.truncation = antialias ? "sigma3" : "alpha";
+      config.render.blend_rule = antialias ? BlendRule::classic : BlendRule::faster_gs;
+      config.render.truncation = antialias ? Truncation::sigma3 : Truncation::alpha;
       const Gaussians gaussians = trained(config);
       for (const float value : numbers_of(gaussians.mean)) EXPECT_TRUE(std::isfinite(value));
     }
@@ -223,7 +223,7 @@ Scene cut_out_scene(const Scene& scene, Renderer& renderer, const GaussiansSpan&
 // On one background alone, Gaussians of its color could stand for it.
 TEST_F(SmallRun, OnRandomBackgroundsLearnsWhatAlphaCovers) {
   Config config = short_run();
-  config.render.background = "random";
+  config.render.background = Background::random;
   const Scene cut_out = cut_out_scene(scene_, backend_->renderer(), small_truth().span());
   Trainer trainer(cut_out, config, *backend_);
   trainer.run();
