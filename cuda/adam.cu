@@ -8,12 +8,6 @@ namespace {
 
 constexpr int kThreads = 256;  // numbers are independent: any size that fills a multiprocessor
 
-// The numbers of an array, whatever its rows are.
-template <class T>
-Span<float> numbers_of(const Buffer<T>& rows) {
-  return {reinterpret_cast<float*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
-}
-
 __global__ void adam_kernel(Span<float> parameters, Span<float> m, Span<float> v,
                             Span<const float> gradient, AdamStep step) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;

@@ -111,4 +111,10 @@ class Buffer {
   std::size_t capacity_ = 0;
 };
 
+/// The numbers of an array one after another, whatever its rows are: float, Vec3f or Quatf.
+template <class T>
+Span<float> numbers_of(const Buffer<T>& rows) {
+  return {reinterpret_cast<float*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
+}
+
 }  // namespace gs

@@ -30,6 +30,9 @@ struct Image {
 using Image8 = Image<std::uint8_t>;  // 0..255, display sRGB as stored in the file
 using ImageF = Image<float>;         // 0..1, display sRGB unless said otherwise
 
+/// The value in 0..1 of a byte is byte * kPerByte, rounded once: the CPU and the GPU then have the same bits.
+inline constexpr float kPerByte = 1.0f / 255.0f;
+
 /// 0..1 to 0..255, rounded; values outside are clamped, NaN becomes 0.
 inline Image8 to_image8(const ImageF& image) {
   Image8 result(image.width, image.height, image.channels);

@@ -4,25 +4,10 @@
 
 #include <vector>
 
+#include "gs_core/scene_frame.h"
 #include "gs_render/camera_spline.h"
 
 namespace gs {
-
-/// How a set of cameras stands round what it looks at.
-struct SceneFrame {
-  Vec3d up{0.0, -1.0, 0.0};     // unit length
-  Vec3d center{0.0, 0.0, 0.0};  // world units
-  double radius = 1;            // world units: the median distance of a camera from the center
-  double elevation = 0;         // degrees: how high the cameras stand above the center, in the mean
-};
-
-/// Finds it. `up` is at right angles to the pictures' rows, as far as they agree, and near the mean of their columns;
-/// `center` is the point that is nearest to all optical axes. Where these leave a direction open (parallel axes), it is
-/// the one at `focus` world units before the cameras, in the mean. `cameras` is not empty; cameras far away from all others
-/// do not count (outlier_positions).
-SceneFrame scene_frame(const std::vector<Camera>& cameras, double focus);
-/// The same about a center that is known.
-SceneFrame scene_frame_about(const Vec3d& center, const std::vector<Camera>& cameras);
 
 /// The attitude of a camera that looks from one point to another, its columns along `up`.
 Quat<double> looking_at(const Vec3d& from, const Vec3d& to, const Vec3d& up);

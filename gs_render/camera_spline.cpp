@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "gs_core/error.h"
+#include "gs_core/geometry.h"
 #include "gs_core/math/quaternion.h"
 #include "gs_core/math/rotation.h"
 
@@ -14,8 +15,6 @@ namespace {
 using Vec4d = Vec4<double>;
 
 constexpr int kChordsPerKey = 128;  // that measure the length of the curve between two keys
-
-double length(const Vec3d& v) { return std::sqrt(inner(v, v)); }
 
 double dot(const Quat<double>& a, const Quat<double>& b) {
   return a.w * b.w + a.x * b.x + a.y * b.y + a.z * b.z;

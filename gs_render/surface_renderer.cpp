@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "gs_core/geometry.h"
 #include "gs_core/math/projection.h"
 #include "gs_core/parallel.h"
 
@@ -10,10 +11,6 @@ namespace gs {
 namespace {
 
 constexpr std::size_t kRowsPerChunk = 4096;
-
-Vec3f cross(const Vec3f& a, const Vec3f& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
 
 /// The points that a depth picture shows, in the frame of its camera.
 class SeenPoints {

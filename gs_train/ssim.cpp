@@ -10,6 +10,7 @@
 #include "gs_core/math/ssim.h"
 
 #include "gs_core/error.h"
+#include "gs_core/image.h"
 #include "gs_core/math/photo_weight.h"
 #include "gs_core/parallel.h"
 #include "gs_render/stage_clock.h"
@@ -45,7 +46,7 @@ class ScalarLoss final : public Loss {
     photo_.resize_discard(values_);
     const std::size_t plane = values_ / 3;
     parallel_for(plane, 4096, [&](std::size_t i) {
-      for (int c = 0; c < 3; ++c) photo_[c * plane + i] = photo.pixels[3 * i + c] * (1.0f / 255.0f);
+      for (int c = 0; c < 3; ++c) photo_[c * plane + i] = photo.pixels[3 * i + c] * kPerByte;
     });
   }
 
@@ -57,7 +58,7 @@ class ScalarLoss final : public Loss {
     gains_.resize_discard(values_);
     const float white = view.white();
     parallel_for(plane, 4096, [&](std::size_t i) {
-      const float m = view.mask.empty() ? 1.0f : view.mask.pixels[i] * (1.0f / 255.0f);
+      const float m = view.mask.empty() ? 1.0f : view.mask.pixels[i] * kPerByte;
       for (int c = 0; c < 3; ++c) {
         const std::size_t value = c * plane + i;
         const PhotoWeight<float> weight =

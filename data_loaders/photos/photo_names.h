@@ -12,6 +12,10 @@ namespace gs {
 /// The extension with its dot, in lower case; empty where there is none.
 std::string lowercase_ending(const std::filesystem::path& file);
 
+/// The name of a picture without its extension, as cameras.json has it. Only extensions of pictures count, in upper
+/// or lower case: "a/b.JPG" is "a/b", and "frame.7" has no extension.
+std::string without_extension(const std::string& name);
+
 /// The files below a folder that are pictures by their extension, as paths relative to it with "/"
 /// between folders, sorted. Hidden files and folders are passed over; a folder that cannot be read
 /// has none.

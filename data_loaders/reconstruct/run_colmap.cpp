@@ -19,6 +19,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/byte_reader.h"
+#include "gs_core/io/fnv1a.h"
 #include "gs_core/io/move_aside.h"
 #include "gs_core/io/subprocess.h"
 #include "gs_core/log.h"
@@ -148,21 +149,18 @@ Plan plan_of(const ColmapJob& job) {
 
 /// Says by which photos and settings a result was made: another text, another result.
 std::string made_of(const Plan& plan) {
-  std::uint64_t hash = 14695981039346656037u;  // FNV-1a
-  const auto mix = [&hash](std::string_view text) {
-    for (const char c : text) hash = (hash ^ std::uint8_t(c)) * 1099511628211u;
-  };
+  Fnv1a hash;
   for (const fs::path& video : plan.videos)
-    mix(fmt::format("{}\n{}\n", video.filename().string(), fs::file_size(video)));
+    hash.add(fmt::format("{}\n{}\n", video.filename().string(), fs::file_size(video)));
   if (!plan.videos.empty())
     return fmt::format("{} frames of {} videos {:016x}, {}, {} camera(s), {} matching, {} features",
-                       plan.frames, plan.videos.size(), hash, plan.camera_model,
+                       plan.frames, plan.videos.size(), hash.value(), plan.camera_model,
                        word_of(plan.single_camera_setting), word_of(plan.matching),
                        plan.max_features);
   for (const PhotoFile& photo : plan.photos)
-    mix(fmt::format("{}\n{}\n", photo.name, fs::file_size(photo.path)));
+    hash.add(fmt::format("{}\n{}\n", photo.name, fs::file_size(photo.path)));
   return fmt::format("{} photos {:016x}, {}, {} camera(s), {} matching, {} features",
-                     plan.photos.size(), hash, plan.camera_model,
+                     plan.photos.size(), hash.value(), plan.camera_model,
                      plan.single_camera ? "one" : "own", word_of(plan.matching), plan.max_features);
 }
 

@@ -26,9 +26,6 @@ bool is_folder(const fs::path& path) {
   std::error_code ignored;
   return fs::is_directory(path, ignored);
 }
-std::string without_extension(const std::string& name) {
-  return fs::path(name).replace_extension().generic_string();
-}
 
 /// The pictures of the masks' folder, by name and by name without extension.
 class MaskFiles {

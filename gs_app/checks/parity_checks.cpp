@@ -91,7 +91,7 @@ class ParityCheck {
   template <class T>
   void compare(const std::string& what, double tolerance, const Buffer<T>& actual,
                const Buffer<T>& expected) {
-    compare(what, tolerance, numbers_of(actual), numbers_of(expected));
+    compare(what, tolerance, downloaded_numbers(actual), downloaded_numbers(expected));
   }
 
   // Those that both see; which they see, the tile lists tell.
@@ -252,8 +252,8 @@ class ParityCheck {
                        const TrainingModel& actual, const TrainingModel& expected) {
     const auto compare_change = [&](const std::string& what, const auto& old, const auto& a,
                                     const auto& b) {
-      Numbers change = numbers_of(a), expected_change = numbers_of(b);
-      const Numbers start = numbers_of(old);
+      Numbers change = downloaded_numbers(a), expected_change = downloaded_numbers(b);
+      const Numbers start = downloaded_numbers(old);
       for (std::size_t i = 0; i < start.size(); ++i) {
         change[i] -= start[i];
         expected_change[i] -= start[i];

@@ -33,12 +33,6 @@ inline TrainingModel model_of(const Gaussians& gaussians) {
   return model;
 }
 
-/// The numbers of an array one after another.
-template <class T>
-Span<float> numbers_of(const Buffer<T>& rows) {
-  return {reinterpret_cast<float*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
-}
-
 /// Fills an array with first, first + 1, ... over its rows, each number of a row the same.
 template <class T>
 void number_rows(const Buffer<T>& rows, float first) {
