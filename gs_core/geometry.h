@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small geometry that loaders, films and the viewer share: lengths and products of vectors, a 3x3 linear system,
-// and whether a matrix is a rotation.
+// Small geometry that loaders, films and the viewer share: lengths and products of vectors, a 3x3
+// linear system, and whether a matrix is a rotation.
 #pragma once
 
 #include <cmath>
@@ -41,8 +41,8 @@ enum class RotationFault {
   mirrors,  // the rows are left-handed: the determinant is -1
 };
 
-/// The first fault of R in this order. Inner products of rows may be off by `tolerance`, which is below 0.5. A
-/// matrix with NaN scales.
+/// The first fault of R in this order. Inner products of rows may be off by `tolerance`, which is
+/// below 0.5. A matrix with NaN scales.
 template <class T>
 RotationFault rotation_fault(const Mat3<T>& R, T tolerance) {
   const auto near = [&](T a, T b) { return std::abs(a - b) < tolerance; };

@@ -18,7 +18,7 @@ std::shared_ptr<const View> with_photo(const View& view) {
   if (is_elsewhere(view)) {
     const std::shared_ptr<const View> decoded = view.source->view(view.index);
     if (decoded->exposure == view.exposure) return decoded;
-    const auto exposed = std::make_shared<View>(*decoded);  // found after the source was made
+    const auto exposed = std::make_shared<View>(*decoded);  // solved for after the source was made
     exposed->exposure = view.exposure;
     return exposed;
   }

@@ -16,7 +16,8 @@ using Cameras = std::vector<PinholeCamera<double>>;
 
 constexpr std::size_t kPointsLookedAt = 100'000;
 constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
-// Weights of a prior against all cameras together: it decides only where these leave a direction open.
+// Weights of a prior against all cameras together: it decides only where these leave a direction
+// open.
 constexpr double kPriorWeight = 1e-2;
 constexpr double kBlindPriorWeight = 1e-6;  // of the cameras' own mean position, for want of points
 

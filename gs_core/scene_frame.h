@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which way is up in a scene and what its cameras look at. Films, the viewer and the doctor ask here, so that they
-// agree.
+// Which way is up in a scene and what its cameras look at. Films, the viewer and the doctor ask
+// here, so that they agree.
 #pragma once
 
 #include <vector>
@@ -21,13 +21,15 @@ struct SceneFrame {
 
 /// The frame of a scene.
 ///
-///   up      is at right angles to the rows of the images, as far as they agree, and near the mean of their columns
-///   center  is the point nearest to all optical axes; where these leave it open (parallel axes), the one nearest to
-///           the median of the points
+///   up      is at right angles to the rows of the images, as far as they agree, and near the mean
+///           of their columns
+///   center  is the point nearest to all optical axes; where these leave it open (parallel axes),
+///           the one nearest to the median of the points
 ///
-/// Cameras far away from all others (outlier_positions) do not count. Without cameras, center and radius are those
-/// of the points: their median, and the distance from it that nine in ten keep. Of many points some 100,000 are
-/// looked at, evenly chosen; points that are not finite are left out. Both may be empty.
+/// Cameras far away from all others (outlier_positions) do not count. Without cameras, center and
+/// radius are those of the points: their median, and the distance from it that nine in ten keep. Of
+/// many points some 100,000 are looked at, evenly chosen; points that are not finite are left out.
+/// Both may be empty.
 SceneFrame scene_frame(const std::vector<Camera>& cameras, Span<const Vec3f> points);
 
 /// The same about a center that is known. `cameras` is not empty.

@@ -8,7 +8,8 @@
 namespace gs {
 
 /// How `config` renders: its [render] section, the model's SH degree, train.deterministic and
-/// density.absolute_gradient. The background "random" is black here; the trainer draws another color for each step.
+/// density.absolute_gradient. The background "random" is black here; the trainer draws another
+/// color for each step.
 RenderSettings render_settings(const Config& config);
 
 }  // namespace gs

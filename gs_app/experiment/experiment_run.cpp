@@ -15,8 +15,8 @@ namespace fs = std::filesystem;
 
 constexpr const char* kThisProgram = "/proc/self/exe";  // of the child, too; also where the file was replaced meanwhile
 
-// Whether the folder holds a run that gives the result of this one. A settings file that is missing, or that this
-// version cannot read, belongs to another run.
+// Whether the folder holds a run that gives the result of this one. A settings file that is
+// missing, or that this version cannot read, belongs to another run.
 bool has_same_settings(const ExperimentRun& run) {
   if (!fs::exists(run.settings_file())) return false;
   Config written;

@@ -155,8 +155,8 @@ std::string csv_text(const std::vector<Row>& rows) {
   return text;
 }
 
-// The settings that are not at their default, by key. TOML text of a value is also JSON, unless it has bytes that
-// are not UTF-8, as paths may have.
+// The settings that are not at their default, by key. TOML text of a value is also JSON, unless it
+// has bytes that are not UTF-8, as paths may have.
 Json settings_json(const ExperimentRun& run) {
   Json json = Json::object();
   for (const SettingChange& change : config_diff(Config{}, run.settings)) {

@@ -24,7 +24,8 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMostRows = 3000;  // of each curve: more than a screen has pixels
 
-// [{"key", "value", "usual"}, ...] for settings that are not at their default, without those that only name a place.
+// [{"key", "value", "usual"}, ...] for settings that are not at their default, without those that
+// only name a place.
 Json changed_settings(const Config& config) {
   Json changed = Json::array();
   for (const SettingChange& change : config_diff(Config{}, config))
@@ -38,7 +39,8 @@ std::string text_of(const fs::path& path) {
   return std::string(std::istreambuf_iterator<char>(file), {});
 }
 
-// Another version's config may have settings that this one does not know: the text is shown all the same.
+// Another version's config may have settings that this one does not know: the text is shown all the
+// same.
 void add_config(const RunFolder& folder, Json& report, std::vector<std::string>& notes) {
   report["config"] = text_of(folder.config());
   report["changed"] = Json::array();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C and SIGTERM while training: the trainer ends after the step at hand, so that the work can be saved.
+// Ctrl-C and SIGTERM while training: the trainer ends after the step at hand, so that the work can
+// be saved.
 #pragma once
 
 #include "gs_core/io/signals.h"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `gemsplat view` shows besides the Gaussians: cameras with their photos, and where a look around begins.
+// What `gemsplat view` shows besides the Gaussians: cameras with their photos, and where a look
+// around begins.
 #pragma once
 
 #include <memory>
@@ -23,7 +24,8 @@ struct ViewedCamera {
   const View* view = nullptr;
 };
 
-/// How the cameras stand around what they look at, or the points without cameras: a look around begins there.
+/// How the cameras stand around what they look at, or the points without cameras: a look around
+/// begins there.
 SceneFrame frame_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> points);
 
 /// Cameras, where a look around begins, and the owner of the photos.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading and checking a Config: visitors over the list in config_fields.h. config_text.cpp prints it.
+// Reading and checking a Config: visitors over the list in config_fields.h. config_text.cpp prints
+// it.
 #include "gs_core/config/config.h"
 
 #include <toml++/toml.h>
@@ -32,7 +33,7 @@ std::string text_of(const toml::node& node) {
                    " cannot be used: it must be " + must);
 }
 
-// ---- one value from TOML --------------------------------------------------------------------------------
+// ---- one value from TOML
 
 // What a value of T must look like; enums are words, in quotes as text is.
 template <class T>
@@ -47,8 +48,8 @@ template <>
 constexpr const char* kTypeName<std::vector<int>> =
     "a list of whole numbers, such as [7000, 30000]";
 
-// The type in which a value is read from TOML. Numbers are read in a wide type, so that their range is checked
-// before they are narrowed.
+// The type in which a value is read from TOML. Numbers are read in a wide type, so that their range
+// is checked before they are narrowed.
 template <class T>
 struct Wide {
   using type = std::conditional_t<std::is_floating_point_v<T>, double, std::int64_t>;
@@ -110,7 +111,7 @@ void assign(const Field<T>& field, const toml::node& node, std::string_view wher
   }
 }
 
-// ---- keys -----------------------------------------------------------------------------------------------
+// ---- keys
 
 std::string with_underscores(std::string key) {
   std::replace(key.begin(), key.end(), '-', '_');
@@ -129,7 +130,7 @@ void visit_field(Config& config, const std::string& key, std::string_view where,
   if (!found) refuse_key(where, key);
 }
 
-// ---- files ----------------------------------------------------------------------------------------------
+// ---- files
 
 std::string place_of(const ConfigSource& source, const toml::node& node) {
   return source.shown + ":" + std::to_string(node.source().begin.line);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything that a run can be told. Defaults stand here and nowhere else. config_fields.h lists each field once
-// with its unit, range, meaning and source; parsing, --set, --help, validation and printing visit that list.
+// Everything that a run can be told. Defaults stand here and nowhere else. config_fields.h lists
+// each field once with its unit, range, meaning and source; parsing, --set, --help, validation and
+// printing visit that list.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +20,7 @@ namespace gs {
 struct DatasetConfig {
   std::string source;             // the scene's folder
   std::string images = "images";  // the photos' folder inside it, or an absolute path
-  std::string masks;   // the masks' folder; empty: `masks` in the scene, if there is one; none: no masks, no alpha
+  std::string masks;   // the masks' folder; empty: `masks` in the scene; none: no masks, no alpha
   MaskMode mask_mode = MaskMode::automatic;
   bool invert_masks = false;  // in mask files, black trains and white does not
   std::string model;   // the COLMAP model's folder; empty: sparse/0, sparse or the scene itself
@@ -85,8 +86,8 @@ struct OptimizerConfig {
 
 inline constexpr std::int64_t kAutoCount = -1;  // the word auto: the program finds the count itself
 
-/// Density control: adaptive (Kerbl et al. 2023, Sec. 5.2) or mcmc (Kheradmand et al. 2024). Steps are those of
-/// a 30,000-step run.
+/// Density control: adaptive (Kerbl et al. 2023, Sec. 5.2) or mcmc (Kheradmand et al. 2024). Steps
+/// are those of a 30,000-step run.
 struct DensityConfig {
   std::string strategy = "adaptive";  // adaptive, mcmc
   int from_step = 600;
@@ -120,7 +121,7 @@ struct TrainConfig {
   std::string device = "auto";  // cpu, cuda, cuda:N, auto
   float photo_gib = 4;          // GPU memory for photos; others are copied when they are needed
   int extra_steps = 0;          // after the schedule's last step, at its final rates
-  int checkpoint_every = 0;     // 0: every minute, or less often if that costs much; -1: only when the run is stopped
+  int checkpoint_every = 0;     // steps; 0: about a minute; -1: only when the run is stopped
   int log_every = 100;
   std::vector<int> save_steps;  // besides the last one
   std::vector<int> test_steps;  // besides the last one
@@ -137,29 +138,32 @@ struct Config {
   TrainConfig train;
 };
 
-/// Where values come from, by key: "runs/a.toml:3", "preset fast:3", "--set", "flag". Settings with their default
-/// value have no entry.
+/// Where values come from, by key: "runs/a.toml:3", "preset fast:3", "--set", "flag". Settings with
+/// their default value have no entry.
 using SettingOrigins = std::map<std::string, std::string, std::less<>>;
 
-/// Merges a config into `config`. `name` is a TOML file, a run's folder or a preset (config_source.h); its `base`
-/// is merged first. `origins`, if given, notes where each value came from. Throws UsageError, which names file,
-/// line, key and the nearest known key, and Error for a file that cannot be read.
+/// Merges a config into `config`. `name` is a TOML file, a run's folder or a preset
+/// (config_source.h); its `base` is merged first. `origins`, if given, notes where each value came
+/// from. Throws UsageError, which names file, line, key and the nearest known key, and Error for a
+/// file that cannot be read.
 void load_config(Config& config, const std::filesystem::path& name,
                  SettingOrigins* origins = nullptr);
 
-/// Applies one `section.key=value`. The value has TOML syntax; a bare word is a string. Returns the key. Throws
-/// UsageError, which names the key and the nearest known one, or the value and its range.
+/// Applies one `section.key=value`. The value has TOML syntax; a bare word is a string. Returns the
+/// key. Throws UsageError, which names the key and the nearest known one, or the value and its
+/// range.
 std::string apply_setting(Config& config, const std::string& assignment);
 
-/// Checks every field against its range. Throws UsageError, which names the field, the value, the range and, if
-/// `origins` has it, where the value comes from.
+/// Checks every field against its range. Throws UsageError, which names the field, the value, the
+/// range and, if `origins` has it, where the value comes from.
 void validate(const Config& config, const SettingOrigins& origins = {});
 
-/// Throws the UsageError for an unknown setting; the message names the nearest known one. `where`: "file:line: "
-/// or empty.
+/// Throws the UsageError for an unknown setting; the message names the nearest known one. `where`:
+/// "file:line: " or empty.
 [[noreturn]] void refuse_key(std::string_view where, const std::string& key);
 
-/// The whole config as TOML, each field with its unit and meaning as a comment. load_config() reads it back.
+/// The whole config as TOML, each field with its unit and meaning as a comment. load_config() reads
+/// it back.
 std::string to_toml(const Config& config);
 
 }  // namespace gs

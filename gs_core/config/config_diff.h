@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which settings differ between two configs, and whether that matters. Resuming, experiments, reports, tables and
-// `gemsplat config diff` all ask here.
+// Which settings differ between two configs, and whether that matters. Resuming, experiments,
+// reports, tables and `gemsplat config diff` all ask here.
 #pragma once
 
 #include <string>
@@ -26,8 +26,8 @@ struct SettingChange {
 /// The settings that differ, in the order of config_fields.h.
 std::vector<SettingChange> config_diff(const Config& a, const Config& b);
 
-/// Whether runs of a and b give the same result: they differ in settings like train.threads or train.log_every at
-/// most.
+/// Whether runs of a and b give the same result: they differ in settings like train.threads or
+/// train.log_every at most.
 bool same_result(const Config& a, const Config& b);
 
 }  // namespace gs

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one list of all fields of Config: unit, range or words, what follows when the value changes, meaning and
-// source. Parsing, --set, --help, validation, printing, comparing and the docs' tables visit this list. A new
-// field is one line here and one in config.h; `gemsplat config --markdown > docs/configuration.md` documents it.
+// The one list of all fields of Config: unit, range or words, what follows when the value changes,
+// meaning and source. Parsing, --set, --help, validation, printing, comparing and the docs' tables
+// visit this list. A new field is one line here and one in config.h; `gemsplat config --markdown >
+// docs/configuration.md` documents it.
 #pragma once
 
 #include <string_view>
@@ -32,8 +33,9 @@ struct Field {
 };
 
 // clang-format off
-/// Calls visit(Field<T>) for each field of a `Config` or `const Config`, section by section. T is bool, int,
-/// std::int64_t, std::uint64_t, float, std::string, std::vector<int> or an enum with Words (config_words.h).
+/// Calls visit(Field<T>) for each field of a `Config` or `const Config`, section by section. T is
+/// bool, int, std::int64_t, std::uint64_t, float, std::string, std::vector<int> or an enum with
+/// Words (config_words.h).
 template <class AnyConfig, class Visitor>
 void visit_fields(AnyConfig& config, Visitor&& visit) {
   using namespace limits;

@@ -12,7 +12,8 @@
 
 namespace gs {
 
-/// A range of numbers, [low, high], or (low, high] if `above_low`; or a list of words. NaN is never allowed.
+/// A range of numbers, [low, high], or (low, high] if `above_low`; or a list of words. NaN is never
+/// allowed.
 struct Limits {
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();

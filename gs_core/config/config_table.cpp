@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Visitors over the list in config_fields.h that write what people read.
+// Visitors over the list in config_fields.h that write texts for people.
 #include "gs_core/config/config_table.h"
 
 #include <algorithm>
@@ -30,8 +30,8 @@ constexpr std::string_view kIntroduction =
     "`--set section.key=value`, then from flags, each over the one before. A file may begin with "
     "`base = \"NAME\"`, a file "
     "beside it or a preset, which is read\n"
-    "first; a chain of bases is fine. What is not known or not in range is refused with file, "
-    "line, key and the nearest "
+    "first; a chain of bases is fine. An unknown key or a value out of range is refused, with "
+    "file, line, key and the nearest "
     "known key.\n"
     "```\n"
     "gemsplat config -c fast --set train.seed=7        # the resolved settings, as a file for -c\n"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Settings that are one of a few words. Each is an enum with one table of its words: reading, printing, --help and
-// the docs go through that table, so that a word which is not in it is refused everywhere. To add a word, add an
-// enumerator and a row.
+// Settings that are one of a few words. Each is an enum with one table of its words: reading,
+// printing, --help and the docs go through that table, so that a word which is not in it is refused
+// everywhere. To add a word, add an enumerator and a row.
 #pragma once
 
 #include <optional>
@@ -16,7 +16,8 @@ namespace gs {
 
 /// The color behind the Gaussians; `random` is another one in each step.
 enum class Background { black, white, random };
-/// How the CUDA backend blends: as matrix products on tensor cores (blend_gemm.cu), or pixel by pixel.
+/// How the CUDA backend blends: as matrix products on tensor cores (blend_gemm.cu), or pixel by
+/// pixel.
 enum class BlendKernel { gemm, simt };
 /// Of the weights of the gemm kernel.
 enum class Precision { full, half };
@@ -87,10 +88,11 @@ struct Words<SingleCamera> {
       {"auto", SingleCamera::automatic}, {"yes", SingleCamera::yes}, {"no", SingleCamera::no}};
 };
 
-/// Lists of words that stay text, since other code gives them their meaning. "cuda:N" stands for any number N.
-inline constexpr std::string_view kStrategyWords = "adaptive, mcmc";  // gs_train/density_control.cpp
+/// Lists of words that stay text, since other code gives them their meaning. "cuda:N" stands for
+/// any number N.
+inline constexpr std::string_view kStrategyWords = "adaptive, mcmc";  // density_control.cpp
 inline constexpr std::string_view kDeviceWords = "auto, cpu, cuda, cuda:N";
-inline constexpr std::string_view kLensWords =  // of COLMAP
+inline constexpr std::string_view kLensWords =  // COLMAP's names
     "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, "
     "SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE";
 

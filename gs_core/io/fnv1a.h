@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A hash for names and files that is written down: in results.json (scene_hash) and reconstruct.json. Its values
-// must never change. For checksums of much data, checked_file.h has XXH3.
+// A hash for names and files that is written down: in results.json (scene_hash) and
+// reconstruct.json. Its values must never change. For checksums of much data, checked_file.h has
+// XXH3.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +9,8 @@
 
 namespace gs {
 
-/// FNV-1a of 64 bits (Fowler, Noll, Vo): each byte is added by xor, then a multiplication spreads all bits.
+/// FNV-1a of 64 bits (Fowler, Noll, Vo): each byte is added by xor, then a multiplication spreads
+/// all bits.
 class Fnv1a {
  public:
   void add(std::string_view bytes) {

@@ -16,7 +16,7 @@ std::size_t host_ram_bytes() {
   for (const char* limit :
        {"/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"}) {
     std::size_t most = 0;
-    if (std::ifstream(limit) >> most && most > 0) bytes = std::min(bytes, most);  // or it says "max"
+    if (std::ifstream(limit) >> most && most > 0) bytes = std::min(bytes, most);  // not "max"
   }
   return bytes;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Other programs, without a shell between: finding them, starting them, and how they ended. All children of this
-// program are started here. run_process() in subprocess.h runs one to its end and reads its output.
+// Other programs, without a shell between: finding them, starting them, and how they ended. All
+// children of this program are started here. run_process() in subprocess.h runs one to its end and
+// reads its output.
 #pragma once
 
 #include <sys/types.h>
@@ -34,8 +35,8 @@ class Descriptor {
 /// Opens a file to append to, and makes it if it is missing. Throws Error.
 Descriptor open_log(const std::filesystem::path& file);
 
-/// The file that `name` runs: itself if it has a '/', else the first of that name on the PATH. Nothing if no such
-/// file may be run.
+/// The file that `name` runs: itself if it has a '/', else the first of that name on the PATH.
+/// Nothing if no such file may be run.
 std::optional<std::filesystem::path> find_program(const std::string& name);
 
 /// This program's own file.
@@ -49,14 +50,15 @@ struct ProcessEnd {
 };
 
 struct ChildOptions {
-  int output = -1;                          // descriptor for standard output and error; -1: /dev/null
+  int output = -1;                          // descriptor of its output and errors; -1: none
   std::vector<std::string> variables = {};  // "NAME=value", added to the environment
   bool is_detached = false;                 // has a session of its own and outlives this program
 };
 
-/// Starts `arguments` (the program first) with /dev/null as its input, and returns at once. Unless it is detached,
-/// the child has a process group of its own, whose number is that of the child, and gets SIGTERM when the thread
-/// that called ends, even by SIGKILL (Linux only). Throws Error if the program cannot be started.
+/// Starts `arguments` (the program first) with /dev/null as its input, and returns at once. Unless
+/// it is detached, the child has a process group of its own, whose number is that of the child, and
+/// gets SIGTERM when the thread that called ends, even by SIGKILL (Linux only). Throws Error if the
+/// program cannot be started.
 pid_t start_child(const std::vector<std::string>& arguments, const ChildOptions& options = {});
 
 /// Waits until a child ends.

@@ -13,8 +13,8 @@
 
 namespace gs {
 
-/// A new folder under the system's folder for temporary files ($TMPDIR), which only this user may enter. It is
-/// removed at the end with all that it holds.
+/// A new folder under the system's folder for temporary files ($TMPDIR), which only this user may
+/// enter. It is removed at the end with all that it holds.
 class ScratchFolder {
  public:
   /// Its name begins with `prefix`. Throws Error if it cannot be made.

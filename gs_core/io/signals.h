@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// SIGINT (Ctrl-C) and SIGTERM, handled in one place. Each class works while it lives and then puts the handlers
-// back that were there before.
+// SIGINT (Ctrl-C) and SIGTERM, handled in one place. Each class works while it lives and then puts
+// the handlers back that were there before.
 #pragma once
 
 #include <csignal>
 
 namespace gs {
 
-/// While it lives, SIGINT and SIGTERM call `handler`, which may only do what POSIX allows in a signal handler.
+/// While it lives, SIGINT and SIGTERM call `handler`, which may only do what POSIX allows in a
+/// signal handler.
 class SignalHandlers {
  public:
   enum class Calls {
-    first,  // only the first SIGINT and the first SIGTERM; a second one of the same kind ends the program at once
+    first,  // the first SIGINT and the first SIGTERM; a second one ends the program at once
     all
   };
   explicit SignalHandlers(void (*handler)(int), Calls calls = Calls::first);

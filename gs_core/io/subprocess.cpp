@@ -15,8 +15,9 @@
 namespace gs {
 namespace {
 
-/// While it lives, a SIGINT or SIGTERM of ours goes to the child's process group: the first as SIGTERM, later ones
-/// as SIGKILL. The child has a process group of its own, so that Ctrl-C in the terminal reaches it this way only.
+/// While it lives, a SIGINT or SIGTERM of ours goes to the child's process group: the first as
+/// SIGTERM, later ones as SIGKILL. The child has a process group of its own, so that Ctrl-C in the
+/// terminal reaches it this way only.
 class SignalsToChild {
  public:
   void set_child(pid_t child) {

@@ -14,10 +14,10 @@ namespace gs {
 
 using LineVisitor = std::function<void(std::string_view line)>;
 
-/// Runs `arguments` (the program first) with standard output and error in one pipe. Every line goes to `on_line`,
-/// every byte to the end of `log`; an empty path means no log. A SIGINT or SIGTERM that this program gets ends the
-/// other one, a second one kills it, and Error is thrown; so it is if the program cannot be started. One call at a
-/// time.
+/// Runs `arguments` (the program first) with standard output and error in one pipe. Every line goes
+/// to `on_line`, every byte to the end of `log`; an empty path means no log. A SIGINT or SIGTERM
+/// that this program gets ends the other one, a second one kills it, and Error is thrown; so it is
+/// if the program cannot be started. One call at a time.
 ProcessEnd run_process(const std::vector<std::string>& arguments, const std::filesystem::path& log,
                        const LineVisitor& on_line);
 

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// The published rules among which a render chooses: where a Gaussian ends, which tiles list it, how fragments
-// are blended. tile_bounds.h and blend.h have their formulas.
+// The published rules among which a render chooses: where a Gaussian ends, which tiles list it, how
+// fragments are blended. tile_bounds.h and blend.h have their formulas.
 #pragma once
 
 namespace gs {
 
-/// Where a Gaussian ends. `alpha`: where alpha falls below 1/255, so that faint Gaussians are small. The
-/// others: at that many standard deviations, whatever the opacity.
+/// Where a Gaussian ends. `alpha`: where alpha falls below 1/255, so that faint Gaussians are
+/// small. The others: at that many standard deviations, whatever the opacity.
 enum class Truncation : int { alpha, sigma2, sigma3, sigma4 };
 
-/// Which tiles list a splat: those that it hits; all of its bounding box; or all of a square of three standard
-/// deviations along its longer axis, whatever the opacity (Kerbl et al. 2023, code), which cuts off a little.
+/// Which tiles list a splat: those that it hits; all of its bounding box; or all of a square of
+/// three standard deviations along its longer axis, whatever the opacity (Kerbl et al. 2023, code),
+/// which cuts off a little.
 enum class TileBounds : int { exact, box, square };
 
 /// Which of the two published rules blends the fragments of a pixel.
