@@ -80,9 +80,7 @@ __device__ constexpr float weight(int offset) {
 }
 
 /// The value in 0..1 of a photo's byte, rounded as in the scalar twin: equal pictures differ by exactly 0.
-__device__ inline float photo_value(std::uint8_t byte) {
-  return __fmul_rn(float(byte), kPerByte);
-}
+__device__ inline float photo_value(std::uint8_t byte) { return __fmul_rn(float(byte), kPerByte); }
 
 /// X' and what it is compared with, at one value, and dX'/dX.
 struct ComparedValue {

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "gs_core/io/atomic_file.h"
 #include "gs_core/geometry.h"
+#include "gs_core/io/atomic_file.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/outliers.h"
 

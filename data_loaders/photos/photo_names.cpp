@@ -109,8 +109,8 @@ std::string lowercase_ending(const fs::path& file) { return lower(file.extension
 
 std::string without_extension(const std::string& name) {
   const std::string ending = lowercase_ending(name);
-  const bool is_raw = std::find(kRawExtensions.begin(), kRawExtensions.end(), ending) !=
-                      kRawExtensions.end();
+  const bool is_raw =
+      std::find(kRawExtensions.begin(), kRawExtensions.end(), ending) != kRawExtensions.end();
   return is_picture(name) || is_raw ? fs::path(name).replace_extension().generic_string() : name;
 }
 

@@ -28,8 +28,7 @@ std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
             [](const NamedCamera& a, const NamedCamera& b) { return a.name < b.name; });
   if (split == "all") return cameras;
   std::set<std::string> wanted;  // names as in cameras.json
-  for (const std::string& name : split_names(run, split))
-    wanted.insert(without_extension(name));
+  for (const std::string& name : split_names(run, split)) wanted.insert(without_extension(name));
   std::erase_if(cameras, [&](const NamedCamera& named) { return !wanted.contains(named.name); });
   return cameras;
 }

@@ -102,8 +102,7 @@ ProcessEnd run_process(const std::vector<std::string>& arguments, const std::fil
   Descriptor output(ends[1]);
 
   SignalsToChild signals;
-  const pid_t child =
-      start_child(arguments, {.output = output, .variables = added_variables()});
+  const pid_t child = start_child(arguments, {.output = output, .variables = added_variables()});
   signals.set_child(child);
   output.close();
   try {
