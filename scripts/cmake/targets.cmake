@@ -15,9 +15,12 @@ target_compile_options(gs_flags INTERFACE "$<BUILD_INTERFACE:${gs_cxx}-Wall;-Wex
 if(GS_NATIVE)
   target_compile_options(gs_flags INTERFACE "$<BUILD_INTERFACE:${gs_cxx}-march=native>>")
 endif()
-if(GS_SANITIZE)
+if(GS_SANITIZE STREQUAL "address")
   target_compile_options(gs_flags INTERFACE "${gs_cxx}-fsanitize=address,undefined;-fno-omit-frame-pointer;-fno-sanitize-recover=undefined>")
   target_link_options(gs_flags INTERFACE -fsanitize=address,undefined)
+elseif(GS_SANITIZE STREQUAL "thread")
+  target_compile_options(gs_flags INTERFACE "${gs_cxx}-fsanitize=thread;-fno-omit-frame-pointer>")
+  target_link_options(gs_flags INTERFACE -fsanitize=thread)
 endif()
 
 # gs_library(name [EXPORT name] SOURCES ... PUBLIC ... PRIVATE ...); EXPORT: installed, as gemsplat::name.
