@@ -2,13 +2,13 @@
 // gemsplat render --path: from a word and a few numbers to the camera of each frame.
 #pragma once
 
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "data_loaders/cameras/camera_file.h"
+#include "gs_core/buffer.h"
 
 namespace gs {
 

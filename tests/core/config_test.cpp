@@ -380,7 +380,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
       EXPECT_EQ(values.size(), std::size(Words<T>::kTable)) << key;
       EXPECT_FALSE(value_of_word<T>("nonsense").has_value());
       EXPECT_THAT(message_of([&] { apply_setting(config, key + "=nonsense"); }),
-                  AllOf(HasSubstr(key + " = nonsense"),
+                  AllOf(HasSubstr(key + " = 'nonsense'"),
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
