@@ -2,11 +2,13 @@
 // Stage 10: rows along the Morton curve, so that neighbours in space are neighbours in memory.   Faster-GS
 #include "gs_core/math/morton.h"
 
+#include <thrust/iterator/transform_iterator.h>
+
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_reduce.cuh>
 #include <limits>
 
-#include "cuda/cub_room.cuh"
+#include "cuda/cub_scratch.cuh"
 #include "cuda/rows.cuh"
 
 namespace gs::cuda {
@@ -41,6 +43,21 @@ struct JoinBounds {
   }
 };
 
+/// Writes the box around all finite points to *bounds. DeviceReduce::TransformReduce came with CUB 2.4 (CUDA 12.5);
+/// before it, Reduce reads the same boxes through an iterator.
+cudaError_t reduce_to_bounds(void* scratch, std::size_t& bytes, Span<const Vec3f> means,
+                             Bounds* bounds, cudaStream_t stream) {
+  const Bounds empty{Vec3f(kFar), Vec3f(-kFar)};
+#if CUB_VERSION >= 200400 && !defined(GS_FORCE_PORTABLE_CUB)
+  return cub::DeviceReduce::TransformReduce(scratch, bytes, means.data, bounds, int(means.size),
+                                            JoinBounds{}, BoundsOf{}, empty, stream);
+#else
+  return cub::DeviceReduce::Reduce(scratch, bytes,
+                                   thrust::make_transform_iterator(means.data, BoundsOf{}), bounds,
+                                   int(means.size), JoinBounds{}, empty, stream);
+#endif
+}
+
 __global__ void morton_kernel(Span<const Vec3f> means, const Bounds* bounds,
                               Span<std::uint64_t> codes) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
@@ -69,8 +86,8 @@ Span<const std::uint32_t> sort_rows(Context& context, const char* stage, RowOrde
                  room.row_numbers.span());
   cub::DoubleBuffer<std::uint64_t> keys(room.keys.data(), room.other_keys.data());
   cub::DoubleBuffer<std::uint32_t> rows(room.row_numbers.data(), room.other_rows.data());
-  with_cub_room(room.cub, stage, [&](void* cub_room, std::size_t& bytes) {
-    return cub::DeviceRadixSort::SortPairs(cub_room, bytes, keys, rows, int(count), 0, bits,
+  with_cub_scratch(room.cub, stage, [&](void* scratch, std::size_t& bytes) {
+    return cub::DeviceRadixSort::SortPairs(scratch, bytes, keys, rows, int(count), 0, bits,
                                            context.stream());
   });
   return {rows.Current(), count};
@@ -81,11 +98,8 @@ Span<const std::uint32_t> morton_order(Context& context, RowOrderRoom& room,
   room.keys.resize_discard(means.size);
   if (means.empty()) return {};
   room.bounds.resize_discard(1);
-  const Bounds empty{Vec3f(kFar), Vec3f(-kFar)};
-  with_cub_room(room.cub, "morton", [&](void* cub_room, std::size_t& bytes) {
-    return cub::DeviceReduce::TransformReduce(cub_room, bytes, means.data, room.bounds.data(),
-                                              int(means.size), JoinBounds{}, BoundsOf{}, empty,
-                                              context.stream());
+  with_cub_scratch(room.cub, "morton", [&](void* scratch, std::size_t& bytes) {
+    return reduce_to_bounds(scratch, bytes, means, room.bounds.data(), context.stream());
   });
   context.launch("morton", morton_kernel, blocks_for(means.size, kThreads), kThreads, means,
                  room.bounds.data(), room.keys.span());

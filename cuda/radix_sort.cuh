@@ -6,14 +6,20 @@
 
 #include <cub/device/device_radix_sort.cuh>
 
-#include "cuda/cub_room.cuh"
+#include "cuda/cub_scratch.cuh"
 
 namespace gs::cuda {
 
 /// Lists from here on are sorted in blocks of CUB's choice.
 inline constexpr std::uint32_t kLongList = 1500000;
 
-#if defined(CCCL_MAJOR_VERSION) && CCCL_MAJOR_VERSION >= 3
+// The size of CUB's blocks can be chosen from outside in CUB 3.0 to 3.2 (CUDA 13.0 to 13.2). Other versions take
+// their own size for lists of every length: the result is the same, and short lists take longer.
+#if CUB_VERSION >= 300000 && CUB_VERSION < 300300 && !defined(GS_FORCE_PORTABLE_CUB)
+#define GS_CUB_TAKES_BLOCK_SIZE
+#endif
+
+#ifdef GS_CUB_TAKES_BLOCK_SIZE
 /// CUB's policies, but for the size of the blocks that sort by one digit.
 template <class Key>
 struct ShortBlocks {
@@ -42,11 +48,11 @@ struct ShortBlocks {
 
 /// Sorts `count` pairs by the lowest `bits` bits of their keys, from one pair of arrays into another.
 template <class Key>
-void sort_pairs(Context& context, Buffer<std::uint8_t>& room, const char* what, const Key* keys,
+void sort_pairs(Context& context, Buffer<std::uint8_t>& scratch, const char* what, const Key* keys,
                 Key* sorted_keys, const std::uint32_t* values, std::uint32_t* sorted_values,
                 std::uint32_t count, int bits) {
-  with_cub_room(room, what, [&](void* temporary, std::size_t& bytes) {
-#if defined(CCCL_MAJOR_VERSION) && CCCL_MAJOR_VERSION >= 3
+  with_cub_scratch(scratch, what, [&](void* temporary, std::size_t& bytes) {
+#ifdef GS_CUB_TAKES_BLOCK_SIZE
     if (count < kLongList) {
       cub::DoubleBuffer<Key> both_keys(const_cast<Key*>(keys), sorted_keys);
       cub::DoubleBuffer<std::uint32_t> both_values(const_cast<std::uint32_t*>(values),

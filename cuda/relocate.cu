@@ -8,7 +8,7 @@
 #include <cub/device/device_scan.cuh>
 #include <cub/device/device_select.cuh>
 
-#include "cuda/cub_room.cuh"
+#include "cuda/cub_scratch.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/math/mcmc.h"
 
@@ -111,7 +111,7 @@ std::uint64_t Relocation::sum_weights(const TrainingModel& model, float dead_opa
   sums_.resize_discard(count);
   if (count == 0) return 0;
   launch(weights_kernel, count, model.gaussians.span(), dead_opacity, sums_.span());
-  with_cub_room(cub_, "relocate", [&](void* room, std::size_t& bytes) {
+  with_cub_scratch(cub_, "relocate", [&](void* room, std::size_t& bytes) {
     return cub::DeviceScan::InclusiveSum(room, bytes, sums_.data(), sums_.data(), int(count),
                                          context_.stream());
   });
@@ -124,7 +124,7 @@ std::uint64_t Relocation::sum_weights(const TrainingModel& model, float dead_opa
 std::size_t Relocation::find_dead() {
   const std::size_t count = sums_.size();
   dead_.resize_discard(count);
-  with_cub_room(cub_, "relocate", [&](void* room, std::size_t& bytes) {
+  with_cub_scratch(cub_, "relocate", [&](void* room, std::size_t& bytes) {
     return cub::DeviceSelect::If(room, bytes, thrust::counting_iterator<std::uint32_t>(0),
                                  dead_.data(), dead_count_.data(), int(count), IsDead{sums_.data()},
                                  context_.stream());

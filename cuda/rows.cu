@@ -7,7 +7,7 @@
 
 #include <cub/device/device_select.cuh>
 
-#include "cuda/cub_room.cuh"
+#include "cuda/cub_scratch.cuh"
 #include "cuda/relocate.cuh"
 #include "cuda/stages.cuh"
 
@@ -272,7 +272,7 @@ class CudaRowOps final : public RowOps {
   void select(Fate one, Fate other, Buffer<std::uint32_t>& chosen, std::uint32_t* found) {
     const std::size_t count = fate_.size();
     chosen.resize_discard(count);
-    with_cub_room(order_room_.cub, "row operations", [&](void* room, std::size_t& bytes) {
+    with_cub_scratch(order_room_.cub, "row operations", [&](void* room, std::size_t& bytes) {
       return cub::DeviceSelect::If(room, bytes, thrust::counting_iterator<std::uint32_t>(0),
                                    chosen.data(), found, int(count),
                                    HasFate{fate_.data(), one, other}, context_.stream());

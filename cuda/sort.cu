@@ -171,7 +171,7 @@ void order_by_depth(Context& context, WorkingRoom& room, RenderPass& pass) {
              room.sorted_depth_keys.data(),
              static_cast<const std::uint32_t*>(room.row_numbers.data()), pass.depth_order.data(),
              std::uint32_t(count), kDepthKeyBits);
-  with_cub_room(room.sort_room, "the sum of the tile counts",
+  with_cub_scratch(room.sort_room, "the sum of the tile counts",
                 [&](void* temporary, std::size_t& bytes) {
                   return cub::DeviceScan::ExclusiveSum(
                       temporary, bytes,
