@@ -25,9 +25,9 @@ class CudaOptimizer final : public Optimizer {
  public:
   explicit CudaOptimizer(Context& context) : context_(context) {}
 
-  void regularise(const TrainingModel& model, const Regularisers& regularisers,
+  void regularize(const TrainingModel& model, const Regularizers& regularizers,
                   Gaussians& gradients) override {
-    add_regulariser_gradients(context_, model.gaussians.span(), regularisers, gradients.span());
+    add_regularizer_gradients(context_, model.gaussians.span(), regularizers, gradients.span());
   }
   void add_noise(TrainingModel& model, const PositionNoise& noise, float position_rate) override {
     add_position_noise(context_, model.gaussians.span(), noise, position_rate, nullptr);

@@ -109,7 +109,7 @@ class CudaBackend final : private Device, public Backend {
         optimizer_(make_optimizer(context)), rows_(make_row_ops(context, device_memory)) {}
   ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
 
-  void enter() override { check(cudaSetDevice(context.device()), "choosing the GPU"); }
+  void make_current() override { check(cudaSetDevice(context.device()), "choosing the GPU"); }
   std::string name() const override {
     return "cuda:" + std::to_string(context.device()) + " (" + context.device_name() + ")";
   }
@@ -125,15 +125,15 @@ class CudaBackend final : private Device, public Backend {
     return *rows_;
   }
 
-  void prepare(const std::vector<View>& views, std::size_t photo_bytes) override {
+  void upload_views(const std::vector<View>& views, std::size_t photo_bytes) override {
     finish_pending();
-    photos_.prepare(views, photo_bytes);
+    photos_.upload_views(views, photo_bytes);
     forecast_.forget();
   }
-  void expect(const View& view) override {
-    if (!photos_.is_resident(view)) expect_photo(view);
+  void prefetch_decode(const View& view) override {
+    if (!photos_.is_resident(view)) prefetch_photo(view);
   }
-  void announce(const View& view) override { photos_.announce(view); }
+  void prefetch_next(const View& view) override { photos_.prefetch_next(view); }
 
   void step(TrainingModel& model, const View& view, const RenderSettings& settings,
             float lambda_dssim, const LearningRates& rates, const DensityStep& density) override {
@@ -162,7 +162,7 @@ class CudaBackend final : private Device, public Backend {
     renderer_.release_caches();
   }
 
-  void settle(TrainingModel&) override {
+  void synchronize(TrainingModel&) override {
     finish_pending();
     context.synchronize();
   }

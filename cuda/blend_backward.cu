@@ -4,8 +4,8 @@
 // A lane walks its pixel through the listed splats and finds two numbers for each: f = dL/dE, by the exponent, and
 // w = T alpha, the weight. All that a splat needs are sums of these over the pixels:
 //
-//   sum f {1, x, y, x^2, x y, y^2}   with x, y from the sub-tile's centre: mean, conic and opacity follow
-//   sum w dL/d(pixel)                its colour
+//   sum f {1, x, y, x^2, x y, y^2}   with x, y from the sub-tile's center: mean, conic and opacity follow
+//   sum w dL/d(pixel)                its color
 //
 // Two matrix products, [splats x pixels] [pixels x 6] and [splats x pixels] [pixels x 3], made on tensor cores for 16
 // splats at a time. x and y are multiples of 1/2 below 4, so that TF32 holds the first right-hand side exactly, and
@@ -20,7 +20,7 @@ namespace {
 constexpr int kBlocks = 7;                // of a multiprocessor: the compiler finds registers for so many
 constexpr int kBlocksAbsolute = 6;        // and for so many with absolute gradients
 constexpr int kRows = 16;                 // splats of one product
-constexpr int kRowStride = 2 * kWarp + 16;  // floats; neighbouring rows lie 16 banks apart, for loads of 16 bytes
+constexpr int kRowStride = 2 * kWarp + 16;  // floats; neighboring rows lie 16 banks apart, for loads of 16 bytes
 constexpr int kProducts = kWarp / 8;      // of 8 pixels each
 constexpr int kSumStride = 20;            // floats from one splat's sums to the next, 16-byte aligned
 
@@ -28,7 +28,7 @@ struct WarpRoom {
   ListedSplat list[kWarp];
   ListWalk::Ahead ahead;
   alignas(16) float rows[kRows * kRowStride];  // f and w of each pixel in turn, one splat a row; then the sums
-  float2 colors[kProducts][kWarp];             // right-hand side of the colours: each lane's part
+  float2 colors[kProducts][kWarp];             // right-hand side of the colors: each lane's part
 };
 
 // This lane's part of the right-hand side of the moments, column l / 4: x^a y^b, a + b <= 2. Row t of product q is
@@ -57,7 +57,7 @@ struct Monomials {
   }
 };
 
-// The whole warp: the right-hand side of the colours: columns r, g, b of dL/d(pixel) as TF32 holds them, and then
+// The whole warp: the right-hand side of the colors: columns r, g, b of dL/d(pixel) as TF32 holds them, and then
 // what is left of each.
 __device__ void stage_colors(WarpRoom& room, const Vec3f& dL_dpixel) {
   const int lane = lane_of_thread(), column = lane / 4, t = lane % 4;
@@ -76,15 +76,15 @@ __device__ void stage_colors(WarpRoom& room, const Vec3f& dL_dpixel) {
   }
 }
 
-// dL/d(splat) from the sums over the pixels of one sub-tile; colours are not masked yet.
-__device__ SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f& centre,
+// dL/d(splat) from the sums over the pixels of one sub-tile; colors are not masked yet.
+__device__ SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f& center,
                                            const float* sums) {
   const float4 a = *reinterpret_cast<const float4*>(sums);
   const float4 b = *reinterpret_cast<const float4*>(sums + 4);
   const float4 c = *reinterpret_cast<const float4*>(sums + 8);
   const float4 d = *reinterpret_cast<const float4*>(sums + 12);
-  // From moments about the sub-tile's centre to moments about the splat's mean.
-  const float f = a.x, mx = splat.mean2d.x - centre.x, my = splat.mean2d.y - centre.y;
+  // From moments about the sub-tile's center to moments about the splat's mean.
+  const float f = a.x, mx = splat.mean2d.x - center.x, my = splat.mean2d.y - center.y;
   const float fx = a.y - mx * f, fy = a.z - my * f;
   const float fxx = a.w - mx * (a.y + fx), fxy = b.x - mx * a.z - my * fx,
               fyy = b.y - my * (a.z + fy);
@@ -125,7 +125,7 @@ struct FixedSums {
   FineSums* fine;
   CoarseSums* coarse;
 
-  // Neighbouring lanes add neighbouring numbers: these share sectors of memory.
+  // Neighboring lanes add neighboring numbers: these share sectors of memory.
   __device__ void add(int count, std::uint32_t gaussian, const SplatGradientSum& sum,
                       float* numbers) const {
     constexpr int kNumbers = kAbsolute ? kAllGradientNumbers : kGradientNumbers;
@@ -146,7 +146,7 @@ struct FixedSums {
 // Row r belongs to splat `slot` of the list, as lane r says, which also has its absolute gradient.
 template <class Sums>
 __device__ void add_rows(WarpRoom& room, int count, int slot, const Vec2f& absolute,
-                         const Monomials& monomials, const Vec2f& centre, const Sums& sums) {
+                         const Monomials& monomials, const Vec2f& center, const Sums& sums) {
   const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
   __syncwarp();
   float moments[4] = {}, colors[4] = {};
@@ -173,18 +173,18 @@ __device__ void add_rows(WarpRoom& room, int count, int slot, const Vec2f& absol
   if (lane < count) {
     const ListedSplat splat = room.list[slot];
     gaussian = splat.gaussian;
-    sum = splat_gradient(splat, centre, room.rows + lane * kSumStride);
+    sum = splat_gradient(splat, center, room.rows + lane * kSumStride);
     if (Sums::kAbsolute) sum.absolute_x = absolute.x, sum.absolute_y = absolute.y;
   }
   sums.add(count, gaussian, sum, room.rows);
   __syncwarp();
 }
 
-// One pixel on its way; gs_core/math/blend.h has the same in terms of the colour behind. Only its product with
+// One pixel on its way; gs_core/math/blend.h has the same in terms of the color behind. Only its product with
 // dL/d(pixel) is needed here.
 struct PixelWalk {
   Vec3f dL_dpixel{0, 0, 0};
-  float behind = 0;     // <colour behind without background, dL/dpixel> - background_term
+  float behind = 0;     // <color behind without background, dL/dpixel> - background_term
   float last_behind = 0;  // the same behind the last fragment: -background_term
   float transmittance = 1;
   std::uint32_t last = 0;
@@ -200,7 +200,7 @@ struct PixelWalk {
     last = last_instance[at];
   }
 
-  /// From the first segment to one behind: (colour, transmittance) before it.
+  /// From the first segment to one behind: (color, transmittance) before it.
   __device__ void skip_to(const Vec4f& checkpoint) {
     behind -= inner(dL_dpixel, Vec3f(checkpoint.x, checkpoint.y, checkpoint.z));
     transmittance = checkpoint.w;
@@ -252,7 +252,7 @@ __global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute ? kBlocksAbsolu
                                                          segment.number - 1)]);
   stage_colors(room, pixel.dL_dpixel);
   const Monomials monomials;
-  const Vec2f centre{float(subtile.x0) + 0.5f * kSubtileWidth,
+  const Vec2f center{float(subtile.x0) + 0.5f * kSubtileWidth,
                      float(subtile.y0) + 0.5f * kSubtileHeight};
 
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
@@ -277,11 +277,11 @@ __global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute ? kBlocksAbsolu
       }
       if (lane == rows) slot = i;
       if (++rows == kRows) {
-        add_rows(room, rows, slot, absolute, monomials, centre, sums);
+        add_rows(room, rows, slot, absolute, monomials, center, sums);
         rows = 0;
       }
     }
-    if (rows) add_rows(room, rows, slot, absolute, monomials, centre, sums);
+    if (rows) add_rows(room, rows, slot, absolute, monomials, center, sums);
     __syncwarp();
   }
 }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 4 on tensor cores (GEMM-GS): log2(255 alpha) of 32 splats at the pixels of a sub-tile is one matrix product, and what
-// they add to the pixels' colours is another; splat_queue.cuh has their right-hand sides.
+// they add to the pixels' colors is another; splat_queue.cuh has their right-hand sides.
 //
 // A warp owns 8 x 8 or 8 x 4 pixels and walks its tile's list as subtile.cuh says. A batch of 32 splats is blended into two
 // rows of the picture at a time: 16 pixels are the rows of the products. The layout of the exponents (mma.cuh, D) gives each
 // pixel to four lanes: lane 4 g + t has column g of the picture and splats 8 t to 8 t + 7. The four composite theirs as if
 // nothing were before them, learn from each other how much light reaches each (two shuffles), and weigh. The weights lie as
-// the left-hand side of the colours must.
+// the left-hand side of the colors must.
 //
 // Exponents are as good as fp32's: the monomials of a pixel fit half precision, a coefficient is split into two halves that
 // fill the 16 places of one product, sums are fp32. Weights are split in two, too, unless half precision is asked for.
@@ -233,7 +233,7 @@ class SubtilePixels {
     }
   }
 
-  // sums += [pixels x splats] [splats x colours]
+  // sums += [pixels x splats] [splats x colors]
   template <int owned, int products>
   __device__ static void add_colors(float4& sums, const float (&weights)[owned][2],
                                     const float (&columns)[products][2]) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8, what the MCMC strategy adds to it: the regularisers' gradients before Adam, where gradients are stored (the
+// Stage 8, what the MCMC strategy adds to it: the regularizers' gradients before Adam, where gradients are stored (the
 // fused update of preprocess_backward.cu adds them itself), and noise on the means after.
 #include "cuda/stages.cuh"
 
@@ -8,12 +8,12 @@ namespace {
 
 constexpr int kThreads = 256;  // rows are independent: any size that fills a multiprocessor
 
-__global__ void regulariser_kernel(GaussiansSpan gaussians, Regularisers of_each,
+__global__ void regularizer_kernel(GaussiansSpan gaussians, Regularizers of_each,
                                    GaussiansSpan gradients) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= gaussians.mean.size) return;
-  const RegulariserGradient<float> gradient =
-      regulariser_vjp(gaussians.log_scale[i], gaussians.logit_opacity[i], of_each);
+  const RegularizerGradient<float> gradient =
+      regularizer_vjp(gaussians.log_scale[i], gaussians.logit_opacity[i], of_each);
   gradients.log_scale[i] += gradient.log_scale;
   gradients.logit_opacity[i] += gradient.logit_opacity;
 }
@@ -29,12 +29,12 @@ __global__ void position_noise_kernel(GaussiansSpan gaussians, PositionNoise noi
 
 }  // namespace
 
-void add_regulariser_gradients(Context& context, const GaussiansSpan& gaussians,
-                               const Regularisers& regularisers, const GaussiansSpan& gradients) {
-  const StageScope scope(context, "regularisers");
+void add_regularizer_gradients(Context& context, const GaussiansSpan& gaussians,
+                               const Regularizers& regularizers, const GaussiansSpan& gradients) {
+  const StageScope scope(context, "regularizers");
   const std::size_t count = gaussians.mean.size;
-  context.launch("regularisers", regulariser_kernel, blocks_for(count, kThreads), kThreads,
-                 gaussians, regularisers.of_each(count), gradients);
+  context.launch("regularizers", regularizer_kernel, blocks_for(count, kThreads), kThreads,
+                 gaussians, regularizers.of_each(count), gradients);
 }
 
 void add_position_noise(Context& context, const GaussiansSpan& gaussians,

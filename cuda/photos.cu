@@ -47,7 +47,7 @@ PhotoStore::~PhotoStore() {
   cudaStreamDestroy(copy_stream_);
 }
 
-void PhotoStore::prepare(const std::vector<View>& views, std::size_t budget_bytes) {
+void PhotoStore::upload_views(const std::vector<View>& views, std::size_t budget_bytes) {
   for (Slot& slot : slots_) slot.view = nullptr;
   resident_at_.clear();
   std::size_t bytes = 0, count = 0;
@@ -71,7 +71,7 @@ void PhotoStore::prepare(const std::vector<View>& views, std::size_t budget_byte
   });
 }
 
-void PhotoStore::announce(const View& view) {
+void PhotoStore::prefetch_next(const View& view) {
   if (!is_resident(view) && !announced(view)) fetch(view);
 }
 

@@ -27,12 +27,12 @@ class PhotoStore {
 
   /// Uploads the photos of these views, in order, up to so many bytes of the GPU's memory; forgets all others.
   /// The views outlive the next call or this store.
-  void prepare(const std::vector<View>& views, std::size_t budget_bytes);
+  void upload_views(const std::vector<View>& views, std::size_t budget_bytes);
   /// Whether the photo was prepared.
   bool is_resident(const View& view) const { return resident_at_.contains(&view); }
   /// Starts to fetch the photo of a view that photo() will be asked for soon. Does not wait for the GPU but
   /// where it is several photos behind; waits for a photo that is still being decoded.
-  void announce(const View& view);
+  void prefetch_next(const View& view);
   /// The photo and its mask, valid for work on the compute stream that is launched
   /// before the next two calls of photo(). Does not wait for a photo that was prepared or announced.
   PhotoBytes photo(const View& view);

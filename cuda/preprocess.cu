@@ -122,7 +122,7 @@ __global__ void __launch_bounds__(kThreads)
   Splat& splat = projected.splat;
   std::uint32_t hits = 0;
   if (__any_sync(kAllLanes, !pixels.empty())) {
-    // A warp's Gaussians are neighbours in space: where one is visible, most are.
+    // A warp's Gaussians are neighbors in space: where one is visible, most are.
     start_sh_copy<degree>(room.sh_rows, numbers_from(gaussians.sh_rest, first), rows);
     hits = count_hit_tiles(room, splat, pixels, settings.bounds);
     finish_copies();

@@ -24,7 +24,7 @@ struct alignas(16) WarpRoom {
   float dL_dcolor[kWarp * 3];           // zero where a Gaussian is not visible
 };
 
-// dL/d(splat) of a visible Gaussian, with colours masked where blending clamped them.
+// dL/d(splat) of a visible Gaussian, with colors masked where blending clamped them.
 __device__ SplatGradient masked(const SplatGradientSum& sum, const Vec3f& color) {
   return {sum.mean2d,
           {sum.conic_xx, sum.conic_xy, sum.conic_yy},
@@ -77,7 +77,7 @@ __device__ void finish_sh_vectors(WarpRoom& room, const Numbers& numbers, std::s
   }
 }
 
-// The whole warp: through colour to the SH coefficients of its `rows` rows; returns dL/d(mean) by way of the viewing
+// The whole warp: through color to the SH coefficients of its `rows` rows; returns dL/d(mean) by way of the viewing
 // direction.
 template <int degree, class Numbers>
 __device__ Vec3f color_backward(WarpRoom& room, const Vec3f& mean, const Camera& camera,
@@ -143,7 +143,7 @@ __global__ void __launch_bounds__(kThreads)
   }
   gradient.mean += color_backward<degree>(room, shape.mean, camera, first, rows, is_visible,
                                           dL_dsplat.color, sink.sh_rest);
-  sink.regularise(shape, gradient);
+  sink.regularize(shape, gradient);
   if (is_row) sink.note(i, statistics, by_mean2d, is_visible);
   __syncwarp();
   stage(room.numbers, gradient);
@@ -209,9 +209,9 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
       pass.height,
       room.halted.data()};
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
-  if (is_absolute || density.regularisers.any())
+  if (is_absolute || density.regularizers.any())
     launch(context, rows, camera, settings, room, pass,
-           UpdateByAdamAsAsked{sink, is_absolute, density.regularisers.of_each(model.count())});
+           UpdateByAdamAsAsked{sink, is_absolute, density.regularizers.of_each(model.count())});
   else
     launch(context, rows, camera, settings, room, pass, sink);
 }

@@ -49,7 +49,7 @@ struct AdamNumbers {
   }
 };
 
-/// The parameters of one Gaussian but for colour.
+/// The parameters of one Gaussian but for color.
 struct Shape {
   Vec3f mean, log_scale;
   Quatf rotation;
@@ -72,7 +72,7 @@ struct WriteGradients {
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
     return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
   }
-  __device__ void regularise(const Shape&, GaussianGradient<float>&) const {}
+  __device__ void regularize(const Shape&, GaussianGradient<float>&) const {}
 };
 struct UpdateByAdam {
   using Numbers = AdamNumbers;
@@ -97,19 +97,19 @@ struct UpdateByAdam {
     gradient_norm[i] = before.gradient_norm + screen_gradient_norm(by_mean2d, width, height);
   }
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const { return sum.mean2d; }
-  __device__ void regularise(const Shape&, GaussianGradient<float>&) const {}
+  __device__ void regularize(const Shape&, GaussianGradient<float>&) const {}
 };
 /// The same with all that density control may ask. A kernel of its own: others do not pay for it.
 struct UpdateByAdamAsAsked : UpdateByAdam {
   bool is_absolute;        // the statistic
-  Regularisers of_each;    // weights for one row
+  Regularizers of_each;    // weights for one row
 
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
     return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
   }
-  __device__ void regularise(const Shape& shape, GaussianGradient<float>& gradient) const {
-    const RegulariserGradient<float> added =
-        regulariser_vjp(shape.log_scale, shape.logit_opacity, of_each);
+  __device__ void regularize(const Shape& shape, GaussianGradient<float>& gradient) const {
+    const RegularizerGradient<float> added =
+        regularizer_vjp(shape.log_scale, shape.logit_opacity, of_each);
     gradient.log_scale += added.log_scale;
     gradient.logit_opacity += added.logit_opacity;
   }

@@ -20,13 +20,15 @@ constexpr std::uint64_t kGrowsNever = ~std::uint64_t(0);  // a key above those o
 constexpr std::uint64_t kInfinityBits = 0x7ff0000000000000;
 constexpr int kGrowthKeyBits = 64;
 
-enum class Fate : std::uint8_t { keep, clone, split, prune };
+enum class RowAction : std::uint8_t { keep, clone, split, prune };
 
-/// True for rows of one fate or another; for CUB.
-struct HasFate {
-  const Fate* fate;
-  Fate one, other;
-  __device__ bool operator()(std::uint32_t i) const { return fate[i] == one || fate[i] == other; }
+/// True for rows of one action or another; for CUB.
+struct HasRowAction {
+  const RowAction* action;
+  RowAction one, other;
+  __device__ bool operator()(std::uint32_t i) const {
+    return action[i] == one || action[i] == other;
+  }
 };
 
 /// What counts of rows the host reads back.
@@ -43,16 +45,19 @@ __device__ bool row_is_pruned(const GaussiansSpan& rows, std::size_t i,
 }
 
 // What the statistics and the rules ask of each row, pruning included.
-__global__ void fates_kernel(GaussiansSpan rows, Span<const float> visits,
-                             Span<const float> gradient_norm, AdaptiveRules rules,
-                             Span<Fate> fate) {
+__global__ void row_actions_kernel(GaussiansSpan rows, Span<const float> visits,
+                                   Span<const float> gradient_norm, AdaptiveRules rules,
+                                   Span<RowAction> action) {
   const std::size_t i = thread_number();
-  if (i >= fate.size) return;
+  if (i >= action.size) return;
   const bool grows = wants_growth(visits[i], gradient_norm[i], rules.gradient_threshold);
   const bool small = is_small(rows.log_scale[i], rules.small_scale);
   const bool pruned = row_is_pruned(rows, i, rules);
   // A row too large to keep may still be split into halves that are not.
-  fate[i] = grows && !small ? Fate::split : pruned ? Fate::prune : grows ? Fate::clone : Fate::keep;
+  action[i] = grows && !small ? RowAction::split
+              : pruned        ? RowAction::prune
+              : grows         ? RowAction::clone
+                              : RowAction::keep;
 }
 
 // A number that is the smaller, the larger the row's mean gradient is. The quotient of two floats, in double, tells
@@ -64,29 +69,29 @@ __device__ std::uint64_t growth_key(float visits, float gradient_norm) {
 
 // The rows' keys, for those with the largest mean gradients to come first, and those that do not grow last. A block
 // adds up its pruned rows.
-__global__ void growth_keys_kernel(Span<const Fate> fate, Span<const float> visits,
+__global__ void growth_keys_kernel(Span<const RowAction> action, Span<const float> visits,
                                    Span<const float> gradient_norm, Span<std::uint64_t> keys,
                                    Counts* counts) {
   const std::size_t i = thread_number();
-  const bool exists = i < fate.size;
-  const int pruned = __syncthreads_count(exists && fate[i] == Fate::prune);
+  const bool exists = i < action.size;
+  const int pruned = __syncthreads_count(exists && action[i] == RowAction::prune);
   if (threadIdx.x == 0) atomicAdd(&counts->pruned, unsigned(pruned));
   if (!exists) return;
-  const bool grows = fate[i] == Fate::clone || fate[i] == Fate::split;
+  const bool grows = action[i] == RowAction::clone || action[i] == RowAction::split;
   keys[i] = grows ? growth_key(visits[i], gradient_norm[i]) : kGrowsNever;
 }
 
 // Rows that come after as many as there is room for do not grow.
 __global__ void limit_growth_kernel(GaussiansSpan rows, AdaptiveRules rules,
                                     Span<const std::uint32_t> order, const Counts* counts,
-                                    Span<Fate> fate) {
+                                    Span<RowAction> action) {
   const std::size_t k = thread_number();
   if (k >= order.size) return;
   const std::int64_t staying = std::int64_t(order.size) - std::int64_t(counts->pruned);
   const std::uint32_t i = order[k];
-  const bool grows = fate[i] == Fate::clone || fate[i] == Fate::split;
+  const bool grows = action[i] == RowAction::clone || action[i] == RowAction::split;
   if (!grows || std::int64_t(k) < rules.max_gaussians - staying) return;
-  fate[i] = row_is_pruned(rows, i, rules) ? Fate::prune : Fate::keep;
+  action[i] = row_is_pruned(rows, i, rules) ? RowAction::prune : RowAction::keep;
 }
 
 /// What splitting changes of a row.
@@ -104,15 +109,16 @@ __device__ Half half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t 
 }
 
 // Whether each half, two of each parent in turn, is kept or pruned.
-__global__ void half_fates_kernel(GaussiansSpan rows, Span<const std::uint32_t> parents,
-                                  AdaptiveRules rules, Random random, int step, Span<Fate> fate) {
+__global__ void half_row_actions_kernel(GaussiansSpan rows, Span<const std::uint32_t> parents,
+                                        AdaptiveRules rules, Random random, int step,
+                                        Span<RowAction> action) {
   const std::size_t k = thread_number();
-  if (k >= fate.size) return;
+  if (k >= action.size) return;
   const std::uint32_t i = parents[k / 2];
   const Half half = half_of(rows, i, std::uint32_t(k), random, step);
   const bool pruned =
       is_pruned(half.mean, half.log_scale, rows.rotation[i], rows.logit_opacity[i], rules);
-  fate[k] = pruned ? Fate::prune : Fate::keep;
+  action[k] = pruned ? RowAction::prune : RowAction::keep;
 }
 
 // The rows that the kept halves come from.
@@ -132,12 +138,13 @@ __global__ void move_halves_kernel(GaussiansSpan rows, std::size_t first,
   rows.log_scale[first + k] = half.log_scale;
 }
 
-__global__ void visible_fates_kernel(GaussiansSpan rows, float min_opacity, Span<Fate> fate) {
+__global__ void visible_row_actions_kernel(GaussiansSpan rows, float min_opacity,
+                                           Span<RowAction> action) {
   const std::size_t i = thread_number();
-  if (i >= fate.size) return;
+  if (i >= action.size) return;
   const bool invisible = is_invisible(rows.mean[i], rows.log_scale[i], rows.rotation[i],
                                       rows.logit_opacity[i], min_opacity);
-  fate[i] = invisible ? Fate::prune : Fate::keep;
+  action[i] = invisible ? RowAction::prune : RowAction::keep;
 }
 
 __global__ void reset_opacity_kernel(Span<float> logit_opacity, float highest) {
@@ -146,15 +153,16 @@ __global__ void reset_opacity_kernel(Span<float> logit_opacity, float highest) {
 }
 
 // Marks the rows with a number that is infinite or none, of an array with `width` numbers in a row. A thread per number.
-__global__ void mark_not_finite_kernel(Span<const float> numbers, std::size_t width, Fate* fate) {
+__global__ void mark_not_finite_kernel(Span<const float> numbers, std::size_t width,
+                                       RowAction* action) {
   const std::size_t k = thread_number();
-  if (k < numbers.size && numbers[k] - numbers[k] != 0.0f) fate[k / width] = Fate::prune;
+  if (k < numbers.size && numbers[k] - numbers[k] != 0.0f) action[k / width] = RowAction::prune;
 }
 
 // A block adds up its marked rows.
-__global__ void count_marked_kernel(Span<const Fate> fate, Counts* counts) {
+__global__ void count_marked_kernel(Span<const RowAction> action, Counts* counts) {
   const std::size_t i = thread_number();
-  const int marked = __syncthreads_count(i < fate.size && fate[i] == Fate::prune);
+  const int marked = __syncthreads_count(i < action.size && action[i] == RowAction::prune);
   if (threadIdx.x == 0) atomicAdd(&counts->pruned, unsigned(marked));
 }
 
@@ -162,7 +170,7 @@ class CudaRowOps final : public RowOps {
  public:
   CudaRowOps(Context& context, Memory& memory)
       : context_(context), rows_(context, memory), relocation_(context, memory),
-        order_room_(memory), fate_(memory), source_(memory), clones_(memory), parents_(memory),
+        order_room_(memory), action_(memory), source_(memory), clones_(memory), parents_(memory),
         halves_(memory), counts_(1, memory) {}
 
   RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
@@ -203,9 +211,9 @@ class CudaRowOps final : public RowOps {
     StageScope scope(context_, "prune");
     const std::size_t count = model.count();
     if (count == 0) return 0;
-    fate_.resize_discard(count);
-    launch(visible_fates_kernel, count, model.gaussians.span(), opacity, fate_.span());
-    select(Fate::keep, Fate::keep, source_, &counts_.data()->survivors);
+    action_.resize_discard(count);
+    launch(visible_row_actions_kernel, count, model.gaussians.span(), opacity, action_.span());
+    select(RowAction::keep, RowAction::keep, source_, &counts_.data()->survivors);
     source_.resize(counts_.download()[0].survivors);
     if (source_.size() < count) gather_all(model, source_.span());
     return count - source_.size();
@@ -215,25 +223,25 @@ class CudaRowOps final : public RowOps {
     StageScope scope(context_, "look");
     const std::size_t count = model.count();
     if (count == 0) return 0;
-    fate_.resize_discard(count);
-    fate_.fill_zero();  // keep
+    action_.resize_discard(count);
+    action_.fill_zero();  // keep
     counts_.fill_zero();
     for_each_array(
         [&](const char*, const auto& array) {
           constexpr std::size_t kWidth = sizeof(*array.data()) / sizeof(float);
           const auto* const numbers = reinterpret_cast<const float*>(array.data());
           launch(mark_not_finite_kernel, count * kWidth, Span<const float>{numbers, count * kWidth},
-                 kWidth, fate_.data());
+                 kWidth, action_.data());
         },
         model.gaussians);
-    launch(count_marked_kernel, count, fate_.span(), counts_.data());
+    launch(count_marked_kernel, count, action_.span(), counts_.data());
     return counts_.download()[0].pruned;
   }
 
   void release_caches() override {
     rows_.release();
-    order_room_ = RowOrderRoom(fate_.memory());
-    fate_.release();
+    order_room_ = RowOrderRoom(action_.memory());
+    action_.release();
     for (Buffer<std::uint32_t>* rows : {&source_, &clones_, &parents_, &halves_}) rows->release();
   }
 
@@ -250,41 +258,41 @@ class CudaRowOps final : public RowOps {
                     std::forward<Arguments>(arguments)...);
   }
 
-  // The fate of each row; where growth would pass the cap, only the rows with the largest mean gradients grow.
+  // The action of each row; where growth would pass the cap, only the rows with the largest mean gradients grow.
   void decide(const TrainingModel& model, const AdaptiveRules& rules) {
     const std::size_t count = model.count();
     const GaussiansSpan rows = model.gaussians.span();
     const Span<float> visits = model.statistics.visits.span();
     const Span<float> gradient_norm = model.statistics.gradient_norm.span();
-    fate_.resize_discard(count);
-    launch(fates_kernel, count, rows, visits, gradient_norm, rules, fate_.span());
+    action_.resize_discard(count);
+    launch(row_actions_kernel, count, rows, visits, gradient_norm, rules, action_.span());
     if (rules.max_gaussians <= 0 || std::int64_t(2 * count) <= rules.max_gaussians) return;
     counts_.fill_zero();
     order_room_.keys.resize_discard(count);
-    launch(growth_keys_kernel, count, fate_.span(), visits, gradient_norm, order_room_.keys.span(),
-           counts_.data());
+    launch(growth_keys_kernel, count, action_.span(), visits, gradient_norm,
+           order_room_.keys.span(), counts_.data());
     const Span<const std::uint32_t> order =
         sort_rows(context_, "row operations", order_room_, kGrowthKeyBits);
-    launch(limit_growth_kernel, count, rows, rules, order, counts_.data(), fate_.span());
+    launch(limit_growth_kernel, count, rows, rules, order, counts_.data(), action_.span());
   }
 
-  // The numbers of the rows, or halves, whose fate is one or the other, in order; and how many there are.
-  void select(Fate one, Fate other, Buffer<std::uint32_t>& chosen, std::uint32_t* found) {
-    const std::size_t count = fate_.size();
+  // The numbers of the rows, or halves, whose action is one or the other, in order; and how many there are.
+  void select(RowAction one, RowAction other, Buffer<std::uint32_t>& chosen, std::uint32_t* found) {
+    const std::size_t count = action_.size();
     chosen.resize_discard(count);
     with_cub_scratch(order_room_.cub, "row operations", [&](void* room, std::size_t& bytes) {
       return cub::DeviceSelect::If(room, bytes, thrust::counting_iterator<std::uint32_t>(0),
                                    chosen.data(), found, int(count),
-                                   HasFate{fate_.data(), one, other}, context_.stream());
+                                   HasRowAction{action_.data(), one, other}, context_.stream());
     });
   }
 
   // Lists the survivors, in source_, those of them that are cloned, and the parents of halves. Waits.
   Counts choose_rows(std::size_t count) {
     Counts* const counts = counts_.data();
-    select(Fate::keep, Fate::clone, source_, &counts->survivors);
-    select(Fate::clone, Fate::clone, clones_, &counts->clones);
-    select(Fate::split, Fate::split, parents_, &counts->parents);
+    select(RowAction::keep, RowAction::clone, source_, &counts->survivors);
+    select(RowAction::clone, RowAction::clone, clones_, &counts->clones);
+    select(RowAction::split, RowAction::split, parents_, &counts->parents);
     const Counts found = counts_.download()[0];
     GS_CHECK(std::size_t(found.survivors) + found.parents <= count);
     return found;
@@ -295,10 +303,10 @@ class CudaRowOps final : public RowOps {
                             const Random& random, int step, std::size_t parents) {
     halves_.resize_discard(0);
     if (parents == 0) return 0;
-    fate_.resize_discard(2 * parents);
-    launch(half_fates_kernel, 2 * parents, gaussians.span(), parents_.span(), rules, random, step,
-           fate_.span());
-    select(Fate::keep, Fate::keep, halves_, &counts_.data()->halves);
+    action_.resize_discard(2 * parents);
+    launch(half_row_actions_kernel, 2 * parents, gaussians.span(), parents_.span(), rules, random,
+           step, action_.span());
+    select(RowAction::keep, RowAction::keep, halves_, &counts_.data()->halves);
     halves_.resize(counts_.download()[0].halves);
     return halves_.size();
   }
@@ -356,7 +364,7 @@ class CudaRowOps final : public RowOps {
   RowGather rows_;
   Relocation relocation_;
   RowOrderRoom order_room_;
-  Buffer<Fate> fate_;                                // (N) of the rows, then of the halves
+  Buffer<RowAction> action_;                                // (N) of the rows, then of the halves
   Buffer<std::uint32_t> source_, clones_, parents_;  // row numbers
   Buffer<std::uint32_t> halves_;                     // numbers of those halves that are kept
   Buffer<Counts> counts_;                            // (1)

@@ -37,7 +37,7 @@ Span<const std::uint32_t> morton_order(Context& context, RowOrderRoom& room,
 inline constexpr int kGatherThreads = 256;  // of a block, and its rows
 
 /// Row i of `to` becomes row source[i] of `from`, rows of kWords words. A block takes kGatherThreads rows, its
-/// threads one word after another, so that neighbours read and write neighbouring words.
+/// threads one word after another, so that neighbors read and write neighboring words.
 template <int kWords>
 __global__ void gather_kernel(const std::uint32_t* from, Span<const std::uint32_t> source,
                               std::uint32_t* to) {

@@ -2,9 +2,9 @@
 // The splats that hit a sub-tile and wait to be blended, 32 at a time, by blend_gemm.cu: in shared memory, one queue of
 // each warp, as the right-hand sides of its two matrix products.
 //
-//   exponents  [pixels x 6] [6 x splats]        a splat is a column of six coefficients, relative to the sub-tile's centre,
+//   exponents  [pixels x 6] [6 x splats]        a splat is a column of six coefficients, relative to the sub-tile's center,
 //                                               each as two halves: 22 bits, and the first two as three
-//   colours    [pixels x splats] [splats x 8]   a splat is a row: each channel in a part that TF32 holds and the rest, then
+//   colors    [pixels x splats] [splats x 8]   a splat is a row: each channel in a part that TF32 holds and the rest, then
 //                                               1 and 0; the 1 sums the weights
 //
 // A batch is four products of exponents with 8 columns each, half a batch two; gemm_layout.h says which splat is which column.
@@ -40,8 +40,8 @@ class SplatQueue {
  public:
   using Room = QueueRoom<with_positions, places>;
 
-  /// `centre` of the sub-tile, in pixels.
-  __device__ SplatQueue(Room& room, const Vec2f& centre) : room_(room), centre_(centre) {}
+  /// `center` of the sub-tile, in pixels.
+  __device__ SplatQueue(Room& room, const Vec2f& center) : room_(room), center_(center) {}
 
   __device__ unsigned count() const { return count_; }
 
@@ -50,9 +50,9 @@ class SplatQueue {
   __device__ void take(Walk& walk) {
     count_ += walk.take_next([&](int k, const Splat& splat, std::uint32_t position, std::uint32_t) {
       ExponentTerms<float> terms = exponent_coefficients(
-          conic_factors(splat.conic, splat.variance_y), splat.mean2d - centre_,
+          conic_factors(splat.conic, splat.variance_y), splat.mean2d - center_,
           __log2f(splat.opacity * (1.0f / kMinAlpha)));
-      // So far from the centre no fragment is near, and half precision would not hold the coefficients.
+      // So far from the center no fragment is near, and half precision would not hold the coefficients.
       if (!(terms.of[0] > kFarAway)) terms = nobody_sees();
       put(count_ + k, terms, splat.color, position);
     });
@@ -82,7 +82,7 @@ class SplatQueue {
     }
   }
 
-  /// The right-hand sides of the colours of the next batch: rows t and t + 4 of product j are splats 2 j and 2 j + 1 of
+  /// The right-hand sides of the colors of the next batch: rows t and t + 4 of product j are splats 2 j and 2 j + 1 of
   /// lane t of a pixel's four.
   template <int products>
   __device__ void load_colors(float (&columns)[products][2]) const {
@@ -108,7 +108,7 @@ class SplatQueue {
   }
 
  private:
-  // |u|^2 of a sub-tile's centre; |u| changes by less than 30 to its corners.
+  // |u|^2 of a sub-tile's center; |u| changes by less than 30 to its corners.
   static constexpr float kFarAway = -4096.0f;
   __device__ static ExponentTerms<float> nobody_sees() { return {{kFarAway, 0, 0, 0, 0, 0}}; }
   __device__ static float2 minus(const float2& a, const __half2& halves) {
@@ -142,7 +142,7 @@ class SplatQueue {
   }
 
   Room& room_;
-  Vec2f centre_;
+  Vec2f center_;
   unsigned begin_ = 0, count_ = 0;  // of the next batch in the room: 0 or kBatch; splats from there on
 };
 

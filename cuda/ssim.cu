@@ -8,7 +8,7 @@
 // In both, a block owns kBlockRows x kBlockColumns pixels of one channel, and works in two passes:
 //   down    each thread walks down one column, halo rows included, and holds the unfinished sums of the window in
 //           registers; finished ones go to shared memory
-//   across  each warp takes whole rows of those; a thread makes four neighbouring means from sixteen values
+//   across  each warp takes whole rows of those; a thread makes four neighboring means from sixteen values
 // All is fp32. SSIM needs xx and yy only as their sum. With p = X + Y and q = X - Y the moments are those of
 // p, q, pp, qq: four windows instead of five, and two multiplications a pixel.
 //
@@ -26,7 +26,7 @@ namespace {
 
 constexpr int kThreads = 128;  // columns that a block reads; fewer would read more halo, more leave small pictures' GPU idle
 constexpr int kWarps = kThreads / kWarp;
-constexpr int kGroup = 4;  // neighbouring means that a thread makes: 16 bytes
+constexpr int kGroup = 4;  // neighboring means that a thread makes: 16 bytes
 constexpr int kBlockColumns = (kThreads - 2 * kSsimRadius) / kGroup * kGroup;
 constexpr int kBlockRows = 16;  // sums in flight do not depend on it; shared memory and code do
 
@@ -48,7 +48,7 @@ struct Derivatives {
   float* data;
   std::int64_t row_floats;
 
-  /// Where d_x of a pixel lies; d_xx follows kColumns floats later, then d_xy. Reads of neighbouring columns are
+  /// Where d_x of a pixel lies; d_xx follows kColumns floats later, then d_xy. Reads of neighboring columns are
   /// contiguous, and four columns from a multiple of four are 16 bytes in a row.
   static constexpr int kColumns = kWarp;
   __device__ float* at(int row, int x) const {
@@ -184,7 +184,7 @@ __device__ inline LocalMoments<float> moments_of(float p, float q, float pp, flo
   return {0.5f * (p + q), 0.5f * (p - q), 0.5f * (pp + qq), 0.0f, 0.25f * (pp - qq)};
 }
 
-/// Four neighbouring pixels of one row: writes their derivatives, returns the sum of their SSIM.
+/// Four neighboring pixels of one row: writes their derivatives, returns the sum of their SSIM.
 __device__ inline float similarity_of_four(const Pictures& pictures, const Area& area, int y, int x,
                                            float dL_dssim, const float (&moments)[4][kGroup],
                                            const Derivatives& derivatives) {

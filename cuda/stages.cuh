@@ -47,7 +47,7 @@ inline constexpr std::uint32_t kSegmentLength = 512;
 /// True where the tiles of a pass, and the number that stands for no tile, fit keys of 16 bits.
 inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < 65536; }
 
-/// 1  preprocess.cu: activate, cull, project, colour; one splat per Gaussian, and which tiles it hits.
+/// 1  preprocess.cu: activate, cull, project, color; one splat per Gaussian, and which tiles it hits.
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, WorkingRoom& room, RenderPass& pass);
 
@@ -93,10 +93,10 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                                     const DensityStep& density, WorkingRoom& room,
                                     RenderPass& pass);
 
-/// What the MCMC strategy adds to 8  langevin.cu: the regularisers' gradients before Adam, where gradients are stored;
+/// What the MCMC strategy adds to 8  langevin.cu: the regularizers' gradients before Adam, where gradients are stored;
 /// and noise on the means after it, unless `halted` is raised (or null).
-void add_regulariser_gradients(Context& context, const GaussiansSpan& gaussians,
-                               const Regularisers& regularisers, const GaussiansSpan& gradients);
+void add_regularizer_gradients(Context& context, const GaussiansSpan& gaussians,
+                               const Regularizers& regularizers, const GaussiansSpan& gradients);
 void add_position_noise(Context& context, const GaussiansSpan& gaussians,
                         const PositionNoise& noise, float position_rate,
                         const std::uint32_t* halted);

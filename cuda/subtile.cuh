@@ -65,7 +65,7 @@ struct WarpWork {
   }
 };
 
-/// The outermost pixel centres of a sub-tile.
+/// The outermost pixel centers of a sub-tile.
 struct PixelRange {
   float x_min, x_max, y_min, y_max;
 
@@ -112,7 +112,7 @@ struct alignas(16) ListedSplat {
   Vec2f mean2d;
   ConicFactors<float> L;
   float lowest;             // a fragment is kept iff e >= lowest
-  float opacity, red;       // colours are not below 0
+  float opacity, red;       // colors are not below 0
   float green, blue;
   std::uint32_t position;   // in the tile's list
   std::uint32_t gaussian;

@@ -9,7 +9,7 @@
 
 namespace gs {
 
-/// Undistorted pinhole camera. Pixel (i, j) has its centre at (i + 0.5, j + 0.5), as in COLMAP; camera
+/// Undistorted pinhole camera. Pixel (i, j) has its center at (i + 0.5, j + 0.5), as in COLMAP; camera
 /// axes are x right, y down, z forward. Loaders convert every other camera model to this one.
 template <class T>
 struct PinholeCamera {
@@ -18,14 +18,14 @@ struct PinholeCamera {
   Mat3<T> cam_from_world_rotation{{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(0), T(0), T(1)}};
   Vec3<T> cam_from_world_translation{T(0), T(0), T(0)};  // world units
 
-  /// The camera centre in world space.
+  /// The camera center in world space.
   GS_HD Vec3<T> position() const {
     return -multiply_transposed(cam_from_world_rotation, cam_from_world_translation);
   }
 };
 using Camera = PinholeCamera<float>;
 
-/// The camera of the same view at another picture size: focal lengths and centre scale with the true
+/// The camera of the same view at another picture size: focal lengths and center scale with the true
 /// ratio of each axis.
 template <class T>
 PinholeCamera<T> resized(PinholeCamera<T> camera, int width, int height) {

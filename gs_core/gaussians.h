@@ -24,7 +24,7 @@ struct GaussianArrays {
   Array<Vec3f> log_scale;      // (N, 3)      log of world units
   Array<Quatf> rotation;       // (N, 4)      w x y z, any length > 0
   Array<float> logit_opacity;  // (N)
-  Array<Vec3f> sh0;            // (N, 3)      colour = 0.5 + C0 * sh0 + ...
+  Array<Vec3f> sh0;            // (N, 3)      color = 0.5 + C0 * sh0 + ...
   Array<ShRest> sh_rest;       // (N, 15, 3)  zero beyond the degree in use
 };
 

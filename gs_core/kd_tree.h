@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Nearest neighbours among points in space.
+// Nearest neighbors among points in space.
 #pragma once
 
 #include <vector>

@@ -13,7 +13,7 @@ enum class RandomStream : std::uint32_t {
   view_order,
   background,
   split_gaussians,
-  initialise,
+  initialize,
   test,
   relocate,
   grow,

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "gs_core/math/constants.h"
-#include "gs_core/strays.h"
+#include "gs_core/outliers.h"
 
 namespace gs {
 namespace {
@@ -27,8 +27,8 @@ std::shared_ptr<const View> with_photo(const View& view) {
   return {std::shared_ptr<void>(), &view};  // owns nothing
 }
 
-void expect_photo(const View& view) {
-  if (is_elsewhere(view)) view.source->expect(view.index);
+void prefetch_photo(const View& view) {
+  if (is_elsewhere(view)) view.source->prefetch_decode(view.index);
 }
 
 void release_photo(const View& view) {
@@ -41,17 +41,17 @@ std::size_t photo_bytes(const View& view) {
          std::size_t(view.camera.height);
 }
 
-std::vector<std::size_t> stray_cameras(const std::vector<View>& views) {
+std::vector<std::size_t> outlier_cameras(const std::vector<View>& views) {
   std::vector<Vec3d> positions;
   for (const View& view : views) positions.push_back(Vec3d(view.camera.position()));
-  return stray_positions(positions);
+  return outlier_positions(positions);
 }
 
 float camera_extent(const std::vector<View>& views) {
-  const std::vector<std::size_t> strays = stray_cameras(views);
+  const std::vector<std::size_t> outliers = outlier_cameras(views);
   std::vector<Vec3d> positions;
   for (std::size_t i = 0; i < views.size(); ++i)
-    if (!std::binary_search(strays.begin(), strays.end(), i))
+    if (!std::binary_search(outliers.begin(), outliers.end(), i))
       positions.push_back(Vec3d(views[i].camera.position()));
   Vec3d mean(0.0);
   for (const Vec3d& position : positions) mean += position;

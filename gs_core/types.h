@@ -102,7 +102,7 @@ GS_HD Vec3<T> multiply(const Sym3<T>& S, const Vec3<T>& v) {
 }
 
 /// The smaller and the larger of two values: comparisons only, so that they work on Jets and in kernels; by
-/// value, so that compilers can vectorise loops around them.
+/// value, so that compilers can vectorize loops around them.
 template <class T>
 GS_HD T min_of(T a, T b) {
   return b < a ? b : a;

@@ -33,7 +33,7 @@ struct TilePixels {
   }
 };
 
-// Blends one splat into kLanes neighbouring pixels of a row.
+// Blends one splat into kLanes neighboring pixels of a row.
 template <BlendRule rule>
 inline void blend_lanes(const Splat& splat, float dx, float dy, std::uint32_t position, int first,
                         TilePixels& pixels) {

@@ -16,7 +16,7 @@ namespace {
 
 // The pixels of one tile on their way back: PixelBackwardState, one array per member.
 struct TilePixels {
-  float red[kTilePixels], green[kTilePixels], blue[kTilePixels];  // colour behind
+  float red[kTilePixels], green[kTilePixels], blue[kTilePixels];  // color behind
   float transmittance[kTilePixels];
   float d_red[kTilePixels], d_green[kTilePixels], d_blue[kTilePixels];  // dL/d(pixel)
   float d_final[kTilePixels];

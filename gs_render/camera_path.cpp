@@ -8,7 +8,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/math/quaternion.h"
-#include "gs_core/strays.h"
+#include "gs_core/outliers.h"
 
 namespace gs {
 namespace {
@@ -62,14 +62,14 @@ Sym3<double> projector_across(const Vec3d& d) {
 std::vector<std::size_t> ordinary(const std::vector<CameraPose>& poses) {
   std::vector<Vec3d> positions;
   for (const CameraPose& pose : poses) positions.push_back(pose.position);
-  const std::vector<std::size_t> strays = stray_positions(positions);
+  const std::vector<std::size_t> outliers = outlier_positions(positions);
   std::vector<std::size_t> indices;
   for (std::size_t i = 0; i < poses.size(); ++i)
-    if (!std::binary_search(strays.begin(), strays.end(), i)) indices.push_back(i);
+    if (!std::binary_search(outliers.begin(), outliers.end(), i)) indices.push_back(i);
   return indices;
 }
 
-std::vector<PinholeCamera<double>> without_strays(const std::vector<Camera>& cameras) {
+std::vector<PinholeCamera<double>> without_outliers(const std::vector<Camera>& cameras) {
   GS_CHECK(!cameras.empty());
   std::vector<CameraPose> poses;
   for (const Camera& camera : cameras) poses.push_back(pose_of(camera));
@@ -93,7 +93,7 @@ Vec3d up_of(const std::vector<PinholeCamera<double>>& cameras) {
   return length(up) > 0 ? unit(up) : unit(mean);
 }
 
-Vec3d centre_of(const std::vector<PinholeCamera<double>>& cameras, double focus) {
+Vec3d center_of(const std::vector<PinholeCamera<double>>& cameras, double focus) {
   LeastSquares sum;
   Vec3d seen(0.0);
   for (const auto& camera : cameras) {
@@ -161,19 +161,19 @@ std::vector<std::size_t> spread_out(const std::vector<std::size_t>& all, std::si
 }  // namespace
 
 SceneFrame scene_frame(const std::vector<Camera>& cameras, double focus) {
-  return scene_frame_about(centre_of(without_strays(cameras), focus), cameras);
+  return scene_frame_about(center_of(without_outliers(cameras), focus), cameras);
 }
 
-SceneFrame scene_frame_about(const Vec3d& centre, const std::vector<Camera>& cameras) {
-  const std::vector<PinholeCamera<double>> kept = without_strays(cameras);
-  SceneFrame frame{up_of(kept), centre};
+SceneFrame scene_frame_about(const Vec3d& center, const std::vector<Camera>& cameras) {
+  const std::vector<PinholeCamera<double>> kept = without_outliers(cameras);
+  SceneFrame frame{up_of(kept), center};
   std::vector<double> distances;
   double heights = 0;
   for (const auto& camera : kept) {
-    const Vec3d from_centre = camera.position() - centre;
-    distances.push_back(length(from_centre));
+    const Vec3d from_center = camera.position() - center;
+    distances.push_back(length(from_center));
     if (distances.back() > 0)
-      heights += std::asin(std::clamp(inner(from_centre, frame.up) / distances.back(), -1.0, 1.0));
+      heights += std::asin(std::clamp(inner(from_center, frame.up) / distances.back(), -1.0, 1.0));
   }
   const auto middle = distances.begin() + std::ptrdiff_t(distances.size() / 2);
   std::nth_element(distances.begin(), middle, distances.end());
@@ -191,7 +191,7 @@ Quat<double> looking_at(const Vec3d& from, const Vec3d& to, const Vec3d& up) {
 
 std::vector<CameraPose> orbit(const Orbit& orbit, std::size_t count) {
   const SceneFrame& frame = orbit.frame;
-  const Vec3d start = orbit.start - frame.centre;
+  const Vec3d start = orbit.start - frame.center;
   const Vec3d level = start - inner(start, frame.up) * frame.up;
   const Vec3d e1 = length(level) > 1e-9 * frame.radius ? unit(level) : across(frame.up);
   const Vec3d e2 = cross(frame.up, e1);
@@ -203,8 +203,8 @@ std::vector<CameraPose> orbit(const Orbit& orbit, std::size_t count) {
     const double angle = 2 * std::numbers::pi * orbit.turns * double(i) / steps;
     const Vec3d outward = std::cos(elevation) * (std::cos(angle) * e1 + std::sin(angle) * e2) +
                           std::sin(elevation) * frame.up;
-    const Vec3d position = frame.centre + frame.radius * outward;
-    poses.push_back({position, looking_at(position, frame.centre, frame.up)});
+    const Vec3d position = frame.center + frame.radius * outward;
+    poses.push_back({position, looking_at(position, frame.center, frame.up)});
   }
   return poses;
 }

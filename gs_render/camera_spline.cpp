@@ -33,7 +33,7 @@ double distance(const CameraPose& a, const CameraPose& b, double turn_length) {
                     turn_length * angle_between(a.world_from_cam, b.world_from_cam));
 }
 
-/// A key with its neighbours, and the intervals between them; 0: there is no such neighbour.
+/// A key with its neighbors, and the intervals between them; 0: there is no such neighbor.
 template <class V>
 struct Knot {
   V before, here, after;

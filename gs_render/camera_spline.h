@@ -25,7 +25,7 @@ double angle_between(const Quat<double>& a, const Quat<double>& b);
 /// Positions and quaternions are cubic between keys, with the slopes of a Catmull-Rom spline over knots that are not evenly
 /// spaced: t grows from key to key by the square root of their distance (centripetal: Yuksel, Schaefer and Keyser 2011), so
 /// that the curve has no loops between near keys. Quaternions are brought to one side before they are interpolated, so that
-/// the camera takes the short way round, and are normalised after: at each key and between keys the rotation is one.
+/// the camera takes the short way round, and are normalized after: at each key and between keys the rotation is one.
 /// The distance of two poses counts their turn as well: sqrt(d^2 + (turn_length * angle)^2).
 class CameraSpline {
  public:

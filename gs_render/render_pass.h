@@ -68,7 +68,7 @@ struct RenderPass {
   Buffer<std::uint32_t> tile_order;     // (tiles) those with the longest lists first
   Buffer<std::uint32_t> first_checkpoints;  // (tiles) where a tile's checkpoints begin; one per segment but the first
   Buffer<ListSegment> segments;         // (room for S) the longest first, then empty ones
-  Buffer<Vec4f> checkpoints;            // (room for S - tiles, pixels of a tile) colour and transmittance before a segment
+  Buffer<Vec4f> checkpoints;            // (room for S - tiles, pixels of a tile) color and transmittance before a segment
 
   // 4 blend
   Buffer<float> image;                  // (3, H, W) with background, not clamped

@@ -10,7 +10,7 @@
 
 namespace gs {
 
-/// 1  Activate, cull, project, colour: one splat per Gaussian, and how many tiles it hits.
+/// 1  Activate, cull, project, color: one splat per Gaussian, and how many tiles it hits.
 void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, RenderPass& pass);
 

@@ -28,7 +28,7 @@ class SeenPoints {
     return {(float(x) + 0.5f - camera_.cx) / camera_.fx * z,
             (float(y) + 0.5f - camera_.cy) / camera_.fy * z, z};
   }
-  /// From the neighbour before a pixel to the one behind it, in steps of (dx, dy); from or to the pixel itself where one of
+  /// From the neighbor before a pixel to the one behind it, in steps of (dx, dy); from or to the pixel itself where one of
   /// them shows nothing, 0 where both do.
   Vec3f difference(int x, int y, int dx, int dy) const {
     const int before = has(x - dx, y - dy), behind = has(x + dx, y + dy);

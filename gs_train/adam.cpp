@@ -18,10 +18,10 @@ Span<float> numbers_of(const Buffer<T>& rows) {
 
 class ScalarOptimizer final : public Optimizer {
  public:
-  void regularise(const TrainingModel& model, const Regularisers& regularisers,
+  void regularize(const TrainingModel& model, const Regularizers& regularizers,
                   Gaussians& gradients) override {
-    const HostStage stage("regularisers");
-    add_regulariser_gradients(model.gaussians.span(), regularisers, gradients.span());
+    const HostStage stage("regularizers");
+    add_regularizer_gradients(model.gaussians.span(), regularizers, gradients.span());
   }
   void add_noise(TrainingModel& model, const PositionNoise& noise, float position_rate) override {
     const HostStage stage("position noise");

@@ -13,7 +13,7 @@ void Backend::step(TrainingModel& model, const View& view, const RenderSettings&
   loss().forward_backward(pass_, *with_photo(view), lambda_dssim, dL_dimage_);
   renderer().backward(gaussians, view.camera, settings, pass_, dL_dimage_.span(), gradients_.span(),
                       dL_dmean2d_.span());
-  if (density.regularisers.any()) optimizer().regularise(model, density.regularisers, gradients_);
+  if (density.regularizers.any()) optimizer().regularize(model, density.regularizers, gradients_);
   optimizer().step(model, gradients_, rates);
   if (density.noise.scale > 0) optimizer().add_noise(model, density.noise, rates.mean);
   if (density.gather_statistics) gather(model, pass_, dL_dmean2d_.span());

@@ -17,7 +17,7 @@ namespace gs {
 /// What density control asks of one step besides the update by the photo's gradients.
 struct DensityStep {
   bool gather_statistics = false;  // of visibility and image-plane gradients
-  Regularisers regularisers = {};  // in the loss
+  Regularizers regularizers = {};  // in the loss
   PositionNoise noise = {};        // on the means, after the update
 };
 
@@ -29,7 +29,7 @@ class Backend {
   virtual ~Backend() = default;
   virtual std::string name() const = 0;  // as in results.json: "cpu", "cuda:0 (NVIDIA H200)"
   /// Makes its device the calling thread's: before work on a thread that may have used another GPU since.
-  virtual void enter() {}
+  virtual void make_current() {}
   virtual Memory& memory() = 0;
   virtual Renderer& renderer() = 0;
   virtual Loss& loss() = 0;
@@ -37,13 +37,13 @@ class Backend {
   virtual RowOps& rows() = 0;
 
   /// Tells of the views that steps will ask for, so that a device can fetch their photos beforehand, up to so
-  /// many bytes of its memory. The views outlive the next prepare() or the backend.
-  virtual void prepare(const std::vector<View>&, [[maybe_unused]] std::size_t photo_bytes) {}
+  /// many bytes of its memory. The views outlive the next upload_views() or the backend.
+  virtual void upload_views(const std::vector<View>&, [[maybe_unused]] std::size_t photo_bytes) {}
   /// Tells of the views in the order in which steps will take them, some kPhotosAhead steps before: photos that are still
   /// files can be decoded meanwhile.
-  virtual void expect(const View& view) { expect_photo(view); }
+  virtual void prefetch_decode(const View& view) { prefetch_photo(view); }
   /// Tells which view the step after the next one will take.
-  virtual void announce(const View&) {}
+  virtual void prefetch_next(const View&) {}
 
   /// One training step: render, compare, differentiate, update, and do what density control asks. The body given here is the algorithm in plain words; a backend may override it with a
   /// fused sequence that computes the same.
@@ -52,7 +52,7 @@ class Backend {
 
   /// Waits until the model is what all steps so far make of it. Steps of a device run behind the host's back:
   /// whoever looks at a model calls this first; row operations do so themselves.
-  virtual void settle(TrainingModel&) {}
+  virtual void synchronize(TrainingModel&) {}
 
   /// Gives back the memory that is held to be quick: what a step needs is asked for again. A step that failed for want
   /// of memory has changed nothing, and can be taken again.

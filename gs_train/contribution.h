@@ -8,11 +8,11 @@
 
 namespace gs {
 
-/// Measures the share that each Gaussian has in a view: the sum over pixels of T alpha, what its colour is multiplied
+/// Measures the share that each Gaussian has in a view: the sum over pixels of T alpha, what its color is multiplied
 /// by.   pixels
 ///
-/// It is the gradient of the sum of all pixels by that Gaussian's colour, so every renderer can tell it: all are given
-/// one colour, and the picture's gradient is 1. Keeps the Gaussians' span, which outlives it; needs 256 bytes for each, and a
+/// It is the gradient of the sum of all pixels by that Gaussian's color, so every renderer can tell it: all are given
+/// one color, and the picture's gradient is 1. Keeps the Gaussians' span, which outlives it; needs 256 bytes for each, and a
 /// pass.
 /// Throws Error where memory runs out.
 class ContributionMeter {
@@ -26,7 +26,7 @@ class ContributionMeter {
  private:
   Renderer& renderer_;
   RenderSettings settings_;
-  GaussiansSpan gaussians_;  // of one colour
+  GaussiansSpan gaussians_;  // of one color
   Buffer<Vec3f> sh0_, host_gradient_;
   Buffer<float> dL_dimage_;
   Buffer<Vec2f> dL_dmean2d_;

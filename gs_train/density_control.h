@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_core/config.h"
+#include "gs_core/config/config.h"
 #include "gs_train/backend.h"
 #include "gs_train/schedule.h"
 

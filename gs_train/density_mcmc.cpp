@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The strategy "mcmc": Gaussians as samples. Noise lets faint ones wander, regularisers fade those that nobody needs,
+// The strategy "mcmc": Gaussians as samples. Noise lets faint ones wander, regularizers fade those that nobody needs,
 // dead ones are moved onto live ones, and their number grows by a share up to the cap.   Kheradmand et al. 2024
 #include <algorithm>
 #include <cmath>
@@ -22,7 +22,7 @@ class McmcControl final : public DensityControl {
   }
 
   DensityStep of_step(int step) const override {
-    return {.regularisers = {density_.opacity_regulariser, density_.scale_regulariser},
+    return {.regularizers = {density_.opacity_regularizer, density_.scale_regularizer},
             .noise = {density_.noise_scale, {seed_, RandomStream::position_noise}, step}};
   }
 

@@ -31,11 +31,11 @@ bool is_in_picture(const Camera& camera, const Vec3f& point) {
 }
 
 float nearest_thing(const Camera& camera, const std::vector<ScenePoint>& points) {
-  const Vec3f centre = camera.position();
+  const Vec3f center = camera.position();
   std::vector<float> distances;
   for (const ScenePoint& point : points)
     if (is_in_picture(camera, point.position))
-      distances.push_back(squared_distance(point.position, centre));
+      distances.push_back(squared_distance(point.position, center));
   if (distances.size() < kFewestPoints) return 0;
   const auto nearest = distances.begin() + std::ptrdiff_t(distances.size() / kWrongPoints);
   std::nth_element(distances.begin(), nearest, distances.end());
@@ -66,7 +66,7 @@ ClearSpace::ClearSpace(const Scene& scene, float clearance) {
 }
 
 bool ClearSpace::holds(std::size_t v, const Vec3f& point) const {
-  return squared_distance(point, of_views_[v].centre) < of_views_[v].squared_radius;
+  return squared_distance(point, of_views_[v].center) < of_views_[v].squared_radius;
 }
 
 std::vector<std::uint8_t> ClearSpace::marks(const std::vector<Vec3f>& points) const {
@@ -74,7 +74,7 @@ std::vector<std::uint8_t> ClearSpace::marks(const std::vector<Vec3f>& points) co
   std::vector<std::uint8_t> marks(points.size());
   parallel_for(points.size(), 4096, [&](std::size_t i) {
     marks[i] = std::any_of(known_.begin(), known_.end(), [&](const Sphere& sphere) {
-      return squared_distance(points[i], sphere.centre) < sphere.squared_radius;
+      return squared_distance(points[i], sphere.center) < sphere.squared_radius;
     });
   });
   if (std::find(marks.begin(), marks.end(), 1) == marks.end()) marks.clear();

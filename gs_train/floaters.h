@@ -29,7 +29,7 @@ class ClearSpace {
 
  private:
   struct Sphere {
-    Vec3f centre;
+    Vec3f center;
     float squared_radius;
   };
   std::vector<Sphere> of_views_, known_;  // known_: those of a radius above 0

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8, what the MCMC strategy adds to it: the regularisers' gradients before Adam, noise on the means after.
+// Stage 8, what the MCMC strategy adds to it: the regularizers' gradients before Adam, noise on the means after.
 #include "gs_core/parallel.h"
 #include "gs_train/scalar_stages.h"
 
 namespace gs {
 
-void add_regulariser_gradients(const GaussiansSpan& gaussians, const Regularisers& regularisers,
+void add_regularizer_gradients(const GaussiansSpan& gaussians, const Regularizers& regularizers,
                                const GaussiansSpan& gradients) {
-  const Regularisers of_each = regularisers.of_each(gaussians.mean.size);
+  const Regularizers of_each = regularizers.of_each(gaussians.mean.size);
   parallel_for(gaussians.mean.size, 4096, [&](std::size_t i) {
-    const RegulariserGradient<float> gradient =
-        regulariser_vjp(gaussians.log_scale[i], gaussians.logit_opacity[i], of_each);
+    const RegularizerGradient<float> gradient =
+        regularizer_vjp(gaussians.log_scale[i], gaussians.logit_opacity[i], of_each);
     gradients.log_scale[i] += gradient.log_scale;
     gradients.logit_opacity[i] += gradient.logit_opacity;
   });

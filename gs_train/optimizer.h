@@ -83,8 +83,8 @@ struct PositionNoise {
 class Optimizer {
  public:
   virtual ~Optimizer() = default;
-  /// gradients += those of the regularisers, for every row.
-  virtual void regularise(const TrainingModel& model, const Regularisers& regularisers,
+  /// gradients += those of the regularizers, for every row.
+  virtual void regularize(const TrainingModel& model, const Regularizers& regularizers,
                           Gaussians& gradients) = 0;
   /// One Adam update of every row, visible or not (dense semantics). Counts model.adam_steps up.
   virtual void step(TrainingModel& model, const Gaussians& gradients,

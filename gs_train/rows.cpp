@@ -11,7 +11,7 @@
 namespace gs {
 namespace {
 
-enum class Fate : std::uint8_t { keep, clone, split, prune };
+enum class RowAction : std::uint8_t { keep, clone, split, prune };
 
 // Row i of an array becomes what row source[i] was. There is room in the array, and in the scratch for all its rows:
 // nothing can fail.
@@ -52,32 +52,33 @@ bool row_is_pruned(const GaussiansSpan& rows, std::size_t i, const AdaptiveRules
 }
 
 // What the statistics and the rules ask of each row, pruning included.
-std::vector<Fate> fates(const TrainingModel& model, const AdaptiveRules& rules) {
+std::vector<RowAction> actions(const TrainingModel& model, const AdaptiveRules& rules) {
   const GaussiansSpan rows = model.gaussians.span();
-  std::vector<Fate> fate(model.count());
+  std::vector<RowAction> action(model.count());
   parallel_for(model.count(), 4096, [&](std::size_t i) {
     const bool grows = wants_growth(model.statistics.visits[i], model.statistics.gradient_norm[i],
                                     rules.gradient_threshold);
     const bool small = is_small(rows.log_scale[i], rules.small_scale);
     const bool pruned = row_is_pruned(rows, i, rules);
     // A row too large to keep may still be split into halves that are not.
-    fate[i] = grows && !small ? Fate::split
-              : pruned        ? Fate::prune
-              : grows         ? Fate::clone
-                              : Fate::keep;
+    action[i] = grows && !small ? RowAction::split
+                : pruned        ? RowAction::prune
+                : grows         ? RowAction::clone
+                                : RowAction::keep;
   });
-  return fate;
+  return action;
 }
 
 // Where growth would pass the cap, only the rows with the largest mean gradients grow.
-void limit_growth(std::vector<Fate>& fate, const TrainingModel& model, const AdaptiveRules& rules) {
+void limit_growth(std::vector<RowAction>& action, const TrainingModel& model,
+                  const AdaptiveRules& rules) {
   if (rules.max_gaussians <= 0) return;
   const DensityStatistics& statistics = model.statistics;
   std::vector<std::uint32_t> growing;
   std::int64_t staying = 0;
-  for (std::uint32_t i = 0; i < fate.size(); ++i) {
-    if (fate[i] == Fate::clone || fate[i] == Fate::split) growing.push_back(i);
-    staying += fate[i] != Fate::prune;
+  for (std::uint32_t i = 0; i < action.size(); ++i) {
+    if (action[i] == RowAction::clone || action[i] == RowAction::split) growing.push_back(i);
+    staying += action[i] != RowAction::prune;
   }
   const std::int64_t room = std::max<std::int64_t>(rules.max_gaussians - staying, 0);
   if (std::int64_t(growing.size()) <= room) return;
@@ -86,24 +87,24 @@ void limit_growth(std::vector<Fate>& fate, const TrainingModel& model, const Ada
            statistics.gradient_norm[b] * std::max(statistics.visits[a], 1.0f);
   });
   for (std::size_t k = std::size_t(room); k < growing.size(); ++k)
-    fate[growing[k]] =
-        row_is_pruned(model.gaussians.span(), growing[k], rules) ? Fate::prune : Fate::keep;
+    action[growing[k]] = row_is_pruned(model.gaussians.span(), growing[k], rules) ? RowAction::prune
+                                                                                  : RowAction::keep;
 }
 
 class ScalarRowOps final : public RowOps {
  public:
   RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
                       int step) override {
-    std::vector<Fate> fate = fates(model, rules);
-    limit_growth(fate, model, rules);
+    std::vector<RowAction> action = actions(model, rules);
+    limit_growth(action, model, rules);
 
     std::vector<std::uint32_t> survivors, clones, parents;
     RefineReport report;
-    for (std::uint32_t i = 0; i < fate.size(); ++i) {
-      if (fate[i] == Fate::keep || fate[i] == Fate::clone) survivors.push_back(i);
-      if (fate[i] == Fate::clone) clones.push_back(i);
-      if (fate[i] == Fate::split) parents.push_back(i);
-      report.pruned += fate[i] == Fate::prune;
+    for (std::uint32_t i = 0; i < action.size(); ++i) {
+      if (action[i] == RowAction::keep || action[i] == RowAction::clone) survivors.push_back(i);
+      if (action[i] == RowAction::clone) clones.push_back(i);
+      if (action[i] == RowAction::split) parents.push_back(i);
+      report.pruned += action[i] == RowAction::prune;
     }
     const std::vector<std::uint32_t> halves =
         kept_halves(model.gaussians.span(), rules, random, step, parents);

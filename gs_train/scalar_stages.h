@@ -13,7 +13,7 @@ std::unique_ptr<Optimizer> make_scalar_optimizer();  // 8  adam.cpp
 std::unique_ptr<RowOps> make_scalar_row_ops();       // 9  rows.cpp, 10 morton.cpp
 
 /// langevin.cpp, behind Optimizer: what the MCMC strategy adds to stage 8.
-void add_regulariser_gradients(const GaussiansSpan& gaussians, const Regularisers& regularisers,
+void add_regularizer_gradients(const GaussiansSpan& gaussians, const Regularizers& regularizers,
                                const GaussiansSpan& gradients);
 void add_position_noise(const GaussiansSpan& gaussians, const PositionNoise& noise,
                         float position_rate);

@@ -2,7 +2,7 @@
 // Which step does what: the standard 30,000-step schedule, and how it shrinks or grows with a run.
 #pragma once
 
-#include "gs_core/config.h"
+#include "gs_core/config/config.h"
 #include "gs_train/optimizer.h"
 
 namespace gs {

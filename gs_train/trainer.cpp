@@ -10,7 +10,7 @@
 #include "gs_core/math/activations.h"
 #include "gs_train/floaters.h"
 #include "gs_train/gaussian_budget.h"
-#include "gs_train/initialise.h"
+#include "gs_train/initialize.h"
 
 namespace gs {
 namespace {
@@ -76,7 +76,7 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
       model_(std::move(model)), checkpoint_timer_(config.train.checkpoint_every),
       guard_(scene.train_views.size()) {
   settings_.sh_degree = 0;  // raised by the schedule
-  backend_.prepare(scene.train_views, std::size_t(double(config.train.photo_gib) * kGib));
+  backend_.upload_views(scene.train_views, std::size_t(double(config.train.photo_gib) * kGib));
   const bool is_found_out = config_.density.max_gaussians == kAutoCount;
   if (is_found_out)
     config_.density.max_gaussians = affordable_gaussians(scene, model_, backend_.memory());
@@ -116,7 +116,7 @@ void Trainer::notify(const std::function<void(Observer&)>& f) {
 
 const TrainingModel& Trainer::model() {
   return *timed([&] {
-    backend_.settle(model_);
+    backend_.synchronize(model_);
     return &model_;
   });
 }
@@ -176,13 +176,13 @@ void Trainer::take_step(int step) {
   expect_views_from(step + int(kPhotosAhead), step + int(kPhotosAhead));
   if (guard_.is_watching(step)) look_at_model();
   if (breakdown_.empty()) control_density(step);
-  if (breakdown_.empty()) keep_house(step);
+  if (breakdown_.empty()) maintain(step);
 }
 
 void Trainer::one_step(int step) {
   const View& view = view_of(views_, step);
   if (config_.render.background == "random") settings_.background = random_background(step);
-  backend_.announce(view_of(views_, step + 1));
+  backend_.prefetch_next(view_of(views_, step + 1));
   // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec. "Optimization"
   backend_.step(model_, view, settings_, config_.loss.lambda_dssim, schedule_.learning_rates(step),
                 density_->of_step(step));
@@ -199,8 +199,8 @@ void Trainer::control_density(int step) {
   }
 }
 
-// Unlock SH bands; keep neighbours adjacent in memory
-void Trainer::keep_house(int step) {
+// Unlock SH bands; keep neighbors adjacent in memory
+void Trainer::maintain(int step) {
   if (schedule_.raise_sh_degree(step) && settings_.sh_degree < config_.model.sh_degree)
     ++settings_.sh_degree;
   if (schedule_.reorder(step))
@@ -213,12 +213,12 @@ const View& Trainer::view_of(ViewSampler& views, int step) {
 
 void Trainer::expect_views_from(int first, int last) {
   for (int step = first; step <= std::min(last, schedule_.steps()); ++step)
-    backend_.expect(view_of(views_ahead_, step));
+    backend_.prefetch_decode(view_of(views_ahead_, step));
 }
 
 void Trainer::finish() {
   is_finishing_ = true;  // from here on the model is a result, and no state to go on from
-  backend_.settle(model_);
+  backend_.synchronize(model_);
   if_there_is_room("the final prune", [&] {
     HiddenFloaters(model_, clear_space()).leave();
     backend_.rows().prune(model_, kMinAlpha);

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_core/config.h"
+#include "gs_core/config/config.h"
 #include "gs_core/scene.h"
 #include "gs_train/backend.h"
 #include "gs_train/checkpoint.h"
@@ -40,7 +40,7 @@ class Observer {
 /// help, a lack of memory: docs/checkpoints.md.
 class Trainer {
  public:
-  /// Initialises the Gaussians from the scene's points. Throws Error where there is nothing to train.
+  /// Initializes the Gaussians from the scene's points. Throws Error where there is nothing to train.
   Trainer(const Scene& scene, const Config& config, Backend& backend);
   /// Goes on from a state of a run on the same scene. Throws Error where it cannot be one of this scene and config.
   Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingState from);
@@ -86,7 +86,7 @@ class Trainer {
   void take_step(int step);
   void one_step(int step);
   void control_density(int step);
-  void keep_house(int step);
+  void maintain(int step);
   void expect_views_from(int first, int last);
   void finish();
   const View& view_of(ViewSampler& views, int step);

@@ -9,7 +9,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/log.h"
-#include "gs_train/initialise.h"
+#include "gs_train/initialize.h"
 #include "gs_train/trainer.h"
 
 namespace gs {
@@ -118,7 +118,7 @@ void Trainer::restore(TrainingState from) {
     throw Error(
         "the checkpoint's order of views is not what this seed gives: it is of another "
         "scene or version; train anew in another folder (-o)");
-  backend_.settle(model_);
+  backend_.synchronize(model_);
   const bool is_here = &backend_.memory() == &host_memory();
   model_ = is_here ? std::move(from.model) : copy_to(backend_.memory(), from.model);
   step_ = progress.step;

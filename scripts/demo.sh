@@ -6,8 +6,8 @@
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
 
-scene=data/courtyard
-program=build/default/cli/gemsplat
+scene=examples/courtyard
+program=build/default/bin/gemsplat
 
 is_finished() { [[ -s $1/results.json ]]; }
 

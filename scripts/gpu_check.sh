@@ -35,7 +35,7 @@ done
 out=$(realpath -m "$out")
 source "$(dirname "$0")/common.sh"
 
-program=build/minimal/cli/gemsplat
+program=build/minimal/bin/gemsplat
 failed=()
 
 # part NAME COMMAND...: runs a command, its output into DIR/NAME.log; remembers whether it failed.
@@ -72,7 +72,7 @@ find_sanitizer() {
 sanitize() {
   local check=("$sanitizer" --tool "$1" --error-exitcode 9)
   part "$1-render" "${check[@]}" build/minimal/tests/cuda_render_test --gtest_filter='CudaEdge.*-*65536*'
-  part "$1-blend" "${check[@]}" build/minimal/tests/cuda_blend_gemm_test --gtest_filter='*TwoOpaque*:*AtItsCentre'
+  part "$1-blend" "${check[@]}" build/minimal/tests/cuda_blend_gemm_test --gtest_filter='*TwoOpaque*:*AtItsCenter'
   part "$1-step" "${check[@]}" build/minimal/tests/cuda_step_test --gtest_filter='*FusedStep*'
 }
 

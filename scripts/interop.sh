@@ -5,7 +5,7 @@
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
 
-program=$(realpath "${1:-build/default/cli/gemsplat}")
+program=$(realpath "${1:-build/default/bin/gemsplat}")
 folder=${2:-build/interop}
 
 skip() { printf 'skipped: %s\n' "$*"; exit 77; }

@@ -6,4 +6,4 @@ source "$(dirname "$0")/common.sh"
 
 install_packages
 build default gemsplat
-say "Ready: build/default/cli/gemsplat --help"
+say "Ready: build/default/bin/gemsplat --help"

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <charconv>
 
-#include "data_loaders/atomic_file.h"
-#include "data_loaders/parse_number.h"
-#include "data_loaders/ply_layout.h"
+#include "data_loaders/formats/ply/ply_layout.h"
+#include "gs_core/io/atomic_file.h"
+#include "gs_core/io/parse_number.h"
 
 namespace gs {
 namespace {

@@ -6,18 +6,18 @@
 #include <algorithm>
 #include <cctype>
 
-#include "data_loaders/byte_reader.h"
-#include "data_loaders/finite_rows.h"
-#include "data_loaders/formats/compressed_ply.h"
-#include "data_loaders/formats/compression.h"
+#include "data_loaders/formats/coding/compression.h"
+#include "data_loaders/formats/coding/finite_rows.h"
 #include "data_loaders/formats/csv.h"
 #include "data_loaders/formats/glb.h"
-#include "data_loaders/formats/sog.h"
+#include "data_loaders/formats/ply/compressed_ply.h"
+#include "data_loaders/formats/ply/ply.h"
+#include "data_loaders/formats/sog/sog.h"
+#include "data_loaders/formats/sog/webp.h"
 #include "data_loaders/formats/splat.h"
-#include "data_loaders/formats/spz.h"
-#include "data_loaders/formats/webp.h"
-#include "data_loaders/ply.h"
+#include "data_loaders/formats/spz/spz.h"
 #include "gs_core/error.h"
+#include "gs_core/io/byte_reader.h"
 
 namespace gs {
 namespace {
@@ -51,7 +51,7 @@ const std::vector<ModelFormat>& model_formats() {
        require_nothing},
       {"glb", ".glb", "everything, as floats after activation", false, kHalfTurnZ, nullptr,
        write_plainly<write_glb>, require_nothing},
-      {"compressed.ply", ".compressed.ply", "fractions of the range of 256 neighbours", false,
+      {"compressed.ply", ".compressed.ply", "fractions of the range of 256 neighbors", false,
        kPlyAxes, read_gaussian_ply, write_plainly<write_compressed_ply>, require_nothing},
       {"spz", ".spz", "bytes, positions in 24 bits, compressed", false, kHalfTurnX, read_spz,
        write_spz_version, require_for_spz},

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "data_loaders/formats/frame.h"
+#include "data_loaders/formats/coding/frame.h"
 #include "gs_core/gaussians.h"
 
 namespace gs {

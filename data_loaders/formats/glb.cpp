@@ -8,11 +8,11 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "data_loaders/atomic_file.h"
-#include "data_loaders/formats/frame.h"
-#include "data_loaders/formats/little_endian.h"
-#include "data_loaders/formats/quantise.h"
+#include "data_loaders/formats/coding/frame.h"
+#include "data_loaders/formats/coding/little_endian.h"
+#include "data_loaders/formats/coding/quantize.h"
 #include "gs_core/error.h"
+#include "gs_core/io/atomic_file.h"
 #include "gs_core/version.h"
 
 namespace gs {

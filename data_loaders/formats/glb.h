@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // glTF 2.0, binary, with the extension KHR_gaussian_splatting: a mesh of points whose attributes are those of Gaussians, after
-// activation. Viewers without the extension show coloured points.
+// activation. Viewers without the extension show colored points.
 //
 //   POSITION                                       float x y z      half a turn about z from the PLY's axes: y up
 //   COLOR_0                                        u8 r g b a       linear, for viewers without the extension

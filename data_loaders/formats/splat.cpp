@@ -7,11 +7,11 @@
 #include <limits>
 #include <numeric>
 
-#include "data_loaders/atomic_file.h"
-#include "data_loaders/byte_reader.h"
-#include "data_loaders/finite_rows.h"
-#include "data_loaders/formats/little_endian.h"
-#include "data_loaders/formats/quantise.h"
+#include "data_loaders/formats/coding/finite_rows.h"
+#include "data_loaders/formats/coding/little_endian.h"
+#include "data_loaders/formats/coding/quantize.h"
+#include "gs_core/io/atomic_file.h"
+#include "gs_core/io/byte_reader.h"
 
 namespace gs {
 namespace {
@@ -49,7 +49,7 @@ void take_row(const Gaussians& g, std::size_t i, const Row& row) {
   g.sh0[i] = {sh0(0), sh0(1), sh0(2)};
   g.logit_opacity[i] = logit_of_byte(row.color[3]);
   g.rotation[i] = {component_of(r[0]), component_of(r[1]), component_of(r[2]), component_of(r[3])};
-  normalise(&g.rotation[i].w);
+  normalize(&g.rotation[i].w);
 }
 
 std::vector<std::size_t> by_importance(const Gaussians& g) {

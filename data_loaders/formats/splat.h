@@ -3,7 +3,7 @@
 //
 //   float x y z         world units
 //   float sx sy sz      standard deviations, world units
-//   u8 r g b a          255 times the colour 0.5 + C0 sh0, and times the opacity
+//   u8 r g b a          255 times the color 0.5 + C0 sh0, and times the opacity
 //   u8 w x y z          128 + 128 times the rotation of length 1
 #pragma once
 

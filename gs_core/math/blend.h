@@ -68,7 +68,7 @@ template <class T>
 struct ExponentTerms {
   T of[kExponentTerms];
 };
-/// The pixel's side: 1, x, y, x^2, x y, y^2 of its offset from a reference point. About the centre of a tile of 16
+/// The pixel's side: 1, x, y, x^2, x y, y^2 of its offset from a reference point. About the center of a tile of 16
 /// pixels these are multiples of 1/4 up to 56.25 and fit half precision exactly.
 template <class T>
 GS_HD ExponentTerms<T> pixel_monomials(const T& x, const T& y) {
@@ -93,7 +93,7 @@ GS_HD T inner(const ExponentTerms<T>& a, const ExponentTerms<T>& b) {
 
 /// exp(x) for the exponents of fragments, -80 <= x <= 0. For float: exp(x) = 2^n * 2^f with |f| <= 1/2 and a
 /// polynomial for 2^f (Taylor series of e^{f ln 2}, relative error under 3e-7), free of branches, so that
-/// compilers vectorise loops around it.
+/// compilers vectorize loops around it.
 template <class T>
 GS_HD T exp_fragment(const T& x) {
   using std::exp;
@@ -162,7 +162,7 @@ GS_HD void composite(PixelState<T>& pixel, const Vec3<T>& color, const T& alpha)
 /// divided out of the transmittance (Faster-GS).
 template <class T>
 struct PixelBackwardState {
-  Vec3<T> color_behind{T(0), T(0), T(0)};  // colour that the fragments from here on still contribute, without background
+  Vec3<T> color_behind{T(0), T(0), T(0)};  // color that the fragments from here on still contribute, without background
   T transmittance{1};      // before this fragment
   Vec3<T> dL_dcolor;       // of the pixel
   T background_term;       // -T_final * <dL/dcolor, background>
@@ -172,11 +172,11 @@ struct CompositeGradient {
   Vec3<T> color;
   T alpha;
 };
-/// Gradients of composite() by this fragment's colour and alpha, including its effect on everything behind:
+/// Gradients of composite() by this fragment's color and alpha, including its effect on everything behind:
 ///
 ///   dL/dc = T alpha g where c >= 0, with g = dL/d(pixel)
 ///   dL/dalpha = <T max(c, 0) - R / (1 - alpha), g> + ga / (1 - alpha)
-/// with R the colour behind this fragment. Advances the state past the fragment. Behind the pixel's last
+/// with R the color behind this fragment. Advances the state past the fragment. Behind the pixel's last
 /// fragment R is zero: said by `is_last`, because what rounding leaves of the difference would be divided by
 /// 1 - alpha.
 template <class T>

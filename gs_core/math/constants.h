@@ -31,7 +31,7 @@ inline constexpr float kMinCovarianceDeterminant = 1e-6f;  // pixels^4; below it
 inline constexpr float kMaxCovarianceDeterminant = 1e30f;  // pixels^4; above it 1 / det loses its range in float
 inline constexpr float kMinQuaternionNorm2 = 1e-8f;     // below it a Gaussian is degenerate [FGS]
 
-// Spherical harmonics, normalisation of the real basis functions.
+// Spherical harmonics, normalization of the real basis functions.
 inline constexpr double kSh0 = 0.28209479177387814;     // 1/2 sqrt(1/pi)
 inline constexpr double kSh1 = 0.48860251190291987;     // 1/2 sqrt(3/pi)
 inline constexpr double kSh2a = 1.0925484305920792;     // 1/2 sqrt(15/pi)
@@ -46,7 +46,7 @@ inline constexpr double kSh3e = 2.2852289973223288;     // 5/4 sqrt(21/(2 pi))
 inline constexpr double kSh3f = 1.865881662950577;      // 5/4 sqrt(7/pi)
 inline constexpr double kSh3g = 1.1195289977703462;     // 3/4 sqrt(7/pi)
 inline constexpr double kSh3h = 1.4453057213202769;     // 1/4 sqrt(105/pi)
-inline constexpr float kColorOffset = 0.5f;             // colour of all-zero coefficients [3DGS]
+inline constexpr float kColorOffset = 0.5f;             // color of all-zero coefficients [3DGS]
 
 // Loss.
 inline constexpr int kSsimRadius = 5;                   // pixels: an 11x11 window [SSIM]
@@ -69,10 +69,10 @@ inline constexpr float kNoiseSteepness = 100.0f;        // of its fall towards o
 inline constexpr int kMostCopies = 51;                  // that one Gaussian is shared among, for its new size [MCMC, code]
 inline constexpr float kMinShareTransmittance = 0x1p-23f;  // 1 - o of an opaque Gaussian that is shared
 
-// Initialisation.
-inline constexpr int kInitialNeighbours = 3;            // whose mean distance is the first scale [3DGS]
+// Initialization.
+inline constexpr int kInitialNeighbors = 3;            // whose mean distance is the first scale [3DGS]
 inline constexpr float kExtentMargin = 1.1f;            // of the farthest camera's distance [3DGS]
-inline constexpr float kMinNeighbourDistance2 = 1e-7f;  // world units^2 [3DGS]
+inline constexpr float kMinNeighborDistance2 = 1e-7f;  // world units^2 [3DGS]
 
 // Morton order.
 inline constexpr int kMortonBits = 21;                  // per axis, 63 in all [FGS]

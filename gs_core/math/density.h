@@ -39,7 +39,7 @@ GS_HD bool is_small(const Vec3f& log_scale, float small_scale) {
   return largest(log_scale) <= log(small_scale);
 }
 
-/// Centre of one half of a split: a draw from the Gaussian itself.
+/// Center of one half of a split: a draw from the Gaussian itself.
 ///
 /// normal  three independent standard normal numbers
 GS_HD Vec3f split_mean(const Vec3f& mean, const Vec3f& log_scale, const Quatf& rotation,

@@ -14,13 +14,13 @@
 namespace gs {
 
 /// Weights of the mean opacity and of the mean scale in the loss; 0: none.
-struct Regularisers {
+struct Regularizers {
   float opacity = 0;
   float scale = 0;  // 1 / world units
 
   bool any() const { return opacity != 0 || scale != 0; }
   /// The weight of each single number of so many Gaussians.
-  Regularisers of_each(std::size_t gaussians) const {
+  Regularizers of_each(std::size_t gaussians) const {
     const double count = gaussians > 0 ? double(gaussians) : 1.0;
     return {float(opacity / count), float(scale / (3 * count))};
   }
@@ -30,27 +30,27 @@ struct Regularisers {
 ///
 ///   w_o o + w_s (s_x + s_y + s_z),   w of_each()
 template <class T>
-GS_HD T regulariser(const Vec3<T>& log_scale, const T& logit_opacity, const Regularisers& of_each) {
+GS_HD T regularizer(const Vec3<T>& log_scale, const T& logit_opacity, const Regularizers& of_each) {
   using std::exp;
   return T(of_each.opacity) * sigmoid(logit_opacity) +
          T(of_each.scale) * (exp(log_scale.x) + exp(log_scale.y) + exp(log_scale.z));
 }
 template <class T>
-struct RegulariserGradient {
+struct RegularizerGradient {
   Vec3<T> log_scale;
   T logit_opacity;
 };
-/// Gradients of regulariser(), of dL/d(regulariser) = 1.
+/// Gradients of regularizer(), of dL/d(regularizer) = 1.
 template <class T>
-GS_HD RegulariserGradient<T> regulariser_vjp(const Vec3<T>& log_scale, const T& logit_opacity,
-                                             const Regularisers& of_each) {
+GS_HD RegularizerGradient<T> regularizer_vjp(const Vec3<T>& log_scale, const T& logit_opacity,
+                                             const Regularizers& of_each) {
   using std::exp;
   const T weight = T(of_each.scale);
   return {{weight * exp(log_scale.x), weight * exp(log_scale.y), weight * exp(log_scale.z)},
           sigmoid_vjp(sigmoid(logit_opacity), T(of_each.opacity))};
 }
 
-/// The noise on a mean after a step: along the Gaussian's own covariance, so that it explores its neighbourhood, and
+/// The noise on a mean after a step: along the Gaussian's own covariance, so that it explores its neighborhood, and
 /// only while it is faint.   Kheradmand et al. 2024, k and o_0 from its code
 ///
 ///   rate sigmoid(-k (o - o_0)) Sigma n,   k = 100, o_0 = 0.005

@@ -13,7 +13,7 @@ struct PhotoWeight {
   T gain, cover, backdrop;
 };
 
-/// One value of a photo whose pixel is trained by the share m, in 0..1, and that shows e times the scene's colours.
+/// One value of a photo whose pixel is trained by the share m, in 0..1, and that shows e times the scene's colors.
 ///
 ///   the mask says what trains      X' = m e X,  Y' = m Y                       black where nothing trains, in both
 ///   the mask says what is covered  X' = e X,    Y' = m Y + (1 - m) e b         all trains, over the background b

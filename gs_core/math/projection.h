@@ -34,7 +34,7 @@ GS_HD Vec3<T> project_mean_vjp(const PinholeCamera<T>& camera, const Vec3<T>& p,
 }
 
 /// The range of x/z (and y/z) inside which the Jacobian follows the point: the picture and a margin of
-/// 0.15 of its size on each side. For a centred camera this is 1.3 tan(fov / 2).   Kerbl et al. 2023, code
+/// 0.15 of its size on each side. For a centered camera this is 1.3 tan(fov / 2).   Kerbl et al. 2023, code
 template <class T>
 struct FrustumLimits {
   Vec2<T> low, high;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: view-dependent colour, real spherical harmonics up to degree 3. The basis has the order and the
+// Stage 1: view-dependent color, real spherical harmonics up to degree 3. The basis has the order and the
 // signs of the reference trainer, so that files are interchangeable.
 #pragma once
 
@@ -79,7 +79,7 @@ GS_HD Vec3<T> sh_basis_vjp(int degree, const Vec3<T>& d, const T* g) {
   return dL;
 }
 
-/// Colour seen along the unit vector d: 0.5 + sum_k basis_k c_k; not clamped.   Kerbl et al. 2023, Sec. 4
+/// Color seen along the unit vector d: 0.5 + sum_k basis_k c_k; not clamped.   Kerbl et al. 2023, Sec. 4
 ///
 /// sh0      coefficient of degree 0
 /// sh_rest  coefficients of degrees 1.., at least sh_rest_count(degree) of them

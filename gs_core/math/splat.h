@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 1 and 7: one Gaussian becomes a splat, the chain of activations, covariance, projection and colour;
+// Stages 1 and 7: one Gaussian becomes a splat, the chain of activations, covariance, projection and color;
 // and the gradient of a splat goes all the way back to the stored parameters.
 #pragma once
 
@@ -68,7 +68,7 @@ GS_HD T blur_of(const SplatSettings& settings) {
   return T(settings.antialias ? kBlurAntialias : kBlur);
 }
 
-/// Projects one Gaussian into a view: everything but its colour.   Kerbl et al. 2023, Sec. 4; Faster-GS,
+/// Projects one Gaussian into a view: everything but its color.   Kerbl et al. 2023, Sec. 4; Faster-GS,
 /// fused activations
 ///
 /// Not visible: degenerate rotation, depth outside [near, far], image covariance singular or beyond the
@@ -103,7 +103,7 @@ GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const V
   return result;
 }
 
-/// Projects one Gaussian into a view: project_shape() and its colour. Not visible where that is not finite.
+/// Projects one Gaussian into a view: project_shape() and its color. Not visible where that is not finite.
 template <class T>
 GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
                                             const GaussianParameters<T>& gaussian,
@@ -126,7 +126,7 @@ struct GaussianGradient {
   T logit_opacity;
   Vec3<T> sh0;
 };
-/// Gradients of project_shape(), for a Gaussian that was visible; sh0 and the colour's part of the mean are
+/// Gradients of project_shape(), for a Gaussian that was visible; sh0 and the color's part of the mean are
 /// left out. Everything but the parameters is computed again.
 template <class T>
 GS_HD GaussianGradient<T> project_shape_vjp(const PinholeCamera<T>& camera, const Vec3<T>& mean,
@@ -178,7 +178,7 @@ GS_HD GaussianGradient<T> project_gaussian_vjp(const PinholeCamera<T>& camera,
   GaussianGradient<T> gradient =
       project_shape_vjp(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
                         gaussian.logit_opacity, settings, dL_dsplat);
-  // Colour: to the coefficients, and through the viewing direction to the mean.
+  // Color: to the coefficients, and through the viewing direction to the mean.
   const Vec3<T> eye = camera.position();
   const ShColorGradient<T> dL_color =
       sh_color_vjp(settings.sh_degree, unit_direction(eye, gaussian.mean), gaussian.sh_rest,

@@ -37,7 +37,7 @@ struct Rect {
   GS_HD bool empty() const { return x_begin >= x_end || y_begin >= y_end; }
 };
 
-/// The pixels whose centres lie in the splat's axis-aligned bounding box: half extents
+/// The pixels whose centers lie in the splat's axis-aligned bounding box: half extents
 /// sqrt(2 cutoff Sigma'_xx) and sqrt(2 cutoff Sigma'_yy) around the mean.   Faster-GS, opacity-aware bounds
 ///
 /// mean2d   pixels           cov2d  pixels^2           cutoff  >= 0
@@ -48,7 +48,7 @@ GS_HD Rect pixel_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, float cutof
                       int tiles_y) {
   using std::ceil, std::floor, std::sqrt;
   const float ex = sqrt(2.0f * cutoff * cov2d.xx), ey = sqrt(2.0f * cutoff * cov2d.yy);
-  // First and last pixel whose centre (i + 0.5) lies in the box, as half-open bounds.
+  // First and last pixel whose center (i + 0.5) lies in the box, as half-open bounds.
   const float x0 = max_of(ceil(mean2d.x - ex - 0.5f), 0.0f);
   const float y0 = max_of(ceil(mean2d.y - ey - 0.5f), 0.0f);
   const float x1 = min_of(floor(mean2d.x + ex - 0.5f) + 1.0f, float(tiles_x * kTileWidth));
@@ -90,10 +90,10 @@ GS_HD Rect tile_rect(const Rect& pixels) {
           std::uint16_t((pixels.y_end + kTileHeight - 1) / kTileHeight)};
 }
 
-/// True where some point of a rectangle of pixel centres has an exponent >= -cutoff: the exact test of
+/// True where some point of a rectangle of pixel centers has an exponent >= -cutoff: the exact test of
 /// Radl et al. 2024 (StopThePop), for the quadratic 1/2 d^T Q d.
 ///
-/// x_min .. y_max  the outermost pixel centres   pixels
+/// x_min .. y_max  the outermost pixel centers   pixels
 /// slack           relative rounding error of the quadratic that still counts as a hit; 0: the plain test
 ///
 /// The smallest value over the rectangle lies at the mean if that is inside, else on one of the two edges nearest to
@@ -180,7 +180,7 @@ GS_HD TileSpan hit_tiles_of_row(const Vec2f& mean2d, const Sym2<float>& conic, f
   const BandRange x = range_in_band(conic, band_determinant(conic), cutoff, y_first,
                                     y_first + float(kTileHeight - 1));
   if (!(x.left <= x.right)) return {0, 0};
-  // A tile's columns of pixel centres are 16 x + 0.5 to 16 x + 15.5.
+  // A tile's columns of pixel centers are 16 x + 0.5 to 16 x + 15.5.
   const float begin = ceil((mean2d.x + x.left - (float(kTileWidth) - 0.5f)) / float(kTileWidth));
   const float end = floor((mean2d.x + x.right - 0.5f) / float(kTileWidth)) + 1.0f;
   return {int(clamp_to(begin, float(tiles.x_begin), float(tiles.x_end))),

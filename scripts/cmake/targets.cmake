@@ -37,7 +37,7 @@ function(gs_library name)
 endfunction()
 
 # gs_test(path [LINK ...]): tests/<path>.cpp, with everything linked; left out by name where a library under
-# LINK is missing. For tests/data/: the target data_tests builds them all, `ctest -L data` runs them; and so on.
+# LINK is missing. For tests/data_loaders/: the target data_tests builds them all, `ctest -L data` runs them; and so on.
 function(gs_test path)
   cmake_parse_arguments(arg "" "" "LINK" ${ARGN})
   foreach(library IN LISTS arg_LINK)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# What the pages of web/ are bundled with: node, and the packages of web/package-lock.json, which npm puts into the
+# What the pages of apps/web are bundled with: node, and the packages of apps/web/package-lock.json, which npm puts into the
 # build folder once. Where npm or its registry cannot be reached the program is built without pages, or with those that
 # scripts/pack_headers.sh put beside the headers.
 #
@@ -11,7 +11,7 @@ set(gs_web_missing "reports are written by `gemsplat report` of another build, o
 
 # gs_install_web_packages(result): npm ci where package-lock.json has changed since the last one.
 function(gs_install_web_packages result)
-  set(source ${PROJECT_SOURCE_DIR}/web)
+  set(source ${PROJECT_SOURCE_DIR}/apps/web)
   set_property(DIRECTORY ${PROJECT_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${source}/package-lock.json)
   set(stamp ${GS_WEB_DIR}/packages.stamp)
   set(which --omit=dev)

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "data_loaders/photos.h"
-#include "data_loaders/refine_exposure.h"
+#include "data_loaders/photos/photos.h"
+#include "data_loaders/refine/refine_exposure.h"
 #include "tests/support/program.h"
 
 namespace gs {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "data_loaders/ply.h"
+#include "data_loaders/formats/ply/ply.h"
 #include "gs_core/math/activations.h"
 #include "tests/support/program.h"
 

@@ -4,10 +4,10 @@
 
 #include <cmath>
 
-#include "data_loaders/exr.h"
-#include "data_loaders/film_writer.h"
-#include "data_loaders/read_cameras.h"
-#include "data_loaders/video_frames.h"
+#include "data_loaders/cameras/read_cameras.h"
+#include "data_loaders/photos/exr.h"
+#include "data_loaders/video/film_writer.h"
+#include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
 #include "tests/support/program.h"
 
@@ -70,7 +70,7 @@ TEST_F(Render, EachQuantityHasAFileOfItsOwn) {
   EXPECT_FALSE(fs::exists(path("all/film.json")));
   expect_done("--split test --write depth -o " + text("alone"));  // has the plain name
   EXPECT_EQ(largest_difference(path("alone/view_0.png"), path("all/view_0.depth.png")), 0);
-  expect_refused("--write colour -o " + text("none"), "colour");
+  expect_refused("--write color -o " + text("none"), "color");
 }
 
 TEST_F(Render, ExrHoldsDepthInWorldUnitsAndNormalsOfLengthOne) {

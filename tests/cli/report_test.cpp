@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a report says of a run or an experiment: data gathered from whole, unfinished and damaged folders. How it looks is
-// the browser's affair: web/tests/report_test.mjs.
+// the browser's affair: apps/web/tests/report_test.mjs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

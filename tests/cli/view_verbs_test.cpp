@@ -9,10 +9,10 @@
 #include <chrono>
 #include <thread>
 
-#include "cli/child_process.h"
-#include "cli/view_server.h"
 #include "data_loaders/formats/formats.h"
-#include "data_loaders/ply.h"
+#include "data_loaders/formats/ply/ply.h"
+#include "gs_app/experiment/child_process.h"
+#include "gs_app/view/view_server.h"
 #include "tests/support/program.h"
 
 namespace gs {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Config: what is read is what was written, and what cannot be used is refused by name, line and range.
-#include "gs_core/config.h"
+#include "gs_core/config/config.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,11 +9,11 @@
 #include <map>
 #include <sstream>
 
-#include "gs_core/config_fields.h"
-#include "gs_core/config_presets.h"
-#include "gs_core/config_table.h"
+#include "gs_core/config/config_fields.h"
+#include "gs_core/config/config_presets.h"
+#include "gs_core/config/config_table.h"
+#include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
-#include "gs_core/nearest_word.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -22,13 +22,13 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-// Stands for a value of any type in an initialiser list.
+// Stands for a value of any type in an initializer list.
 struct Anything {
   template <class T>
   operator T() const;
 };
 
-// How many fields an aggregate has: the largest number of initialisers it takes.
+// How many fields an aggregate has: the largest number of initializers it takes.
 template <class T, class... Values>
 constexpr std::size_t field_count() {
   if constexpr (requires { T{Values{}..., Anything{}}; }) {
@@ -301,7 +301,7 @@ TEST(ConfigTable, TheDocumentIsUpToDate) {
   const auto file = std::filesystem::path(GS_SOURCE_DIR) / "docs/configuration.md";
   EXPECT_TRUE(read_bytes(file) == config_markdown())
       << file << " is not what the code says; write it anew with\n"
-      << "  build/default/cli/gemsplat config --markdown > docs/configuration.md";
+      << "  build/default/bin/gemsplat config --markdown > docs/configuration.md";
 }
 
 TEST(ConfigTable, ExplainsASettingASectionOrEverything) {

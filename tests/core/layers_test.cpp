@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Includes and link lines go one way, and a library is seen only by the folder that owns it:
+// Includes and link lines go one way, and only the folder that owns a library sees it:
 //
-//   gs_core <- gs_render <- gs_train <- cuda;   gs_core <- data_loaders;   all of these <- gs_api <- python;   web;
-//   cli and tests see everything
+//   gs_core <- gs_render <- gs_train <- cuda;   gs_core <- data_loaders;   apps/web is text alone;
+//   all of these <- gs_app <- apps/cli, apps/python;   tests see everything
+//
+// Within gs_core, data_loaders and gs_app the subfolders have an order, too.
 //
 // This test reads the source tree. The rules are the two tables below; docs/developing.md explains them.
 #include <gmock/gmock.h>
@@ -32,20 +34,62 @@ struct SourceFile {
   std::string text;
 };
 
-// Folder -> the folders it may include and link, besides itself.
+// Folder -> the folders that it may include and link, besides itself.
 const std::map<std::string, std::set<std::string>> kLayers = {
     {"gs_core", {}},
     {"gs_render", {"gs_core"}},
     {"gs_train", {"gs_core", "gs_render"}},
     {"cuda", {"gs_core", "gs_render", "gs_train"}},
     {"data_loaders", {"gs_core"}},
-    {"gs_api", {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders"}},
-    {"python", {"gs_core", "gs_render", "gs_train", "data_loaders", "gs_api"}},
-    {"web", {}},
-    {"cli", {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders", "gs_api", "web"}},
+    {"apps/web", {}},
+    {"gs_app", {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders", "apps/web"}},
+    {"apps/python", {"gs_core", "gs_render", "gs_train", "data_loaders", "gs_app"}},
+    {"apps/cli", {"gs_core", "gs_render", "gs_train", "data_loaders", "gs_app"}},
     {"tests",
-     {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders", "gs_api", "web", "cli",
-      "python"}},
+     {"gs_core", "gs_render", "gs_train", "cuda", "data_loaders", "gs_app", "apps/web", "apps/cli",
+      "apps/python"}},
+};
+
+// Subfolder -> the subfolders of the same folder that it may include, besides itself. A folder's
+// own files (gs_core/types.h) are not in this table.
+const std::map<std::string, std::set<std::string>> kRooms = {
+    {"gs_core/math", {}},
+    {"gs_core/config", {}},
+    {"gs_core/io", {"gs_core/config"}},
+    {"data_loaders/colmap", {}},
+    {"data_loaders/photos", {"data_loaders/colmap"}},
+    {"data_loaders/lenses", {"data_loaders/colmap"}},
+    {"data_loaders/video", {"data_loaders/photos"}},
+    {"data_loaders/formats/coding", {}},
+    {"data_loaders/formats/ply", {"data_loaders/formats/coding", "data_loaders/colmap"}},
+    {"data_loaders/formats/sog", {"data_loaders/formats/coding", "data_loaders/formats/ply"}},
+    {"data_loaders/formats/spz", {"data_loaders/formats/coding", "data_loaders/formats/ply"}},
+    {"data_loaders/formats",
+     {"data_loaders/formats/coding", "data_loaders/formats/ply", "data_loaders/formats/sog",
+      "data_loaders/formats/spz"}},
+    {"data_loaders/refine", {"data_loaders/colmap", "data_loaders/lenses", "data_loaders/photos"}},
+    {"data_loaders/scene",
+     {"data_loaders/colmap", "data_loaders/formats/ply", "data_loaders/lenses",
+      "data_loaders/photos", "data_loaders/refine"}},
+    {"data_loaders/cameras",
+     {"data_loaders/colmap", "data_loaders/lenses", "data_loaders/photos", "data_loaders/scene"}},
+    {"data_loaders/reconstruct",
+     {"data_loaders/colmap", "data_loaders/photos", "data_loaders/video"}},
+    {"data_loaders/doctor",
+     {"data_loaders/colmap", "data_loaders/lenses", "data_loaders/photos", "data_loaders/scene"}},
+    {"gs_app/run", {}},
+    {"gs_app/pictures", {}},
+    {"gs_app/export", {"gs_app/run", "gs_app/pictures"}},
+    {"gs_app/report", {"gs_app/run", "gs_app/pictures"}},
+    {"gs_app/view", {"gs_app/run", "gs_app/pictures", "gs_app/export"}},
+    {"gs_app/experiment", {"gs_app/run"}},
+    {"gs_app/checks", {"gs_app/run"}},
+};
+
+// Target -> its layer, where the target's name is not "gs_" and the folder.
+const std::map<std::string, std::string> kTargets = {
+    {"gs_cli", "apps/cli"}, {"gs_python", "apps/python"}, {"gs_web", "apps/web"},
+    {"gs_view", "gs_app"},  {"gs_experiment", "gs_app"},  {"gs_checks", "gs_app"},
 };
 
 /// One header or target that a path may use beside the owners: the beginning of a path, and a whole name.
@@ -77,29 +121,45 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
     {"zstd and xxhash",
      {"zstd.h", "xxhash.h"},
      {"GS_ZSTD_", "GS_XXHASH_"},
-     {"data_loaders/photo_cache", "data_loaders/checked_file", "data_loaders/formats/compression"},
+     {"data_loaders/photos/photo_cache", "gs_core/io/checked_file",
+      "data_loaders/formats/coding/compression"},
      {"data_loaders/"}},
-    {"zlib", {"zlib.h"}, {"ZLIB::"}, {"data_loaders/formats/compression"}, {"data_loaders/"}},
-    {"libwebp", {"webp/"}, {"GS_WEBP_"}, {"data_loaders/formats/webp"}, {"data_loaders/"}},
+    {"zlib",
+     {"zlib.h"},
+     {"ZLIB::"},
+     {"data_loaders/formats/coding/compression"},
+     {"data_loaders/"}},
+    {"libwebp", {"webp/"}, {"GS_WEBP_"}, {"data_loaders/formats/sog/webp"}, {"data_loaders/"}},
     {"pybind11",
      {"pybind11/", "Python.h"},
      {"GS_PYBIND11_", "Python3"},
-     {"python/"},
-     {"python/", "tests/"}},
+     {"apps/python/"},
+     {"apps/python/", "tests/"}},
     {"cpp-httplib",
      {"httplib.h"},
      {"PkgConfig::gs_httplib"},
-     {"cli/http_server.cpp", "tests/cli/view_"},
-     {"cli/", "tests/"}},
+     {"gs_app/view/http_server.cpp", "tests/cli/view_", "tests/app/view_"},
+     {"gs_app/", "tests/"}},
     {"OpenImageIO", {"OpenImageIO/"}, {"OpenImageIO"}, {"data_loaders/"}, {"data_loaders/"}},
     {"Ceres",
      {"ceres/"},
      {"Ceres::", "CERES_"},
-     {"data_loaders/refine_", "tests/math/", "tests/support/jet_"},
+     {"data_loaders/refine/refine_", "tests/math/", "tests/support/jet_"},
      {"data_loaders/", "tests/"}},
 };
 
-std::string top_folder(const std::string& path) { return path.substr(0, path.find('/')); }
+/// The longest key of a table that the path lies in, or "".
+template <class Table>
+std::string folder_in(const Table& table, std::string path) {
+  for (std::size_t slash; (slash = path.rfind('/')) != path.npos;) {
+    path.resize(slash);
+    if (table.contains(path)) return path;
+  }
+  return "";
+}
+
+std::string layer_of(const std::string& path) { return folder_in(kLayers, path); }
+std::string room_of(const std::string& path) { return folder_in(kRooms, path); }
 
 bool begins_with_any(const std::string& text, const std::vector<std::string>& beginnings) {
   return std::any_of(beginnings.begin(), beginnings.end(),
@@ -117,19 +177,26 @@ bool may_see(const std::string& folder, const std::string& other) {
   return folder == other || kLayers.at(folder).contains(other);
 }
 
-/// The layer that an include or a CMake target names, or "" where it names none.
-std::string layer_of_include(const SourceFile& file, const std::string& name, bool quoted) {
-  const std::string folder = top_folder(name);
-  if (kLayers.contains(folder) && name != folder) {
-    return folder == "cuda" && !quoted ? "" : folder;  // <cuda/...> is CUDA's own library
-  }
-  if (!quoted) return "";
+bool room_may_see(const std::string& room, const std::string& other) {
+  return room.empty() || other.empty() || room == other || kRooms.at(room).contains(other);
+}
+
+/// The path from the root that a quoted include names: as it is, or beside the file.
+std::string included_path(const SourceFile& file, const std::string& name) {
+  if (!layer_of(name).empty()) return name;
   const fs::path beside = fs::path(file.path).parent_path() / name;  // "x.h" and "../folder/x.h"
-  const std::string resolved = top_folder(beside.lexically_normal().generic_string());
-  return kLayers.contains(resolved) ? resolved : "";
+  return beside.lexically_normal().generic_string();
+}
+
+/// The layer that an include names, or "" where it names none. <cuda/...> is CUDA's own library.
+std::string layer_of_include(const SourceFile& file, const std::string& name, bool quoted) {
+  if (quoted) return layer_of(included_path(file, name));
+  const std::string layer = layer_of(name);
+  return layer == "cuda" ? "" : layer;
 }
 
 std::string layer_of_target(const std::string& word) {
+  if (const auto named = kTargets.find(word); named != kTargets.end()) return named->second;
   for (const auto& [folder, unused] : kLayers) {
     if (word == folder || word == "gs_" + folder) return folder;
   }
@@ -146,10 +213,14 @@ void check_include(const SourceFile& file, int line, const std::string& text,
   std::smatch match;
   if (!std::regex_match(text, match, include_line)) return;
   const std::string name = match[2];
-  const std::string folder = top_folder(file.path);
+  const std::string folder = layer_of(file.path);
   const std::string layer = layer_of_include(file, name, match[1] == "\"");
   if (!layer.empty() && !may_see(folder, layer)) {
     violations.push_back(complaint(file, line, folder + " must not include " + name));
+  }
+  const std::string room = room_of(file.path), other = room_of(included_path(file, name));
+  if (layer == folder && !room_may_see(room, other)) {
+    violations.push_back(complaint(file, line, room + " must not include " + name));
   }
   for (const OwnedLibrary& library : kOwnedLibraries) {
     if (layer.empty() && begins_with_any(name, library.includes) &&
@@ -164,7 +235,7 @@ void check_link_words(const SourceFile& file, int line, const std::string& text,
                       std::vector<std::string>& violations) {
   static const std::regex word_pattern("[A-Za-z0-9_:]+");
   const std::string code = text.substr(0, text.find('#'));
-  const std::string folder = top_folder(file.path);
+  const std::string folder = layer_of(file.path);
   for (std::sregex_iterator it(code.begin(), code.end(), word_pattern), end; it != end; ++it) {
     const std::string word = it->str();
     const std::string layer = layer_of_target(word);
@@ -185,7 +256,7 @@ void check_link_words(const SourceFile& file, int line, const std::string& text,
 std::vector<std::string> find_layer_violations(const std::vector<SourceFile>& files) {
   std::vector<std::string> violations;
   for (const SourceFile& file : files) {
-    if (!kLayers.contains(top_folder(file.path))) continue;
+    if (!kLayers.contains(layer_of(file.path))) continue;
     const bool is_cmake = file.path.ends_with("CMakeLists.txt");
     std::istringstream lines(file.text);
     std::string text;
@@ -226,7 +297,7 @@ TEST(Layers, TheSourceTreeHasNoViolation) {
 TEST(Layers, TheSourceTreeIsRead) {
   std::set<std::string> folders;
   for (const SourceFile& file : read_layers(GS_SOURCE_DIR)) {
-    if (!file.text.empty()) folders.insert(top_folder(file.path));
+    if (!file.text.empty()) folders.insert(layer_of(file.path));
   }
   folders.insert("cuda");  // may be deleted
   EXPECT_EQ(folders.size(), kLayers.size());
@@ -244,7 +315,8 @@ TEST(Layers, AnIncludeAlongTheArrowIsFine) {
                             "#include \"gs_train/backend.h\"\n"
                             "#include \"cuda/warp.cuh\"\n#include \"mma.cuh\"\n"),
               IsEmpty());
-  EXPECT_THAT(violations_of("cli/main.cpp", "#include \"cuda/backend.h\"\n"), IsEmpty());
+  EXPECT_THAT(violations_of("gs_app/run/make_backend.cpp", "#include \"cuda/backend.h\"\n"),
+              IsEmpty());
 }
 
 TEST(Layers, EveryFolderMayIncludeOnlyWhatTheTableSays) {
@@ -254,6 +326,30 @@ TEST(Layers, EveryFolderMayIncludeOnlyWhatTheTableSays) {
       EXPECT_EQ(violations_of(from + "/a.h", "#include \"" + to + "/b.h\"\n").empty(), fine)
           << from << " includes " << to;
     }
+  }
+}
+
+TEST(Layers, ASubfolderIncludesOnlyTheSubfoldersThatItsRowNames) {
+  EXPECT_THAT(
+      violations_of("data_loaders/colmap/a.cpp", "#include \"data_loaders/scene/b.h\"\n"),
+      ElementsAre(HasSubstr("data_loaders/colmap must not include data_loaders/scene/b.h")));
+  EXPECT_THAT(violations_of("data_loaders/colmap/a.cpp", "#include \"../scene/b.h\"\n"),
+              ElementsAre(HasSubstr("data_loaders/colmap must not include ../scene/b.h")));
+  EXPECT_THAT(violations_of("data_loaders/scene/a.cpp", "#include \"data_loaders/colmap/b.h\"\n"),
+              IsEmpty());
+  EXPECT_THAT(violations_of("gs_app/run/a.cpp", "#include \"gs_app/view/b.h\"\n"),
+              ElementsAre(HasSubstr("gs_app/run must not include")));
+}
+
+TEST(Layers, TheTableOfSubfoldersHasNoCircle) {
+  for (const auto& [room, allowed] : kRooms) {
+    std::set<std::string> below = allowed;
+    for (std::size_t before = 0; before != below.size();) {
+      before = below.size();
+      for (const std::string& other : std::set<std::string>(below))
+        below.insert(kRooms.at(other).begin(), kRooms.at(other).end());
+    }
+    EXPECT_FALSE(below.contains(room)) << room << " includes itself through others";
   }
 }
 
@@ -280,7 +376,7 @@ TEST(Layers, TestsOfCudaMayCountDriverCallsAndNoMore) {
   EXPECT_THAT(violations_of("tests/cuda/a.cpp", "#include <cuda_runtime_api.h>\n"), IsEmpty());
   EXPECT_THAT(violations_of("tests/cuda/a.cpp", "#include <cuda_runtime.h>\n"),
               ElementsAre(HasSubstr("CUDA must not")));
-  for (const std::string path : {"tests/stages/a.cpp", "tests/support/cuda.h", "cli/a.cpp"}) {
+  for (const std::string path : {"tests/stages/a.cpp", "tests/support/cuda.h", "apps/cli/a.cpp"}) {
     EXPECT_THAT(violations_of(path, "#include <cuda_runtime_api.h>\n"),
                 ElementsAre(HasSubstr("CUDA must not")))
         << path;
@@ -288,7 +384,7 @@ TEST(Layers, TestsOfCudaMayCountDriverCallsAndNoMore) {
   EXPECT_THAT(violations_of("tests/CMakeLists.txt", "  PRIVATE CUDA::cudart_static)\n"), IsEmpty());
   EXPECT_THAT(violations_of("tests/CMakeLists.txt", "  PRIVATE CUDA::cublas)\n"),
               ElementsAre(HasSubstr("CUDA must not be linked here")));
-  EXPECT_THAT(violations_of("cli/CMakeLists.txt", "  PRIVATE CUDA::cudart_static)\n"),
+  EXPECT_THAT(violations_of("apps/cli/CMakeLists.txt", "  PRIVATE CUDA::cudart_static)\n"),
               ElementsAre(HasSubstr("CUDA must not be linked here")));
 }
 
@@ -296,15 +392,16 @@ TEST(Layers, ImageLibrariesStayInDataLoaders) {
   for (const std::string header : {"opencv2/core.hpp", "OpenImageIO/imageio.h"}) {
     const std::string text = "#include <" + header + ">\n";
     EXPECT_THAT(violations_of("data_loaders/a.cpp", text), IsEmpty()) << header;
-    EXPECT_THAT(violations_of("cli/a.cpp", text), ElementsAre(HasSubstr(header)));
+    EXPECT_THAT(violations_of("apps/cli/a.cpp", text), ElementsAre(HasSubstr(header)));
   }
 }
 
 TEST(Layers, CeresStaysInRefinementAndTheMathTests) {
   const std::string text = "#include <ceres/jet.h>\n";
-  EXPECT_THAT(violations_of("data_loaders/refine_poses.cpp", text), IsEmpty());
+  EXPECT_THAT(violations_of("data_loaders/refine/refine_poses.cpp", text), IsEmpty());
   EXPECT_THAT(violations_of("tests/math/sh_test.cpp", text), IsEmpty());
-  EXPECT_THAT(violations_of("data_loaders/photos.cpp", text), ElementsAre(HasSubstr("Ceres")));
+  EXPECT_THAT(violations_of("data_loaders/photos/photos.cpp", text),
+              ElementsAre(HasSubstr("Ceres")));
   EXPECT_THAT(violations_of("gs_core/math/sh.h", text), ElementsAre(HasSubstr("Ceres")));
 }
 

@@ -55,18 +55,18 @@ TEST(Random, GivesTheSameNumbersInAnyOrderOfCalls) {
 
 /// Moments of a million numbers.
 struct Moments {
-  double mean = 0.0, variance = 0.0, lag = 0.0;  // lag: mean product of neighbours in a block
+  double mean = 0.0, variance = 0.0, lag = 0.0;  // lag: mean product of neighbors in a block
   float smallest = 1e30f, largest = -1e30f;
 };
 template <class Draw>
-Moments moments(const Draw& draw, double centre) {
+Moments moments(const Draw& draw, double center) {
   Moments m;
   for (int i = 0; i < kBlocks; ++i) {
     const Vec4f v = draw(std::uint64_t(i));
     for (int k = 0; k < 4; ++k) {
       m.mean += v[k] / (4.0 * kBlocks);
-      m.variance += (v[k] - centre) * (v[k] - centre) / (4.0 * kBlocks);
-      m.lag += (v[k] - centre) * (v[(k + 1) % 4] - centre) / (4.0 * kBlocks);
+      m.variance += (v[k] - center) * (v[k] - center) / (4.0 * kBlocks);
+      m.lag += (v[k] - center) * (v[(k + 1) % 4] - center) / (4.0 * kBlocks);
       m.smallest = std::min(m.smallest, v[k]);
       m.largest = std::max(m.largest, v[k]);
     }

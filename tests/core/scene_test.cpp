@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The extent of a set of cameras, and the strays that it leaves out.
+// The extent of a set of cameras, and the outliers that it leaves out.
 #include "gs_core/scene.h"
 
 #include <gmock/gmock.h>
@@ -45,27 +45,27 @@ TEST(CameraExtent, DoesNotGrowByAStrayCamera) {
   std::vector<View> views = ring(40);
   views.insert(views.begin() + 7, view_at({1e4f, -300, 70}));
   views.push_back(view_at({0, 900, 0}));
-  EXPECT_THAT(stray_cameras(views), ElementsAre(7, 41));
+  EXPECT_THAT(outlier_cameras(views), ElementsAre(7, 41));
   EXPECT_NEAR(camera_extent(views), 2.2f, 1e-4f);
 }
 
-// A path that leads away, or a second place of some cameras, is no stray.
+// A path that leads away, or a second place of some cameras, is no outlier.
 TEST(StrayCameras, AreNotTheFarEndOfAPath) {
   std::vector<View> path, places = ring(30);
   for (int i = 0; i < 50; ++i) path.push_back(view_at({float(i * i), 0, 0}));
   for (int i = 0; i < 10; ++i) places.push_back(view_at({80, float(i), 0}));
-  EXPECT_THAT(stray_cameras(path), IsEmpty());
-  EXPECT_THAT(stray_cameras(places), IsEmpty());
+  EXPECT_THAT(outlier_cameras(path), IsEmpty());
+  EXPECT_THAT(outlier_cameras(places), IsEmpty());
 }
 
 TEST(StrayCameras, AreFoundAmongFive) {
   std::vector<View> views = ring(4);
   views.push_back(view_at({500, 0, 0}));
-  EXPECT_THAT(stray_cameras(views), ElementsAre(4));
+  EXPECT_THAT(outlier_cameras(views), ElementsAre(4));
 }
 
 TEST(StrayCameras, DoNotExistWhereAllStandAtOnePlace) {
-  EXPECT_THAT(stray_cameras(std::vector<View>(20, view_at({1, 2, 3}))), IsEmpty());
+  EXPECT_THAT(outlier_cameras(std::vector<View>(20, view_at({1, 2, 3}))), IsEmpty());
 }
 
 }  // namespace

@@ -103,8 +103,8 @@ TEST_F(CudaBlendGemm, Needles) {
     }
 }
 
-// Rounding must not lift a fragment above its opacity and drop it: each splat is seen at its own centre.
-TEST_F(CudaBlendGemm, NoFragmentIsLostAtItsCentre) {
+// Rounding must not lift a fragment above its opacity and drop it: each splat is seen at its own center.
+TEST_F(CudaBlendGemm, NoFragmentIsLostAtItsCenter) {
   const Camera camera = plain_camera(64, 48);
   for (const float opacity : {0.9999f, 0.99f, 0.5f, 1.0f / 254}) {
     Gaussians one(1, host_memory());

@@ -85,7 +85,7 @@ class CudaMcmc : public CudaTest {
       density.noise.step = step;
       cpu().step(expected, view, settings, 0.2f, rates, density);
       gpu().step(fused, view, settings, 0.2f, rates, density);
-      gpu().settle(fused);
+      gpu().synchronize(fused);
       gpu().Backend::step(unfused, view, settings, 0.2f, rates, density);
     }
     for (const TrainingModel* actual : {&fused, &unfused}) {
@@ -153,8 +153,8 @@ TEST_F(CudaMcmc, AddsTheSameNoise) {
             1e-5);
 }
 
-TEST_F(CudaMcmc, StepsWithRegularisersAndNoiseAreTheScalarOnes) {
-  DensityStep density{.regularisers = {0.5f, 0.5f},
+TEST_F(CudaMcmc, StepsWithRegularizersAndNoiseAreTheScalarOnes) {
+  DensityStep density{.regularizers = {0.5f, 0.5f},
                       .noise = {1e3f, {1, RandomStream::position_noise}, 0}};
   for (const int degree : {0, 1, 2, 3}) {
     SCOPED_TRACE(degree);
@@ -173,7 +173,7 @@ TEST_F(CudaMcmc, StatisticsOfAbsoluteGradientsAreTheScalarOnes) {
     settings.absolute_gradient = true;
     settings.blend_rule = rule;
     expect_same_steps(settings, {.gather_statistics = true}, still);
-    expect_same_steps(settings, {.gather_statistics = true, .regularisers = {0.5f, 0.5f}}, still);
+    expect_same_steps(settings, {.gather_statistics = true, .regularizers = {0.5f, 0.5f}}, still);
   }
 }
 

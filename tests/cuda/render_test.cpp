@@ -67,7 +67,7 @@ class CudaRender : public CudaTest {
     add("sharp", kSharp, 160, 120);
     add("huge", kHuge, 200, 150);
     add("faint", kFaint, 160, 120);
-    add("negative colours", kNegativeColors, 160, 120, white);
+    add("negative colors", kNegativeColors, 160, 120, white);
     for (const Truncation truncation :
          {Truncation::sigma2, Truncation::sigma3, Truncation::sigma4}) {
       RenderSettings settings;

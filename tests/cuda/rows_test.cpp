@@ -41,7 +41,7 @@ void draw_statistics(const DensityStatistics& statistics, Draws& draws) {
   }
 }
 
-/// Rows of all fates: small, large and huge, faint and broken, with and without gradients. The last SH coefficient
+/// Rows of all actions: small, large and huge, faint and broken, with and without gradients. The last SH coefficient
 /// tells the row's number; the moments are its number and more.
 TrainingModel random_model(std::size_t count, std::uint64_t seed) {
   Draws draws(seed);
@@ -143,7 +143,7 @@ class CudaRows : public CudaTest {
   std::size_t halves_ = 0;  // that it left
 };
 
-TEST_F(CudaRows, RefinesRowsOfAllFatesAsTheScalarTwin) {
+TEST_F(CudaRows, RefinesRowsOfAllRowActionAsTheScalarTwin) {
   for (const std::uint64_t seed : {1, 2, 3}) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     refine_both(random_model(3000, seed), kRules, seed);
@@ -162,7 +162,7 @@ TEST_F(CudaRows, RefinesAnyNumberOfRows) {
   }
 }
 
-TEST_F(CudaRows, RefinesASingleRowOfAnyFate) {
+TEST_F(CudaRows, RefinesASingleRowOfAnyAction) {
   for (const std::uint64_t seed : {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16}) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     refine_both(random_model(1, seed), kRules, seed);

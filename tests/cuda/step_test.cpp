@@ -4,7 +4,7 @@
 #include <cuda_runtime_api.h>
 #include <gtest/gtest.h>
 
-#include "data_loaders/photo_pool.h"
+#include "data_loaders/photos/photo_pool.h"
 #include "tests/support/cuda.h"
 
 // The linker sends these calls here (-Wl,--wrap): whoever makes them is counted.
@@ -104,7 +104,7 @@ TEST_F(CudaStep, FusedStepIsTheScalarOne) {
         cpu().step(expected, view, settings, 0.2f, kRates, {true});
         gpu().step(actual, view, settings, 0.2f, kRates, {true});
       }
-      gpu().settle(actual);
+      gpu().synchronize(actual);
       for (const View& view : views)
         gpu().Backend::step(unfused, view, settings, 0.2f, kRates, {true});
       expect_same(on_host(actual), expected, 1e-2);   // Adam's first steps turn the sign of a tiny gradient into a whole step
@@ -123,7 +123,7 @@ TEST_F(CudaStep, TooLittleRoomLosesNothing) {
   const RenderSettings settings;
   for (int step = 0; step < 12; ++step)
     gpu().step(fused, views[step % 3], settings, 0.2f, kRates, {true});
-  gpu().settle(fused);
+  gpu().synchronize(fused);
   for (int step = 0; step < 12; ++step)
     gpu().Backend::step(plain, views[step % 3], settings, 0.2f, kRates, {true});
   EXPECT_EQ(fused.adam_steps, 12);
@@ -141,10 +141,10 @@ TEST_F(CudaStep, DeterministicStepsGiveTheSameBytesEachTime) {
     const auto after_steps = [&](bool deterministic, bool meets_views_anew) {
       TrainingModel model = on_gpu(start);
       settings.deterministic = deterministic;
-      if (meets_views_anew) gpu().prepare(views, 1 << 30);
+      if (meets_views_anew) gpu().upload_views(views, 1 << 30);
       for (int step = 0; step < 30; ++step)
         gpu().step(model, views[step % 3], settings, 0.2f, kRates, {true});
-      gpu().settle(model);
+      gpu().synchronize(model);
       return on_host(model);
     };
     const TrainingModel first = after_steps(true, true);
@@ -169,22 +169,22 @@ TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
   const std::vector<View> views = some_views(200, 150, 5);
   TrainingModel model = on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7)));
   RenderSettings settings;
-  gpu().prepare(views, 1 << 30);
+  gpu().upload_views(views, 1 << 30);
   const auto run = [&](int steps) {
     for (int step = 0; step < steps; ++step) {
-      gpu().announce(views[(step + 1) % views.size()]);
+      gpu().prefetch_next(views[(step + 1) % views.size()]);
       gpu().step(model, views[step % views.size()], settings, 0.2f, kRates, {true});
     }
   };
   run(50);
-  gpu().settle(model);
+  gpu().synchronize(model);
   ASSERT_GT(waits, 0) << "the calls are not counted";
   ASSERT_GT(allocations, 0) << "the calls are not counted";
   waits = allocations = 0;
   run(100);
   EXPECT_EQ(waits, 0);
   EXPECT_EQ(allocations, 0);
-  gpu().settle(model);
+  gpu().synchronize(model);
 }
 
 // The same with photos that do not fit the budget and come one step ahead.
@@ -194,12 +194,12 @@ TEST_F(CudaStep, StreamedPhotosGiveTheSameSteps) {
   TrainingModel streamed = on_gpu(start), resident = on_gpu(start);
   RenderSettings settings;
   for (TrainingModel* model : {&streamed, &resident}) {
-    gpu().prepare(views, model == &streamed ? 0 : 1 << 30);
+    gpu().upload_views(views, model == &streamed ? 0 : 1 << 30);
     for (int step = 0; step < 40; ++step) {
-      gpu().announce(views[(step + 1) % views.size()]);
+      gpu().prefetch_next(views[(step + 1) % views.size()]);
       gpu().step(*model, views[step % views.size()], settings, 0.2f, kRates, {});
     }
-    gpu().settle(*model);
+    gpu().synchronize(*model);
   }
   EXPECT_LT(norm_difference(downloaded(streamed.gaussians.sh0), downloaded(resident.gaussians.sh0)),
             1e-3);
@@ -222,13 +222,13 @@ TEST_F(CudaStep, PhotosOfAPoolGiveTheSameSteps) {
   const TrainingModel start = model_of(random_gaussians(kTypical, 5000, here[0].camera, 7));
   const auto run = [&](const std::vector<View>& views, std::size_t budget) {
     TrainingModel model = on_gpu(start);
-    gpu().prepare(views, budget);
+    gpu().upload_views(views, budget);
     for (int step = 0; step < 40; ++step) {
-      gpu().expect(views[(step + 3) % views.size()]);
-      gpu().announce(views[(step + 1) % views.size()]);
+      gpu().prefetch_decode(views[(step + 3) % views.size()]);
+      gpu().prefetch_next(views[(step + 1) % views.size()]);
       gpu().step(model, views[step % views.size()], {}, 0.2f, kRates, {});
     }
-    gpu().settle(model);
+    gpu().synchronize(model);
     return downloaded(model.gaussians.sh0);
   };
   const auto expected = run(here, 1 << 30);
@@ -238,7 +238,7 @@ TEST_F(CudaStep, PhotosOfAPoolGiveTheSameSteps) {
   EXPECT_LT(norm_difference(run(elsewhere, 1 << 30), expected), 1e-3);
   EXPECT_LE(pool->counts().decoded, decoded + here.size());  // none but for the upload
   EXPECT_LE(pool->counts().peak_bytes, 2 * bytes);
-  gpu().prepare({}, 0);  // these views end here
+  gpu().upload_views({}, 0);  // these views end here
 }
 
 }  // namespace

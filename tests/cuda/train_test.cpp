@@ -2,7 +2,7 @@
 // A short training of the bundled scene reaches on the GPU what it reaches on the CPU.
 #include <gtest/gtest.h>
 
-#include "data_loaders/load_scene.h"
+#include "data_loaders/scene/load_scene.h"
 #include "gs_train/metrics.h"
 #include "gs_train/trainer.h"
 #include "tests/support/cuda.h"
@@ -41,7 +41,7 @@ Outcome trained(Backend& backend, const Scene& scene, const Config& config, int 
 class CudaTrainCourtyard : public CudaTrain {
  protected:
   CudaTrainCourtyard() {
-    config_.dataset.source = std::string(GS_SOURCE_DIR) + "/data/courtyard";
+    config_.dataset.source = std::string(GS_SOURCE_DIR) + "/examples/courtyard";
     config_.dataset.resolution = 2;
     config_.dataset.eval = true;
   }

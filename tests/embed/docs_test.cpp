@@ -33,11 +33,11 @@ void expect_blocks_in(const std::string& language, const std::string& file) {
 }
 
 TEST(EmbeddingDocs, TheCppIsThatOfTheExample) {
-  expect_blocks_in("cpp", "gs_api/example/main.cpp");
+  expect_blocks_in("cpp", "examples/embed_cpp/main.cpp");
 }
 
 TEST(EmbeddingDocs, TheExampleFindsThePackageAsTheDocsSay) {
-  const std::string example = source_file("gs_api/example/CMakeLists.txt");
+  const std::string example = source_file("examples/embed_cpp/CMakeLists.txt");
   const auto blocks = blocks_of(source_file("docs/embedding.md"), "cmake");
   ASSERT_EQ(blocks.size(), 1u);
   std::string expected = blocks[0];

@@ -176,7 +176,7 @@ function checkGlb() {
   check(document.extensionsUsed.includes(kExtension), 'glb: extensionsUsed');
   check(primitive.mode === 0, 'glb: points');
   const extension = primitive.extensions[kExtension];
-  check(extension.kernel === 'ellipse' && extension.colorSpace === 'srgb_rec709_display', 'glb: kernel and colour space');
+  check(extension.kernel === 'ellipse' && extension.colorSpace === 'srgb_rec709_display', 'glb: kernel and color space');
   const get = name => attributes[name === 'POSITION' || name === 'COLOR_0' ? name : `${kExtension}:${name}`];
   const near = (a, b) => Math.abs(a - b) <= 1e-6 * Math.abs(b);
   rows.forEach((row, i) => {

@@ -106,7 +106,7 @@ TEST(ExponentCoefficients, TimesMonomialsAreLog2OfAlpha) {
   EXPECT_LT(worst, 1e-12);
 }
 
-// At its own centre a splat has its whole opacity, wherever the reference point is.
+// At its own center a splat has its whole opacity, wherever the reference point is.
 TEST(ExponentCoefficients, GiveTheOpacityAtTheMean) {
   TestRandom random;
   for (int i = 0; i < 10'000; ++i) {
@@ -119,7 +119,7 @@ TEST(ExponentCoefficients, GiveTheOpacityAtTheMean) {
   }
 }
 
-TEST(PixelMonomials, AboutATileCentreFitElevenBits) {
+TEST(PixelMonomials, AboutATileCenterFitElevenBits) {
   for (int y = 0; y < 16; ++y)
     for (int x = 0; x < 16; ++x)
       for (const double term : pixel_monomials(x - 7.5, y - 7.5).of)
@@ -234,7 +234,7 @@ TEST(Composite, TakesNegativeChannelsForBlack) {
   EXPECT_EQ(flatten(pixel.color), (std::array{0.0, 0.25, 0.0}));
 }
 
-// ---- A pixel of several fragments over a background, as a function of all their colours and alphas.
+// ---- A pixel of several fragments over a background, as a function of all their colors and alphas.
 
 constexpr std::size_t kFragments = 8;
 
@@ -275,7 +275,7 @@ Pixel<T> blend_vjp(const Pixel<T>& pixel, const Vec3<T>& background, const Vec3<
   return grads;
 }
 
-TEST(CompositeGradient, OfAWholePixelMatchesJetOnBothSidesOfTheColourClamp) {
+TEST(CompositeGradient, OfAWholePixelMatchesJetOnBothSidesOfTheColorClamp) {
   Vec3d background;
   int negative = 0, zero = 0, positive = 0, nearly_opaque = 0;
   const double worst = worst_gradient_error(

@@ -17,27 +17,27 @@ std::array<double, 4> draw_shape(TestRandom& random) {
   return flatten(random.uniform3(-6.0, 1.0), random.uniform(-9.0, 9.0));
 }
 
-TEST(Regulariser, GradientMatchesJet) {
-  const Regularisers of_each{0.3f, 0.07f};
+TEST(Regularizer, GradientMatchesJet) {
+  const Regularizers of_each{0.3f, 0.07f};
   const auto forward = [&]<class T>(const std::array<T, 4>& x) {
     Unflatten in(x);
     const Vec3<T> log_scale = in.vec3();
-    return std::array<T, 1>{regulariser(log_scale, in.scalar(), of_each)};
+    return std::array<T, 1>{regularizer(log_scale, in.scalar(), of_each)};
   };
   const auto vjp = [&](const std::array<double, 4>& x, const std::array<double, 1>& dL) {
     Unflatten in(x);
     const Vec3d log_scale = in.vec3();
-    const RegulariserGradient<double> g = regulariser_vjp(log_scale, in.scalar(), of_each);
+    const RegularizerGradient<double> g = regularizer_vjp(log_scale, in.scalar(), of_each);
     return flatten(dL[0] * g.log_scale, dL[0] * g.logit_opacity);
   };
   EXPECT_LT(worst_gradient_error(forward, vjp, draw_shape), kJetTolerance);
 }
 
-TEST(Regulariser, OverAllGaussiansIsTheMeanOpacityAndTheMeanScale) {
-  const Regularisers of_each = Regularisers{0.5f, 2.0f}.of_each(4);
+TEST(Regularizer, OverAllGaussiansIsTheMeanOpacityAndTheMeanScale) {
+  const Regularizers of_each = Regularizers{0.5f, 2.0f}.of_each(4);
   double sum = 0.0;
   for (int i = 0; i < 4; ++i)
-    sum += regulariser(Vec3d(0.0, std::log(2.0), std::log(3.0)), 0.0, of_each);
+    sum += regularizer(Vec3d(0.0, std::log(2.0), std::log(3.0)), 0.0, of_each);
   EXPECT_NEAR(sum, 0.5 * 0.5 + 2.0 * 2.0, 1e-6);  // the weights are floats
 }
 

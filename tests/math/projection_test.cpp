@@ -15,7 +15,7 @@
 namespace gs {
 namespace {
 
-/// A posed camera that is neither centred nor square in anything.
+/// A posed camera that is neither centered nor square in anything.
 PinholeCamera<double> draw_camera(TestRandom& random) {
   const double width = 640.0, height = 420.0;
   return {640,
@@ -74,14 +74,14 @@ TEST(ToCamera, GradientMatchesJet) {
   EXPECT_LT(worst, kJetTolerance);
 }
 
-TEST(ToCamera, TakesTheCameraCentreToTheOrigin) {
+TEST(ToCamera, TakesTheCameraCenterToTheOrigin) {
   TestRandom random;
   const PinholeCamera<double> camera = draw_camera(random);
   const Vec3d origin = to_camera(camera, camera.position());
   EXPECT_NEAR(inner(origin, origin), 0.0, 1e-28);
 }
 
-// Half a unit right and a quarter unit up, two units ahead: 100/4 right and 200/8 up of the centre.
+// Half a unit right and a quarter unit up, two units ahead: 100/4 right and 200/8 up of the center.
 TEST(ProjectMean, IsTheHandValue) {
   const PinholeCamera<double> camera{64, 48, 100.0, 200.0, 30.0, 20.0};
   const Vec2<double> mean2d = project_mean(camera, Vec3d{0.5, -0.25, 2.0});
@@ -107,7 +107,7 @@ TEST(ProjectMean, GradientMatchesJet) {
 }
 
 // tan(fov / 2) = 320 / 400 and 210 / 300, times 1.3.
-TEST(FrustumLimits, AreOnePointThreeTanHalfFovForACentredCamera) {
+TEST(FrustumLimits, AreOnePointThreeTanHalfFovForACenterdCamera) {
   const FrustumLimits<double> limits =
       frustum_limits(PinholeCamera<double>{640, 420, 400.0, 300.0, 320.0, 210.0});
   const double tolerance = 1e-7;  // the margin 0.15 is stored as a float

@@ -138,7 +138,7 @@ TEST(UnitDirection, GradientMatchesJet) {
   EXPECT_LT(worst, kJetTolerance);
 }
 
-TEST(ShColor, OfZeroCoefficientsIsGrey) {
+TEST(ShColor, OfZeroCoefficientsIsGray) {
   const std::array<Vec3d, kRest> zero{};
   const Vec3d color = sh_color(3, Vec3d{0.6, 0.0, 0.8}, Vec3d{0.0, 0.0, 0.0}, zero.data());
   EXPECT_EQ(flatten(color), (std::array{0.5, 0.5, 0.5}));

@@ -19,7 +19,7 @@ LocalMoments<double> draw_moments(TestRandom& random) {
   return {x, y, x * x + sx * sx, y * y + sy * sy, x * y + random.uniform(-1.0, 1.0) * sx * sy};
 }
 
-TEST(SsimWindow, IsTheNormalisedGaussianOfSigmaOneAndAHalf) {
+TEST(SsimWindow, IsTheNormalizedGaussianOfSigmaOneAndAHalf) {
   double sum = 0.0;
   for (int d = -kSsimRadius; d <= kSsimRadius; ++d) sum += std::exp(-d * d / 4.5);
   for (int d = 0; d <= kSsimRadius; ++d) {

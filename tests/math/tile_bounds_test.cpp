@@ -39,7 +39,7 @@ class SplatRandom {
     return std::uniform_real_distribution<double>(low, high)(engine_);
   }
   /// A mean in the padded picture or up to `margin` pixels beyond it; every fourth lies exactly on a pixel
-  /// centre or a pixel's edge.
+  /// center or a pixel's edge.
   Splat splat(double margin) {
     const double a = variance(), b = variance();
     const double angle = uniform(0.0, 3.2), c = std::cos(angle), s = std::sin(angle);
@@ -126,13 +126,13 @@ Rect rect_of_box(float x, float extent) {
   return pixel_rect({x, x}, {extent * extent, 0.0f, extent * extent}, 0.5f, kTilesX, kTilesY);
 }
 
-TEST(PixelRect, HoldsThePixelsWhoseCentresLieOnTheBoxEdges) {
+TEST(PixelRect, HoldsThePixelsWhoseCentersLieOnTheBoxEdges) {
   EXPECT_EQ(bounds(rect_of_box(16.0f, 0.5f)), (Bounds{15, 17, 15, 17}));  // 15.5 to 16.5
   EXPECT_EQ(bounds(rect_of_box(8.0f, 7.5f)), (Bounds{0, 16, 0, 16}));     // 0.5 to 15.5
   EXPECT_EQ(bounds(rect_of_box(24.0f, 7.5f)), (Bounds{16, 32, 16, 32}));  // 16.5 to 31.5
 }
 
-TEST(PixelRect, IsEmptyBetweenPixelCentres) {
+TEST(PixelRect, IsEmptyBetweenPixelCenters) {
   EXPECT_TRUE(rect_of_box(16.0f, 0.49f).empty());
   EXPECT_EQ(bounds(rect_of_box(16.5f, 0.01f)), (Bounds{16, 17, 16, 17}));
 }
@@ -176,7 +176,7 @@ TEST(PixelRect, ContainsEveryPixelAboveTheCutoff) {
   EXPECT_GT(pixels, 100'000);
 }
 
-/// Pixels [begin, end) with their centre in [low, high], and whether one is so close to an edge that floats may
+/// Pixels [begin, end) with their center in [low, high], and whether one is so close to an edge that floats may
 /// decide otherwise: pixel coordinates of up to 1000 have steps of 6e-5.
 struct PixelRange {
   int begin, end;
@@ -185,16 +185,16 @@ struct PixelRange {
 PixelRange pixels_between(double low, double high, int size) {
   PixelRange range{size, 0, false};
   for (int pixel = 0; pixel < size; ++pixel) {
-    const double centre = pixel + 0.5;
-    range.is_close |= std::abs(centre - low) < 1e-3 || std::abs(centre - high) < 1e-3;
-    if (centre < low || centre > high) continue;
+    const double center = pixel + 0.5;
+    range.is_close |= std::abs(center - low) < 1e-3 || std::abs(center - high) < 1e-3;
+    if (center < low || center > high) continue;
     range.begin = std::min(range.begin, pixel);
     range.end = std::max(range.end, pixel + 1);
   }
   return range;
 }
 
-TEST(PixelRect, IsExactlyThePixelsWithTheirCentreInTheBox) {
+TEST(PixelRect, IsExactlyThePixelsWithTheirCenterInTheBox) {
   SplatRandom random(100.0);
   int compared = 0, empty = 0;
   for (int i = 0; i < 20'000; ++i) {
@@ -275,7 +275,7 @@ TEST(TileRect, OfNoPixelsIsEmpty) { EXPECT_TRUE(tile_rect({0, 0, 0, 0}).empty())
 
 // ---- The exact tile test.
 
-/// Smallest 1/2 d^T Q d over a rectangle of pixel centres: 0 with the mean inside, else the smallest of the minima of
+/// Smallest 1/2 d^T Q d over a rectangle of pixel centers: 0 with the mean inside, else the smallest of the minima of
 /// four parabolas, one along each edge.
 double smallest_over(const Splat& s, int x_begin, int y_begin, int width, int height) {
   const double x0 = x_begin + 0.5 - s.mean2d.x, x1 = x0 + width - 1;
@@ -299,7 +299,7 @@ double smallest_over_tile(const Splat& s, int tile_x, int tile_y) {
   return smallest_over(s, tile_x * kTileWidth, tile_y * kTileHeight, kTileWidth, kTileHeight);
 }
 
-/// True where a pixel centre of the tile has an exponent above the cutoff.
+/// True where a pixel center of the tile has an exponent above the cutoff.
 bool holds_a_pixel(const Splat& s, int tile_x, int tile_y) {
   for (int y = tile_y * kTileHeight; y < (tile_y + 1) * kTileHeight; ++y) {
     for (int x = tile_x * kTileWidth; x < (tile_x + 1) * kTileWidth; ++x) {
@@ -312,7 +312,7 @@ bool holds_a_pixel(const Splat& s, int tile_x, int tile_y) {
   return false;
 }
 
-/// A tile of the splat's neighbourhood.
+/// A tile of the splat's neighborhood.
 std::pair<int, int> draw_tile(SplatRandom& random, const Splat& s) {
   const double reach_x = 3.0 * std::sqrt(s.cov2d.xx) + kTileWidth;
   const double reach_y = 3.0 * std::sqrt(s.cov2d.yy) + kTileHeight;
@@ -355,7 +355,7 @@ TEST(TileIsHit, TurnsAtTheSmallestValueOverTheTile) {
   EXPECT_GT(tested, 20'000);
 }
 
-TEST(TileIsHit, HoldsForAMeanExactlyOnAnyPixelCentreOfTheTile) {
+TEST(TileIsHit, HoldsForAMeanExactlyOnAnyPixelCenterOfTheTile) {
   const Sym2<float> needle = {3.0f, 2.9f, 3.0f};
   for (int y = 0; y < kTileHeight; ++y) {
     for (int x = 0; x < kTileWidth; ++x) {
@@ -365,8 +365,8 @@ TEST(TileIsHit, HoldsForAMeanExactlyOnAnyPixelCentreOfTheTile) {
   }
 }
 
-// Between the last pixel centre of a tile and the first of the next, a tiny splat meets neither.
-TEST(TileIsHit, IsFalseForASplatBetweenTheCentresOfTwoTiles) {
+// Between the last pixel center of a tile and the first of the next, a tiny splat meets neither.
+TEST(TileIsHit, IsFalseForASplatBetweenTheCentersOfTwoTiles) {
   const Sym2<float> tiny{100.0f, 0.0f, 100.0f};
   EXPECT_FALSE(tile_is_hit({16.0f, 8.5f}, tiny, 1.0f, 0, 0));
   EXPECT_FALSE(tile_is_hit({16.0f, 8.5f}, tiny, 1.0f, 1, 0));
@@ -386,7 +386,7 @@ TEST(HitTiles, LoseNoPixelOfTheSplatAndAddNoTileBesideIt) {
       if (is_hit[tile]) {
         wrong += smallest > s.cutoff * (1.0 + 1e-4);
       } else {
-        // Outside the pixel rectangle, a tile may hold a point of the ellipse between pixel centres.
+        // Outside the pixel rectangle, a tile may hold a point of the ellipse between pixel centers.
         wrong +=
             smallest < s.cutoff * (1.0 - 1e-4) && holds_a_pixel(s, tile % kTilesX, tile / kTilesX);
       }
@@ -396,7 +396,7 @@ TEST(HitTiles, LoseNoPixelOfTheSplatAndAddNoTileBesideIt) {
   EXPECT_GT(hits, 10'000);
 }
 
-// The row's span, solved, against the minimiser over each of its tiles; needles of 100 by 0.55 pixels included.
+// The row's span, solved, against the minimizer over each of its tiles; needles of 100 by 0.55 pixels included.
 TEST(HitTilesOfRow, AreThoseThatAMinimiserFinds) {
   SplatRandom random(100.0);
   const Rect grid{0, kTilesX, 0, kTilesY};
@@ -417,7 +417,7 @@ TEST(HitTilesOfRow, AreThoseThatAMinimiserFinds) {
   EXPECT_GT(misses, 20'000);
 }
 
-TEST(HitTilesOfRow, HoldTheTileOfAMeanOnAPixelCentreAtCutoffZero) {
+TEST(HitTilesOfRow, HoldTheTileOfAMeanOnAPixelCenterAtCutoffZero) {
   const Sym2<float> needle = {3.0f, 2.9f, 3.0f};
   for (int x = 0; x < kTileWidth; ++x) {
     const Vec2f mean{float(2 * kTileWidth + x) + 0.5f, float(3 * kTileHeight) + 0.5f};

@@ -57,7 +57,7 @@ class AgainstTheProgram(TestCase):
 
 
 class Pictures(TestCase):
-    def test_one_large_gaussian_gives_its_colour_its_depth_and_its_normal(self):
+    def test_one_large_gaussian_gives_its_color_its_depth_and_its_normal(self):
         model = gemsplat.Model(means=[[0, 0, 1]], rotations=[[1, 0, 0, 0]], scales=[[5, 5, 0.01]], opacities=[0.9],
                                colors=[[0.2, 0.5, 0.8]])
         picture = gemsplat.render(model, camera(), normals=True, **CPU)

@@ -32,9 +32,9 @@ std::vector<Camera> arc(int count, double part) {
   std::vector<Camera> cameras;
   for (int i = 0; i < count; ++i) {
     const double angle = 2 * std::numbers::pi * part * i / count;
-    const Vec3d centre(5.0, 6.0, 7.0);
+    const Vec3d center(5.0, 6.0, 7.0);
     cameras.push_back(
-        looking(centre + Vec3d(4 * std::cos(angle), 4 * std::sin(angle), 3.0), centre));
+        looking(center + Vec3d(4 * std::cos(angle), 4 * std::sin(angle), 3.0), center));
   }
   return cameras;
 }
@@ -42,7 +42,7 @@ std::vector<Camera> arc(int count, double part) {
 TEST(SceneFrame, OfCamerasOnACircle) {
   const SceneFrame frame = scene_frame(arc(24, 1), 5);
   EXPECT_LT(norm(frame.up - kUp), 1e-5);
-  EXPECT_LT(norm(frame.centre - Vec3d(5.0, 6.0, 7.0)), 1e-4);
+  EXPECT_LT(norm(frame.center - Vec3d(5.0, 6.0, 7.0)), 1e-4);
   EXPECT_NEAR(frame.radius, 5, 1e-4);
   EXPECT_NEAR(frame.elevation, std::asin(0.6) * 180 / std::numbers::pi, 1e-3);
 }
@@ -58,7 +58,7 @@ TEST(SceneFrame, ParallelAxesMeetWhereTheSceneIs) {
   for (int i = 0; i < 10; ++i)
     cameras.push_back(looking({double(i), 0.0, 0.0}, {double(i), 100.0, 0.0}));
   const SceneFrame frame = scene_frame(cameras, 3);
-  EXPECT_LT(norm(frame.centre - Vec3d(4.5, 3.0, 0.0)), 1e-3);
+  EXPECT_LT(norm(frame.center - Vec3d(4.5, 3.0, 0.0)), 1e-3);
   EXPECT_LT(norm(frame.up - kUp), 1e-3);
 }
 
@@ -66,10 +66,10 @@ TEST(SceneFrame, OneStrayCameraChangesNothing) {
   std::vector<Camera> cameras = arc(24, 1);
   const SceneFrame expected = scene_frame(cameras, 5);
   cameras.push_back(looking({1000.0, 0.0, 0.0}, {2000.0, 0.0, 0.0}));
-  EXPECT_LT(norm(scene_frame(cameras, 5).centre - expected.centre), 1e-9);
+  EXPECT_LT(norm(scene_frame(cameras, 5).center - expected.center), 1e-9);
 }
 
-TEST(SceneFrame, AboutAGivenCentreIsMeasuredFromThere) {
+TEST(SceneFrame, AboutAGivenCenterIsMeasuredFromThere) {
   const SceneFrame frame = scene_frame_about({5.0, 6.0, 10.0}, arc(24, 1));
   EXPECT_NEAR(frame.radius, 4, 1e-5);
   EXPECT_NEAR(frame.elevation, 0, 1e-4);
@@ -96,12 +96,12 @@ TEST(Orbit, KeepsDistanceHeightAndAim) {
   EXPECT_LT(norm(poses[0].position - Vec3d(9.0, 6.0, 10.0)), 1e-3);  // on the side of the start
   const double step = norm(poses[1].position - poses[0].position);
   for (std::size_t i = 0; i < poses.size(); ++i) {
-    const Vec3d from_centre = poses[i].position - circle.frame.centre;
-    EXPECT_NEAR(norm(from_centre), 5, 1e-4);
-    EXPECT_NEAR(inner(from_centre, kUp), 3, 1e-3);
+    const Vec3d from_center = poses[i].position - circle.frame.center;
+    EXPECT_NEAR(norm(from_center), 5, 1e-4);
+    EXPECT_NEAR(inner(from_center, kUp), 3, 1e-3);
     const Mat3<double> R = rotation_matrix(poses[i].world_from_cam);
     const Vec3d axis{R.row0.z, R.row1.z, R.row2.z};
-    EXPECT_LT(norm(axis + from_centre / norm(from_centre)), 1e-9);
+    EXPECT_LT(norm(axis + from_center / norm(from_center)), 1e-9);
     EXPECT_NEAR(norm(poses[(i + 1) % 36].position - poses[i].position), step, 1e-9);  // and back
   }
   EXPECT_GT(poses[1].position.y, 6.0);  // counterclockwise, seen from above

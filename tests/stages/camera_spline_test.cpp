@@ -32,9 +32,9 @@ std::vector<CameraPose> random_keys(int count, std::uint64_t seed) {
   return keys;
 }
 
-/// How fast the axes of the camera turn and its centre moves at t, from one side.
+/// How fast the axes of the camera turn and its center moves at t, from one side.
 struct Speed {
-  Vec3d centre, x, y;
+  Vec3d center, x, y;
 };
 Speed speed_at(const CameraSpline& spline, double t, double step) {
   const CameraPose a = spline.at(t), b = spline.at(t + step);
@@ -69,7 +69,7 @@ TEST(CameraSpline, PlaceAndAttitudeHaveOneSpeedOnBothSidesOfAKey) {
     for (const double knot : spline.knots()) {
       constexpr double h = 1e-6;
       const Speed before = speed_at(spline, knot, -h), after = speed_at(spline, knot, h);
-      EXPECT_LT(norm(before.centre - after.centre), 2e-4) << "at " << knot;
+      EXPECT_LT(norm(before.center - after.center), 2e-4) << "at " << knot;
       EXPECT_LT(norm(before.x - after.x), 2e-4) << "at " << knot;
       EXPECT_LT(norm(before.y - after.y), 2e-4) << "at " << knot;
     }

@@ -89,7 +89,7 @@ TEST(GemmLayout, WeightsLieAsALeftHandSide) {
 void composite_a_batch(const int batch) {
   Draws draws(7);
   const int owned = owned_of(batch), products = products_of(batch);
-  // Alphas of the splats at 16 pixels, and colours.
+  // Alphas of the splats at 16 pixels, and colors.
   Matrix alpha = zeros(kPixels, batch), colors = zeros(batch, 3);
   for (auto& row : alpha)
     for (double& a : row) a = draws.uniform(0.0f, 1.0f) < 0.4f ? 0.0 : draws.uniform(0.004f, 0.3f);

@@ -115,7 +115,7 @@ constexpr Kind kKinds[] = {{"mean", 0, 3},      {"log_scale", 3, 6},
 constexpr double kTolerance = 3e-5;
 
 void expect_slopes(const Rows& gradients, const Slopes& slopes) {
-  // Steps of 2e-5 move the edge of a splat over a pixel centre now and then.
+  // Steps of 2e-5 move the edge of a splat over a pixel center now and then.
   EXPECT_LE(slopes.unknown, int(slopes.rows.size()) * kNumbersPerGaussian / 100);
   for (const Kind& kind : kKinds) {
     double largest = 0, worst = 0;
@@ -438,7 +438,7 @@ TEST(Gradient, StaysFiniteForGaussiansWithoutExtentAndOfOpacityOne) {
       constexpr float kInfinity = std::numeric_limits<float>::infinity();
       scene.gaussians.log_scale[1] = Vec3f(-kInfinity);
       scene.gaussians.log_scale[2].y = -69;
-      scene.gaussians.logit_opacity[3] = kInfinity;  // alpha is exactly 1 at its centre
+      scene.gaussians.logit_opacity[3] = kInfinity;  // alpha is exactly 1 at its center
       Backward result;
       forward(scene, result);
       backward(scene, LinearLoss(10).dL_dimage(), result);

@@ -17,13 +17,13 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kLog1e30 = 69.0776f;
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
-/// Of colours and transmittances near 1: sums of some ten roundings of 6e-8, exp_fragment()'s 3e-7, and along
+/// Of colors and transmittances near 1: sums of some ten roundings of 6e-8, exp_fragment()'s 3e-7, and along
 /// needles exponents whose terms cancel. Worst seen: 7e-7 for typical Gaussians, 5e-6 with needles.
 constexpr double kTolerance = 2e-5;
 
 /// How a picture differs from the reference, pixels that hang on the last digits left out.
 struct Comparison {
-  double worst = 0;  // difference of a colour or transmittance
+  double worst = 0;  // difference of a color or transmittance
   std::size_t doubtful = 0, wrong_last = 0;
 };
 
@@ -181,9 +181,9 @@ TEST(Render, OfOneGaussianOverEverythingHitsEveryTile) {
   expect_brute_force_picture(gaussians, camera);
 }
 
-/// A dot of half a pixel on every pixel centre, one after another, is hit in its own tile. Where the mean lies
-/// bit by bit on the first or last centre of a tile, a careless test of tiles loses it.
-TEST(Render, ShowsADotOnEveryPixelCentre) {
+/// A dot of half a pixel on every pixel center, one after another, is hit in its own tile. Where the mean lies
+/// bit by bit on the first or last center of a tile, a careless test of tiles loses it.
+TEST(Render, ShowsADotOnEveryPixelCenter) {
   const Camera camera = plain_camera(40, 36);
   for (int y = 0; y < camera.height; ++y)
     for (int x = 0; x < camera.width; ++x) {
@@ -196,7 +196,7 @@ TEST(Render, ShowsADotOnEveryPixelCentre) {
     }
 }
 
-TEST(Render, MatchesBruteForceWithMeansOnPixelCentresAndTileEdges) {
+TEST(Render, MatchesBruteForceWithMeansOnPixelCentersAndTileEdges) {
   const Camera camera = plain_camera(48, 40);
   Draws draws(9);
   Gaussians gaussians(300, host_memory());
@@ -286,7 +286,7 @@ TEST(Render, DrawsInTheRightPlaceAmongMoreThan65536Tiles) {
 struct OddValue {
   const char* name;
   std::function<void(const Gaussians&, std::size_t)> put;
-  enum { dropped, drawn, either } fate;
+  enum { dropped, drawn, either } action;
 };
 
 std::vector<OddValue> odd_values() {
@@ -333,11 +333,11 @@ TEST(Render, StaysFiniteWithOddValuesAndDropsGaussiansThatAreNot) {
         odd.put(gaussians, 2);
         const RenderPass pass = render(gaussians, camera, settings);
         for (const float value : pass.image) ASSERT_TRUE(std::isfinite(value));
-        if (odd.fate == OddValue::dropped) {
+        if (odd.action == OddValue::dropped) {
           EXPECT_EQ(pass.tile_counts[2], 0u);
         }
         // The antialiasing factor of a Gaussian without extent is 0.
-        if (odd.fate == OddValue::drawn && !antialias) {
+        if (odd.action == OddValue::drawn && !antialias) {
           EXPECT_GT(pass.tile_counts[2], 0u);
         }
       }

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kSide = 32;  // pixels
 
-Camera centred_camera() {
+Camera centered_camera() {
   Camera camera = plain_camera(kSide, kSide);
   camera.cx = camera.cy = kSide / 2;
   return camera;
@@ -27,20 +27,20 @@ class Surface : public ::testing::Test {
   const std::unique_ptr<Renderer> renderer_ = make_scalar_renderer();
 };
 
-TEST_F(Surface, DepthOfOneGaussianIsThatOfItsCentreAndNothingIsZero) {
+TEST_F(Surface, DepthOfOneGaussianIsThatOfItsCenterAndNothingIsZero) {
   Gaussians one(1, host_memory());
   set_gaussian(one, 0, {0, 0, 5}, 0.1f, 0.9f);
-  const ImageF depth = surface(one).depth(centred_camera());
+  const ImageF depth = surface(one).depth(centered_camera());
   EXPECT_NEAR(depth.at(kSide / 2, kSide / 2, 0), 5, 1e-5);
   EXPECT_EQ(depth.at(0, 0, 0), 0);
 }
 
-// At (15.5, 15.5) of the picture, half a pixel from both centres, a Gaussian of 20 pixels has 99.97 % of its opacity.
+// At (15.5, 15.5) of the picture, half a pixel from both centers, a Gaussian of 20 pixels has 99.97 % of its opacity.
 TEST_F(Surface, DepthIsTheMeanByTheWeightsOfBlending) {
   Gaussians two(2, host_memory());
   set_gaussian(two, 0, {0, 0, 2}, 0.625f, 0.5f);
   set_gaussian(two, 1, {0, 0, 8}, 2.5f, 0.8f);
-  const ImageF depth = surface(two).depth(centred_camera());
+  const ImageF depth = surface(two).depth(centered_camera());
   const double near = 0.5, far = 0.5 * 0.8;
   EXPECT_NEAR(depth.at(kSide / 2, kSide / 2, 0), (near * 2 + far * 8) / (near + far), 5e-3);
 }
@@ -49,10 +49,10 @@ TEST_F(Surface, AlphaIsOneMinusTheTransmittance) {
   Gaussians one(1, host_memory());
   set_gaussian(one, 0, {0, 0, 5}, 1, 0.75f);
   RenderPass pass;
-  renderer_->forward(one.span(), centred_camera(), {}, pass);
+  renderer_->forward(one.span(), centered_camera(), {}, pass);
   const ImageF alpha = alpha_of(pass);
   EXPECT_EQ(alpha.channels, 1);
-  EXPECT_NEAR(alpha.at(kSide / 2, kSide / 2, 0), 0.75, 2e-3);  // half a pixel off a centre of 12.8 pixels
+  EXPECT_NEAR(alpha.at(kSide / 2, kSide / 2, 0), 0.75, 2e-3);  // half a pixel off a center of 12.8 pixels
 }
 
 // The weights are those of the picture: of Gaussians of one depth each, whatever covers what.
@@ -107,7 +107,7 @@ TEST(NormalsOf, APlaneAreItsOwnUpToItsEdges) {
 TEST(NormalsOf, NothingAndALonePixelAreZero) {
   ImageF depth(5, 5, 1);
   depth.at(2, 2, 0) = 3;
-  for (const float value : normals_of(depth, centred_camera()).pixels) EXPECT_EQ(value, 0);
+  for (const float value : normals_of(depth, centered_camera()).pixels) EXPECT_EQ(value, 0);
 }
 
 TEST_F(Surface, NormalsHaveLengthOneWhereSomethingIs) {
@@ -127,7 +127,7 @@ TEST_F(Surface, NormalsHaveLengthOneWhereSomethingIs) {
 }
 
 TEST(NormalsInCamera, AreRightUpAndTowardsIt) {
-  Camera camera = centred_camera();  // looks along z, y down
+  Camera camera = centered_camera();  // looks along z, y down
   ImageF normals(3, 1, 3);
   const Vec3f world[] = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}};
   for (int x = 0; x < 3; ++x)

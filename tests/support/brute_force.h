@@ -145,7 +145,7 @@ struct ReferencePicture {
   std::vector<ReferencePixel> pixels;  // (height, width)
 
   const ReferencePixel& at(int x, int y) const { return pixels[std::size_t(y) * width + x]; }
-  /// Colours as (3, H, W), like RenderPass::image.
+  /// Colors as (3, H, W), like RenderPass::image.
   std::vector<double> planes() const {
     std::vector<double> result(3 * pixels.size());
     for (std::size_t i = 0; i < pixels.size(); ++i)

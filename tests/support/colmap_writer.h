@@ -7,8 +7,8 @@
 #include <sstream>
 #include <string>
 
-#include "data_loaders/colmap_model.h"
-#include "data_loaders/photos.h"
+#include "data_loaders/colmap/colmap_model.h"
+#include "data_loaders/photos/photos.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -190,7 +190,7 @@ inline void write_text_model(const std::filesystem::path& folder, const ColmapMo
   if (!model.frames.empty()) write_bytes(folder / "frames.txt", text_frames(model));
 }
 
-/// A photo of one colour.
+/// A photo of one color.
 inline Image8 plain_photo(int width, int height, std::uint8_t value) {
   return Image8(width, height, 3, value);
 }

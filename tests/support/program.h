@@ -12,7 +12,7 @@
 #include <sstream>
 #include <string>
 
-#include "data_loaders/photos.h"
+#include "data_loaders/photos/photos.h"
 #include "gs_core/random.h"
 #include "tests/support/temp_folder.h"
 

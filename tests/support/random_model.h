@@ -7,7 +7,7 @@
 #include <cmath>
 #include <string>
 
-#include "data_loaders/ply_layout.h"
+#include "data_loaders/formats/ply/ply_layout.h"
 #include "gs_core/error.h"
 #include "gs_core/random.h"
 

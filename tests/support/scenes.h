@@ -65,7 +65,7 @@ inline constexpr Recipe kNegativeColors{
 inline constexpr Recipe kOpaque{
     .sigma_low = 4, .sigma_high = 12, .opacity_low = 0.9f, .opacity_high = 0.9999f};
 
-/// A camera somewhere, turned somehow, whose centre is not the picture's and whose pixels are not square.
+/// A camera somewhere, turned somehow, whose center is not the picture's and whose pixels are not square.
 inline Camera random_camera(int width, int height, std::uint64_t seed = 1) {
   Draws draws(seed + 1000);
   Camera camera;
@@ -86,7 +86,7 @@ inline Camera random_camera(int width, int height, std::uint64_t seed = 1) {
   return camera;
 }
 
-/// A camera at the origin that looks along z, with exact pixel positions: fx = fy = 64, centre (0, 0).
+/// A camera at the origin that looks along z, with exact pixel positions: fx = fy = 64, center (0, 0).
 inline Camera plain_camera(int width, int height) {
   Camera camera;
   camera.width = width;
@@ -102,7 +102,7 @@ inline Vec3f behind_pixel(const Camera& camera, float x, float y, float depth) {
   return multiply_transposed(camera.cam_from_world_rotation, p - camera.cam_from_world_translation);
 }
 
-/// One isotropic grey Gaussian.
+/// One isotropic gray Gaussian.
 inline void set_gaussian(const Gaussians& gaussians, std::size_t i, const Vec3f& mean, float scale,
                          float opacity, const Vec3f& color = Vec3f(0.8f)) {
   gaussians.mean[i] = mean;

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_core/config.h"
+#include "gs_core/config/config.h"
 #include "gs_core/scene.h"
 #include "gs_render/renderer.h"
 #include "tests/support/scenes.h"
@@ -27,7 +27,7 @@ inline Camera orbit_camera(float turn) {
   return camera;
 }
 
-/// Forty coloured Gaussians.
+/// Forty colored Gaussians.
 inline Gaussians small_truth(std::vector<ScenePoint>* points = nullptr) {
   Draws draws(1);
   Gaussians truth(40, host_memory());
@@ -41,7 +41,7 @@ inline Gaussians small_truth(std::vector<ScenePoint>* points = nullptr) {
   return truth;
 }
 
-/// They are seen from eight sides; the points of the start are near them, and grey.
+/// They are seen from eight sides; the points of the start are near them, and gray.
 inline Scene small_scene() {
   Scene scene;
   scene.source = "a scene of the test";

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "data_loaders/colmap_model.h"
+#include "data_loaders/colmap/colmap_model.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/random.h"
-#include "tests/data/lens_cases.h"
+#include "tests/data_loaders/lens_cases.h"
 
 namespace gs {
 
@@ -27,7 +27,7 @@ inline Vec3d in_camera(const ColmapImage& image, const Vec3d& point) {
   return multiply(rotation_matrix(image.cam_from_world_rotation), point) +
          image.cam_from_world_translation;
 }
-inline Vec3d centre_of(const ColmapImage& image) {
+inline Vec3d center_of(const ColmapImage& image) {
   return -multiply_transposed(rotation_matrix(image.cam_from_world_rotation),
                               image.cam_from_world_translation);
 }
@@ -39,8 +39,8 @@ inline double turn_between(const ColmapImage& a, const ColmapImage& b) {
   return 2 * std::acos(std::min(dot, 1.0)) * 180 / 3.141592653589793;
 }
 
-/// An image that stands at `centre` and is turned by `angle` (radians) about the vertical axis, y.
-inline ColmapImage posed_image(std::uint32_t id, std::uint32_t camera, const Vec3d& centre,
+/// An image that stands at `center` and is turned by `angle` (radians) about the vertical axis, y.
+inline ColmapImage posed_image(std::uint32_t id, std::uint32_t camera, const Vec3d& center,
                                double angle) {
   ColmapImage image{id,
                     "photo_" + std::to_string(100 + id) + ".png",
@@ -48,7 +48,7 @@ inline ColmapImage posed_image(std::uint32_t id, std::uint32_t camera, const Vec
                     {std::cos(angle / 2), 0, std::sin(angle / 2), 0},
                     {}};
   image.cam_from_world_translation =
-      -multiply(rotation_matrix(image.cam_from_world_rotation), centre);
+      -multiply(rotation_matrix(image.cam_from_world_rotation), center);
   return image;
 }
 
@@ -79,8 +79,8 @@ inline ColmapModel tracked_model(const ColmapCamera& camera, int images, int poi
   }
   for (int i = 0; i < images; ++i) {
     const double angle = 1.75 * (double(i) / (images - 1) - 0.5);
-    const Vec3d centre(4 * std::sin(angle), 0.8 * std::sin(3.0 * i), -4 * std::cos(angle));
-    model.images.push_back(posed_image(std::uint32_t(i + 1), camera.id, centre, angle));
+    const Vec3d center(4 * std::sin(angle), 0.8 * std::sin(3.0 * i), -4 * std::cos(angle));
+    model.images.push_back(posed_image(std::uint32_t(i + 1), camera.id, center, angle));
   }
   observe(model);
   return model;

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "gs_core/config_fields.h"
+#include "gs_core/config/config_fields.h"
 #include "gs_core/error.h"
 #include "tests/support/models.h"
 
@@ -61,7 +61,7 @@ TEST(AdaptiveControl, AsksForStatisticsAloneAndClones) {
   const auto control = control_of(with_strategy("adaptive"));
   EXPECT_TRUE(control->of_step(600).gather_statistics);
   EXPECT_FALSE(control->of_step(20000).gather_statistics);
-  EXPECT_FALSE(control->of_step(600).regularisers.any());
+  EXPECT_FALSE(control->of_step(600).regularizers.any());
   EXPECT_EQ(control->of_step(600).noise.scale, 0.0f);
   const auto backend = make_scalar_backend();
   TrainingModel model = growing_model();
@@ -78,12 +78,12 @@ TEST(AdaptiveControl, ResetsOpacities) {
   EXPECT_NEAR(sigmoid(model.gaussians.logit_opacity[0]), 0.01f, 1e-6f);
 }
 
-TEST(McmcControl, AsksForRegularisersAndTheNoiseOfItsStep) {
+TEST(McmcControl, AsksForRegularizersAndTheNoiseOfItsStep) {
   const auto control = control_of(with_strategy("mcmc"));
   const DensityStep step = control->of_step(77);
   EXPECT_FALSE(step.gather_statistics);
-  EXPECT_EQ(step.regularisers.opacity, 0.01f);
-  EXPECT_EQ(step.regularisers.scale, 0.01f);
+  EXPECT_EQ(step.regularizers.opacity, 0.01f);
+  EXPECT_EQ(step.regularizers.scale, 0.01f);
   EXPECT_EQ(step.noise.scale, 5e5f);
   EXPECT_EQ(step.noise.step, 77);
   EXPECT_EQ(step.noise.random.seed, 42u);

@@ -39,7 +39,7 @@ std::vector<Vec3f> random_points(std::size_t count, std::uint64_t seed) {
   return points;
 }
 
-TEST(KdTree, FindsTheNeighboursOfBruteForceAmongRandomPoints) {
+TEST(KdTree, FindsTheNeighborsOfBruteForceAmongRandomPoints) {
   for (const std::size_t count : {2, 3, 4, 9, 1000})
     expect_brute_force(random_points(count, count));
 }
@@ -59,7 +59,7 @@ TEST(KdTree, FindsThemOnAGridWhereManyAreEquallyFar) {
   expect_brute_force(grid);
 }
 
-TEST(KdTree, CountsDuplicatesAsNeighboursAtDistanceZero) {
+TEST(KdTree, CountsDuplicatesAsNeighborsAtDistanceZero) {
   std::vector<Vec3f> points = random_points(100, 3);
   const std::vector<Vec3f> copy = points;
   points.insert(points.end(), copy.begin(), copy.end());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8 under the MCMC strategy: regularisers in the gradient, and noise on the means.
+// Stage 8 under the MCMC strategy: regularizers in the gradient, and noise on the means.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -28,12 +28,12 @@ Gaussians with_noise(const Gaussians& from, const PositionNoise& noise) {
   return copy_of(model.gaussians);
 }
 
-TEST(Regularise, AddsToTheGradientsOfScaleAndOpacityAndToNoOthers) {
+TEST(Regularize, AddsToTheGradientsOfScaleAndOpacityAndToNoOthers) {
   const TrainingModel model = model_of(some_gaussians(4, 0.5f));
   Gaussians gradients = copy_of(model.gaussians);
   const auto number = [](const char*, const auto& array) { number_rows(array, 1); };
   for_each_array(number, gradients);
-  make_scalar_optimizer()->regularise(model, {0.4f, 0.6f}, gradients);
+  make_scalar_optimizer()->regularize(model, {0.4f, 0.6f}, gradients);
   for (std::size_t i = 0; i < 4; ++i) {
     const float before = float(i + 1);
     EXPECT_NEAR(gradients.logit_opacity[i], before + 0.4f / 4 * 0.25f, 1e-6f);  // o (1 - o)

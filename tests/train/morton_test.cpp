@@ -78,7 +78,7 @@ TEST(MortonOrder, RunsAlongTheCurveAndEqualCodesByRow) {
   EXPECT_EQ(morton_order(means.span()).download(), expected);
 }
 
-TEST(MortonOrder, BringsNeighboursTogether) {
+TEST(MortonOrder, BringsNeighborsTogether) {
   Draws draws(3);
   Buffer<Vec3f> means(20'000, host_memory());
   for (Vec3f& mean : means) mean = draws.uniform3(0, 1);
@@ -88,7 +88,7 @@ TEST(MortonOrder, BringsNeighboursTogether) {
     const Vec3f offset = means[order[k]] - means[order[k - 1]];
     step += std::sqrt(inner(offset, offset)) / double(means.size());
   }
-  EXPECT_LT(step, 0.06);  // 0.66 between random points; 0.037 between grid neighbours at this density
+  EXPECT_LT(step, 0.06);  // 0.66 between random points; 0.037 between grid neighbors at this density
 }
 
 TEST(MortonOrder, TakesDegenerateSetsOfPoints) {

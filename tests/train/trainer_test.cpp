@@ -197,7 +197,7 @@ TEST_F(SmallRun, DoesNotSeeWhatMasksIgnore) {
   EXPECT_GT(evaluation.psnr, 22);  // of what trains
 }
 
-/// The scene's Gaussians without background: colour and what it covers.
+/// The scene's Gaussians without background: color and what it covers.
 Scene cut_out_scene(const Scene& scene, Renderer& renderer, const GaussiansSpan& truth) {
   Scene cut_out;
   cut_out.points = scene.points;
@@ -220,7 +220,7 @@ Scene cut_out_scene(const Scene& scene, Renderer& renderer, const GaussiansSpan&
   return cut_out;
 }
 
-// On one background alone, Gaussians of its colour could stand for it.
+// On one background alone, Gaussians of its color could stand for it.
 TEST_F(SmallRun, OnRandomBackgroundsLearnsWhatAlphaCovers) {
   Config config = short_run();
   config.render.background = "random";

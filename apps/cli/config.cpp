@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat config: prints, explains and compares settings, and lists the presets.
+#include <spdlog/fmt/fmt.h>
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <memory>
+
+#include "apps/cli/options.h"
+#include "apps/cli/verbs.h"
+#include "gs_core/config/config_presets.h"
+#include "gs_core/config/config_table.h"
+
+namespace gs {
+namespace {
+
+struct ConfigCommand : CommandLine {
+  bool list = false, markdown = false;
+  std::vector<std::string> explained;
+  std::string a, b;  // of `diff`
+  CLI::App *explain = nullptr, *diff = nullptr;
+};
+
+void list_presets() {
+  for (const Preset& preset : presets())
+    std::cout << fmt::format("{:<15} {}\n", preset.name, summary(preset));
+}
+
+void explain_settings(const ConfigCommand& command) {
+  SettingOrigins origins;
+  const Config config = resolve(command, {}, &origins);
+  if (command.explained.empty()) std::cout << explain(config, origins, "");
+  for (const std::string& key : command.explained) std::cout << explain(config, origins, key);
+}
+
+// With one config alone: the defaults against it. -c and --set lie under both.
+void compare(const ConfigCommand& command) {
+  SettingOrigins a_origins, b_origins;
+  Config a = resolve(command, {}, &a_origins), b = resolve(command, {}, &b_origins);
+  if (!command.b.empty()) load_config(a, command.a, &a_origins);
+  load_config(b, command.b.empty() ? command.a : command.b, &b_origins);
+  const std::string text = difference(a, a_origins, b, b_origins);
+  std::cout << (text.empty() ? "no setting differs\n" : text);
+}
+
+void config(const ConfigCommand& command) {
+  if (command.list) return list_presets();
+  if (command.markdown) {
+    std::cout << config_markdown();
+  } else if (command.explain->parsed()) {
+    explain_settings(command);
+  } else if (command.diff->parsed()) {
+    compare(command);
+  } else {
+    std::cout << to_toml(resolve(command));
+  }
+}
+
+}  // namespace
+
+void add_config(CLI::App& program) {
+  CLI::App& verb = *program.add_subcommand(
+      "config", "Print, explain and compare settings; without more, print all as TOML");
+  const auto command = std::make_shared<ConfigCommand>();
+  add_general_options(verb, *command);
+  verb.add_flag("--list", command->list, "list the presets, and do nothing else");
+  verb.add_flag("--markdown", command->markdown,
+                "print docs/configuration.md, and do nothing else");
+
+  command->explain = verb.add_subcommand(
+      "explain",
+      "Meaning, unit, range, default and source of settings, and where their values come from");
+  command->explain->fallthrough();
+  command->explain->add_option("keys", command->explained, "section.key, or a section [all]")
+      ->type_name("KEY");
+  command->diff = verb.add_subcommand("diff", "What differs between two configs");
+  command->diff->fallthrough();
+  command->diff->add_option("a", command->a, "a TOML file, a run's folder or a preset")
+      ->type_name("A")
+      ->required();
+  command->diff->add_option("b", command->b, "another [none: the defaults against A]")
+      ->type_name("B");
+  verb.callback([command] { config(*command); });
+}
+
+}  // namespace gs

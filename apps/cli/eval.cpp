@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat eval: PSNR and SSIM of a trained model against photos.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <iostream>
+#include <iterator>
+#include <memory>
+
+#include "apps/cli/devices.h"
+#include "apps/cli/options.h"
+#include "apps/cli/verbs.h"
+#include "gs_app/run/open_model.h"
+#include "gs_app/run/progress_bar.h"
+#include "gs_app/run/results.h"
+#include "gs_app/run/text.h"
+#include "gs_core/error.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+struct EvalCommand : CommandLine {
+  std::string model, split = "test", output;
+  std::optional<int> step;
+  bool json = false;
+};
+
+std::vector<View> views_of(Scene scene, const std::string& split) {
+  std::vector<View> views = std::move(split == "train" ? scene.train_views : scene.test_views);
+  if (split == "all") {
+    std::move(scene.train_views.begin(), scene.train_views.end(), std::back_inserter(views));
+    std::sort(views.begin(), views.end(),
+              [](const View& a, const View& b) { return a.name < b.name; });
+  }
+  if (views.empty())
+    throw UsageError("the run held out no views; give --split train or --split all");
+  return views;
+}
+
+void eval(const EvalCommand& command) {
+  setup_log(command.verbosity());
+  OpenedModel opened = open_model(command.model, command.step);
+  // A bare model says nothing of what was held out: the usual rule then.
+  if (!opened.run) opened.config.dataset.eval = true;
+  const Config config = resolve(command, opened.config);
+  set_thread_count(config.train.threads);
+  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
+  const std::vector<View> views =
+      views_of(scene_for(opened, config.dataset, command.has("dataset.source")), command.split);
+  const Gaussians gaussians = copy_to(backend->memory(), opened.model);
+
+  ProgressBar bar(std::int64_t(views.size()), !command.quiet);
+  const Evaluation evaluation =
+      evaluate(backend->renderer(), gaussians.span(), views, view_settings(opened, config),
+               [&](std::size_t index, const View&, const ImageF&) {
+                 const auto done = std::int64_t(index) + 1;
+                 if (bar.due(done)) bar.draw(done, "", "view");
+               });
+  bar.clear();
+  const std::string json = evaluation_json(evaluation, opened.ply.string(), command.split,
+                                           gaussians.count(), backend->name());
+  if (!command.output.empty()) write_text(command.output, json);
+  if (command.json) {
+    std::cout << json;
+  } else {
+    for (const ViewMetrics& view : evaluation.views)
+      log_info("{:>8.3f} dB  {:.4f}  {}", view.psnr, view.ssim, view.name);
+    std::cout << command.split << ": " << summary(evaluation) << ", "
+              << with_commas(gaussians.count()) << " Gaussians\n";
+  }
+}
+
+}  // namespace
+
+void add_eval(CLI::App& program) {
+  CLI::App& verb = *program.add_subcommand("eval", "Measure a trained model against photos");
+  const auto command = std::make_shared<EvalCommand>();
+  verb.add_option("model", command->model,
+                  "a run's folder, or a model of any format that is read, with --data")
+      ->type_name("RUN|MODEL")
+      ->required();
+  verb.add_option("--iteration", command->step,
+                  "of a run, the model saved after that step [the newest]")
+      ->type_name("STEP");
+  verb.add_option("--split", command->split, "which views [test]")
+      ->check(CLI::IsMember({"test", "train", "all"}))
+      ->type_name("");
+  verb.add_flag("--json", command->json, "print JSON, with the figures of every view");
+  verb.add_option("-o,--output", command->output, "write that JSON to a file, too")
+      ->type_name("FILE");
+  add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
+  add_render_options(verb, *command);
+  add_general_options(verb, *command);
+  verb.callback([command] { eval(*command); });
+}
+
+}  // namespace gs

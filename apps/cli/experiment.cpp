@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat experiment: scenes x configs x seeds of a file, each run in a process of its own, and their tables.
+#include <spdlog/fmt/fmt.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <iostream>
+#include <memory>
+
+#include "apps/cli/verbs.h"
+#include "gs_app/experiment/experiment_pool.h"
+#include "gs_app/experiment/experiment_tables.h"
+#include "gs_app/experiment/slurm.h"
+#include "gs_app/report/report_experiment.h"
+#include "gs_app/run/folder_lock.h"
+#include "gs_app/run/progress_bar.h"
+#include "gs_app/run/text.h"
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+struct ExperimentCommand {
+  std::string file;
+  std::vector<std::string> devices;
+  int jobs = 1;
+  long only = -1;
+  bool gather = false, slurm = false, dry_run = false, quiet = false;
+};
+
+using Runs = std::vector<const ExperimentRun*>;
+
+std::filesystem::path lock_file(const Experiment& experiment) {
+  return experiment.output / "experiment.lock";
+}
+
+Runs unfinished(const std::vector<ExperimentRun>& runs) {
+  Runs result;
+  for (const ExperimentRun& run : runs)
+    if (!is_finished(run)) result.push_back(&run);
+  return result;
+}
+
+// `jobs` for each device, one device after the other; the machine's threads are shared out where there are several.
+std::vector<RunSlot> slots_of(const ExperimentCommand& command) {
+  std::vector<std::string> devices = command.devices;
+  if (devices.empty()) devices.push_back("");
+  const std::size_t count = devices.size() * std::size_t(command.jobs);
+  const int threads = count > 1 ? std::max(1, thread_count() / int(count)) : 0;
+  std::vector<RunSlot> slots;
+  for (int job = 0; job < command.jobs; ++job)
+    for (const std::string& device : devices) slots.push_back({device, threads});
+  return slots;
+}
+
+std::string describe(const ProcessEnd& end, const std::string& error) {
+  if (!error.empty()) return error;
+  return end.signal ? fmt::format("killed by signal {}", end.signal)
+                    : fmt::format("exit code {}", end.exit_code);
+}
+
+bool is_stopped(const ProcessEnd& end) {
+  return end.exit_code == int(ExitCode::interrupted) || end.signal == SIGTERM;
+}
+
+// Tables and report.
+std::size_t write_outcome(const Experiment& experiment, const std::vector<ExperimentRun>& runs,
+                          const std::vector<std::size_t>& failed) {
+  const std::size_t finished = write_tables(experiment, runs, failed);
+  keep_experiment_report(experiment.output);
+  return finished;
+}
+
+struct Failure {
+  const ExperimentRun* run;
+  std::string why;
+};
+
+/// Tells the user how far the experiment is, and keeps the tables up to date.
+class Progress {
+ public:
+  Progress(const Experiment& experiment, const std::vector<ExperimentRun>& runs, std::size_t todo,
+           bool enabled)
+      : experiment_(experiment), runs_(runs), todo_(todo),
+        bar_(std::int64_t(runs.size()), enabled && ::isatty(STDERR_FILENO) == 1) {}
+
+  void started(const ExperimentRun& run, const RunSlot& slot) {
+    bar_.clear();
+    log_info("{} begins{}; log: {}", run.name(), slot.device.empty() ? "" : " on " + slot.device,
+             run.log().string());
+  }
+
+  void ended(const ExperimentRun& run, const ProcessEnd& end, double seconds,
+             const std::string& error) {
+    bar_.clear();
+    if (error.empty() && is_stopped(end)) {
+      stopped_.push_back({&run, describe(end, error)});
+      return log_info("{} was stopped", run.name());
+    }
+    ++ended_;
+    const bool is_good = error.empty() && end.good() && is_finished(run);
+    if (!is_good) failures_.push_back({&run, describe(end, error)});
+    const std::string outcome =
+        is_good ? figures_of(run)
+                : fmt::format("FAILED ({}); log: {}", failures_.back().why, run.log().string());
+    log_info("[{}/{}] {}: {} | {}; {} left", runs_.size() - todo_ + ended_, runs_.size(),
+             run.name(), outcome, clock_text(seconds), clock_text(seconds_left()));
+    write();
+  }
+
+  void waiting(std::size_t running) {
+    const auto done = std::int64_t(runs_.size() - todo_ + ended_);
+    if (bar_.due(done))
+      bar_.draw(done, fmt::format("{} running, {} failed", running, failures_.size()), "run");
+  }
+
+  std::size_t write() const {
+    std::vector<std::size_t> failed;
+    for (const Failure& failure : failures_) failed.push_back(failure.run->index);
+    return write_outcome(experiment_, runs_, failed);
+  }
+
+  /// Where nobody has stopped the experiment, runs that were stopped have failed like others.
+  std::vector<Failure> failures() const {
+    std::vector<Failure> all = failures_;
+    all.insert(all.end(), stopped_.begin(), stopped_.end());
+    return all;
+  }
+
+ private:
+  // As if those to come took as long as those that have ended, several at a time as until now.
+  double seconds_left() const {
+    const double elapsed = std::chrono::duration<double>(Clock::now() - start_).count();
+    return elapsed / double(ended_) * double(todo_ - ended_);
+  }
+
+  using Clock = std::chrono::steady_clock;
+  const Experiment& experiment_;
+  const std::vector<ExperimentRun>& runs_;
+  std::size_t todo_, ended_ = 0;
+  ProgressBar bar_;
+  std::vector<Failure> failures_, stopped_;
+  Clock::time_point start_ = Clock::now();
+};
+
+bool work(const ExperimentCommand& command, const Runs& runs, Progress& progress) {
+  const PoolEvents events = {
+      [&](const auto& run, const auto& slot) { progress.started(run, slot); },
+      [&](const auto& run, const auto& end, double seconds, const auto& error) {
+        progress.ended(run, end, seconds, error);
+      },
+      [&](std::size_t running) { progress.waiting(running); }};
+  return run_pool(runs, slots_of(command), events);
+}
+
+[[noreturn]] void tell_stopped(const ExperimentCommand& command) {
+  throw Error(
+      fmt::format("stopped by a signal; finished runs are kept, and `gemsplat experiment {}` "
+                  "goes on with the others",
+                  command.file),
+      ExitCode::interrupted);
+}
+
+void tell_failures(const std::vector<Failure>& failures) {
+  if (failures.empty()) return;
+  std::string text;
+  for (const Failure& failure : failures)
+    text += fmt::format("\n  {}: {}; log: {}", failure.run->name(), failure.why,
+                        failure.run->log().string());
+  throw Error(fmt::format("{} of the runs failed; give the command again to repeat them:{}",
+                          failures.size(), text));
+}
+
+void run_all(const ExperimentCommand& command, const Experiment& experiment,
+             const std::vector<ExperimentRun>& runs) {
+  const FolderLock lock(lock_file(experiment), experiment.output, FolderLock::Kind::alone);
+  const Runs todo = unfinished(runs);
+  log_info("{}: {} runs, {} finished already; output: {}", command.file, runs.size(),
+           runs.size() - todo.size(), experiment.output.string());
+  Progress progress(experiment, runs, todo.size(), !command.quiet);
+  progress.write();
+  const bool is_whole = work(command, todo, progress);
+  const std::size_t finished = progress.write();
+  if (!command.quiet)
+    std::cout << fmt::format("{} of {} runs finished\nfigures: {}\n", finished, runs.size(),
+                             (experiment.output / "results.md").string());
+  if (!is_whole) tell_stopped(command);
+  tell_failures(progress.failures());
+}
+
+// A task of a job array: the others are at work on the same output, and the tables are gathered later.
+void run_only(const ExperimentCommand& command, const Experiment& experiment,
+              const std::vector<ExperimentRun>& runs) {
+  if (std::size_t(command.only) >= runs.size())
+    throw UsageError(fmt::format("--only {}: {} has the runs 0 to {}", command.only, command.file,
+                                 runs.size() - 1));
+  const ExperimentRun& run = runs[std::size_t(command.only)];
+  const FolderLock lock(lock_file(experiment), experiment.output, FolderLock::Kind::shared);
+  const FolderLock run_lock(run.lock(), run.folder.root(), FolderLock::Kind::alone);
+  if (is_finished(run)) return log_info("{} is finished already", run.name());
+  std::string why;
+  const PoolEvents events = {
+      [](const auto& started, const auto&) { log_info("{} begins", started.name()); },
+      [&](const auto& ended, const auto& end, double, const auto& error) {
+        if (!error.empty() || !end.good() || !is_finished(ended)) why = describe(end, error);
+      },
+      [](std::size_t) {}};
+  if (!run_pool({&run}, {slots_of(command).front()}, events)) tell_stopped(command);
+  if (!why.empty())
+    throw Error(fmt::format("{} failed: {}; log: {}", run.name(), why, run.log().string()));
+  log_info("{}: {}", run.name(), figures_of(run));
+}
+
+void gather(const Experiment& experiment, const std::vector<ExperimentRun>& runs) {
+  const std::size_t finished = write_outcome(experiment, runs, {});
+  std::cout << fmt::format("{} of {} runs finished\nfigures: {}\n", finished, runs.size(),
+                           (experiment.output / "results.md").string());
+  std::string text;
+  for (const ExperimentRun* run : unfinished(runs))
+    text += fmt::format("\n  {} {}; log: {}", run->index, run->name(), run->log().string());
+  if (!text.empty()) throw Error("these runs have no results:" + text);
+}
+
+void list(const std::vector<ExperimentRun>& runs) {
+  for (const ExperimentRun& run : runs)
+    std::cout << fmt::format("{:>4} {:<10} {}\n", run.index,
+                             is_finished(run) ? "finished" : "to do", run.name());
+}
+
+void experiment(const ExperimentCommand& command) {
+  setup_log(command.quiet ? Verbosity::quiet : Verbosity::normal);
+  const Experiment experiment = read_experiment(command.file);
+  const std::vector<ExperimentRun> runs = runs_of(experiment);
+  if (command.gather) {
+    gather(experiment, runs);
+  } else if (command.slurm) {
+    submit(experiment, unfinished(runs), command.dry_run);
+  } else if (command.dry_run) {
+    list(runs);
+  } else if (command.only >= 0) {
+    run_only(command, experiment, runs);
+  } else {
+    run_all(command, experiment, runs);
+  }
+}
+
+}  // namespace
+
+void add_experiment(CLI::App& program) {
+  CLI::App& verb = *program.add_subcommand(
+      "experiment", "Train scenes x configs x seeds of a file, and write tables of what came out");
+  const auto command = std::make_shared<ExperimentCommand>();
+  verb.add_option("file", command->file, "what to train: docs/experiments.md")
+      ->type_name("FILE.toml")
+      ->required();
+  verb.add_option("--devices", command->devices,
+                  "spread the runs over these [that of the settings]")
+      ->type_name("cuda:0,cuda:1,...")
+      ->delimiter(',');
+  verb.add_option("--jobs", command->jobs, "runs at a time on each device [1]")
+      ->check(CLI::Range(1, 1024));
+  auto* only = verb.add_option("--only", command->only, "do this one run, numbered from 0")
+                   ->type_name("INDEX")
+                   ->check(CLI::NonNegativeNumber);
+  auto* gathers =
+      verb.add_flag("--gather", command->gather, "only write the tables of what is there");
+  auto* slurm = verb.add_flag("--slurm", command->slurm,
+                              "submit the unfinished runs as a job array of Slurm");
+  verb.add_flag("--dry-run", command->dry_run,
+                "list the runs; with --slurm write the script and do not submit it");
+  verb.add_flag("-q,--quiet", command->quiet, "print warnings and errors only");
+  gathers->excludes(only)->excludes(slurm);
+  slurm->excludes(only);
+  verb.callback([command] { experiment(*command); });
+}
+
+}  // namespace gs

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat export: a trained model in the formats of viewers, and what each format costs.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <memory>
+#include <set>
+
+#include "apps/cli/devices.h"
+#include "apps/cli/options.h"
+#include "apps/cli/verbs.h"
+#include "gs_app/export/cameras.h"
+#include "gs_app/export/exported_file.h"
+#include "gs_app/run/open_model.h"
+#include "gs_core/error.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+struct ExportCommand : CommandLine {
+  std::string model;
+  std::vector<std::string> outputs;
+  std::optional<int> step;
+  ExportOptions options;
+  std::vector<double> up;  // empty: as it is
+  double scale = 1;
+  bool recenter = false, force = false, table = false, unmeasured = false;
+};
+
+ModelTransform transform_of(const ExportCommand& command, const GaussianModel& model) {
+  ModelTransform transform;
+  if (command.recenter) transform.center = median_mean(model);
+  if (!command.up.empty()) {
+    const Vec3d up{command.up[0], command.up[1], command.up[2]};
+    if (!is_finite(up) || up == Vec3d(0.0)) throw UsageError("--up has no direction");
+    transform.turn = turn_upright(up);
+  }
+  if (!std::isfinite(command.scale)) throw UsageError("--scale is no number");
+  transform.scale = command.scale;
+  return transform;
+}
+
+std::filesystem::path table_file(const std::string& folder) {
+  return std::filesystem::path(folder) / "formats.md";
+}
+
+// For --table: a file of each format that this build writes, in one folder.
+std::vector<std::string> files_of_table(const std::string& folder, const ExportOptions& options) {
+  std::vector<std::string> files;
+  for (const ModelFormat& format : model_formats()) {
+    try {
+      format.require(options);
+      files.push_back(folder + "/model" + std::string(format.ending));
+    } catch (const Error& missing) {
+      log_warning("{} is left out: {}", format.name, missing.what());
+    }
+  }
+  return files;
+}
+
+std::vector<ExportRequest> requests_of(const ExportCommand& command, const GaussianModel& model) {
+  const ModelTransform transform = transform_of(command, model);
+  std::vector<ExportRequest> requests;
+  if (command.table && command.outputs.size() != 1)
+    throw UsageError("--table takes one folder, in which it writes a file of each format");
+  for (const std::string& file :
+       command.table ? files_of_table(command.outputs[0], command.options) : command.outputs)
+    requests.push_back({file, command.options, transform});
+  std::set<std::filesystem::path> names;
+  for (const ExportRequest& request : requests) {
+    check_export(request, command.force);
+    if (!names.insert(std::filesystem::absolute(request.file).lexically_normal()).second)
+      throw UsageError(request.file.string() + " is named twice");
+  }
+  if (command.table) check_place(table_file(command.outputs[0]), command.force);
+  return requests;
+}
+
+bool is_any_measured(const std::vector<ExportRequest>& requests) {
+  return std::any_of(requests.begin(), requests.end(), [](const ExportRequest& request) {
+    const ModelFormat& format = format_to_write(request.file);
+    return !format.is_lossless && format.read;
+  });
+}
+
+// The test views of --data or the run; all of them where there are no test views.
+std::vector<NamedCamera> cameras_of(const ExportCommand& command, const OpenedModel& opened,
+                                    const Config& config, const char*& what) {
+  std::vector<NamedCamera> cameras;
+  const Vec3d& offset = opened.model.world_offset;
+  const bool has_scene = command.has("dataset.source");
+  const bool has_cameras = opened.run && std::filesystem::exists(opened.run->cameras());
+  const bool has_split = opened.run && std::filesystem::exists(opened.run->split());
+  for (const char* split : {"test", "all"}) {
+    what = split;
+    if (has_scene)
+      cameras = cameras_of_scene(config.dataset, split, offset);
+    else if (has_cameras && (has_split || split != std::string_view("test")))
+      cameras = cameras_of_run(*opened.run, 1, split, offset);
+    if (!cameras.empty()) return cameras;
+  }
+  log_info(
+      "nothing to look at: what a lossy format loses is measured on the views of a run, or of "
+      "--data SCENE");
+  return cameras;
+}
+
+void export_all(const ExportCommand& command, const std::vector<ExportRequest>& requests,
+                const GaussianModel& model, const Viewpoints* viewpoints) {
+  std::vector<ExportedFile> files;
+  for (const ExportRequest& request : requests) {
+    try {
+      files.push_back(export_model(model, request, viewpoints));
+    } catch (const Error& error) {
+      if (!command.table || error.code() != ExitCode::bad_data) throw;
+      log_warning("{} is left out: {}", request.file.string(), error.what());
+      continue;
+    }
+    if (!command.quiet) std::cout << summary(files.back(), viewpoints) << std::endl;
+  }
+  if (!command.table) return;
+  const std::string table = export_table(files);
+  keep_older_aside(table_file(command.outputs[0]));
+  write_text(table_file(command.outputs[0]), table);
+  std::cout << "\n" << table;
+}
+
+void run_export(const ExportCommand& command) {
+  setup_log(command.verbosity());
+  const OpenedModel opened = open_model(command.model, command.step);
+  const Config config = resolve(command, opened.config);
+  set_thread_count(config.train.threads);
+  const std::vector<ExportRequest> requests = requests_of(command, opened.model);
+  if (command.unmeasured || !is_any_measured(requests))
+    return export_all(command, requests, opened.model, nullptr);
+  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
+  const Gaussians gaussians = copy_to(backend->memory(), opened.model);
+  Viewpoints viewpoints{*backend, gaussians.span(), view_settings(opened, config), {}};
+  for (const NamedCamera& named : cameras_of(command, opened, config, viewpoints.what))
+    viewpoints.cameras.push_back(named.camera);
+  export_all(command, requests, opened.model, &viewpoints);
+}
+
+}  // namespace
+
+void add_export(CLI::App& program) {
+  CLI::App& verb = *program.add_subcommand("export", "Write a trained model in other formats");
+  const auto command = std::make_shared<ExportCommand>();
+  verb.add_option("model", command->model, "a model of any format that is read, or a run's folder")
+      ->type_name("MODEL|RUN")
+      ->required();
+  verb.add_option("output", command->outputs,
+                  "files to write; their endings say the formats: " + format_names())
+      ->type_name("FILE")
+      ->required();
+  verb.add_option("--iteration", command->step,
+                  "of a run, the model saved after that step [the newest]")
+      ->type_name("STEP");
+  verb.add_flag("--table", command->table,
+                "write every format into the folder FILE, and a table of what they cost");
+  verb.add_flag("--force", command->force, "keep files that are there already as FILE.bak-N");
+  verb.add_option("--spz-version", command->options.spz_version,
+                  "of .spz: 3, which all viewers read, or 4 [3]")
+      ->check(CLI::IsMember({3, 4}))
+      ->type_name("");
+  verb.add_option("--up", command->up,
+                  "the model's direction that is up, in its own axes; it is turned to -y, which "
+                  "viewers show at the top [the frame of the input]")
+      ->delimiter(',')
+      ->expected(3)
+      ->type_name("X,Y,Z")
+      ->group("Frame");
+  verb.add_flag("--recenter", command->recenter, "move the median of the means to the origin")
+      ->group("Frame");
+  verb.add_option("--scale", command->scale, "make everything so many times as large [1]")
+      ->check(CLI::Range(1e-6, 1e6))
+      ->type_name("FACTOR")
+      ->group("Frame");
+  verb.add_flag("--no-measure", command->unmeasured, "do not render what lossy formats have kept");
+  add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
+  add_render_options(verb, *command);
+  add_general_options(verb, *command);
+  verb.callback([command] { run_export(*command); });
+}
+
+}  // namespace gs

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat info: what a trained model holds; without one, what this build can and cannot do.
+#include <spdlog/fmt/fmt.h>
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "apps/cli/devices.h"
+#include "apps/cli/verbs.h"
+#include "data_loaders/formats/model_info.h"
+#include "gs_app/run/open_model.h"
+#include "gs_core/log.h"
+#include "gs_core/version.h"
+
+namespace gs {
+namespace {
+
+struct InfoCommand {
+  std::string model;
+  bool json = false;
+};
+
+void print_build(bool as_json) {
+  nlohmann::ordered_json json = {{"version", kVersion}};
+  std::string text = fmt::format("gemsplat {}\n", kVersion);
+  for (const Capability& capability : capabilities()) {
+    json[capability.name] = {{"available", capability.available}, {"detail", capability.detail}};
+    text += fmt::format("  {:<12} {:<4} {}\n", capability.name, capability.available ? "yes" : "NO",
+                        capability.detail);
+  }
+  std::cout << (as_json ? json.dump() + "\n" : text);
+}
+
+void info(const InfoCommand& command) {
+  setup_log(Verbosity::normal);
+  if (command.model.empty()) return print_build(command.json);
+  const OpenedModel opened = open_model(command.model, std::nullopt);
+  const ModelInfo model_info = inspect(opened.model);
+  if (command.json) {
+    std::cout << to_json_text(model_info) << '\n';
+  } else {
+    std::cout << opened.ply.string() << '\n' << describe(model_info) << '\n';
+  }
+}
+
+}  // namespace
+
+void add_info(CLI::App& program) {
+  CLI::App& verb =
+      *program.add_subcommand("info", "Describe a trained model, or what this build can do");
+  const auto command = std::make_shared<InfoCommand>();
+  verb.add_option(
+          "model", command->model,
+          "a PLY, .spz, .sog, .splat or .csv of any trainer, or a run's folder [none: the build]")
+      ->type_name("MODEL|RUN");
+  verb.add_flag("--json", command->json, "print JSON");
+  verb.callback([command] { info(*command); });
+}
+
+}  // namespace gs

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat VERB: reads the command line, runs one verb, and tells the user what went wrong: the one catch
+// of the program, and its exit codes.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <new>
+
+#include "apps/cli/options.h"
+#include "apps/cli/verbs.h"
+#include "gs_core/config/nearest_word.h"
+#include "gs_core/error.h"
+#include "gs_core/version.h"
+
+namespace gs {
+namespace {
+
+constexpr int kInternalError = 1;
+
+int fail(const std::string& message, int code) {
+  std::fprintf(stderr, "error: %s\n", message.c_str());
+  return code;
+}
+
+// The verb that was given, or the program itself.
+const CLI::App& active(const CLI::App& program) {
+  const auto verbs = program.get_subcommands();
+  return verbs.empty() ? program : *verbs.front();
+}
+
+// "; did you mean --eval?" for an argument that is near to a flag or verb, else nothing.
+std::string suggestion(const CLI::App& app, const std::string& argument) {
+  std::vector<std::string> known;
+  for (const CLI::Option* option : app.get_options())
+    for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+  for (const CLI::App* verb : app.get_subcommands({})) known.push_back(verb->get_name());
+  const std::string nearest = nearest_word(argument.substr(0, argument.find('=')), known);
+  return nearest.empty() ? "" : "; did you mean " + nearest + "?";
+}
+
+int fail_to_parse(const CLI::App& program, const CLI::ParseError& error) {
+  const CLI::App& app = active(program);
+  std::string message = error.what();
+  if (const std::vector<std::string> extra = program.remaining(true); !extra.empty()) {
+    message = "there is no flag, verb or further argument " + extra.front() +
+              suggestion(app, extra.front());
+  }
+  return fail(message + "\n`" + (&app == &program ? "" : "gemsplat ") + app.get_name() +
+                  " --help` shows what there is",
+              int(ExitCode::usage));
+}
+
+int run(int argc, const char* const* argv) {
+  CLI::App program("3D Gaussian Splatting: from photos with a COLMAP model to a trained scene",
+                   "gemsplat");
+  program.set_version_flag("--version", std::string("gemsplat ") + kVersion);
+  program.require_subcommand(1);
+  add_reconstruct(program);
+  add_convert_cameras(program);
+  add_doctor(program);
+  add_train(program);
+  add_config(program);
+  add_experiment(program);
+  add_report(program);
+  add_eval(program);
+  add_render(program);
+  add_view(program);
+  add_prune(program);
+  add_export(program);
+  add_info(program);
+  add_bench(program);
+  add_selftest(program);
+  std::vector<std::string> arguments = normalized_arguments(argc, argv);
+  std::reverse(arguments.begin(), arguments.end());  // as CLI11 wants them
+  try {
+    program.parse(arguments);
+  } catch (const CLI::Success& request) {  // --help, --version
+    return program.exit(request);
+  } catch (const CLI::ParseError& error) {
+    return fail_to_parse(program, error);
+  }
+  return int(ExitCode::done);
+}
+
+}  // namespace
+}  // namespace gs
+
+int main(int argc, char** argv) {
+  try {
+    return gs::run(argc, argv);
+  } catch (const gs::Error& error) {
+    return gs::fail(error.what(), int(error.code()));
+  } catch (const std::bad_alloc&) {
+    return gs::fail(
+        "out of memory; lower the resolution (-r) or the number of Gaussians (--max-gaussians)",
+        int(gs::ExitCode::out_of_memory));
+  } catch (const std::logic_error& error) {  // those of GS_CHECK ask for a report themselves
+    const std::string message = error.what();
+    const bool asks = message.find("please report") != message.npos;
+    return gs::fail(asks ? message : "internal error: " + message + "; please report this",
+                    gs::kInternalError);
+  } catch (const std::exception& error) {
+    return gs::fail(error.what(), int(gs::ExitCode::bad_data));
+  }
+}

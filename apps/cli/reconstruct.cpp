@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat reconstruct: photos in, a scene's folder out, by way of the colmap program.
+#include <spdlog/fmt/fmt.h>
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <memory>
+
+#include "apps/cli/options.h"
+#include "apps/cli/reconstruct.h"
+#include "apps/cli/verbs.h"
+#include "gs_core/error.h"
+
+namespace gs {
+namespace {
+
+struct ReconstructCommand : CommandLine {
+  std::string scene;
+  bool force = false;
+};
+
+void reconstruct(const ReconstructCommand& command) {
+  const Config config = resolve(command);
+  if (config.dataset.source.empty())
+    throw UsageError(
+        "which photos? give their folder, or a video: gemsplat reconstruct PHOTOS -o SCENE");
+  if (command.scene.empty())
+    throw UsageError("where to? give the folder of the scene with -o SCENE");
+  setup_log(command.verbosity());
+  const Reconstruction result =
+      run_colmap({config.dataset.source, command.scene, config.reconstruct, config.train.threads,
+                  command.force},
+                 ColmapBar(!command.quiet));
+  if (!command.quiet)
+    std::cout << describe(result)
+              << fmt::format("scene: {} (log: {})\ntrain it with: gemsplat train {} -o OUT\n",
+                             command.scene, (result.scene / "colmap.log").string(), command.scene);
+}
+
+}  // namespace
+
+void ColmapBar::operator()(ColmapStage stage, std::int64_t done, std::int64_t total) {
+  if (done == 0 || stage != stage_ || total != total_)
+    bar_ = std::make_shared<ProgressBar>(total, enabled_);
+  stage_ = stage;
+  total_ = total;
+  if (done > 0 && bar_->due(done)) bar_->draw(done, "", unit());
+}
+
+const char* ColmapBar::unit() const {
+  return stage_ == ColmapStage::frames    ? "frame"
+         : stage_ == ColmapStage::matches ? "block"
+                                          : "photo";
+}
+
+void add_reconstruct(CLI::App& program) {
+  CLI::App& verb =
+      *program.add_subcommand("reconstruct", "Find where photos were taken, with COLMAP");
+  const auto command = std::make_shared<ReconstructCommand>();
+  CommandLine& line = *command;
+  add_setting(verb, line, "photos,-d,--data", "dataset.source", "Scene",
+              "a folder of photos or videos, or a video; it stays as it is");
+  verb.add_option("-o,--output", command->scene, "the folder of the scene")
+      ->type_name("FOLDER")
+      ->group("Output");
+  verb.add_flag("--force", command->force, "move what is there already to SCENE.bak-N first")
+      ->group("Output");
+  add_setting(verb, line, "--frames", "reconstruct.frames", "COLMAP");
+  add_setting(verb, line, "--matching", "reconstruct.matching", "COLMAP");
+  add_setting(verb, line, "--camera-model", "reconstruct.camera_model", "COLMAP");
+  add_setting(verb, line, "--single-camera", "reconstruct.single_camera", "COLMAP");
+  add_setting(verb, line, "--max-features", "reconstruct.max_features", "COLMAP");
+  add_setting(verb, line, "--colmap", "reconstruct.colmap", "COLMAP");
+  add_general_options(verb, line);
+  verb.callback([command] { reconstruct(*command); });
+}
+
+}  // namespace gs

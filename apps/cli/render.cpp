@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat render: pictures and films of a trained model, of any trainer, from given cameras or along a path.
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <csignal>
+#include <iostream>
+#include <memory>
+
+#include "apps/cli/devices.h"
+#include "apps/cli/render_command.h"
+#include "gs_app/export/cameras.h"
+#include "gs_app/export/exported_file.h"
+#include "gs_app/run/open_model.h"
+#include "gs_app/run/progress_bar.h"
+#include "gs_app/run/provenance.h"
+#include "gs_app/run/stop_on_signal.h"
+#include "gs_core/error.h"
+#include "gs_core/parallel.h"
+#include "gs_core/version.h"
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// --- Cameras
+
+// From --cameras, --data, or the run itself. Paths follow training views, unless --split says otherwise or --through
+// names cameras.
+std::vector<NamedCamera> cameras_of(const RenderCommand& command, const OpenedModel& opened,
+                                    const Config& config) {
+  const int resolution = config.dataset.resolution;
+  const Vec3d& offset = opened.model.world_offset;
+  const bool has_split =
+      command.has("dataset.source") || (opened.run && std::filesystem::exists(opened.run->split()));
+  const bool follows_training = command.is_path() && command.path.through.empty() && has_split;
+  const std::string split = !command.split.empty() ? command.split
+                            : follows_training     ? "train"
+                                                   : "all";
+  if (command.has("dataset.source")) return cameras_of_scene(config.dataset, split, offset);
+  if (command.cameras.empty() && opened.run)
+    return cameras_of_run(*opened.run, resolution, split, offset);
+  if (command.cameras.empty())
+    throw UsageError(
+        "from where? give --cameras with a cameras.json, a transforms.json or a COLMAP model, or "
+        "--data SCENE");
+  if (!command.split.empty() && command.split != "all")
+    throw UsageError("--split goes with --data or a run, not with --cameras");
+  return cameras_of_file(command.cameras, resolution, offset);
+}
+
+// The size and lens that were asked for. All frames of a film have the size of the first, and even sides: H.264 stores
+// colors by the four pixels.
+void fit_cameras(const RenderCommand& command, std::vector<NamedCamera>& cameras) {
+  const bool is_film = command.output.is_film();
+  std::optional<PictureSize> size = command.size;
+  if (is_film && !size) size = PictureSize{cameras[0].camera.width, cameras[0].camera.height};
+  for (auto& [name, camera] : cameras) {
+    const bool is_other = size && (size->width != camera.width || size->height != camera.height);
+    if (is_other) camera = reframed(camera, size->width, size->height);
+    if (command.field_of_view) camera = with_field_of_view(camera, *command.field_of_view);
+  }
+  if (!is_film || !size || (size->width % 2 == 0 && size->height % 2 == 0)) return;
+  const PictureSize even{std::max(2, size->width & ~1), std::max(2, size->height & ~1)};
+  log_info("films have even sides: {}x{} becomes {}x{}, without the last row or column",
+           size->width, size->height, even.width, even.height);
+  for (auto& [name, camera] : cameras) camera.width = even.width, camera.height = even.height;
+}
+
+std::vector<Camera> without_names(const std::vector<NamedCamera>& cameras) {
+  std::vector<Camera> result;
+  for (const NamedCamera& named : cameras) result.push_back(named.camera);
+  return result;
+}
+
+/// The median of the depths that cameras see; 1 where they see nothing.
+double focus_of(ViewPictures& pictures, const std::vector<NamedCamera>& cameras) {
+  const std::vector<float> depths = pictures.sample_depths(without_names(cameras));
+  return depths.empty() ? 1 : double(depths[depths.size() / 2]);
+}
+
+bool has_depth_in_colors(const RenderCommand& command) {
+  return command.shows(Quantity::depth) && (command.output.png || command.output.is_film());
+}
+
+DepthRange depth_range(const RenderCommand& command, ViewPictures& pictures,
+                       const std::vector<NamedCamera>& cameras) {
+  if (!command.depth_range.empty()) return {command.depth_range[0], command.depth_range[1]};
+  if (!has_depth_in_colors(command)) return {};
+  return range_of(pictures.sample_depths(without_names(cameras)));
+}
+
+// --- What was done
+
+Json model_json(const OpenedModel& opened) {
+  return {{"file", opened.ply.string()},
+          {"gaussians", opened.model.gaussians.count()},
+          {"sh_degree", opened.model.sh_degree}};
+}
+
+Json settings_json(const Config& config, const RenderSettings& settings) {
+  return {{"background", {settings.background.x, settings.background.y, settings.background.z}},
+          {"antialiased", config.render.antialias},
+          {"blend_rule", config.render.blend_rule},
+          {"sh_degree", settings.sh_degree}};
+}
+
+Json film_json(const RenderCommand& command, const RenderOutput& output,
+               const std::vector<NamedCamera>& cameras, const DepthRange& range) {
+  Json json = {{"pictures", output.patterns()},
+               {"cameras", output.cameras().filename().string()},
+               {"frames", cameras.size()},
+               {"fps", command.output.frames_per_second}};
+  if (!output.codec().empty()) json["codec"] = output.codec();
+  json["width"] = cameras[0].camera.width;
+  json["height"] = cameras[0].camera.height;
+  if (has_depth_in_colors(command)) json["depth_range"] = {range.nearest, range.farthest};
+  if (command.shows(Quantity::normal)) json["normal_space"] = command.normal_space;
+  return json;
+}
+
+void write_description(const RenderOutput& output, const std::vector<NamedCamera>& cameras,
+                       const Json& json) {
+  keep_older_aside(output.cameras());
+  write_cameras_json(output.cameras(), cameras);
+  keep_older_aside(output.description());
+  write_text(output.description(), json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+}
+
+std::vector<std::string> names_of(const std::vector<NamedCamera>& cameras) {
+  std::vector<std::string> names;
+  for (const NamedCamera& named : cameras) names.push_back(named.name);
+  return names;
+}
+
+volatile std::sig_atomic_t g_is_interrupted = 0;
+
+void render_views(const RenderCommand& command, const std::vector<NamedCamera>& cameras,
+                  ViewPictures& pictures, RenderOutput& output) {
+  ProgressBar bar(std::int64_t(cameras.size()), !command.quiet);
+  const SignalHandlers handlers([](int) { g_is_interrupted = 1; });
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    if (g_is_interrupted)
+      throw Error(fmt::format("stopped by a signal after {} of {} views; {}", i, cameras.size(),
+                              command.output.is_film() ? "the film is left out"
+                                                       : "their pictures are there"),
+                  ExitCode::interrupted);
+    const std::vector<Quantity>& quantities = command.output.quantities;
+    const std::vector<ImageF> values = pictures.values(cameras[i].camera, quantities);
+    for (std::size_t q = 0; q < values.size(); ++q) output.write(i, quantities[q], values[q]);
+    if (bar.due(std::int64_t(i) + 1)) bar.draw(std::int64_t(i) + 1, cameras[i].name, "view");
+  }
+  bar.clear();
+  output.finish();
+}
+
+}  // namespace
+
+bool RenderCommand::shows(Quantity quantity) const {
+  return std::find(output.quantities.begin(), output.quantities.end(), quantity) !=
+         output.quantities.end();
+}
+
+void render(const RenderCommand& command) {
+  setup_log(command.verbosity());
+  OpenedModel opened = open_model(command.model, command.step);
+  // A cameras.json has the size of its pictures already; only -r makes them smaller.
+  if (!command.has("dataset.source")) opened.config.dataset.resolution = 1;
+  const Config config = resolve(command, opened.config);
+  set_thread_count(config.train.threads);
+  std::vector<NamedCamera> cameras = cameras_of(command, opened, config);
+  if (cameras.empty())
+    throw UsageError("there is no view to render; choose another --split, or --cameras");
+  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
+  const Gaussians gaussians = copy_to(backend->memory(), opened.model);
+  const RenderSettings settings = view_settings(opened, config);
+  ViewPictures pictures(*backend, gaussians, opened.model.gaussians, settings,
+                        command.normal_space == "camera");
+  Json path;
+  if (command.is_path()) {
+    FilmPath film = film_path(
+        command.path, cameras, [&] { return focus_of(pictures, cameras); },
+        opened.model.world_offset);
+    cameras = std::move(film.cameras);
+    path = std::move(film.description);
+  }
+  fit_cameras(command, cameras);
+  const DepthRange range = depth_range(command, pictures, cameras);
+  RenderOutput output(command.output, names_of(cameras), range);
+  const bool is_described = command.is_path() || command.output.is_film();
+  if (is_described)
+    for (const auto& file : {output.description(), output.cameras()})
+      check_place(file, command.output.force);
+  render_views(command, cameras, pictures, output);
+  if (is_described) {
+    Json json = film_json(command, output, cameras, range);
+    if (!path.is_null()) json["path"] = path;
+    json["model"] = model_json(opened);
+    json["settings"] = settings_json(config, settings);
+    json["version"] = kVersion;
+    json["commit"] = built_commit();
+    json["date"] = utc_date();
+    write_description(output, cameras, json);
+  }
+  if (!command.quiet)
+    std::cout << cameras.size() << (command.output.is_film() ? " frames of " : " pictures of ")
+              << opened.ply.string() << " in " << command.output.output.string() << "\n";
+}
+
+}  // namespace gs

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// What gemsplat render is asked for, and the verb itself.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/cli/options.h"
+#include "gs_app/export/film_path.h"
+#include "gs_app/export/render_output.h"
+
+namespace gs {
+
+struct PictureSize {
+  int width = 0, height = 0;  // pixels
+};
+
+/// The command line, checked as far as it can be without the model.
+struct RenderCommand : CommandLine {
+  std::string model;
+  std::optional<int> step;     // of a run: the model saved after it
+  std::string cameras, split;  // empty: not said
+  PathRequest path;
+  OutputRequest output;
+  std::optional<PictureSize> size;
+  std::optional<double> field_of_view;  // degrees across the width
+  std::vector<float> depth_range;       // nearest, farthest, world units; empty: found
+  std::string normal_space = "world";   // or "camera"
+
+  bool is_path() const { return !path.kind.empty(); }
+  bool shows(Quantity quantity) const;
+};
+
+/// Renders it. Throws Error.
+void render(const RenderCommand& command);
+
+}  // namespace gs

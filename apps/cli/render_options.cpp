@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: Apache-2.0
+// The flags of gemsplat render.
+#include <spdlog/fmt/fmt.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "apps/cli/render_command.h"
+#include "apps/cli/verbs.h"
+#include "gs_core/error.h"
+#include "gs_core/math/constants.h"
+
+namespace gs {
+namespace {
+
+constexpr double kSeconds = 10;       // of a path, where nothing is said
+constexpr double kMostFrames = 1e6;   // more is a mistake
+
+/// As CLI11 takes it; what has to be worked out goes into the command.
+struct RenderFlags {
+  RenderCommand command;
+  std::string output, size;
+  std::vector<std::string> quantities = {"color"}, formats;
+  std::vector<double> center;
+  std::optional<double> seconds;
+  std::optional<int> frames;
+};
+
+// --- Checking
+
+bool contains(const std::vector<std::string>& words, const std::string& word) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+PictureSize size_of(const std::string& text) {
+  PictureSize size;
+  char end = 0;
+  const bool is_size =
+      std::sscanf(text.c_str(), "%d%*1[xX]%d%c", &size.width, &size.height, &end) == 2;
+  const auto fits = [](int side) { return side > 0 && side <= kMaxPictureSide; };
+  if (!is_size || !fits(size.width) || !fits(size.height))
+    throw UsageError(
+        fmt::format("--size {}: give width and height in pixels, like 1280x720, up to {}", text,
+                    kMaxPictureSide));
+  return size;
+}
+
+// Flags that mean something on some paths only.
+void check_path_flags(const CLI::App& verb, const std::string& kind) {
+  const std::string all = "orbit, spline, flythrough", through = "spline, flythrough";
+  const std::pair<const char*, std::string> kinds_of[] = {
+      {"--through", "spline"}, {"--loop", "spline"},  {"--keys", through},
+      {"--pace", through},     {"--turns", "orbit"},  {"--elevation", "orbit"},
+      {"--radius", "orbit"},   {"--center", "orbit"}, {"--frames", all},
+      {"--seconds", all}};
+  for (const auto& [flag, kinds] : kinds_of)
+    if (verb.count(flag) > 0 && (kind.empty() || kinds.find(kind) == kinds.npos))
+      throw UsageError(fmt::format("{} goes with --path {}", flag, kinds));
+}
+
+std::size_t frames_of(const RenderFlags& flags) {
+  const double frames =
+      flags.frames ? double(*flags.frames)
+                   : flags.seconds.value_or(kSeconds) * flags.command.output.frames_per_second;
+  if (!(frames < kMostFrames))
+    throw UsageError(
+        fmt::format("{:.0f} frames are too many; give fewer --seconds or --fps", frames));
+  return std::max<std::size_t>(1, std::size_t(frames + 0.5));
+}
+
+RenderCommand checked(const CLI::App& verb, const RenderFlags& flags) {
+  RenderCommand command = flags.command;
+  check_path_flags(verb, command.path.kind);
+  command.path.frames = frames_of(flags);
+  if (!flags.center.empty())
+    command.path.center = Vec3d(flags.center[0], flags.center[1], flags.center[2]);
+  if (!flags.size.empty()) command.size = size_of(flags.size);
+  command.output.output = flags.output;
+  const auto& names = quantity_names();
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (contains(flags.quantities, names[i])) command.output.quantities.push_back(Quantity(i));
+  command.output.exr = contains(flags.formats, "exr");
+  command.output.png = flags.formats.empty() || contains(flags.formats, "png");
+  check_output(command.output);
+  const std::vector<float>& range = command.depth_range;
+  if (!range.empty() && !(range[0] < range[1]))
+    throw UsageError("--depth-range: give the nearer depth first");
+  return command;
+}
+
+// --- Options
+
+void add_path_options(CLI::App& verb, RenderFlags& flags) {
+  PathRequest& path = flags.command.path;
+  verb.add_option("--path", path.kind,
+                  "a way of the camera: round the scene, through cameras, or past all of it")
+      ->check(CLI::IsMember({"orbit", "spline", "flythrough"}))
+      ->type_name("orbit|spline|flythrough")
+      ->group("Path");
+  verb.add_option("--frames", flags.frames, "of the path [300]")
+      ->type_name("N")
+      ->check(CLI::PositiveNumber)
+      ->group("Path");
+  verb.add_option("--seconds", flags.seconds, "of the path, at --fps [10]")
+      ->type_name("S")
+      ->check(CLI::PositiveNumber)
+      ->excludes("--frames")
+      ->group("Path");
+  verb.add_option("--through", path.through,
+                  "spline: the cameras to pass, by name or number [--keys of all]")
+      ->delimiter(',')
+      ->type_name("CAMERA,...")
+      ->group("Path");
+  verb.add_option("--keys", path.keys, "spline, flythrough: how many cameras to pass [12]")
+      ->check(CLI::Range(2, 10000))
+      ->type_name("N")
+      ->excludes("--through")
+      ->group("Path");
+  verb.add_flag("--loop", path.is_loop, "spline: back to the first camera")->group("Path");
+  verb.add_option("--pace", path.pace,
+                  "spline, flythrough: at one speed, or the same time from camera to camera [even]")
+      ->check(CLI::IsMember({"even", "keys"}))
+      ->type_name("even|keys")
+      ->group("Path");
+  verb.add_option("--turns", path.turns, "orbit: how many; negative: clockwise [1]")
+      ->type_name("N")
+      ->check([](const std::string& text) {
+        const double turns = std::atof(text.c_str());
+        return turns == 0 || !std::isfinite(turns) ? "must be a number other than 0" : "";
+      })
+      ->group("Path");
+  verb.add_option("--elevation", path.elevation,
+                  "orbit: degrees above the center [that of the cameras]")
+      ->type_name("DEGREES")
+      ->check(CLI::Range(-89.0, 89.0))
+      ->group("Path");
+  verb.add_option("--radius", path.radius, "orbit: world units [that of the cameras]")
+      ->type_name("R")
+      ->check(CLI::PositiveNumber)
+      ->group("Path");
+  verb.add_option("--center", flags.center,
+                  "orbit: in the frame of the photos' poses [where the cameras look]")
+      ->type_name("X Y Z")
+      ->expected(3)
+      ->check([](const std::string& text) {
+        return std::isfinite(std::atof(text.c_str())) ? "" : "must be a number";
+      })
+      ->group("Path");
+}
+
+void add_picture_options(CLI::App& verb, RenderFlags& flags) {
+  RenderCommand& command = flags.command;
+  verb.add_option("--write", flags.quantities, "what to show of each view [color]")
+      ->delimiter(',')
+      ->check(CLI::IsMember(quantity_names()))
+      ->type_name("color,depth,alpha,normal")
+      ->group("Pictures");
+  verb.add_option("--format", flags.formats,
+                  "pictures to look at, exact values as 32-bit float, or both [png]")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"png", "exr"}))
+      ->type_name("png,exr")
+      ->group("Pictures");
+  verb.add_option("--size", flags.size, "of the pictures [that of the cameras]")
+      ->type_name("WxH")
+      ->excludes("--resolution")
+      ->group("Pictures");
+  verb.add_option("--fov", command.field_of_view,
+                  "degrees across the pictures' width [that of the cameras]")
+      ->type_name("DEGREES")
+      ->check(CLI::Range(1.0, 150.0))
+      ->group("Pictures");
+  verb.add_option("--fps", command.output.frames_per_second, "of a film [30]")
+      ->type_name("F")
+      ->check(CLI::Range(0.1, 240.0))
+      ->group("Pictures");
+  verb.add_option("--depth-range", command.depth_range,
+                  "world units between which pictures of depth have colors [of 98 % of the pixels]")
+      ->type_name("NEAR FAR")
+      ->expected(2)
+      ->check(CLI::PositiveNumber)
+      ->group("Pictures");
+  verb.add_option("--normal-space", command.normal_space,
+                  "of the world, or right, up and towards the camera [world]")
+      ->check(CLI::IsMember({"world", "camera"}))
+      ->type_name("world|camera")
+      ->group("Pictures");
+  verb.add_flag("--force", command.output.force,
+                "move files that are in the way to FILE.bak-N first")
+      ->group("Pictures");
+}
+
+}  // namespace
+
+void add_render(CLI::App& program) {
+  CLI::App& verb = *program.add_subcommand(
+      "render", "Render pictures or a film of a trained model, from given cameras or along a path");
+  const auto flags = std::make_shared<RenderFlags>();
+  RenderCommand& command = flags->command;
+  verb.add_option("model", command.model,
+                  "a PLY, .spz, .sog, .splat or .csv of any trainer, or a run's folder")
+      ->type_name("MODEL|RUN")
+      ->required();
+  verb.add_option("-o,--output", flags->output,
+                  "a folder for pictures named after their views, or a film that ends in .mp4")
+      ->type_name("FOLDER|FILM")
+      ->required();
+  verb.add_option("--iteration", command.step,
+                  "of a run, the model saved after that step [the newest]")
+      ->type_name("STEP");
+  verb.add_option(
+          "--cameras", command.cameras,
+          "cameras.json, transforms.json or the folder of a COLMAP model [those of the run]")
+      ->type_name("FILE|FOLDER")
+      ->group("Scene");
+  add_dataset_options(verb, command, "-d,--data,-s,--source-path");
+  verb.get_option("--data")->excludes("--cameras");
+  verb.add_option("--split", command.split,
+                  "which views of the run or of --data [all; train for a --path]")
+      ->check(CLI::IsMember({"test", "train", "all"}))
+      ->type_name("")
+      ->group("Scene");
+  add_path_options(verb, *flags);
+  add_picture_options(verb, *flags);
+  add_render_options(verb, command);
+  add_general_options(verb, command);
+  verb.callback([&verb, flags] { render(checked(verb, *flags)); });
+}
+
+}  // namespace gs

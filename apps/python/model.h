@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat.Model: trained Gaussians as NumPy arrays.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <memory>
+
+#include "gs_app/run/open_model.h"
+
+namespace gs::python {
+
+/// Gaussians in host memory and the config that they are looked at with. The number of Gaussians never changes, so that
+/// arrays may show them where they lie.
+using Model = OpenedModel;
+
+/// What a model is made of; None where the other of two forms is given. Shapes: docs/embedding.md.
+struct ModelArrays {
+  pybind11::object means, rotations, scales, log_scales, opacities, logit_opacities, colors, sh0,
+      sh_rest;
+};
+
+/// Copies the arrays. Throws UsageError that names the one that cannot be taken.
+std::shared_ptr<Model> make_model(const ModelArrays& arrays, bool antialiased,
+                                  const pybind11::object& world_offset);
+
+void bind_model(pybind11::module_& module);
+
+}  // namespace gs::python

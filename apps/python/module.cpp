@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// The module gemsplat._gemsplat, which gemsplat/__init__.py shows as gemsplat. Types and shapes: gemsplat/__init__.pyi;
+// docs/embedding.md.
+#include <pybind11/pybind11.h>
+
+#include "apps/python/camera.h"
+#include "apps/python/devices.h"
+#include "apps/python/errors.h"
+#include "apps/python/model.h"
+#include "apps/python/render.h"
+#include "apps/python/scene.h"
+#include "apps/python/train.h"
+#include "data_loaders/formats/formats.h"
+#include "gs_app/run/make_backend.h"
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+#include "gs_core/parallel.h"
+#include "gs_core/version.h"
+
+namespace py = pybind11;
+
+namespace gs::python {
+namespace {
+
+void set_verbosity(const std::string& name) {
+  if (name == "quiet")
+    setup_log(Verbosity::quiet);
+  else if (name == "normal")
+    setup_log(Verbosity::normal);
+  else if (name == "verbose")
+    setup_log(Verbosity::verbose);
+  else
+    throw UsageError("there is no verbosity " + name + "; there are quiet, normal and verbose");
+}
+
+}  // namespace
+}  // namespace gs::python
+
+PYBIND11_MODULE(_gemsplat, module) {
+  using namespace gs;
+  using namespace gs::python;
+  module.attr("__version__") = kVersion;
+  const py::object own_name = module.attr("__name__");
+  module.attr("__name__") = "gemsplat";  // of which the classes say that they are a part
+  bind_errors(module);
+  bind_model(module);
+  bind_camera(module);
+  bind_scene(module);
+  bind_render(module);
+  bind_train(module);
+  module.attr("__name__") = own_name;
+  module.def("set_verbosity", set_verbosity, py::arg("name"),
+             "How much is said on standard error: quiet (warnings and errors, as at the start), "
+             "normal or verbose.");
+  module.def("set_threads", set_threads, py::arg("threads"),
+             "For all work on the CPU; 0, as at the start: all cores. UsageError while something "
+             "is trained or rendered.");
+  module.def("thread_count", thread_count, "How many threads work on the CPU.");
+  module.def("cuda_device_count", cuda_device_count,
+             "How many GPUs the device \"cuda:N\" can name; 0 also where gemsplat was built "
+             "without CUDA.");
+  setup_log(Verbosity::quiet);
+}

@@ -1,0 +1,413 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer as a browser shows it: a few Gaussians at known places, cameras, photos, a run that goes on, frames from a
+// server; clicks, drags, keys, touches. Software WebGL, no network beyond this machine. Keeps screenshots.
+//   node view_test.mjs MODULES OUT CHROMIUM
+// MODULES holds node_modules and view.html.
+import assert from 'node:assert/strict';
+import {existsSync} from 'node:fs';
+import {mkdir} from 'node:fs/promises';
+import {join, resolve} from 'node:path';
+import {Browser} from './browser.mjs';
+import {colorsAt} from './pictures.mjs';
+import {BLOBS, CAMERAS, plainPng, plyOf, sceneFor, seenAt} from './view_scene.mjs';
+import {ViewServer} from './view_server.mjs';
+
+const SKIPPED = 77;  // as CTest is told
+const [modules, out] = process.argv.slice(2, 4).map(path => resolve(path)), chromium = process.argv[4];
+if (!chromium || !existsSync(chromium)) {
+  console.log('skipped: no Chromium was found; install the package chromium');
+  process.exit(SKIPPED);
+}
+
+const PHOTO = [200, 30, 160];
+const withPhotos = CAMERAS.map((camera, i) => ({...camera, photo: i === 3 ? null : `photo/${i}`}));
+
+// Opens the page of a server that answers as `what` says; closes both after the test.
+async function shown(browser, what, options) {
+  const server = await ViewServer.start({page: join(modules, 'view.html'), scene: sceneFor('file', {cameras: withPhotos}), model: () => plyOf(BLOBS),
+                                         photo: index => plainPng(withPhotos[index].width, withPhotos[index].height, PHOTO), ...what});
+  browser.servers.push(server);
+  const page = await browser.openServer(server.url, options);
+  page.server = server;
+  return page;
+}
+const ready = page => page.waitForFunction(() => gemsplatViewer.ready.then(() => gemsplatViewer.settled()).then(() => true));
+const settled = page => page.waitForFunction(() => gemsplatViewer.settled().then(() => true));
+const state = page => page.evaluate(() => gemsplatViewer.state());
+const distance = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
+const shot = async (page, name) => page.screenshot({path: join(out, `${name}.png`)});
+const isNear = (color, wanted, tolerance = 12) => color.every((c, i) => Math.abs(c - wanted[i]) <= tolerance);
+const photoBox = page => page.locator('.compare').boundingBox();
+
+// Each blob stands where `camera` sees it, in a picture of its size without interface.
+async function assertBlobs(page, camera, blobs = BLOBS) {
+  const picture = await page.screenshot(), places = blobs.map(({at}) => seenAt(camera, at));
+  const inside = places.map(([x, y], i) => ({x, y, i})).filter(({x, y}) => x >= 0 && y >= 0 && x < camera.width && y < camera.height);
+  const colors = await colorsAt(page, picture, inside.map(({x, y}) => [x, y]));
+  inside.forEach(({i}, k) => {
+    const wanted = blobs[i].color.map(c => 255 * c);
+    assert.ok(isNear(colors[k], wanted), `blob ${i}: ${colors[k]} instead of ${wanted}`);
+  });
+  return inside.length;
+}
+
+const tests = {
+  async 'colors and places are the exact ones, at centered and off-center cameras, and nothing is mirrored'(browser) {
+    for (const [index, camera] of CAMERAS.entries()) {
+      const page = await shown(browser, {}, {at: `c=${index}&ui=0`, width: camera.width, height: camera.height});
+      await ready(page);
+      assert.ok(await assertBlobs(page, camera) >= 2);
+      assert.equal((await state(page)).camera, index);
+      await page.close();
+    }
+  },
+
+  async 'figures, list and bar say what is there; names cannot become markup'(browser) {
+    const page = await shown(browser, {});
+    await ready(page);
+    assert.equal((await state(page)).gaussians, BLOBS.length);
+    const figures = await page.locator('.panel.figures').innerText();
+    for (const words of ['blobs.ply', 'Gaussians', '4', 'SH degree', '4, 2 of them test']) assert.ok(figures.includes(words), figures);
+    await page.getByRole('button', {name: 'Cameras', exact: true}).click();
+    assert.deepEqual(await page.locator('.entry').allTextContents(), CAMERAS.map(camera => camera.name));
+    await page.getByRole('group', {name: 'which cameras'}).getByRole('button', {name: 'Test'}).click();
+    assert.equal(await page.locator('.entry:visible').count(), 2);
+    await page.getByPlaceholder('Filter by name').fill('ODD');
+    assert.equal(await page.locator('.entry:visible').count(), 1);
+    await page.locator('.entry:visible').click();
+    assert.equal((await state(page)).camera, 3);
+    await settled(page);
+    assert.equal(await page.locator('.bar-name').innerText(), '<b>odd</b>.png\ntest');
+    assert.equal(await page.locator('.camera-bar .segmented:visible').count(), 0);  // it has no photo
+    await shot(page, 'cameras-light');
+    await page.close();
+  },
+
+  async 'a view at rest is not drawn again'(browser) {
+    const page = await shown(browser, {});
+    await ready(page);
+    const drawn = await page.evaluate(async () => {
+      const {stage} = app.viewer, tell = stage.drawn;
+      let count = 0;
+      stage.drawn = view => { ++count; tell(view); };
+      await new Promise(done => setTimeout(done, 800));
+      return count;
+    });
+    assert.equal(drawn, 0);
+    await page.close();
+  },
+
+  async 'a click on a frustum leads to its camera, keys to the next and back'(browser) {
+    const page = await shown(browser, {});
+    await ready(page);
+    const {lens} = await state(page), target = CAMERAS[3].world_from_camera;
+    const [x, y] = seenAt({...CAMERAS[0], ...lens}, [target[3], target[7], target[11]]);
+    const box = await page.evaluate(() => app.viewer.stage.lens().picture);
+    const scale = box.width / lens.width, place = [box.left + x * scale, box.top + y * scale];
+    await page.mouse.move(...place);
+    assert.equal(await page.locator('canvas.gl').getAttribute('title'), CAMERAS[3].name);
+    await page.mouse.click(...place);
+    assert.equal((await state(page)).camera, 3);
+    await page.keyboard.press('ArrowLeft');
+    assert.equal((await state(page)).camera, 2);
+    await page.keyboard.press('ArrowRight');
+    await page.keyboard.press('ArrowRight');
+    assert.equal((await state(page)).camera, 0);
+    await page.keyboard.press('f');
+    await page.mouse.move(...place);
+    assert.equal(await page.locator('canvas.gl').getAttribute('title'), '');
+    await page.keyboard.press('KeyW');
+    await page.keyboard.press('n');
+    assert.equal((await state(page)).camera, 0);
+    await page.close();
+  },
+
+  async 'the view flies to a camera, and arrives exactly there'(browser) {
+    const page = await shown(browser, {}, {at: 'camera=0', reducedMotion: 'no-preference'});
+    await ready(page);
+    await page.keyboard.press('ArrowRight');
+    assert.equal((await state(page)).camera, null);
+    await page.waitForFunction(() => gemsplatViewer.state().camera === 1);
+    const {position, lens} = await state(page), {world_from_camera: m, width, height, fx, fy, cx, cy} = CAMERAS[1];
+    assert.deepEqual(position, [m[3], m[7], m[11]]);
+    assert.deepEqual(lens, {width, height, fx, fy, cx, cy});
+    await page.close();
+  },
+
+  async 'the photo compares with the render by slider, opacity and flip'(browser) {
+    const page = await shown(browser, {}, {at: 'camera=0', colorScheme: 'dark'});
+    await ready(page);
+    await page.getByRole('button', {name: 'Slider'}).click();
+    await page.waitForFunction(() => document.querySelector('.photo').naturalWidth > 0);
+    const box = await photoBox(page), drawn = await page.evaluate(() => app.viewer.stage.lens().picture);
+    assert.ok(Math.abs(box.width - drawn.width) < 1 && Math.abs(box.left ?? box.x - drawn.left) < 1);
+    const at = share => [box.x + share * box.width, box.y + 0.3 * box.height];
+    const colors = async () => colorsAt(page, await page.screenshot(), [at(0.1), at(0.35), at(0.9)]);
+    assert.deepEqual((await colors()).map(color => isNear(color, PHOTO)), [true, true, false]);
+    await page.keyboard.down(' ');  // although the button was pressed last
+    assert.deepEqual((await colors()).map(color => isNear(color, PHOTO)), [true, true, true]);
+    await page.keyboard.up(' ');
+    await page.mouse.move(...at(0.5));
+    await page.mouse.down();
+    await page.mouse.move(...at(0.2), {steps: 4});
+    await page.mouse.up();
+    assert.deepEqual((await colors()).map(color => isNear(color, PHOTO)), [true, false, false]);
+    assert.equal((await state(page)).camera, 0);  // the slider moves, not the view
+    await shot(page, 'slider-dark');
+    await page.keyboard.press('c');
+    assert.equal((await state(page)).compare, 'blend');
+    assert.ok(isNear((await colors())[2], PHOTO.map(c => c / 2), 4), 'half a photo over black');
+    await page.keyboard.press('c');
+    await page.keyboard.press('c');
+    assert.equal(await page.locator('.compare').isVisible(), false);
+    await page.keyboard.down(' ');
+    assert.ok(isNear((await colors())[2], PHOTO));
+    await page.keyboard.up(' ');
+    assert.equal(await page.locator('.compare').isVisible(), false);
+    await page.close();
+  },
+
+  async 'mouse, wheel and keys move the view; a double click chooses what orbits go around'(browser) {
+    const page = await shown(browser, {});
+    await ready(page);
+    const start = await state(page);
+    await page.mouse.move(640, 450);
+    await page.mouse.down();
+    await page.mouse.move(760, 400, {steps: 6});
+    await page.mouse.up();
+    const orbited = await state(page);
+    assert.equal(orbited.camera, null);
+    assert.ok(distance(orbited.position, start.position) > 0.3);
+    assert.ok(Math.abs(distance(orbited.position, orbited.target) - distance(start.position, start.target)) < 1e-6);
+    assert.ok(orbited.position[0] < start.position[0] && orbited.position[1] > start.position[1], 'the scene follows the pointer');
+    await page.mouse.wheel(0, -200);
+    await page.waitForTimeout(100);
+    assert.ok(distance((await state(page)).position, orbited.target) < distance(orbited.position, orbited.target));
+    await page.keyboard.press('r');
+    await settled(page);
+    await page.keyboard.down('w');
+    await page.waitForTimeout(500);
+    await page.keyboard.up('w');
+    const flown = await state(page);
+    assert.ok(flown.position[2] > start.position[2] + 0.01, String(flown.position));
+    await page.keyboard.press('r');
+    await settled(page);
+    const {picture} = await page.evaluate(() => app.viewer.stage.lens()), scale = picture.width / CAMERAS[0].width;
+    const [x, y] = seenAt(CAMERAS[0], BLOBS[1].at);
+    await page.mouse.dblclick(picture.left + x * scale, picture.top + y * scale);
+    const {target} = await state(page);
+    assert.ok(distance(target, BLOBS[1].at) < 0.3, `${target} instead of ${BLOBS[1].at}`);
+    await page.close();
+  },
+
+  async 'settings change background, field of view and navigation; help and hidden interface come and go'(browser) {
+    const page = await shown(browser, {}, {colorScheme: 'dark'});
+    await ready(page);
+    await page.keyboard.press('p');
+    await page.getByRole('group', {name: 'background'}).getByRole('button', {name: 'White'}).click();
+    await page.getByRole('slider', {name: 'field of view'}).fill('100');
+    await page.keyboard.press('o');
+    assert.equal(await page.getByRole('group', {name: 'navigation'}).getByRole('button', {name: 'Fly'}).getAttribute('aria-pressed'), 'true');
+    await settled(page);
+    assert.ok(Math.abs((await state(page)).lens.fy - 900 / 2 / Math.tan(50 * Math.PI / 180)) < 1);
+    await shot(page, 'settings-dark');
+    await page.keyboard.press('?');
+    await page.getByRole('dialog').waitFor();
+    await shot(page, 'help-dark');
+    await page.keyboard.press('Escape');
+    await page.keyboard.press('h');
+    assert.equal(await page.locator('.interface').isVisible(), false);
+    assert.ok(isNear((await colorsAt(page, await page.screenshot(), [[20, 880]]))[0], [255, 255, 255], 1));
+    await page.close();
+  },
+
+  async 'a run that goes on: figures, chart, and a new model without losing the pose and without a flash'(browser) {
+    const run = {step: 100, steps: 1000, loss: 0.2, gaussians: 4, psnr: null, seconds: 10, version: 0, done: false, stopped: false, message: ''};
+    const live = {...sceneFor('live', {cameras: withPhotos})}, {model} = live;
+    delete live.model;
+    const bright = BLOBS.map(blob => ({...blob, color: [0.9, 0.5, 0.1]}));
+    const page = await shown(browser, {scene: live, state: () => run, model: version => plyOf(version < 2 ? BLOBS : bright)}, {at: 'camera=0'});
+    await page.evaluate(() => gemsplatViewer.ready);
+    assert.match(await page.locator('.live-words').innerText(), /first model/i);
+    live.model = model;
+    Object.assign(run, {version: 1, step: 200, loss: 0.15, psnr: 21.5});
+    await page.waitForFunction(() => gemsplatViewer.state().gaussians === 4);
+    await settled(page);
+    await page.mouse.move(640, 450);
+    await page.mouse.wheel(0, 60);
+    await settled(page);
+    const before = await state(page);
+    await page.evaluate(() => {  // what is drawn in the middle, frame by frame
+      const {stage} = app.viewer, drawn = stage.drawn, gl = stage.renderer.getContext(), pixel = new Uint8Array(4);
+      window.middle = [];
+      stage.drawn = view => {
+        drawn(view);
+        const bound = gl.getParameter(gl.PIXEL_PACK_BUFFER_BINDING);  // Spark's, while it reads depths
+        gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
+        gl.readPixels(gl.drawingBufferWidth / 2, gl.drawingBufferHeight / 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+        gl.bindBuffer(gl.PIXEL_PACK_BUFFER, bound);
+        window.middle.push([...pixel.subarray(0, 3)]);
+      };
+      stage.request();
+    });
+    Object.assign(run, {version: 2, step: 300, loss: 0.1});
+    await page.waitForFunction(() => window.middle.some(([r, g, b]) => r - b > 120), null, {timeout: 20_000});
+    await settled(page);
+    const colors = await page.evaluate(() => window.middle), old = colors[0], latest = colors.at(-1);
+    assert.ok(latest[0] - latest[2] > 120 && old[0] - old[2] < 20);
+    for (const color of colors) assert.ok(isNear(color, old, 6) || isNear(color, latest, 6), `a frame between: ${color}`);
+    const after = await state(page);
+    assert.deepEqual([after.position, after.quaternion, after.lens], [before.position, before.quaternion, before.lens]);
+    const words = await page.locator('.panel.figures').innerText();
+    for (const word of ['300 of 1,000', '21.50 dB', '0.1', 'Snapshot']) assert.ok(words.includes(word), words);
+    assert.equal(await page.locator('.loss-chart canvas').count(), 1);
+    await shot(page, 'live-light');
+    Object.assign(run, {done: true, message: 'Training is done.'});
+    await page.waitForFunction(() => document.querySelector('.live-words').textContent === 'Training is done.');
+    const asked = page.server.asked.length;
+    await page.waitForTimeout(1500);
+    assert.equal(page.server.asked.length, asked);  // nothing more to ask
+    await page.close();
+  },
+
+  async 'frames from the server: small ones while the view moves, whole ones at rest, color, depth, normals'(browser) {
+    const colors = {color: [180, 90, 20], depth: [90, 90, 90], normal: [120, 120, 250]};
+    const frames = [];
+    const frame = async query => {
+      frames.push(query);
+      await new Promise(done => setTimeout(done, 120));
+      return {body: plainPng(Number(query.get('w')), Number(query.get('h')), colors[query.get('mode')]), milliseconds: 12.5};
+    };
+    const page = await shown(browser, {scene: sceneFor('remote', {device: 'cuda:0 (a test)', model: {gaussians: 7}}), frame}, {at: 'camera=0'});
+    await ready(page);
+    assert.ok(!page.server.asked.some(path => path.startsWith('/model')));
+    const first = frames.at(-1);
+    assert.deepEqual([Number(first.get('w')), Number(first.get('h'))], [1280, 900]);
+    assert.deepEqual(first.get('m').split(',').map(Number), CAMERAS[0].world_from_camera);
+    const {picture} = await page.evaluate(() => app.viewer.stage.lens());
+    assert.ok(Math.abs(Number(first.get('cx')) - picture.left - picture.width / 2) < 1e-3 && Math.abs(Number(first.get('fx')) - 300 * picture.width / 400) < 1e-3);
+    assert.ok(isNear((await colorsAt(page, await page.screenshot(), [[640, 450]]))[0], colors.color, 2));
+    const count = frames.length;
+    await page.mouse.move(640, 450);
+    await page.mouse.down();
+    for (let i = 0; i < 12; ++i) { await page.mouse.move(640 + 10 * i, 450); await page.waitForTimeout(40); }
+    await page.mouse.up();
+    await settled(page);
+    const moving = frames.slice(count, -1).map(query => Number(query.get('w')));
+    assert.ok(moving.length > 1 && Math.min(...moving) < 700, String(moving));
+    assert.equal(Number(frames.at(-1).get('w')), 1280);
+    const figures = await page.locator('.panel.figures').innerText();
+    assert.match(figures, /Latency\s+1\d\d ms/);
+    assert.match(figures, /On the server\s+12\.5 ms/);
+    assert.match(figures, /cuda:0/);
+    await page.keyboard.press('p');
+    await page.getByRole('button', {name: 'Normals'}).click();
+    await settled(page);
+    assert.ok(isNear((await colorsAt(page, await page.screenshot(), [[640, 600]]))[0], colors.normal, 2));
+    await shot(page, 'remote-light');
+    page.server.what.frame = () => { throw Object.assign(new Error('The GPU is out of memory.'), {status: 503}); };
+    browser.isForgiving = true;
+    await page.keyboard.press('3');
+    await page.keyboard.press('1');
+    await page.getByText('The GPU is out of memory.').waitFor();
+    await page.close();
+  },
+
+  async 'without WebGL frames from the server are shown all the same, and else it is said what is missing'(browser) {
+    browser.isForgiving = true;  // three.js complains
+    const frame = query => ({body: plainPng(Number(query.get('w')), Number(query.get('h')), [10, 200, 90]), milliseconds: 1});
+    for (const mode of ['remote', 'file']) {
+      const page = await shown(browser, {scene: sceneFor(mode), frame}, {before: () => {
+        const getContext = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = function(kind, ...more) { return kind.startsWith('webgl') ? null : getContext.call(this, kind, ...more); };
+      }});
+      if (mode === 'file') {
+        await page.locator('.failure').waitFor();
+        assert.match(await page.locator('.failure').innerText(), /no WebGL 2.*gemsplat view --remote/);
+      } else {
+        await ready(page);
+        assert.ok(isNear((await colorsAt(page, await page.screenshot(), [[640, 450]]))[0], [10, 200, 90], 2));
+      }
+      await page.close();
+    }
+  },
+
+  async 'what goes wrong is said in words'(browser) {
+    browser.isForgiving = true;
+    const refuse = (status, message) => () => { throw Object.assign(new Error(message), {status}); };
+    const broken = await shown(browser, {model: () => Buffer.from('ply\nthis is none')});
+    await broken.locator('.failure, .message').waitFor();
+    assert.match(await broken.locator('.failure, .message').innerText(), /^The model cannot be shown: ./);
+    await broken.close();
+    const missing = await shown(browser, {model: refuse(404, 'The file blobs.ply is not there any more.')});
+    await missing.getByText('The file blobs.ply is not there any more.').waitFor();
+    await missing.close();
+    const lost = await shown(browser, {photo: refuse(404, 'no photo'), scene: sceneFor('file', {cameras: withPhotos, notes: ['Photos were not found: images/ has moved.']})}, {at: 'camera=0'});
+    await ready(lost);
+    await lost.getByText('Photos were not found').waitFor();
+    await lost.getByRole('button', {name: 'Photo', exact: true}).click();
+    await lost.getByText('the photo cannot be shown').waitFor();
+    await lost.close();
+    const silent = await shown(browser, {});
+    await ready(silent);
+    await silent.server.close();
+    await silent.reload().catch(() => {});
+    await silent.close();
+  },
+
+  async 'a phone has room for all of it, and fingers move the view'(browser) {
+    for (const colorScheme of ['light', 'dark']) {
+      const page = await shown(browser, {}, {width: 390, height: 844, colorScheme, at: 'camera=0'});
+      await ready(page);
+      assert.equal(await page.locator('.panel:visible').count(), 0);
+      for (const name of ['Cameras', 'Settings', 'Figures']) {
+        await page.getByRole('button', {name, exact: true}).click();
+        assert.equal(await page.locator('.panel:visible').count(), 1, 'one panel at a time');
+        const {x, y, width, height} = await page.locator('.panel:visible').boundingBox();
+        assert.ok(x >= 0 && y >= 0 && x + width <= 390 && y + height <= 844, name);
+        await shot(page, `phone-${name.toLowerCase()}-${colorScheme}`);
+      }
+      await page.getByRole('button', {name: 'close Figures'}).click();
+      const session = await page.context().newCDPSession(page);
+      await session.send('Emulation.setTouchEmulationEnabled', {enabled: true, maxTouchPoints: 2});
+      const touch = (type, points) => session.send('Input.dispatchTouchEvent', {type, touchPoints: points.map(([x, y], id) => ({x, y, id}))});
+      const before = await state(page);
+      await touch('touchStart', [[150, 400], [240, 400]]);
+      for (const d of [10, 20, 30, 40]) await touch('touchMove', [[150 - d, 400], [240 + d, 400]]);
+      await touch('touchEnd', []);
+      const pinched = await state(page);
+      assert.ok(distance(pinched.position, pinched.target) < 0.75 * distance(before.position, before.target), 'fingers apart come nearer');
+      await touch('touchStart', [[195, 400]]);
+      for (const d of [10, 30, 60]) await touch('touchMove', [[195 + d, 400]]);
+      await touch('touchEnd', []);
+      const turned = await state(page);
+      assert.ok(turned.position[0] < pinched.position[0] - 0.1, 'one finger orbits');
+      await settled(page);
+      await shot(page, `phone-${colorScheme}`);
+      await page.close();
+    }
+  },
+};
+
+await mkdir(out, {recursive: true});
+const browser = await Browser.start(modules, chromium, {server: true});
+browser.context.setDefaultTimeout(30_000);
+let failed = 0;
+for (const [name, test] of Object.entries(tests)) {
+  browser.servers = [];
+  browser.isForgiving = false;  // of errors that the test itself has made
+  try {
+    await test(browser);
+    if (!browser.isForgiving) assert.deepEqual(browser.failures, []);
+    assert.ok(!browser.failures.some(failure => failure.includes(': request: ')), browser.failures.join('\n'));
+    console.log(`ok      ${name}`);
+  } catch (error) {
+    ++failed;
+    console.log(`FAILED  ${name}\n${error.stack}\n${browser.failures.join('\n')}`);
+  }
+  browser.failures.length = 0;
+  await Promise.all(browser.servers.map(server => server.http.listening && server.close()));
+}
+await browser.close();
+console.log(`${failed ? `${failed} failed` : 'all passed'}; screenshots: ${out}`);
+process.exit(failed ? 1 : 0);

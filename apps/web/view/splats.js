@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+// The picture that this machine draws: Spark on three.js, set up to agree with gemsplat's own (docs/viewer.md).
+import {SparkRenderer, SplatFileType, SplatMesh} from '@sparkjsdev/spark';
+import {HalfFloatType, LinearFilter, Matrix4, Mesh, PerspectiveCamera, PlaneGeometry, Raycaster, Scene, ShaderMaterial,
+        UnsignedByteType, Vector2, Vector3, WebGLRenderTarget} from 'three';
+import {compositeFragmentShader, compositeVertexShader, fragmentShader, vertexShader} from './shaders.js';
+
+const BLUR = 0.3, BLUR_ANTIALIASED = 0.1;     // pixels^2: kBlur and kBlurAntialias of gs_core/math/constants.h
+const MIN_ALPHA = 1 / 255;                    // kMinAlpha
+const FAR_OUTSIDE = 1e4;                      // no splat is left out for its center's place in the picture
+const ANY_SIZE = 1e6;                         // pixels: nor made smaller
+const BYTES_PER_GAUSSIAN = 200;               // on the GPU, in full precision: mesh and Spark's working copies
+const MOST_BYTES = /Android|iPhone|iPad/.test(navigator.userAgent) ? 2 ** 28 : 2 ** 30;  // beyond it: 16-byte Gaussians
+
+const FILE_TYPES = {ply: SplatFileType.PLY, 'compressed.ply': SplatFileType.PLY, spz: SplatFileType.SPZ,
+                    sog: SplatFileType.PCSOGSZIP, splat: SplatFileType.SPLAT};
+
+export class SplatPicture {
+  // model: of scene.json, where it is known; changed(): there is something new to draw.
+  constructor(renderer, model, changed) {
+    this.renderer = renderer;
+    this.changed = changed;
+    this.precise = (model?.gaussians ?? 0) * BYTES_PER_GAUSSIAN <= MOST_BYTES;
+    this.mesh = null;
+    this.scene = new Scene();
+    this.camera = new PerspectiveCamera();
+    this.spark = new SparkRenderer({
+      renderer, onDirty: changed, fragmentShader, enableLod: false, sortRadial: false, accumExtSplats: this.precise,
+      minAlpha: MIN_ALPHA, maxStdDev: Math.sqrt(2 * Math.log(1 / MIN_ALPHA)), clipXY: FAR_OUTSIDE, maxPixelRadius: ANY_SIZE,
+      depthTest: false,
+    });
+    this.spark.material.vertexShader = vertexShader(this.spark.material.vertexShader);
+    this.scene.add(this.spark);
+    this.setAntialiased(model?.antialiased ?? false);
+    this.gathered = gatheringTarget(renderer);
+    this.composite = new Mesh(new PlaneGeometry(2, 2), new ShaderMaterial({
+      vertexShader: compositeVertexShader, fragmentShader: compositeFragmentShader, depthTest: false, depthWrite: false,
+      uniforms: {gathered: {value: this.gathered.texture}, background: {value: new Vector3()}},
+    }));
+    this.composite.frustumCulled = false;
+    this.last = new Scene().add(this.composite);
+  }
+
+  setAntialiased(antialiased) {
+    this.spark.preBlurAmount = antialiased ? 0 : BLUR;  // without compensation of the opacity
+    this.spark.blurAmount = antialiased ? BLUR_ANTIALIASED : 0;
+  }
+
+  setBackground(color) {
+    this.composite.material.uniforms.background.value.set(...color);
+    this.changed();
+  }
+
+  setShDegree(degree) {
+    this.shDegree = degree;
+    if (!this.mesh) return;
+    this.mesh.maxSh = degree;
+    this.mesh.updateGenerator();
+    this.changed();
+  }
+
+  // Reads a model to its end, then shows it instead of the last one. `read`: {stream, length}.
+  async load(model, read) {
+    const fileType = FILE_TYPES[model.format];
+    if (!fileType) throw new Error(`This page does not read .${model.format} files.`);
+    const next = new SplatMesh({stream: read.stream, streamLength: read.length, fileType, extSplats: this.precise});
+    try {
+      await next.initialized;
+    } catch (error) {
+      next.dispose();
+      throw error;
+    }
+    if (model.world_from_file) new Matrix4().set(...model.world_from_file).decompose(next.position, next.quaternion, next.scale);
+    if (this.shDegree !== undefined) next.maxSh = this.shDegree;
+    this.setAntialiased(model.antialiased ?? false);
+    this.scene.add(next);
+    if (this.mesh) {
+      this.scene.remove(this.mesh);
+      this.mesh.dispose();  // Spark shows its own copy until the next model is sorted
+    }
+    this.mesh = next;
+    this.changed();
+  }
+
+  get gaussians() { return this.mesh?.numSplats ?? 0; }
+  get isPending() { return this.spark.sorting || this.spark.sortDirty || this.spark.dirty; }
+
+  // pose: {position, quaternion}, projection: Matrix4, for a picture of width x height pixels
+  place({position, quaternion}, projection) {
+    this.camera.position.copy(position);
+    this.camera.quaternion.copy(quaternion);
+    this.camera.updateMatrixWorld(true);
+    this.camera.projectionMatrix.copy(projection);
+    this.camera.projectionMatrixInverse.copy(projection).invert();
+  }
+
+  draw(width, height) {
+    if (this.gathered.width !== width || this.gathered.height !== height) this.gathered.setSize(width, height);
+    this.renderer.setRenderTarget(this.gathered);
+    this.renderer.setClearColor(0, 0);
+    this.renderer.clear();
+    this.renderer.render(this.scene, this.camera);
+    this.renderer.setRenderTarget(null);
+    this.renderer.render(this.last, this.camera);
+  }
+
+  // Sorts anew for exactly this view: while it moves, Spark sorts for views that are nearly the same.
+  async settle() {
+    if (!this.mesh) return;
+    await this.spark.update({scene: this.scene, camera: this.camera});
+    while (this.spark.sorting || this.spark.sortDirty) await new Promise(done => setTimeout(done, 4));
+    this.changed();
+  }
+
+  // The nearest Gaussian that is seen at a place of the picture (-1..1, y up): its point in the world, or null.
+  pick(x, y) {
+    if (!this.mesh) return null;
+    const ray = new Raycaster();
+    ray.setFromCamera(new Vector2(x, y), this.camera);
+    const hits = [];
+    this.mesh.raycast(ray, hits);
+    if (!hits.length) return null;
+    return hits.reduce((a, b) => b.distance < a.distance ? b : a).point.clone();
+  }
+}
+
+// Half precision, so that hundreds of faint splats do not each lose to the rounding of eight bits.
+function gatheringTarget(renderer) {
+  const half = renderer.extensions.has('EXT_color_buffer_float') || renderer.extensions.has('EXT_color_buffer_half_float');
+  return new WebGLRenderTarget(1, 1, {type: half ? HalfFloatType : UnsignedByteType, minFilter: LinearFilter,
+                                      magFilter: LinearFilter, depthBuffer: false});
+}

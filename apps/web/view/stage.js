@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+// The window's picture: when it is drawn, by whom (this machine or the server), how sharp, and what lies over it.
+import {ColorManagement, LinearSRGBColorSpace, WebGLRenderer} from 'three';
+import {el} from '../shared/dom.js';
+import {FramePicture} from './frames.js';
+import {Frusta} from './frusta.js';
+import {fitted, projectionOf} from './lens.js';
+import {SplatPicture} from './splats.js';
+
+const REST = 160;                      // milliseconds without movement until the view counts as still
+const MOST_PIXEL_RATIO = 2;
+const SLOW = 45, QUICK = 20;           // milliseconds per frame: fewer pixels above, more below, while the view moves
+const LEAST_SCALE = 0.3;
+
+ColorManagement.enabled = false;       // colors are what files say, display sRGB: nothing converts them
+
+export class Stage {
+  // rig: what is seen; step(seconds): moves it by what is held, true while something is; drawn(view): after each frame;
+  // marginsOf(): what the interface covers, {above, below} in CSS pixels; failed(error)
+  constructor(scene, rig, {step, drawn, marginsOf, failed}) {
+    Object.assign(this, {scene, rig, step, drawn, marginsOf, failed});
+    this.isRemote = scene.mode === 'remote';
+    this.frameCanvas = this.isRemote ? el('canvas.frame', {'aria-hidden': 'true'}) : null;
+    this.canvas = el('canvas.gl', {tabindex: '-1', 'aria-label': 'the picture'});
+    this.node = el('div.stage', {}, this.frameCanvas, this.canvas);
+    this.renderer = this.makeRenderer();
+    this.frusta = this.renderer && new Frusta(scene.cameras, scene.radius);
+    if (this.isRemote) {
+      this.frames = new FramePicture(this.frameCanvas, view => this.overlay(view), failed);
+    } else {
+      this.splats = new SplatPicture(this.renderer, scene.model, () => this.request());
+      this.splats.setBackground(scene.background);
+    }
+    this.isStale = true;        // something changed since the last frame
+    this.isExact = false;       // the picture is of this view and no other, at full size
+    this.changedAt = 0;
+    this.margins = {above: 0, below: 0};  // CSS pixels that the interface covers
+    this.scale = 1;             // of the picture's pixels, while the view moves
+    this.fullSize = false;      // never fewer pixels
+    this.frameTime = null;      // milliseconds, running mean while frames follow one another
+    this.canvas.addEventListener('webglcontextlost', () => failed(new Error('The graphics driver gave up this picture, perhaps for lack of memory. Load the page again.')));
+    new ResizeObserver(() => this.resize()).observe(this.node);
+  }
+
+  makeRenderer() {
+    try {
+      const renderer = new WebGLRenderer({canvas: this.canvas, antialias: true, alpha: this.isRemote, powerPreference: 'high-performance'});
+      renderer.outputColorSpace = LinearSRGBColorSpace;
+      renderer.autoClear = false;
+      return renderer;
+    } catch {
+      if (this.isRemote) return null;  // frames need none: there are only no frusta
+      throw new Error('This browser has no WebGL 2, which drawing Gaussians needs. "gemsplat view --remote" draws them where gemsplat runs.');
+    }
+  }
+
+  resize() {
+    const {clientWidth: width, clientHeight: height} = this.node;
+    if (!width || !height) return;
+    this.width = width;
+    this.height = height;
+    this.pixelRatio = Math.min(devicePixelRatio || 1, MOST_PIXEL_RATIO);
+    this.renderer?.setPixelRatio(this.pixelRatio);
+    this.renderer?.setSize(width, height, false);
+    this.margins = this.marginsOf();
+    this.touch();
+    this.draw();  // at once: a canvas of another size is empty
+  }
+
+  // The view changed.
+  touch() {
+    this.changedAt = performance.now();
+    this.isExact = false;
+    this.request();
+  }
+  request() {
+    this.isStale = true;
+    if (!this.requested) this.requested = requestAnimationFrame(now => this.frame(now));
+  }
+
+  setFullSize(on) {
+    this.fullSize = on;
+    this.scale = 1;
+    this.touch();
+  }
+
+  // The window's lens, `ratio` pixels to a CSS pixel.
+  lens(ratio = 1) {
+    const {above, below} = this.margins;
+    return fitted(this.rig.lens, Math.round(this.width * ratio), Math.round(this.height * ratio), {above: above * ratio, below: below * ratio});
+  }
+  get pose() { return {position: this.rig.position.clone(), quaternion: this.rig.quaternion.clone()}; }
+  get isMoving() { return performance.now() - this.changedAt < REST || this.rig.flight !== null; }
+
+  frame(now) {
+    this.requested = null;
+    const seconds = Math.min(0.1, (now - (this.lastFrame ?? now)) / 1000);
+    const goesOn = this.step(seconds);
+    this.rig.advance(now);
+    this.measure(now);
+    this.lastFrame = now;
+    if (this.isStale && this.width) this.draw();
+    if (goesOn || this.rig.flight) this.request();
+    else this.settleSoon();
+  }
+
+  // Frames that follow one another at once say what a frame takes.
+  measure(now) {
+    const milliseconds = now - (this.lastFrame ?? -Infinity);
+    if (milliseconds > 1000 || !this.isMoving) return;
+    this.frameTime = this.frameTime === null ? milliseconds : 0.8 * this.frameTime + 0.2 * milliseconds;
+    if (this.fullSize || this.isRemote) return;
+    if (this.frameTime > SLOW) this.scale = Math.max(LEAST_SCALE, this.scale * 0.9);
+    else if (this.frameTime < QUICK) this.scale = Math.min(1, this.scale * 1.05);
+  }
+
+  draw() {
+    this.isStale = false;
+    const view = {pose: this.pose, lens: this.lens(), at: this.rig.at};
+    if (this.isRemote) {
+      this.frames.want({...view, lens: this.lens(this.pixelRatio), window: view.lens}, this.isMoving);
+      if (!this.frames.hasShown) this.overlay(view);
+      return;
+    }
+    const scale = this.pixelRatio * (this.isMoving ? this.scale : 1);
+    this.splats.place(view.pose, projectionOf(view.lens, this.scene.near, this.scene.far));
+    this.splats.draw(Math.max(1, Math.round(this.width * scale)), Math.max(1, Math.round(this.height * scale)));
+    this.frusta.draw(this.renderer, view.pose, view.lens, this.scene.far, view.at !== null);
+    this.drawn(view);
+  }
+
+  // What lies over a frame of the server goes with the view that the frame is of.
+  overlay(view) {
+    const lens = view.window ?? view.lens;
+    if (this.renderer) {
+      this.renderer.setClearColor(0, 0);
+      this.renderer.clear();
+      this.frusta.draw(this.renderer, view.pose, lens, this.scene.far, view.at !== null);
+    }
+    if (view.window) this.frames.hasShown = true;
+    this.drawn({...view, lens});
+  }
+
+  settleSoon() {
+    if (this.isExact || this.settling) return;
+    this.settling = setTimeout(() => {
+      this.settling = null;
+      if (this.isMoving) return this.settleSoon();
+      this.settle().catch(this.failed);
+    }, REST);
+  }
+
+  async settle() {
+    this.isExact = true;
+    if (this.isRemote) return this.draw();
+    this.draw();
+    await this.splats.settle();
+  }
+
+  // Resolves when the picture is the view's own: sorted for it, at full size, and on the screen.
+  async settled() {
+    const pause = milliseconds => new Promise(done => setTimeout(done, milliseconds));
+    const isPending = () => !this.isExact || this.isMoving || this.isStale || this.requested || (this.frames ?? this.splats).isPending;
+    for (let calm = 0; calm < 3;) {
+      calm = isPending() ? 0 : calm + 1;
+      await pause(30);
+    }
+  }
+
+  // The world point that is seen at a place of the window (CSS pixels), or null.
+  pointAt(x, y) { return this.splats?.pick(2 * x / this.width - 1, 1 - 2 * y / this.height) ?? null; }
+}

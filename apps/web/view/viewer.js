@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer as a whole: stage, cameras, comparison and panels, and what happens between them.
+import {Vector3} from 'three';
+import {el} from '../shared/dom.js';
+import {CameraList, cameraBar} from './camera_list.js';
+import {Compare} from './compare.js';
+import {Controls} from './controls.js';
+import {figuresOf} from './figures.js';
+import {helpDialog} from './help.js';
+import {bindKeys} from './keys.js';
+import {lensOf, plainLens, poseFromRows} from './lens.js';
+import {Live} from './live.js';
+import {Messages} from './messages.js';
+import {iconButton, panel} from './parts.js';
+import {Rig} from './rig.js';
+import {askForModel, askForScene} from './server.js';
+import {settings} from './settings.js';
+import {Stage} from './stage.js';
+
+const FIELD_OF_VIEW = 60;  // degrees, where no camera says one
+const HEAD = 70, HEAD_NARROW = 62, BAR_NARROW = 104;  // CSS pixels of page.css: the head or bar and a gap on both sides
+const NARROW = 720;        // CSS pixels: below, panels start closed and one closes the other
+
+export class Viewer {
+  constructor(app, scene) {
+    this.app = app;
+    app.viewer = this;
+    this.scene = scene;
+    this.center = new Vector3(...scene.center);
+    this.rig = new Rig(() => this.stage.touch());
+    this.rig.up.set(...scene.up).normalize();
+    this.rig.target.copy(this.center);
+    this.rig.lens = scene.cameras.length ? lensOf(scene.cameras[0]) : plainLens(innerWidth, innerHeight, FIELD_OF_VIEW);
+    this.messages = new Messages();
+    this.stage = new Stage(scene, this.rig, {
+      step: seconds => this.step(seconds), drawn: view => this.drawn(view), marginsOf: () => this.margins(),
+      failed: error => this.messages.fail(error)});
+    this.controls = new Controls(this.stage.canvas, this.rig, scene.radius, {
+      hover: (x, y) => this.hover(x, y), click: (x, y) => this.click(x, y), double: (x, y) => this.orbitAround(x, y),
+      wake: () => this.stage.request(), focal: () => this.stage.lens().fx});
+    this.compare = new Compare();
+    this.list = new CameraList(scene.cameras, {go: index => this.goTo(index), mark: index => this.mark(index)});
+    this.bar = cameraBar(scene.cameras, {step: by => this.stepCamera(by), nearest: () => this.goToNearest()}, this.compare.controls);
+    this.figures = figuresOf(this);
+    this.help = helpDialog();
+    this.settings = settings(this);
+    this.makePanels();
+    this.compose();
+    bindKeys(this);
+  }
+
+  makePanels() {
+    const one = which => open => {
+      if (open && innerWidth < NARROW) for (const [name, each] of Object.entries(this.panels)) if (name !== which) each.toggle(false);
+      if (open && which === 'settings') this.settings.sync();
+    };
+    this.panels = {figures: panel('figures', 'figures', this.scene.mode === 'live' ? 'Training' : 'Figures', this.figuresBody(), one('figures')),
+                   settings: panel('settings', 'settings', 'Settings', this.settings.node, one('settings'))};
+    if (this.scene.cameras.length) this.panels.cameras = panel('cameras', 'cameras', 'Cameras', this.list.node, one('cameras'));
+  }
+
+  figuresBody() {
+    if (this.scene.mode !== 'live') return this.figures.node;
+    this.live = new Live({snapshot: state => this.takeSnapshot(state), failed: error => this.messages.trouble('live', error)});
+    return [this.live.node, this.figures.node];
+  }
+
+  compose() {
+    const full = iconButton('full', 'full screen', () => document.fullscreenElement ? document.exitFullscreen() : this.app.requestFullscreen());
+    this.mat = el('div.mat', {'aria-hidden': 'true'});
+    this.head = el('header.head', {}, el('div.title-card', {}, el('span.mark', {'aria-hidden': 'true'}), el('div.title-text', {}, el('span.brand', {}, 'gemsplat'), el('h1', {title: this.scene.title}, this.scene.title))),
+        el('div.tools', {role: 'toolbar', 'aria-label': 'panels'}, this.panels.figures.button, this.panels.cameras?.button, this.panels.settings.button,
+           iconButton('reset', 'reset view (R)', () => this.reset()), iconButton('help', 'keys and gestures (?)', () => this.help.showModal()),
+           document.fullscreenEnabled && full));
+    this.app.replaceChildren(this.stage.node, this.mat, this.compare.node,
+        el('div.interface', {onclick: releaseFocus}, this.head, Object.values(this.panels).map(each => each.node), this.bar.node, this.messages.node), this.help);
+  }
+
+  async start(options) {
+    this.setInterface(options.get('ui') !== '0');
+    this.stage.resize();
+    const first = options.get('camera') ?? options.get('c');
+    if (this.scene.cameras[first]) this.goTo(Number(first), {jump: true});
+    else this.reset({jump: true});
+    if (innerWidth >= NARROW) this.panels.figures.toggle(true);
+    for (const note of this.scene.notes ?? []) this.messages.add(note);
+    if (this.live) this.live.start();
+    else if (!this.stage.isRemote) await this.load(0);
+  }
+
+  // Where the view begins: at the first camera, without its frame; without cameras, before the model.
+  reset(options) {
+    const [first] = this.scene.cameras;
+    if (first) {
+      this.rig.goToCamera(first, null, this.center, options);
+      return;
+    }
+    const away = new Vector3(0.6, 0, 1).projectOnPlane(this.rig.up).addScaledVector(this.rig.up, 0.35).normalize();
+    const position = this.center.clone().addScaledVector(away, 2.5 * this.scene.radius);
+    this.rig.go({position, quaternion: this.rig.facing(away.negate()), target: this.center.clone(),
+                 lens: plainLens(this.stage.width, this.stage.height, FIELD_OF_VIEW)}, options);
+  }
+
+  async load(version) {
+    const bar = this.messages.progress(this.stage.splats.gaussians ? null : 'Loading the model');
+    try {
+      const read = await askForModel(version, this.scene.model.bytes, share => bar.set(share));
+      await this.stage.splats.load(this.scene.model, read);
+      this.figures.show();
+    } catch (error) {
+      throw new Error(`The model cannot be shown: ${error.message ?? error}`);
+    } finally {
+      bar.end();
+    }
+  }
+
+  // A newer model of a run; true where it is shown.
+  async takeSnapshot(state) {
+    let trouble = null;
+    try {
+      this.scene.model = (await askForScene()).model;
+      await this.load(state.version);
+    } catch (error) {
+      trouble = error;
+    }
+    this.messages.trouble('snapshot', trouble);
+    return trouble === null;
+  }
+
+  step(seconds) {
+    this.controls.step(seconds);
+    return this.controls.isHeld;
+  }
+
+  drawn(view) {
+    const camera = this.scene.cameras[view.at] ?? null, place = view.lens.picture;
+    this.mat.classList.toggle('is-on', camera !== null);
+    for (const side of ['left', 'top', 'width', 'height']) this.mat.style[side] = `${place[side]}px`;
+    this.compare.show(camera, place);
+    this.figures.frame();
+    if (view.at === this.shownAt) return;
+    this.shownAt = view.at;
+    this.bar.show(view.at);
+    if (camera) this.list.select(view.at);
+  }
+
+  goTo(index, options) {
+    const camera = this.scene.cameras[index];
+    if (!camera) return;
+    this.current = index;
+    this.stage.frusta?.hide(index);
+    this.rig.goToCamera(camera, index, this.center, options);
+  }
+
+  stepCamera(by) {
+    const index = this.list.neighbor(this.current ?? -1, by);
+    if (index !== null) this.goTo(index);
+  }
+
+  goToNearest() {
+    const {cameras} = this.scene, ahead = this.rig.axis(0, 0, -1);
+    let best = null, least = Infinity;
+    cameras.forEach((camera, i) => {
+      const m = camera.world_from_camera, center = new Vector3(m[3], m[7], m[11]);
+      const far = center.distanceTo(this.rig.position) / this.scene.radius + 1 - ahead.dot(new Vector3(m[2], m[6], m[10]));
+      if (far < least) [best, least] = [i, far];
+    });
+    if (best !== null) this.goTo(best);
+  }
+
+  setPose({world_from_camera: rows, lens}) {
+    const pose = poseFromRows(rows), ahead = new Vector3(0, 0, -1).applyQuaternion(pose.quaternion);
+    const target = pose.position.clone().addScaledVector(ahead, this.rig.distance);
+    this.rig.arrive({...pose, target, lens: lens ? lensOf(lens) : this.rig.lens});
+  }
+
+  orbitAround(x, y) {
+    const point = this.stage.pointAt(x, y) ?? this.pointAtTargetDepth(x, y);
+    this.rig.setTarget(point);
+  }
+
+  // Where nothing says how far away a place of the window is: as far as the target.
+  pointAtTargetDepth(x, y) {
+    const {fx, fy, cx, cy} = this.stage.lens(), depth = this.rig.distance;
+    return this.rig.position.clone().add(this.rig.axis((x - cx) / fx * depth, -(y - cy) / fy * depth, -depth));
+  }
+
+  cameraAt(x, y) { return this.stage.frusta?.pick(x, y, this.stage.pose, this.stage.lens()) ?? null; }
+  mark(index) { if (this.stage.frusta?.setMarked(index)) this.stage.request(); }
+  hover(x, y) {
+    const index = x === null ? null : this.cameraAt(x, y);
+    this.mark(index);
+    this.stage.canvas.style.cursor = index === null ? '' : 'pointer';
+    this.stage.canvas.title = index === null ? '' : this.scene.cameras[index].name;
+  }
+  click(x, y) {
+    const index = this.cameraAt(x, y);
+    if (index !== null) this.goTo(index);
+  }
+
+  showFrusta(on) {
+    if (!this.stage.frusta) return;
+    this.stage.frusta.visible = on;
+    this.settings.sync();
+    this.stage.request();
+  }
+  showFrames(mode) {
+    this.stage.frames.mode = mode;
+    this.stage.touch();
+  }
+  navigate(mode) {
+    this.controls.mode = mode;
+    this.settings.sync();
+  }
+  flipUp() {
+    this.rig.up.negate();
+    this.rig.level();
+  }
+  fieldOfView() {
+    const {lens} = this.rig;
+    return 2 * Math.atan(Math.min(lens.width / lens.fx, lens.height / lens.fy) / 2) * 180 / Math.PI;
+  }
+  widen(degrees) {
+    this.rig.lens = plainLens(this.stage.width, this.stage.height, degrees);
+    this.rig.moved();
+  }
+
+  setInterface(shown) {
+    this.app.classList.toggle('is-bare', !shown);
+    this.isBare = !shown;
+    if (this.stage.frusta) this.stage.frusta.isSuppressed = !shown;
+    this.stage.resize();
+  }
+
+  // What head and camera bar cover of the window; a picture lies between them. As if the bar always offered comparison.
+  margins() {
+    if (this.isBare) return {above: 0, below: 0};
+    const hasPhotos = this.scene.cameras.some(camera => camera.photo);
+    return innerWidth < NARROW ? {above: HEAD_NARROW, below: hasPhotos ? BAR_NARROW : HEAD_NARROW} : {above: HEAD, below: HEAD};
+  }
+
+  state() {
+    const {rig, stage} = this;
+    return {mode: this.scene.mode, camera: rig.at, gaussians: stage.splats?.gaussians ?? this.scene.model?.gaussians ?? null,
+            position: rig.position.toArray(), quaternion: rig.quaternion.toArray(), target: rig.target.toArray(), lens: {...rig.lens},
+            version: this.live?.version ?? null, compare: this.compare.mode, latency: stage.frames?.latency ?? null};
+  }
+}
+
+// A button that was pressed with a pointer gives the keys back to the picture.
+function releaseFocus(event) {
+  if (event.detail > 0) event.target.closest('button')?.blur();
+}

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/cameras/camera_file.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "data_loaders/colmap/world_offset.h"
+#include "gs_core/io/atomic_file.h"
+#include "gs_core/io/byte_reader.h"
+
+namespace gs {
+namespace {
+
+// Keys in our order, and float as the number type: written with the digits that a float needs.
+using FloatJson = nlohmann::basic_json<nlohmann::ordered_map, std::vector, std::string, bool,
+                                       std::int64_t, std::uint64_t, float>;
+using Json = nlohmann::json;  // for reading: positions may need a double
+
+constexpr int kLargestSide = 1 << 20;        // pixels; more is a mistake
+constexpr float kRotationTolerance = 0.01f;  // files with three digits pass, scaled matrices do not
+
+// --- Writing
+
+FloatJson to_json(const Vec3f& v) { return FloatJson::array({v.x, v.y, v.z}); }
+
+std::string without_extension(const std::string& name) {
+  return std::filesystem::path(name).replace_extension().generic_string();
+}
+
+std::string camera_line(const std::string& name, const Camera& camera, std::size_t id) {
+  const Mat3<float>& R = camera.cam_from_world_rotation;
+  const Mat3<double> R_double{Vec3d(R.row0), Vec3d(R.row1), Vec3d(R.row2)};
+  const Vec3d position =
+      Vec3d(0.0) - multiply_transposed(R_double, Vec3d(camera.cam_from_world_translation));  // no -0
+  FloatJson json;
+  json["id"] = id;
+  json["img_name"] = name;
+  json["width"] = camera.width;
+  json["height"] = camera.height;
+  json["position"] = to_json(Vec3f(position));
+  json["rotation"] = FloatJson::array({to_json({R.row0.x, R.row1.x, R.row2.x}),
+                                       to_json({R.row0.y, R.row1.y, R.row2.y}),
+                                       to_json({R.row0.z, R.row1.z, R.row2.z})});
+  json["fy"] = camera.fy;
+  json["fx"] = camera.fx;
+  json["cx"] = camera.cx;
+  json["cy"] = camera.cy;
+  return json.dump(-1, ' ', false, FloatJson::error_handler_t::replace);
+}
+
+// --- Reading
+
+/// One entry of the list; knows where it stands for error messages.
+class CameraReader {
+ public:
+  CameraReader(const Json& json, std::size_t index, const std::filesystem::path& path)
+      : json_(json), index_(index), path_(path) {
+    if (!json.is_object()) fail("is no object");
+  }
+
+  /// The camera, but for its translation, and where it stands.
+  std::pair<NamedCamera, Vec3d> read() const {
+    NamedCamera result;
+    const Json& name = at("img_name");
+    if (!name.is_string()) fail("has no text as img_name");
+    result.name = name.get<std::string>();
+    Camera& camera = result.camera;
+    camera.width = side("width");
+    camera.height = side("height");
+    camera.fx = positive("fx");
+    camera.fy = positive("fy");
+    camera.cx = json_.contains("cx") ? number(at("cx"), "cx") : 0.5f * float(camera.width);
+    camera.cy = json_.contains("cy") ? number(at("cy"), "cy") : 0.5f * float(camera.height);
+    camera.cam_from_world_rotation = rotation();
+    return {std::move(result), position()};
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& what) const {
+    cannot_read(path_,
+                fmt::format("camera {} of the list {}; mend the entry or write the file again",
+                            index_, what));
+  }
+  const Json& at(const char* key) const {
+    const auto found = json_.find(key);
+    if (found == json_.end()) fail(fmt::format("lacks {}", key));
+    return *found;
+  }
+  double precise(const Json& value, const char* key) const {
+    const double result = value.is_number() ? value.get<double>() : NAN;
+    if (!std::isfinite(float(result))) fail(fmt::format("has no number as {}", key));
+    return result;
+  }
+  float number(const Json& value, const char* key) const { return float(precise(value, key)); }
+  float positive(const char* key) const {
+    const float result = number(at(key), key);
+    if (result <= 0) fail(fmt::format("has {} as {}, which must be above 0", result, key));
+    return result;
+  }
+  int side(const char* key) const {
+    const float pixels = positive(key);
+    if (pixels > kLargestSide || pixels != std::floor(pixels)) {
+      fail(fmt::format("has {} as {}, which must be a number of pixels", pixels, key));
+    }
+    return int(pixels);
+  }
+  Vec3d vector(const Json& value, const char* key) const {
+    if (!value.is_array() || value.size() != 3)
+      fail(fmt::format("has no three numbers in {}", key));
+    return {precise(value[0], key), precise(value[1], key), precise(value[2], key)};
+  }
+  Vec3d position() const { return vector(at("position"), "position"); }
+
+  /// Of cam_from_world, from the rows of world_from_cam.
+  Mat3<float> rotation() const {
+    const Json& rows = at("rotation");
+    if (!rows.is_array() || rows.size() != 3) fail("has no three rows in rotation");
+    const Vec3f a(vector(rows[0], "rotation")), b(vector(rows[1], "rotation")),
+        c(vector(rows[2], "rotation"));
+    const Mat3<float> R{{a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z}};
+    if (!is_rotation(R)) fail("has a rotation that is no rotation matrix");
+    return R;
+  }
+
+  static bool is_rotation(const Mat3<float>& R) {
+    const auto near = [](float a, float b) { return std::abs(a - b) < kRotationTolerance; };
+    const Vec3f cross{R.row0.y * R.row1.z - R.row0.z * R.row1.y,
+                      R.row0.z * R.row1.x - R.row0.x * R.row1.z,
+                      R.row0.x * R.row1.y - R.row0.y * R.row1.x};
+    return near(inner(R.row0, R.row0), 1) && near(inner(R.row1, R.row1), 1) &&
+           near(inner(R.row0, R.row1), 0) && near(cross.x, R.row2.x) && near(cross.y, R.row2.y) &&
+           near(cross.z, R.row2.z);
+  }
+
+  const Json& json_;
+  std::size_t index_;
+  const std::filesystem::path& path_;
+};
+
+Json parse_file(const std::filesystem::path& path) {
+  ByteReader reader(path);
+  const auto size = std::size_t(reader.size());
+  const auto* text = reinterpret_cast<const char*>(reader.take(size));
+  try {
+    return Json::parse(text, text + size);
+  } catch (const Json::parse_error& error) {
+    cannot_read(path,
+                fmt::format("it is no JSON from byte {} on; the file is cut short or damaged, "
+                            "write it again",
+                            error.byte));
+  } catch (const Json::exception&) {
+    cannot_read(path,
+                "it holds a number beyond the range of float; mend it or write the file again");
+  }
+}
+
+void place(Camera& camera, const Vec3d& position) {
+  const Mat3<float>& R = camera.cam_from_world_rotation;
+  const Mat3<double> R_double{Vec3d(R.row0), Vec3d(R.row1), Vec3d(R.row2)};
+  camera.cam_from_world_translation = Vec3f(-multiply(R_double, position));
+}
+
+}  // namespace
+
+void write_cameras_json(const std::filesystem::path& path, const Scene& scene) {
+  std::vector<NamedCamera> cameras;
+  for (const auto* views : {&scene.test_views, &scene.train_views})
+    for (const View& view : *views) cameras.push_back({without_extension(view.name), view.camera});
+  write_cameras_json(path, cameras);
+}
+
+void write_cameras_json(const std::filesystem::path& path,
+                        const std::vector<NamedCamera>& cameras) {
+  std::string text = "[";
+  for (std::size_t id = 0; id < cameras.size(); ++id) {
+    text += id ? ",\n" : "\n";
+    text += camera_line(cameras[id].name, cameras[id].camera, id);
+  }
+  AtomicFile file(path);
+  file.write(text + "\n]\n");
+  file.commit();
+}
+
+std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path,
+                                           const Vec3d& world_offset) {
+  const Json json = parse_file(path);
+  if (!json.is_array()) {
+    cannot_read(path, "it is not a list of cameras; name a cameras.json that a trainer wrote");
+  }
+  std::vector<NamedCamera> cameras;
+  std::vector<Vec3d> positions;
+  for (std::size_t i = 0; i < json.size(); ++i) {
+    auto [camera, position] = CameraReader(json[i], i, path).read();
+    cameras.push_back(std::move(camera));
+    positions.push_back(position);
+  }
+  const bool is_far = are_nearer_to(world_offset, positions);
+  for (std::size_t i = 0; i < cameras.size(); ++i)
+    place(cameras[i].camera, is_far ? positions[i] - world_offset : positions[i]);
+  return cameras;
+}
+
+}  // namespace gs

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the binary and the text reader of COLMAP models share; used by colmap_*.cpp only.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <unordered_set>
+
+#include "data_loaders/colmap/colmap_model.h"
+
+namespace gs::colmap {
+
+/// Throws Error: cannot read FILE in FOLDER: `what`; and what to try.
+[[noreturn]] void fail(const std::filesystem::path& file, const std::string& what);
+
+/// The model of a name as in cameras.txt.
+std::optional<CameraModel> camera_model_of(std::string_view name);
+
+/// The point of a 2D point that belongs to none.
+inline constexpr std::uint64_t kNoPoint = ~std::uint64_t(0);
+
+/// The number of a camera among the kinds of sensor.
+inline constexpr std::int32_t kCameraSensor = 0;
+
+/// What has been read of a model so far. Each function puts one record into it and returns what is
+/// wrong with the record, "" if nothing: the reader knows the place in the file.
+class ModelBuilder {
+ public:
+  ModelBuilder(ColmapModel& model, Tracks tracks) : model_(model), tracks_(tracks) {}
+
+  bool wants_observations() const { return tracks_ == Tracks::read; }
+
+  std::string add_camera(ColmapCamera camera, std::uint64_t width, std::uint64_t height);
+  std::string add_image(ColmapImage image);  // after the cameras
+  /// Of the image that was added last.
+  void add_observations(std::vector<ColmapObservation> observations) {
+    model_.images.back().observations = std::move(observations);
+  }
+  void add_point(const ColmapPoint& point) { model_.points.push_back(point); }
+  std::string add_rig(ColmapRig rig);
+  std::string add_frame(ColmapFrame frame);
+
+ private:
+  ColmapModel& model_;
+  Tracks tracks_;
+  std::unordered_set<std::uint64_t> image_ids_, rig_ids_, frame_ids_, framed_image_ids_;
+  std::unordered_set<std::string> image_names_;
+};
+
+/// The number of images in one file. Throw Error.
+std::uint64_t count_binary_images(const std::filesystem::path& file);
+std::uint64_t count_text_images(const std::filesystem::path& file);
+
+/// Read one file of a model. Throw Error.
+void read_binary_cameras(const std::filesystem::path& file, ModelBuilder& model);
+void read_binary_images(const std::filesystem::path& file, ModelBuilder& model);
+void read_binary_points(const std::filesystem::path& file, ModelBuilder& model);
+void read_binary_rigs(const std::filesystem::path& file, ModelBuilder& model);
+void read_binary_frames(const std::filesystem::path& file, ModelBuilder& model);
+void read_text_cameras(const std::filesystem::path& file, ModelBuilder& model);
+void read_text_images(const std::filesystem::path& file, ModelBuilder& model);
+void read_text_points(const std::filesystem::path& file, ModelBuilder& model);
+void read_text_rigs(const std::filesystem::path& file, ModelBuilder& model);
+void read_text_frames(const std::filesystem::path& file, ModelBuilder& model);
+
+}  // namespace gs::colmap

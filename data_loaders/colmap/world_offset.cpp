@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/colmap/world_offset.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "gs_core/io/atomic_file.h"
+#include "gs_core/math/rotation.h"
+
+namespace gs {
+namespace {
+
+constexpr double kMostLost = 1e-4;             // of the spread
+constexpr double kSingleRounding = 0x1p-24;    // of a number, at most
+constexpr double kOrdinaryShare = 0.9;
+
+double length(const Vec3d& v) { return std::sqrt(inner(v, v)); }
+
+/// Component by component, so that a few outliers cannot move it. `positions` is not empty.
+Vec3d median_of(const std::vector<Vec3d>& positions) {
+  Vec3d median(0.0);
+  std::vector<double> values(positions.size());
+  for (int axis = 0; axis < 3; ++axis) {
+    for (std::size_t i = 0; i < positions.size(); ++i) values[i] = positions[i][axis];
+    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    median[axis] = *middle;
+  }
+  return median;
+}
+
+/// The distance from `center` that nine in ten keep; 0 where there are none.
+double spread_about(const Vec3d& center, const std::vector<Vec3d>& positions) {
+  std::vector<double> distances;
+  for (const Vec3d& position : positions) distances.push_back(length(position - center));
+  if (distances.empty()) return 0;
+  const auto ordinary =
+      distances.begin() + std::ptrdiff_t(kOrdinaryShare * double(distances.size() - 1));
+  std::nth_element(distances.begin(), ordinary, distances.end());
+  return *ordinary;
+}
+
+}  // namespace
+
+Vec3d center_of(const ColmapImage& image) {
+  return -multiply_transposed(rotation_matrix(image.cam_from_world_rotation),
+                              image.cam_from_world_translation);
+}
+
+bool are_nearer_to(const Vec3d& offset, const std::vector<Vec3d>& positions) {
+  if (offset == Vec3d(0.0)) return false;
+  std::size_t nearer = 0;
+  for (const Vec3d& at : positions) nearer += inner(at - offset, at - offset) < inner(at, at);
+  return 2 * nearer > positions.size();
+}
+
+Vec3d world_offset_of(const ColmapModel& model) {
+  std::vector<Vec3d> centers, points;
+  for (const ColmapImage& image : model.images) centers.push_back(center_of(image));
+  if (centers.empty()) return Vec3d(0.0);
+  const Vec3d median = median_of(centers);
+  double spread = spread_about(median, centers);
+  if (!(spread > 0)) {
+    for (const ColmapPoint& point : model.points) points.push_back(point.position);
+    spread = spread_about(median, points);
+  }
+  const bool is_near = !(length(median) * kSingleRounding > kMostLost * spread);
+  if (is_near || !(spread > 0) || !std::isfinite(length(median))) return Vec3d(0.0);
+  const double digits = std::floor(std::log10(spread));
+  const double step = std::pow(10.0, std::abs(digits));  // a whole number, and exact
+  Vec3d offset;
+  for (int axis = 0; axis < 3; ++axis)
+    offset[axis] = digits >= 0 ? std::round(median[axis] / step) * step
+                               : std::round(median[axis] * step) / step;
+  return offset + Vec3d(0.0);  // no -0
+}
+
+void take_off(ColmapModel& model, const Vec3d& offset) {
+  for (ColmapImage& image : model.images)
+    image.cam_from_world_translation +=
+        multiply(rotation_matrix(image.cam_from_world_rotation), offset);
+  for (ColmapPoint& point : model.points) point.position -= offset;
+}
+
+void bring_to_offset(Scene& scene, const Vec3d& offset) {
+  const Vec3d moved = offset - scene.world_offset;
+  for (auto* views : {&scene.train_views, &scene.test_views})
+    for (View& view : *views) {
+      const Mat3<float>& R = view.camera.cam_from_world_rotation;
+      const Mat3<double> R_double{Vec3d(R.row0), Vec3d(R.row1), Vec3d(R.row2)};
+      view.camera.cam_from_world_translation =
+          Vec3f(Vec3d(view.camera.cam_from_world_translation) + multiply(R_double, moved));
+    }
+  for (ScenePoint& point : scene.points) point.position = Vec3f(Vec3d(point.position) - moved);
+  scene.world_offset = offset;
+}
+
+std::string text_of_offset(const Vec3d& offset) {
+  return fmt::format("{} {} {}", offset.x, offset.y, offset.z);
+}
+
+void write_world_offset(const std::filesystem::path& path, const Vec3d& offset) {
+  AtomicFile file(path);
+  file.write(fmt::format("{{\"world_offset\": [{}, {}, {}]}}\n", offset.x, offset.y, offset.z));
+  file.commit();
+}
+
+}  // namespace gs

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reading trained Gaussians from PLY. Most of it finds out, before memory is asked for, whether the
+// file holds Gaussians at all; ply_file.cpp does the reading.
+#include "data_loaders/formats/ply/ply.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <locale>
+#include <sstream>
+
+#include "data_loaders/formats/ply/compressed_ply.h"
+#include "data_loaders/formats/ply/ply_file.h"
+#include "data_loaders/formats/ply/ply_layout.h"
+
+namespace gs {
+namespace {
+
+template <class T>
+void append_columns(std::vector<PlyColumn>& columns, const Buffer<T>& buffer,
+                    std::initializer_list<const char*> names) {
+  static_assert(sizeof(T) % sizeof(float) == 0);
+  std::size_t offset = 0;
+  for (const char* name : names) {
+    columns.push_back(
+        {name, reinterpret_cast<float*>(buffer.data()), offset++, sizeof(T) / sizeof(float)});
+  }
+}
+
+/// Says what a file without `missing` is, as far as its header tells.
+[[noreturn]] void fail_without(const std::vector<std::string>& missing, const PlyElement& vertex,
+                               const PlyFile& file) {
+  const PlyElement* face = file.header().find("face");
+  if (face && face->count > 0 && vertex.find("opacity") < 0) {
+    cannot_read(file.path(),
+                "this is a mesh, not trained Gaussians; name a point_cloud.ply that a "
+                "trainer wrote");
+  }
+  if (vertex.find("x") >= 0 && vertex.find("opacity") < 0 && vertex.find("rot_0") < 0) {
+    cannot_read(file.path(),
+                "this is a point cloud, not trained Gaussians; name a point_cloud.ply "
+                "that a trainer wrote");
+  }
+  if (missing.size() == 1 && missing[0] == "scale_2") {
+    cannot_read(file.path(),
+                "these are 2D Gaussians (there is no scale_2), which gemsplat does not "
+                "know; train 3D Gaussians on the same scene");
+  }
+  cannot_read(file.path(),
+              fmt::format("its element \"vertex\" lacks {}; export the file again with "
+                          "all properties of trained Gaussians",
+                          list_of(missing)));
+}
+
+void check_properties(const PlyElement& vertex, int sh_degree, const PlyFile& file) {
+  std::vector<std::string> missing;
+  for (const PlyColumn& column : gaussian_columns(Gaussians(), sh_degree)) {
+    if (vertex.find(column.property) < 0) missing.push_back(column.property);
+  }
+  if (!missing.empty()) fail_without(missing, vertex, file);
+}
+
+bool is_ours(const PlyHeader& header) {
+  return std::any_of(header.comments.begin(), header.comments.end(),
+                     [](const std::string& comment) { return comment.starts_with("gemsplat "); });
+}
+
+bool is_antialiased(const PlyHeader& header) {
+  for (const std::string& comment : header.comments) {
+    const std::size_t colon = comment.find_first_of(": ");
+    if (colon == comment.npos) continue;
+    const std::size_t value = comment.find_first_not_of(": ", colon);
+    if (value == comment.npos) continue;
+    const std::string key = comment.substr(0, colon), word = comment.substr(value);
+    if (key == "SplatRenderMode") return word.starts_with("mip");
+    if (key == "antialiased") return word.starts_with("1");
+  }
+  return false;
+}
+
+/// Of the comment "world_offset X Y Z"; 0 without it, or where it is damaged.
+Vec3d world_offset_in(const PlyHeader& header) {
+  constexpr std::string_view kWord = "world_offset ";
+  for (const std::string& comment : header.comments) {
+    if (!comment.starts_with(kWord)) continue;
+    std::istringstream numbers(comment.substr(kWord.size()));
+    numbers.imbue(std::locale::classic());
+    Vec3d offset(0.0);
+    if (numbers >> offset.x >> offset.y >> offset.z && is_finite(offset)) return offset;
+  }
+  return Vec3d(0.0);
+}
+
+}  // namespace
+
+std::string list_of(const std::vector<std::string>& names) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+  return list;
+}
+
+int sh_degree_of(const PlyElement& element, const std::filesystem::path& path) {
+  int count = 0;
+  for (const PlyProperty& property : element.properties)
+    count += property.name.starts_with("f_rest_");
+  for (int degree = 0; degree <= kMaxShDegree; ++degree) {
+    if (count == 3 * sh_rest_count(degree)) return degree;
+  }
+  if (count == 3 * sh_rest_count(4)) {
+    cannot_read(path,
+                "SH degree 4 is not supported (it has 72 f_rest_ properties); train or "
+                "export with degree 3 or less");
+  }
+  cannot_read(path, fmt::format("{} f_rest_ properties belong to no SH degree (0, 9, 24 or 45 "
+                                "would); export the file again",
+                                count));
+}
+
+void take_comments(const PlyHeader& header, GaussianModel& model) {
+  model.antialiased = is_antialiased(header);
+  model.is_ours = is_ours(header);
+  model.world_offset = world_offset_in(header);
+}
+
+std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degree) {
+  std::vector<PlyColumn> columns;
+  append_columns(columns, gaussians.mean, {"x", "y", "z"});
+  append_columns(columns, gaussians.sh0, {"f_dc_0", "f_dc_1", "f_dc_2"});
+  const int rest = sh_rest_count(sh_degree);
+  for (int i = 0; i < 3 * rest; ++i) {
+    const int channel = i / rest, coefficient = i % rest;
+    columns.push_back({fmt::format("f_rest_{}", i),
+                       reinterpret_cast<float*>(gaussians.sh_rest.data()),
+                       std::size_t(3 * coefficient + channel), sizeof(ShRest) / sizeof(float)});
+  }
+  append_columns(columns, gaussians.logit_opacity, {"opacity"});
+  append_columns(columns, gaussians.log_scale, {"scale_0", "scale_1", "scale_2"});
+  append_columns(columns, gaussians.rotation, {"rot_0", "rot_1", "rot_2", "rot_3"});
+  return columns;
+}
+
+GaussianModel read_gaussian_ply(const std::filesystem::path& path) {
+  PlyFile file(path);
+  const PlyElement* vertex = file.header().find("vertex");
+  if (!vertex) cannot_read(path, "it has no element \"vertex\"; name a PLY of trained Gaussians");
+  if (is_compressed_ply(file.header())) return read_compressed_ply(file);
+  GaussianModel model;
+  model.sh_degree = sh_degree_of(*vertex, path);
+  check_properties(*vertex, model.sh_degree, file);
+  take_comments(file.header(), model);
+  model.gaussians.resize(vertex->count);
+  if (model.sh_degree < kMaxShDegree) model.gaussians.sh_rest.fill_zero();
+  file.read_columns(*vertex, gaussian_columns(model.gaussians, model.sh_degree));
+  return model;
+}
+
+}  // namespace gs

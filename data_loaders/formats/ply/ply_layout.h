@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which property of a Gaussian PLY is which learned quantity: the one list that reading and writing
+// share.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "data_loaders/formats/ply/ply_file.h"
+#include "gs_core/gaussians.h"
+
+namespace gs {
+
+/// The properties of trained Gaussians of an SH degree, in the order of the reference trainer
+/// without its normals, each with its place in `gaussians`:
+///   x y z                              mean                     world units
+///   f_dc_0..2                          sh0                      R G B
+///   f_rest_0..3K-1, K = (d+1)^2 - 1    sh_rest                  all K of R, then of G, then of B
+///   opacity                            logit_opacity
+///   scale_0..2                         log_scale                natural log of world units
+///   rot_0..3                           rotation                 w x y z
+std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degree);
+
+/// The SH degree that belongs to the number of f_rest_ properties. Throws Error, naming `path`, where none does.
+int sh_degree_of(const PlyElement& element, const std::filesystem::path& path);
+
+/// "a, b, c"
+std::string list_of(const std::vector<std::string>& names);
+
+/// What the comments of a header say of the model: who made it, how to render it, where it lies.
+void take_comments(const PlyHeader& header, GaussianModel& model);
+/// The comment lines that say so; take_comments() reads them.
+std::string comments_of(const GaussianModel& model);
+
+}  // namespace gs

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "data_loaders/formats/coding/count_check.h"
+#include "data_loaders/formats/coding/finite_rows.h"
+#include "data_loaders/formats/coding/quantize.h"
+#include "data_loaders/formats/sog/sog.h"
+#include "data_loaders/formats/sog/sog_layout.h"
+#include "data_loaders/formats/sog/webp.h"
+#include "data_loaders/formats/sog/zip_file.h"
+#include "gs_core/io/byte_reader.h"
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::json;
+using Path = std::filesystem::path;
+
+/// meta.json and the pictures that it names. What is missing or of another kind is an Error.
+class Sog {
+ public:
+  Sog(const Path& path, std::string_view bytes)
+      : path_(path), entries_(zip_entries(path, bytes)), file_bytes_(bytes.size()) {
+    const auto entry = entries_.find("meta.json");
+    if (entry == entries_.end()) fail("lacks meta.json");
+    meta_ = Json::parse(entry->second, nullptr, false);
+    if (meta_.is_discarded() || !meta_.is_object()) fail("has a meta.json that is no JSON object");
+    if (number(meta_, "version", 1000) != kSogVersion)
+      cannot_read(path_, "it is a .sog of another version than 2; export it again as version 2");
+    count_ = number(meta_, "count", std::uint32_t(-1));
+    check_count(path_, count_, file_bytes_);
+  }
+
+  std::size_t count() const { return count_; }
+  bool is_antialiased() const { return meta_.contains("model") && meta_["model"] == "antialiased"; }
+  bool is_ours() const {
+    const auto asset = meta_.find("asset");
+    if (asset == meta_.end() || !asset->is_object()) return false;
+    const auto generator = asset->find("generator");
+    return generator != asset->end() && generator->is_string() &&
+           generator->get<std::string>().starts_with("gemsplat ");
+  }
+  bool has(const char* key) const { return meta_.contains(key); }
+  const Json& section(const char* key) const {
+    if (!meta_.contains(key) || !meta_[key].is_object()) fail(fmt::format("lacks {}", key));
+    return meta_[key];
+  }
+  std::uint64_t number(const Json& object, const char* key, std::uint64_t most) const {
+    if (!object.contains(key) || !object[key].is_number_unsigned() ||
+        object[key].get<std::uint64_t>() > most)
+      fail(fmt::format("has no fitting number \"{}\"", key));
+    return object[key].get<std::uint64_t>();
+  }
+  std::vector<float> numbers(const Json& object, const char* key, std::size_t count) const {
+    std::vector<float> result;
+    if (object.contains(key) && object[key].is_array())
+      for (const Json& value : object[key])
+        if (value.is_number()) result.push_back(value.get<float>());
+    if (result.size() != count) fail(fmt::format("has no {} numbers in \"{}\"", count, key));
+    return result;
+  }
+  /// The picture that stands at `index` of "files", of at least `pixels` pixels.
+  Image8 picture(const Json& object, std::size_t index, std::size_t pixels) const {
+    const Json* files = object.contains("files") ? &object["files"] : nullptr;
+    if (!files || !files->is_array() || files->size() <= index || !(*files)[index].is_string())
+      fail("names too few files");
+    const std::string name = (*files)[index].get<std::string>();
+    const auto entry = entries_.find(name);
+    if (entry == entries_.end()) fail("lacks " + name);
+    constexpr std::size_t kPadding = 4096;  // pixels beyond twice what is needed: sides are rounded up
+    Image8 picture = read_webp(path_, name, entry->second, 2 * pixels + kPadding);
+    if (picture.pixels.size() < 4 * pixels) fail(fmt::format("has too small a picture {}", name));
+    return picture;
+  }
+  [[noreturn]] void fail(const std::string& what) const {
+    cannot_read(path_, fmt::format("as a .sog it {}; the file is damaged, export it again", what));
+  }
+
+ private:
+  const Path& path_;
+  std::map<std::string, std::string_view> entries_;
+  std::size_t file_bytes_;
+  Json meta_;
+  std::size_t count_ = 0;
+};
+
+const std::uint8_t* pixel(const Image8& picture, std::size_t i) { return &picture.pixels[4 * i]; }
+
+void read_means(const Sog& sog, const Gaussians& g) {
+  const Json& means = sog.section("means");
+  const std::vector<float> low = sog.numbers(means, "mins", 3),
+                           high = sog.numbers(means, "maxs", 3);
+  const Image8 lower = sog.picture(means, 0, g.count()), upper = sog.picture(means, 1, g.count());
+  for (std::size_t i = 0; i < g.count(); ++i)
+    for (int axis = 0; axis < 3; ++axis) {
+      const int word = pixel(lower, i)[axis] | pixel(upper, i)[axis] << 8;
+      g.mean[i][axis] = sog_exp(low[axis] + (high[axis] - low[axis]) * (float(word) / 65535));
+    }
+}
+
+void read_rotations(const Sog& sog, const Gaussians& g) {
+  const Image8 picture = sog.picture(sog.section("quats"), 0, g.count());
+  for (std::size_t i = 0; i < g.count(); ++i) {
+    const std::uint8_t* p = pixel(picture, i);
+    if (p[3] < kSogRotationTag) sog.fail("has a rotation that is none");
+    const auto part = [&](int k) { return (from_unorm(p[k], 8) - 0.5f) / kSqrtHalf; };
+    const auto [w, x, y, z] = quaternion_of({p[3] - kSogRotationTag, {part(0), part(1), part(2)}});
+    g.rotation[i] = {w, x, y, z};
+    normalize(&g.rotation[i].w);
+  }
+}
+
+// Returns the picture, whose alpha may mean something else.
+Image8 read_coded(const Sog& sog, const char* key, const Buffer<Vec3f>& rows) {
+  const Json& section = sog.section(key);
+  const std::vector<float> book = sog.numbers(section, "codebook", kSogCodebook);
+  Image8 picture = sog.picture(section, 0, rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    for (int k = 0; k < 3; ++k) rows[i][k] = book[pixel(picture, i)[k]];
+  return picture;
+}
+
+// Returns the SH degree.
+int read_sh(const Sog& sog, const Gaussians& g) {
+  const Json& section = sog.section("shN");
+  const int degree = int(sog.number(section, "bands", kMaxShDegree));
+  const std::size_t size = sog.number(section, "count", kSogLargestPalette);
+  const std::size_t rest = std::size_t(sh_rest_count(degree));
+  const std::vector<float> book = sog.numbers(section, "codebook", kSogCodebook);
+  const Image8 centroids = sog.picture(section, 0, size * rest);
+  const Image8 labels = sog.picture(section, 1, g.count());
+  if (std::size_t(centroids.width) != kSogPaletteColumns * rest)
+    sog.fail("has a palette of another width than 64 entries");
+  for (std::size_t i = 0; i < g.count(); ++i) {
+    const std::size_t label = pixel(labels, i)[0] | pixel(labels, i)[1] << 8;
+    if (label >= size) sog.fail("names an entry beyond its palette");
+    for (std::size_t k = 0; k < rest; ++k)
+      for (int channel = 0; channel < 3; ++channel)
+        g.sh_rest[i].coefficient[k][channel] = book[pixel(centroids, label * rest + k)[channel]];
+  }
+  return degree;
+}
+
+}  // namespace
+
+GaussianModel read_sog(const std::filesystem::path& path) {
+  ByteReader reader(path);
+  const std::size_t size = reader.size();
+  const Sog sog(path, {reinterpret_cast<const char*>(reader.take(size)), size});
+  GaussianModel model{Gaussians(sog.count(), host_memory()), 0, sog.is_ours(),
+                      sog.is_antialiased()};
+  const Gaussians& g = model.gaussians;
+  model.gaussians.sh_rest.fill_zero();
+  if (sog.count() == 0) return model;
+  read_means(sog, g);
+  read_rotations(sog, g);
+  read_coded(sog, "scales", g.log_scale);
+  const Image8 sh0 = read_coded(sog, "sh0", g.sh0);
+  for (std::size_t i = 0; i < g.count(); ++i) g.logit_opacity[i] = logit_of_byte(pixel(sh0, i)[3]);
+  if (sog.has("shN")) model.sh_degree = read_sh(sog, g);
+  return model;
+}
+
+}  // namespace gs

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+#include "data_loaders/formats/coding/compression.h"
+#include "data_loaders/formats/coding/count_check.h"
+#include "data_loaders/formats/coding/finite_rows.h"
+#include "data_loaders/formats/coding/frame.h"
+#include "data_loaders/formats/coding/little_endian.h"
+#include "data_loaders/formats/coding/quantize.h"
+#include "data_loaders/formats/spz/spz.h"
+#include "data_loaders/formats/spz/spz_layout.h"
+#include "gs_core/io/byte_reader.h"
+#include "gs_core/log.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+using Path = std::filesystem::path;
+using Streams = std::array<std::string, kSpzStreams>;
+
+void check_header(const SpzHeader& header, const Path& path, std::uint64_t file_bytes) {
+  if (header.magic != kSpzMagic)
+    cannot_read(path, "this is no .spz: it does not begin as one; check what it is");
+  if (header.version < 2 || header.version > 4)
+    cannot_read(path, fmt::format("it is an .spz of version {}, and 2 to 4 are known; export it "
+                                  "again as version 3",
+                                  header.version));
+  if (header.sh_degree > kSpzMaxDegree)
+    cannot_read(path, fmt::format("its SH degree is {}, which is none; the file is damaged, "
+                                  "export it again",
+                                  header.sh_degree));
+  if (header.fractional_bits > 23)
+    cannot_read(path, fmt::format("its positions have {} fractional bits of 24; the file is "
+                                  "damaged, export it again",
+                                  header.fractional_bits));
+  check_count(path, header.count, file_bytes);
+}
+
+// Versions 2 and 3: one gzip file of header and arrays.
+Streams unpack_gzip(const Path& path, std::string_view file, SpzHeader& header) {
+  header = load_little<SpzHeader>(gunzip(path, file, kSpzHeaderBytes, false).data());
+  check_header(header, path, file.size());
+  const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
+  std::size_t total = kSpzHeaderBytes;
+  for (const std::size_t bytes : row_bytes) total += bytes * header.count;
+  const std::string all = gunzip(path, file, total, true);
+  Streams streams;
+  std::size_t at = kSpzHeaderBytes;
+  for (std::size_t s = 0; s < kSpzStreams; at += row_bytes[s++] * header.count)
+    streams[s] = all.substr(at, row_bytes[s] * header.count);
+  return streams;
+}
+
+// Version 4: a header in the clear, a table of streams, a zstd frame for each.
+Streams unpack_zstd_streams(const Path& path, std::string_view file, SpzHeader& header) {
+  const auto damaged = [&] {
+    cannot_read(path, "its table of streams does not fit; the file is damaged, export it again");
+  };
+  header = load_little<SpzHeader>(file.data());
+  check_header(header, path, file.size());
+  if (header.version != 4 || file.size() < kSpzHeaderBytes + sizeof(SpzStreamTable)) damaged();
+  const std::size_t table = load_little<SpzStreamTable>(file.data() + kSpzHeaderBytes).offset;
+  const std::size_t table_bytes = header.last * sizeof(SpzStream);
+  if (header.last < kSpzStreams || table > file.size() || table_bytes > file.size() - table)
+    damaged();
+  const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
+  Streams streams;
+  std::size_t at = table + table_bytes;
+  for (std::size_t s = 0; s < kSpzStreams; ++s) {
+    const auto stream = load_little<SpzStream>(file.data() + table + s * sizeof(SpzStream));
+    if (stream.raw != row_bytes[s] * header.count || stream.packed > file.size() - at) damaged();
+    if (stream.raw > 0) streams[s] = unpack_zstd(path, file.substr(at, stream.packed), stream.raw);
+    at += stream.packed;
+  }
+  return streams;
+}
+
+float fixed24(const std::uint8_t* bytes, float step) {
+  const std::uint32_t word = bytes[0] | bytes[1] << 8 | std::uint32_t(bytes[2]) << 16;
+  return float(std::int32_t(word << 8) >> 8) * step;
+}
+
+// x y z w
+std::array<float, 4> rotation_of(const std::uint8_t* bytes, std::uint32_t version) {
+  if (version == 2) {
+    const auto part = [&](int i) { return float(bytes[i]) / 127.5f - 1; };
+    const float x = part(0), y = part(1), z = part(2);
+    return {x, y, z, std::sqrt(std::fmax(0.0f, 1 - (x * x + y * y + z * z)))};
+  }
+  std::uint32_t word = load_little<std::uint32_t>(bytes);
+  SmallestThree parts{int(word >> 30), {}};
+  for (int i = 2; i >= 0; --i, word >>= 10) {
+    const float size = float(word & kSpzRotationSteps) / kSpzRotationSteps * kSqrtHalf;
+    parts.others[i] = word & (kSpzRotationSteps + 1) ? -size : size;
+  }
+  return quaternion_of(parts);
+}
+
+void unpack_row(const SpzHeader& header, const Streams& streams, const Gaussians& g,
+                std::size_t i) {
+  const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
+  const auto row = [&](std::size_t s) {
+    return reinterpret_cast<const std::uint8_t*>(streams[s].data()) + i * row_bytes[s];
+  };
+  const AxisSigns& signs = kHalfTurnX;
+  const float step = std::ldexp(1.0f, -int(header.fractional_bits));
+  for (int axis = 0; axis < 3; ++axis) {
+    g.mean[i][axis] = signs[axis] * fixed24(row(0) + 3 * axis, step);
+    g.sh0[i][axis] = (float(row(2)[axis]) - kSpzColorZero) / kSpzColorSteps;
+    g.log_scale[i][axis] = float(row(3)[axis]) / kSpzScaleSteps + kSpzLeastLogScale;
+  }
+  g.logit_opacity[i] = logit_of_byte(*row(1));
+  const auto [x, y, z, w] = rotation_of(row(4), header.version);
+  g.rotation[i] = {w, signs.x * x, signs.y * y, signs.z * z};
+  normalize(&g.rotation[i].w);
+  for (int k = 0; k < sh_rest_count(std::min<int>(header.sh_degree, kMaxShDegree)); ++k)
+    for (int channel = 0; channel < 3; ++channel)
+      g.sh_rest[i].coefficient[k][channel] =
+          sh_sign(k, signs) * (float(row(5)[3 * k + channel]) - kSpzShZero) / kSpzShSteps;
+}
+
+}  // namespace
+
+GaussianModel read_spz(const std::filesystem::path& path) {
+  ByteReader reader(path);
+  const std::string_view file(reinterpret_cast<const char*>(reader.take(reader.size())),
+                              reader.size());
+  SpzHeader header;
+  const bool is_plain =
+      file.size() >= kSpzHeaderBytes && load_little<std::uint32_t>(file.data()) == kSpzMagic;
+  const Streams streams =
+      is_plain ? unpack_zstd_streams(path, file, header) : unpack_gzip(path, file, header);
+  if (header.sh_degree > kMaxShDegree)
+    log_warning("{}: its SH coefficients of degree 4 are left out", path.string());
+  GaussianModel model{Gaussians(header.count, host_memory()),
+                      std::min<int>(header.sh_degree, kMaxShDegree), false,
+                      (header.flags & kSpzAntialiased) != 0};
+  model.gaussians.sh_rest.fill_zero();
+  parallel_for(header.count, 4096,
+               [&](std::size_t i) { unpack_row(header, streams, model.gaussians, i); });
+  return model;
+}
+
+}  // namespace gs

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+#include "data_loaders/formats/coding/compression.h"
+#include "data_loaders/formats/coding/frame.h"
+#include "data_loaders/formats/coding/little_endian.h"
+#include "data_loaders/formats/coding/quantize.h"
+#include "data_loaders/formats/spz/spz.h"
+#include "data_loaders/formats/spz/spz_layout.h"
+#include "gs_core/error.h"
+#include "gs_core/io/atomic_file.h"
+#include "gs_core/log.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+using Path = std::filesystem::path;
+using Streams = std::array<std::string, kSpzStreams>;
+
+constexpr int kUsualFractionalBits = 12;  // those of other writers
+constexpr int kLargestPosition = (1 << 23) - 1;
+
+// Coefficients are rounded to 5 bits at degree 1 and 4 bits beyond, as other writers do: the eye does not miss the rest, and
+// the file shrinks.
+constexpr std::uint32_t sh_step(int k) { return k < 3 ? 8 : 16; }
+
+float largest_position(const Gaussians& g) {
+  float largest = 0;
+  for (const Vec3f& mean : g.mean)
+    largest = std::max({largest, std::abs(mean.x), std::abs(mean.y), std::abs(mean.z)});
+  return largest;
+}
+
+int fractional_bits_for(const Gaussians& g, const Path& path) {
+  const float largest = largest_position(g);
+  int bits = kUsualFractionalBits;
+  while (bits > 0 && std::ldexp(largest, bits) > float(kLargestPosition) - 1) --bits;
+  if (std::ldexp(largest, bits) > float(kLargestPosition) - 1)
+    throw Error(
+        fmt::format("cannot write {}: a position is {:.3g} world units from the origin, "
+                    "and .spz ends at {}; add --recenter or --scale, or choose .ply",
+                    path.string(), largest, kLargestPosition));
+  if (bits < kUsualFractionalBits)
+    log_warning(
+        "{}: positions reach {:.5g} world units, so that .spz holds them in steps of 1/{} "
+        "of one; --recenter may make these finer",
+        path.string(), largest, 1 << bits);
+  return bits;
+}
+
+void warn_of_clamped_scales(const Gaussians& g, const Path& path) {
+  constexpr float kMost = kSpzLeastLogScale + 255 / kSpzScaleSteps;
+  std::size_t large = 0;
+  for (const Vec3f& s : g.log_scale)
+    large += std::max({s.x, s.y, s.z}) > kMost + 0.5f / kSpzScaleSteps;
+  if (large > 0)
+    log_warning(
+        "{}: {} Gaussians are larger than the {:.0f} world units that .spz can hold, and "
+        "are made that large; --scale may help",
+        path.string(), large, std::exp(kMost));
+}
+
+std::uint32_t packed_rotation(const Quatf& q, const AxisSigns& signs) {
+  const SmallestThree parts = smallest_three({signs.x * q.x, signs.y * q.y, signs.z * q.z, q.w});
+  std::uint32_t word = std::uint32_t(parts.largest);
+  for (const float part : parts.others) {
+    const auto size =
+        rounded(std::abs(part) / kSqrtHalf * float(kSpzRotationSteps), kSpzRotationSteps);
+    word = word << 10 | (part < 0 ? kSpzRotationSteps + 1 : 0) | size;
+  }
+  return word;
+}
+
+std::uint8_t packed_sh(int k, float value) {
+  const std::uint32_t step = sh_step(k);
+  const std::uint32_t byte = rounded(value * kSpzShSteps + kSpzShZero, 255);
+  return std::uint8_t(std::min<std::uint32_t>((byte + step / 2) / step * step, 255));
+}
+
+void pack_row(const SpzHeader& header, const Gaussians& g, std::size_t i, Streams& streams) {
+  const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
+  const auto row = [&](std::size_t s) {
+    return reinterpret_cast<std::uint8_t*>(streams[s].data()) + i * row_bytes[s];
+  };
+  const AxisSigns& signs = kHalfTurnX;
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto fixed = std::int32_t(
+        std::lround(std::ldexp(signs[axis] * g.mean[i][axis], header.fractional_bits)));
+    std::memcpy(row(0) + 3 * axis, &fixed, 3);  // the lowest 24 bits
+    row(2)[axis] = std::uint8_t(rounded(g.sh0[i][axis] * kSpzColorSteps + kSpzColorZero, 255));
+    row(3)[axis] =
+        std::uint8_t(rounded((g.log_scale[i][axis] - kSpzLeastLogScale) * kSpzScaleSteps, 255));
+  }
+  *row(1) = std::uint8_t(opacity_byte(g.logit_opacity[i]));
+  const std::uint32_t rotation = packed_rotation(g.rotation[i], signs);
+  std::memcpy(row(4), &rotation, sizeof rotation);
+  for (int k = 0; k < sh_rest_count(header.sh_degree); ++k)
+    for (int channel = 0; channel < 3; ++channel)
+      row(5)[3 * k + channel] =
+          packed_sh(k, sh_sign(k, signs) * g.sh_rest[i].coefficient[k][channel]);
+}
+
+// Header and arrays as version 3 has them, before gzip.
+std::string plain_file(const SpzHeader& header, const Streams& streams) {
+  std::string bytes;
+  append_little(bytes, header);
+  for (const std::string& stream : streams) bytes += stream;
+  return bytes;
+}
+
+std::string version4_file(SpzHeader header, const Streams& streams) {
+  header.last = kSpzStreams;
+  std::string bytes, frames;
+  append_little(bytes, header);
+  append_little(bytes, SpzStreamTable{});
+  for (const std::string& stream : streams) {
+    const std::string frame = zstd_frame(stream);
+    append_little(bytes, SpzStream{frame.size(), stream.size()});
+    frames += frame;
+  }
+  return bytes + frames;
+}
+
+}  // namespace
+
+void write_spz(const std::filesystem::path& path, const GaussianModel& model, int version) {
+  GS_CHECK(version == 3 || version == 4);
+  const Gaussians& g = model.gaussians;
+  SpzHeader header;
+  header.version = std::uint32_t(version);
+  header.count = std::uint32_t(g.count());
+  header.sh_degree = std::uint8_t(model.sh_degree);
+  header.fractional_bits = std::uint8_t(fractional_bits_for(g, path));
+  header.flags = model.antialiased ? kSpzAntialiased : 0;
+  warn_of_clamped_scales(g, path);
+  Streams streams;
+  const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
+  for (std::size_t s = 0; s < kSpzStreams; ++s) streams[s].resize(row_bytes[s] * g.count());
+  parallel_for(g.count(), 4096, [&](std::size_t i) { pack_row(header, g, i, streams); });
+  const std::string bytes =
+      version == 4 ? version4_file(header, streams) : gzip(plain_file(header, streams));
+  AtomicFile file(path);
+  file.write(bytes);
+  file.commit();
+}
+
+}  // namespace gs

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// Camera models with a lens: where a ray of the ideal pinhole lands in the photo, and the way back.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "data_loaders/colmap/colmap_model.h"
+#include "data_loaders/lenses/lens_formulas.h"
+#include "gs_core/camera.h"
+
+namespace gs {
+
+using Vec2d = Vec2<double>;
+
+/// A COLMAP camera written out: an ideal pinhole, and the lens in front of it. Points are in
+/// normalized coordinates u = (x, y) = (X / Z, Y / Z), the pixel of the photo is
+/// (fx x' + cx, fy y' + cy) for u' = (x', y') = distorted(u). The formulas stand in lens_formulas.h.
+///
+///   lens                     u'                               COLMAP models
+///   none                     u                                (SIMPLE_)PINHOLE
+///   radial_tangential        brown(u)                         (SIMPLE_)RADIAL, (FULL_)OPENCV
+///   fisheye                  brown(angle(u))                  *_FISHEYE, FISHEYE
+///   fisheye_rad_tan          decentered(radial(angle(u)))      RAD_TAN_THIN_PRISM_FISHEYE
+///   fov, division, unified   closed forms                     FOV, (SIMPLE_)DIVISION, EUCM
+struct LensCamera : LensCoefficients<double> {
+  CameraModel model = CameraModel::pinhole;  // for messages only
+  PinholeCamera<double> pinhole;  // of the photo: size, focal lengths, principal point; its pose is unused
+};
+
+/// What a user can do about a lens that gemsplat cannot undistort.
+inline constexpr const char* kUndistortRemedy =
+    "convert the photos with `colmap image_undistorter --image_path IMAGES --input_path MODEL "
+    "--output_path NEW` and train on NEW";
+
+/// The camera of a photo. A lens whose coefficients make it the ideal pinhole is none.
+/// Throws Error that names the model, the camera, the photo and the remedy for EQUIRECTANGULAR, for
+/// focal lengths that are not positive and for an omega of FOV of 180 degrees and more.
+LensCamera lens_camera(const ColmapCamera& camera, const std::string& photo);
+
+/// Where the ray through `ideal` lands, normalized; not a number where the model has no answer.
+Vec2d distorted(const LensCamera& camera, const Vec2d& ideal);
+
+/// Whether the lens keeps left and right, up and down apart at `ideal` (determinant and trace of
+/// its Jacobian are positive). Beyond the first place where it does not, the lens folds back and
+/// means nothing.
+bool is_unfolded(const LensCamera& camera, const Vec2d& ideal);
+
+/// The ray that lands at `landed`, by Newton's method or in closed form; nothing where there is
+/// none in front of the camera.
+std::optional<Vec2d> undistorted(const LensCamera& camera, const Vec2d& landed);
+
+}  // namespace gs

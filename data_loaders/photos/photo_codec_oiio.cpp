@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photos through OpenImageIO: JPEG, PNG, TIFF, EXR, WebP and all else that the installed library
+// knows.
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include "data_loaders/photos/photo_codec.h"
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+struct OpenPhoto {
+  std::unique_ptr<OIIO::ImageInput> input;
+  PhotoSize size;
+};
+
+OpenPhoto open_photo(const std::filesystem::path& path) {
+  OIIO::ImageSpec wishes;
+  wishes.attribute("oiio:reorient", 0);           // as COLMAP: stored order
+  wishes.attribute("oiio:UnassociatedAlpha", 1);  // color not multiplied by alpha
+  OpenPhoto photo;
+  photo.input = OIIO::ImageInput::open(path.string(), &wishes);
+  if (!photo.input) cannot_read_photo(path, OIIO::geterror());
+  photo.size = {photo.input->spec().width, photo.input->spec().height};
+  check_photo_size(path, photo.size);
+  return photo;
+}
+
+/// Whether libjpeg only met surplus bytes before the end marker, which some cameras write: all
+/// pixels are decoded by then.
+bool is_harmless(const std::string& complaint) {
+  return complaint.find("extraneous bytes before marker 0xd9") != std::string::npos &&
+         complaint.find('\n') == std::string::npos;
+}
+
+/// Channels to read: gray or color, and alpha where it follows them.
+int channels_of(const OIIO::ImageSpec& spec) {
+  const int colors = spec.nchannels < 3 ? 1 : 3;
+  return spec.alpha_channel == colors ? colors + 1 : colors;
+}
+
+OIIO::ImageSpec spec_of(const Image8& image) {
+  return OIIO::ImageSpec(image.width, image.height, image.channels, OIIO::TypeDesc::UINT8);
+}
+
+std::vector<std::uint8_t> encode(const std::string& format, const Image8& image,
+                                 const OIIO::ImageSpec& spec) {
+  std::vector<unsigned char> bytes;
+  OIIO::Filesystem::IOVecOutput sink(bytes);
+  const auto output = OIIO::ImageOutput::create(format, &sink);
+  const bool done = output && output->open("picture." + format, spec) &&
+                    output->write_image(OIIO::TypeDesc::UINT8, image.pixels.data()) &&
+                    output->close();
+  if (!done)
+    throw Error("cannot encode a picture as " + format + ": " +
+                (output ? output->geterror() : OIIO::geterror()) + "; reinstall OpenImageIO");
+  return bytes;
+}
+
+}  // namespace
+
+Image8 decode_photo(const std::filesystem::path& path) {
+  const OpenPhoto photo = open_photo(path);
+  Image8 image(photo.size.width, photo.size.height, channels_of(photo.input->spec()));
+  const bool done =
+      photo.input->read_image(0, 0, 0, image.channels, OIIO::TypeDesc::UINT8, image.pixels.data());
+  // A JPEG cut short counts as read, its rest gray; only the message tells.
+  const std::string complaint = photo.input->geterror();
+  if (!done || !(complaint.empty() || is_harmless(complaint))) cannot_read_photo(path, complaint);
+  if (!complaint.empty()) log_warning("{}: {}", path.string(), complaint);
+  return image;
+}
+
+PhotoSize decode_photo_size(const std::filesystem::path& path) { return open_photo(path).size; }
+
+int decode_photo_orientation(const std::filesystem::path& path) {
+  return open_photo(path).input->spec().get_int_attribute("Orientation", 1);
+}
+
+std::string codec_name() { return "OpenImageIO " OIIO_VERSION_STRING; }
+
+std::vector<std::uint8_t> encode_png(const Image8& image) {
+  OIIO::ImageSpec spec = spec_of(image);
+  spec.attribute("oiio:UnassociatedAlpha", 1);  // color not multiplied by alpha
+  return encode("png", image, spec);
+}
+
+std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality) {
+  GS_CHECK(image.channels == 3);
+  OIIO::ImageSpec spec = spec_of(image);
+  spec.attribute("Compression", "jpeg:" + std::to_string(quality));
+  return encode("jpeg", image, spec);
+}
+
+}  // namespace gs

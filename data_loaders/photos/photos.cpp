@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/photos/photos.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+#include "data_loaders/photos/photo_codec.h"
+#include "gs_core/error.h"
+#include "gs_core/io/atomic_file.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::int64_t kMostPixels = std::int64_t(1) << 29;  // more is a damaged header
+
+void check_exists(const fs::path& path) {
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (!fs::exists(status)) cannot_read_photo(path, "there is no such file");
+  if (fs::is_directory(status)) cannot_read_photo(path, "this is a folder");
+}
+
+/// The source pixels under target pixel `target` of one axis. In units of 1 / target_size of a
+/// source pixel, source pixel i spans [i, i + 1) * target_size and the target pixel [target, target
+/// + 1) * source_size: all overlaps are whole numbers, and they add up to source_size.
+struct Coverage {
+  std::int64_t source_size, target_size, begin, end;
+
+  Coverage(int source_size, int target_size, int target)
+      : source_size(source_size), target_size(target_size),
+        begin(std::int64_t(target) * source_size), end(begin + source_size) {}
+  int first() const { return int(begin / target_size); }
+  int last() const { return int((end - 1) / target_size); }
+  std::uint32_t weight(int source) const {
+    return std::uint32_t(std::min(end, (source + 1) * target_size) -
+                         std::max(begin, source * target_size));
+  }
+};
+
+/// One row of the target: a weighted sum of source rows, then of its columns.
+void resize_row(const Image8& image, Image8& target, int y, std::vector<std::uint32_t>& sums) {
+  const std::size_t row_size = std::size_t(image.width) * image.channels;
+  const Coverage rows(image.height, target.height, y);
+  std::fill(sums.begin(), sums.end(), 0u);
+  for (int row = rows.first(); row <= rows.last(); ++row) {
+    const std::uint32_t weight = rows.weight(row);
+    const std::uint8_t* source = &image.pixels[row * row_size];
+    for (std::size_t i = 0; i < row_size; ++i) sums[i] += weight * source[i];
+  }
+  const std::uint64_t area = std::uint64_t(image.width) * image.height;
+  for (int x = 0; x < target.width; ++x) {
+    const Coverage columns(image.width, target.width, x);
+    for (int c = 0; c < image.channels; ++c) {
+      std::uint64_t sum = 0;
+      for (int column = columns.first(); column <= columns.last(); ++column)
+        sum +=
+            std::uint64_t(columns.weight(column)) * sums[std::size_t(column) * image.channels + c];
+      target.at(x, y, c) = std::uint8_t((2 * sum + area) / (2 * area));
+    }
+  }
+}
+
+}  // namespace
+
+void cannot_read_photo(const fs::path& path, const std::string& what) {
+  throw Error(
+      fmt::format("cannot read photo {}: {}; copy it again, or leave it out of the COLMAP model",
+                  path.string(), what));
+}
+
+void check_photo_size(const fs::path& path, const PhotoSize& size) {
+  if (size.width <= 0 || size.height <= 0 || std::int64_t(size.width) * size.height > kMostPixels)
+    cannot_read_photo(path, fmt::format("its header says {} x {} pixels", size.width, size.height));
+}
+
+PhotoWithAlpha separated(Image8 decoded) {
+  const int channels = decoded.channels, alpha = channels % 2 == 0 ? channels - 1 : 0;
+  if (channels == 3) return {std::move(decoded), {}};
+  PhotoWithAlpha result;
+  result.photo = Image8(decoded.width, decoded.height, 3);
+  if (alpha) result.alpha = Image8(decoded.width, decoded.height, 1);
+  for (std::size_t i = 0; i < decoded.pixels.size() / channels; ++i) {
+    const std::uint8_t* pixel = &decoded.pixels[i * channels];
+    for (int c = 0; c < 3; ++c) result.photo.pixels[3 * i + c] = pixel[channels < 3 ? 0 : c];
+    if (alpha) result.alpha.pixels[i] = pixel[alpha];
+  }
+  return result;
+}
+
+Image8 read_photo(const fs::path& path) { return read_photo_with_alpha(path).photo; }
+
+PhotoWithAlpha read_photo_with_alpha(const fs::path& path) {
+  check_exists(path);
+  return separated(decode_photo(path));
+}
+
+PhotoSize read_photo_size(const fs::path& path) {
+  check_exists(path);
+  return decode_photo_size(path);
+}
+
+int read_photo_orientation(const fs::path& path) {
+  check_exists(path);
+  return decode_photo_orientation(path);
+}
+
+Image8 area_resized(const Image8& image, int width, int height) {
+  GS_CHECK(width > 0 && height > 0 && !image.empty());
+  if (width == image.width && height == image.height) return image;
+  Image8 target(width, height, image.channels);
+  constexpr std::size_t kRowsPerChunk = 16;
+  parallel_chunks(std::size_t(height), kRowsPerChunk, [&](std::size_t begin, std::size_t end) {
+    std::vector<std::uint32_t> sums(std::size_t(image.width) * image.channels);
+    for (std::size_t y = begin; y < end; ++y) resize_row(image, target, int(y), sums);
+  });
+  return target;
+}
+
+void write_png(const fs::path& path, const Image8& image) {
+  GS_CHECK(!image.empty() && (image.channels == 1 || image.channels == 3 || image.channels == 4));
+  const std::vector<std::uint8_t> bytes = encode_png(image);
+  AtomicFile file(path);
+  file.write(bytes.data(), bytes.size());
+  file.commit();
+}
+
+}  // namespace gs

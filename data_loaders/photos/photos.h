@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photos in and out of files, and the one way in which they are made smaller. Pixels are read as
+// COLMAP reads them: in stored order, whatever an EXIF orientation says.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "gs_core/image.h"
+
+namespace gs {
+
+struct PhotoSize {
+  int width = 0, height = 0;  // pixels, in stored order
+};
+
+/// Decodes a photo to (height, width, 3). Gray is repeated into three channels, alpha is dropped
+/// (color values stay as stored), more than 8 bits are rounded. Throws Error that names the file
+/// when it is missing, of an unknown format, damaged or cut short.
+Image8 read_photo(const std::filesystem::path& path);
+
+/// A photo and, where its file has one, its alpha.
+struct PhotoWithAlpha {
+  Image8 photo;  // (height, width, 3) as read_photo() gives it
+  Image8 alpha;  // (height, width, 1); empty where there is none
+};
+
+/// Decodes both. Alpha is taken as straight, as PNG has it: color is not multiplied by it. Throws Error like read_photo.
+PhotoWithAlpha read_photo_with_alpha(const std::filesystem::path& path);
+
+/// The size of a photo from its header. Throws Error like read_photo.
+PhotoSize read_photo_size(const std::filesystem::path& path);
+
+/// The EXIF orientation that a photo's header gives, 1 to 8; 1, upright, where it gives none or this build, without
+/// OpenImageIO, does not read it. Nothing here follows it. Throws Error like read_photo.
+int read_photo_orientation(const std::filesystem::path& path);
+
+/// The picture at another size: every target pixel is the mean of the source area that it covers,
+/// with pixels that it covers in part counted by that part; halves are rounded up. Exact (whole
+/// numbers), so the same on every machine. `width` and `height` are > 0.
+Image8 area_resized(const Image8& image, int width, int height);
+
+/// Writes an image with 1, 3 or 4 channels (the last straight alpha) as PNG; the file is there whole or not at all. Throws
+/// Error.
+void write_png(const std::filesystem::path& path, const Image8& image);
+
+/// The bytes of a JPEG file with three channels, quality 1 to 100: for looking at, never for measuring. Throws Error.
+std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality);
+
+}  // namespace gs

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a build without Ceres says where something is to be refined.
+#include <spdlog/fmt/fmt.h>
+
+#include "data_loaders/refine/refine_cameras.h"
+#include "data_loaders/refine/refine_exposure.h"
+#include "data_loaders/refine/refine_lens.h"
+#include "gs_core/error.h"
+
+namespace gs {
+
+bool can_refine() { return false; }
+
+void check_can_refine(const char* option) {
+  throw Error(
+      fmt::format("{} needs Ceres, and this build has none; install libceres-dev and build again, "
+                  "or do without it",
+                  option));
+}
+
+ExposureFit fit_exposures(const std::vector<ColorSample>&, const std::vector<bool>&) {
+  GS_CHECK(can_refine());
+  return {};
+}
+
+CameraRefinement refine_cameras(ColmapModel&, const RefinementProgress&) {
+  GS_CHECK(can_refine());
+  return {};
+}
+
+FittedCamera fit_camera(const ColmapCamera&, CameraModel, const std::string&) {
+  GS_CHECK(can_refine());
+  return {};
+}
+
+}  // namespace gs

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/scene/scene_hash.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <string_view>
+#include <vector>
+
+#include "data_loaders/photos/photo_names.h"
+#include "data_loaders/scene/find_scene.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Fowler, Noll, Vo: each byte is added by xor, then all bits are spread by a multiplication.
+class Fnv1a {
+ public:
+  void add(std::string_view bytes) {
+    for (const char byte : bytes) value_ = (value_ ^ static_cast<unsigned char>(byte)) * kPrime;
+  }
+  std::uint64_t value() const { return value_; }
+
+ private:
+  static constexpr std::uint64_t kStart = 0xcbf29ce484222325, kPrime = 0x100000001b3;
+  std::uint64_t value_ = kStart;
+};
+
+void add_file(Fnv1a& hash, const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::array<char, 1 << 16> block;
+  while (stream.read(block.data(), block.size()), stream.gcount() > 0)
+    hash.add({block.data(), std::size_t(stream.gcount())});
+}
+
+bool belongs_to_model(const fs::path& file) {
+  const std::string stem = file.stem().string(), ending = lowercase_ending(file);
+  if (ending == ".json") return stem.starts_with("transforms");
+  return (ending == ".bin" || ending == ".txt") &&
+         (stem == "cameras" || stem == "images" || stem == "points3D" || stem == "rigs" ||
+          stem == "frames");
+}
+
+std::vector<fs::path> model_files(const fs::path& folder) {
+  std::vector<fs::path> files;
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(folder, ignored))
+    if (belongs_to_model(entry.path())) files.push_back(entry.path());
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+}  // namespace
+
+std::string scene_hash(const DatasetConfig& dataset) {
+  const SceneFolders folders = find_scene(dataset);
+  Fnv1a hash;
+  for (const std::string& name : picture_names_in(folders.images)) {
+    std::error_code ignored;
+    hash.add(fmt::format("{}\n{}\n", name, fs::file_size(folders.images / name, ignored)));
+  }
+  for (const fs::path& file : model_files(folders.model)) {
+    hash.add(file.filename().string() + "\n");
+    add_file(hash, file);
+  }
+  return fmt::format("{:016x}", hash.value());
+}
+
+}  // namespace gs

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/video/film_writer.h"
+
+#include <spdlog/fmt/fmt.h>
+#include <unistd.h>
+
+#include "data_loaders/video/video_frames.h"
+#include "gs_core/error.h"
+#include "gs_core/io/atomic_file.h"
+#include "gs_core/log.h"
+
+#ifdef GS_HAVE_VIDEO
+#include <opencv2/core.hpp>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+#endif
+
+namespace gs {
+
+namespace fs = std::filesystem;
+
+#ifdef GS_HAVE_VIDEO
+
+namespace {
+
+[[noreturn]] void cannot_write_film(const fs::path& film, const std::string& what) {
+  throw Error(fmt::format("cannot write the film {}: {}", film.string(), what));
+}
+
+}  // namespace
+
+bool can_write_films() { return true; }
+std::string cannot_write_films() { return {}; }
+
+struct FilmWriter::Encoder {
+  cv::VideoWriter writer;
+  cv::Mat bgr;
+};
+
+FilmWriter::FilmWriter(fs::path path, int width, int height, double frames_per_second)
+    : path_(std::move(path)), width_(width), height_(height),
+      encoder_(std::make_unique<Encoder>()) {
+  GS_CHECK(width > 0 && height > 0 && width % 2 == 0 && height % 2 == 0 && frames_per_second > 0);
+  { const AtomicFile is_writable(path_); }  // makes the folder; says why where it is not
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // we say it ourselves
+  temporary_ = fs::absolute(path_);  // ffmpeg would take "a:b.mp4" for a protocol
+  temporary_.replace_filename(fmt::format(".{}.{}.mp4", path_.filename().string(), ::getpid()));
+  encode_as("avc1", frames_per_second);
+  codec_ = "H.264";
+  if (encoder_->writer.isOpened()) return;
+  encode_as("mp4v", frames_per_second);
+  codec_ = "MPEG-4";
+  if (!encoder_->writer.isOpened())
+    cannot_write_film(path_,
+                      "OpenCV has no encoder for MP4 here; install libopencv-videoio with ffmpeg's "
+                      "libavcodec, or write pictures into a folder");
+  log_warning(
+      "{} is encoded as MPEG-4 Part 2, which browsers do not play: the local ffmpeg has no H.264; "
+      "convert it with `ffmpeg -i FILM -c:v libx264 -pix_fmt yuv420p NEW.mp4` elsewhere",
+      path_.string());
+}
+
+FilmWriter::FilmWriter(FilmWriter&&) noexcept = default;
+
+FilmWriter::~FilmWriter() {
+  if (!encoder_) return;  // committed, or moved from
+  encoder_->writer.release();
+  std::error_code ignored;
+  fs::remove(temporary_, ignored);
+}
+
+void FilmWriter::encode_as(const char* f, double frames_per_second) {
+  encoder_->writer.open(temporary_.string(), cv::CAP_FFMPEG,
+                        cv::VideoWriter::fourcc(f[0], f[1], f[2], f[3]), frames_per_second,
+                        cv::Size(width_, height_), true);
+}
+
+void FilmWriter::write(const Image8& frame) {
+  GS_CHECK(encoder_ && frame.width == width_ && frame.height == height_ &&
+           (frame.channels == 1 || frame.channels == 3));
+  const cv::Mat picture(frame.height, frame.width, frame.channels == 1 ? CV_8UC1 : CV_8UC3,
+                        const_cast<std::uint8_t*>(frame.pixels.data()));
+  cv::cvtColor(picture, encoder_->bgr,
+               frame.channels == 1 ? cv::COLOR_GRAY2BGR : cv::COLOR_RGB2BGR);
+  encoder_->writer.write(encoder_->bgr);
+  ++frames_;
+}
+
+void FilmWriter::commit() {
+  encoder_->writer.release();
+  // The encoder does not say where it fails: a film that lacks frames tells.
+  std::int64_t kept = 0;
+  try {
+    kept = count_frames(temporary_);
+  } catch (const Error&) {
+  }
+  if (kept != frames_)
+    cannot_write_film(path_, fmt::format("{} of {} frames reached the disk; free some space, or "
+                                         "write elsewhere",
+                                         kept, frames_));
+  std::error_code error;
+  fs::rename(temporary_, path_, error);
+  if (error) cannot_write_film(path_, error.message() + "; choose another name");
+  encoder_.reset();
+}
+
+#else
+
+struct FilmWriter::Encoder {};
+
+bool can_write_films() { return false; }
+std::string cannot_write_films() {
+  return "this build has no OpenCV with videoio; write pictures into a folder and make the film "
+         "with ffmpeg -framerate 30 -i FOLDER/%05d.png -c:v libx264 -pix_fmt yuv420p FILM.mp4, or "
+         "install libopencv-dev and build again";
+}
+
+FilmWriter::FilmWriter(fs::path path, int, int, double) {
+  throw Error(fmt::format("cannot write the film {}: {}", path.string(), cannot_write_films()));
+}
+FilmWriter::FilmWriter(FilmWriter&&) noexcept = default;
+FilmWriter::~FilmWriter() = default;
+void FilmWriter::encode_as(const char*, double) {}
+void FilmWriter::write(const Image8&) {}
+void FilmWriter::commit() {}
+
+#endif
+
+}  // namespace gs

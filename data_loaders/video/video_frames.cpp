@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/video/video_frames.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include "data_loaders/photos/photos.h"
+#include "data_loaders/photos/picture_quality.h"
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+
+#ifdef GS_HAVE_VIDEO
+#include <opencv2/core.hpp>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+#endif
+
+namespace gs {
+
+namespace fs = std::filesystem;
+
+#ifdef GS_HAVE_VIDEO
+
+namespace {
+
+constexpr double kEndedEarly = 0.9;  // of the frames that the file states; containers are off by a few
+
+[[noreturn]] void cannot_read_video(const fs::path& video, const std::string& what) {
+  throw Error(fmt::format(
+      "cannot read video {}: {}; copy it again, or convert it with ffmpeg -i VIDEO -c:v libx264 "
+      "-crf 16 NEW.mp4 and name NEW.mp4",
+      video.string(), what));
+}
+
+cv::VideoCapture open_video(const fs::path& video) {
+  std::error_code error;
+  if (!fs::is_regular_file(video, error)) cannot_read_video(video, "there is no such file");
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // we say it ourselves
+  cv::VideoCapture capture;
+  if (!capture.open(video.string(), cv::CAP_FFMPEG)) capture.open(video.string(), cv::CAP_ANY);
+  if (!capture.isOpened())
+    cannot_read_video(video, "it is damaged, or of a format that is not known here");
+  capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 1);
+  return capture;
+}
+
+Image8 picture_of(const cv::Mat& frame) {
+  Image8 picture(frame.cols, frame.rows, 3);
+  cv::Mat rgb(frame.rows, frame.cols, CV_8UC3, picture.pixels.data());
+  cv::cvtColor(frame, rgb, frame.channels() == 1 ? cv::COLOR_GRAY2RGB : cv::COLOR_BGR2RGB);
+  GS_CHECK(rgb.data == picture.pixels.data());
+  return picture;
+}
+
+struct Frame {
+  std::int64_t number = -1;
+  Image8 picture;
+  double sharpness = -1;
+};
+
+}  // namespace
+
+bool can_read_videos() { return true; }
+
+std::int64_t count_frames(const fs::path& video) {
+  cv::VideoCapture capture = open_video(video);
+  const double stated = capture.get(cv::CAP_PROP_FRAME_COUNT);
+  if (stated >= 1 && stated < 1e9) return std::int64_t(stated);
+  std::int64_t count = 0;
+  while (capture.grab()) ++count;
+  if (count == 0) cannot_read_video(video, "it has no frame that can be decoded");
+  return count;
+}
+
+std::vector<std::string> take_frames(const fs::path& video, std::int64_t total, std::int64_t wanted,
+                                     const fs::path& folder, const std::string& stem,
+                                     const FrameProgress& progress) {
+  GS_CHECK(total > 0 && wanted > 0);
+  wanted = std::min(wanted, total);
+  cv::VideoCapture capture = open_video(video);
+  std::vector<std::string> names;
+  Frame best;
+  const auto keep_best = [&] {
+    if (best.number < 0) return;
+    names.push_back(fmt::format("{}_{:06d}.png", stem, best.number));
+    write_png(folder / names.back(), best.picture);
+    best = {};
+  };
+  const auto stretch_of = [&](std::int64_t number) { return number * wanted / total; };
+  std::int64_t number = 0;
+  for (cv::Mat frame; capture.read(frame) && !frame.empty(); ++number) {
+    if (number > 0 && stretch_of(number) != stretch_of(number - 1)) keep_best();
+    Image8 picture = picture_of(frame);
+    const double sharpness = quality_of(picture).sharpness;
+    if (sharpness > best.sharpness) best = {number, std::move(picture), sharpness};
+    if (progress) progress(number + 1);
+  }
+  keep_best();
+  if (number == 0) cannot_read_video(video, "it has no frame that can be decoded");
+  if (double(number) < kEndedEarly * double(total))
+    log_warning(
+        "video {} ends after {} of {} frames: it is damaged or cut short; what came before is used",
+        video.string(), number, total);
+  return names;
+}
+
+#else
+
+namespace {
+
+[[noreturn]] void fail_without_opencv(const fs::path& video) {
+  throw Error(
+      fmt::format("cannot take frames out of video {}: this build has no OpenCV; build with it, or "
+                  "take them out with ffmpeg "
+                  "-i VIDEO -vf fps=2 -qscale:v 2 FRAMES/%05d.jpg and name FRAMES",
+                  video.string()));
+}
+
+}  // namespace
+
+bool can_read_videos() { return false; }
+std::int64_t count_frames(const fs::path& video) { fail_without_opencv(video); }
+std::vector<std::string> take_frames(const fs::path& video, std::int64_t, std::int64_t,
+                                     const fs::path&, const std::string&, const FrameProgress&) {
+  fail_without_opencv(video);
+}
+
+#endif
+
+}  // namespace gs

@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: Apache-2.0
+// Half of `gemsplat selftest`: every stage of a GPU against the scalar backend.
+#include <algorithm>
+#include <array>
+#include <set>
+
+#include "gs_app/checks/generated_scene.h"
+#include "gs_app/checks/self_check_list.h"
+#include "gs_app/checks/untrained.h"
+#include "gs_train/schedule.h"
+
+namespace gs {
+namespace {
+
+// exp, log and the order of sums differ in the last bits; a fragment or a tile that lies on its threshold is kept by
+// one and dropped by the other. These allow for several times what an H200 shows.
+constexpr double kSplatTolerance = 1e-4;
+constexpr double kConicTolerance = 1e-3;  // the determinant of a thin splat cancels
+constexpr double kTileTolerance = 5e-3;   // of the instances
+constexpr double kPictureTolerance = 1e-3;
+constexpr double kLossTolerance = 1e-3;
+constexpr double kGradientTolerance = 5e-3;
+constexpr double kStepTolerance = 2e-2;   // Adam divides tiny gradients by their own size
+constexpr int kStepsBefore = 20;          // so that the moments are those of a training under way
+constexpr float kLambdaDssim = 0.2f;
+constexpr float kDeadLogit = -8;          // of an opacity of 0.0003
+constexpr std::size_t kPhotoBytes = std::size_t(1) << 28;
+
+struct ParityScene {
+  std::string name;
+  SceneRecipe recipe;
+  RenderSettings settings;
+};
+
+std::vector<ParityScene> parity_scenes() {
+  std::vector<ParityScene> scenes;
+  const auto add = [&](const char* name, int width, int height, int degree) -> ParityScene& {
+    SceneRecipe recipe{.gaussians = 3000, .width = width, .height = height, .views = 3};
+    recipe.seed = scenes.size() + 1;
+    scenes.push_back({name, recipe, {}});
+    scenes.back().settings.sh_degree = degree;
+    return scenes.back();
+  };
+  add("faster_gs", 160, 120, 3);
+  add("degree 2, odd size", 131, 77, 2).settings.background = {0.3f, 0.6f, 0.9f};
+  add("classic, degree 1", 97, 113, 1).settings.blend_rule = BlendRule::classic;
+  add("antialias, degree 0", 160, 96, 0).settings.antialias = true;
+  ParityScene& opaque = add("classic, antialias, opaque", 75, 50, 3);
+  opaque.settings.blend_rule = BlendRule::classic;
+  opaque.settings.antialias = true;
+  opaque.settings.antialias_detach = false;
+  opaque.recipe.opacity_low = 0.9f;
+  opaque.recipe.opacity_high = 0.999f;
+  return scenes;
+}
+
+/// One generated scene on both backends, stage after stage.
+class ParityCheck {
+ public:
+  ParityCheck(const ParityScene& scene, Backend& cpu, Backend& device, SelfCheckList& checks)
+      : name_(scene.name), settings_(scene.settings), scene_(generated_scene(scene.recipe)),
+        view_(scene_.views[0]), cpu_(cpu), device_(device), checks_(checks),
+        on_device_(copy_to(device.memory(), scene_.model)), device_pass_(device.memory()) {}
+
+  void run() {
+    cpu_.renderer().forward(on_host().span(), view_.camera, settings_, cpu_pass_);
+    device_.renderer().forward(on_device_.span(), view_.camera, settings_, device_pass_);
+    compare_splats();
+    compare_tile_lists();
+    compare("image", kPictureTolerance, device_pass_.image, cpu_pass_.image);
+    compare("transmittance", kPictureTolerance, device_pass_.transmittance,
+            cpu_pass_.transmittance);
+    device_.upload_views(scene_.views, kPhotoBytes);
+    compare_loss();
+    compare_gradients();
+    compare_step("step", {.gather_statistics = true});
+    const DensityConfig mcmc;
+    compare_step("mcmc step", {.regularizers = {mcmc.opacity_regularizer, mcmc.scale_regularizer},
+                               .noise = {mcmc.noise_scale, {1, RandomStream::position_noise}, 1}});
+    compare_relocation();
+    device_.upload_views({}, 0);  // this scene's views end here
+  }
+
+ private:
+  const Gaussians& on_host() const { return scene_.model.gaussians; }
+
+  void compare(const std::string& what, double tolerance, const Numbers& actual,
+               const Numbers& expected) {
+    checks_.add(what, name_, tolerance, actual, expected);
+  }
+  template <class T>
+  void compare(const std::string& what, double tolerance, const Buffer<T>& actual,
+               const Buffer<T>& expected) {
+    compare(what, tolerance, numbers_of(actual), numbers_of(expected));
+  }
+
+  // Those that both see; which they see, the tile lists tell.
+  void compare_splats() {
+    const auto cpu_counts = cpu_pass_.tile_counts.download();
+    const auto device_counts = device_pass_.tile_counts.download();
+    std::array<Numbers, 2> depth, mean, conic, opacity, color;
+    const auto collect = [&](std::size_t side, const RenderPass& pass) {
+      const std::vector<Splat> splats = pass.splats.download();
+      const std::vector<float> depths = pass.depths.download();
+      for (std::size_t i = 0; i < splats.size(); ++i) {
+        if (!cpu_counts[i] || !device_counts[i]) continue;
+        const Splat& s = splats[i];
+        depth[side].push_back(depths[i]);
+        mean[side].insert(mean[side].end(), {s.mean2d.x, s.mean2d.y});
+        conic[side].insert(conic[side].end(), {s.conic.xx, s.conic.xy, s.conic.yy});
+        opacity[side].push_back(s.opacity);
+        color[side].insert(color[side].end(), {s.color.x, s.color.y, s.color.z});
+      }
+    };
+    collect(0, device_pass_);
+    collect(1, cpu_pass_);
+    compare("splats: depth", kSplatTolerance, depth[0], depth[1]);
+    compare("splats: mean2d", kSplatTolerance, mean[0], mean[1]);
+    compare("splats: conic", kConicTolerance, conic[0], conic[1]);
+    compare("splats: opacity", kConicTolerance, opacity[0], opacity[1]);
+    compare("splats: color", kSplatTolerance, color[0], color[1]);
+  }
+
+  using TileList = std::vector<std::uint32_t>;  // Gaussians, front to back
+  static std::vector<TileList> tile_lists(const RenderPass& pass) {
+    TileList ranges = pass.tile_ranges.download(), splats = pass.tile_splats.download();
+    for (std::uint32_t& splat : splats) splat = gaussian_of(splat);
+    std::vector<TileList> lists(pass.tile_count());
+    for (std::size_t tile = 0; tile < lists.size(); ++tile)
+      lists[tile].assign(splats.begin() + ranges[tile], splats.begin() + ranges[tile + 1]);
+    return lists;
+  }
+  /// Those of a list that another has, too, in their order.
+  static TileList shared(const TileList& list, const TileList& other) {
+    const std::set<std::uint32_t> wanted(other.begin(), other.end());
+    TileList result;
+    for (const std::uint32_t gaussian : list)
+      if (wanted.contains(gaussian)) result.push_back(gaussian);
+    return result;
+  }
+  /// Instances that only one list has, and those in another order.
+  static std::size_t differing(const TileList& a, const TileList& b) {
+    const TileList in_a = shared(a, b), in_b = shared(b, a);
+    std::size_t result = a.size() + b.size() - in_a.size() - in_b.size();
+    for (std::size_t i = 0; i < in_a.size(); ++i) result += in_a[i] != in_b[i];
+    return result;
+  }
+  void compare_tile_lists() {
+    const auto actual = tile_lists(device_pass_), expected = tile_lists(cpu_pass_);
+    std::size_t instances = 0, differ = 0, most = 0;
+    for (std::size_t tile = 0; tile < expected.size(); ++tile) {
+      const std::size_t here = differing(actual[tile], expected[tile]);
+      instances += expected[tile].size();
+      differ += here;
+      most = std::max(most, here);
+    }
+    checks_.add("tile lists", name_, kTileTolerance, instances, double(most),
+                double(differ) / std::max(double(instances), 1.0));
+  }
+
+  void compare_loss() {
+    compare_loss_of(view_, "loss");
+    View masked = view_;
+    masked.mask = Image8(cpu_pass_.width, cpu_pass_.height, 1, 255);
+    std::fill_n(masked.mask.pixels.begin(), masked.mask.pixels.size() / 3, std::uint8_t(0));
+    masked.exposure = {0.9f, 1.0f, 1.1f};
+    compare_loss_of(masked, "masked loss");
+  }
+  // Of the CPU's picture on both sides.
+  void compare_loss_of(const View& view, const std::string& what) {
+    RenderPass pass(device_.memory());
+    pass.width = cpu_pass_.width;
+    pass.height = cpu_pass_.height;
+    pass.image.upload(cpu_pass_.image.download());
+    Buffer<float> cpu_dL, device_dL(device_.memory());
+    cpu_.loss().forward_backward(cpu_pass_, view, kLambdaDssim, cpu_dL);
+    device_.loss().forward_backward(pass, view, kLambdaDssim, device_dL);
+    compare_loss_values(what);
+    compare(what + ": dL_dimage", kLossTolerance, device_dL, cpu_dL);
+  }
+  void compare_loss_values(const std::string& what) {
+    compare(what, kLossTolerance, Numbers{float(device_.loss().value())},
+            Numbers{float(cpu_.loss().value())});
+  }
+
+  void compare_gradients() {
+    const Numbers dL_dimage = random_normals(cpu_pass_.image.size(), 99);
+    const std::size_t count = on_host().count();
+    Buffer<float> cpu_dL, device_dL(device_.memory());
+    cpu_dL.upload(dL_dimage);
+    device_dL.upload(dL_dimage);
+    Gaussians expected(count, host_memory()), actual(count, device_.memory());
+    Buffer<Vec2f> expected_mean2d(count, host_memory()), mean2d(count, device_.memory());
+    cpu_.renderer().backward(on_host().span(), view_.camera, settings_, cpu_pass_, cpu_dL.span(),
+                             expected.span(), expected_mean2d.span());
+    device_.renderer().backward(on_device_.span(), view_.camera, settings_, device_pass_,
+                                device_dL.span(), actual.span(), mean2d.span());
+    compare("gradient: mean2d", kGradientTolerance, mean2d, expected_mean2d);
+    for_each_array(
+        [&](const char* name, const auto& a, const auto& b) {
+          compare(std::string("gradient: ") + name, kGradientTolerance, a, b);
+        },
+        actual, expected);
+  }
+
+  void step(Backend& backend, TrainingModel& model, const DensityStep& density, int index) {
+    backend.step(model, scene_.views[std::size_t(index) % scene_.views.size()], settings_,
+                 kLambdaDssim, Schedule(Config{}, 1).learning_rates(1), density);
+    backend.synchronize(model);
+  }
+  // After some steps on the CPU.
+  TrainingModel under_way(const DensityStep& density) {
+    TrainingModel model = untrained(scene_.model, host_memory());
+    for (int i = 0; i < kStepsBefore; ++i) step(cpu_, model, density, i);
+    return model;
+  }
+
+  // What one more step changes.
+  void compare_step(const std::string& what, const DensityStep& density) {
+    TrainingModel expected = under_way(density);
+    const TrainingModel before = copy_to(host_memory(), expected);
+    TrainingModel actual = copy_to(device_.memory(), expected);
+    step(cpu_, expected, density, kStepsBefore);
+    step(device_, actual, density, kStepsBefore);
+    compare_changes(what + ": ", before, actual, expected);
+    compare_loss_values("loss");
+  }
+  // A fifth of the Gaussians is dead, and a tenth is added.
+  void compare_relocation() {
+    TrainingModel expected = under_way({.gather_statistics = true});
+    const std::size_t count = expected.count();
+    for (std::size_t i = 0; i < count; i += 5) expected.gaussians.logit_opacity[i] = kDeadLogit;
+    TrainingModel actual = copy_to(device_.memory(), expected);
+    const RelocationRules rules{DensityConfig{}.prune_opacity, std::int64_t(count + count / 10)};
+    const RefineReport wanted = cpu_.rows().relocate(expected, rules, 1, 1);
+    const RefineReport report = device_.rows().relocate(actual, rules, 1, 1);
+    compare("relocation: counts", 0, Numbers{float(report.moved), float(report.cloned)},
+            Numbers{float(wanted.moved), float(wanted.cloned)});
+    const auto compare_all = [&](const Gaussians& a, const Gaussians& b, const std::string& what) {
+      for_each_array(
+          [&](const char* name, const auto& x, const auto& y) {
+            compare("relocation: " + (what.empty() ? name : what), kGradientTolerance, x, y);
+          },
+          a, b);
+    };
+    compare_all(actual.gaussians, expected.gaussians, "");
+    compare_all(actual.first_moment, expected.first_moment, "first moments");
+    compare_all(actual.second_moment, expected.second_moment, "second moments");
+    compare("relocation: visits", 0, actual.statistics.visits, expected.statistics.visits);
+  }
+  void compare_changes(const std::string& step, const TrainingModel& before,
+                       const TrainingModel& actual, const TrainingModel& expected) {
+    const auto compare_change = [&](const std::string& what, const auto& old, const auto& a,
+                                    const auto& b) {
+      Numbers change = numbers_of(a), expected_change = numbers_of(b);
+      const Numbers start = numbers_of(old);
+      for (std::size_t i = 0; i < start.size(); ++i) {
+        change[i] -= start[i];
+        expected_change[i] -= start[i];
+      }
+      compare(what, kStepTolerance, change, expected_change);
+    };
+    for_each_array([&](const char* name, const auto& old, const auto& a,
+                       const auto& b) { compare_change(step + name, old, a, b); },
+                   before.gaussians, actual.gaussians, expected.gaussians);
+    const auto compare_all = [&](const std::string& what, const Gaussians& old, const Gaussians& a,
+                                 const Gaussians& b) {
+      for_each_array([&](const char*, const auto& x, const auto& y,
+                         const auto& z) { compare_change(what, x, y, z); },
+                     old, a, b);
+    };
+    compare_all(step + "first moments", before.first_moment, actual.first_moment,
+                expected.first_moment);
+    compare_all(step + "second moments", before.second_moment, actual.second_moment,
+                expected.second_moment);
+    compare_change(step + "visits", before.statistics.visits, actual.statistics.visits,
+                   expected.statistics.visits);
+    compare_change(step + "gradient norms", before.statistics.gradient_norm,
+                   actual.statistics.gradient_norm, expected.statistics.gradient_norm);
+  }
+
+  std::string name_;
+  RenderSettings settings_;
+  GeneratedScene scene_;
+  const View& view_;
+  Backend& cpu_;
+  Backend& device_;
+  SelfCheckList& checks_;
+  Gaussians on_device_;
+  RenderPass cpu_pass_, device_pass_;
+};
+
+}  // namespace
+
+std::vector<SelfCheck> parity_checks(Backend& device) {
+  const std::unique_ptr<Backend> cpu = make_scalar_backend();
+  SelfCheckList checks;
+  for (const ParityScene& scene : parity_scenes()) ParityCheck(scene, *cpu, device, checks).run();
+  return checks.take();
+}
+
+}  // namespace gs

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/experiment/experiment_run.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include "gs_core/config/config_table.h"
+#include "gs_core/error.h"
+#include "gs_core/io/move_aside.h"
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kThisProgram = "/proc/self/exe";  // of the child, too; also where the file was replaced meanwhile
+
+// Without what changes no result.
+Config comparable(Config config) {
+  const Config usual;
+  config.train.threads = usual.train.threads;
+  config.train.photo_gib = usual.train.photo_gib;
+  config.dataset.photo_ram_gib = usual.dataset.photo_ram_gib;
+  config.dataset.photo_cache = usual.dataset.photo_cache;
+  config.dataset.photo_cache_gib = usual.dataset.photo_cache_gib;
+  return config;
+}
+
+// A file that is missing, or written by another version with other settings, is another run's.
+bool has_same_settings(const ExperimentRun& run) {
+  if (!fs::exists(run.settings_file())) return false;
+  Config written;
+  try {
+    load_config(written, run.settings_file());
+  } catch (const Error&) {
+    return false;
+  }
+  return difference(comparable(written), {}, comparable(run.settings), {}).empty();
+}
+
+ExperimentRun make_run(const Experiment& experiment, const ExperimentScene& scene,
+                       const ExperimentConfig& config, std::uint64_t seed) {
+  ExperimentRun run;
+  run.scene = scene.name;
+  run.config = config.name;
+  run.seed = seed;
+  run.settings = settings_of(experiment, scene, config, seed);
+  run.folder = RunFolder(experiment.output / run.name());
+  return run;
+}
+
+}  // namespace
+
+std::string ExperimentRun::name() const { return fmt::format("{}/{}/seed{}", scene, config, seed); }
+
+fs::path ExperimentRun::lock() const { return folder.root().string() + ".lock"; }
+
+std::vector<ExperimentRun> runs_of(const Experiment& experiment) {
+  std::vector<ExperimentRun> runs;
+  for (const ExperimentScene& scene : experiment.scenes)
+    for (const ExperimentConfig& config : experiment.configs)
+      for (const std::uint64_t seed : experiment.seeds) {
+        runs.push_back(make_run(experiment, scene, config, seed));
+        runs.back().index = runs.size() - 1;
+      }
+  return runs;
+}
+
+bool is_finished(const ExperimentRun& run) {
+  return fs::exists(run.folder.results()) && has_same_settings(run);
+}
+
+void prepare(const ExperimentRun& run) {
+  if (run.folder.holds_run() && !has_same_settings(run)) {
+    const fs::path backup = move_aside(run.folder.root());
+    log_info("{}: what was there is now in {}", run.name(), backup.string());
+  }
+  write_text(run.settings_file(), to_toml(run.settings));
+}
+
+std::vector<std::string> train_command(const ExperimentRun& run, const RunSlot& slot) {
+  std::vector<std::string> command = {
+      kThisProgram, "train", "-c", run.settings_file().string(), "-o", run.folder.root().string()};
+  if (!slot.device.empty()) command.insert(command.end(), {"--device", slot.device});
+  if (slot.threads > 0) command.insert(command.end(), {"--threads", std::to_string(slot.threads)});
+  if (has_same_settings(run)) command.insert(command.end(), {"--resume", "auto"});
+  return command;
+}
+
+}  // namespace gs

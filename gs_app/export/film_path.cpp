@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/export/film_path.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "gs_app/pictures/pictures.h"
+#include "gs_core/config/nearest_word.h"
+#include "gs_core/error.h"
+#include "gs_render/camera_path.h"
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// The same for all names that one picture can have; "frame.7" has no extension.
+std::string without_extension(const std::string& name) {
+  return picture_path({}, name).generic_string();
+}
+
+/// The camera of that name, with or without extension, or else of that number.
+std::size_t find_camera(const std::string& word, const std::vector<NamedCamera>& cameras) {
+  for (std::size_t i = 0; i < cameras.size(); ++i)
+    if (cameras[i].name == word) return i;
+  for (std::size_t i = 0; i < cameras.size(); ++i)
+    if (without_extension(cameras[i].name) == without_extension(word)) return i;
+  for (std::size_t i = 0; i < cameras.size(); ++i)
+    if (std::to_string(i) == word) return i;
+  std::vector<std::string> names;
+  for (const NamedCamera& named : cameras) names.push_back(named.name);
+  const std::string near = nearest_word(word, names);
+  throw UsageError(fmt::format(
+      "--through {}: there is no camera of that name, and none of that number from 0 "
+      "to {}{}",
+      word, cameras.size() - 1,
+      near.empty() ? "; the first is called " + names.front() : "; did you mean " + near + "?"));
+}
+
+std::vector<CameraPose> poses_of(const std::vector<NamedCamera>& cameras) {
+  std::vector<CameraPose> poses;
+  for (const NamedCamera& named : cameras) poses.push_back(pose_of(named.camera));
+  return poses;
+}
+
+/// Numbers of the cameras that the path passes, in its order.
+std::vector<std::size_t> keys_of(const PathRequest& request,
+                                 const std::vector<NamedCamera>& cameras) {
+  std::vector<std::size_t> keys;
+  if (request.kind == "flythrough") {
+    const std::vector<CameraPose> poses = poses_of(cameras);
+    const auto chosen = representative_poses(poses, std::size_t(request.keys));
+    std::vector<CameraPose> stops;
+    for (const std::size_t i : chosen) stops.push_back(poses[i]);
+    for (const std::size_t i : short_tour(stops)) keys.push_back(chosen[i]);
+  } else if (request.through.empty()) {
+    keys = evenly_chosen(cameras.size(), std::size_t(request.keys));
+  } else {
+    for (const std::string& word : request.through) keys.push_back(find_camera(word, cameras));
+  }
+  return keys;
+}
+
+Json json_of(const Vec3d& v) { return {v.x + 0.0, v.y + 0.0, v.z + 0.0}; }  // no -0
+
+struct PosedPath {
+  std::vector<CameraPose> poses;
+  std::size_t lens = 0;  // the number of the camera that has it
+  Json description;
+};
+
+PosedPath through_cameras(const PathRequest& request, const std::vector<NamedCamera>& cameras) {
+  const std::vector<std::size_t> keys = keys_of(request, cameras);
+  const bool is_closed = request.kind == "flythrough" || request.is_loop;
+  Json names = Json::array();
+  std::vector<CameraPose> poses;
+  for (const std::size_t i : keys) {
+    poses.push_back(pose_of(cameras[i].camera));
+    names.push_back(cameras[i].name);
+  }
+  const CameraSpline spline(poses, is_closed);
+  if (spline.end() == 0)
+    throw UsageError(fmt::format(
+        "--path {} needs two cameras in different poses, and passes {} in one; name others with "
+        "--through, or take --path orbit",
+        request.kind, keys.size()));
+  return {
+      poses_along(spline, request.frames, request.pace == "even" ? Pace::even : Pace::by_keys),
+      keys.front(),
+      {{"kind", request.kind}, {"through", names}, {"closed", is_closed}, {"pace", request.pace}}};
+}
+
+PosedPath round_the_scene(const PathRequest& request, const std::vector<NamedCamera>& cameras,
+                          const std::function<double()>& focus, const Vec3d& world_offset) {
+  std::vector<Camera> all;
+  for (const NamedCamera& named : cameras) all.push_back(named.camera);
+  Orbit circle;
+  circle.frame = request.center ? scene_frame_about(*request.center - world_offset, all)
+                                : scene_frame(all, focus());
+  circle.turns = request.turns;
+  circle.start = Vec3d(cameras.front().camera.position());
+  if (request.radius) circle.frame.radius = *request.radius;
+  if (request.elevation) circle.frame.elevation = *request.elevation;
+  const SceneFrame& frame = circle.frame;
+  return {orbit(circle, request.frames),
+          0,
+          {{"kind", request.kind},
+           {"turns", circle.turns},
+           {"center", json_of(frame.center + world_offset)},
+           {"up", json_of(frame.up)},
+           {"radius", frame.radius},
+           {"elevation", frame.elevation}}};
+}
+
+}  // namespace
+
+FilmPath film_path(const PathRequest& request, const std::vector<NamedCamera>& cameras,
+                   const std::function<double()>& focus, const Vec3d& world_offset) {
+  PosedPath path = request.kind == "orbit" ? round_the_scene(request, cameras, focus, world_offset)
+                                           : through_cameras(request, cameras);
+  FilmPath film{{}, std::move(path.description)};
+  for (std::size_t i = 0; i < path.poses.size(); ++i)
+    film.cameras.push_back(
+        {fmt::format("{:05d}", i), with_pose(cameras[path.lens].camera, path.poses[i])});
+  return film;
+}
+
+}  // namespace gs

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/export/render_output.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <set>
+
+#include "data_loaders/photos/exr.h"
+#include "data_loaders/photos/photo_names.h"
+#include "data_loaders/photos/photos.h"
+#include "gs_app/export/exported_file.h"
+#include "gs_app/pictures/pictures.h"
+#include "gs_core/error.h"
+#include "gs_core/io/move_aside.h"
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kOtherFilms[] = {".mov", ".mkv", ".avi", ".webm", ".m4v", ".gif", ".mpg"};
+
+}  // namespace
+
+bool OutputRequest::is_film() const { return lowercase_ending(output) == ".mp4"; }
+
+void check_output(const OutputRequest& request) {
+  const std::string ending = lowercase_ending(request.output);
+  for (const char* other : kOtherFilms)
+    if (ending == other)
+      throw UsageError(
+          fmt::format("-o {}: films are written as .mp4; name a file that ends so, or "
+                      "a folder for pictures",
+                      request.output.string()));
+  if (request.is_film() && request.exr)
+    throw UsageError(
+        "a film has 8 bits; EXR files go into a folder: name one with -o, or leave --format out");
+  if (request.is_film() && !can_write_films())
+    throw Error(
+        fmt::format("cannot write the film {}: {}", request.output.string(), cannot_write_films()));
+  if (request.exr && !can_write_exr())
+    throw Error(fmt::format("cannot write EXR files: {}", cannot_write_exr()));
+  if (!request.is_film() && fs::exists(request.output) && !fs::is_directory(request.output))
+    throw UsageError(request.output.string() +
+                     " is a file; name a folder, or a film that ends "
+                     "in .mp4");
+}
+
+RenderOutput::RenderOutput(OutputRequest request, std::vector<std::string> names,
+                           const DepthRange& range)
+    : request_(std::move(request)), names_(std::move(names)), range_(range) {
+  std::set<fs::path> files;
+  const auto take = [&](const fs::path& file, const std::string& view) {
+    check_place(file, request_.force);
+    if (!files.insert(file).second)
+      throw UsageError(fmt::format(
+          "two views would be written to {}, one of them {}; give them names of their own",
+          file.string(), view));
+  };
+  for (const Quantity quantity : request_.quantities) {
+    if (request_.is_film()) {
+      take(film(quantity), "");
+      continue;
+    }
+    for (std::size_t i = 0; i < names_.size(); ++i)
+      for (const char* extension : extensions()) take(picture(i, quantity, extension), names_[i]);
+  }
+}
+
+std::vector<const char*> RenderOutput::extensions() const {
+  std::vector<const char*> result;
+  if (request_.png) result.push_back(".png");
+  if (request_.exr) result.push_back(".exr");
+  return result;
+}
+
+// A quantity that is alone has the plain name.
+std::string RenderOutput::suffix(Quantity quantity) const {
+  const bool is_plain = quantity == Quantity::color || request_.quantities.size() == 1;
+  return is_plain ? "" : "." + name_of(quantity);
+}
+
+fs::path RenderOutput::film(Quantity quantity) const {
+  fs::path file = request_.output;
+  const std::string extension = file.extension().string();
+  return file.replace_extension() += suffix(quantity) + extension;
+}
+
+fs::path RenderOutput::picture(std::size_t i, Quantity quantity, const char* extension) const {
+  fs::path file = picture_path(request_.output, names_[i]);
+  return file.replace_extension() += suffix(quantity) + extension;
+}
+
+fs::path RenderOutput::description() const {
+  if (!request_.is_film()) return request_.output / "film.json";
+  return fs::path(request_.output).replace_extension(".json");
+}
+
+fs::path RenderOutput::cameras() const {
+  if (!request_.is_film()) return request_.output / "cameras.json";
+  return fs::path(request_.output).replace_extension(".cameras.json");
+}
+
+std::map<std::string, std::vector<std::string>> RenderOutput::patterns() const {
+  std::map<std::string, std::vector<std::string>> result;
+  for (const Quantity quantity : request_.quantities) {
+    std::vector<std::string>& files = result[name_of(quantity)];
+    if (request_.is_film()) {
+      files.push_back(film(quantity).filename().string());
+    } else {
+      for (const char* extension : extensions())
+        files.push_back("{name}" + suffix(quantity) + extension);
+    }
+  }
+  return result;
+}
+
+void RenderOutput::make_room(const fs::path& file) {
+  if (!fs::exists(file)) return;
+  keep_aside(file);
+  ++moved_aside_;
+}
+
+void RenderOutput::write_frame(Quantity quantity, const Image8& frame) {
+  auto writer = films_.find(quantity);
+  if (writer == films_.end())
+    writer = films_
+                 .emplace(quantity, FilmWriter(film(quantity), frame.width, frame.height,
+                                               request_.frames_per_second))
+                 .first;
+  writer->second.write(frame);
+  codec_ = writer->second.codec();
+}
+
+void RenderOutput::write(std::size_t i, Quantity quantity, const ImageF& values) {
+  if (request_.is_film()) return write_frame(quantity, picture_of(quantity, values, range_));
+  if (request_.png) {
+    const fs::path file = picture(i, quantity, ".png");
+    make_room(file);
+    write_png(file, picture_of(quantity, values, range_));
+  }
+  if (request_.exr) {
+    const fs::path file = picture(i, quantity, ".exr");
+    make_room(file);
+    write_exr(file, values, channels_of(quantity));
+  }
+}
+
+void RenderOutput::finish() {
+  for (auto& [quantity, writer] : films_) {
+    make_room(film(quantity));
+    writer.commit();
+  }
+  if (moved_aside_ > 0) log_info("{} older files are now called FILE.bak-N", moved_aside_);
+}
+
+}  // namespace gs

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the pictures of `gemsplat render` go: files in a folder, or a film for each quantity.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "data_loaders/video/film_writer.h"
+#include "gs_app/export/view_pictures.h"
+
+namespace gs {
+
+struct OutputRequest {
+  std::filesystem::path output;            // a folder, or a file that ends in .mp4
+  std::vector<Quantity> quantities;        // none twice
+  bool png = true, exr = false;            // of a folder
+  double frames_per_second = 30;           // of a film
+  bool force = false;                      // move what is in the way aside
+
+  bool is_film() const;
+};
+
+/// Throws UsageError for a request that cannot be met, and Error for one that this build cannot. To be asked first.
+void check_output(const OutputRequest& request);
+
+/// Writes what was rendered. Order of calls: construct, write() of each view in order, finish().
+class RenderOutput {
+ public:
+  /// `names` are those of the views. Throws UsageError where a file is there already and may not be moved aside, or where
+  /// two views would have one.
+  RenderOutput(OutputRequest request, std::vector<std::string> names, const DepthRange& range);
+
+  /// A quantity of view `i`. In a film all views have one size, with even sides. An older file is moved to FILE.bak-N.
+  void write(std::size_t i, Quantity quantity, const ImageF& values);
+  /// Gives films their names.
+  void finish();
+
+  /// A file that goes with the pictures: FILM.json beside FILM.mp4, FOLDER/film.json.
+  std::filesystem::path description() const;
+  /// FILM.cameras.json, FOLDER/cameras.json.
+  std::filesystem::path cameras() const;
+  /// Of each quantity, by name: the film's file, or "{name}.depth.png" where {name} stands for the view's.
+  std::map<std::string, std::vector<std::string>> patterns() const;
+  /// "H.264", or "MPEG-4"; empty where there is no film.
+  const std::string& codec() const { return codec_; }
+
+ private:
+  std::filesystem::path film(Quantity quantity) const;
+  std::filesystem::path picture(std::size_t i, Quantity quantity, const char* extension) const;
+  std::string suffix(Quantity quantity) const;
+  std::vector<const char*> extensions() const;
+  void write_frame(Quantity quantity, const Image8& frame);
+  void make_room(const std::filesystem::path& file);
+
+  OutputRequest request_;
+  std::vector<std::string> names_;
+  DepthRange range_;
+  std::map<Quantity, FilmWriter> films_;
+  std::string codec_;
+  std::size_t moved_aside_ = 0;
+};
+
+}  // namespace gs

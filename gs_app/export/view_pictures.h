@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// What `gemsplat render` can show of a view, as values and as pictures to look at.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "gs_render/surface_renderer.h"
+#include "gs_train/backend.h"
+
+namespace gs {
+
+enum class Quantity { color, depth, alpha, normal };
+/// "color", "depth", "alpha", "normal"
+const std::vector<std::string>& quantity_names();
+const std::string& name_of(Quantity quantity);
+
+/// What an EXR calls the channels of a quantity.
+std::vector<std::string> channels_of(Quantity quantity);
+
+/// Depths between which pictures have colors, world units; nearer and farther ones have those of the ends.
+struct DepthRange {
+  float nearest = 0, farthest = 1;
+};
+
+/// Values as a picture of 8 bits: color as it is; depth on a ramp from pale yellow (near) to violet (far) by 1 / depth,
+/// black where nothing is; alpha from black to white; of normals, 0.5 + 0.5 n, black where nothing is.
+Image8 picture_of(Quantity quantity, const ImageF& values, const DepthRange& range);
+
+/// Renders views of one model. Backend and Gaussians outlive it.
+class ViewPictures {
+ public:
+  /// gaussians, host   the same, in the backend's memory and in the host's
+  ViewPictures(Backend& backend, const Gaussians& gaussians, const Gaussians& host,
+               const RenderSettings& settings, bool normals_in_camera);
+
+  /// One after the other; color and alpha of one view are one pass, depth and normal another (surface_renderer.h).
+  std::vector<ImageF> values(const Camera& camera, const std::vector<Quantity>& quantities);
+
+  /// Of pixels of a few of the cameras, small pictures of them; sorted. Empty where they show nothing.
+  std::vector<float> sample_depths(const std::vector<Camera>& cameras);
+
+ private:
+  SurfaceRenderer& surface();
+  ImageF normals(const ImageF& depth, const Camera& camera) const;
+
+  Backend& backend_;
+  const Gaussians &gaussians_, &host_;
+  RenderSettings settings_;
+  bool normals_in_camera_;
+  RenderPass pass_;
+  std::optional<SurfaceRenderer> surface_;  // where depth or normals were asked for
+};
+
+/// The range of most of these sorted depths: one in a hundred is nearer, one in a hundred farther.
+DepthRange range_of(const std::vector<float>& depths);
+
+}  // namespace gs

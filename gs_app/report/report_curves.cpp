@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/report/report_curves.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <map>
+
+#include "gs_app/run/csv.h"
+#include "gs_core/error.h"
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+const std::vector<std::string> kMetrics = {
+    "step",      "loss",      "num_gaussians", "seconds", "steps_per_second",
+    "sh_degree", "test_psnr", "test_ssim"};
+const std::vector<std::string> kProfile = {"step", "quantity", "name", "value"};
+
+using Row = std::vector<std::string>;
+
+[[noreturn]] void fail(const std::filesystem::path& path, std::size_t line) {
+  throw Error(
+      fmt::format("cannot read {}: line {} is damaged; delete it, or move the file away to "
+                  "go without its curves",
+                  path.string(), line));
+}
+
+// The rows of a file whose first line names these columns.
+std::vector<Row> rows_of(const std::filesystem::path& path, const Row& columns) {
+  std::vector<Row> rows;
+  std::ifstream file(path);
+  std::string line;
+  if (!std::getline(file, line)) return rows;
+  if (csv_cells(line) != columns) fail(path, 1);
+  for (std::size_t number = 2; std::getline(file, line); ++number) {
+    if (file.eof()) break;  // cut short
+    rows.push_back(csv_cells(line));
+    if (rows.back().size() != columns.size()) fail(path, number);
+  }
+  return rows;
+}
+
+// Null for an empty cell and for what is not finite.
+Json number(const std::filesystem::path& path, std::size_t row, const std::string& cell) {
+  if (cell.empty()) return nullptr;
+  double value = 0;
+  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+  if (error != std::errc() || end != cell.data() + cell.size()) fail(path, row + 2);
+  if (!std::isfinite(value)) return nullptr;
+  if (value == std::floor(value) && std::abs(value) < 1e15) return std::int64_t(value);
+  return value;
+}
+
+std::size_t stride_for(std::size_t count, std::size_t most) {
+  return std::max<std::size_t>(1, (count + most - 1) / most);
+}
+
+}  // namespace
+
+Json metrics_columns(const std::filesystem::path& path, std::size_t most) {
+  const std::vector<Row> rows = rows_of(path, kMetrics);
+  const std::size_t stride = stride_for(rows.size(), most);
+  Json columns = Json::object();
+  for (const std::string& name : kMetrics) columns[name] = Json::array();
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const bool is_evaluated = !rows[i][6].empty();
+    if (i % stride != 0 && i + 1 != rows.size() && !is_evaluated) continue;
+    for (std::size_t c = 0; c < kMetrics.size(); ++c)
+      columns[kMetrics[c]].push_back(number(path, i, rows[i][c]));
+  }
+  return columns;
+}
+
+Json profile_columns(const std::filesystem::path& path, std::size_t most) {
+  const std::vector<Row> rows = rows_of(path, kProfile);
+  std::vector<std::string> names;               // of stages, in the order of first use
+  std::map<int, std::map<std::string, Json>> stages, memory;  // by step
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Json step = number(path, i, rows[i][0]);
+    if (!step.is_number_integer()) fail(path, i + 2);
+    const std::string& name = rows[i][2];
+    const bool is_stage = rows[i][1] == "stage_ms";
+    if (is_stage && std::find(names.begin(), names.end(), name) == names.end())
+      names.push_back(name);
+    (is_stage ? stages : memory)[step.get<int>()][name] = number(path, i, rows[i][3]);
+  }
+  const auto columns = [&](const auto& by_step, const std::vector<std::string>& of) {
+    Json steps = Json::array(), lists = Json::array();
+    for (std::size_t c = 0; c < of.size(); ++c) lists.push_back(Json::array());
+    const std::size_t stride = stride_for(by_step.size(), most);
+    std::size_t i = 0;
+    for (const auto& [step, values] : by_step) {
+      if (i++ % stride != 0) continue;
+      steps.push_back(step);
+      for (std::size_t c = 0; c < of.size(); ++c)
+        lists[c].push_back(values.contains(of[c]) ? values.at(of[c]) : Json(nullptr));
+    }
+    return std::pair(steps, lists);
+  };
+  Json result = Json::object();
+  if (!stages.empty()) {
+    const auto [steps, lists] = columns(stages, names);
+    result["stages"] = {{"step", steps}, {"names", names}, {"milliseconds", lists}};
+  }
+  if (!memory.empty()) {
+    const auto [steps, lists] = columns(memory, {"host", "gpu"});
+    result["memory"] = {{"step", steps}, {"host", lists[0]}, {"gpu", lists[1]}};
+  }
+  return result;
+}
+
+}  // namespace gs

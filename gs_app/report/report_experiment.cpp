@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/report/report_experiment.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <fstream>
+
+#include "gs_app/report/report_curves.h"
+#include "gs_app/report/report_page.h"
+#include "gs_core/error.h"
+#include "gs_core/io/read_json.h"
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMostRows = 300;  // of each run's curves
+
+fs::path results_file(const fs::path& output) { return output / "results.json"; }
+
+Json run_json(const fs::path& output, const Json& run, std::vector<std::string>& notes) {
+  // Not the folder as it was called when it was written: the output may have been moved or copied since.
+  const std::string folder =
+      fmt::format("{}/{}/seed{}", run.at("scene").get<std::string>(),
+                  run.at("config").get<std::string>(), run.at("seed").get<std::uint64_t>());
+  Json json;
+  for (const char* key : {"scene", "config", "seed", "state", "settings", "results"})
+    json[key] = run.at(key);
+  try {
+    json["metrics"] = metrics_columns(output / folder / "metrics.csv", kMostRows);
+  } catch (const Error& error) {
+    notes.push_back(error.what());
+  }
+  if (fs::exists(output / folder / "report.html")) json["report"] = folder + "/report.html";
+  return json;
+}
+
+}  // namespace
+
+Json experiment_report(const fs::path& output) {
+  const Json results = read_json(results_file(output));
+  std::vector<std::string> notes;
+  try {
+    Json report = {{"kind", "experiment"},
+                   {"title", fs::path(results.at("experiment").get<std::string>()).stem().string()},
+                   {"file", results.at("experiment")},
+                   {"date", results.at("date")},
+                   {"made", made_by()},
+                   {"summary", results.at("summary")},
+                   {"runs", Json::array()}};
+    for (const Json& run : results.at("runs"))
+      report["runs"].push_back(run_json(output, run, notes));
+    report["notes"] = notes;
+    return report;
+  } catch (const Json::exception& error) {
+    throw Error(
+        fmt::format("{} is not what an experiment writes ({}); `gemsplat experiment FILE --gather` "
+                    "writes it anew",
+                    results_file(output).string(), error.what()));
+  }
+}
+
+bool holds_experiment(const fs::path& output) {
+  std::ifstream file(results_file(output));
+  const Json json = Json::parse(file, nullptr, false);
+  return json.is_object() && json.contains("experiment");
+}
+
+void keep_experiment_report(const fs::path& output) {
+  if (!can_write_reports()) return;
+  try {
+    write_report(output / "report.html", experiment_report(output));
+  } catch (const std::exception& error) {
+    log_warning("{} was not written: {}", (output / "report.html").string(), error.what());
+  }
+}
+
+}  // namespace gs

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/report/report_page.h"
+
+#include "apps/web/pages.h"
+#include "gs_app/run/provenance.h"
+#include "gs_app/run/run_folder.h"
+#include "gs_core/error.h"
+#include "gs_core/version.h"
+
+namespace gs {
+
+using Json = nlohmann::ordered_json;
+
+bool can_write_reports() { return !report_template().empty(); }
+
+std::string cannot_write_reports() {
+  return "this build has no report page, as npm was missing: install npm and build again, or give "
+         "the folder to `gemsplat report` of another build";
+}
+
+std::string report_page(const Json& data) {
+  std::string text = data.dump(-1, ' ', false, Json::error_handler_t::replace);
+  std::string escaped;
+  escaped.reserve(text.size());
+  for (const char c : text) {  // in JSON these stand in strings only; "</script" and "<!--" would end or change the element
+    if (c == '<') {
+      escaped += "\\u003c";
+    } else {
+      escaped += c;
+    }
+  }
+  std::string page(report_template());
+  const std::size_t place = page.find(kDataPlace);
+  GS_CHECK(place != page.npos);
+  return page.replace(place, kDataPlace.size(), escaped);
+}
+
+void write_report(const std::filesystem::path& file, const Json& data) {
+  if (!can_write_reports()) throw Error(cannot_write_reports());
+  write_text(file, report_page(data));
+}
+
+Json made_by() { return {{"version", kVersion}, {"commit", built_commit()}, {"date", utc_date()}}; }
+
+}  // namespace gs

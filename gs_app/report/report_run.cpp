@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/report/report_run.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <fstream>
+#include <iterator>
+
+#include "data_loaders/formats/ply/ply.h"
+#include "gs_app/report/report_curves.h"
+#include "gs_app/report/report_histograms.h"
+#include "gs_app/report/report_page.h"
+#include "gs_app/report/report_views.h"
+#include "gs_core/config/config_fields.h"
+#include "gs_core/config/config_text.h"
+#include "gs_core/error.h"
+#include "gs_core/io/read_json.h"
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMostRows = 3000;  // of each curve: more than a screen has pixels
+
+// [{"key", "value", "usual"}, ...] in the order of the settings; places are no settings of the method.
+Json changed_settings(const Config& config) {
+  std::vector<std::string> usual;
+  const Config defaults;
+  visit_fields(defaults, [&](const auto& field) { usual.push_back(toml_text(field.value)); });
+  Json changed = Json::array();
+  auto before = usual.begin();
+  visit_fields(config, [&](const auto& field) {
+    const std::string text = toml_text(field.value), &was = *before++;
+    if (text != was && field.key != "dataset.source" && field.key != "model.output")
+      changed.push_back({{"key", std::string(field.key)}, {"value", text}, {"usual", was}});
+  });
+  return changed;
+}
+
+std::string text_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return std::string(std::istreambuf_iterator<char>(file), {});
+}
+
+// Another version's config may have settings that this one does not know: the text is shown all the same.
+void add_config(const RunFolder& folder, Json& report, std::vector<std::string>& notes) {
+  report["config"] = text_of(folder.config());
+  report["changed"] = Json::array();
+  Config config;
+  try {
+    if (fs::exists(folder.config())) load_config(config, folder.config().string());
+    report["changed"] = changed_settings(config);
+    report["scene"] = config.dataset.source;
+  } catch (const Error& error) {
+    notes.push_back(error.what());
+  }
+  const std::string scene = fs::path(config.dataset.source).filename().string();
+  report["title"] = scene.empty() ? folder.root().filename().string() : scene;
+}
+
+}  // namespace
+
+Json run_report(const RunFolder& folder, Json results) {
+  if (!folder.holds_run())
+    throw Error("the folder " + folder.root().string() +
+                " holds no run; name the folder that was given to `gemsplat train -o`");
+  if (results.is_null() && fs::exists(folder.results())) results = read_json(folder.results());
+  std::vector<std::string> notes;
+  Json report = {{"kind", "run"},
+                 {"title", ""},
+                 {"folder", fs::absolute(folder.root()).lexically_normal().string()},
+                 {"state", results.is_null() ? "unfinished" : "finished"},
+                 {"made", made_by()}};
+  add_config(folder, report, notes);
+  report["metrics"] = metrics_columns(folder.metrics(), kMostRows);
+  report.update(profile_columns(folder.profile(), kMostRows));
+  const std::optional<int> step = folder.newest_step();
+  if (step) {
+    report["views"] = report_views(folder, *step, notes);
+    report["histograms"] = model_histograms(read_gaussian_ply(folder.ply(*step)));
+  } else {
+    notes.push_back("No model is saved yet: without it there are neither views nor histograms.");
+  }
+  report["results"] = std::move(results);
+  report["notes"] = notes;
+  return report;
+}
+
+void write_final_report(const RunFolder& folder, const std::string& results_json) {
+  if (!can_write_reports()) return log_info("no report.html: {}", cannot_write_reports());
+  try {
+    write_report(folder.report(), run_report(folder, Json::parse(results_json)));
+  } catch (const std::exception& error) {
+    log_warning("{} was not written: {}; `gemsplat report {}` makes it anew",
+                folder.report().string(), error.what(), folder.root().string());
+  }
+}
+
+}  // namespace gs

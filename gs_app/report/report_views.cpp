@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/report/report_views.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "data_loaders/photos/photos.h"
+#include "gs_app/pictures/comparison.h"
+#include "gs_app/pictures/pictures.h"
+#include "gs_app/report/report_page.h"
+#include "gs_app/run/results.h"
+#include "gs_core/error.h"
+#include "gs_core/io/read_json.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMostViews = 24;
+constexpr std::size_t kMostBytes = 12 << 20;  // of pictures, as text in the page
+constexpr int kLongestSide = 800;             // pixels
+constexpr int kQuality = 88;                  // of JPEG, where blocks are hardly seen
+
+std::string base64(const std::vector<std::uint8_t>& bytes) {
+  constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  text.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    const std::size_t left = std::min<std::size_t>(bytes.size() - i, 3);
+    std::uint32_t group = 0;
+    for (std::size_t k = 0; k < 3; ++k) group = group << 8 | (k < left ? bytes[i + k] : 0u);
+    for (std::size_t k = 0; k < 4; ++k)
+      text += k <= left ? kDigits[group >> (18 - 6 * k) & 63] : '=';
+  }
+  return text;
+}
+
+Image8 at_most(const Image8& image, int longest) {
+  const double scale = std::min(1.0, double(longest) / std::max(image.width, image.height));
+  return area_resized(image, std::max(1, int(std::lround(image.width * scale))),
+                      std::max(1, int(std::lround(image.height * scale))));
+}
+
+std::string data_uri(const Image8& image) {
+  return "data:image/jpeg;base64," + base64(encode_jpeg(image, kQuality));
+}
+
+// photo, render and error of picture NUMBER of a split; the number of bytes that they take.
+std::size_t add_pictures(const fs::path& pictures, const std::string& file, Json& view) {
+  const Image8 photo = read_photo(pictures / "gt" / file);
+  const Image8 render = read_photo(pictures / "renders" / file);
+  if (photo.width != render.width || photo.height != render.height)
+    throw Error((pictures / "renders" / file).string() +
+                " has another size than its photo; move the folder " + pictures.string() +
+                " away to go without pictures");
+  const Image8 small = at_most(render, kLongestSide);
+  view["width"] = small.width;
+  view["height"] = small.height;
+  view["photo"] = data_uri(at_most(photo, kLongestSide));
+  view["render"] = data_uri(small);
+  view["error"] = data_uri(at_most(error_picture(photo, render), kLongestSide));
+  std::size_t bytes = 0;
+  for (const char* key : {"photo", "render", "error"})
+    bytes += view[key].get_ref<const std::string&>().size();
+  return bytes;
+}
+
+// The names of the views behind the pictures, in their order.
+std::vector<std::string> names_of(const RunFolder& folder, const std::string& split) {
+  const std::vector<std::string> all = split_names(folder, split);
+  if (split == "test") return all;
+  std::vector<std::string> sample;
+  for (const std::size_t index : evenly_chosen(all.size(), kTrainViewsShown))
+    sample.push_back(all[index]);
+  return sample;
+}
+
+}  // namespace
+
+Json report_views(const RunFolder& folder, int step, std::vector<std::string>& notes) {
+  if (!fs::exists(folder.split()) || !fs::exists(folder.per_view())) return nullptr;
+  const std::string split = split_names(folder, "test").empty() ? "train" : "test";
+  const std::vector<std::string> names = names_of(folder, split);
+  const Json per_view = read_json(folder.per_view());
+  const fs::path pictures = folder.pictures(split, step);
+  Json list = Json::array();
+  for (const std::string& name : names) {
+    Json view = {{"name", name}};
+    if (per_view.contains(split) && per_view[split].contains(name))
+      view.update(per_view[split][name]);
+    list.push_back(std::move(view));
+  }
+  std::size_t bytes = 0, missing = 0;
+  for (const std::size_t index : evenly_chosen(names.size(), kMostViews)) {
+    const std::string file = picture_file(index);
+    if (!fs::exists(pictures / "gt" / file) || !fs::exists(pictures / "renders" / file)) {
+      ++missing;
+    } else if (bytes < kMostBytes) {
+      bytes += add_pictures(pictures, file, list[index]);
+    }
+  }
+  if (missing)
+    notes.push_back(fmt::format("{} views have no pictures in {}", missing, pictures.string()));
+  return {{"split", split}, {"total", names.size()}, {"list", std::move(list)}};
+}
+
+}  // namespace gs

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// A checkpoint as a file. docs/checkpoints.md lists its sections.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "gs_core/config/config.h"
+#include "gs_core/scene.h"
+#include "gs_train/checkpoint.h"
+
+namespace gs {
+
+/// What a view is to a run, without its photo.
+struct ViewRecord {
+  std::string name;
+  bool is_test = false;
+  Camera camera;
+  Vec3f exposure{1};
+};
+
+/// By what a run knows its scene again.
+struct SceneRecord {
+  float extent = 1;
+  Vec3d world_offset{0.0, 0.0, 0.0};
+  std::vector<ViewRecord> views;  // training views, then test views
+
+  SceneRecord() = default;
+  explicit SceneRecord(const Scene& scene);
+};
+
+/// All that a file holds: with the scene's photos, a run goes on from it.
+struct Checkpoint {
+  TrainingState state;
+  Config config;
+  SceneRecord scene;
+};
+
+/// Bytes that write_checkpoint() will write, but for a few KiB.
+std::uint64_t checkpoint_bytes(std::size_t gaussians, std::size_t views);
+
+/// Writes the file, whole or not at all; the model may be in any memory, and is not copied as a whole. Throws Error where
+/// the disk is full or memory runs out.
+void write_checkpoint(const std::filesystem::path& path, const Config& config,
+                      const SceneRecord& scene, const RunProgress& progress,
+                      const TrainingModel& model);
+
+/// Throws Error "cannot read PATH: ..." for a file that is cut short, damaged, or of another version.
+Checkpoint read_checkpoint(const std::filesystem::path& path);
+
+}  // namespace gs

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// The checkpoints of one run: OUT/checkpoints/step_N.ckpt, the last two of them.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "gs_app/run/checkpoint_file.h"
+
+namespace gs {
+
+struct CheckpointPath {
+  int step;
+  std::filesystem::path file;
+};
+
+/// The files of a folder that are named as checkpoints are, latest step first.
+std::vector<CheckpointPath> checkpoints_in(const std::filesystem::path& folder);
+
+/// The latest of them that is whole. A file that is not is named in a warning, and renamed to FILE.refused.
+std::optional<Checkpoint> newest_checkpoint(const std::filesystem::path& folder);
+
+/// Bytes that may still be written where this folder is.
+std::uint64_t free_space(const std::filesystem::path& folder);
+
+/// Writes a run's checkpoints and keeps the last two. Where the disk is full it warns and training goes on.
+class CheckpointFolder final : public CheckpointStore {
+ public:
+  using FreeSpace = std::function<std::uint64_t(const std::filesystem::path&)>;
+  CheckpointFolder(std::filesystem::path folder, const Config& config, SceneRecord scene,
+                   FreeSpace space = free_space);
+
+  bool save(const RunProgress& progress, const TrainingModel& model) override;
+  std::optional<TrainingState> newest() override;
+  /// What a finished run keeps: the one that it can be extended from.
+  void keep_only_newest() { remove_all_but(1); }
+  std::filesystem::path file_of(int step) const;
+
+ private:
+  bool has_space(std::uint64_t bytes, int step);
+  void remove_all_but(std::size_t count);
+
+  std::filesystem::path folder_;
+  Config config_;
+  SceneRecord scene_;
+  FreeSpace space_;
+};
+
+}  // namespace gs

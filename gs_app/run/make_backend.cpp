@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/run/make_backend.h"
+
+#include <charconv>
+
+#include "gs_core/error.h"
+
+#ifdef GS_HAVE_CUDA
+#include "cuda/backend.h"
+#endif
+
+namespace gs {
+namespace {
+
+#ifdef GS_HAVE_CUDA
+std::unique_ptr<Backend> make_cuda_backend(int index) {
+  if (index < cuda_device_count()) return cuda::make_backend(index);
+  throw Error("there is no GPU cuda:" + std::to_string(index) + ": the driver reports " +
+              std::to_string(cuda_device_count()) + "; check nvidia-smi, or use --device cpu");
+}
+#else
+std::unique_ptr<Backend> make_cuda_backend(int) {
+  throw Error(
+      "this build has no CUDA; configure again where nvcc is on the PATH (-DGS_REQUIRE_CUDA=ON "
+      "says what "
+      "is missing), or use --device cpu");
+}
+#endif
+
+// Of "cuda" and "cuda:N".
+int cuda_index(const std::string& device) {
+  if (device == "cuda") return 0;
+  constexpr std::string_view kPrefix = "cuda:";
+  int index = -1;
+  if (device.starts_with(kPrefix)) {
+    const char* const end = device.data() + device.size();
+    const auto [rest, error] = std::from_chars(device.data() + kPrefix.size(), end, index);
+    if (error == std::errc::result_out_of_range)
+      throw UsageError("--device " + device + ": there is no GPU with such a number");
+    if (error != std::errc() || rest != end) index = -1;
+  }
+  if (index < 0)
+    throw UsageError("there is no device " + device + "; there are cpu, cuda, cuda:N and auto");
+  return index;
+}
+
+}  // namespace
+
+#ifdef GS_HAVE_CUDA
+bool has_cuda() { return true; }
+int cuda_device_count() { return cuda::device_count(); }
+#else
+bool has_cuda() { return false; }
+int cuda_device_count() { return 0; }
+#endif
+
+std::unique_ptr<Backend> make_backend(const std::string& device) {
+  const bool is_cpu = device == "cpu" || (device == "auto" && cuda_device_count() == 0);
+  if (is_cpu) return make_scalar_backend();
+  return make_cuda_backend(device == "auto" ? 0 : cuda_index(device));
+}
+
+}  // namespace gs

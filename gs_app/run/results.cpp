@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/run/results.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <nlohmann/json.hpp>
+
+#include "gs_app/run/provenance.h"
+#include "gs_core/version.h"
+
+#ifdef GS_HAVE_CUDA
+#include "cuda/backend.h"
+#endif
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json means(const Evaluation& evaluation) {
+  if (evaluation.views.empty()) return nullptr;
+  Json json = {
+      {"psnr", evaluation.psnr}, {"ssim", evaluation.ssim}, {"num_views", evaluation.views.size()}};
+  if (evaluation.has_exposures) {
+    json["psnr_exposure"] = evaluation.psnr_exposure;
+    json["ssim_exposure"] = evaluation.ssim_exposure;
+  }
+  return json;
+}
+
+Json by_view(const Evaluation& evaluation) {
+  Json result = Json::object();
+  for (const ViewMetrics& view : evaluation.views) {
+    Json& json = result[view.name] = {{"psnr", view.psnr}, {"ssim", view.ssim}};
+    if (!evaluation.has_exposures) continue;
+    json["psnr_exposure"] = view.psnr_exposure;
+    json["ssim_exposure"] = view.ssim_exposure;
+  }
+  return result;
+}
+
+// Names of photos need not be UTF-8.
+std::string text_of(const Json& json) {
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace
+
+std::optional<std::size_t> peak_gpu_bytes([[maybe_unused]] Backend& backend) {
+#ifdef GS_HAVE_CUDA
+  if (&backend.memory() != &host_memory()) return cuda::usage().peak_allocated_bytes;
+#endif
+  return std::nullopt;
+}
+
+std::optional<std::size_t> gpu_bytes([[maybe_unused]] Backend& backend) {
+#ifdef GS_HAVE_CUDA
+  if (&backend.memory() != &host_memory()) return cuda::usage().allocated_bytes;
+#endif
+  return std::nullopt;
+}
+
+std::string results_json(const Results& results) {
+  Json json = {{"iterations", results.iterations},
+               {"num_gaussians", results.num_gaussians},
+               {"train_seconds", results.train_seconds},
+               {"test", means(results.test)},
+               {"train", means(results.train)},
+               {"device", results.device},
+               {"version", kVersion},
+               {"seed", results.seed},
+               {"commit", built_commit()},
+               {"cpu", cpu_name()},
+               {"date", utc_date()},
+               {"scene_hash", results.scene_hash},
+               {"peak_host_bytes", peak_host_bytes()}};
+  if (const Vec3d& offset = results.world_offset; offset != Vec3d(0.0))
+    json["world_offset"] = {offset.x, offset.y, offset.z};
+  if (const auto& refinement = results.refinement)
+    json["refinement"] = {{"observations", refinement->observations},
+                          {"images", refinement->images},
+                          {"points", refinement->points},
+                          {"mean_error_before", refinement->mean_error_before},
+                          {"mean_error_after", refinement->mean_error_after},
+                          {"median_error_before", refinement->median_error_before},
+                          {"median_error_after", refinement->median_error_after},
+                          {"steps", refinement->steps},
+                          {"has_converged", refinement->has_converged},
+                          {"seconds", refinement->seconds}};
+  if (results.exposure)
+    json["exposure"] = {{"samples", results.exposure->samples},
+                        {"spread_before", results.exposure->spread_before},
+                        {"spread_after", results.exposure->spread_after}};
+  if (results.peak_gpu_bytes) {
+    json["peak_gpu_bytes"] = *results.peak_gpu_bytes;
+    json["driver"] = gpu_driver();
+  }
+  return text_of(json);
+}
+
+std::string per_view_json(const Results& results) {
+  return text_of({{"test", by_view(results.test)}, {"train", by_view(results.train)}});
+}
+
+std::string evaluation_json(const Evaluation& evaluation, const std::string& model,
+                            const std::string& split, std::size_t num_gaussians,
+                            const std::string& device) {
+  Json json = {{"model", model}, {"split", split}};
+  json.update(means(evaluation));
+  json["num_gaussians"] = num_gaussians;
+  json["device"] = device;
+  json["version"] = kVersion;
+  json["views"] = by_view(evaluation);
+  return text_of(json);
+}
+
+std::string summary(const Evaluation& evaluation) {
+  const std::size_t views = evaluation.views.size();
+  std::string text = fmt::format("{:.2f} dB PSNR, {:.4f} SSIM over {} view{}", evaluation.psnr,
+                                 evaluation.ssim, views, views == 1 ? "" : "s");
+  if (evaluation.has_exposures)
+    text += fmt::format("; under their exposures {:.2f} dB, {:.4f}", evaluation.psnr_exposure,
+                        evaluation.ssim_exposure);
+  return text;
+}
+
+}  // namespace gs

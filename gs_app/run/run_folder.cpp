@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/run/run_folder.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <charconv>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "data_loaders/cameras/camera_file.h"
+#include "data_loaders/colmap/world_offset.h"
+#include "data_loaders/formats/ply/ply.h"
+#include "data_loaders/refine/exposure_file.h"
+#include "gs_core/error.h"
+#include "gs_core/io/atomic_file.h"
+#include "gs_core/io/move_aside.h"
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A Python string literal, as repr() prints it.
+std::string python_text(const std::string& text) {
+  std::string result = "'";
+  for (const char c : text) {
+    if (c == '\'' || c == '\\') result += '\\';
+    result += c;
+  }
+  return result + "'";
+}
+
+// The reference trainer's arguments, as its readers eval() them.
+std::string cfg_args(const Config& config, const fs::path& root) {
+  const auto truth = [](bool value) { return value ? "True" : "False"; };
+  return fmt::format(
+      "Namespace(sh_degree={}, source_path={}, model_path={}, images={}, resolution={}, "
+      "white_background={}, data_device={}, eval={})",
+      config.model.sh_degree, python_text(config.dataset.source),
+      python_text(fs::absolute(root).lexically_normal().string()),
+      python_text(config.dataset.images), config.dataset.resolution,
+      truth(config.render.background == "white"), config.train.device == "cpu" ? "'cpu'" : "'cuda'",
+      truth(config.dataset.eval));
+}
+
+std::string split_json(const Config& config, const Scene& scene) {
+  const auto names = [](const std::vector<View>& views) {
+    auto list = nlohmann::ordered_json::array();
+    for (const View& view : views) list.push_back(view.name);
+    return list;
+  };
+  nlohmann::ordered_json split;
+  split["train"] = names(scene.train_views);
+  split["test"] = names(scene.test_views);
+  split["rule"] = config.dataset.eval
+                      ? fmt::format(
+                            "names sorted in byte order; of every {} views the first is for "
+                            "testing; views of one rig frame stay together",
+                            config.dataset.test_every)
+                      : "all views are for training";
+  return split.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace
+
+fs::path RunFolder::ply(int step) const {
+  return root_ / "point_cloud" / fmt::format("iteration_{}", step) / "point_cloud.ply";
+}
+
+fs::path RunFolder::pictures(std::string_view split, int step) const {
+  return root_ / split / fmt::format("ours_{}", step);
+}
+
+bool RunFolder::holds_run() const {
+  for (const fs::path& path : {root_ / "point_cloud", checkpoints(), cameras(), cfg_args(),
+                               config(), input_points(), split(), metrics(), profile(), results(),
+                               per_view(), comparison(), report(), exposures(), world_offset()}) {
+    if (fs::exists(path)) return true;
+  }
+  return false;
+}
+
+std::optional<int> RunFolder::newest_step() const {
+  std::optional<int> newest;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(root_ / "point_cloud", error)) {
+    const std::string name = entry.path().filename().string();
+    constexpr std::string_view kPrefix = "iteration_";
+    int step = 0;
+    if (!name.starts_with(kPrefix)) continue;
+    const auto [end, failure] =
+        std::from_chars(name.data() + kPrefix.size(), name.data() + name.size(), step);
+    if (failure != std::errc() || end != name.data() + name.size()) continue;
+    if (fs::exists(ply(step)) && step > newest.value_or(-1)) newest = step;
+  }
+  return newest;
+}
+
+void check_is_free(const RunFolder& folder, bool force) {
+  const std::string name = folder.root().string();
+  if (fs::exists(folder.root()) && !fs::is_directory(folder.root()))
+    throw UsageError("the output " + name + " is a file; name a folder with -o");
+  if (folder.holds_run() && !force)
+    throw UsageError(
+        "the output folder " + name +
+        " holds a run already; choose another with -o, or give --force to move it to " + name +
+        ".bak-N first");
+}
+
+void make_run_folder(const RunFolder& folder) {
+  if (folder.holds_run()) {
+    const fs::path backup = move_aside(folder.root());
+    log_warning("the run in {} was moved to {}", folder.root().string(), backup.string());
+  }
+  std::error_code error;
+  fs::create_directories(folder.root(), error);
+  if (error)
+    throw Error(fmt::format("cannot make the output folder {}: {}; choose another with -o",
+                            folder.root().string(), error.message()));
+}
+
+void write_run_description(const RunFolder& folder, const Config& config, const Scene& scene) {
+  write_text(folder.config(), to_toml(config));
+  write_text(folder.cfg_args(), cfg_args(config, folder.root()));
+  write_text(folder.split(), split_json(config, scene));
+  write_cameras_json(folder.cameras(), scene);
+  write_point_ply(folder.input_points(), scene.points, scene.world_offset);
+  if (scene.world_offset != Vec3d(0.0))
+    write_world_offset(folder.world_offset(), scene.world_offset);
+  if (scene.exposure) write_exposures(folder.exposures(), scene);
+}
+
+std::vector<std::string> split_names(const RunFolder& folder, const std::string& split) {
+  std::ifstream file(folder.split());
+  try {
+    return nlohmann::json::parse(file).at(split).get<std::vector<std::string>>();
+  } catch (const nlohmann::json::exception&) {
+    throw Error("cannot read the " + split + " views from " + folder.split().string() +
+                ": the file is missing or damaged; leave --split out, or give --data SCENE");
+  }
+}
+
+bool holds_text(const fs::path& path, std::string_view text) {
+  std::ifstream file(path, std::ios::binary);
+  return file && std::string(std::istreambuf_iterator<char>(file), {}) == text;
+}
+
+void write_text(const fs::path& path, std::string_view text) {
+  AtomicFile file(path);
+  file.write(text);
+  file.commit();
+}
+
+}  // namespace gs

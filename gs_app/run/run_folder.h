@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// The folder of one run: where everything lies, in the layout that users of the reference trainer (Kerbl et
+// al. 2023) and its viewers expect, with our own files beside it. docs/conventions.md lists them.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "gs_core/config/config.h"
+#include "gs_core/scene.h"
+
+namespace gs {
+
+/// Paths inside a run's folder.
+class RunFolder {
+ public:
+  using Path = std::filesystem::path;
+  explicit RunFolder(Path root) : root_(std::move(root)) {}
+
+  const Path& root() const { return root_; }
+  Path ply(int step) const;
+  Path pictures(std::string_view split, int step) const;  // holds renders/ and gt/
+  Path checkpoints() const { return root_ / "checkpoints"; }
+  /// FolderLock of the process that trains into it: beside it, so that it stays where the folder is moved aside.
+  Path lock() const {
+    return absolute_root().parent_path() / ("." + absolute_root().filename().string() + ".lock");
+  }
+  Path cameras() const { return root_ / "cameras.json"; }
+  Path cfg_args() const { return root_ / "cfg_args"; }
+  Path config() const { return root_ / "config.toml"; }
+  Path input_points() const { return root_ / "input.ply"; }
+  Path exposures() const { return root_ / "exposure.json"; }
+  Path world_offset() const { return root_ / "world_offset.json"; }
+  Path split() const { return root_ / "split.json"; }
+  Path metrics() const { return root_ / "metrics.csv"; }
+  Path profile() const { return root_ / "profile.csv"; }
+  Path results() const { return root_ / "results.json"; }
+  Path per_view() const { return root_ / "per_view.json"; }
+  Path comparison() const { return root_ / "comparison.png"; }
+  Path report() const { return root_ / "report.html"; }
+
+  /// Whether any file that a run writes is there.
+  bool holds_run() const;
+  /// The largest N with a point_cloud/iteration_N/point_cloud.ply.
+  std::optional<int> newest_step() const;
+
+ private:
+  Path absolute_root() const {  // without the slash that a user may end it with
+    const Path root = std::filesystem::absolute(root_).lexically_normal();
+    return root.has_filename() ? root : root.parent_path();
+  }
+  Path root_;
+};
+
+/// Throws UsageError where the folder holds a run already (unless `force`), or is a file.
+void check_is_free(const RunFolder& folder, bool force);
+
+/// Makes the folder. A run that it holds is moved to ROOT.bak-N first, so that nothing is lost.
+void make_run_folder(const RunFolder& folder);
+
+/// What is known before the first step: config.toml, cfg_args, split.json, cameras.json, input.ply;
+/// exposure.json where exposures were solved for, world_offset.json where there is one.
+void write_run_description(const RunFolder& folder, const Config& config, const Scene& scene);
+
+/// The names of the run's views in a split, "train" or "test", as split.json has them. Throws Error.
+std::vector<std::string> split_names(const RunFolder& folder, const std::string& split);
+
+/// Whether a file is there with this text.
+bool holds_text(const std::filesystem::path& path, std::string_view text);
+
+/// Writes a text file, whole or not at all. Throws Error.
+void write_text(const std::filesystem::path& path, std::string_view text);
+
+}  // namespace gs

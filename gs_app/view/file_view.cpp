@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/view/file_view.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <map>
+
+#include "data_loaders/colmap/world_offset.h"
+#include "data_loaders/scene/load_scene.h"
+#include "gs_app/export/cameras.h"
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+// As our cameras.json has it; some trainers' have the extension.
+std::string without_extension(const std::string& name) {
+  return fs::path(name).replace_extension().generic_string();
+}
+template <class T>
+const T* find_camera(const std::map<std::string, T>& by_name, const std::string& name) {
+  auto found = by_name.find(name);
+  if (found == by_name.end()) found = by_name.find(without_extension(name));
+  return found == by_name.end() ? nullptr : &found->second;
+}
+
+bool is_of_size(const Camera& a, const Camera& b) {
+  return a.width == b.width && a.height == b.height;
+}
+
+// Of all photos, none decoded before it is looked at.
+std::shared_ptr<const Scene> photos_of(DatasetConfig dataset, const Vec3d& world_offset) {
+  dataset.refine_cameras = false;
+  dataset.exposure = false;
+  auto scene = std::make_shared<Scene>(load_scene(dataset, {}, PhotoLoading::when_asked));
+  bring_to_offset(*scene, world_offset);
+  return scene;
+}
+
+// Which views of the run are for testing and for training, by their names in cameras.json.
+std::map<std::string, std::string> splits_of(const RunFolder& run) {
+  std::map<std::string, std::string> splits;
+  if (!fs::exists(run.split())) return splits;
+  for (const char* split : {"train", "test"})
+    for (const std::string& name : split_names(run, split)) splits[without_extension(name)] = split;
+  return splits;
+}
+
+void take_photos(ViewScene& scene, const DatasetConfig& dataset, const Vec3d& world_offset) {
+  try {
+    scene.photos = photos_of(dataset, world_offset);
+  } catch (const Error& error) {
+    scene.notes.push_back(fmt::format("no photos: {}", error.what()));
+    return;
+  }
+  std::map<std::string, const View*> views;
+  for (const ViewedCamera& viewed : viewed_cameras(*scene.photos))
+    views[without_extension(viewed.name)] = viewed.view;
+  std::size_t missing = 0;
+  for (ViewedCamera& viewed : scene.cameras) {
+    const View* const* const view = find_camera(views, viewed.name);
+    if (!view || !is_of_size((*view)->camera, viewed.camera)) {
+      ++missing;
+      continue;
+    }
+    viewed.view = *view;
+    viewed.name = (*view)->name;
+  }
+  if (missing > 0)
+    scene.notes.push_back(fmt::format("{} of {} cameras have no photo of their size in {}", missing,
+                                      scene.cameras.size(), dataset.source));
+  if (dataset.refine_cameras)
+    scene.notes.push_back(
+        "the run refined its cameras: photos taken through a lens are shown as before that, and "
+        "may be some pixels off");
+}
+
+void take_cameras_of_run(ViewScene& scene, const OpenedModel& opened, const Config& config) {
+  const RunFolder& run = *opened.run;
+  if (!fs::exists(run.cameras())) {
+    scene.notes.push_back("the run has no cameras.json: name its scene with --data to see cameras");
+    return;
+  }
+  const std::map<std::string, std::string> splits = splits_of(run);
+  for (const NamedCamera& named : cameras_of_file(run.cameras(), 1, opened.model.world_offset)) {
+    const std::string* const split = find_camera(splits, named.name);
+    scene.cameras.push_back({named.name, split ? *split : "", named.camera});
+  }
+  if (config.dataset.source.empty())
+    scene.notes.push_back(
+        "no photos: the run does not say which scene it was trained on; name it with --data");
+  else
+    take_photos(scene, config.dataset, opened.model.world_offset);
+}
+
+std::string title_of(const OpenedModel& opened) {
+  const fs::path& shown = opened.run ? opened.run->root() : opened.ply;
+  return shown.lexically_normal().string();
+}
+
+}  // namespace
+
+ViewScene view_scene_of(const OpenedModel& opened, const Config& config, bool has_scene,
+                        const std::string& cameras) {
+  ViewScene scene;
+  scene.title = title_of(opened);
+  take_settings(scene, view_settings(opened, config));
+  if (has_scene) {
+    scene.photos = photos_of(config.dataset, opened.model.world_offset);
+    scene.cameras = viewed_cameras(*scene.photos);
+  } else if (!cameras.empty()) {
+    for (const NamedCamera& named : cameras_of_file(cameras, 1, opened.model.world_offset))
+      scene.cameras.push_back({named.name, "", named.camera});
+  } else if (opened.run) {
+    take_cameras_of_run(scene, opened, config);
+  }
+  scene.framing = framing_of(scene.cameras, opened.model.gaussians.mean.span());
+  return scene;
+}
+
+FileView::FileView(ViewScene scene, std::size_t gaussians, std::unique_ptr<FrameRenderer> renderer)
+    : scene_(std::move(scene)), renderer_(std::move(renderer)) {
+  model_.gaussians = gaussians;
+}
+
+Json FileView::mode_and_model() {
+  if (renderer_)
+    return {{"mode", "remote"},
+            {"model", {{"gaussians", model_.gaussians}}},
+            {"device", renderer_->device()}};
+  return {{"mode", "file"}, {"model", model_json(model_)}};
+}
+
+HttpAnswer FileView::model() {
+  if (renderer_)
+    return http_error(404, "the model stays here: `gemsplat view --remote` sends its frames alone");
+  HttpAnswer answer;
+  answer.type = "application/octet-stream";
+  answer.file = model_.file;
+  return answer;
+}
+
+HttpAnswer FileView::frame(const HttpRequest& request) {
+  if (!renderer_) return ViewSource::frame(request);
+  try {
+    const std::optional<RenderedFrame> frame = renderer_->frame(frame_request_of(request));
+    if (!frame) return http_error(409, "a newer frame was asked for");
+    HttpAnswer answer = http_text(frame->jpeg, "image/jpeg");
+    answer.headers = {{"X-Render-Ms", fmt::format("{:.2f}", frame->milliseconds)}};
+    return answer;
+  } catch (const UsageError& error) {
+    return http_error(400, error.what());
+  }
+}
+
+}  // namespace gs

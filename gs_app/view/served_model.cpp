@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/view/served_model.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "data_loaders/formats/model_transform.h"
+#include "data_loaders/formats/ply/compressed_ply.h"
+#include "data_loaders/formats/ply/ply.h"
+#include "data_loaders/formats/ply/ply_file.h"
+#include "gs_core/io/byte_reader.h"
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+bool is_plain(const PlyHeader& header) {
+  if (header.format != PlyFormat::little_endian || header.elements.empty()) return false;
+  if (is_compressed_ply(header)) return true;
+  const PlyElement& vertex = header.elements.front();
+  return vertex.name == "vertex" && std::all_of(vertex.properties.begin(), vertex.properties.end(),
+                                                [](const PlyProperty& property) {
+                                                  return property.type == PlyType::float32 &&
+                                                         !property.count_type;
+                                                });
+}
+
+// Version 4 begins with its name; the others are gzip as a whole.
+bool is_newer_spz(const std::filesystem::path& file) {
+  ByteReader reader(file);
+  return reader.size() >= 4 && std::memcmp(reader.peek(4), "NGSP", 4) == 0;
+}
+
+// By name; a PLY may be a compressed one whatever it is called.
+const ModelFormat& format_of(const std::filesystem::path& file) {
+  const ModelFormat* const format = find_format(file);
+  if (format && format->name != "ply") return *format;
+  return format_named(is_compressed_ply(PlyFile(file).header()) ? "compressed.ply" : "ply");
+}
+
+}  // namespace
+
+bool is_served_as_it_is(const std::filesystem::path& file) {
+  const std::string_view name = format_of(file).name;
+  if (name == "ply" || name == "compressed.ply") return is_plain(PlyFile(file).header());
+  if (name == "spz") return !is_newer_spz(file);
+  return name == "sog" || name == "splat";
+}
+
+ServedModel serve_model(const OpenedModel& opened) {
+  ServedModel model;
+  model.file = opened.ply;
+  model.format = &format_of(opened.ply);
+  model.name = opened.ply.filename().string();
+  model.gaussians = opened.model.gaussians.count();
+  model.sh_degree = opened.model.sh_degree;
+  model.antialiased = opened.model.antialiased;
+  if (is_served_as_it_is(opened.ply)) return model;
+  model.scratch = std::make_shared<ScratchFolder>();
+  model.file = model.scratch->path() / "model.ply";
+  model.format = &format_named("ply");
+  model.gaussians -= write_gaussian_ply(model.file, opened.model);
+  log_info("{} is no file that browsers read: a PLY is made of it", opened.ply.string());
+  return model;
+}
+
+Json model_json(const ServedModel& model) {
+  return model_json(*model.format, model.name, model.gaussians,
+                    std::filesystem::file_size(model.file), model.sh_degree, model.antialiased);
+}
+
+Json model_json(const ModelFormat& format, const std::string& name, std::size_t gaussians,
+                std::uint64_t bytes, int sh_degree, bool antialiased) {
+  Json matrix = Json::array();
+  for (const auto& row : diagonal(format.signs).m)
+    for (const double number : row) matrix.push_back(number);
+  return {{"format", format.name},    {"gaussians", gaussians},     {"bytes", bytes},
+          {"sh_degree", sh_degree},   {"antialiased", antialiased}, {"name", name},
+          {"world_from_file", matrix}};
+}
+
+}  // namespace gs

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/view/view_server.h"
+
+#include <charconv>
+#include <mutex>
+
+#include "apps/web/pages.h"
+#include "data_loaders/photos/photos.h"
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+#include "gs_train/metrics.h"
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kPhotoQuality = 92;
+constexpr const char* kJpeg = "image/jpeg";
+constexpr std::string_view kPhotoPath = "/photo/";
+
+HttpAnswer json_answer(const Json& json) {
+  return http_text(json.dump(-1, ' ', false, Json::error_handler_t::replace), "application/json");
+}
+
+HttpAnswer scene_answer(ViewSource& source) {
+  Json json = scene_json(source.scene());
+  json.update(source.mode_and_model());
+  return json_answer(json);
+}
+
+HttpAnswer photo_answer(const ViewScene& scene, std::string_view number) {
+  std::size_t index = 0;
+  const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), index);
+  if (error != std::errc() || end != number.data() + number.size() ||
+      index >= scene.cameras.size() || !scene.cameras[index].view)
+    return http_error(404, "there is no such photo");
+  static std::mutex one_at_a_time;  // of the photos that a run keeps in memory, no more than that is in use
+  const Image8 shown = [&] {
+    const std::lock_guard lock(one_at_a_time);
+    return shown_photo(*with_photo(*scene.cameras[index].view), scene.background);
+  }();
+  const auto jpeg = encode_jpeg(shown, kPhotoQuality);
+  return http_text(std::string(jpeg.begin(), jpeg.end()), kJpeg);
+}
+
+}  // namespace
+
+HttpAnswer ViewSource::frame(const HttpRequest&) {
+  return http_error(404, "frames are rendered by `gemsplat view --remote` alone");
+}
+
+Json finished_state(std::size_t gaussians) {
+  return {{"step", 0},        {"steps", 0},   {"loss", nullptr}, {"gaussians", gaussians},
+          {"psnr", nullptr},  {"seconds", 0}, {"version", 1},    {"done", true},
+          {"stopped", false}, {"message", ""}};
+}
+
+HttpAnswer view_answer(ViewSource& source, const HttpRequest& request) {
+  const std::string& path = request.path;
+  if (path == "/") return http_text(std::string(view_page()), "text/html; charset=utf-8");
+  if (path == "/scene.json") return scene_answer(source);
+  if (path == "/state.json") return json_answer(source.state());
+  if (path == "/model") return source.model();
+  if (path == "/frame") return source.frame(request);
+  if (path.starts_with(kPhotoPath))
+    return photo_answer(source.scene(), std::string_view(path).substr(kPhotoPath.size()));
+  return http_error(404, "there is nothing at this address");
+}
+
+bool can_view() { return can_serve() && !view_page().empty(); }
+
+std::string cannot_view() {
+  if (!can_serve()) return cannot_serve();
+  return "this build has no viewer page, as npm was missing: install npm and build again";
+}
+
+void check_can_view() {
+  if (!can_view()) throw Error(cannot_view());
+}
+
+void warn_of_guests(const HttpPlace& place) {
+  if (!is_loopback(place.host))
+    log_warning(
+        "{} is no address of this machine alone: whoever reaches it sees the model and the photos",
+        place.host);
+}
+
+}  // namespace gs

@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reading and checking a Config: visitors over the list in config_fields.h. config_text.cpp prints it.
+#include "gs_core/config/config.h"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <optional>
+#include <sstream>
+
+#include "gs_core/config/config_fields.h"
+#include "gs_core/config/config_source.h"
+#include "gs_core/config/config_text.h"
+#include "gs_core/config/nearest_word.h"
+#include "gs_core/error.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string text_of(const toml::node& node) {
+  std::ostringstream stream;
+  node.visit([&](const auto& value) { stream << value; });
+  return stream.str();
+}
+
+// `where` is "file:line: " or empty.
+[[noreturn]] void refuse(std::string_view where, std::string_view key, std::string_view value,
+                         const std::string& must) {
+  throw UsageError(std::string(where) + std::string(key) + " = " + std::string(value) +
+                   " cannot be used: it must be " + must);
+}
+
+// ---- one value from TOML --------------------------------------------------------------------------------
+
+template <class T>
+constexpr const char* kTypeName = "a whole number";
+template <>
+constexpr const char* kTypeName<bool> = "true or false";
+template <>
+constexpr const char* kTypeName<float> = "a number";
+template <>
+constexpr const char* kTypeName<std::string> = "text in quotes";
+template <>
+constexpr const char* kTypeName<std::vector<int>> =
+    "a list of whole numbers, such as [7000, 30000]";
+
+// Values as TOML has them, wide enough that a range is checked before a number is narrowed.
+template <class T>
+struct Wide {
+  using type = std::conditional_t<std::is_floating_point_v<T>, double, std::int64_t>;
+};
+template <>
+struct Wide<bool> {
+  using type = bool;
+};
+template <>
+struct Wide<std::string> {
+  using type = std::string;
+};
+template <>
+struct Wide<std::vector<int>> {
+  using type = std::vector<std::int64_t>;
+};
+
+// The node's value, where it has the right type. Whole numbers are numbers too.
+template <class T>
+std::optional<T> value_of(const toml::node& node) {
+  if constexpr (std::is_same_v<T, double>) {
+    return node.is_number() ? node.value<double>() : std::nullopt;
+  } else if constexpr (std::is_same_v<T, std::vector<std::int64_t>>) {
+    const toml::array* array = node.as_array();
+    if (!array) return std::nullopt;
+    T values;
+    for (const toml::node& element : *array) {
+      if (!element.is_integer()) return std::nullopt;
+      values.push_back(*element.value_exact<std::int64_t>());
+    }
+    return values;
+  } else {
+    return node.value_exact<T>();
+  }
+}
+
+template <class T>
+void assign(const Field<T>& field, const toml::node& node, std::string_view where) {
+  if constexpr (std::is_same_v<T, std::int64_t>) {
+    if (field.limits.low == double(kAutoCount) && node.value_exact<std::string>() == "auto") {
+      field.value = kAutoCount;
+      return;
+    }
+  }
+  const auto value = value_of<typename Wide<T>::type>(node);
+  if (!value) refuse(where, field.key, text_of(node), kTypeName<T>);
+  if (!fits(*value, field.limits)) refuse(where, field.key, text_of(node), field.limits.text());
+  if constexpr (std::is_same_v<T, std::vector<int>>) {
+    field.value.assign(value->begin(), value->end());
+  } else {
+    field.value = T(*value);
+  }
+}
+
+// ---- keys -----------------------------------------------------------------------------------------------
+
+std::string with_underscores(std::string key) {
+  std::replace(key.begin(), key.end(), '-', '_');
+  return key;
+}
+
+// Calls visit(field) for the field of that key.
+template <class Visitor>
+void visit_field(Config& config, const std::string& key, std::string_view where, Visitor&& visit) {
+  bool found = false;
+  visit_fields(config, [&](const auto& field) {
+    if (field.key != key) return;
+    found = true;
+    visit(field);
+  });
+  if (!found) refuse_key(where, key);
+}
+
+// ---- files ----------------------------------------------------------------------------------------------
+
+std::string place_of(const ConfigSource& source, const toml::node& node) {
+  return source.shown + ":" + std::to_string(node.source().begin.line);
+}
+
+toml::table parse(const ConfigSource& source) {
+  try {
+    return toml::parse(source.text, source.shown);
+  } catch (const toml::parse_error& error) {
+    throw UsageError(source.shown + ":" + std::to_string(error.source().begin.line) + ": " +
+                     std::string(error.description()) + "; the file must be TOML");
+  }
+}
+
+void merge_section(Config& config, const ConfigSource& source, const std::string& section,
+                   const toml::table& table, SettingOrigins& origins) {
+  for (const auto& [name, node] : table) {
+    const std::string place = place_of(source, node), where = place + ": ";
+    const std::string key = section + "." + with_underscores(std::string(name.str()));
+    visit_field(config, key, where,
+                [&, &value = node](const auto& field) { assign(field, value, where); });
+    origins[key] = place;
+  }
+}
+
+// `chain` holds those whose base is being read.
+void merge(Config& config, const std::string& name, ConfigChain& chain, SettingOrigins& origins) {
+  chain.push_back(open_config(name, chain));
+  const toml::table root = parse(chain.back());
+  if (const toml::node* base = root.get("base")) {
+    const auto base_name = base->value_exact<std::string>();
+    if (!base_name)
+      refuse(place_of(chain.back(), *base) + ": ", "base", text_of(*base),
+             "the name of a TOML file or preset");
+    merge(config, *base_name, chain, origins);
+  }
+  const ConfigSource source = std::move(chain.back());
+  chain.pop_back();
+  for (const auto& [section_key, section] : root) {
+    const std::string section_name = with_underscores(std::string(section_key.str()));
+    if (section_name == "base") continue;
+    if (!section.is_table()) refuse_key(place_of(source, section) + ": ", section_name);
+    merge_section(config, source, section_name, *section.as_table(), origins);
+  }
+}
+
+// The value of `--set key=TEXT`: TOML if it is, else a bare word.
+toml::table parse_value(const std::string& text) {
+  toml::table parsed;
+  if (text.find('\n') == text.npos) {
+    try {
+      parsed = toml::parse("value = " + text);
+    } catch (const toml::parse_error&) {
+    }
+  }
+  if (!parsed.contains("value")) parsed.insert_or_assign("value", text);
+  return parsed;
+}
+
+}  // namespace
+
+void refuse_key(std::string_view where, const std::string& key) {
+  std::vector<std::string> known;
+  Config config;
+  visit_fields(config, [&](const auto& field) { known.emplace_back(field.key); });
+  const std::string nearest = nearest_word(key, known);
+  throw UsageError(std::string(where) + "there is no setting " + key + "; " +
+                   (nearest.empty() ? "`gemsplat train --print-config` lists all of them"
+                                    : "did you mean " + nearest + "?"));
+}
+
+void load_config(Config& config, const fs::path& name, SettingOrigins* origins) {
+  ConfigChain chain;
+  Config merged = config;  // a file that is refused changes nothing
+  SettingOrigins merged_origins;
+  merge(merged, name.string(), chain, merged_origins);
+  config = merged;
+  if (origins)
+    for (auto& [key, place] : merged_origins) (*origins)[key] = std::move(place);
+}
+
+std::string apply_setting(Config& config, const std::string& assignment) {
+  const std::size_t equals = assignment.find('=');
+  if (equals == assignment.npos)
+    throw UsageError("the setting " + assignment + " has no value; write section.key=value");
+  const auto trimmed = [](const std::string& text) {
+    const std::size_t first = text.find_first_not_of(" \t");
+    if (first == text.npos) return std::string();
+    return text.substr(first, text.find_last_not_of(" \t") - first + 1);
+  };
+  const std::string key = with_underscores(trimmed(assignment.substr(0, equals)));
+  const std::string text = trimmed(assignment.substr(equals + 1));
+  visit_field(config, key, "", [&](const auto& field) {
+    toml::table parsed = parse_value(text);
+    // Where text is wanted, 2024 and true are words like any other.
+    if constexpr (std::is_same_v<decltype(field.value), std::string&>) {
+      if (!parsed.get("value")->is_string()) parsed.insert_or_assign("value", text);
+    }
+    assign(field, *parsed.get("value"), "");
+  });
+  return key;
+}
+
+void validate(const Config& config, const SettingOrigins& origins) {
+  const auto where = [&](std::string_view key) {
+    const auto origin = origins.find(key);
+    return origin == origins.end() ? std::string() : origin->second + ": ";
+  };
+  visit_fields(config, [&](const auto& field) {
+    if (!fits(field.value, field.limits))
+      refuse(where(field.key), field.key, toml_text(field.value), field.limits.text());
+  });
+  const auto require = [&](bool holds, std::string_view key, const auto& value,
+                           const std::string& must) {
+    if (!holds) refuse(where(key), key, toml_text(value), must);
+  };
+  const int resolution = config.dataset.resolution;
+  require(
+      resolution == 1 || resolution == 2 || resolution == 4 || resolution == 8 || resolution >= 16,
+      "dataset.resolution", resolution, "1, 2, 4, 8, or a width of at least 16 pixels");
+  require(config.render.near_plane < config.render.far_plane, "render.near_plane",
+          config.render.near_plane, "less than render.far_plane");
+  require(config.density.strategy != "mcmc" || config.density.max_gaussians != 0,
+          "density.max_gaussians", config.density.max_gaussians,
+          "a number, or auto: density.strategy = \"mcmc\" grows up to it");
+  const double steps = double(config.train.iterations) * double(config.train.steps_scaler) +
+                       double(config.train.extra_steps);
+  require(steps >= 1 && steps <= limits::kLargestInt, "train.steps_scaler",
+          config.train.steps_scaler, "such that train.iterations times it is a count of steps");
+}
+
+}  // namespace gs

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+// Everything a run can be told. Defaults live here and nowhere else; config_fields.h lists each field once
+// with its unit, range and source, and parsing, --set, --help, validation and printing visit that list.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace gs {
+
+/// Which photos and cameras.
+struct DatasetConfig {
+  std::string source;             // the scene's folder
+  std::string images = "images";  // the photos' folder inside it (or an absolute path)
+  std::string masks;   // the masks' folder; empty: `masks` in the scene, where there is one; none: no masks, no alpha
+  std::string mask_mode = "auto";  // auto, ignore, background
+  bool invert_masks = false;       // of mask files black trains and white does not
+  std::string model;   // the COLMAP model's folder; empty: sparse/0, sparse, the scene itself
+  int resolution = 1;  // 1, 2, 4, 8: photos divided by it; 16 and more: the width in pixels
+  bool eval = false;   // hold out every test_every-th view by sorted name
+  int test_every = 8;
+  float photo_ram_gib = 0;           // for decoded photos; 0: half of the machine's memory
+  std::string photo_cache = "auto";  // folder of undistorted and resized photos; auto, none
+  float photo_cache_gib = 20;        // at most in that folder
+  bool refine_cameras = false;  // bundle adjustment before training
+  bool exposure = false;  // solve for each photo's exposure and white balance before training
+};
+
+/// How the colmap program finds where photos were taken.
+struct ReconstructConfig {
+  std::string colmap = "colmap";               // the program
+  std::string matching = "auto";               // auto, exhaustive, sequential
+  std::string camera_model = "SIMPLE_RADIAL";  // COLMAP's name
+  std::string single_camera = "auto";          // auto, yes, no
+  int max_features = 8192;                     // in one photo
+  int frames = 200;                            // taken out of videos
+  bool use_gpu = false;
+};
+
+/// What is learned, and where it starts.
+struct ModelConfig {
+  std::string output;  // the run's folder
+  int sh_degree = 3;
+  float initial_opacity = 0.1f;
+  float initial_scale = 1;     // of the distance to the nearest points
+  int random_points = 100000;  // used when the model has no points
+  int most_points = 2000000;   // to start from; denser clouds are thinned
+};
+
+struct RenderConfig {
+  std::string background = "black";      // black, white, random
+  std::string blend_rule = "faster_gs";  // faster_gs, classic
+  std::string truncation = "alpha";      // alpha, sigma2, sigma3, sigma4
+  std::string bounds = "exact";          // exact, box, square
+  std::string blend = "gemm";            // gemm, simt
+  std::string precision = "full";        // full, half
+  bool antialias = false;
+  bool antialias_detach = true;  // no gradient from the opacity compensation to the covariance
+  float near_plane = 0.2f;
+  float far_plane = 1e4f;
+};
+
+struct LossConfig {
+  float lambda_dssim = 0.2f;
+};
+
+/// Learning rates of Adam; position rates are multiplied by the scene's extent.
+struct OptimizerConfig {
+  float position_lr_initial = 1.6e-4f;
+  float position_lr_final = 1.6e-6f;
+  float log_scale_lr = 5e-3f;
+  float rotation_lr = 1e-3f;
+  float opacity_lr = 0.025f;
+  float sh0_lr = 2.5e-3f;
+  float sh_rest_lr = 1.25e-4f;
+};
+
+inline constexpr std::int64_t kAutoCount = -1;  // a count that is found out; the word auto stands for it
+
+/// Density control: adaptive (Kerbl et al. 2023, Sec. 5.2) or mcmc (Kheradmand et al. 2024). Steps are those of a
+/// 30,000-step run.
+struct DensityConfig {
+  std::string strategy = "adaptive";  // adaptive, mcmc
+  int from_step = 600;
+  int until_step = 14900;
+  int every = 100;
+  float gradient_threshold = 2e-4f;  // of the mean NDC-scaled 2D position gradient
+  float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
+  float prune_opacity = 0.005f;
+  float prune_scale = 0.1f;  // of the extent, after the first opacity reset
+  float camera_clearance = 0.35f;  // of the way from a camera to what it sees; 0: none
+  int reset_opacity_every = 3000;
+  int reset_opacity_until = 12000;
+  std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as there is memory for
+  bool absolute_gradient = false;  // the statistic sums absolute values over pixels (AbsGS)
+  // of mcmc alone
+  float growth = 0.05f;              // of the count, in one refinement
+  float noise_scale = 5e5f;          // times the rate of the means
+  float opacity_regularizer = 0.01f;  // weight of the mean opacity in the loss
+  float scale_regularizer = 0.01f;    // and of the mean scale
+};
+
+struct TrainConfig {
+  int iterations = 30000;
+  float steps_scaler = 1;  // multiplies iterations and the whole schedule
+  int sh_degree_every = 1000;
+  int morton_every = 5000;
+  int morton_until = 15000;
+  std::uint64_t seed = 42;
+  int threads = 0;              // 0: all cores
+  bool deterministic = false;   // on a GPU, too: same seed, same bytes
+  std::string device = "auto";  // cpu, cuda, cuda:N, auto
+  float photo_gib = 4;          // of GPU memory for photos; more are fetched as they are needed
+  int extra_steps = 0;          // after the schedule's last, at its final rates
+  int checkpoint_every = 0;     // 0: as often as costs little; -1: only when the run is stopped
+  int log_every = 100;
+  std::vector<int> save_steps;  // besides the last one
+  std::vector<int> test_steps;  // besides the last one
+};
+
+struct Config {
+  DatasetConfig dataset;
+  ReconstructConfig reconstruct;
+  ModelConfig model;
+  RenderConfig render;
+  LossConfig loss;
+  OptimizerConfig optimizer;
+  DensityConfig density;
+  TrainConfig train;
+};
+
+/// Where values come from, by key: "runs/a.toml:3", "preset fast:3", "--set", "flag". Settings at their defaults
+/// are not in it.
+using SettingOrigins = std::map<std::string, std::string, std::less<>>;
+
+/// Merges a config into `config`: a TOML file, a run's folder or a preset (config_source.h), its `base` first, and
+/// notes in `origins`, where given, what came from where. Throws UsageError that names file, line, key and the nearest
+/// known key; Error when something cannot be read.
+void load_config(Config& config, const std::filesystem::path& name,
+                 SettingOrigins* origins = nullptr);
+
+/// Applies one `section.key=value`, the value in TOML syntax; a bare word is taken as a string.
+/// Throws UsageError that names the key (and the nearest known one) or the value and its range. Returns the key.
+std::string apply_setting(Config& config, const std::string& assignment);
+
+/// Checks every field against its range. Throws UsageError that names the field, value and range, and where the value
+/// comes from if `origins` says so.
+void validate(const Config& config, const SettingOrigins& origins = {});
+
+/// Throws the UsageError that says there is no such setting, and which is the nearest. `where`: "file:line: " or empty.
+[[noreturn]] void refuse_key(std::string_view where, const std::string& key);
+
+/// The whole config as TOML, each field with its unit and meaning as a comment; load_config reads it back.
+std::string to_toml(const Config& config);
+
+}  // namespace gs

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+// Visitors over the list in config_fields.h that write what people read.
+#include "gs_core/config/config_table.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "gs_core/config/config_fields.h"
+#include "gs_core/config/config_presets.h"
+#include "gs_core/config/config_text.h"
+#include "gs_core/config/markdown.h"
+
+namespace gs {
+namespace {
+
+constexpr std::string_view kIntroduction =
+    "# Configuration\n"
+    "\n"
+    "Every setting, from the one list of them "
+    "([config_fields.h](../gs_core/config/config_fields.h)). "
+    "This page is written by the "
+    "program:\n"
+    "```\n"
+    "gemsplat config --markdown > docs/configuration.md\n"
+    "```\n"
+    "A run takes its settings from the defaults, then from `-c` (a TOML file, the folder of "
+    "another run, or a preset; any "
+    "number of them), then from\n"
+    "`--set section.key=value`, then from flags, each over the one before. A file may begin with "
+    "`base = \"NAME\"`, a file "
+    "beside it or a preset, which is read\n"
+    "first; a chain of bases is fine. What is not known or not in range is refused with file, "
+    "line, key and the nearest "
+    "known key.\n"
+    "```\n"
+    "gemsplat config -c fast --set train.seed=7        # the resolved settings, as a file for -c\n"
+    "gemsplat config explain density -c fast           # what they mean, their ranges, where each "
+    "value comes from\n"
+    "gemsplat config diff out/a out/b                  # what differs between two runs, files or "
+    "presets\n"
+    "gemsplat config --list                            # the presets\n"
+    "```\n";
+
+std::string section_of(std::string_view key) { return std::string(key.substr(0, key.find('.'))); }
+
+// What a value must be, in words; empty where anything goes.
+template <class T>
+std::string range_text(const Field<T>& field) {
+  if constexpr (std::is_same_v<std::remove_const_t<T>, bool>) return "true or false";
+  const Limits& limits = field.limits;
+  const bool is_free = limits.words.empty() && std::isinf(limits.low) && std::isinf(limits.high);
+  if (is_free) return "";
+  const bool is_open =
+      limits.words.empty() && !limits.above_low && limits.high >= limits::kLargestInt;
+  return is_open ? fmt::format("at least {}", limits.low) : limits.text();
+}
+
+// A setting as text.
+struct Printed {
+  std::string key, value;
+};
+
+std::vector<Printed> printed(const Config& config) {
+  std::vector<Printed> all;
+  visit_fields(config, [&](const auto& field) {
+    all.push_back({std::string(field.key), toml_text(field.value)});
+  });
+  return all;
+}
+
+std::string settings_tables() {
+  std::string text, section;
+  const Config config;
+  visit_fields(config, [&](const auto& field) {
+    if (section_of(field.key) != section) {
+      section = section_of(field.key);
+      text += "\n## " + section + "\n" +
+              markdown_header({"setting", "default", "unit", "range", "meaning", "source"});
+    }
+    const auto code = [](std::string_view words) { return fmt::format("`{}`", words); };
+    text += markdown_row({code(field.key.substr(section.size() + 1)), code(toml_text(field.value)),
+                          std::string(field.unit), range_text(field), std::string(field.meaning),
+                          std::string(field.source)});
+  });
+  return text;
+}
+
+// "`density.every` = 200 (100)" for each setting that the preset changes.
+std::string changes_of(const Preset& preset) {
+  Config config;
+  load_config(config, std::string(preset.name));
+  const std::vector<Printed> usual = printed(Config{}), now = printed(config);
+  std::vector<std::string> changes;
+  for (std::size_t i = 0; i < now.size(); ++i)
+    if (now[i].value != usual[i].value)
+      changes.push_back(fmt::format("`{}` = {} ({})", now[i].key, now[i].value, usual[i].value));
+  return fmt::format("{}", fmt::join(changes, ", "));
+}
+
+std::string presets_table() {
+  std::string text =
+      "\n## Presets\n"
+      "Files of [configs/](../configs) that the program carries: `-c fast`, or `base = \"fast\"` "
+      "in a "
+      "file of your own.\n\n" +
+      markdown_header({"preset", "what it is", "what differs (from)"});
+  for (const Preset& preset : presets())
+    text += markdown_row(
+        {fmt::format("`{}`", preset.name), std::string(summary(preset)), changes_of(preset)});
+  return text;
+}
+
+std::string origin_of(const SettingOrigins& origins, std::string_view key) {
+  const auto origin = origins.find(key);
+  return origin == origins.end() ? "default" : origin->second;
+}
+
+}  // namespace
+
+std::string config_markdown() {
+  return std::string(kIntroduction) + settings_tables() + presets_table();
+}
+
+std::string explain(const Config& config, const SettingOrigins& origins,
+                    const std::string& wanted) {
+  std::string key = wanted;
+  std::replace(key.begin(), key.end(), '-', '_');
+  const std::vector<Printed> defaults = printed(Config{});
+  std::string text;
+  std::size_t index = 0;
+  visit_fields(config, [&](const auto& field) {
+    const std::string usual = defaults[index++].value, range = range_text(field);
+    if (!key.empty() && key != field.key && key != section_of(field.key)) return;
+    text += fmt::format("{} = {}\n  from     {}\n  meaning  {}\n", field.key,
+                        toml_text(field.value), origin_of(origins, field.key), field.meaning);
+    if (!field.unit.empty()) text += fmt::format("  unit     {}\n", field.unit);
+    if (!range.empty()) text += fmt::format("  range    {}\n", range);
+    text += fmt::format("  default  {}\n", usual);
+    if (!field.source.empty()) text += fmt::format("  source   {}\n", field.source);
+  });
+  if (text.empty()) refuse_key("", key);
+  return text;
+}
+
+std::string difference(const Config& a, const SettingOrigins& a_origins, const Config& b,
+                       const SettingOrigins& b_origins) {
+  const std::vector<Printed> of_a = printed(a), of_b = printed(b);
+  std::string text;
+  for (std::size_t i = 0; i < of_a.size(); ++i)
+    if (of_a[i].value != of_b[i].value)
+      text += fmt::format("{} = {} -> {}  ({} -> {})\n", of_a[i].key, of_a[i].value, of_b[i].value,
+                          origin_of(a_origins, of_a[i].key), origin_of(b_origins, of_a[i].key));
+  return text;
+}
+
+}  // namespace gs

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_core/io/atomic_file.h"
+
+#include <fcntl.h>
+#include <spdlog/fmt/fmt.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <charconv>
+#include <csignal>
+#include <cstring>
+
+#include "gs_core/error.h"
+
+namespace gs {
+namespace {
+
+const char* remedy(int error) {
+  switch (error) {
+    case ENOSPC:
+    case EDQUOT:
+    case EFBIG: return "free some space or write elsewhere";
+    case EACCES:
+    case EPERM:
+    case EROFS: return "write to a folder that you may change";
+    case EISDIR:
+    case ENOTDIR:
+    case EEXIST:
+      return "choose another name: a file stands where a folder is needed, or a folder in its "
+             "place";
+    default: return "check the path and the disk, or write elsewhere";
+  }
+}
+
+std::atomic<WriteHook*> write_hook = nullptr;
+
+void ask_hook(WritePoint point, const std::filesystem::path& file) {
+  if (WriteHook* const hook = write_hook) hook->before(point, file);
+}
+
+// The process that ".NAME.PROCESS.NUMBER.tmp" says it belongs to; 0 for other names.
+pid_t owner_of(const std::string& name) {
+  if (!name.starts_with('.') || !name.ends_with(".tmp")) return 0;
+  const std::size_t end = name.rfind('.', name.size() - 5);
+  const std::size_t begin = end == name.npos || end == 0 ? name.npos : name.rfind('.', end - 1);
+  if (begin == name.npos || begin == 0) return 0;
+  pid_t owner = 0;
+  const auto [rest, failure] = std::from_chars(name.data() + begin + 1, name.data() + end, owner);
+  return failure == std::errc() && rest == name.data() + end ? owner : 0;
+}
+
+// A rename is on disk only when its folder is; where folders cannot be synced it is good enough as
+// it is.
+void sync_folder(const std::filesystem::path& folder) {
+  const int descriptor = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY);
+  if (descriptor < 0) return;
+  ::fsync(descriptor);
+  ::close(descriptor);
+}
+
+}  // namespace
+
+void set_write_hook(WriteHook* hook) { write_hook = hook; }
+
+void remove_leftovers(const std::filesystem::path& folder) {
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+    const pid_t owner = owner_of(entry.path().filename().string());
+    if (owner > 0 && ::kill(owner, 0) != 0 && errno == ESRCH)
+      std::filesystem::remove(entry.path(), ignored);
+  }
+}
+
+AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)) {
+  std::error_code error;
+  if (std::filesystem::is_symlink(path_, error)) {  // the link stays, its target is new
+    const auto target = std::filesystem::weakly_canonical(path_, error);
+    if (error) fail(error.value());
+    path_ = target;
+  }
+  const auto status = std::filesystem::status(path_, error);
+  if (std::filesystem::is_directory(status)) fail(EISDIR);
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) fail(EEXIST);
+  error.clear();
+  if (path_.has_parent_path()) std::filesystem::create_directories(path_.parent_path(), error);
+  if (error) fail(error.value());
+  temporary_ = path_;
+  static std::atomic<unsigned> files_so_far = 0;  // two threads may write the same file
+  temporary_.replace_filename(
+      fmt::format(".{}.{}.{}.tmp", path_.filename().string(), ::getpid(), ++files_so_far));
+  ask_hook(WritePoint::create, path_);
+  file_ = std::fopen(temporary_.c_str(), "wb");
+  if (!file_) fail(errno);
+}
+
+AtomicFile::~AtomicFile() {
+  if (!file_) return;
+  std::fclose(file_);
+  std::error_code ignored;
+  std::filesystem::remove(temporary_, ignored);
+}
+
+void AtomicFile::write(const void* data, std::size_t bytes) {
+  ask_hook(WritePoint::write, path_);
+  if (bytes && std::fwrite(data, 1, bytes, file_) != bytes) fail(errno);
+}
+
+void AtomicFile::commit(Durability durability) {
+  const bool is_synced = durability == Durability::synced;
+  ask_hook(WritePoint::sync, path_);
+  if (std::fflush(file_) != 0 || (is_synced && ::fsync(::fileno(file_)) != 0)) fail(errno);
+  ask_hook(WritePoint::rename, path_);
+  if (std::rename(temporary_.c_str(), path_.c_str()) != 0) fail(errno);
+  std::fclose(file_);
+  file_ = nullptr;
+  ask_hook(WritePoint::sync_folder, path_);
+  if (is_synced) sync_folder(path_.parent_path());
+}
+
+void AtomicFile::fail(int error) {
+  throw Error(
+      fmt::format("cannot write {}: {}; {}", path_.string(), std::strerror(error), remedy(error)));
+}
+
+}  // namespace gs

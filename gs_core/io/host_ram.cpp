@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_core/io/host_ram.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+
+namespace gs {
+namespace {}  // namespace
+
+std::size_t host_ram_bytes() {
+  std::size_t bytes =
+      std::size_t(::sysconf(_SC_PHYS_PAGES)) * std::size_t(::sysconf(_SC_PAGE_SIZE));
+  for (const char* limit :
+       {"/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"}) {
+    std::size_t most = 0;
+    if (std::ifstream(limit) >> most && most > 0) bytes = std::min(bytes, most);  // or it says "max"
+  }
+  return bytes;
+}
+
+std::size_t photo_ram_bytes(const DatasetConfig& dataset) {
+  if (dataset.photo_ram_gib > 0) return std::size_t(double(dataset.photo_ram_gib) * kGib);
+  return host_ram_bytes() / 2;
+}
+
+}  // namespace gs

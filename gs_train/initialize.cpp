@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_train/initialize.h"
+
+#include "gs_core/error.h"
+#include "gs_core/kd_tree.h"
+#include "gs_core/log.h"
+#include "gs_core/math/splat.h"
+#include "gs_core/parallel.h"
+#include "gs_core/random.h"
+#include "gs_train/downsample_points.h"
+
+namespace gs {
+namespace {
+
+constexpr float kRandomBoxSize = 3;  // half the edge of the box of random points, in scene extents
+
+bool sees(const Camera& camera, const Vec3f& point, float near_plane) {
+  const Vec3f p = to_camera(camera, point);
+  if (!(p.z >= near_plane)) return false;
+  const Vec2f pixel = project_mean(camera, p);
+  return pixel.x >= 0 && pixel.y >= 0 && pixel.x < float(camera.width) &&
+         pixel.y < float(camera.height);
+}
+
+// Uniform in a box around the training cameras, kept where some training camera sees them.
+std::vector<ScenePoint> random_points(const Scene& scene, const Config& config) {
+  const Random random{config.train.seed, RandomStream::initialize};
+  Vec3f center(0.0f);
+  for (const View& view : scene.train_views) center += view.camera.position();
+  center /= float(scene.train_views.size());
+  const float half = kRandomBoxSize * scene.extent;
+
+  std::vector<ScenePoint> points;
+  for (int i = 0; i < config.model.random_points; ++i) {
+    const Vec4f u = random.uniform4(0, std::uint32_t(i));
+    const Vec3f position = center + half * (2.0f * Vec3f(u.x, u.y, u.z) - Vec3f(1.0f));
+    for (const View& view : scene.train_views)
+      if (sees(view.camera, position, config.render.near_plane)) {
+        points.push_back({position, {128, 128, 128}});
+        break;
+      }
+  }
+  return points;
+}
+
+}  // namespace
+
+TrainingModel initial_model(const Scene& scene, const Config& config, Memory& memory) {
+  const std::vector<ScenePoint> points =
+      scene.points.empty() ? random_points(scene, config)
+                           : thinned(scene.points, std::size_t(config.model.most_points));
+  if (!scene.points.empty() && points.size() < scene.points.size())
+    log_info("of {} points, {} are taken to start from (model.most_points)", scene.points.size(),
+             points.size());
+  if (points.empty())
+    throw Error("there is nothing to start from in " + scene.source +
+                ": the model has no points and no training camera sees a random one; check the "
+                "reconstruction");
+  std::vector<Vec3f> means(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) means[i] = points[i].position;
+  const KdTree tree({means.data(), means.size()});
+
+  Gaussians start(points.size(), host_memory());
+  parallel_for(points.size(), 256, [&](std::size_t i) {
+    const float distance2 =
+        std::max(tree.mean_squared_distance(i, kInitialNeighbors), kMinNeighborDistance2);
+    start.mean[i] = means[i];
+    start.log_scale[i] = Vec3f(0.5f * std::log(distance2) + std::log(config.model.initial_scale));
+    start.rotation[i] = {1, 0, 0, 0};
+    start.logit_opacity[i] = logit(config.model.initial_opacity);
+    for (int c = 0; c < 3; ++c)
+      start.sh0[i][c] = (float(points[i].color[c]) / 255.0f - kColorOffset) / float(kSh0);
+    start.sh_rest[i] = {};
+  });
+
+  TrainingModel model(memory);
+  for_each_array([](const char*, auto& to, const auto& from) { to.upload(from.download()); },
+                 model.gaussians, start);
+  clear_history(model);
+  return model;
+}
+
+}  // namespace gs

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// The Gaussians that training starts from.
+#pragma once
+
+#include "gs_core/config/config.h"
+#include "gs_core/scene.h"
+#include "gs_train/optimizer.h"
+
+namespace gs {
+
+/// One isotropic Gaussian per sparse point: its color, the configured opacity, and as its scale the root
+/// mean squared distance to its three nearest neighbors (Kerbl et al. 2023, Sec. 5.1), times model.initial_scale. A scene without
+/// points starts from random ones that at least one training camera sees. Throws Error where there are none.
+TrainingModel initial_model(const Scene& scene, const Config& config, Memory& memory);
+
+}  // namespace gs

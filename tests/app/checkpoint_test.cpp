@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: Apache-2.0
+// Checkpoints as files: whole, cut short, damaged, on a full disk, and after a kill at every point of writing.
+#include "gs_app/run/checkpoint_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+
+#include "gs_app/run/checkpoint_folder.h"
+#include "gs_core/error.h"
+#include "gs_core/io/atomic_file.h"
+#include "tests/support/models.h"
+#include "tests/support/small_scene.h"
+#include "tests/support/temp_folder.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+/// A model whose every number is another, in the state after some step.
+TrainingState telling_state(std::size_t gaussians, int step) {
+  TrainingState state;
+  state.model.gaussians.resize(gaussians);
+  clear_history(state.model);
+  float next = float(step);
+  const auto fill = [&](const char*, auto& array) {
+    for (float& number : numbers_of(array)) number = next += 0.37f;
+  };
+  for_each_array(fill, state.model.gaussians);
+  for_each_array(fill, state.model.first_moment);
+  for_each_array(fill, state.model.second_moment);
+  fill("", state.model.statistics.visits);
+  fill("", state.model.statistics.gradient_norm);
+  state.model.adam_steps = step + 5;
+  state.progress = {step, 2, 0.1234567890123, 77.7, 1234567, {0, 1, 2}, {2, 0, 1}};
+  return state;
+}
+
+/// Three training views and a test view, one with a name that is not UTF-8.
+SceneRecord telling_scene() {
+  SceneRecord scene;
+  scene.extent = 1.7f;
+  scene.world_offset = {500000.25, 1e-9, -3};
+  for (int k = 0; k < 4; ++k) {
+    ViewRecord view{"view \xff " + std::to_string(k), k == 3, orbit_camera(0.3f * float(k)),
+                    Vec3f(1, 0.9f, float(k))};
+    view.camera.cx += float(k);
+    scene.views.push_back(view);
+  }
+  return scene;
+}
+
+Config telling_config() {
+  Config config;
+  config.dataset.source = "a \"folder\"\nwith # everything\\";
+  config.optimizer.sh0_lr = 0.1f / 3;
+  config.train.seed = 9007199254740991;
+  config.train.save_steps = {5, 6};
+  config.density.max_gaussians = 3000000000;
+  return config;
+}
+
+std::vector<int> steps_in(const fs::path& folder) {
+  std::vector<int> steps;
+  for (const CheckpointPath& checkpoint : checkpoints_in(folder)) steps.push_back(checkpoint.step);
+  return steps;
+}
+
+class Checkpoints : public ::testing::Test {
+ protected:
+  CheckpointFolder folder(CheckpointFolder::FreeSpace space = free_space) {
+    return CheckpointFolder(path(), telling_config(), telling_scene(), std::move(space));
+  }
+  bool save(CheckpointFolder&& folder, int step, std::size_t gaussians = 7) {
+    const TrainingState state = telling_state(gaussians, step);
+    return folder.save(state.progress, state.model);
+  }
+  fs::path path() const { return folder_.path() / "checkpoints"; }
+  fs::path file(int step) const { return path() / ("step_" + std::to_string(step) + ".ckpt"); }
+
+ private:
+  TempFolder folder_;
+};
+
+TEST_F(Checkpoints, ComeBackBitForBit) {
+  for (const std::size_t gaussians : {0, 1, 1000}) {
+    ASSERT_TRUE(save(folder(), 12, gaussians));
+    const Checkpoint read = read_checkpoint(file(12));
+    const TrainingState expected = telling_state(gaussians, 12);
+    EXPECT_TRUE(same_bits(read.state.model, expected.model));
+    EXPECT_TRUE(same_bits(read.state.model.statistics.visits, expected.model.statistics.visits));
+    EXPECT_TRUE(same_bits(read.state.model.statistics.gradient_norm,
+                          expected.model.statistics.gradient_norm));
+    const RunProgress &a = read.state.progress, &b = expected.progress;
+    EXPECT_EQ(a.step, b.step);
+    EXPECT_EQ(a.sh_degree, b.sh_degree);
+    EXPECT_EQ(a.loss, b.loss);
+    EXPECT_EQ(a.train_seconds, b.train_seconds);
+    EXPECT_EQ(a.growth_cap, b.growth_cap);
+    EXPECT_EQ(a.strikes, b.strikes);
+    EXPECT_EQ(a.view_order, b.view_order);
+    EXPECT_EQ(to_toml(read.config), to_toml(telling_config()));
+  }
+}
+
+TEST_F(Checkpoints, KnowTheirScene) {
+  ASSERT_TRUE(save(folder(), 12));
+  const SceneRecord read = read_checkpoint(file(12)).scene, expected = telling_scene();
+  EXPECT_EQ(read.extent, expected.extent);
+  EXPECT_EQ(read.world_offset, expected.world_offset);
+  ASSERT_EQ(read.views.size(), expected.views.size());
+  for (std::size_t i = 0; i < read.views.size(); ++i) {
+    const ViewRecord &a = read.views[i], &b = expected.views[i];
+    EXPECT_EQ(a.name, b.name);
+    EXPECT_EQ(a.is_test, b.is_test);
+    EXPECT_EQ(a.camera.width, b.camera.width);
+    EXPECT_EQ(a.camera.height, b.camera.height);
+    EXPECT_EQ(a.camera.fx, b.camera.fx);
+    EXPECT_EQ(a.camera.fy, b.camera.fy);
+    EXPECT_EQ(a.camera.cx, b.camera.cx);
+    EXPECT_EQ(a.camera.cy, b.camera.cy);
+    const Mat3<float>&x = a.camera.cam_from_world_rotation, &y = b.camera.cam_from_world_rotation;
+    EXPECT_TRUE(x.row0 == y.row0 && x.row1 == y.row1 && x.row2 == y.row2);
+    EXPECT_EQ(a.camera.cam_from_world_translation, b.camera.cam_from_world_translation);
+    EXPECT_EQ(a.exposure, b.exposure);
+  }
+}
+
+TEST_F(Checkpoints, TakeAsMuchSpaceAsForetold) {
+  ASSERT_TRUE(save(folder(), 12, 1000));
+  const auto foretold = double(checkpoint_bytes(1000, 4));
+  EXPECT_NEAR(double(fs::file_size(file(12))), foretold, 16384);
+}
+
+TEST_F(Checkpoints, CutShortAnywhereAreRefusedByName) {
+  ASSERT_TRUE(save(folder(), 12, 1));
+  const std::string whole = read_bytes(file(12));
+  const fs::path cut = path() / "cut";
+  for (std::size_t bytes = 0; bytes < whole.size(); ++bytes) {
+    write_bytes(cut, whole.substr(0, bytes));
+    try {
+      read_checkpoint(cut);
+      FAIL() << "taken with " << bytes << " of " << whole.size() << " bytes";
+    } catch (const Error& error) {
+      ASSERT_THAT(error.what(), HasSubstr(cut.string()));
+    }
+  }
+  write_bytes(cut, whole + "x");
+  EXPECT_THROW(read_checkpoint(cut), Error);
+}
+
+TEST_F(Checkpoints, WithAFlippedBitAnywhereAreRefusedByName) {
+  ASSERT_TRUE(save(folder(), 12, 1));
+  std::string bytes = read_bytes(file(12));
+  const fs::path flipped = path() / "flipped";
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    bytes[i] ^= char(1 << i % 8);
+    write_bytes(flipped, bytes);
+    try {
+      read_checkpoint(flipped);
+      FAIL() << "taken with byte " << i << " of " << bytes.size() << " changed";
+    } catch (const Error& error) {
+      ASSERT_THAT(error.what(), HasSubstr(flipped.string()));
+    }
+    bytes[i] ^= char(1 << i % 8);
+  }
+}
+
+TEST_F(Checkpoints, OnlyTheLastTwoAreKept) {
+  for (const int step : {5, 10, 15, 20}) ASSERT_TRUE(save(folder(), step));
+  EXPECT_THAT(steps_in(path()), ElementsAre(20, 15));
+  folder().keep_only_newest();
+  EXPECT_THAT(steps_in(path()), ElementsAre(20));
+}
+
+TEST_F(Checkpoints, ADamagedOneIsNamedSetAsideAndTheOlderOneTaken) {
+  for (const int step : {5, 10}) ASSERT_TRUE(save(folder(), step));
+  std::string bytes = read_bytes(file(10));
+  bytes[bytes.size() / 2] ^= 4;
+  write_bytes(file(10), bytes);
+  const std::optional<TrainingState> found = folder().newest();
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->progress.step, 5);
+  EXPECT_TRUE(fs::exists(file(10).string() + ".refused"));
+  EXPECT_THAT(steps_in(path()), ElementsAre(5));
+}
+
+TEST_F(Checkpoints, WithoutAnyThereIsNone) {
+  EXPECT_FALSE(folder().newest());
+  write_bytes(path() / "step_x.ckpt", "not one");
+  write_bytes(path() / "step_3.ckpt", "damaged");
+  EXPECT_FALSE(folder().newest());
+}
+
+TEST_F(Checkpoints, AFullDiskIsSeenBeforehandAndNothingIsLost) {
+  for (const int step : {5, 10}) ASSERT_TRUE(save(folder(), step));
+  EXPECT_FALSE(save(folder([](const fs::path&) { return std::uint64_t(1000); }), 15));
+  EXPECT_THAT(steps_in(path()), ElementsAre(10));  // the older one did not make space enough
+  EXPECT_TRUE(folder().newest());
+}
+
+TEST_F(Checkpoints, TheOlderOneMakesSpaceWhereThatIsEnough) {
+  for (const int step : {5, 10}) ASSERT_TRUE(save(folder(), step));
+  const auto space = [&](const fs::path&) {
+    return steps_in(path()).size() < 2 ? ~std::uint64_t(0) : std::uint64_t(1000);
+  };
+  EXPECT_TRUE(save(folder(space), 15));
+  EXPECT_THAT(steps_in(path()), ElementsAre(15, 10));
+}
+
+/// At its k-th point, calls something.
+class AtWritePoint final : public WriteHook {
+ public:
+  AtWritePoint(int point, void (*f)()) : left_(point), f_(f) { set_write_hook(this); }
+  ~AtWritePoint() override { set_write_hook(nullptr); }
+  void before(WritePoint, const fs::path&) override {
+    if (--left_ == 0) f_();
+  }
+  bool was_reached() const { return left_ <= 0; }
+
+ private:
+  int left_;
+  void (*f_)();
+};
+
+TEST_F(Checkpoints, AKillAtAnyPointOfWritingLeavesTheOldOnesOrTheNewOne) {
+  for (const int step : {5, 10}) ASSERT_TRUE(save(folder(), step));
+  int kills = 0;
+  for (bool is_killed = true; is_killed; ++kills) {
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      AtWritePoint kill_here(kills + 1, [] { ::kill(::getpid(), SIGKILL); });
+      ::_exit(save(folder(), 15) ? 0 : 1);
+    }
+    int status = 0;
+    ASSERT_EQ(::waitpid(child, &status, 0), child);
+    is_killed = WIFSIGNALED(status);
+    EXPECT_TRUE(is_killed || WEXITSTATUS(status) == 0);
+    remove_leftovers(path());
+    for (const auto& entry : fs::directory_iterator(path()))
+      EXPECT_TRUE(entry.path().filename().string().starts_with("step_")) << entry.path();
+    const std::vector<int> steps = steps_in(path());
+    ASSERT_FALSE(steps.empty());
+    EXPECT_TRUE(steps[0] == 15 || steps == (std::vector<int>{10, 5})) << steps[0];
+    for (const int step : steps)  // none of them is damaged
+      EXPECT_TRUE(same_bits(read_checkpoint(file(step)).state.model, telling_state(7, step).model));
+    if (steps[0] == 15) fs::remove(file(15));
+    if (steps.back() == 10) {
+      ASSERT_TRUE(save(folder(), 5) && save(folder(), 10));
+    }
+  }
+  EXPECT_GT(kills, 60);  // sections, pieces of them, sync, rename
+}
+
+TEST_F(Checkpoints, AWriteThatFailsIsToldAndLeavesTheOldOnes) {
+  for (const int step : {5, 10}) ASSERT_TRUE(save(folder(), step));
+  for (int point = 1;; ++point) {
+    AtWritePoint fail_here(point, [] { throw Error("the disk is full, says the test"); });
+    const bool is_saved = save(folder(), 15);
+    if (!fail_here.was_reached()) break;
+    if (is_saved) continue;
+    const std::optional<TrainingState> found = folder().newest();
+    ASSERT_TRUE(found);
+    EXPECT_TRUE(found->progress.step == 10 || found->progress.step == 15);
+  }
+  EXPECT_THAT(steps_in(path()), ElementsAre(15, 10));
+}
+
+TEST_F(Checkpoints, OnlyLeftoversOfProcessesThatAreGoneAreRemoved) {
+  const pid_t gone = fork();
+  if (gone == 0) ::_exit(0);
+  ::waitpid(gone, nullptr, 0);
+  const auto name = [](const std::string& of, pid_t process) {
+    return "." + of + "." + std::to_string(process) + ".3.tmp";
+  };
+  for (const std::string& kept :
+       {name("step_5.ckpt", ::getpid()), std::string("notes.tmp"), std::string(".tmp"),
+        std::string("..tmp"), std::string(".a.b.tmp"), std::string("step_5.ckpt")})
+    write_bytes(path() / kept, "x");
+  write_bytes(path() / name("step_5.ckpt", gone), "x");
+  remove_leftovers(path());
+  EXPECT_FALSE(fs::exists(path() / name("step_5.ckpt", gone)));
+  EXPECT_EQ(std::distance(fs::directory_iterator(path()), {}), 6);
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,375 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer's server: what it answers and what it refuses, in this process. The verbs that start it: view_verbs_test.cpp.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <httplib.h>
+#include <spdlog/fmt/fmt.h>
+
+#include <chrono>
+#include <thread>
+
+#include "data_loaders/formats/ply/ply.h"
+#include "gs_app/view/file_view.h"
+#include "gs_core/error.h"
+#include "tests/support/program.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::StartsWith;
+
+/// A FileView behind a server of its own.
+class Served {
+ public:
+  explicit Served(std::unique_ptr<FileView> view)
+      : view_(std::move(view)), server_({"127.0.0.1", 0}, [this](const HttpRequest& request) {
+          return view_answer(*view_, request);
+        }) {}
+  httplib::Client client() const { return httplib::Client("127.0.0.1", server_.port()); }
+  httplib::Result get(const std::string& path, const httplib::Headers& headers = {}) const {
+    return client().Get(path, headers);
+  }
+  /// What comes back for these bytes, until the server ends the connection.
+  std::string say(const std::string& bytes) const {
+    const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(std::uint16_t(server_.port()));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    EXPECT_EQ(::connect(socket, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+    EXPECT_EQ(::send(socket, bytes.data(), bytes.size(), MSG_NOSIGNAL), ssize_t(bytes.size()));
+    std::string answers;
+    char piece[4096];
+    for (ssize_t got = 0; (got = ::recv(socket, piece, sizeof piece, 0)) > 0;)
+      answers.append(piece, std::size_t(got));
+    ::close(socket);
+    return answers;
+  }
+  Json json(const std::string& path) const { return Json::parse(get(path)->body); }
+
+ private:
+  std::unique_ptr<FileView> view_;
+  HttpServer server_;
+};
+
+class View : public Program {
+ protected:
+  /// The model or run in `name` as `gemsplat view` serves it.
+  Served serve(const std::string& name, const DatasetConfig* dataset = nullptr) {
+    const OpenedModel opened = open_model(path(name), std::nullopt);
+    Config config = opened.config;
+    if (dataset) config.dataset = *dataset;
+    return Served(std::make_unique<FileView>(view_scene_of(opened, config, dataset, ""),
+                                             serve_model(opened)));
+  }
+  Image8 decoded(const std::string& bytes) {
+    write_bytes(path("picture.jpg"), bytes);
+    return read_photo(path("picture.jpg"));
+  }
+  fs::path ply() const { return path("out/point_cloud/iteration_20/point_cloud.ply"); }
+};
+
+double mean_difference(const Image8& a, const Image8& b) {
+  EXPECT_EQ(a.pixels.size(), b.pixels.size());
+  double sum = 0;
+  for (std::size_t i = 0; i < std::min(a.pixels.size(), b.pixels.size()); ++i)
+    sum += std::abs(int(a.pixels[i]) - int(b.pixels[i]));
+  return sum / double(a.pixels.size());
+}
+
+TEST(HttpHosts, OnlyNamesOfTheLoopbackAreOwnThere) {
+  for (const char* named : {"127.0.0.1:7070", "localhost", "LocalHost:80", "[::1]:7070", "::1"})
+    EXPECT_TRUE(is_own_host(named, "127.0.0.1")) << named;
+  for (const char* named : {"evil.example", "127.0.0.1.evil.example", "192.168.0.7:7070", "",
+                            "localhost.evil.example", "[fe80::1]"})
+    EXPECT_FALSE(is_own_host(named, "127.0.0.1")) << named;
+}
+
+TEST(HttpHosts, OpenServersAnswerToAddressesAndGivenNamesAlone) {
+  EXPECT_TRUE(is_own_host("192.168.0.7:7070", "0.0.0.0"));
+  EXPECT_TRUE(is_own_host("box.example:7070", "box.example"));
+  EXPECT_FALSE(is_own_host("evil.example", "0.0.0.0"));
+  EXPECT_FALSE(is_own_host("evil.example", "box.example"));
+}
+
+TEST(Http, APortThatIsTakenIsNamed) {
+  const HttpServer first({"127.0.0.1", 0}, [](const HttpRequest&) { return HttpAnswer(); });
+  try {
+    const HttpServer second({"127.0.0.1", first.port()},
+                            [](const HttpRequest&) { return HttpAnswer(); });
+    FAIL() << "two servers share a port";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr(std::to_string(first.port())), HasSubstr("--port")));
+  }
+}
+
+TEST(Http, WhatAHandlerThrowsIsAnAnswer) {
+  const HttpServer server(
+      {"127.0.0.1", 0}, [](const HttpRequest&) -> HttpAnswer { throw Error("no such\x1bthing"); });
+  const auto answer = httplib::Client("127.0.0.1", server.port()).Get("/");
+  EXPECT_EQ(answer->status, 500);
+  EXPECT_EQ(answer->body, "no such?thing");
+}
+
+TEST_F(View, OfARunHasItsCamerasWithSplitsAndPhotos) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve("out");
+  const Json scene = served.json("/scene.json");
+  EXPECT_EQ(scene.at("mode"), "file");
+  EXPECT_EQ(scene.at("title"), text("out"));
+  EXPECT_THAT(scene.at("notes"), IsEmpty());
+  ASSERT_EQ(scene.at("cameras").size(), std::size_t(kViews));
+  const Json& camera = scene.at("cameras").at(1);  // the second test view
+  EXPECT_EQ(camera.at("name"), "view_3.png");
+  EXPECT_EQ(camera.at("split"), "test");
+  EXPECT_EQ(scene.at("cameras").at(2).at("split"), "train");
+  EXPECT_EQ(camera.at("width"), kWidth);
+  EXPECT_EQ(camera.at("fy"), 40);
+  EXPECT_EQ(camera.at("cx"), 20);
+  const std::vector<double> expected{1, 0, 0, 0.3, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  for (int i = 0; i < 16; ++i)
+    EXPECT_NEAR(camera.at("world_from_camera").at(i), expected[i], 1e-6) << i;
+  EXPECT_EQ(scene.at("up"), Json({0, -1, 0}));
+  EXPECT_GT(scene.at("radius"), 0.0);
+  const Json state = served.json("/state.json");
+  EXPECT_EQ(state.at("done"), true);
+  EXPECT_EQ(state.at("gaussians"), scene.at("model").at("gaussians"));
+
+  const auto photo = served.get("/" + camera.at("photo").get<std::string>());
+  EXPECT_EQ(photo->get_header_value("Content-Type"), "image/jpeg");
+  EXPECT_LT(mean_difference(decoded(photo->body), read_photo(path("scene/images/view_3.png"))), 4);
+}
+
+TEST_F(View, TheModelHasTheBytesOfItsFile) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve("out");
+  const auto model = served.get("/model?v=1");
+  EXPECT_EQ(model->status, 200);
+  EXPECT_EQ(model->body, read_bytes(ply()));
+  const Json said = served.json("/scene.json").at("model");
+  EXPECT_EQ(said.at("format"), "ply");
+  EXPECT_EQ(said.at("bytes"), model->body.size());
+  EXPECT_EQ(said.at("name"), "point_cloud.ply");
+  EXPECT_EQ(said.at("sh_degree"), 3);
+  EXPECT_EQ(said.at("gaussians"), read_gaussian_ply(ply()).gaussians.count());
+}
+
+TEST_F(View, ThePageHasTheBytesOfItsFileAndIsNeverKept) {
+  if (!can_view()) GTEST_SKIP() << cannot_view();
+  ASSERT_EQ(train("out").code, 0);
+  const auto page = serve("out").get("/", {{"Accept-Encoding", "gzip, br"}});
+  EXPECT_EQ(page->body, read_bytes(GS_VIEW_PAGE));
+  EXPECT_EQ(page->get_header_value("Cache-Control"), "no-store");
+  EXPECT_THAT(page->get_header_value("Content-Type"), HasSubstr("text/html"));
+}
+
+TEST_F(View, OtherFormatsAreServedAsTheyAreOrAsAPly) {
+  ASSERT_EQ(train("out").code, 0);
+  ASSERT_EQ(run("export " + text("out") + " " + text("a.spz") + " " + text("b.csv") + " " +
+                text("c.compressed.ply"))
+                .code,
+            0);
+  const Served spz = serve("a.spz");
+  EXPECT_EQ(spz.get("/model")->body, read_bytes(path("a.spz")));
+  const Json model = spz.json("/scene.json").at("model");
+  EXPECT_EQ(model.at("format"), "spz");
+  EXPECT_EQ(model.at("world_from_file"), Json({1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}));
+  EXPECT_EQ(serve("c.compressed.ply").get("/model")->body, read_bytes(path("c.compressed.ply")));
+
+  const Served csv = serve("b.csv");
+  EXPECT_EQ(csv.json("/scene.json").at("model").at("format"), "ply");
+  EXPECT_EQ(csv.json("/scene.json").at("model").at("name"), "b.csv");
+  write_bytes(path("d.ply"), csv.get("/model")->body);
+  EXPECT_EQ(read_gaussian_ply(path("d.ply")).gaussians.count(),
+            read_gaussian_ply(ply()).gaussians.count());
+  EXPECT_THAT(csv.json("/scene.json").at("cameras"), IsEmpty());
+}
+
+TEST_F(View, AnAsciiPlyIsMadeBinary) {
+  ASSERT_EQ(train("out").code, 0);
+  std::string file = read_bytes(ply());
+  const std::size_t body = file.find("end_header\n") + 11;
+  std::istringstream header(file.substr(0, body));
+  std::string text_file;
+  std::size_t columns = 0;
+  for (std::string line; std::getline(header, line);) {
+    columns += line.starts_with("property");
+    text_file += (line.starts_with("format") ? "format ascii 1.0" : line) + "\n";
+  }
+  const auto* numbers = reinterpret_cast<const float*>(file.data() + body);
+  for (std::size_t i = 0; i < (file.size() - body) / sizeof(float); ++i) {
+    float value = 0;
+    std::memcpy(&value, numbers + i, sizeof value);
+    text_file += fmt::format("{}{}", value, (i + 1) % columns ? ' ' : '\n');
+  }
+  write_bytes(path("ascii.ply"), text_file);
+  EXPECT_THAT(serve("ascii.ply").get("/model")->body, HasSubstr("format binary_little_endian"));
+}
+
+TEST_F(View, WithoutItsSceneARunHasNoPhotosAndSaysSo) {
+  ASSERT_EQ(train("out").code, 0);
+  fs::rename(path("scene"), path("elsewhere"));
+  const Json scene = serve("out").json("/scene.json");
+  ASSERT_EQ(scene.at("cameras").size(), std::size_t(kViews));
+  EXPECT_TRUE(scene.at("cameras").at(0).at("photo").is_null());
+  EXPECT_EQ(scene.at("cameras").at(0).at("split"), "test");
+  EXPECT_THAT(scene.at("notes").at(0), HasSubstr("no photos: "));
+
+  DatasetConfig dataset;
+  dataset.source = text("elsewhere");
+  EXPECT_EQ(serve("out", &dataset).get("/photo/5")->status, 200);
+}
+
+TEST_F(View, AMissingPhotoFailsAloneAndInWords) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve("out");
+  fs::remove(path("scene/images/view_3.png"));
+  const auto photo = served.get("/photo/1");
+  EXPECT_EQ(photo->status, 500);
+  EXPECT_THAT(photo->body, HasSubstr("view_3.png"));
+  EXPECT_EQ(served.get("/photo/0")->status, 200);
+}
+
+TEST_F(View, WhatHasNoAddressIsNotFound) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve("out");
+  for (const char* address : {"/photo/6", "/photo/-1", "/photo/1x", "/photo/", "/etc/passwd",
+                              "/../../../../etc/passwd", "/model/", "/index.html", "/frame?w=1"})
+    EXPECT_EQ(served.get(address)->status, 404) << address;
+  EXPECT_EQ(served.client().Post("/model")->status, 404);
+}
+
+TEST_F(View, RequestsOfOtherNamesAndPagesAreRefused) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve("out");
+  for (const char* address : {"/", "/scene.json", "/model", "/photo/0"}) {
+    EXPECT_EQ(served.get(address, {{"Host", "evil.example"}})->status, 403) << address;
+    EXPECT_EQ(served.get(address, {{"Host", "localhost:1234"}})->status, 200) << address;
+  }
+  EXPECT_EQ(
+      served.get("/photo/0", {{"Sec-Fetch-Site", "cross-site"}, {"Sec-Fetch-Mode", "no-cors"}})
+          ->status,
+      403);
+  for (const auto& [destination, status] : {std::pair{"document", 200}, {"iframe", 403}})
+    EXPECT_EQ(served
+                  .get("/", {{"Sec-Fetch-Site", "cross-site"},
+                             {"Sec-Fetch-Mode", "navigate"},
+                             {"Sec-Fetch-Dest", destination}})
+                  ->status,
+              status)
+        << destination;
+}
+
+TEST_F(View, TheBodyOfARefusedRequestIsNoRequest) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve("out");
+  const std::string hidden = "GET /scene.json HTTP/1.1\r\nHost: localhost\r\n\r\n";
+  const std::string answers = served.say(
+      fmt::format("POST /x HTTP/1.1\r\nHost: evil.example\r\nContent-Length: {}\r\n\r\n{}",
+                  hidden.size(), hidden));
+  EXPECT_THAT(answers, StartsWith("HTTP/1.1 403"));
+  EXPECT_EQ(answers.find("HTTP/1.1", 1), answers.npos) << answers;
+}
+
+// --- Frames
+
+class Remote : public View {
+ protected:
+  Served serve_remote() {
+    opened_ = open_model(path("out"), std::nullopt);
+    auto renderer = std::make_unique<FrameRenderer>("cpu", opened_.model,
+                                                    view_settings(opened_, opened_.config));
+    return Served(std::make_unique<FileView>(view_scene_of(opened_, opened_.config, false, ""),
+                                             opened_.model.gaussians.count(), std::move(renderer)));
+  }
+  OpenedModel opened_;
+};
+
+// Of camera 0, view_0.
+const std::string kFrame =
+    "/frame?w=40&h=32&fx=40&fy=40&cx=20&cy=16&m=1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1&q=100";
+
+TEST_F(Remote, AFrameIsThePictureThatRenderMakes) {
+  ASSERT_EQ(train("out").code, 0);
+  ASSERT_EQ(run("render " + text("out") + " -o " + text("pictures") + " --device cpu").code, 0);
+  const Served served = serve_remote();
+  const Json scene = served.json("/scene.json");
+  EXPECT_EQ(scene.at("mode"), "remote");
+  EXPECT_EQ(scene.at("cameras").at(0).at("name"), "view_0.png");
+  const auto frame = served.get(kFrame);
+  ASSERT_EQ(frame->status, 200) << frame->body;
+  EXPECT_GT(std::stod(frame->get_header_value("X-Render-Ms")), 0);
+  // A JPEG of quality 100 is off by about one level, more where color is averaged over 2 x 2 pixels.
+  EXPECT_LT(mean_difference(decoded(frame->body), read_photo(path("pictures/view_0.png"))), 3);
+  EXPECT_EQ(served.get("/model")->status, 404);
+}
+
+TEST_F(Remote, DepthAndNormalsAreOfTheFramesSize) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve_remote();
+  for (const char* mode : {"depth", "normal"}) {
+    const auto frame = served.get(kFrame + "&mode=" + mode);
+    ASSERT_EQ(frame->status, 200) << frame->body;
+    const Image8 picture = decoded(frame->body);
+    EXPECT_EQ(picture.width, kWidth);
+    EXPECT_GT(*std::max_element(picture.pixels.begin(), picture.pixels.end()), 50) << mode;
+  }
+}
+
+TEST_F(Remote, WordsThatCannotBeTakenAreNamed) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve_remote();
+  const auto refusal = [&](const std::string& word, const std::string& instead) {
+    std::string address = kFrame;
+    const std::size_t at = address.find(word);
+    const auto answer = served.get(address.replace(at, word.size(), instead));
+    EXPECT_EQ(answer->status, 400) << instead;
+    return answer->body;
+  };
+  EXPECT_THAT(refusal("w=40", "w=0"), HasSubstr("cannot take w: 0"));
+  EXPECT_THAT(refusal("h=32", "h=4097"), HasSubstr("4096"));
+  EXPECT_THAT(refusal("h=32", "h=3.5"), HasSubstr("whole number"));
+  EXPECT_THAT(refusal("fx=40", "fx=nan"), HasSubstr("cannot take fx"));
+  EXPECT_THAT(refusal("fy=40", "fy=-1"), HasSubstr("focal length"));
+  EXPECT_THAT(refusal("&cx=20", ""), HasSubstr("cannot take cx: it is missing"));
+  EXPECT_THAT(refusal("q=100", "q=101"), HasSubstr("cannot take q"));
+  EXPECT_THAT(refusal("q=100", "mode=xray"), HasSubstr("color, depth and normal"));
+  EXPECT_THAT(refusal("m=1,0", "m=2,0"), HasSubstr("no rotation"));
+  EXPECT_THAT(refusal("m=1,0", "m=-1,0"), HasSubstr("no rotation"));  // mirrored
+  EXPECT_THAT(refusal("m=1,0", "m=0"), HasSubstr("16 numbers"));
+}
+
+TEST_F(Remote, ANewerRequestOfTheSameClientOvertakesOneThatWaits) {
+  ASSERT_EQ(train("out").code, 0);
+  const Served served = serve_remote();
+  std::string large = kFrame;
+  large.replace(large.find("w=40&h=32"), 9, "w=4000&h=3000");  // keeps the renderer busy
+  std::map<int, int> statuses;
+  std::mutex mutex;
+  std::vector<std::thread> askers;
+  const auto ask = [&](const std::string& address) {
+    askers.emplace_back([&, address] {
+      httplib::Client client = served.client();
+      client.set_read_timeout(60);
+      const int status = client.Get(address)->status;
+      const std::lock_guard lock(mutex);
+      ++statuses[status];
+    });
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  };
+  ask(large + "&client=a");
+  for (int i = 0; i < 3; ++i) ask(kFrame + "&client=b");
+  ask(kFrame + "&client=c");
+  for (std::thread& asker : askers) asker.join();
+  EXPECT_EQ(statuses[200], 3);  // a, the last of b, c
+  EXPECT_EQ(statuses[409], 2);
+}
+
+}  // namespace
+}  // namespace gs

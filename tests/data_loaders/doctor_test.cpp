@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/doctor/doctor.h"
+
+#include <gmock/gmock.h>
+
+#include <fstream>
+#include <random>
+
+#include "data_loaders/photos/picture_quality.h"
+#include "tests/support/colmap_writer.h"
+#include "tests/support/tiny_photos.h"
+
+namespace gs {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+using Level = Finding::Level;
+
+Diagnosis diagnosis_of(const std::filesystem::path& folder, bool look_at_pictures = true) {
+  Config config;
+  config.dataset.source = folder.string();
+  return examine(config, look_at_pictures);
+}
+
+/// The one finding of a level and topic.
+Finding the(const Diagnosis& diagnosis, Level level, const std::string& topic) {
+  std::vector<Finding> found;
+  std::string all;
+  for (const Finding& finding : diagnosis.findings) {
+    all += finding.topic + ": " + finding.text + "\n";
+    if (finding.level == level && finding.topic == topic) found.push_back(finding);
+  }
+  EXPECT_EQ(found.size(), 1u) << topic << " in\n" << all;
+  return found.empty() ? Finding{} : found.front();
+}
+std::size_t count(const Diagnosis& diagnosis, Level level) {
+  return std::size_t(std::count_if(diagnosis.findings.begin(), diagnosis.findings.end(),
+                                   [&](const Finding& finding) { return finding.level == level; }));
+}
+
+TEST(Doctor, HasNothingAgainstAGoodScene) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(24));
+  const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
+  EXPECT_TRUE(diagnosis.can_train());
+  EXPECT_EQ(count(diagnosis, Level::warning), 0u);
+  EXPECT_THAT(the(diagnosis, Level::good, "model").text,
+              HasSubstr("24 photos placed, 1 lenses, 2 points"));
+  EXPECT_THAT(the(diagnosis, Level::good, "lenses").text, HasSubstr("PINHOLE 12x8"));
+  EXPECT_THAT(the(diagnosis, Level::good, "points").text, HasSubstr("error 0.50 pixels"));
+  EXPECT_THAT(the(diagnosis, Level::note, "forecast").text,
+              HasSubstr("training 1 million Gaussians"));
+}
+
+TEST(Doctor, ForecastOfMemoryKeepsToTheBudgetOfPhotos) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(24));
+  Config config;
+  config.dataset.source = temp.path().string();
+  EXPECT_THAT(the(examine(config, false), Level::note, "forecast").text,
+              Not(HasSubstr("when it is their turn")));
+  config.dataset.photo_ram_gib = 1e-6f;  // of 24 photos of 288 bytes
+  EXPECT_THAT(the(examine(config, false), Level::note, "forecast").text,
+              HasSubstr("when it is their turn"));
+}
+
+TEST(Doctor, SaysWhatIsMissingWhereThereIsNoModel) {
+  const TempFolder temp;
+  write_png(temp.path() / "a.png", plain_photo(12, 8, 1));
+  const Diagnosis diagnosis = diagnosis_of(temp.path());
+  EXPECT_FALSE(diagnosis.can_train());
+  EXPECT_THAT(the(diagnosis, Level::note, "scene").text, HasSubstr("gemsplat reconstruct"));
+  EXPECT_FALSE(diagnosis_of(temp.path() / "nowhere").can_train());
+}
+
+TEST(Doctor, NamesAllMissingAndUnreadablePhotos) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(24));
+  for (const char* name : {"b.png", "d.png", "e.png"})
+    std::filesystem::remove(temp.path() / "images" / name);
+  write_bytes(temp.path() / "images" / "c.png", "no picture");
+  write_png(temp.path() / "images" / "surplus.png", plain_photo(12, 8, 1));
+  const Diagnosis diagnosis = diagnosis_of(temp.path());
+  EXPECT_FALSE(diagnosis.can_train());
+  std::vector<std::vector<std::string>> fatal;
+  for (const Finding& finding : diagnosis.findings)
+    if (finding.level == Level::fatal) fatal.push_back(finding.names);
+  EXPECT_THAT(fatal, ElementsAre(ElementsAre("b.png", "d.png", "e.png"), ElementsAre("c.png")));
+  EXPECT_THAT(the(diagnosis, Level::note, "photos").names, ElementsAre("surplus.png"));
+}
+
+TEST(Doctor, TellsPhotosOnTheirSideFromOtherPhotos) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(24));
+  write_png(temp.path() / "images" / "b.png", plain_photo(8, 12, 1));
+  write_png(temp.path() / "images" / "c.png", plain_photo(10, 10, 1));
+  write_png(temp.path() / "images" / "d.png", plain_photo(24, 16, 1));
+  const Diagnosis diagnosis = diagnosis_of(temp.path());
+  EXPECT_THAT(the(diagnosis, Level::fatal, "orientation").names, ElementsAre("b.png"));
+  EXPECT_THAT(the(diagnosis, Level::fatal, "photos").names, ElementsAre("c.png"));
+  EXPECT_THAT(the(diagnosis, Level::note, "photos").text, HasSubstr("1 photos have another size"));
+}
+
+TEST(Doctor, FindsExifOrientations) {
+  const TempFolder temp;
+  ColmapModel model = small_model(24);
+  model.cameras[7] = {7, CameraModel::pinhole, 16, 8, {10, 11, 6.5, 3.5}};
+  model.images[0].name = "a.jpg";
+  write_scene(temp.path(), model);
+  write_bytes(temp.path() / "images" / "a.jpg",
+              std::string(reinterpret_cast<const char*>(kTurnedJpeg), sizeof kTurnedJpeg));
+  if (read_photo_orientation(temp.path() / "images" / "a.jpg") == 1)
+    GTEST_SKIP() << "this build reads no EXIF";
+  const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
+  EXPECT_TRUE(diagnosis.can_train());
+  EXPECT_THAT(the(diagnosis, Level::note, "orientation").names, ElementsAre("a.jpg"));
+}
+
+TEST(Doctor, WarnsOfStrayCamerasAndFewPhotos) {
+  const TempFolder temp;
+  ColmapModel model = small_model(12);
+  model.images[3].cam_from_world_translation = {0, 0, 5000};
+  write_scene(temp.path(), model);
+  const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
+  EXPECT_TRUE(diagnosis.can_train());
+  EXPECT_THAT(the(diagnosis, Level::warning, "cameras").names, ElementsAre("d.png"));
+  EXPECT_THAT(the(diagnosis, Level::warning, "model").text, HasSubstr("12 photos are few"));
+}
+
+TEST(Doctor, WarnsOfPointsAndPlaces) {
+  const TempFolder temp;
+  ColmapModel model = small_model(24);
+  model.points.clear();
+  for (ColmapImage& image : model.images) image.cam_from_world_translation.y = 4e6;
+  write_scene(temp.path(), model);
+  const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
+  EXPECT_TRUE(diagnosis.can_train());
+  EXPECT_THAT(the(diagnosis, Level::warning, "points").text, HasSubstr("no points"));
+  EXPECT_THAT(the(diagnosis, Level::note, "place").text, HasSubstr("0 -4000000 0 taken off"));
+}
+
+TEST(Doctor, RefusesWhatLoadingRefuses) {
+  const TempFolder temp;
+  ColmapModel model = small_model(24);
+  model.cameras[7].model = CameraModel::equirectangular;
+  model.cameras[7].params = {};
+  write_scene(temp.path(), model);
+  EXPECT_FALSE(diagnosis_of(temp.path(), false).can_train());
+
+  write_scene(temp.path(), small_model(24));
+  Config config;
+  config.dataset.source = temp.path().string();
+  config.dataset.resolution = 3;
+  EXPECT_FALSE(examine(config, false).can_train());
+}
+
+/// Noise, which is sharp, after `smoothing` means over neighbors, times `gain`.
+Image8 noise(int smoothing, double gain, unsigned seed) {
+  std::mt19937 engine(seed);
+  Image8 image(64, 48, 3);
+  for (std::uint8_t& value : image.pixels) value = std::uint8_t(64 + engine() % 128);
+  for (int round = 0; round < smoothing; ++round)
+    for (int y = 0; y < image.height; ++y)
+      for (int x = 0; x + 1 < image.width; ++x)
+        for (int c = 0; c < 3; ++c)
+          image.at(x, y, c) = std::uint8_t((image.at(x, y, c) + image.at(x + 1, y, c)) / 2);
+  for (std::uint8_t& value : image.pixels) value = std::uint8_t(std::min(255.0, value * gain));
+  return image;
+}
+
+TEST(PictureQuality, TellsTheBlurredAndTheDarkFromTheRest) {
+  std::vector<PictureQuality> qualities;
+  for (unsigned i = 0; i < 12; ++i)
+    qualities.push_back(quality_of(noise(i == 4 ? 6 : 0, i == 9 ? 0.3 : 1.0 + 0.01 * i, i)));
+  const QualityOutliers outliers = outliers_of(qualities);
+  EXPECT_THAT(outliers.odd_exposure, ElementsAre(9));
+  EXPECT_THAT(outliers.blurred, testing::Contains(4));
+  EXPECT_THAT(outliers_of({qualities[4], qualities[0], qualities[9]}).blurred, IsEmpty());
+  EXPECT_THAT(outliers_of(std::vector<PictureQuality>(9, qualities[0])).blurred, IsEmpty());
+}
+
+TEST(Doctor, NamesOddPictures) {
+  const TempFolder temp;
+  ColmapModel model = small_model(24);
+  model.cameras[7] = {7, CameraModel::pinhole, 64, 48, {60, 60, 32, 24}};
+  write_scene(temp.path(), model);
+  for (unsigned i = 0; i < 24; ++i)
+    write_png(temp.path() / "images" / model.images[i].name,
+              noise(i == 2 ? 6 : 0, i == 5 ? 0.3 : 1, i));
+  std::size_t last = 0, all = 0;
+  Config config;
+  config.dataset.source = temp.path().string();
+  const Diagnosis diagnosis = examine(config, true, [&](std::size_t done, std::size_t total) {
+    EXPECT_EQ(done, ++last);
+    all = total;
+  });
+  EXPECT_EQ(last, all);
+  EXPECT_EQ(all, 24u);
+  std::vector<std::vector<std::string>> named;
+  for (const Finding& finding : diagnosis.findings)
+    if (finding.topic == "pictures" && finding.level == Level::warning)
+      named.push_back(finding.names);
+  ASSERT_EQ(named.size(), 2u);
+  EXPECT_THAT(named[0], testing::Contains("c.png"));
+  EXPECT_THAT(named[1], ElementsAre("f.png"));
+}
+
+}  // namespace
+}  // namespace gs

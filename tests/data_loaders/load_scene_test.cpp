@@ -1,0 +1,464 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/scene/load_scene.h"
+
+#include <gmock/gmock.h>
+
+#include "data_loaders/lenses/undistort.h"
+#include "gs_core/error.h"
+#include "tests/support/colmap_writer.h"
+#include "tests/support/tiny_photos.h"
+
+namespace gs {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+
+DatasetConfig dataset_at(const std::filesystem::path& folder) {
+  DatasetConfig dataset;
+  dataset.source = folder.string();
+  return dataset;
+}
+
+std::string error_of(const DatasetConfig& dataset) {
+  try {
+    load_scene(dataset);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  ADD_FAILURE() << "load_scene threw no Error";
+  return "";
+}
+
+std::vector<std::string> names_of(const std::vector<View>& views) {
+  std::vector<std::string> names;
+  for (const View& view : views) names.push_back(view.name);
+  return names;
+}
+
+TEST(LoadScene, GivesViewsPointsAndExtent) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(3));
+  const Scene scene = load_scene(dataset_at(temp.path()));
+  ASSERT_EQ(scene.train_views.size(), 3u);
+  EXPECT_TRUE(scene.test_views.empty());
+  const View& view = scene.train_views[2];
+  EXPECT_EQ(view.name, "c.png");
+  EXPECT_EQ(view.camera.width, 12);
+  EXPECT_EQ(view.camera.height, 8);
+  EXPECT_EQ(view.camera.fx, 10);
+  EXPECT_EQ(view.camera.fy, 11);
+  EXPECT_EQ(view.camera.cx, 6.5f);  // off the center, and kept
+  EXPECT_EQ(view.camera.cy, 3.5f);
+  EXPECT_EQ(view.camera.position(), Vec3f(2, 0, 0));
+  EXPECT_EQ(view.photo.pixels, plain_photo(12, 8, 20).pixels);
+  ASSERT_EQ(scene.points.size(), 2u);
+  EXPECT_EQ(scene.points[0].position, Vec3f(1, 2, 3));
+  EXPECT_THAT(scene.points[1].color, ElementsAre(255, 0, 1));
+  EXPECT_FLOAT_EQ(scene.extent, 1.1f);  // cameras at x = 0, 1, 2
+}
+
+TEST(LoadScene, RotationTakesWorldToCamera) {
+  const TempFolder temp;
+  ColmapModel model = small_model(1);
+  const double h = std::sqrt(0.5);
+  model.images[0].cam_from_world_rotation = {h, 0, 0, h};  // 90 degrees about z: x goes to y
+  write_scene(temp.path(), model);
+  const Camera camera = load_scene(dataset_at(temp.path())).train_views[0].camera;
+  const Vec3f turned = multiply(camera.cam_from_world_rotation, Vec3f(1, 0, 0));
+  EXPECT_NEAR(turned.x, 0, 1e-6);
+  EXPECT_NEAR(turned.y, 1, 1e-6);
+}
+
+TEST(LoadScene, ModelIsFoundInAllItsPlaces) {
+  for (const char* place :
+       {"sparse/0", "sparse/1", "sparse", "colmap/sparse/0", ".", "elsewhere/2"}) {
+    const TempFolder temp;
+    write_scene(temp.path(), small_model(2));
+    std::filesystem::create_directories(temp.path() / "scene" / place);
+    for (const char* file : {"cameras.bin", "images.bin", "points3D.bin"})
+      std::filesystem::copy(temp.path() / "sparse/0" / file, temp.path() / "scene" / place);
+    std::filesystem::rename(temp.path() / "images", temp.path() / "scene" / "images");
+    DatasetConfig dataset = dataset_at(temp.path() / "scene");
+    if (std::string(place) == "elsewhere/2") dataset.model = place;
+    EXPECT_EQ(load_scene(dataset).train_views.size(), 2u) << place;
+  }
+}
+
+/// What load_scene() says while it loads.
+std::string log_of(const DatasetConfig& dataset) {
+  testing::internal::CaptureStdout();
+  try {
+    load_scene(dataset);
+  } catch (const Error& error) {
+    ADD_FAILURE() << error.what();
+  }
+  return testing::internal::GetCapturedStdout();
+}
+
+TEST(LoadScene, SubModelWithTheMostPhotosIsTakenAndSaid) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(5));
+  write_png(temp.path() / "images/unplaced.png", plain_photo(12, 8, 5));
+  write_bytes(temp.path() / "images/notes.txt", "");
+  std::filesystem::rename(temp.path() / "sparse/0", temp.path() / "sparse/10");
+  write_text_model(temp.path() / "sparse/0", small_model(2));
+  write_binary_model(temp.path() / "sparse/2", small_model(3));
+  write_binary_model(temp.path() / "sparse/11", small_model(5));      // no more than sparse/10
+  write_binary_model(temp.path() / "sparse/backup", small_model(6));  // not of COLMAP's naming
+  EXPECT_THAT(log_of(dataset_at(temp.path())),
+              HasSubstr("sparse/10 holds 5 of 6 photos; sparse/11 holds 5, sparse/2 holds 3, "
+                        "sparse/0 holds 2"));
+  EXPECT_EQ(load_scene(dataset_at(temp.path())).train_views.size(), 5u);
+
+  DatasetConfig named = dataset_at(temp.path());
+  named.model = "sparse/2";
+  EXPECT_THAT(log_of(named), Not(HasSubstr("holds")));
+  EXPECT_EQ(load_scene(named).train_views.size(), 3u);
+}
+
+TEST(LoadScene, NextToNothingOfThePhotosIsRefusedUnlessNamed) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(6));
+  write_binary_model(temp.path() / "sparse/0", small_model(2));
+  EXPECT_THAT(
+      error_of(dataset_at(temp.path())),
+      AllOf(HasSubstr("only 2 of the 6 photos"), HasSubstr((temp.path() / "images").string()),
+            HasSubstr("run COLMAP again"), HasSubstr("dataset.model")));
+  DatasetConfig named = dataset_at(temp.path());
+  named.model = "sparse/0";
+  EXPECT_EQ(load_scene(named).train_views.size(), 2u);
+
+  std::filesystem::remove(temp.path() / "images/f.png");  // 2 of 5 is few, and not next to nothing
+  EXPECT_EQ(load_scene(dataset_at(temp.path())).train_views.size(), 2u);
+}
+
+TEST(LoadScene, ViewsAreSortedByNameAndEveryNthIsHeldOut) {
+  const TempFolder temp;
+  ColmapModel model = small_model(5);
+  const char* names[] = {"b/2.png", "B.png", "a10.png", "a9.png", "b/1.png"};
+  for (int i = 0; i < 5; ++i) model.images[i].name = names[i];
+  write_scene(temp.path(), model);
+  DatasetConfig dataset = dataset_at(temp.path());
+  dataset.eval = true;
+  dataset.test_every = 3;
+  const Scene scene = load_scene(dataset);
+  EXPECT_THAT(names_of(scene.test_views), ElementsAre("B.png", "b/1.png"));
+  EXPECT_THAT(names_of(scene.train_views), ElementsAre("a10.png", "a9.png", "b/2.png"));
+  EXPECT_EQ(scene.train_views[2].photo.pixels[0],
+            0);  // the photo in the sub-folder, which was first
+  EXPECT_EQ(scene.train_views[0].photo.pixels[0], 20);
+}
+
+TEST(LoadScene, SplitThatLeavesNothingIsRefused) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(1));
+  DatasetConfig dataset = dataset_at(temp.path());
+  dataset.eval = true;
+  EXPECT_THROW(load_scene(dataset), UsageError);
+  EXPECT_THAT(error_of(dataset),
+              AllOf(HasSubstr("no view is left"), HasSubstr("dataset.test_every")));
+  dataset.test_every = 0;
+  EXPECT_THAT(error_of(dataset), HasSubstr("test_every is 0"));
+  write_scene(temp.path(), small_model(0));
+  EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("no images"));
+}
+
+TEST(LoadScene, ResolutionDividesOrIsTheWidth) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(1));  // 12 x 8
+  const auto camera_at = [&](int resolution) {
+    DatasetConfig dataset = dataset_at(temp.path());
+    dataset.resolution = resolution;
+    const View view = load_scene(dataset).train_views[0];
+    EXPECT_EQ(view.photo.width, view.camera.width);
+    EXPECT_EQ(view.photo.height, view.camera.height);
+    return view.camera;
+  };
+  EXPECT_EQ(camera_at(2).width, 6);
+  EXPECT_EQ(camera_at(2).height, 4);
+  EXPECT_EQ(camera_at(8).width, 2);  // 1.5, rounded
+  EXPECT_EQ(camera_at(8).height, 1);
+  EXPECT_FLOAT_EQ(camera_at(8).fx, 10 * 2.0f / 12);  // the true ratio of each axis
+  EXPECT_FLOAT_EQ(camera_at(8).fy, 11 * 1.0f / 8);
+  EXPECT_FLOAT_EQ(camera_at(8).cx, 6.5f * 2 / 12);
+  EXPECT_EQ(camera_at(9).width, 9);
+  EXPECT_EQ(camera_at(9).height, 6);
+  EXPECT_EQ(camera_at(12).width, 12);
+  for (int wrong : {-1, 0, 3, 5, 6, 7, 13}) {
+    DatasetConfig dataset = dataset_at(temp.path());
+    dataset.resolution = wrong;
+    EXPECT_THROW(load_scene(dataset), UsageError) << wrong;
+  }
+}
+
+TEST(LoadScene, MissingPhotosAreNamedAndCounted) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(14));
+  const auto remove_photos = [&](char first, char last) {
+    for (char name = first; name <= last; ++name)
+      std::filesystem::remove(temp.path() / "images" / (std::string(1, name) + ".png"));
+  };
+  remove_photos('b', 'k');
+  EXPECT_THAT(
+      error_of(dataset_at(temp.path())),
+      AllOf(HasSubstr("10 of the model's 14 photos"),
+            HasSubstr("b.png, c.png, d.png, e.png, f.png, g.png, h.png, i.png, j.png, k.png;"),
+            HasSubstr((temp.path() / "images").string())));
+  remove_photos('l', 'm');
+  write_png(temp.path() / "images/other.png", plain_photo(12, 8, 5));
+  EXPECT_THAT(error_of(dataset_at(temp.path())),
+              AllOf(HasSubstr("12 of the model's 14 photos"), HasSubstr("j.png, k.png and 2 more"),
+                    Not(HasSubstr("l.png")), HasSubstr("1 photos there"), HasSubstr("other.png")));
+}
+
+/// A scene with photos named otherwise than in the model: (in the model, on disk).
+DatasetConfig renamed_scene(const TempFolder& temp,
+                            const std::vector<std::pair<const char*, const char*>>& names) {
+  ColmapModel model = small_model(int(names.size()));
+  for (std::size_t i = 0; i < names.size(); ++i) model.images[i].name = names[i].first;
+  write_binary_model(temp.path() / "sparse/0", model);
+  for (std::size_t i = 0; i < names.size(); ++i)
+    write_png(temp.path() / "images" / names[i].second, plain_photo(12, 8, std::uint8_t(10 * i)));
+  return dataset_at(temp.path());
+}
+
+TEST(LoadScene, PhotosOfAnotherExtensionOrCaseAreTakenAndCounted) {
+  const TempFolder temp;
+  const DatasetConfig dataset = renamed_scene(temp, {{"a.jpg", "a.png"},
+                                                     {"b 1.tif", "b 1.png"},
+                                                     {"Left/C.png", "left/c.PNG"},
+                                                     {"Left/D.JPG", "left/d.png"},
+                                                     {"e.png", "e.png"}});
+  write_bytes(temp.path() / "images/a.txt", "a note on a.png");
+  write_bytes(temp.path() / "images/._a.png", "what macOS leaves behind");
+  EXPECT_THAT(log_of(dataset),
+              AllOf(HasSubstr("1 photos are taken for names in the model that differ in upper and "
+                              "lower case: left/c.PNG for 'Left/C.png'"),
+                    HasSubstr("2 photos are taken for names in the model that differ in extension: "
+                              "a.png for 'a.jpg', ..."),
+                    HasSubstr("1 photos are taken for names in the model that differ in case and "
+                              "extension: left/d.png for 'Left/D.JPG'")));
+  const Scene scene = load_scene(dataset);
+  EXPECT_THAT(names_of(scene.train_views),  // as the model has them
+              ElementsAre("Left/C.png", "Left/D.JPG", "a.jpg", "b 1.tif", "e.png"));
+  EXPECT_EQ(scene.train_views[0].photo.pixels[0], 20);
+  EXPECT_EQ(scene.train_views[1].photo.pixels[0], 30);
+  EXPECT_EQ(scene.train_views[2].photo.pixels[0], 0);
+}
+
+TEST(LoadScene, PhotoThatCouldBelongToTwoNamesIsTakenForNone) {
+  {
+    const TempFolder temp;  // two files for one name
+    const DatasetConfig dataset = renamed_scene(temp, {{"a.jpg", "a.png"}, {"b.png", "b.png"}});
+    write_png(temp.path() / "images/a.tif.png", plain_photo(12, 8, 5));
+    std::filesystem::rename(temp.path() / "images/a.tif.png", temp.path() / "images/a.tif");
+    EXPECT_THAT(error_of(dataset), HasSubstr("1 of the model's 2 photos"));
+  }
+  {
+    const TempFolder temp;  // one file for two names
+    const DatasetConfig dataset = renamed_scene(temp, {{"a.jpg", "a.png"}, {"a.tif", "a.png"}});
+    EXPECT_THAT(error_of(dataset), HasSubstr("2 of the model's 2 photos"));
+  }
+  {
+    const TempFolder temp;  // a file that another name owns
+    const DatasetConfig dataset = renamed_scene(temp, {{"a.jpg", "a.png"}, {"a.png", "a.png"}});
+    EXPECT_THAT(error_of(dataset), HasSubstr("1 of the model's 2 photos are not in"));
+  }
+}
+
+TEST(LoadScene, PhotosOfOneNameInTwoFoldersAreTwoPhotos) {
+  const TempFolder temp;
+  const DatasetConfig dataset =
+      renamed_scene(temp, {{"left/1.png", "left/1.png"}, {"right/1.png", "right/1.png"}});
+  const Scene scene = load_scene(dataset);
+  EXPECT_THAT(names_of(scene.train_views), ElementsAre("left/1.png", "right/1.png"));
+  EXPECT_EQ(scene.train_views[0].photo.pixels[0], 0);
+  EXPECT_EQ(scene.train_views[1].photo.pixels[0], 10);
+  std::filesystem::rename(temp.path() / "images/left/1.png", temp.path() / "images/1.png");
+  EXPECT_THAT(error_of(dataset), HasSubstr("1 of the model's 2 photos"));
+}
+
+TEST(LoadScene, NamesMayNotLeaveTheImagesFolder) {
+  for (const char* name : {"../a.png", "sub/../../a.png", "/tmp/a.png"}) {
+    const TempFolder temp;
+    ColmapModel model = small_model(1);
+    write_scene(temp.path(), model);
+    model.images[0].name = name;
+    write_binary_model(temp.path() / "sparse/0", model);
+    EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("leads out of the images folder"));
+  }
+}
+
+TEST(LoadScene, SmallerPhotosScaleTheIntrinsics) {
+  const TempFolder temp;
+  ColmapModel model = small_model(1);
+  model.cameras[7] = {7, CameraModel::pinhole, 1201, 800, {1000, 1100, 650, 350}};
+  write_binary_model(temp.path() / "sparse/0", model);
+  write_png(temp.path() / "images/a.png", plain_photo(300, 200, 5));  // a quarter, to a pixel
+  const Camera camera = load_scene(dataset_at(temp.path())).train_views[0].camera;
+  EXPECT_EQ(camera.width, 300);
+  EXPECT_EQ(camera.height, 200);
+  EXPECT_FLOAT_EQ(camera.fx, 1000 * 300.0f / 1201);
+  EXPECT_FLOAT_EQ(camera.fy, 275);
+  EXPECT_FLOAT_EQ(camera.cy, 87.5f);
+}
+
+TEST(LoadScene, SwappedSizeIsCalledSo) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(1));
+  write_png(temp.path() / "images/a.png", plain_photo(8, 12, 5));
+  EXPECT_THAT(error_of(dataset_at(temp.path())),
+              AllOf(HasSubstr("8 x 12"), HasSubstr("12 x 8"), HasSubstr("swapped"),
+                    HasSubstr("EXIF"), HasSubstr("auto-orient")));
+}
+
+TEST(LoadScene, OtherShapeIsRefusedWithBothSizes) {
+  const TempFolder temp;
+  ColmapModel model = small_model(1);
+  model.cameras[7] = {7, CameraModel::pinhole, 120, 80, {100, 100, 60, 40}};
+  write_scene(temp.path(), model);
+  write_png(temp.path() / "images/a.png", plain_photo(100, 80, 5));
+  EXPECT_THAT(error_of(dataset_at(temp.path())),
+              AllOf(HasSubstr("100 x 80"), HasSubstr("120 x 80"), Not(HasSubstr("EXIF"))));
+}
+
+TEST(LoadScene, LensIsUndistorted) {
+  const TempFolder temp;
+  ColmapModel model = small_model(2);
+  model.cameras[7] = {7, CameraModel::simple_radial, 120, 80, {100, 63, 38, -0.1}};
+  write_scene(temp.path(), model);
+  if (!can_undistort()) {
+    EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("no OpenCV"));
+    return;
+  }
+  const View view = load_scene(dataset_at(temp.path())).train_views[1];
+  EXPECT_EQ(view.camera.fx, 100);
+  EXPECT_GT(view.camera.width, 120);  // barrel distortion: the corners were pulled in
+  EXPECT_FLOAT_EQ(view.camera.cx, 63.0f * view.camera.width / 120);
+  EXPECT_EQ(view.photo.width, view.camera.width);
+  EXPECT_EQ(view.photo.pixels, plain_photo(view.camera.width, view.camera.height, 10).pixels);
+}
+
+TEST(LoadScene, UnknownLensNamesThePhoto) {
+  const TempFolder temp;
+  ColmapModel model = small_model(1);
+  model.cameras[7] = {7, CameraModel::equirectangular, 12, 8, {12, 8}};
+  write_scene(temp.path(), model);
+  EXPECT_THAT(error_of(dataset_at(temp.path())),
+              AllOf(HasSubstr("a.png"), HasSubstr("EQUIRECTANGULAR")));
+}
+
+TEST(LoadScene, DamagedPhotoIsNamed) {
+  const TempFolder temp;
+  ColmapModel model = small_model(4);
+  model.cameras[7] = {7, CameraModel::pinhole, 16, 8, {10, 10, 8, 4}};
+  write_scene(temp.path(), model);
+  model.images[2].name = "c.jpg";
+  write_binary_model(temp.path() / "sparse/0", model);
+  const std::string cut(reinterpret_cast<const char*>(kTurnedJpeg), sizeof(kTurnedJpeg) - 20);
+  write_bytes(temp.path() / "images/c.jpg", cut);  // its header is whole
+  EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("c.jpg"));
+}
+
+TEST(LoadScene, PointBeyondSinglePrecisionIsRefused) {
+  const TempFolder temp;
+  ColmapModel model = small_model(2);
+  model.points[1].position.y = -1e60;
+  write_scene(temp.path(), model);
+  EXPECT_THAT(error_of(dataset_at(temp.path())), HasSubstr("point 900000000000"));
+}
+
+TEST(LoadScene, PoseBeyondSinglePrecisionIsRefused) {
+  const TempFolder temp;
+  ColmapModel model = small_model(2);
+  model.images[1].cam_from_world_translation.x = 1e60;
+  write_scene(temp.path(), model);
+  EXPECT_THAT(error_of(dataset_at(temp.path())),
+              AllOf(HasSubstr("b.png"), HasSubstr("single precision")));
+}
+
+TEST(LoadScene, NotASceneListsThePlacesAndTheNearestMatch) {
+  const TempFolder temp;
+  std::filesystem::create_directories(temp.path() / "empty");
+  EXPECT_THAT(error_of(dataset_at(temp.path() / "empty")),
+              AllOf(HasSubstr("empty/sparse/0, "), HasSubstr("empty/sparse, "),
+                    HasSubstr("dataset.model")));
+  EXPECT_THAT(error_of(dataset_at(temp.path() / "nowhere")), HasSubstr("no such folder"));
+  EXPECT_THROW(load_scene(DatasetConfig{}), UsageError);
+
+  const auto scene = temp.path() / "garden";
+  write_scene(scene, small_model(1));
+  EXPECT_THAT(error_of(dataset_at(temp.path())),
+              HasSubstr(scene.string() + " has one"));  // one level down
+  EXPECT_THAT(error_of(dataset_at(scene / "images")),
+              HasSubstr(scene.string() + " has one"));  // one level up
+  EXPECT_THAT(error_of(dataset_at(scene / "sparse/0")),
+              HasSubstr("train on " + scene.string()));  // photos two up
+  std::filesystem::rename(scene / "sparse/0", scene / "sparse/aligned");
+  EXPECT_THAT(error_of(dataset_at(scene)), HasSubstr("--set dataset.model=sparse/aligned"));
+
+  write_binary_model(temp.path() / "work/dense/0/sparse", small_model(1));
+  EXPECT_THAT(error_of(dataset_at(temp.path() / "work")), HasSubstr("work/dense/0 has one"));
+}
+
+TEST(LoadScene, ProgressCountsEveryPhotoInOrder) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(4));
+  std::vector<std::size_t> headers, photos;
+  load_scene(dataset_at(temp.path()), [&](LoadStage stage, std::size_t done, std::size_t total) {
+    (stage == LoadStage::headers ? headers : photos).push_back(done);
+    EXPECT_EQ(total, 4u);
+  });
+  EXPECT_THAT(headers, ElementsAre(1, 2, 3, 4));
+  EXPECT_THAT(photos, ElementsAre(1, 2, 3, 4));
+}
+
+// Two cameras of transforms.json, at the origin and one unit to the right of it, both looking along -z of OpenGL.
+std::string transforms_of(const std::vector<std::string>& files) {
+  std::string frames;
+  for (std::size_t i = 0; i < files.size(); ++i)
+    frames +=
+        (i ? ", " : "") + ("{\"file_path\": \"" + files[i] + "\", \"transform_matrix\": [[1,0,0," +
+                           std::to_string(i) + "],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}");
+  return "{\"fl_x\": 10, \"fl_y\": 11, \"cx\": 6, \"cy\": 4, \"w\": 12, \"h\": 8, \"frames\": [" +
+         frames + "]}";
+}
+
+TEST(LoadScene, TakesTransformsWhereColmapHasLeftNothing) {
+  const TempFolder temp;
+  for (const char* name : {"a.png", "b.png"})
+    write_png(temp.path() / "pictures" / name, plain_photo(12, 8, 50));
+  write_bytes(temp.path() / "transforms.json",
+              transforms_of({"./pictures/b.png", "pictures/a.png"}));
+  const Scene scene = load_scene(dataset_at(temp.path()));
+  ASSERT_EQ(scene.train_views.size(), 2u);
+  EXPECT_THAT(names_of(scene.train_views), ElementsAre("pictures/a.png", "pictures/b.png"));
+  EXPECT_EQ(scene.train_views[0].camera.position(), Vec3f(1, 0, 0));
+  EXPECT_EQ(scene.train_views[1].camera.position(), Vec3f(0, 0, 0));
+  // OpenGL's backwards is our forwards: what lies at -z is in front.
+  const Vec3f ahead =
+      multiply(scene.train_views[1].camera.cam_from_world_rotation, Vec3f(0, 0, -1));
+  EXPECT_FLOAT_EQ(ahead.z, 1);
+  EXPECT_TRUE(scene.points.empty());
+}
+
+TEST(LoadScene, ABlenderSceneSaysItselfWhatIsForTesting) {
+  const TempFolder temp;
+  for (const char* name : {"train/a.png", "train/b.png", "test/a.png"})
+    write_png(temp.path() / name, plain_photo(12, 8, 50));
+  write_bytes(temp.path() / "transforms_train.json", transforms_of({"./train/a", "./train/b"}));
+  write_bytes(temp.path() / "transforms_test.json", transforms_of({"./test/a"}));
+  DatasetConfig dataset = dataset_at(temp.path());
+  dataset.eval = true;
+  const Scene scene = load_scene(dataset);
+  EXPECT_THAT(names_of(scene.test_views), ElementsAre("test/a.png"));
+  EXPECT_EQ(scene.train_views.size(), 2u);
+  dataset.eval = false;
+  EXPECT_EQ(load_scene(dataset).train_views.size(), 3u);
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: Apache-2.0
+// rigs and frames of COLMAP 3.12 and later, and the split that keeps frames whole.
+#include <gmock/gmock.h>
+
+#include "data_loaders/colmap/colmap_model.h"
+#include "data_loaders/scene/load_scene.h"
+#include "data_loaders/scene/split.h"
+#include "gs_core/error.h"
+#include "tests/support/colmap_writer.h"
+
+namespace gs {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+/// Two cameras on a rig that took `moments` photos each: left/0.png and right/0.png, left/1.png ...
+/// Image ids and frames are in no order that would help.
+ColmapModel stereo_model(int moments) {
+  ColmapModel model = small_model(0);
+  model.cameras[8] = model.cameras[7];
+  model.cameras[8].id = 8;
+  const double h = std::sqrt(0.5);
+  model.rigs.push_back(
+      {4, {{7, true, {1, 0, 0, 0}, {0.0, 0.0, 0.0}}, {8, true, {h, 0, h, 0}, {-0.1, 0.25, 0.0}}}});
+  model.rigs.push_back(
+      {5, {{9, true, {1, 0, 0, 0}, {0.0, 0.0, 0.0}}, {10, false, {1, 0, 0, 0}, {0.0, 0.0, 0.0}}}});
+  for (int i = moments - 1; i >= 0; --i) {
+    const std::uint32_t left = 100 - 2 * i, right = left + 1;
+    const std::string name = std::to_string(i) + ".png";
+    model.images.push_back({left, "left/" + name, 7, {1, 0, 0, 0}, {-double(i), 0.0, 0.0}});
+    model.images.push_back({right, "right/" + name, 8, {1, 0, 0, 0}, {-double(i), 1.0, 0.0}});
+    model.frames.push_back({std::uint32_t(i + 1), 4, {right, left, 999}});  // 999: not registered
+  }
+  for (std::size_t i = 0; i < model.frames.size(); ++i) model.frames[i].image_ids[2] += i;
+  return model;
+}
+
+void expect_same_rigs(const ColmapModel& a, const ColmapModel& b) {
+  ASSERT_EQ(a.rigs.size(), b.rigs.size());
+  for (std::size_t i = 0; i < a.rigs.size(); ++i) {
+    EXPECT_EQ(a.rigs[i].id, b.rigs[i].id);
+    ASSERT_EQ(a.rigs[i].cameras.size(), b.rigs[i].cameras.size());
+    for (std::size_t k = 0; k < a.rigs[i].cameras.size(); ++k) {
+      const ColmapRigCamera &x = a.rigs[i].cameras[k], &y = b.rigs[i].cameras[k];
+      EXPECT_EQ(x.camera_id, y.camera_id);
+      EXPECT_EQ(x.has_pose, y.has_pose);
+      EXPECT_NEAR(x.cam_from_rig_rotation.w, y.cam_from_rig_rotation.w, 1e-15);
+      EXPECT_NEAR(x.cam_from_rig_rotation.y, y.cam_from_rig_rotation.y, 1e-15);
+      EXPECT_EQ(x.cam_from_rig_translation, y.cam_from_rig_translation);
+    }
+  }
+  ASSERT_EQ(a.frames.size(), b.frames.size());
+  for (std::size_t i = 0; i < a.frames.size(); ++i) {
+    EXPECT_EQ(a.frames[i].id, b.frames[i].id);
+    EXPECT_EQ(a.frames[i].rig_id, b.frames[i].rig_id);
+    EXPECT_EQ(a.frames[i].image_ids, b.frames[i].image_ids);
+  }
+}
+
+/// What reading `folder` complains of: an Error, or else a warning with which the rigs are left out.
+std::string complaint_of(const std::filesystem::path& folder) {
+  testing::internal::CaptureStdout();
+  try {
+    EXPECT_THAT(read_colmap_model(folder).rigs, IsEmpty());
+  } catch (const Error& error) {
+    return testing::internal::GetCapturedStdout() + error.what();
+  }
+  const std::string log = testing::internal::GetCapturedStdout();
+  EXPECT_THAT(log, HasSubstr("going on without rigs"));
+  return log;
+}
+
+std::vector<std::string> names_of(const std::vector<View>& views) {
+  std::vector<std::string> names;
+  for (const View& view : views) names.push_back(view.name);
+  return names;
+}
+
+TEST(Rigs, BinaryAndTextGiveWhatWasWritten) {
+  const TempFolder temp;
+  const ColmapModel model = stereo_model(3);
+  write_binary_model(temp.path() / "bin", model);
+  write_text_model(temp.path() / "txt", model);
+  expect_same_rigs(read_colmap_model(temp.path() / "bin"), model);
+  expect_same_rigs(read_colmap_model(temp.path() / "txt"), model);
+}
+
+TEST(Rigs, EitherFileMayBeAbsent) {
+  const TempFolder temp;
+  write_binary_model(temp.path(), stereo_model(2));
+  std::filesystem::remove(temp.path() / "rigs.bin");
+  EXPECT_THAT(read_colmap_model(temp.path()).rigs, IsEmpty());
+  EXPECT_EQ(read_colmap_model(temp.path()).frames.size(), 2u);
+  std::filesystem::remove(temp.path() / "frames.bin");
+  EXPECT_THAT(read_colmap_model(temp.path()).frames, IsEmpty());
+  write_bytes(temp.path() / "frames.txt", "of the other encoding, so not looked at");
+  EXPECT_THAT(read_colmap_model(temp.path()).frames, IsEmpty());
+}
+
+TEST(Rigs, TruncationAtEveryByteNamesTheFile) {
+  const TempFolder temp;
+  write_binary_model(temp.path(), stereo_model(2));
+  for (const char* name : {"rigs.bin", "frames.bin"}) {
+    const std::string whole = read_bytes(temp.path() / name);
+    for (std::size_t size = 0; size < whole.size(); ++size) {
+      write_bytes(temp.path() / name, whole.substr(0, size));
+      ASSERT_THAT(complaint_of(temp.path()), AllOf(HasSubstr(name), HasSubstr("byte"))) << size;
+    }
+    write_bytes(temp.path() / name, whole + "x");
+    EXPECT_THAT(complaint_of(temp.path()), HasSubstr("1 bytes follow"));
+    write_bytes(temp.path() / name, whole);
+  }
+}
+
+TEST(Rigs, FaultsAreNamedWithTheirLine) {
+  const TempFolder temp;
+  write_text_model(temp.path(), stereo_model(1));
+  const struct {
+    const char *file, *text, *complaint;
+  } faults[] = {
+      {"rigs.txt", "# c\n1 1 CAMERA 7\n1 1 CAMERA 8\n", "rig id 1 occurs twice in line 3"},
+      {"rigs.txt", "1 2 CAMERA 7 CAMERA 8 1 0 0 0 0 0 0 0\n", "zero quaternion in line 1"},
+      {"rigs.txt", "1 2 CAMERA 7 CAMERA 8 1 nan 0 0 0 0 0 0\n", "not finite in line 1"},
+      {"rigs.txt", "1 4000000000 CAMERA 7\n", "SENSOR_ID is missing in line 1"},
+      {"rigs.txt", "1 2 0 7\n0 8 0\n", "SENSOR_ID is missing in line 1"},  // sensors in lines
+      {"rigs.txt", "", nullptr},
+      {"frames.txt", "1 1 1 0 0 0 0 0 0 2 CAMERA 7 5\n", "SENSOR_ID is missing in line 1"},
+      {"frames.txt", "1 1 1 0 0 0 0 0 0 1 CAMERA 7 x\n", "DATA_ID is 'x'"},
+      {"frames.txt", "1 1 1 0 0 0 0 0 0 0\n1 1 1 0 0 0 0 0 0 0\n", "frame id 1 occurs twice"},
+      {"frames.txt", "1 1 1 0 0 0 0 0 0 1 CAMERA 7 5\n2 1 1 0 0 0 0 0 0 1 CAMERA 7 5\n",
+       "image 5 belongs to frame 2 and to one before it in line 2"},
+  };
+  for (const auto& fault : faults) {
+    write_bytes(temp.path() / fault.file, fault.text);
+    if (fault.complaint)
+      EXPECT_THAT(complaint_of(temp.path()),
+                  AllOf(HasSubstr(fault.file), HasSubstr(fault.complaint)));
+    else
+      EXPECT_NO_THROW(read_colmap_model(temp.path()));
+  }
+}
+
+TEST(Rigs, KindsOfSensorMayBeNumbersInText) {
+  const TempFolder temp;
+  write_text_model(temp.path(), stereo_model(1));
+  write_bytes(temp.path() / "rigs.txt", "4 2 0 7 1 3 0\r\n");
+  write_bytes(temp.path() / "frames.txt", "1 4 1 0 0 0 0 0 0 3 0 7 100 1 3 101 0 8 102\r\n");
+  const ColmapModel model = read_colmap_model(temp.path());
+  ASSERT_EQ(model.rigs.size(), 1u);
+  EXPECT_EQ(model.rigs[0].cameras.size(), 1u);
+  ASSERT_EQ(model.frames.size(), 1u);
+  EXPECT_THAT(model.frames[0].image_ids, ElementsAre(100, 102));
+}
+
+TEST(Rigs, ViewsOfOneFrameAreOnOneSideOfTheSplit) {
+  for (const bool binary : {true, false}) {
+    const TempFolder temp;
+    const ColmapModel model = stereo_model(5);
+    write_scene(temp.path(), model);
+    if (!binary) {
+      std::filesystem::remove_all(temp.path() / "sparse/0");
+      write_text_model(temp.path() / "sparse/0", model);
+    }
+    DatasetConfig dataset;
+    dataset.source = temp.path().string();
+    dataset.eval = true;
+    dataset.test_every = 3;
+    const Scene scene = load_scene(dataset);
+    EXPECT_THAT(names_of(scene.test_views),
+                ElementsAre("left/0.png", "left/3.png", "right/0.png", "right/3.png"));
+    EXPECT_THAT(names_of(scene.train_views),
+                ElementsAre("left/1.png", "left/2.png", "left/4.png", "right/1.png", "right/2.png",
+                            "right/4.png"));
+  }
+}
+
+/// The rule of the photos alone, which ordinary models keep with and without their frames of one
+/// photo each.
+TEST(Split, FramesOfOnePhotoChangeNothing) {
+  ColmapModel model = small_model(20);
+  DatasetConfig dataset;
+  dataset.eval = true;
+  for (int every : {2, 7, 8, 19}) {
+    dataset.test_every = every;
+    std::vector<bool> expected;
+    for (int i = 0; i < 20; ++i) expected.push_back(i % every == 0);
+    model.frames.clear();
+    EXPECT_EQ(test_views_of(dataset, model), expected);
+    for (std::uint32_t i = 0; i < 20; ++i) model.frames.push_back({50 - i, 1, {20 - i}});
+    EXPECT_EQ(test_views_of(dataset, model), expected);
+  }
+  dataset.eval = false;
+  EXPECT_EQ(test_views_of(dataset, model), std::vector<bool>(20, false));
+}
+
+TEST(Split, PhotosOutsideOfFramesAreFramesOfTheirOwn) {
+  ColmapModel model = small_model(6);  // ids 1 to 6
+  model.frames.push_back({1, 1, {2, 5}});
+  DatasetConfig dataset;
+  dataset.eval = true;
+  dataset.test_every = 2;  // a | b e | c | d | f
+  EXPECT_THAT(test_views_of(dataset, model), ElementsAre(true, false, true, false, false, true));
+}
+
+TEST(Split, OneFrameThatHoldsEverythingLeavesNothing) {
+  ColmapModel model = small_model(3);
+  model.frames.push_back({1, 1, {1, 2, 3}});
+  DatasetConfig dataset;
+  dataset.eval = true;
+  try {
+    test_views_of(dataset, model);
+    ADD_FAILURE() << "threw no UsageError";
+  } catch (const UsageError& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("no view is left"), HasSubstr("1 rig frames")));
+  }
+}
+
+}  // namespace
+}  // namespace gs

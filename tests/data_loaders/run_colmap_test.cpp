@@ -1,0 +1,452 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photos to a scene: once with the colmap that is installed, on bundled pictures, and otherwise with a
+// shell script in its place, which says, writes and returns what a test wants.
+#include "data_loaders/reconstruct/run_colmap.h"
+
+#include <gmock/gmock.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <thread>
+
+#include "data_loaders/colmap/colmap_model.h"
+#include "data_loaders/reconstruct/colmap_log.h"
+#include "data_loaders/reconstruct/photo_folder.h"
+#include "data_loaders/video/video_frames.h"
+#include "gs_core/error.h"
+#include "gs_core/io/subprocess.h"
+#include "tests/support/avi_writer.h"
+#include "tests/support/foreign_leaks.h"
+#include "tests/support/scenes.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+using testing::SizeIs;
+
+// Neighbors in the bundled scene, which has no two views in one line.
+constexpr const char* kViews[] = {"002", "003", "004", "015", "016",
+                                  "017", "028", "029", "030", "031"};
+
+const ColmapProgress kSilent = [](ColmapStage, std::int64_t, std::int64_t) {};
+
+// What a real colmap says; the mapper gives the model that lies beside it.
+constexpr const char* kGoodColmap = R"sh(#!/bin/sh
+echo "$1" >> "$(dirname "$0")/calls"
+case "$*" in *" -h") echo "  --SiftExtraction.use_gpu arg (=1)"; exit 0;; esac
+case "$1" in
+  feature_extractor)
+    n=0
+    for name in a b c d; do
+      n=$((n + 1))
+      printf 'Processed file [%d/4]\n  Name:            %s.png\n' $n $name
+      echo "  Features:        $((5 - n))00"
+    done;;
+  exhaustive_matcher) echo "Matching block [1/1, 1/1] in 0.1s";;
+  mapper)
+    echo "Registering image #3 (3)"; echo "  => Image sees 119 / 933 points"
+    while [ "$1" != --output_path ]; do shift; done
+    cp -r "$(dirname "$0")/model" "$2/0";;
+esac
+)sh";
+
+/// Four photos, a program in colmap's place, and its model of the first three.
+class FakeColmap : public testing::Test {
+ protected:
+  FakeColmap() {
+    for (const char* name : {"a.png", "b.png", "c.png", "d.png"})
+      write_png(photos() / name, plain_photo(12, 8, 100));
+    install(kGoodColmap);
+    write_binary_model(temp_.path() / "model", small_model(3));
+  }
+
+  fs::path photos() const { return temp_.path() / "photos"; }
+  fs::path scene() const { return temp_.path() / "scene"; }
+  void install(const std::string& script) {
+    write_bytes(temp_.path() / "colmap", script);
+    fs::permissions(temp_.path() / "colmap", fs::perms::owner_all);
+  }
+  ColmapJob job() const {
+    ColmapJob result;
+    result.photos = photos();
+    result.scene = scene();
+    result.settings.colmap = (temp_.path() / "colmap").string();
+    return result;
+  }
+  /// Which of COLMAP's commands ran since the last call, and which were asked for help.
+  std::string take_calls() {
+    std::string calls = read_bytes(temp_.path() / "calls");
+    fs::remove(temp_.path() / "calls");
+    return calls;
+  }
+  std::string error_of(const ColmapJob& wanted) {
+    try {
+      run_colmap(wanted, kSilent);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    ADD_FAILURE() << "run_colmap threw no Error";
+    return "";
+  }
+
+  TempFolder temp_;
+};
+
+TEST(RunColmap, InstalledColmapPlacesThePhotosAndContinuesWhereItStopped) {
+  if (!find_program("colmap")) GTEST_SKIP() << "the program colmap is not installed";
+  const TempFolder temp;
+  ColmapJob job;
+  job.photos = temp.path() / "photos";
+  job.scene = temp.path() / "scene";
+  job.threads = 2;
+  job.settings.max_features = 2000;  // matching takes their square
+  fs::create_directories(job.photos);
+  for (const std::string view : kViews) {
+    const std::string name = "view_" + view + ".jpg";
+    fs::copy_file(fs::path(GS_SOURCE_DIR) / "examples/courtyard/images" / name, job.photos / name);
+  }
+
+  std::int64_t done[4] = {}, totals[4] = {};  // the first, of frames, stays
+  const auto progress = [&](ColmapStage stage, std::int64_t so_far, std::int64_t total) {
+    done[int(stage)] = so_far;
+    totals[int(stage)] = total;
+  };
+  const Reconstruction result = run_colmap(job, progress);
+  EXPECT_EQ(result.photos, std::size(kViews));
+  EXPECT_GE(result.registered, 8u);  // all of them in COLMAP 3.8; it draws random numbers
+  EXPECT_EQ(result.registered + result.missing.size(), result.photos);
+  EXPECT_GT(result.points, 300u);
+  EXPECT_LT(result.mean_error, 1);  // pixels; 0.3 in COLMAP 3.8
+  EXPECT_GT(result.mean_error, 0);
+  EXPECT_EQ(read_colmap_model(job.scene / "sparse/0").images.size(), result.registered);
+  EXPECT_EQ(done[1], totals[1]);
+  EXPECT_EQ(done[2], totals[2]);
+  EXPECT_GE(done[3], std::int64_t(result.registered));
+  EXPECT_EQ(read_colmap_log(job.scene / "colmap.log").photos.size(), result.photos);
+
+  int started = 0;
+  const auto count = [&](ColmapStage, std::int64_t so_far, std::int64_t) {
+    started += so_far == 0;
+  };
+  EXPECT_EQ(run_colmap(job, count).registered, result.registered);
+  EXPECT_EQ(started, 0);
+
+  std::string state = read_bytes(job.scene / "reconstruct.json");  // as after a kill in the matcher
+  const std::size_t list = state.find('[');
+  write_bytes(job.scene / "reconstruct.json", state.substr(0, list) + "[\"features\"]}");
+  fs::remove_all(job.scene / "sparse");
+  EXPECT_GE(run_colmap(job, count).registered, 8u);
+  EXPECT_EQ(started, 2);
+}
+
+TEST_F(FakeColmap, SceneHasPhotosModelLogAndVerdict) {
+  const Reconstruction result = run_colmap(job(), kSilent);
+  EXPECT_EQ(result.registered, 3u);
+  EXPECT_EQ(result.models, 1u);
+  ASSERT_THAT(result.missing, SizeIs(1));
+  EXPECT_EQ(result.missing[0].name, "d.png");
+  EXPECT_THAT(describe(result),
+              AllOf(HasSubstr("3 of 4 photos placed"), HasSubstr("missing: d.png")));
+  EXPECT_TRUE(fs::exists(photos() / "d.png"));
+  EXPECT_TRUE(fs::exists(scene() / "images/d.png"));
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"), HasSubstr("Processed file [4/4]"));
+}
+
+TEST_F(FakeColmap, OptionsAreThoseThatTheVersionKnows) {
+  run_colmap(job(), kSilent);
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"),
+              AllOf(HasSubstr("--SiftExtraction.use_gpu 0"), Not(HasSubstr("FeatureExtraction"))));
+}
+
+TEST_F(FakeColmap, ReasonForAMissingPhotoIsTakenFromTheLog) {
+  ColmapModel model = small_model(2);
+  model.images.push_back(small_model(4).images[3]);  // a, b, d; c was tried and saw 119 points
+  write_binary_model(temp_.path() / "model", model);
+  const Reconstruction tried = run_colmap(job(), kSilent);
+  ASSERT_THAT(tried.missing, SizeIs(1));
+  EXPECT_THAT(tried.missing[0].reason, HasSubstr("119 of the model's points seen"));
+}
+
+TEST_F(FakeColmap, PhotoWithFewFeaturesIsCalledSo) {
+  EXPECT_THAT(run_colmap(job(), kSilent).missing.at(0).reason, HasSubstr("too few features (100)"));
+}
+
+TEST_F(FakeColmap, FinishedSceneIsNotMadeAgain) {
+  run_colmap(job(), kSilent);
+  take_calls();
+  EXPECT_EQ(run_colmap(job(), kSilent).registered, 3u);
+  EXPECT_EQ(take_calls(), "");
+}
+
+TEST_F(FakeColmap, FailureShowsTheEndOfTheLogAndLaterContinuesThere) {
+  install("#!/bin/sh\ncase \"$1\" in *matcher) echo out of luck; exit 7;; esac\n");
+  EXPECT_THAT(error_of(job()), AllOf(HasSubstr("exit code 7"), HasSubstr("out of luck"),
+                                     HasSubstr((scene() / "colmap.log").string())));
+  install(kGoodColmap);
+  run_colmap(job(), kSilent);
+  EXPECT_EQ(take_calls(),
+            "exhaustive_matcher\nexhaustive_matcher\nmapper\nmapper\n");  // help first
+}
+
+TEST_F(FakeColmap, OtherSettingsNeedForceWhichMovesTheSceneAway) {
+  run_colmap(job(), kSilent);
+  ColmapJob other = job();
+  other.settings.max_features = 1000;
+  EXPECT_THAT(error_of(other), AllOf(HasSubstr("holds a scene already"), HasSubstr("--force")));
+  other.force = true;
+  run_colmap(other, kSilent);
+  EXPECT_TRUE(is_colmap_model(scene().string() + ".bak-1/sparse/0"));
+  EXPECT_TRUE(is_colmap_model(scene() / "sparse/0"));
+}
+
+TEST_F(FakeColmap, SceneOfAnotherProgramIsLeftAlone) {
+  write_bytes(scene() / "sparse/0/cameras.bin", "dear");
+  EXPECT_THAT(error_of(job()), HasSubstr("holds a scene already"));
+  EXPECT_EQ(read_bytes(scene() / "sparse/0/cameras.bin"), "dear");
+}
+
+TEST_F(FakeColmap, PhotosInTheScenesImagesAreTakenWhereTheyAre) {
+  fs::create_directories(scene());
+  fs::rename(photos(), scene() / "images");
+  ColmapJob in_place = job();
+  in_place.photos = scene() / "images";
+  EXPECT_EQ(run_colmap(in_place, kSilent).registered, 3u);
+  in_place.photos = scene();
+  EXPECT_EQ(run_colmap(in_place, kSilent).registered, 3u);
+  in_place.force = true;
+  EXPECT_THAT(error_of(in_place), HasSubstr("the photos lie in it"));
+}
+
+TEST_F(FakeColmap, LargestModelBecomesTheFirst) {
+  write_binary_model(temp_.path() / "large", small_model(4));
+  std::string script = kGoodColmap;
+  script.replace(script.find(";;\nesac"), 2, "; cp -r \"$(dirname \"$0\")/large\" \"$2/1\";;");
+  install(script);
+  const Reconstruction result = run_colmap(job(), kSilent);
+  EXPECT_EQ(result.registered, 4u);
+  EXPECT_EQ(result.models, 2u);
+  EXPECT_EQ(read_colmap_model(scene() / "sparse/1").images.size(), 3u);
+}
+
+TEST_F(FakeColmap, FewerThanThreePlacedPhotosAreNoScene) {
+  write_binary_model(temp_.path() / "model", small_model(2));
+  EXPECT_THAT(error_of(job()), AllOf(HasSubstr("placed only 2 photo(s)"), HasSubstr("at least 3")));
+  EXPECT_FALSE(fs::exists(scene() / "sparse"));
+}
+
+TEST_F(FakeColmap, MapperWithoutAModelGivesAdviceOnPhotos) {
+  install(
+      "#!/bin/sh\n[ $1 != mapper ] || { echo 'ERROR: failed to create sparse model'; exit 1; }\n");
+  EXPECT_THAT(error_of(job()),
+              AllOf(HasSubstr("could not place the cameras"), HasSubstr("take more photos")));
+}
+
+TEST_F(FakeColmap, MissingProgramNamesPackageAndFlag) {
+  ColmapJob without = job();
+  without.settings.colmap = "no-such-colmap";
+  EXPECT_THAT(error_of(without), AllOf(HasSubstr("no-such-colmap"), HasSubstr("apt install colmap"),
+                                       HasSubstr("--colmap")));
+}
+
+TEST_F(FakeColmap, SignalEndsTheProgramAndKeepsWhatIsComplete) {
+  install(
+      "#!/bin/sh\ncase \"$*\" in *\" -h\") exit 0;; exhaustive*) echo waiting; sleep 60;; esac\n");
+  std::atomic<bool> is_matching = false, is_over = false;
+  std::thread sender([&] {
+    while (!is_matching && !is_over) std::this_thread::yield();
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    if (!is_over) ::kill(::getpid(), SIGINT);
+  });
+  const auto watch = [&](ColmapStage stage, std::int64_t, std::int64_t) {
+    if (stage == ColmapStage::matches) is_matching = true;
+  };
+  const auto start = std::chrono::steady_clock::now();
+  ExitCode code = ExitCode::done;
+  try {
+    run_colmap(job(), watch);
+  } catch (const Error& error) {
+    code = error.code();
+  }
+  is_over = true;
+  sender.join();
+  EXPECT_EQ(code, ExitCode::interrupted);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(50));
+  EXPECT_THAT(read_bytes(scene() / "reconstruct.json"),
+              AllOf(HasSubstr("\"features\""), Not(HasSubstr("\"matches\""))));
+}
+
+class VideoColmap : public FakeColmap {
+ protected:
+  void SetUp() override {
+    if (!can_read_videos()) GTEST_SKIP() << "built without OpenCV";
+    write_walk(folder() / "walk.avi", 12);
+  }
+  fs::path folder() const { return temp_.path() / "videos"; }
+  static void write_walk(const fs::path& file, int count) {
+    std::vector<Image8> frames;
+    for (int i = 0; i < count; ++i) frames.push_back(random_photo(16, 12, std::uint64_t(i)));
+    write_avi(file, frames);
+  }
+  ColmapJob video_job(int frames) const {
+    ColmapJob result = job();
+    result.photos = folder() / "walk.avi";
+    result.settings.frames = frames;
+    return result;
+  }
+  std::vector<std::string> images() const {
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(scene() / "images"))
+      names.push_back(entry.path().filename().string());
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+};
+
+TEST_F(VideoColmap, FramesBecomeThePhotosAndNeighborsAreMatched) {
+  std::int64_t last = 0, total = 0;
+  run_colmap(video_job(6), [&](ColmapStage stage, std::int64_t done, std::int64_t all) {
+    if (stage == ColmapStage::frames) last = done, total = all;
+  });
+  EXPECT_THAT(images(), SizeIs(6));
+  EXPECT_THAT(images()[5], AllOf(HasSubstr("walk_0000"), HasSubstr(".png")));
+  EXPECT_EQ(last, 12);
+  EXPECT_EQ(total, 12);
+  EXPECT_THAT(take_calls(), HasSubstr("sequential_matcher"));
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"), HasSubstr("--ImageReader.single_camera 1"));
+}
+
+TEST_F(VideoColmap, FinishedSceneIsNotMadeAgainAndOtherFramesNeedForce) {
+  run_colmap(video_job(6), kSilent);
+  take_calls();
+  const std::string photo = (scene() / "images" / images()[0]).string();
+  const auto date = fs::last_write_time(photo);
+  run_colmap(video_job(6), kSilent);
+  EXPECT_EQ(take_calls(), "");
+  EXPECT_EQ(fs::last_write_time(photo), date);
+  EXPECT_THAT(error_of(video_job(5)), HasSubstr("holds a scene already"));
+}
+
+TEST_F(VideoColmap, FramesThatAreThereAreNotTakenAgain) {
+  install("#!/bin/sh\nexit 3\n");
+  error_of(video_job(6));
+  EXPECT_THAT(images(), SizeIs(6));
+  install(kGoodColmap);
+  int frame_calls = 0;
+  run_colmap(video_job(6), [&](ColmapStage stage, std::int64_t, std::int64_t) {
+    frame_calls += stage == ColmapStage::frames;
+  });
+  EXPECT_EQ(frame_calls, 0);
+}
+
+TEST_F(VideoColmap, OtherFramesOfAnUnfinishedSceneReplaceThose) {
+  install("#!/bin/sh\nexit 3\n");
+  error_of(video_job(6));
+  install(kGoodColmap);
+  run_colmap(video_job(4), kSilent);
+  EXPECT_THAT(images(), SizeIs(4));
+}
+
+TEST_F(VideoColmap, VideosOfAFolderShareTheFramesByTheirLength) {
+  write_walk(folder() / "Stairs.mov", 36);
+  write_walk(folder() / "walk.mkv", 12);  // AVI inside, as the reader finds out
+  ColmapJob all = video_job(10);
+  all.photos = folder();
+  run_colmap(all, kSilent);
+  const auto names = images();
+  ASSERT_THAT(names, SizeIs(10));
+  EXPECT_EQ(std::ranges::count_if(names, [](auto& name) { return name.starts_with("Stairs_"); }),
+            6);
+  EXPECT_EQ(std::ranges::count_if(names, [](auto& name) { return name.starts_with("walk.avi_"); }),
+            2);
+}
+
+TEST_F(VideoColmap, DamagedVideoLeavesNoSceneThatLooksComplete) {
+  const IgnoreForeignLeaks ignore;  // of OpenCV's backends
+  write_bytes(folder() / "walk.avi", "no film");
+  EXPECT_THAT(error_of(video_job(6)), AllOf(HasSubstr("walk.avi"), HasSubstr("ffmpeg")));
+  EXPECT_FALSE(fs::exists(scene() / "sparse"));
+}
+
+TEST(PhotoFolder, VideosAreFoundWhereThereAreNoPhotos) {
+  const TempFolder temp;
+  write_bytes(temp.path() / "b.MP4", "film");
+  write_bytes(temp.path() / "a.mov", "film");
+  write_bytes(temp.path() / "notes.txt", "");
+  EXPECT_THAT(find_videos(temp.path()), ElementsAre(temp.path() / "a.mov", temp.path() / "b.MP4"));
+  EXPECT_THAT(find_videos(temp.path() / "b.MP4"), ElementsAre(temp.path() / "b.MP4"));
+  EXPECT_TRUE(holds_only_photos(temp.path()));
+  EXPECT_TRUE(holds_only_photos(temp.path() / "b.MP4"));
+  EXPECT_FALSE(holds_only_photos(temp.path() / "notes.txt"));
+  write_png(temp.path() / "images/a.png", plain_photo(4, 4, 9));
+  EXPECT_THAT(find_videos(temp.path()), SizeIs(0));
+}
+
+TEST(PhotoFolder, VideoGetsAdvice) {
+  const TempFolder temp;
+  write_bytes(temp.path() / "walk.MP4", "film");
+  try {
+    find_photos(temp.path(), {});
+    FAIL() << "no Error";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("1 video(s): name one of them"));
+  }
+}
+
+TEST(PhotoFolder, NamesAreRelativeAndHiddenOrUnreadableFilesAreLeftOut) {
+  const TempFolder temp;
+  write_png(temp.path() / "images/b/1.png", plain_photo(4, 4, 9));
+  write_png(temp.path() / "images/a.png", plain_photo(4, 4, 9));
+  write_png(temp.path() / "images/.c.png", plain_photo(4, 4, 9));
+  write_bytes(temp.path() / "images/d.png", "no photo");
+  std::vector<std::string> names;
+  for (const PhotoFile& photo : find_photos(temp.path(), {})) names.push_back(photo.name);
+  EXPECT_THAT(names, ElementsAre("a.png", "b/1.png"));
+}
+
+TEST(PhotoFolder, MasksAreNoPhotos) {
+  const TempFolder temp;
+  write_png(temp.path() / "a.png", plain_photo(4, 4, 9));
+  write_png(temp.path() / "masks/a.png", plain_photo(4, 4, 9));
+  const std::vector<PhotoFile> photos = find_photos(temp.path(), {});
+  ASSERT_EQ(photos.size(), 1u);
+  EXPECT_EQ(photos[0].name, "a.png");
+}
+
+TEST(PhotoFolder, OnlyPhotosMeansNoPosesNearby) {
+  const TempFolder temp;
+  write_png(temp.path() / "images/a.png", plain_photo(4, 4, 9));
+  EXPECT_TRUE(holds_only_photos(temp.path()));
+  EXPECT_TRUE(holds_only_photos(temp.path() / "images"));
+  write_bytes(temp.path() / "transforms.json", "{}");
+  EXPECT_FALSE(holds_only_photos(temp.path()));
+  fs::remove(temp.path() / "transforms.json");
+  write_binary_model(temp.path() / "sparse/3", small_model(1));
+  EXPECT_FALSE(holds_only_photos(temp.path()));
+  EXPECT_FALSE(holds_only_photos(temp.path() / "images"));
+}
+
+TEST(ColmapLog, CountsAreReadFromOldAndNewLines) {
+  const auto count = [](std::string_view line) {
+    const auto found = colmap_count(line);
+    return found ? std::pair(found->done, found->total)
+                 : std::pair<std::int64_t, std::int64_t>(-1, -1);
+  };
+  using Pair = std::pair<std::int64_t, std::int64_t>;
+  EXPECT_EQ(count("Processed file [3/12]"), Pair(3, 12));
+  EXPECT_EQ(count("I20250101 feature_extraction.cc:254] Processed file [3/12]"), Pair(3, 12));
+  EXPECT_EQ(count("Matching block [2/3, 1/3] in 2.8s"), Pair(4, 9));
+  EXPECT_EQ(count("Matching image [7/300] in 0.1s"), Pair(7, 300));
+  EXPECT_EQ(count("Registering image #10 (3)"), Pair(3, 0));
+  EXPECT_EQ(count("Registering image #10 (num_reg_frames=3)"), Pair(3, 0));
+  EXPECT_EQ(count("  Name:            photo [3/12].jpg"), Pair(-1, -1));
+}
+
+}  // namespace
+}  // namespace gs

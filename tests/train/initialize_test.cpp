@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_train/initialize.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "gs_core/error.h"
+#include "gs_core/math/projection.h"
+#include "gs_core/parallel.h"
+#include "tests/support/models.h"
+
+namespace gs {
+namespace {
+
+std::vector<ScenePoint> random_points(std::size_t count, std::uint64_t seed) {
+  Draws draws(seed);
+  std::vector<ScenePoint> points(count);
+  for (ScenePoint& point : points) {
+    point.position = draws.uniform3(-1, 1);
+    for (std::uint8_t& channel : point.color) channel = std::uint8_t(draws.below(256));
+  }
+  return points;
+}
+
+Scene scene_with(std::vector<ScenePoint> points) {
+  Scene scene;
+  for (const std::uint64_t seed : {1, 2, 3})
+    scene.train_views.push_back({"", random_camera(40, 30, seed), {}});
+  scene.points = std::move(points);
+  scene.extent = camera_extent(scene.train_views);
+  return scene;
+}
+
+/// log of the root mean squared distance to the three nearest points, by brute force in double.
+double log_scale_by_brute_force(const std::vector<ScenePoint>& points, std::size_t i) {
+  std::vector<double> distances;
+  for (std::size_t other = 0; other < points.size(); ++other) {
+    const Vec3d offset = Vec3d(points[other].position) - Vec3d(points[i].position);
+    if (other != i) distances.push_back(inner(offset, offset));
+  }
+  std::sort(distances.begin(), distances.end());
+  return 0.5 * std::log((distances[0] + distances[1] + distances[2]) / 3);
+}
+
+TEST(InitialModel, HasOneGaussianForEachPointWhereItIs) {
+  const Scene scene = scene_with(random_points(500, 1));
+  const TrainingModel model = initial_model(scene, {}, host_memory());
+  ASSERT_EQ(model.count(), 500u);
+  for (std::size_t i = 0; i < 500; ++i)
+    EXPECT_EQ(model.gaussians.mean[i], scene.points[i].position);
+}
+
+TEST(InitialModel, OfADenseCloudTakesNoMoreThanTheConfigSays) {
+  Config config;
+  config.model.most_points = 100;
+  const std::size_t count =
+      initial_model(scene_with(random_points(5'000, 7)), config, host_memory()).count();
+  EXPECT_LE(count, 100u);
+  EXPECT_GE(count, 13u);
+}
+
+TEST(InitialModel, ScalesAreTheDistanceToTheThreeNearestPoints) {
+  const Scene scene = scene_with(random_points(500, 2));
+  const TrainingModel model = initial_model(scene, {}, host_memory());
+  for (std::size_t i = 0; i < 500; ++i)
+    for (int axis = 0; axis < 3; ++axis)
+      EXPECT_NEAR(model.gaussians.log_scale[i][axis], log_scale_by_brute_force(scene.points, i),
+                  1e-5);
+}
+
+TEST(InitialModel, ScalesAreMultipliedByTheConfigsFactor) {
+  const Scene scene = scene_with(random_points(50, 2));
+  Config config;
+  config.model.initial_scale = 0.1f;
+  const TrainingModel plain = initial_model(scene, {}, host_memory()),
+                      small = initial_model(scene, config, host_memory());
+  for (std::size_t i = 0; i < 50; ++i)
+    EXPECT_NEAR(small.gaussians.log_scale[i].y - plain.gaussians.log_scale[i].y, std::log(0.1f),
+                1e-5);
+}
+
+TEST(InitialModel, LooksLikeItsPointsFromEverySide) {
+  const Scene scene = scene_with(random_points(50, 3));
+  const TrainingModel model = initial_model(scene, {}, host_memory());
+  for (std::size_t i = 0; i < 50; ++i) {
+    for (int c = 0; c < 3; ++c)
+      EXPECT_NEAR(0.5 + 0.28209479177387814 * model.gaussians.sh0[i][c],
+                  scene.points[i].color[c] / 255.0, 1e-6);
+    EXPECT_TRUE(row_is(model.gaussians.sh_rest, i, 0.0f));
+  }
+}
+
+TEST(InitialModel, IsUprightAndHasTheOpacityOfTheConfig) {
+  Config config;
+  config.model.initial_opacity = 0.3f;
+  const TrainingModel model =
+      initial_model(scene_with(random_points(10, 4)), config, host_memory());
+  for (std::size_t i = 0; i < 10; ++i) {
+    const Quatf& q = model.gaussians.rotation[i];
+    EXPECT_TRUE(q.w == 1 && q.x == 0 && q.y == 0 && q.z == 0);
+    EXPECT_NEAR(sigmoid(model.gaussians.logit_opacity[i]), 0.3f, 1e-6f);
+  }
+}
+
+TEST(InitialModel, StartsWithZeroMomentsAndStatistics) {
+  const TrainingModel model = initial_model(scene_with(random_points(10, 5)), {}, host_memory());
+  EXPECT_TRUE(same_bits(model, model_of(model.gaussians)));
+  EXPECT_EQ(model.statistics.visits.download(), std::vector<float>(10));
+  EXPECT_EQ(model.statistics.gradient_norm.download(), std::vector<float>(10));
+}
+
+TEST(InitialModel, GivesDuplicatesAndALonePointTheSmallestScale) {
+  for (const std::size_t count : {1, 6}) {
+    const std::vector<ScenePoint> points(count, ScenePoint{{1, 2, 3}, {10, 20, 30}});
+    const TrainingModel model = initial_model(scene_with(points), {}, host_memory());
+    ASSERT_EQ(model.count(), count);
+    for (std::size_t i = 0; i < count; ++i)
+      EXPECT_NEAR(model.gaussians.log_scale[i].x, 0.5 * std::log(1e-7), 1e-5);
+  }
+}
+
+TEST(InitialModel, AveragesOverFewerNeighborsWhereThereAreFewer) {
+  const TrainingModel model =
+      initial_model(scene_with({{{0, 0, 0}, {}}, {{0, 0, 2}, {}}}), {}, host_memory());
+  EXPECT_NEAR(model.gaussians.log_scale[0].x, std::log(2.0), 1e-6);
+}
+
+TEST(InitialModel, WithoutPointsStartsFromRandomOnesThatACameraSees) {
+  Config config;
+  config.model.random_points = 3000;
+  const Scene scene = scene_with({});
+  const TrainingModel model = initial_model(scene, config, host_memory());
+  EXPECT_GT(model.count(), 50u);
+  EXPECT_LT(model.count(), 3000u);
+  for (const Vec3f& mean : model.gaussians.mean) {
+    const bool is_seen =
+        std::any_of(scene.train_views.begin(), scene.train_views.end(), [&](const View& view) {
+          const Vec3f p = to_camera(view.camera, mean);
+          if (p.z < config.render.near_plane) return false;
+          const Vec2f pixel = project_mean(view.camera, p);
+          return pixel.x >= 0 && pixel.x < 40 && pixel.y >= 0 && pixel.y < 30;
+        });
+    EXPECT_TRUE(is_seen);
+  }
+}
+
+TEST(InitialModel, WithoutPointsDependsOnTheSeedAlone) {
+  Config config;
+  config.model.random_points = 500;
+  const Scene scene = scene_with({});
+  const TrainingModel first = initial_model(scene, config, host_memory());
+  set_thread_count(1);
+  EXPECT_TRUE(same_bits(initial_model(scene, config, host_memory()), first));
+  set_thread_count(0);
+  config.train.seed = 43;
+  EXPECT_FALSE(same_bits(initial_model(scene, config, host_memory()), first));
+}
+
+TEST(InitialModel, ThrowsWhereNoCameraSeesAnyRandomPoint) {
+  Scene scene = scene_with({});
+  for (View& view : scene.train_views) view.camera.cx = 1e9f;
+  scene.source = "the/scene";
+  try {
+    initial_model(scene, {}, host_memory());
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("the/scene"), std::string::npos);
+    EXPECT_EQ(error.code(), ExitCode::bad_data);
+  }
+}
+
+}  // namespace
+}  // namespace gs
