@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Finds what gemsplat can use. GLM, toml++, CLI11, spdlog and nlohmann-json are required (headers only);
 # everything else is optional, and its absence is named in the summary and by the program at run time.
+include(nvcc)
 include(summary)
 
 # gs_header_library(target header): an interface target for headers in GS_DEPS_INCLUDE or on the system.
@@ -108,7 +109,15 @@ if(GS_WITH_CUDA)
   include(CheckLanguage)
   check_language(CUDA)
   if(CMAKE_CUDA_COMPILER)
+    gs_refuse_old_nvcc(${CMAKE_CUDA_COMPILER})
+    if(NOT GS_CUDA_ARCHITECTURES)
+      gs_default_architectures(gs_architectures)
+      set_property(CACHE GS_CUDA_ARCHITECTURES PROPERTY VALUE "${gs_architectures}")
+    endif()
     set(CMAKE_CUDA_ARCHITECTURES ${GS_CUDA_ARCHITECTURES})
+    if(GS_CUDA_ARCHITECTURES STREQUAL "portable")
+      gs_portable_architectures(CMAKE_CUDA_ARCHITECTURES ${CMAKE_CUDA_COMPILER})
+    endif()
     enable_language(CUDA)
     if(NOT CMAKE_CUDA20_STANDARD_COMPILE_OPTION)  # CMake 3.25 does not know that nvcc 12 and later take C++20
       set(CMAKE_CUDA20_STANDARD_COMPILE_OPTION -std=c++20)
@@ -125,6 +134,10 @@ if(GS_REQUIRE_CUDA AND NOT GS_HAVE_CUDA)
                       "it with -DCMAKE_CUDA_COMPILER=FILE; the preset `default` builds for the CPU without it.")
 endif()
 gs_report("CUDA" GS_WITH_CUDA "${GS_HAVE_CUDA}" "training and rendering run on the CPU")
+if(GS_HAVE_CUDA)
+  gs_explain_architectures(gs_architectures "${CMAKE_CUDA_ARCHITECTURES}")
+  gs_report_value("CUDA architectures" "${gs_architectures}")
+endif()
 
 # GoogleTest: installed, or as the sources that scripts/pack_headers.sh put beside the headers.
 set(GS_HAVE_GTEST FALSE)
