@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8: Adam over every number of every learned quantity, from stored gradients; and the steps that the fused
-// update of preprocess_backward.cu takes.
+// Stage 8: Adam over every number of every learned quantity, from stored gradients. The fused
+// update of preprocess_backward.cu takes its steps from adam_steps() below.
 #include "cuda/stages.cuh"
 
 namespace gs::cuda {
@@ -8,7 +8,7 @@ namespace {
 
 constexpr int kThreads = 256;  // numbers are independent: any size that fills a multiprocessor
 
-// The numbers of an array, whatever its rows are.
+// An array as plain numbers.
 template <class T>
 Span<float> numbers_of(const Buffer<T>& rows) {
   return {reinterpret_cast<float*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};

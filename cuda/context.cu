@@ -13,7 +13,8 @@ namespace {
 // Every file of the backend is compiled for the same GPUs, so this kernel stands for all of them.
 __global__ void probe_kernel() {}
 
-// What the build has for the current GPU. Throws Error where it has nothing that the GPU and its driver can run.
+// What the build has for the current GPU. Throws Error where it has nothing that the GPU and its
+// driver can run.
 cudaFuncAttributes code_for(const cudaDeviceProp& properties) {
   cudaFuncAttributes code;
   const cudaError_t error = cudaFuncGetAttributes(&code, probe_kernel);
@@ -22,9 +23,8 @@ cudaFuncAttributes code_for(const cudaDeviceProp& properties) {
     cudaGetLastError();  // the next call starts clean
     std::vector<Capability> built_for{__CUDA_ARCH_LIST__};  // 900 is 9.0
     for (Capability& capability : built_for) capability /= 10;
-    throw Error(
-        unserved_card(properties.name, 10 * properties.major + properties.minor, built_for),
-        ExitCode::bad_data);
+    throw Error(unserved_card(properties.name, 10 * properties.major + properties.minor, built_for),
+                ExitCode::bad_data);
   }
   check(error, "loading its kernels");
   return code;

@@ -23,7 +23,8 @@ std::string unserved_card(const std::string& name, Capability capability,
   const std::string card = name + " (compute capability " + text_of(capability) + ")";
   if (capability < kOldestCapability)
     return "gemsplat does not run on " + card + ": it needs compute capability " +
-           text_of(kOldestCapability) + " or later; use another GPU (--device cuda:N) or --device cpu";
+           text_of(kOldestCapability) +
+           " or later; use another GPU (--device cuda:N) or --device cpu";
   return "this build of gemsplat has no code that " + card +
          " and its driver can run: it was made for compute capability " + list_of(built_for) +
          "; build it for this card with `cmake --preset default -DGS_CUDA_ARCHITECTURES=" +

@@ -13,9 +13,8 @@ using Capability = int;
 /// The oldest cards that the kernels are written for: Turing.
 inline constexpr Capability kOldestCapability = 75;
 
-/// Says which card it is, which capabilities the build was made for, and which command builds for that card.
-///   this build of gemsplat has no code that NVIDIA A40 (compute capability 8.6) and its driver can run, but was made
-///   for 9.0; build it for this card with: cmake --preset default -DGS_CUDA_ARCHITECTURES=86 ...
+/// Says which card it is, which capabilities the build was made for, and which command builds for
+/// that card.
 std::string unserved_card(const std::string& name, Capability capability,
                           const std::vector<Capability>& built_for);
 

@@ -1,14 +1,18 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Compiles the CUDA files that use CUB against several versions of its headers (CCCL), by nvcc's front end alone. Files
-# that choose by the version are compiled once more with what every version has (GS_FORCE_PORTABLE_CUB).
-#   scripts/check_cccl.sh                            the headers of nvcc's own toolkit
-#   GS_CCCL_DIRS=DIR:DIR... scripts/check_cccl.sh    those of each DIR, too: a checkout of github.com/NVIDIA/cccl
-# Takes some 10 s for each version on 2 cores. No GPU is needed.
+# Compiles the CUDA files that use CUB against several versions of its headers (CCCL). Only nvcc's
+# front end runs. Files that depend on the version are compiled a second time with functions that
+# every version has (GS_FORCE_PORTABLE_CUB).
+#   scripts/check_cccl.sh             checks the headers of nvcc's own toolkit
+#   GS_CCCL_DIRS=DIR:DIR... scripts/check_cccl.sh
+#                                     checks those of each DIR, too: a checkout of NVIDIA/cccl
+# Takes some 15 s for each version on 2 cores. No GPU is needed.
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
 
-wanted=(2.3 2.4 2.5 2.6 2.7 2.8 3.0 3.1 3.2 3.3 3.4)  # those of CUDA 12.0 to 13.4; 12.0 to 12.3 come close to 2.3
+# The versions of CUDA 12.4 to 13.4. CUDA 12.0 to 12.3 have 2.0 to 2.2, whose functions 2.3 has,
+# too.
+wanted=(2.3 2.4 2.5 2.6 2.7 2.8 3.0 3.1 3.2 3.3 3.4)
 
 nvcc=${CUDACXX:-$(command -v nvcc || echo /usr/local/cuda/bin/nvcc)}
 if ! command -v "$nvcc" >/dev/null; then
@@ -21,7 +25,8 @@ trap 'rm -rf "$work"' EXIT
 flags=(-std=c++20 -arch=compute_90 -ptx --expt-relaxed-constexpr "-diag-suppress=20012,554" -I. -I.deps/include)
 if [[ $("$nvcc" --help) == *--fdevice-syntax-only* ]]; then flags+=(-fdevice-syntax-only); fi
 
-# include_flags DIR: one a line; for a checkout of CCCL, or for a folder with cub/ and thrust/ as toolkits have it.
+# include_flags DIR: one a line, for a checkout of CCCL or a folder with cub/ and thrust/, as in
+# toolkits.
 include_flags() {
   if [[ -e $1/cub/cub/version.cuh ]]; then
     printf -- '-I%s\n' "$1/cub" "$1/thrust" "$1/libcudacxx/include"

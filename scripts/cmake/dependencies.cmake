@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-# Finds what gemsplat can use. GLM, toml++, CLI11, spdlog and nlohmann-json are required (headers only);
-# everything else is optional, and its absence is named in the summary and by the program at run time.
+# Finds the libraries that gemsplat can use. The header-only ones below are required. Everything
+# else is optional: the summary names what is missing, and so does the program when it would need
+# it.
 include(nvcc)
 include(summary)
 
-# gs_header_library(target header): an interface target for headers in GS_DEPS_INCLUDE or on the system.
+# gs_header_library(target header): makes an interface target for headers in GS_DEPS_INCLUDE or on
+# the system.
 function(gs_header_library target header)
   find_path(${target}_DIR_FOUND ${header} HINTS ${GS_DEPS_INCLUDE})
   if(NOT ${target}_DIR_FOUND)
@@ -88,7 +90,8 @@ endif()
 set(GS_HAVE_CERES ${Ceres_FOUND})
 gs_report("Ceres" GS_WITH_CERES "${GS_HAVE_CERES}" "no cameras are refined (--refine-cameras) and no exposures solved for (--exposure), and the gradient tests against ceres::Jet are left out")
 
-# Some builds of the library are made of sources and a header that must agree on macros, which pkg-config knows.
+# Found through pkg-config, which knows the macros that the library was compiled with: its header
+# must see the same ones.
 if(GS_WITH_HTTPLIB)
   find_package(PkgConfig QUIET)
   if(PkgConfig_FOUND)
@@ -119,7 +122,7 @@ if(GS_WITH_CUDA)
       gs_portable_architectures(CMAKE_CUDA_ARCHITECTURES ${CMAKE_CUDA_COMPILER})
     endif()
     enable_language(CUDA)
-    if(NOT CMAKE_CUDA20_STANDARD_COMPILE_OPTION)  # CMake 3.25 does not know that nvcc 12 and later take C++20
+    if(NOT CMAKE_CUDA20_STANDARD_COMPILE_OPTION)  # CMake 3.25 does not know this flag of nvcc 12
       set(CMAKE_CUDA20_STANDARD_COMPILE_OPTION -std=c++20)
       set(CMAKE_CUDA20_EXTENSION_COMPILE_OPTION -std=c++20)
     endif()
@@ -139,7 +142,7 @@ if(GS_HAVE_CUDA)
   gs_report_value("CUDA architectures" "${gs_architectures}")
 endif()
 
-# GoogleTest: installed, or as the sources that scripts/pack_headers.sh put beside the headers.
+# GoogleTest is installed, or scripts/pack_headers.sh has put its sources beside the headers.
 set(GS_HAVE_GTEST FALSE)
 if(GS_BUILD_TESTS)
   cmake_path(GET GS_DEPS_INCLUDE PARENT_PATH gs_deps)

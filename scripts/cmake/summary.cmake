@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # The configure summary: what was found, what is missing, and what was switched off.
 
-# gs_report(name option found purpose): remembers a line for the summary. `option` names the GS_ option that switches the
-# library on; `purpose` says what is lost without it.
+# gs_report(name option found purpose): remembers a line for the summary. `option` names the GS_
+# option that switches the library on; `purpose` says what is lost without it.
 function(gs_report name option found purpose)
   if(found)
     set(line "${name}: yes")

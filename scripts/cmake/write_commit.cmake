@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-# cmake -DSOURCE=FOLDER -DOUTPUT=FILE -P write_commit.cmake: writes the commit that is built as a C++ file, and only where it
-# differs from the one there. GS_COMMIT in the environment stands in for a tree without git. A tree without .git that
-# lies inside another repository has no commit: it is "unknown", as without any repository.
+# cmake -DSOURCE=FOLDER -DOUTPUT=FILE -P write_commit.cmake
+#
+# Writes the commit that is built as a C++ file, and only if it has changed. The variable GS_COMMIT
+# of the environment replaces git. The commit is "unknown" for a tree without .git, also inside
+# another repository.
 cmake_minimum_required(VERSION 3.25)
 
 # git_says(result ARGUMENT...): what git prints in SOURCE; empty where it fails.

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-# cmake -DSCRIPTS=FOLDER -DWORK=FOLDER -P nvcc_test.cmake: scripts/cmake/nvcc.cmake refuses an nvcc without C++20 and knows which
-# GPUs the others compile for. Each nvcc here is a shell script that only answers.
+# cmake -DSCRIPTS=FOLDER -DWORK=FOLDER -P nvcc_test.cmake: scripts/cmake/nvcc.cmake refuses an nvcc
+# without C++20 and knows which GPUs the others compile for. Each nvcc here is a shell script that
+# only answers.
 cmake_minimum_required(VERSION 3.25)
 include(${CMAKE_CURRENT_LIST_DIR}/expect.cmake)
 include(${SCRIPTS}/nvcc.cmake)

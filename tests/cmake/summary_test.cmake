@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# cmake -DSCRIPTS=FOLDER -P summary_test.cmake: the configure summary tells what is missing from what was switched off.
+# cmake -DSCRIPTS=FOLDER -P summary_test.cmake: the configure summary tells what is missing from
+# what was switched off.
 cmake_minimum_required(VERSION 3.25)
 include(${CMAKE_CURRENT_LIST_DIR}/expect.cmake)
 include(${SCRIPTS}/summary.cmake)

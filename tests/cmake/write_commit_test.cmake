@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# cmake -DSCRIPTS=FOLDER -DWORK=FOLDER -P write_commit_test.cmake: scripts/cmake/write_commit.cmake names the commit of the
-# source tree, not that of a repository around it, and prints nothing.
+# cmake -DSCRIPTS=FOLDER -DWORK=FOLDER -P write_commit_test.cmake: scripts/cmake/write_commit.cmake
+# names the commit of the source tree, not that of a repository around it, and prints nothing.
 cmake_minimum_required(VERSION 3.25)
 include(${CMAKE_CURRENT_LIST_DIR}/expect.cmake)
 foreach(variable GIT_DIR GIT_WORK_TREE GS_COMMIT)
