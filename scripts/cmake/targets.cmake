@@ -38,9 +38,14 @@ function(gs_library name)
   endif()
 endfunction()
 
-# gs_test(path [LINK ...]): tests/<path>.cpp, with everything linked; left out by name where a
-# library under LINK is missing. For tests/data_loaders/: the target data_tests builds them all,
-# `ctest -L data` runs them; and so on.
+# gs_compile_quickly(target): for code that is compiled often and whose speed does not matter.
+function(gs_compile_quickly target)
+  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
+endfunction()
+
+# gs_test(path [LINK ...]): builds tests/<path>.cpp and links everything. If a library of LINK is
+# missing, the test is left out and named in the summary. The target data_tests builds all tests of
+# tests/data_loaders, and `ctest -L data` runs them; other folders likewise.
 function(gs_test path)
   cmake_parse_arguments(arg "" "" "LINK" ${ARGN})
   foreach(library IN LISTS arg_LINK)
@@ -52,6 +57,7 @@ function(gs_test path)
   string(REPLACE "/" "_" name ${path})
   add_executable(${name} ${path}.cpp)
   target_link_libraries(${name} PRIVATE gs_test_support GTest::gmock_main ${arg_LINK})
+  gs_compile_quickly(${name})
   get_filename_component(folder ${path} DIRECTORY)
   gtest_discover_tests(${name} TEST_PREFIX "${path}." PROPERTIES LABELS ${folder} TIMEOUT 600
                        ENVIRONMENT XDG_CACHE_HOME=${CMAKE_CURRENT_BINARY_DIR}/cache
@@ -62,7 +68,8 @@ function(gs_test path)
   add_dependencies(${folder}_tests ${name})
 endfunction()
 
-# gs_benchmark(path): tests/<path>.cpp with Google Benchmark; left out by name without it.
+# gs_benchmark(path): builds tests/<path>.cpp with Google Benchmark. Without it the benchmark is left
+# out and named in the summary.
 function(gs_benchmark path)
   if(NOT TARGET benchmark::benchmark_main)
     gs_leave_out(${path} benchmark::benchmark_main)
