@@ -373,7 +373,7 @@ class CudaRowOps final : public RowOps {
   RowGather rows_;
   Relocation relocation_;
   RowOrderWorkspace order_workspace_;
-  Buffer<RowAction> action_;                                // (N) of the rows, then of the halves
+  Buffer<RowAction> action_;                         // (N) of the rows, then of the halves
   Buffer<std::uint32_t> source_, clones_, parents_;  // row numbers
   Buffer<std::uint32_t> halves_;                     // numbers of those halves that are kept
   Buffer<Counts> counts_;                            // (1)
