@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8: Adam over every number of every learned quantity, from stored gradients; and the steps that the fused
-// update of preprocess_backward.cu takes.
+// Stage 8: Adam over every number of every learned quantity, from stored gradients. The fused
+// update of preprocess_backward.cu takes its steps from adam_steps() below.
 #include "cuda/stages.cuh"
 
 namespace gs::cuda {

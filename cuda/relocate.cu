@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9 under the MCMC strategy: dead rows become copies of live ones, and copies are added up to a count. Weights are
-// whole numbers, so that their sums are the scalar twin's however they are added up; a draw is a binary search in them.
+// Stage 9 under the MCMC strategy: dead rows become copies of live ones, and copies are added up to
+// a count. Weights are integers, so that their sums do not depend on the order of additions and
+// equal those of the scalar twin. A draw is a binary search in the sums.
 #include "cuda/relocate.cuh"
 
 #include <thrust/iterator/counting_iterator.h>
@@ -8,14 +9,14 @@
 #include <cub/device/device_scan.cuh>
 #include <cub/device/device_select.cuh>
 
-#include "cuda/cub_room.cuh"
+#include "cuda/cub_scratch.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/math/mcmc.h"
 
 namespace gs::cuda {
 namespace {
 
-constexpr int kThreads = 256;  // rows, or their words, are independent: any size that fills a multiprocessor
+constexpr int kThreads = 256;  // rows and words are independent: any size that fills the GPU
 
 __device__ std::size_t thread_number() { return std::size_t(blockIdx.x) * kThreads + threadIdx.x; }
 
@@ -35,7 +36,7 @@ struct IsDead {
 
 /// The first row whose sum is above `at`.
 __device__ std::uint32_t row_of(Span<const std::uint64_t> sums, std::uint64_t at) {
-  std::size_t low = 0, high = sums.size - 1;  // it is there: `at` is below the last sum
+  std::size_t low = 0, high = sums.size - 1;  // the row exists, since `at` is below the last sum
   while (low < high) {
     const std::size_t middle = (low + high) / 2;
     if (sums[middle] > at)
@@ -56,7 +57,7 @@ __global__ void draw_kernel(Span<const std::uint64_t> sums, Random random, int s
   atomicAdd(&drawn[source[k]], 1u);
 }
 
-// Each row that was drawn becomes one of its copies.
+// Each row that was drawn becomes one of its copies: opacity and scale are shared among them.
 __global__ void share_kernel(GaussiansSpan rows, Span<const std::uint32_t> drawn,
                              float least_opacity) {
   const std::size_t i = thread_number();
@@ -111,8 +112,8 @@ std::uint64_t Relocation::sum_weights(const TrainingModel& model, float dead_opa
   sums_.resize_discard(count);
   if (count == 0) return 0;
   launch(weights_kernel, count, model.gaussians.span(), dead_opacity, sums_.span());
-  with_cub_room(cub_, "relocate", [&](void* room, std::size_t& bytes) {
-    return cub::DeviceScan::InclusiveSum(room, bytes, sums_.data(), sums_.data(), int(count),
+  with_cub_scratch(cub_, "relocate", [&](void* scratch, std::size_t& bytes) {
+    return cub::DeviceScan::InclusiveSum(scratch, bytes, sums_.data(), sums_.data(), int(count),
                                          context_.stream());
   });
   std::uint64_t total = 0;
@@ -124,8 +125,8 @@ std::uint64_t Relocation::sum_weights(const TrainingModel& model, float dead_opa
 std::size_t Relocation::find_dead() {
   const std::size_t count = sums_.size();
   dead_.resize_discard(count);
-  with_cub_room(cub_, "relocate", [&](void* room, std::size_t& bytes) {
-    return cub::DeviceSelect::If(room, bytes, thrust::counting_iterator<std::uint32_t>(0),
+  with_cub_scratch(cub_, "relocate", [&](void* scratch, std::size_t& bytes) {
+    return cub::DeviceSelect::If(scratch, bytes, thrust::counting_iterator<std::uint32_t>(0),
                                  dead_.data(), dead_count_.data(), int(count), IsDead{sums_.data()},
                                  context_.stream());
   });

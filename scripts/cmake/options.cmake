@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-# What to build, and for which machine.
+# Options: what to build, and for which machine.
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
-set(CMAKE_INSTALL_RPATH_USE_LINK_PATH ON)  # of libraries outside of the system's folders
-set(CMAKE_POSITION_INDEPENDENT_CODE ON)  # for the Python module, and shared libraries of those who embed
+set(CMAKE_INSTALL_RPATH_USE_LINK_PATH ON)  # finds libraries outside of the system's folders
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)  # for the Python module and shared libraries
 if(NOT CMAKE_BUILD_TYPE)
   set(CMAKE_BUILD_TYPE Release)
 endif()
@@ -31,13 +31,6 @@ option(GS_BUILD_TESTS "Build the tests" ON)
 option(GS_BUILD_BENCHMARKS "Build the benchmarks in tests/bench" ON)
 set(GS_PYTHON "" CACHE FILEPATH "The Python interpreter to build the module for; the first with NumPy where empty")
 set(GS_DEPS_INCLUDE "" CACHE PATH "Folder with the header-only dependencies, where no package has them")
-# For the GPU of this machine where it has one, else for Hopper.
-if(NOT DEFINED CACHE{GS_CUDA_ARCHITECTURES})
-  execute_process(COMMAND nvidia-smi -L RESULT_VARIABLE no_gpu OUTPUT_QUIET ERROR_QUIET)
-  if(no_gpu STREQUAL "0")
-    set(architectures native)
-  else()
-    set(architectures 90)
-  endif()
-  set(GS_CUDA_ARCHITECTURES ${architectures} CACHE STRING "GPU architectures to compile for")
-endif()
+# Empty: gs_default_architectures() of nvcc.cmake chooses. `portable`: gs_portable_architectures()
+# makes the list.
+set(GS_CUDA_ARCHITECTURES "" CACHE STRING "GPU architectures to compile for, as in CMAKE_CUDA_ARCHITECTURES, or `portable`")
