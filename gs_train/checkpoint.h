@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "gs_train/optimizer.h"
+#include "gs_train/training_model.h"
 
 namespace gs {
 

@@ -8,7 +8,7 @@
 
 #include "gs_core/scene.h"
 #include "gs_render/renderer.h"
-#include "gs_train/optimizer.h"
+#include "gs_train/training_model.h"
 
 namespace gs {
 

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "gs_core/scene.h"
-#include "gs_train/optimizer.h"
+#include "gs_train/training_model.h"
 
 namespace gs {
 

@@ -4,7 +4,7 @@
 
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
-#include "gs_train/optimizer.h"
+#include "gs_train/training_model.h"
 
 namespace gs {
 
