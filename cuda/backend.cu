@@ -16,6 +16,7 @@
 
 #include "cuda/renderer.cuh"
 #include "gs_core/math/density.h"
+#include "gs_train/named_row.h"
 
 namespace gs::cuda {
 namespace {
@@ -26,6 +27,12 @@ constexpr double kRoomForGrowth = 1.2;              // of the instances of a vie
 constexpr double kRoomForUnseen = 1.5;              // of the most instances per Gaussian seen so far
 constexpr std::size_t kFirstRoom = std::size_t(1) << 20;  // instances, before any view was seen
 constexpr std::size_t kRoomStep = std::size_t(1) << 14;   // instances; room is a multiple of it
+
+struct LossRow {
+  const char* name;  // a word of loss.kind
+  std::unique_ptr<Loss> (*make)(Context&, Memory&, PhotoStore&);
+};
+constexpr LossRow kLosses[] = {{"l1_ssim", make_loss}};
 
 __global__ void gather_kernel(Span<const std::uint32_t> tile_counts, const Vec2f* dL_dmean2d,
                               float* visits, float* gradient_norm, int width, int height) {
@@ -116,6 +123,11 @@ class CudaBackend final : private Device, public Backend {
   Memory& memory() override { return device_memory; }
   Renderer& renderer() override { return renderer_; }
   Optimizer& optimizer() override { return *optimizer_; }
+  void use_loss(const std::string& kind) override {
+    finish_pending();
+    loss_ = row_named(kLosses, kind, "loss.kind", " on " + name())
+                .make(context, device_memory, photos_);
+  }
   Loss& loss() override {
     finish_pending();
     return *loss_;
@@ -136,7 +148,8 @@ class CudaBackend final : private Device, public Backend {
   void prefetch_next(const View& view) override { photos_.prefetch_next(view); }
 
   void step(TrainingModel& model, const View& view, const RenderSettings& settings,
-            float lambda_dssim, const LearningRates& rates, const DensityStep& density) override {
+            const LossSettings& loss_settings, const LearningRates& rates,
+            const DensityStep& density) override {
     if (model_ != &model) finish_pending();
     model_ = &model;
     read_reports();
@@ -144,7 +157,7 @@ class CudaBackend final : private Device, public Backend {
       std::this_thread::yield();
       read_reports();
     }
-    pending_.push_back({&view, settings, lambda_dssim, adam_steps(model.adam_steps + 1, rates),
+    pending_.push_back({&view, settings, loss_settings, adam_steps(model.adam_steps + 1, rates),
                         density, rates.mean, ++last_step_});
     try {
       launch_pending();
@@ -182,7 +195,7 @@ class CudaBackend final : private Device, public Backend {
   struct Step {
     const View* view;
     RenderSettings settings;
-    float lambda_dssim;
+    LossSettings loss_settings;
     AdamSteps adam;
     DensityStep density;
     float position_rate;  // of Adam, which the noise is measured by
@@ -213,7 +226,7 @@ class CudaBackend final : private Device, public Backend {
     renderer_.forward(model_->gaussians.span(), camera, step.settings, pass_,
                       forecast_.room_for(*step.view, model_->count()),
                       reports_.of_step(step.number), step.number);
-    loss_->forward_backward(pass_, *step.view, step.lambda_dssim, dL_dimage_);
+    loss_->forward_backward(pass_, *step.view, step.loss_settings, dL_dimage_);
     blend_backward(context, step.settings, dL_dimage_.span(), renderer_.room(), pass_);
     preprocess_backward_and_update(context, *model_, camera, step.settings, step.adam, step.density,
                                    renderer_.room(), pass_);

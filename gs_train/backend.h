@@ -32,6 +32,9 @@ class Backend {
   virtual void make_current() {}
   virtual Memory& memory() = 0;
   virtual Renderer& renderer() = 0;
+  /// Takes the loss of this name, a word of loss.kind, from now on; at first it is l1_ssim. Throws UsageError where the
+  /// backend lacks it.
+  virtual void use_loss(const std::string& kind) = 0;
   virtual Loss& loss() = 0;
   virtual Optimizer& optimizer() = 0;
   virtual RowOps& rows() = 0;
@@ -48,7 +51,8 @@ class Backend {
   /// One training step: render, compare, differentiate, update, and do what density control asks. The body given here is the algorithm in plain words; a backend may override it with a
   /// fused sequence that computes the same.
   virtual void step(TrainingModel& model, const View& view, const RenderSettings& settings,
-                    float lambda_dssim, const LearningRates& rates, const DensityStep& density);
+                    const LossSettings& loss_settings, const LearningRates& rates,
+                    const DensityStep& density);
 
   /// Waits until the model is what all steps so far make of it. Steps of a device run behind the host's back:
   /// whoever looks at a model calls this first; row operations do so themselves.

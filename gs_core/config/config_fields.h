@@ -83,6 +83,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("render.far_plane",             render.far_plane,             "world units", above(0),         "nothing farther is drawn", kFaster);
 
   auto& loss = config.loss;
+  field("loss.kind",                    loss.kind,                    "",       one_of("l1_ssim"),  "how a render is compared with its photo", "Kerbl et al. 2023, Eq. 7");
   field("loss.lambda_dssim",            loss.lambda_dssim,            "",       between(0, 1),      "weight of 1 - SSIM; the rest is L1", "Kerbl et al. 2023, Eq. 7");
 
   auto& optimizer = config.optimizer;
