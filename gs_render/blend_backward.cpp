@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 6: gradients of blending, per Gaussian and front to back: each instance sums the gradients of its
-// fragments over the tile's pixels and writes them to a slot of its own, so that no two threads ever add to
-// the same number and the sum of a splat has a fixed order.
+// Stage 6: gradients of blending, per Gaussian and front to back. Each instance sums the gradients
+// of its fragments over the tile's pixels and writes them to a slot of its own. No two threads add
+// to the same number, and the sum of a splat has a fixed order.
 #include "gs_core/math/blend.h"
 
 #include <cmath>
@@ -14,7 +14,7 @@
 namespace gs {
 namespace {
 
-// The pixels of one tile on their way back: PixelBackwardState, one array per member.
+// The pixels of one tile in the backward pass: PixelBackwardState, one array per member.
 struct TilePixels {
   float red[kTilePixels], green[kTilePixels], blue[kTilePixels];  // color behind
   float transmittance[kTilePixels];
@@ -47,7 +47,7 @@ struct TilePixels {
   }
 };
 
-// A SplatGradient per lane; the lanes are summed once, at the end, in a fixed order.
+// A SplatGradient per lane. The lanes are summed once, at the end, in a fixed order.
 template <bool kAbsolute>
 struct LaneSums {
   float mean_x[kLanes] = {}, mean_y[kLanes] = {};

@@ -14,8 +14,8 @@ namespace gs {
 namespace {
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
-// Of what is known of a direction without asking all cameras, against what all of them say: it decides only where they are
-// silent.
+// Weight of a prior relative to all cameras together. It decides only where the cameras leave a
+// direction undetermined.
 constexpr double kPriorWeight = 1e-2;
 constexpr int kMostRegroupings = 10;
 
@@ -25,13 +25,14 @@ Vec3d cross(const Vec3d& a, const Vec3d& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-/// Some direction at right angles to another.
+/// Any unit vector perpendicular to v.
 Vec3d across(const Vec3d& v) {
   return unit(std::abs(v.x) < 0.5 * length(v) ? cross(v, {1.0, 0.0, 0.0})
                                               : cross(v, {0.0, 1.0, 0.0}));
 }
 
-/// The sum of w (I - d d^T), and of what it is multiplied with.
+/// A sum of weighted symmetric matrices m and of m times their points: the normal equations of the
+/// point that is nearest to all of them.
 struct LeastSquares {
   Sym3<double> matrix{0, 0, 0, 0, 0, 0};
   Vec3d right_side{0.0, 0.0, 0.0};
@@ -41,7 +42,7 @@ struct LeastSquares {
               matrix.yy + weight * m.yy, matrix.yz + weight * m.yz, matrix.zz + weight * m.zz};
     right_side += weight * multiply(m, at);
   }
-  /// By Cramer's rule: the prior keeps the matrix far from singular.
+  /// By Cramer's rule. The prior keeps the matrix away from singular ones.
   Vec3d solution() const {
     const Vec3d a{matrix.xx, matrix.xy, matrix.xz}, b{matrix.xy, matrix.yy, matrix.yz},
         c{matrix.xz, matrix.yz, matrix.zz};
@@ -58,7 +59,7 @@ Sym3<double> projector_across(const Vec3d& d) {
   return {1 - d.x * d.x, -d.x * d.y, -d.x * d.z, 1 - d.y * d.y, -d.y * d.z, 1 - d.z * d.z};
 }
 
-/// Indices of the poses that stand where others do.
+/// Indices of the poses that are not outliers.
 std::vector<std::size_t> ordinary(const std::vector<CameraPose>& poses) {
   std::vector<Vec3d> positions;
   for (const CameraPose& pose : poses) positions.push_back(pose.position);
@@ -81,7 +82,7 @@ std::vector<PinholeCamera<double>> without_outliers(const std::vector<Camera>& c
 Vec3d up_of(const std::vector<PinholeCamera<double>>& cameras) {
   Vec3d mean(0.0);
   for (const auto& camera : cameras) mean -= camera.cam_from_world_rotation.row1;
-  if (length(mean) < 1e-6 * double(cameras.size()))  // every way up: the first one's
+  if (length(mean) < 1e-6 * double(cameras.size()))  // they cancel: take that of the first camera
     mean = -cameras.front().cam_from_world_rotation.row1;
   LeastSquares sum;
   for (const auto& camera : cameras) {
@@ -105,7 +106,7 @@ Vec3d center_of(const std::vector<PinholeCamera<double>>& cameras, double focus)
   return sum.solution();
 }
 
-/// How far apart poses are, with turns as long as where they stand says.
+/// Distances between poses. A rotation counts as turn_length_ world units per radian.
 class Nearness {
  public:
   explicit Nearness(const std::vector<CameraPose>& poses) : poses_(poses) {
@@ -131,7 +132,7 @@ class Nearness {
   double turn_length_;
 };
 
-/// Of a group the pose that has the smallest sum of distances to the others.
+/// The pose of a group with the smallest sum of distances to the others.
 std::size_t middle_of(const std::vector<std::size_t>& group, const Nearness& nearness) {
   std::size_t best = group.front();
   double least = INFINITY;
@@ -143,7 +144,7 @@ std::size_t middle_of(const std::vector<std::size_t>& group, const Nearness& nea
   return best;
 }
 
-/// Each time the pose that is farthest from all taken so far.
+/// Farthest-point sampling: each next pose is the one farthest from all taken so far.
 std::vector<std::size_t> spread_out(const std::vector<std::size_t>& all, std::size_t count,
                                     const Nearness& nearness) {
   std::vector<std::size_t> taken = {all.front()};
@@ -246,7 +247,7 @@ std::vector<std::size_t> short_tour(const std::vector<CameraPose>& poses) {
   const auto leg = [&](std::size_t i, std::size_t j) {
     return nearness.between(tour[i], tour[j % n]);
   };
-  constexpr double kRounding = 1e-9;  // a gain below this share of the legs is none
+  constexpr double kRounding = 1e-9;  // a smaller relative gain is rounding
   for (bool is_shorter = true; is_shorter;) {
     is_shorter = false;
     for (std::size_t i = 0; i + 2 < n; ++i)

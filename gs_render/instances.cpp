@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 2: the visible Gaussians near to far, and one instance for each tile that each of them hits.
+// Stage 2: the visible Gaussians near to far, and one instance for each pair of a Gaussian and a
+// tile that it hits.
 #include <limits>
 
 #include "gs_core/error.h"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 7: each visible Gaussian sums the gradients of its instances and pulls them back to its parameters.
+// Stage 7: each visible Gaussian sums the gradients of its instances and pulls the sum back to its
+// parameters.
 #include "gs_core/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
@@ -55,7 +56,7 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
       return;
     }
     const SplatGradient dL_dsplat = sum_of_instances(pass, scratch, i);
-    gradients.sh_rest[i] = {};  // degrees that are not in use have no gradient
+    gradients.sh_rest[i] = {};  // degrees that are not in use have gradient 0
     write_row(gradients, i,
               project_gaussian_vjp(camera, parameters_of(gaussians, i), settings, dL_dsplat,
                                    gradients.sh_rest[i].coefficient));

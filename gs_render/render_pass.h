@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The settings of a render and what each stage leaves behind, in stage order. All backends fill the same fields, so that
-// a parity test can compare them after every stage.
+// The settings of a render and what each stage leaves behind, in stage order. All backends fill the
+// same fields, so that a parity test can compare them after every stage.
 #pragma once
 
 #include <memory>
@@ -24,8 +24,9 @@ struct RenderSettings : SplatSettings {
   bool deterministic = false;     // sums that do not depend on their order, so that a step has one result
 };
 
-/// An entry of a tile's list holds a Gaussian in its lower bits. On the GPU the upper four say which quarters of the tile
-/// its splat hits (hit_quarters_of_row); the scalar backend leaves them 0.
+/// An entry of a tile's list holds a Gaussian in its lower bits. On the GPU the upper four say
+/// which quarters of the tile its splat hits (hit_quarters_of_row); the scalar backend leaves them
+/// 0.
 inline constexpr int kGaussianBits = 28;
 inline constexpr std::uint32_t kMostGaussians = 1u << kGaussianBits;  // more than any GPU of today has memory for
 GS_HD std::uint32_t instance_of(std::uint32_t gaussian, unsigned quarters) {
@@ -34,14 +35,15 @@ GS_HD std::uint32_t instance_of(std::uint32_t gaussian, unsigned quarters) {
 GS_HD std::uint32_t gaussian_of(std::uint32_t instance) { return instance & (kMostGaussians - 1); }
 GS_HD std::uint32_t bit_of_quarter(int quarter) { return 1u << (kGaussianBits + quarter); }
 
-/// What the stages of one backend keep with a pass besides the fields below: what forward leaves for its own backward
-/// pass, and scratch. Each backend derives its own, for example ScalarScratch in stages.h.
+/// What the stages of one backend keep with a pass besides the fields below: what forward leaves
+/// for its own backward pass, and scratch. Each backend derives its own, for example ScalarScratch
+/// in stages.h.
 struct BackendScratch {
   virtual ~BackendScratch() = default;
 };
 
-/// The output of every stage that backends have in common. Filled by forward, consumed by backward; reused from step to
-/// step, so that a steady run allocates nothing.
+/// The output of every stage that backends have in common. Filled by forward, consumed by backward;
+/// reused from step to step, so that a steady run allocates nothing.
 struct RenderPass {
   int width = 0, height = 0;            // pixels
   int tiles_x = 0, tiles_y = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 3: instances by tile. One stable counting sort, whose counts are the tile ranges.
+// Stage 3: sorts instances by tile: a stable counting sort, whose counts become the tile ranges.
 #include <numeric>
 
 #include "gs_render/stage_clock.h"
@@ -19,8 +19,8 @@ void sort_by_tile(RenderPass& pass) {
   for (const std::uint32_t tile : scratch.instance_tiles) ++pass.tile_ranges[tile + 1];
   std::partial_sum(pass.tile_ranges.begin(), pass.tile_ranges.end(), pass.tile_ranges.begin());
 
-  // While instances are assigned, range t holds the next free place of tile t. In the end it is the end of tile t, which
-  // is where tile t + 1 begins.
+  // While instances are assigned, range t holds the next free place of tile t. In the end it is the
+  // end of tile t, which is where tile t + 1 begins.
   for (std::size_t i = 0; i < instances; ++i) {
     const std::uint32_t place = pass.tile_ranges[scratch.instance_tiles[i]]++;
     scratch.tile_instances[place] = std::uint32_t(i);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scalar stages in pipeline order: the table of contents. Each stage reads what the earlier ones left in the
-// RenderPass and in ScalarScratch, and fills its own fields. Stages 5 (loss), 8 (Adam), 9 (rows) and 10 (Morton order) are
-// training's, in gs_train.
+// The scalar stages in pipeline order: the table of contents. Each stage reads what the earlier
+// ones left in the RenderPass and in ScalarScratch, and fills its own fields. Stages 5 (loss), 8
+// (Adam), 9 (rows) and 10 (Morton order) are training's, in gs_train.
 #pragma once
 
 #include "gs_core/camera.h"

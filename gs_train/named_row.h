@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables of things that a setting names: strategies of density control, losses, words of the renderer.
+// Tables of things that a setting names: strategies of density control, losses, words of the
+// renderer.
 #pragma once
 
 #include <cstddef>
@@ -18,8 +19,8 @@ std::vector<std::string> names_of(const Row (&table)[size]) {
   return names;
 }
 
-/// The row of this name. Throws a UsageError that lists the names which are there, for example "there is no
-/// density.strategy mcmcc; it is one of adaptive, mcmc".
+/// The row of this name. Throws a UsageError that lists the names which are there, for example
+/// "there is no density.strategy mcmcc; it is one of adaptive, mcmc".
 template <class Row, std::size_t size>
 const Row& row_named(const Row (&table)[size], const std::string& name, const std::string& key,
                      const std::string& where = "") {

@@ -8,13 +8,14 @@
 
 namespace gs {
 
-/// One learning rate per learned quantity, for one step. The position rate includes the scene's extent.
+/// One learning rate per learned quantity, for one step. The position rate includes the scene's
+/// extent.
 template <class T>
 using RateOf = float;
 using LearningRates = GaussianArrays<RateOf>;
 
-/// Noise on the means in one step. It depends on seed, step and row alone, so that every backend and a resumed run draw
-/// the same numbers.
+/// Noise on the means in one step. It depends on seed, step and row alone, so that every backend
+/// and a resumed run draw the same numbers.
 struct PositionNoise {
   float scale = 0;  // times the learning rate of the means; 0: none
   Random random{0, RandomStream::position_noise};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9 under the MCMC strategy: dead rows become copies of live ones, and copies are added up to a count. A live
-// row is drawn with a probability proportional to its opacity, and it and its copies share what it was.
+// Stage 9 of the MCMC strategy: dead rows become copies of live ones, and copies are added up to a
+// count. A live row is drawn with a probability proportional to its opacity. It and its copies
+// together look like the row before.
 #include <algorithm>
 
 #include "gs_core/math/mcmc.h"
@@ -48,7 +49,8 @@ std::vector<std::uint32_t> draw(const std::vector<std::uint64_t>& sums, std::siz
   return source;
 }
 
-/// Gives each row that was drawn the opacity and scale that it shares with its copies, and zero moments.
+/// Gives each row that was drawn the opacity and scale that it shares with its copies, and zero
+/// moments.
 void share_sources(TrainingModel& model, const std::vector<std::uint32_t>& source,
                    float least_opacity) {
   std::vector<int> drawn(model.count());

@@ -13,8 +13,8 @@ namespace {
 
 enum class RowAction : std::uint8_t { keep, clone, split, prune };
 
-// Row i of an array becomes what row source[i] was. The array and the scratch have the capacity for all rows, so that
-// nothing can fail.
+// Row i of an array becomes what row source[i] was. The array and the scratch have the capacity for
+// all rows, so that nothing can fail.
 template <class T>
 void gather_array(Buffer<T>& array, Span<const std::uint32_t> source, Buffer<std::byte>& scratch) {
   T* const gathered = reinterpret_cast<T*>(scratch.data());
@@ -150,7 +150,8 @@ class ScalarRowOps final : public RowOps {
   }
 
  private:
-  // After a refinement: the moments of the rows from `first` on, which are new, and all statistics are zero.
+  // After a refinement: the moments of the rows from `first` on, which are new, and all statistics
+  // are zero.
   static void start_new_rows(TrainingModel& model, std::size_t first) {
     for_each_row_array(
         [first](const RowArray& which, auto& array) {
@@ -160,8 +161,8 @@ class ScalarRowOps final : public RowOps {
         model);
   }
 
-  // Turns a row with its parent's values into half `number` of all halves of this step: moved by its own draw, and
-  // shrunk.
+  // Turns a row with its parent's values into half `number` of all halves of this step: moved by
+  // its own draw, and shrunk.
   static void make_half(Vec3f& mean, Vec3f& log_scale, const Quatf& rotation, std::uint32_t number,
                         const Random& random, int step) {
     const Vec4f normal = random.normal4(std::uint64_t(step), number);
@@ -169,7 +170,8 @@ class ScalarRowOps final : public RowOps {
     log_scale = split_log_scale(log_scale);
   }
 
-  // The numbers of the halves that are not pruned at once. Halves 2 k and 2 k + 1 are those of parent k.
+  // The numbers of the halves that are not pruned at once. Halves 2 k and 2 k + 1 are those of
+  // parent k.
   static std::vector<std::uint32_t> kept_halves(const GaussiansSpan& rows,
                                                 const AdaptiveRules& rules, const Random& random,
                                                 int step,

@@ -29,7 +29,8 @@ std::vector<std::uint32_t> view_order(const TrainingRun& run, int step) {
   return {views.order().begin(), views.order().end()};
 }
 
-// Releases the capacity that arrays have beyond their rows, as far as there is memory for the copies.
+// Releases the capacity that arrays have beyond their rows, as far as there is memory for the
+// copies.
 void shrink(TrainingModel& model) {
   for_each_row_array(
       [](const RowArray&, auto& array) {

@@ -14,9 +14,11 @@ namespace gs {
 
 /// Keeps a run alive. Two verbs surround the work of the training loop:
 ///
-///   guarded()                    runs a piece of work, and runs it again with less memory in use where memory ran out
-///   checkpoint_or_roll_back()    ends a step: keeps a checkpoint when one is due, or goes back to the last one when the
-///                                model broke down, for example because the loss is not a number
+///   guarded()                   runs a piece of work. Where memory runs out, it releases memory and
+///                               runs the work again.
+///   checkpoint_or_roll_back()   ends a step. It keeps a checkpoint when one is due. Where the model
+///                               broke down, for example because the loss is not a number, it goes
+///                               back to the last checkpoint.
 ///
 /// The run outlives it.
 class RunRecovery {
@@ -27,8 +29,9 @@ class RunRecovery {
   /// Makes the run what a checkpoint says. Throws Error where that is of another scene or seed.
   void resume(TrainingState from);
 
-  /// Runs f(), which changes nothing where memory runs out. Then keeps a checkpoint, releases caches, and runs f() once
-  /// more. Throws Error (out of memory) where that is not enough. `what` completes "out of memory in ...".
+  /// Runs f(), which changes nothing where memory runs out. Then keeps a checkpoint, releases
+  /// caches, and runs f() once more. Throws Error (out of memory) where that is not enough. `what`
+  /// completes "out of memory in ...".
   void guarded(const std::string& what, const std::function<void()>& f);
   /// The same for work that training can do without: it is skipped with a warning instead.
   void guarded_or_skipped(const std::string& what, const std::function<void()>& f);
@@ -38,18 +41,23 @@ class RunRecovery {
   /// Looks at the loss and the parameters after a step in which a breakdown is expected (RunGuard).
   void check_watched_step();
   void check_loss(double loss);
-  /// Counts the Gaussians that are not finite. A few are an accident that the next refinement removes.
+  /// Counts the Gaussians that are not finite. A few are an accident that the next refinement
+  /// removes.
   void check_parameters();
   void check_is_not_empty();
-  /// True where the model broke down and the run went back: to the last checkpoint, or to its start.
+  /// True where the model broke down and the run went back: to the last checkpoint, or to its
+  /// start.
   bool checkpoint_or_roll_back(bool is_stopped);
 
-  /// The view that a step trains on in place of `view`: the next one where that one keeps breaking the model.
+  /// The view that a step trains on in place of `view`: the next one where that one keeps breaking
+  /// the model.
   std::size_t instead_of(std::size_t view) const { return guard_.instead_of(view); }
 
-  /// From here on the model is becoming a result. It is no longer a state to go on from, so that no checkpoint is kept.
+  /// From here on the model is becoming a result. It is no longer a state to go on from, so that no
+  /// checkpoint is kept.
   void begin_finish() { phase_ = Phase::finishing; }
-  /// From here on only the parameters are needed. Where memory runs out the moments are released, too.
+  /// From here on only the parameters are needed. Where memory runs out the moments are released,
+  /// too.
   void end_finish() { phase_ = Phase::finished; }
 
  private:

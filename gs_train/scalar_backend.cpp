@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scalar CPU backend: the contracts in their plainest form.
+// The scalar CPU backend: the contracts in their simplest form.
 #include "gs_core/parallel.h"
 #include "gs_train/named_row.h"
 #include "gs_train/scalar_stages.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scalar training stages, one file each, as the scalar backend puts them together.
+// The scalar training stages, one file each. The scalar backend combines them.
 #pragma once
 
 #include <memory>
@@ -25,10 +25,12 @@ void add_position_noise(const GaussiansSpan& gaussians, const PositionNoise& noi
 RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
                       int step);
 
-/// Puts rows of `model` into a new order, or keeps some of them: row i becomes what row source[i] was, in every array.
+/// Puts rows of `model` into a new order, or keeps some of them: row i becomes what row source[i]
+/// was, in every array.
 void gather_rows(TrainingModel& model, Span<const std::uint32_t> source);
 
-/// Row numbers along the Morton curve of the means in their bounding cube. Rows of equal codes keep their order.
+/// Row numbers along the Morton curve of the means in their bounding cube. Rows of equal codes keep
+/// their order.
 Buffer<std::uint32_t> morton_order(Span<const Vec3f> means);
 
 }  // namespace gs

@@ -49,7 +49,8 @@ class L1SsimLoss final : public Loss {
     });
   }
 
-  // Returns the weighted picture X' and replaces the photo by what X' is compared with. Leaves dX'/dX in gains_.
+  // Returns the weighted picture X' and replaces the photo by what X' is compared with. Leaves
+  // dX'/dX in gains_.
   const float* weighted(const float* X, const View& view, const Vec3f& background) {
     const std::size_t plane = values_ / 3;
     GS_CHECK(view.mask.empty() || view.mask.pixels.size() == plane);

@@ -89,7 +89,8 @@ void Trainer::run() {
 
 void Trainer::advance(int step) {
   const TrainingTime time(run_);
-  // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec. "Optimization"
+  // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec.
+  // "Optimization"
   recovery_.guarded(fmt::format("step {}", step), [&] { take_step(step); });
   run_.step = step;
   prefetch_decode(step + int(kPhotosAhead), step + int(kPhotosAhead));
@@ -204,7 +205,7 @@ GaussianModel visible_part(const GaussianModel& model) {
 
 GaussianModel trained_model(Trainer& trainer) {
   GaussianModel model = copied_model(trainer);
-  const bool is_all_visible = visible_rows(model.gaussians).size() == model.gaussians.count();  // as after the final prune
+  const bool is_all_visible = visible_rows(model.gaussians).size() == model.gaussians.count();
   return is_all_visible ? std::move(model) : visible_part(model);
 }
 

@@ -32,17 +32,18 @@ class Observer {
   virtual void after_run(Trainer&) {}
 };
 
-/// Trains Gaussians on a scene: construct it, add observers, call run() once. The scene, the backend, the observers and
-/// the checkpoints outlive it.
+/// Trains Gaussians on a scene: construct it, add observers, call run() once. The scene, the
+/// backend, the observers and the checkpoints outlive it.
 ///
-/// With checkpoints a run survives a kill, a breakdown of the model, and a lack of memory where releasing caches and
-/// an end of growth help: docs/checkpoints.md.
+/// With checkpoints a run survives a kill, a breakdown of the model, and a lack of memory where
+/// releasing caches and an end of growth help: docs/checkpoints.md.
 class Trainer {
  public:
-  /// Initializes the Gaussians from the scene's points. Throws Error where there is nothing to train, UsageError where
-  /// the backend lacks what the config asks for.
+  /// Initializes the Gaussians from the scene's points. Throws Error where there is nothing to
+  /// train, UsageError where the backend lacks what the config asks for.
   Trainer(const Scene& scene, const Config& config, Backend& backend);
-  /// Goes on from a state of a run on the same scene. Throws Error where it is of another scene or config.
+  /// Goes on from a state of a run on the same scene. Throws Error where it is of another scene or
+  /// config.
   Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingState from);
 
   void add_observer(Observer& observer) { observers_.push_back(&observer); }
@@ -50,14 +51,16 @@ class Trainer {
     recovery_.keep_checkpoints_in(checkpoints);
   }
 
-  /// The whole run, or the rest of it, with final prune and Morton order. Throws Error (out of memory) where memory is
-  /// short even after all caches were released; the checkpoints have the state then.
+  /// The whole run, or the rest of it, with final prune and Morton order. Throws Error (out of
+  /// memory) where memory is short even after all caches were released; the checkpoints have the
+  /// state then.
   void run();
   /// Asks run() to end as if the next step were the last. Safe to call from a signal handler.
   void stop() { stop_requested_ = true; }
   bool stopped_early() const { return stop_requested_; }
-  /// Runs f() with a second attempt where memory runs out, as run() does with its own work. For saving and evaluating
-  /// the result; f() must be repeatable. `what` completes "out of memory in ...". Throws Error (out of memory).
+  /// Runs f() with a second attempt where memory runs out, as run() does with its own work. For
+  /// saving and evaluating the result; f() must be repeatable. `what` completes "out of memory in
+  /// ...". Throws Error (out of memory).
   void guarded(const std::string& what, const std::function<void()>& f) {
     recovery_.guarded(what, f);
   }
@@ -66,13 +69,14 @@ class Trainer {
   int step() const { return run_.step; }
   /// The model after all steps so far. Waits for the device.
   const TrainingModel& model() { return run_.synchronized_model(); }
-  /// Calls f with the Gaussians as the run would leave them if it ended here: those right in front of cameras (floaters.h)
-  /// have no opacity. Waits for the device.
+  /// Calls f with the Gaussians as the run would leave them if it ended here: those right in front
+  /// of cameras (floaters.h) have no opacity. Waits for the device.
   void look_at_result(const std::function<void(const Gaussians&)>& f);
   /// The number of Gaussians. Does not wait.
   std::size_t gaussian_count() const { return run_.model.count(); }
   const RenderSettings& settings() const { return run_.settings; }
-  /// The settings for looking at the model: as trained, on the fixed background (black for "random").
+  /// The settings for looking at the model: as trained, on the fixed background (black for
+  /// "random").
   RenderSettings evaluation_settings() const;
   const Schedule& schedule() const { return run_.schedule; }
   const Scene& scene() const { return run_.scene; }
@@ -106,9 +110,11 @@ class Trainer {
   volatile bool stop_requested_ = false;
 };
 
-/// The model as it is now, as files carry it: without Gaussians that cannot be seen. Waits for the device.
+/// The model as it is now, as files carry it: without Gaussians that cannot be seen. Waits for the
+/// device.
 GaussianModel trained_model(Trainer& trainer);
-/// The same in two steps: the copy, which waits for the device, and the part of it that can be seen.
+/// The same in two steps: the copy, which waits for the device, and the part of it that can be
+/// seen.
 GaussianModel copied_model(Trainer& trainer);
 GaussianModel visible_part(const GaussianModel& model);
 

@@ -17,8 +17,9 @@ struct DensityStatistics {
       : visits(memory), gradient_norm(memory) {}
 };
 
-/// The parameters, both Adam moments and the statistics of N Gaussians. A new array is a member here and a line in
-/// for_each_row_array(): row operations, checkpoints and copies then treat it like the others.
+/// The parameters, both Adam moments and the statistics of N Gaussians. A new array is a member
+/// here and a line in for_each_row_array(): row operations, checkpoints and copies then treat it
+/// like the others.
 struct TrainingModel {
   Gaussians gaussians, first_moment, second_moment;
   DensityStatistics statistics;
@@ -46,8 +47,8 @@ struct RowArray {
   std::string key() const { return std::string(group) + "." + name; }
 };
 
-/// Calls f(RowArray, a.array, b.array, ...) for every array that has one row per Gaussian, in a fixed order. The models
-/// may be const.
+/// Calls f(RowArray, a.array, b.array, ...) for every array that has one row per Gaussian, in a
+/// fixed order. The models may be const.
 template <class F, class First, class... Rest>
 void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
   const auto visit = [&f](RowRole role, const char* group) {
@@ -64,7 +65,8 @@ void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
   statistic("gradient_norm", first.statistics.gradient_norm, rest.statistics.gradient_norm...);
 }
 
-/// Gives a model whose parameters are set the moments and statistics of a model before its first step: zeros.
+/// Gives a model whose parameters are set the moments and statistics of a model before its first
+/// step: zeros.
 inline void clear_history(TrainingModel& model) {
   const std::size_t count = model.count();
   for_each_row_array(

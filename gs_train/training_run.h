@@ -13,8 +13,8 @@
 
 namespace gs {
 
-/// What a run trains, on what, by which settings, and how far it is. Trainer takes its steps; RunRecovery copies it into
-/// checkpoints and back.
+/// What a run trains, on what, by which settings, and how far it is. Trainer takes its steps;
+/// RunRecovery copies it into checkpoints and back.
 struct TrainingRun {
   const Scene& scene;
   Config config;

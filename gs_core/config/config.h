@@ -49,7 +49,7 @@ struct ModelConfig {
   float initial_opacity = 0.1f;
   float initial_scale = 1;     // of the distance to the nearest points
   int random_points = 100000;  // used when the model has no points
-  int most_points = 2000000;   // to start from; denser clouds are thinned
+  int most_points = 2000000;   // to start from; denser clouds are downsampled
 };
 
 struct RenderConfig {
@@ -94,7 +94,7 @@ struct DensityConfig {
   float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
   float prune_opacity = 0.005f;
   float prune_scale = 0.1f;  // of the extent, after the first opacity reset
-  float camera_clearance = 0.35f;  // of the way from a camera to what it sees; 0: none
+  float camera_clearance = 0.35f;  // share of the distance from a camera to what it sees; 0: none
   int reset_opacity_every = 3000;
   int reset_opacity_until = 12000;
   std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as there is memory for

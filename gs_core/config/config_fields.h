@@ -107,7 +107,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.camera_clearance",     density.camera_clearance,     "",       between(0, 1),      "in the end Gaussians nearer to a camera than this share of the way to the nearest sparse points in its picture are removed; 0: none", "docs/benchmarks.md#floaters");
   field("density.reset_opacity_every",  density.reset_opacity_every,  "steps",  steps_from(1),      "between opacity resets", kKerbl);
   field("density.reset_opacity_until",  density.reset_opacity_until,  "steps",  steps_from(0),      "last opacity reset; 0: none", kKerbl);
-  field("density.max_gaussians",        density.max_gaussians,        "",       between(kAutoCount, 4e9), "no growth beyond so many, however many points there are; 0: no cap; auto (-1): as many as there is memory for");
+  field("density.max_gaussians",        density.max_gaussians,        "",       between(kAutoCount, 4e9), "at most so many: more points are downsampled to it, and growth ends there; 0: no cap; auto (-1): as many as there is memory for");
   field("density.absolute_gradient",    density.absolute_gradient,    "",       any(),              "the gradient that decides about growth sums absolute values over pixels; wants a threshold some four times as large", "Ye et al. 2024");
   field("density.growth",               density.growth,               "",       between(0, 1),      "of the Gaussians, added in one refinement of mcmc", kMcmc);
   field("density.noise_scale",          density.noise_scale,          "",       at_least(0),        "of mcmc's noise on the means, times their learning rate", kMcmc);
