@@ -18,6 +18,7 @@
 
 #include "cuda/renderer.cuh"
 #include "gs_core/math/density.h"
+#include "gs_train/named_row.h"
 
 namespace gs::cuda {
 namespace {
@@ -28,6 +29,12 @@ constexpr double kGrowthMargin = 1.2;     // times the instances of a view's las
 constexpr double kUnseenMargin = 1.5;     // times the most instances per Gaussian seen so far
 constexpr std::size_t kFirstCapacity = std::size_t(1) << 20;  // instances, before any view was seen
 constexpr std::size_t kCapacityStep = std::size_t(1) << 14;   // instances; capacities are multiples
+
+struct LossRow {
+  const char* name;  // a word of loss.kind
+  std::unique_ptr<Loss> (*make)(Context&, Memory&, PhotoStore&);
+};
+constexpr LossRow kLosses[] = {{"l1_ssim", make_loss}};
 
 __global__ void gather_kernel(Span<const std::uint32_t> tile_counts, const Vec2f* dL_dmean2d,
                               float* visits, float* gradient_norm, int width, int height) {
@@ -118,6 +125,11 @@ class CudaBackend final : private Device, public Backend {
   Memory& memory() override { return device_memory; }
   Renderer& renderer() override { return renderer_; }
   Optimizer& optimizer() override { return *optimizer_; }
+  void use_loss(const std::string& kind) override {
+    finish_pending();
+    loss_ = row_named(kLosses, kind, "loss.kind", " on " + name())
+                .make(context, device_memory, photos_);
+  }
   Loss& loss() override {
     finish_pending();
     return *loss_;
@@ -138,7 +150,8 @@ class CudaBackend final : private Device, public Backend {
   void prefetch_next(const View& view) override { photos_.prefetch_next(view); }
 
   void step(TrainingModel& model, const View& view, const RenderSettings& settings,
-            float lambda_dssim, const LearningRates& rates, const DensityStep& density) override {
+            const LossSettings& loss_settings, const LearningRates& rates,
+            const DensityStep& density) override {
     if (model_ != &model) finish_pending();
     model_ = &model;
     read_reports();
@@ -146,7 +159,7 @@ class CudaBackend final : private Device, public Backend {
       std::this_thread::yield();
       read_reports();
     }
-    pending_.push_back({&view, settings, lambda_dssim, adam_steps(model.adam_steps + 1, rates),
+    pending_.push_back({&view, settings, loss_settings, adam_steps(model.adam_steps + 1, rates),
                         density, rates.mean, ++last_step_});
     try {
       launch_pending();
@@ -184,7 +197,7 @@ class CudaBackend final : private Device, public Backend {
   struct Step {
     const View* view;
     RenderSettings settings;
-    float lambda_dssim;
+    LossSettings loss_settings;
     AdamSteps adam;
     DensityStep density;
     float position_rate;  // Adam's rate for the means, which scales the noise
@@ -215,7 +228,7 @@ class CudaBackend final : private Device, public Backend {
     renderer_.forward(model_->gaussians.span(), camera, step.settings, pass_,
                       forecast_.capacity_for(*step.view, model_->count()),
                       reports_.of_step(step.number), step.number);
-    loss_->forward_backward(pass_, *step.view, step.lambda_dssim, dL_dimage_);
+    loss_->forward_backward(pass_, *step.view, step.loss_settings, dL_dimage_);
     blend_backward(context, step.settings, dL_dimage_.span(), renderer_.workspace(), pass_);
     preprocess_backward_and_update(context, *model_, camera, step.settings, step.adam, step.density,
                                    renderer_.workspace(), pass_);

@@ -82,11 +82,12 @@ void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
   if (settings.use_tensor_cores && context.has_tensor_cores() &&
       settings.truncation == Truncation::alpha)
     return blend_gemm(context, settings, pass);
+  const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
-                   pass.first_checkpoints.data(), pass.checkpoints.data()};
+                   scratch.first_checkpoints.data(), scratch.checkpoints.data()};
   const auto launch = [&](auto kernel) {
     context.launch("blend", kernel, blend_blocks(pass.tile_count()), kBlendThreads,
-                   tile_lists(pass), pass.tile_order.data(), settings.background, out);
+                   tile_lists(pass), scratch.tile_order.data(), settings.background, out);
   };
   if (settings.blend_rule == BlendRule::classic)
     launch(blend_kernel<BlendRule::classic>);

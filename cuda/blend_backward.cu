@@ -323,13 +323,14 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
                     Workspace& workspace, RenderPass& pass) {
   const StageScope scope(context, "blend backward");
   GS_CHECK(dL_dimage.size == 3 * pass.pixel_count());
+  const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Forward forward{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
-                        pass.first_checkpoints.data(), pass.checkpoints.data()};
+                        scratch.first_checkpoints.data(), scratch.checkpoints.data()};
   const auto launch = [&](auto rule, const auto& sums) {
     context.launch("blend backward",
                    blend_backward_kernel<rule(), std::remove_cvref_t<decltype(sums)>>,
-                   blend_blocks(pass.segments.size()), kBlendThreads, tile_lists(pass),
-                   pass.segments.data(), settings.background, forward, dL_dimage.data, sums);
+                   blend_blocks(scratch.segments.size()), kBlendThreads, tile_lists(pass),
+                   scratch.segments.data(), settings.background, forward, dL_dimage.data, sums);
   };
   const auto launch_with = [&](const auto& sums) {
     if (settings.blend_rule == BlendRule::classic)

@@ -363,15 +363,16 @@ void with_constant(bool value, F&& f) {
 }  // namespace
 
 void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pass) {
+  const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
-                   pass.first_checkpoints.data(),
-                   reinterpret_cast<float*>(pass.checkpoints.data())};
+                   scratch.first_checkpoints.data(),
+                   reinterpret_cast<float*>(scratch.checkpoints.data())};
   const auto launch = [&](auto kind) {
     using Kind = decltype(kind);
     constexpr int kPerTile = kTileWidth / kSubtileWidth * kTileHeight / Kind::height;
     static_assert(kPerTile % kBlendWarps == 0);
     context.launch("blend", blend_gemm_kernel<Kind>, pass.tile_count() * kPerTile / kBlendWarps,
-                   kBlendThreads, tile_lists(pass), pass.tile_order.data(), settings.background,
+                   kBlendThreads, tile_lists(pass), scratch.tile_order.data(), settings.background,
                    out);
   };
   // Sub-tiles of 8 x 8 pixels cost less for each pixel, but only half as many warps share the work.

@@ -147,29 +147,27 @@ void Relocation::draw(std::size_t count, const Random& random, int step) {
 void Relocation::share_sources(TrainingModel& model, float least_opacity) {
   launch(share_kernel, drawn_.size(), model.gaussians.span(),
          Span<const std::uint32_t>(drawn_.span()), least_opacity);
-  const auto clear = [&]<class T>(const char*, Buffer<T>& rows) {
-    launch(clear_rows_kernel<kWordsOf<T>>, source_.size() * kWordsOf<T>, words_of(rows),
-           source_.size(), static_cast<const std::uint32_t*>(source_.data()), std::size_t(0));
-  };
-  for_each_array(clear, model.first_moment);
-  for_each_array(clear, model.second_moment);
+  for_each_row_array(
+      [&]<class T>(const RowArray& which, Buffer<T>& rows) {
+        if (which.role == RowRole::moment)
+          launch(clear_rows_kernel<kWordsOf<T>>, source_.size() * kWordsOf<T>, words_of(rows),
+                 source_.size(), static_cast<const std::uint32_t*>(source_.data()), std::size_t(0));
+      },
+      model);
 }
 
 // Row to[k], or first + k where `to` is null, becomes a copy of its source, with zero moments.
 void Relocation::copy_rows(TrainingModel& model, const std::uint32_t* to, std::size_t first) {
   const Span<const std::uint32_t> source = source_.span();
-  for_each_array(
-      [&]<class T>(const char*, Buffer<T>& rows) {
-        launch(copy_rows_kernel<kWordsOf<T>>, source.size * kWordsOf<T>, words_of(rows), source, to,
-               first);
+  for_each_row_array(
+      [&]<class T>(const RowArray& which, Buffer<T>& rows) {
+        const std::size_t words = source.size * kWordsOf<T>;
+        if (which.role == RowRole::parameter)
+          launch(copy_rows_kernel<kWordsOf<T>>, words, words_of(rows), source, to, first);
+        if (which.role == RowRole::moment)
+          launch(clear_rows_kernel<kWordsOf<T>>, words, words_of(rows), source.size, to, first);
       },
-      model.gaussians);
-  const auto clear = [&]<class T>(const char*, Buffer<T>& rows) {
-    launch(clear_rows_kernel<kWordsOf<T>>, source.size * kWordsOf<T>, words_of(rows), source.size,
-           to, first);
-  };
-  for_each_array(clear, model.first_moment);
-  for_each_array(clear, model.second_moment);
+      model);
 }
 
 std::size_t Relocation::move_dead_rows(TrainingModel& model, const RelocationRules& rules,
@@ -200,8 +198,11 @@ RefineReport Relocation::run(TrainingModel& model, const RelocationRules& rules,
   RefineReport report;
   report.moved = move_dead_rows(model, rules, {seed, RandomStream::relocate}, step);
   report.cloned = add_copies(model, rules, {seed, RandomStream::grow}, step);
-  model.statistics.visits.fill_zero();
-  model.statistics.gradient_norm.fill_zero();
+  for_each_row_array(
+      [](const RowArray& which, auto& rows) {
+        if (which.role == RowRole::statistic) rows.fill_zero();
+      },
+      model);
   return report;
 }
 

@@ -335,38 +335,26 @@ class CudaRowOps final : public RowOps {
   void gather_refined(TrainingModel& model, std::size_t survivors) {
     const Span<const std::uint32_t> source = source_.span();
     reserve_rows(model, source.size);  // from here on nothing can fail
-    const auto gather = [&](const char*, auto& array) { rows_.gather(array, source); };
-    const auto gather_moment = [&](const char*, auto& array) {
-      rows_.gather(array, {source.data, survivors}, source.size);
-    };
-    for_each_array(gather, model.gaussians);
-    for_each_array(gather_moment, model.first_moment);
-    for_each_array(gather_moment, model.second_moment);
-    for (Buffer<float>* statistic : {&model.statistics.visits, &model.statistics.gradient_norm}) {
-      statistic->resize_discard(source.size);
-      statistic->fill_zero();
-    }
+    for_each_row_array(
+        [&](const RowArray& which, auto& array) {
+          switch (which.role) {
+            case RowRole::parameter: return rows_.gather(array, source);
+            case RowRole::moment: return rows_.gather(array, {source.data, survivors}, source.size);
+            case RowRole::statistic: array.resize_discard(source.size); array.fill_zero();
+          }
+        },
+        model);
   }
 
   // Reserves memory to gather so many rows of every array. A failure comes before anything is
   // changed.
   void reserve_rows(TrainingModel& model, std::size_t count) {
-    const auto reserve = [&](const char*, auto& array) { rows_.reserve(array, count); };
-    for_each_array(reserve, model.gaussians);
-    for_each_array(reserve, model.first_moment);
-    for_each_array(reserve, model.second_moment);
-    rows_.reserve(model.statistics.visits, count);
-    rows_.reserve(model.statistics.gradient_norm, count);
+    for_each_row_array([&](const RowArray&, auto& array) { rows_.reserve(array, count); }, model);
   }
 
   void gather_all(TrainingModel& model, Span<const std::uint32_t> source) {
     reserve_rows(model, source.size);
-    const auto gather = [&](const char*, auto& array) { rows_.gather(array, source); };
-    for_each_array(gather, model.gaussians);
-    for_each_array(gather, model.first_moment);
-    for_each_array(gather, model.second_moment);
-    rows_.gather(model.statistics.visits, source);
-    rows_.gather(model.statistics.gradient_norm, source);
+    for_each_row_array([&](const RowArray&, auto& array) { rows_.gather(array, source); }, model);
   }
 
   Context& context_;

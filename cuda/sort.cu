@@ -134,12 +134,13 @@ std::size_t most_segments(std::size_t tiles, std::uint32_t instances) {
 
 void order_for_blending(Context& context, RenderPass& pass, std::uint32_t capacity) {
   const std::size_t tiles = pass.tile_count(), segments = most_segments(tiles, capacity);
-  pass.tile_order.resize_discard(tiles);
-  pass.first_checkpoints.resize_discard(tiles);
-  pass.segments.resize_discard(segments);
-  pass.checkpoints.resize_discard((segments - tiles) * kTileWidth * kTileHeight);
-  const BlendOrder order{pass.tile_order.data(), pass.first_checkpoints.data(),
-                         pass.segments.data(), std::uint32_t(segments)};
+  CudaScratch& scratch = pass.scratch<CudaScratch>();
+  scratch.tile_order.resize_discard(tiles);
+  scratch.first_checkpoints.resize_discard(tiles);
+  scratch.segments.resize_discard(segments);
+  scratch.checkpoints.resize_discard((segments - tiles) * kTileWidth * kTileHeight);
+  const BlendOrder order{scratch.tile_order.data(), scratch.first_checkpoints.data(),
+                         scratch.segments.data(), std::uint32_t(segments)};
   context.launch("blend order", blend_order_kernel, 1, kOrderThreads, pass.tile_ranges.data(),
                  std::uint32_t(tiles), order);
 }

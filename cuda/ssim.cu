@@ -327,7 +327,7 @@ class CudaLoss final : public Loss {
   CudaLoss(Context& context, Memory& memory, PhotoStore& photos)
       : context_(context), photos_(photos), derivatives_(memory), sums_(memory) {}
 
-  void forward_backward(const RenderPass& pass, const View& view, float lambda_dssim,
+  void forward_backward(const RenderPass& pass, const View& view, const LossSettings& settings,
                         Buffer<float>& dL_dimage) override {
     GS_CHECK(std::size_t(view.camera.width) * std::size_t(view.camera.height) ==
              pass.pixel_count());
@@ -343,7 +343,7 @@ class CudaLoss final : public Loss {
                             pass.background,
                             view.over_background,
                             view.white()};
-    lambda_dssim_ = lambda_dssim;
+    lambda_dssim_ = settings.lambda_dssim;
     values_ = 3 * pass.pixel_count();
     dL_dimage.resize_discard(values_);
     if (bytes.mask || view.has_exposure())

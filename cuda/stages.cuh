@@ -23,6 +23,25 @@ struct StepReport {
   std::uint32_t step;       // number of the step, written last
 };
 
+/// A piece of a tile's list.
+struct ListSegment {
+  std::uint32_t tile;    // kNoTile: none
+  std::uint32_t number;  // within the list: 0, 1, ...
+};
+inline constexpr std::uint32_t kNoTile = 0xffffffffu;
+
+/// What stages 3 and 4 leave with a RenderPass for blending: the order of the tiles, and the lists
+/// in segments that the backward pass can walk independently.
+struct CudaScratch final : BackendScratch {
+  Buffer<std::uint32_t> tile_order;         // (tiles) those with the longest lists first
+  Buffer<std::uint32_t> first_checkpoints;  // (tiles) a tile's first checkpoint; one per segment but the first
+  Buffer<ListSegment> segments;             // (capacity S) the longest first, then empty ones
+  Buffer<Vec4f> checkpoints;                // (S - tiles, pixels of a tile) color and transmittance before a segment
+
+  explicit CudaScratch(Memory& memory)
+      : tile_order(memory), first_checkpoints(memory), segments(memory), checkpoints(memory) {}
+};
+
 /// The buffers that one render needs besides the RenderPass: scratch of the sorts, and what the
 /// GPU's stages pass to each other.
 struct Workspace {

@@ -59,7 +59,7 @@ class Nearness {
   double turn_length_;
 };
 
-/// Of a group the pose that has the smallest sum of distances to the others.
+/// The pose of a group with the smallest sum of distances to the others.
 std::size_t middle_of(const std::vector<std::size_t>& group, const Nearness& nearness) {
   std::size_t best = group.front();
   double least = INFINITY;
@@ -71,7 +71,7 @@ std::size_t middle_of(const std::vector<std::size_t>& group, const Nearness& nea
   return best;
 }
 
-/// Each time the pose that is farthest from all taken so far.
+/// Farthest-point sampling: each next pose is the one farthest from all taken so far.
 std::vector<std::size_t> spread_out(const std::vector<std::size_t>& all, std::size_t count,
                                     const Nearness& nearness) {
   std::vector<std::size_t> taken = {all.front()};
@@ -152,7 +152,7 @@ std::vector<std::size_t> short_tour(const std::vector<CameraPose>& poses) {
   const auto leg = [&](std::size_t i, std::size_t j) {
     return nearness.between(tour[i], tour[j % n]);
   };
-  constexpr double kRounding = 1e-9;  // a gain below this share of the legs is none
+  constexpr double kRounding = 1e-9;  // a smaller relative gain is rounding
   for (bool is_shorter = true; is_shorter;) {
     is_shorter = false;
     for (std::size_t i = 0; i + 2 < n; ++i)

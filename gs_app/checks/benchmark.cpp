@@ -10,6 +10,7 @@
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/constants.h"
+#include "gs_train/loss_settings.h"
 
 namespace gs {
 namespace {
@@ -126,7 +127,7 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
     const double begin = milliseconds_now();
     for (int step = 0; step < steps; ++step, ++next) {
       backend.prefetch_next(views[(next + 1) % views.size()]);
-      backend.step(model, views[next % views.size()], training, config.loss.lambda_dssim, kNoRates,
+      backend.step(model, views[next % views.size()], training, loss_settings(config), kNoRates,
                    {.gather_statistics = true});
     }
     backend.synchronize(model);

@@ -70,6 +70,7 @@ struct RenderConfig {
 };
 
 struct LossConfig {
+  std::string kind = "l1_ssim";  // l1_ssim
   float lambda_dssim = 0.2f;
 };
 

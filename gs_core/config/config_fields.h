@@ -94,6 +94,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("render.far_plane",             render.far_plane,             "world units", above(0),                retrain, "Gaussians farther from the camera are not drawn", kFaster);
 
   auto& loss = config.loss;
+  field("loss.kind",                    loss.kind,                    "",            one_of(kLossWords),      retrain, "how a render is compared with its photo", "Kerbl et al. 2023, Eq. 7");
   field("loss.lambda_dssim",            loss.lambda_dssim,            "",            between(0, 1),           retrain, "weight of 1 - SSIM in the loss; L1 gets the rest", "Kerbl et al. 2023, Eq. 7");
 
   auto& optimizer = config.optimizer;
@@ -117,7 +118,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.camera_clearance",     density.camera_clearance,     "",            between(0, 1),           retrain, "at the end, remove Gaussians that are closer to a camera than this fraction of the distance to the nearest sparse points in its image; 0: remove none", "docs/benchmarks.md#floaters");
   field("density.reset_opacity_every",  density.reset_opacity_every,  "steps",       steps_from(1),           retrain, "interval between opacity resets", kKerbl);
   field("density.reset_opacity_until",  density.reset_opacity_until,  "steps",       steps_from(0),           retrain, "last opacity reset; 0: none", kKerbl);
-  field("density.max_gaussians",        density.max_gaussians,        "",            between(kAutoCount, 4e9), proceed, "growth stops at this number; 0: no limit; auto (-1): as many as fit into memory");
+  field("density.max_gaussians",        density.max_gaussians,        "",            between(kAutoCount, 4e9), proceed, "more points are downsampled to this number, and growth stops at it; 0: no limit; auto (-1): as many as fit into memory");
   field("density.absolute_gradient",    density.absolute_gradient,    "",            any(),                   retrain, "for cloning and splitting, sum absolute values of the gradient over pixels; needs a gradient_threshold about four times as large", "Ye et al. 2024");
   field("density.growth",               density.growth,               "",            between(0, 1),           retrain, "fraction of the Gaussians that mcmc adds in one refinement", kMcmc);
   field("density.noise_scale",          density.noise_scale,          "",            at_least(0),             retrain, "strength of mcmc's noise on the means, as a multiple of their learning rate", kMcmc);

@@ -4,7 +4,7 @@
 
 #include <cstring>
 
-#include "gs_train/optimizer.h"
+#include "gs_train/training_model.h"
 #include "tests/support/scenes.h"
 
 namespace gs {

@@ -6,9 +6,11 @@
 
 #include <cmath>
 
+#include "gs_core/config/config_fields.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 #include "gs_train/metrics.h"
+#include "gs_train/scalar_stages.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 
@@ -248,6 +250,44 @@ TEST_F(SmallRun, KeepsShDegreesThatWereNotReachedAtZero) {
   const Gaussians gaussians = trained(config);
   for (std::size_t i = 0; i < gaussians.count(); ++i)
     EXPECT_TRUE(row_is(gaussians.sh_rest, i, 0.0f));
+}
+
+TEST(Trainer, ALossThatTheBackendLacksIsRefusedWhenARunIsMade) {
+  const auto backend = make_scalar_backend();
+  Config config;
+  config.loss.kind = "l2";
+  try {
+    const Trainer trainer(small_scene(), config, *backend);
+    FAIL();
+  } catch (const UsageError& error) {
+    EXPECT_NE(std::string(error.what()).find("no loss.kind l2 on cpu; it is one of l1_ssim"),
+              std::string::npos)
+        << error.what();
+  }
+}
+
+TEST(Losses, TheSettingTakesEveryLossOfTheTableAndNoOther) {
+  for (const std::string& name : scalar_losses()) {
+    Config config;
+    config.loss.kind = name;
+    validate(config);
+    make_scalar_backend()->use_loss(name);
+  }
+  std::size_t words = 0;
+  const Config config;
+  visit_fields(config, [&](const auto& field) {
+    if (field.key != "loss.kind") return;
+    words = 1 + std::size_t(std::count(field.limits.words.begin(), field.limits.words.end(), ','));
+  });
+  EXPECT_EQ(words, scalar_losses().size());
+}
+
+TEST(RenderSettings, AnUnknownWordIsAnErrorAndNoDefault) {
+  Config config;
+  config.render.truncation = "sigma9";
+  EXPECT_THROW(render_settings(config), UsageError);
+  config.render.truncation = "sigma3";
+  EXPECT_EQ(render_settings(config).truncation, Truncation::sigma3);
 }
 
 TEST(Trainer, WithoutViewsSaysSo) {
