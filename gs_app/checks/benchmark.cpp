@@ -6,9 +6,11 @@
 #include <cmath>
 
 #include "gs_app/checks/untrained.h"
+#include "gs_core/bytes.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/constants.h"
+#include "gs_train/loss_settings.h"
 
 namespace gs {
 namespace {
@@ -17,7 +19,6 @@ constexpr std::size_t kDeviceCopyBytes = std::size_t(1) << 30;  // much larger t
 // Larger than caches, but fits small machines.
 constexpr std::size_t kHostCopyBytes = std::size_t(1) << 28;
 constexpr int kCopies = 8;
-constexpr double kBytesPerGib = 1024.0 * 1024.0 * 1024.0;
 const LearningRates kNoRates{};  // all zero
 
 double milliseconds_now() {
@@ -128,7 +129,7 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
     const double begin = milliseconds_now();
     for (int step = 0; step < steps; ++step, ++next) {
       backend.prefetch_next(views[(next + 1) % views.size()]);
-      backend.step(model, views[next % views.size()], training, config.loss.lambda_dssim, kNoRates,
+      backend.step(model, views[next % views.size()], training, loss_settings(config), kNoRates,
                    {.gather_statistics = true});
     }
     backend.synchronize(model);

@@ -2,7 +2,7 @@
 // A training model in its state before the first step.
 #pragma once
 
-#include "gs_train/optimizer.h"
+#include "gs_train/training_model.h"
 
 namespace gs {
 

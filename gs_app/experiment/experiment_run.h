@@ -31,7 +31,8 @@ struct ExperimentRun {
 std::vector<ExperimentRun> runs_of(const Experiment& experiment);
 
 /// Whether the folder has the results of a run with these settings. Settings that do not affect the
-/// result, such as the number of threads, may differ.
+/// result may differ: train.threads, train.log_every and the like (OnChange::nothing in
+/// config_fields.h).
 bool is_finished(const ExperimentRun& run);
 
 /// The device and threads of a run. If they are empty or 0, the run's settings decide.

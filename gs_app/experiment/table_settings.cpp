@@ -2,10 +2,8 @@
 #include "gs_app/experiment/table_settings.h"
 
 #include <string>
-#include <type_traits>
-#include <vector>
 
-#include "gs_core/config/config_fields.h"
+#include "gs_core/config/config_diff.h"
 #include "gs_core/config/config_text.h"
 
 namespace gs {
@@ -13,27 +11,18 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-template <class T>
-Json json_of(const T& value) {
-  if constexpr (std::is_same_v<T, float>) {
-    return std::stod(toml_text(value));  // 0.1, not 0.10000000149
-  } else {
-    return value;
-  }
+// TOML text of a value is also JSON, unless it has bytes that are not UTF-8, as paths may have.
+Json json_of(const std::string& toml) {
+  Json value = Json::parse(toml, nullptr, false);
+  return value.is_discarded() ? Json(toml) : value;
 }
 
 }  // namespace
 
 Json settings_json(const Config& config) {
-  std::vector<std::string> defaults;
-  const Config usual;
-  visit_fields(usual, [&](const auto& field) { defaults.push_back(toml_text(field.value)); });
   Json json = Json::object();
-  std::size_t index = 0;
-  visit_fields(config, [&](const auto& field) {
-    if (toml_text(field.value) != defaults[index++])
-      json[std::string(field.key)] = json_of(field.value);
-  });
+  for (const SettingChange& change : config_diff(Config{}, config))
+    json[change.key] = json_of(change.b);
   return json;
 }
 
@@ -47,7 +36,7 @@ Json settings_json(const ExperimentScene& scene) {
   for (const PlacedSetting& setting : scene.settings) {
     const std::string key = apply_setting(config, setting.assignment);
     visit_fields(config, [&](const auto& field) {
-      if (field.key == key) json[key] = json_of(field.value);
+      if (field.key == key) json[key] = json_of(toml_text(field.value));
     });
   }
   return json;

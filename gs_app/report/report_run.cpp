@@ -11,8 +11,7 @@
 #include "gs_app/report/report_histograms.h"
 #include "gs_app/report/report_page.h"
 #include "gs_app/report/report_views.h"
-#include "gs_core/config/config_fields.h"
-#include "gs_core/config/config_text.h"
+#include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
@@ -28,16 +27,10 @@ constexpr std::size_t kMostRows = 3000;  // of each curve: more than a screen ha
 // [{"key", "value", "usual"}, ...] for each setting that differs from its default ("usual"), except
 // the paths of scene and output.
 Json changed_settings(const Config& config) {
-  std::vector<std::string> usual;
-  const Config defaults;
-  visit_fields(defaults, [&](const auto& field) { usual.push_back(toml_text(field.value)); });
   Json changed = Json::array();
-  auto before = usual.begin();
-  visit_fields(config, [&](const auto& field) {
-    const std::string text = toml_text(field.value), &was = *before++;
-    if (text != was && field.key != "dataset.source" && field.key != "model.output")
-      changed.push_back({{"key", std::string(field.key)}, {"value", text}, {"usual", was}});
-  });
+  for (const SettingChange& change : config_diff(Config{}, config))
+    if (change.key != "dataset.source" && change.key != "model.output")
+      changed.push_back({{"key", change.key}, {"value", change.b}, {"usual", change.a}});
   return changed;
 }
 

@@ -10,6 +10,7 @@
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/scene.h"
+#include "gs_core/scene_frame.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {
@@ -22,27 +23,18 @@ struct ViewedCamera {
   const View* view = nullptr;
 };
 
-/// Where navigation starts, in world units.
-struct Framing {
-  Vec3d up{0, -1, 0};      // a direction of length 1
-  Vec3d center{0, 0, 0};   // the point that the cameras look at
-  double radius = 1;       // of the cameras around it, or of the Gaussians if there are no cameras
-};
+/// How the cameras stand around what they look at, or the points if there are no cameras: the first
+/// view comes from this.
+SceneFrame frame_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> points);
 
-/// `up` is the mean of the cameras' up directions. The center is the point nearest to all lines of
-/// sight; along lines that are all parallel it lies at the median of `points`. Without cameras the
-/// center and the radius are those of the points, and y points down, as in COLMAP. A sample of some
-/// 100,000 points is used; those with NaN or infinity are ignored.
-Framing framing_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> points);
-
-/// Cameras, framing and rendering settings, and the owner of the photos.
+/// Cameras, their frame, rendering settings, and the owner of the photos.
 struct ViewScene {
   std::string title;
   Vec3f background{0};
   // Depths in world units: nothing outside them is drawn.
   float near_plane = 0.2f, far_plane = 10000;
   std::vector<ViewedCamera> cameras;
-  Framing framing;
+  SceneFrame frame;
   std::vector<std::string> notes;            // sentences for the user: what is missing, and why
   std::shared_ptr<const Scene> photos = {};  // owner of the views; null if the caller owns them
 };
