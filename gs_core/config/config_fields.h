@@ -64,6 +64,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
 
   auto& model = config.model;
   field("model.output",                 model.output,                 "folder", any(),              "where the run is written");
+  field("model.start_from",             model.start_from,             "model",  any(),              "trained Gaussians to start from instead of the scene's points: a PLY or another file that is read, or a run's folder");
   field("model.sh_degree",              model.sh_degree,              "",       between(0, 3),      "highest degree of the spherical harmonics that hold color", kKerbl);
   field("model.initial_opacity",        model.initial_opacity,        "",       between(1e-4, 0.999), "of every Gaussian at the start", kKerbl);
   field("model.initial_scale",          model.initial_scale,          "",       above(0),           "of the distance to the nearest points, the scale of a Gaussian at the start");

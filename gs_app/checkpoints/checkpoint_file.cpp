@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/run/checkpoint_file.h"
+#include "gs_app/checkpoints/checkpoint_file.h"
 
 #include <algorithm>
 #include <cstddef>

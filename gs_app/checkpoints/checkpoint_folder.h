@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "gs_app/run/checkpoint_file.h"
+#include "gs_app/checkpoints/checkpoint_file.h"
 
 namespace gs {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/run/checkpoint_folder.h"
+#include "gs_app/checkpoints/checkpoint_folder.h"
 
 #include <spdlog/fmt/fmt.h>
 
