@@ -7,6 +7,8 @@
 #include "apps/python/devices.h"
 #include "apps/python/errors.h"
 #include "apps/python/model.h"
+#include "apps/python/outputs.h"
+#include "apps/python/progress.h"
 #include "apps/python/render.h"
 #include "apps/python/scene.h"
 #include "apps/python/train.h"
@@ -41,13 +43,15 @@ PYBIND11_MODULE(_gemsplat, module) {
   using namespace gs::python;
   module.attr("__version__") = kVersion;
   const py::object own_name = module.attr("__name__");
-  module.attr("__name__") = "gemsplat";  // of which the classes say that they are a part
+  module.attr("__name__") = "gemsplat";  // so that classes are called gemsplat.Model, and not gemsplat._gemsplat.Model
   bind_errors(module);
   bind_model(module);
   bind_camera(module);
   bind_scene(module);
   bind_render(module);
+  bind_progress(module);
   bind_train(module);
+  bind_outputs(module);
   module.attr("__name__") = own_name;
   module.def("set_verbosity", set_verbosity, py::arg("name"),
              "How much is said on standard error: quiet (warnings and errors, as at the start), "
