@@ -19,7 +19,7 @@ def python_blocks():
 
 class Docs(TestCase):
     def test_the_programs_of_the_docs_run_in_their_order(self):
-        os.symlink(SOURCE / "data", self.folder / "data")
+        os.symlink(SOURCE / "examples", self.folder / "examples")
         before = os.getcwd()
         self.addCleanup(os.chdir, before)
         os.chdir(self.folder)
@@ -45,7 +45,7 @@ class Docs(TestCase):
 class Stubs(TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.tree = ast.parse((SOURCE / "python" / "gemsplat" / "__init__.pyi").read_text())
+        cls.tree = ast.parse((SOURCE / "apps" / "python" / "gemsplat" / "__init__.pyi").read_text())
 
     def test_every_name_of_the_module_is_in_the_stubs_and_no_other(self):
         stated = {node.name for node in self.tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef))
