@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The module gemsplat._gemsplat, which gemsplat/__init__.py shows as gemsplat. Types and shapes: gemsplat/__init__.pyi;
-// docs/embedding.md.
+// The module gemsplat._gemsplat; gemsplat/__init__.py offers its names as gemsplat. Types are in
+// gemsplat/__init__.pyi, shapes in docs/embedding.md.
 #include <pybind11/pybind11.h>
 
 #include "apps/python/camera.h"
@@ -43,7 +43,7 @@ PYBIND11_MODULE(_gemsplat, module) {
   using namespace gs::python;
   module.attr("__version__") = kVersion;
   const py::object own_name = module.attr("__name__");
-  module.attr("__name__") = "gemsplat";  // so that classes are called gemsplat.Model, and not gemsplat._gemsplat.Model
+  module.attr("__name__") = "gemsplat";  // for the names of classes: gemsplat.Model
   bind_errors(module);
   bind_model(module);
   bind_camera(module);
@@ -54,7 +54,7 @@ PYBIND11_MODULE(_gemsplat, module) {
   bind_outputs(module);
   module.attr("__name__") = own_name;
   module.def("set_verbosity", set_verbosity, py::arg("name"),
-             "How much is said on standard error: quiet (warnings and errors, as at the start), "
+             "How much is logged to standard error: quiet (warnings and errors, as at the start), "
              "normal or verbose.");
   module.def("set_threads", set_threads, py::arg("threads"),
              "For all work on the CPU; 0, as at the start: all cores. UsageError while something "

@@ -9,9 +9,11 @@ namespace py = pybind11;
 namespace gs::python {
 namespace {
 
-constexpr auto kSignalsEvery = std::chrono::milliseconds(50);  // checks for Ctrl-C; taking the GIL may cost some ms
+// Between two checks for Ctrl-C, since taking the GIL may cost some milliseconds.
+constexpr auto kSignalsEvery = std::chrono::milliseconds(50);
 
-/// What a callback is given: the run after a step, for as long as the callback lasts, in its thread.
+/// What a callback is given: the run after a step, for as long as the callback lasts, in its
+/// thread.
 class Progress {
  public:
   explicit Progress(Trainer& trainer) : trainer_(&trainer), thread_(std::this_thread::get_id()) {}

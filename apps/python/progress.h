@@ -29,8 +29,8 @@ struct MetricsRow {
 /// Records metrics, checks for Ctrl-C, and calls back. Holds the GIL only for the latter two.
 class CallbackObserver final : public Observer {
  public:
-  /// An exception of the callback, or Ctrl-C, ends the run: at once, or after one more step, so that model and checkpoint
-  /// can be saved before rethrow_failure() throws it.
+  /// An exception of the callback, or Ctrl-C, ends the run: at once, or after one more step, so
+  /// that model and checkpoint can be saved before rethrow_failure() throws it.
   enum class OnFailure { throw_at_once, stop_first };
 
   CallbackObserver(pybind11::object callback, int every, OnFailure on_failure);

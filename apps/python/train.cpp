@@ -79,7 +79,8 @@ void check(const Arguments& arguments) {
                             : !arguments.exports.empty() ? "export"
                             : arguments.force            ? "force"
                                                          : nullptr;
-  if (given) throw UsageError(std::string(given) + " is for a run with a folder: give output=FOLDER");
+  if (given)
+    throw UsageError(std::string(given) + " is for a run with a folder: give output=FOLDER");
 }
 
 // ---- without a folder -----------------------------------------------------------------------------------
@@ -166,7 +167,8 @@ Result run_in_folder(TrainRequest request, CallbackObserver& observer) {
   Result result = end == SessionEnd::nothing_left ? result_of_finished(session.folder().root())
                                                   : result_of(session.trainer(), observer);
   result.output = absolute_path(session.folder().root());
-  if (end == SessionEnd::nothing_left || session.trainer().scene().test_views.empty()) return result;
+  if (end == SessionEnd::nothing_left || session.trainer().scene().test_views.empty())
+    return result;
   result.evaluation =
       end == SessionEnd::finished ? session.results().test : evaluation_of(session.trainer());
   return result;

@@ -24,8 +24,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Settings that a resumed run may change: where things are, the machine, what is written; and the length, see
-// keep_schedule(). A name that ends with a dot stands for its whole section.
+// Settings that a resumed run may change: places, the machine, what is written, and the length (see
+// keep_schedule()). A name that ends with a dot stands for its whole section.
 constexpr std::array kFree = {
     "dataset.source",        "dataset.images",      "dataset.model",
     "dataset.photo_ram_gib", "dataset.photo_cache", "dataset.photo_cache_gib",
@@ -58,8 +58,8 @@ void check_kept_settings(const Config& ours, const Config& now, const fs::path& 
         folder.string(), differing));
 }
 
-// The schedule stays that of the run. Where another length is asked for, the difference becomes extra steps at the end,
-// so that the steps already done were right.
+// The schedule stays that of the run. Where another length is asked for, the difference becomes
+// extra steps at the end, so that the steps already done were right.
 void keep_schedule(const Config& ours, Config& now, int steps_done) {
   const int schedule = Schedule(ours, 1).steps_without_extra();
   if (now.train.iterations != ours.train.iterations) {
@@ -76,7 +76,8 @@ void keep_schedule(const Config& ours, Config& now, int steps_done) {
         fmt::format("the run has {} steps behind it already; ask for more", steps_done));
 }
 
-// `--iterations +N` makes a finished run longer. A run whose extension is not complete yet goes on with that first.
+// `--iterations +N` makes a finished run longer. A run whose extension is not complete yet goes on
+// with that first.
 void add_steps(ResumedRun& run, int added) {
   if (added == 0) return;
   if (run.is_finished) {
@@ -199,7 +200,8 @@ std::optional<ResumedRun> find_resumed_run(const SettingsOver& settings, const s
   start.model.output = run->source.string();
   run->config = settings(start);
   DatasetConfig& dataset = run->config.dataset;
-  if (holds_only_photos(dataset.source)) dataset.source = ours.dataset.source;  // the scene that was made of them
+  // The scene that the run has made of bare photos is in the checkpoint's config.
+  if (holds_only_photos(dataset.source)) dataset.source = ours.dataset.source;
   dataset.source = fs::absolute(dataset.source).lexically_normal().string();
   std::string& start_from = run->config.model.start_from;
   if (!start_from.empty()) start_from = fs::absolute(start_from).lexically_normal().string();

@@ -13,7 +13,7 @@ namespace gs {
 namespace {
 
 const std::string kProfileHeader = "step,quantity,name,value\n";
-constexpr const char* kCheckpointStage = "look";  // the check of the model before a checkpoint, which is no part of a step
+constexpr const char* kCheckpointStage = "look";  // checks the model before a checkpoint
 
 }  // namespace
 

@@ -6,9 +6,10 @@
 
 namespace gs {
 
-/// Takes one sample every train.log_every steps: the stages' times of the step after a row of metrics.csv, and the memory
-/// that is held then. The sample is written at the next row, where the trainer waits for the device anyway, so that a
-/// sample costs no wait of its own. Add this observer last: what other observers render is then not timed.
+/// Takes one sample every train.log_every steps: the stages' times of the step after a row of
+/// metrics.csv, and the memory that is held then. The sample is written at the next row, where the
+/// trainer waits for the device anyway, so that a sample costs no wait of its own. Add this
+/// observer last: what other observers render is then not timed.
 class ProfileObserver final : public Observer {
  public:
   /// Starts the file with its header and `rows`, which a resumed run has written before.

@@ -36,7 +36,8 @@ void ProgressObserver::after_step(int step, Trainer& trainer) {
   bar_.draw(step, detail, "step");
 }
 
-// Only the steps themselves are timed. Most runs slow down as Gaussians are added, so the figure is a lower bound.
+// Only the steps themselves are timed. Most runs slow down as Gaussians are added, so the figure is
+// a lower bound.
 void DurationObserver::after_step(int step, Trainer& trainer) {
   const int left = trainer.schedule().steps() - step;
   if (step != first_step_ + kTimedSteps || left < kTimedSteps) return;

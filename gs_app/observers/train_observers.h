@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The observers of a training run: the progress line, the saver, the evaluator and metrics.csv. None of them changes what
-// is learned. Add them in this order, since metrics.csv holds what the evaluator found.
+// The observers of a training run: the progress line, the saver, the evaluator and metrics.csv.
+// None of them changes what is learned. Add them in this order, since metrics.csv holds what the
+// evaluator found.
 #pragma once
 
 #include <optional>
@@ -50,7 +51,8 @@ class SaveObserver final : public Observer {
   const RunFolder& folder_;
 };
 
-/// Evaluates the test views after the steps that train.test_steps names. The caller evaluates the last one.
+/// Evaluates the test views after the steps that train.test_steps names. The caller evaluates the
+/// last one.
 class EvaluationObserver final : public Observer {
  public:
   explicit EvaluationObserver(ProgressObserver& progress) : progress_(progress) {}
@@ -67,8 +69,9 @@ class EvaluationObserver final : public Observer {
 /// The whole rows of a metrics.csv up to `step`: what a run keeps that goes on after it.
 std::string metrics_up_to(const std::filesystem::path& metrics, int step);
 
-/// metrics.csv: one row every train.log_every steps and for each evaluation. The row of the last step is
-/// written by finish(), when the final figures are known. The file grows as the run goes on.
+/// metrics.csv: one row every train.log_every steps and for each evaluation. The row of the last
+/// step is written by finish(), when the final figures are known. The file grows as the run goes
+/// on.
 class MetricsObserver final : public Observer {
  public:
   /// Starts the file with its header and `rows`, which a resumed run has written before.

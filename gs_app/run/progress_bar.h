@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far a long job is, on standard error: one line that is redrawn on a terminal; elsewhere a line for every tenth of
-// the way, and at least one every five minutes.
+// How far a long job is, on standard error: one line that is redrawn on a terminal; elsewhere a
+// line for every tenth of the way, and at least one every five minutes.
 #pragma once
 
 #include <chrono>
@@ -11,11 +11,13 @@
 
 namespace gs {
 
-/// Call due(done) after each unit of work, and draw() only when due() returns true: the detail text is then made only
-/// for lines that are shown. Call clear() before other lines are written, such as log messages.
+/// Call due(done) after each unit of work, and draw() only when due() returns true: the detail text
+/// is then made only for lines that are shown. Call clear() before other lines are written, such as
+/// log messages.
 class ProgressBar {
  public:
-  /// `enabled` false: nothing is ever due. `done`: what was complete before this process, as in a resumed run.
+  /// `enabled` false: nothing is ever due. `done`: what was complete before this process, as in a
+  /// resumed run.
   ProgressBar(std::int64_t total, bool enabled, std::int64_t done = 0);
   ~ProgressBar() { clear(); }
 

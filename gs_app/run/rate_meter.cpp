@@ -10,8 +10,9 @@ constexpr double kMemorySeconds = 2;  // after this time a measurement counts 1/
 
 }  // namespace
 
-// An exponential mean over time: the weight of the past depends on the seconds between two notes, and not on their
-// number. Notes that are minutes apart (a line every tenth of the way, in a log) are each a measurement of their own.
+// An exponential mean over time: the weight of the past depends on the seconds between two notes,
+// and not on their number. Notes that are minutes apart (a line every tenth of the way, in a log)
+// are each a measurement of their own.
 void RateMeter::note(std::int64_t done, double seconds) {
   const double elapsed = seconds - last_seconds_;
   if (done > last_done_ && elapsed <= 0) return;

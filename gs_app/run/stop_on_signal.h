@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C and SIGTERM as a wish: the trainer ends after the step at hand, so that the work can be saved; a server ends.
+// Ctrl-C and SIGTERM as a wish: the trainer ends after the step at hand, so that the work can be
+// saved; a server ends.
 #pragma once
 
 #include <fcntl.h>
@@ -13,8 +14,8 @@
 
 namespace gs {
 
-/// While it lives, the first SIGINT and the first SIGTERM call `handler`; a second one of the same kind ends the program at
-/// once.
+/// While it lives, the first SIGINT and the first SIGTERM call `handler`; a second one of the same
+/// kind ends the program at once.
 class SignalHandlers {
  public:
   explicit SignalHandlers(void (*handler)(int)) {

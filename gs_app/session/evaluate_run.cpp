@@ -20,7 +20,8 @@ std::vector<View> sample_of(const std::vector<View>& views, std::size_t wanted) 
   return sample;
 }
 
-// Keeps the pictures of one split: each render and its photo as files, and those of some views for comparison.png.
+// Keeps the pictures of one split: each render and its photo as files, and those of some views for
+// comparison.png.
 class PictureKeeper {
  public:
   PictureKeeper(std::filesystem::path folder, const Vec3f& background,

@@ -10,8 +10,8 @@
 
 namespace gs {
 
-/// Writes the model of a finished run in each of these formats (their names, such as "spz"), and logs size and fidelity.
-/// Throws Error.
+/// Writes the model of a finished run in each of these formats (their names, such as "spz"), and
+/// logs size and fidelity. Throws Error.
 void export_run(const std::vector<std::string>& formats, const RunFolder& folder,
                 Trainer& trainer);
 

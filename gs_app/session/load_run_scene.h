@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scene of a run: photos without cameras are reconstructed first, then photos and cameras are loaded.
+// The scene of a run: photos without cameras are reconstructed first, then photos and cameras are
+// loaded.
 #pragma once
 
 #include "gs_app/run/run_folder.h"
@@ -9,8 +10,8 @@
 
 namespace gs {
 
-/// Makes a scene in OUT/scene where dataset.source is a folder of photos alone, or a video, and points the config to it.
-/// Does nothing for other sources. Throws as run_colmap() does.
+/// Makes a scene in OUT/scene where dataset.source is a folder of photos alone, or a video, and
+/// points the config to it. Does nothing for other sources. Throws as run_colmap() does.
 void reconstruct_bare_photos(Config& config, const RunFolder& folder, SessionHooks& hooks);
 
 /// Loads the scene at dataset.source, and logs its size. Throws as load_scene() does.

@@ -15,7 +15,8 @@
 
 namespace gs {
 
-/// A session calls these, in this order, from the thread that runs it. By default none of them does more than is needed.
+/// A session calls these, in this order, from the thread that runs it. By default none of them does
+/// more than is needed.
 class SessionHooks {
  public:
   virtual ~SessionHooks() = default;
@@ -30,7 +31,8 @@ class SessionHooks {
                             [[maybe_unused]] std::size_t total) {}
   /// The scene is there, and the run's folder is untouched so far: the place for what may fail.
   virtual void before_writing(const RunFolder&, const Scene&, const Config&) {}
-  /// The trainer has all observers of the session; more may be added. The last two arguments outlive the run.
+  /// The trainer has all observers of the session; more may be added. The last two arguments
+  /// outlive the run.
   virtual void before_training(Trainer&, const MetricsObserver&, const EvaluationObserver&) {}
   /// The trained model is saved, and its views are being rendered and compared with their photos.
   virtual void show_evaluation([[maybe_unused]] std::size_t done,

@@ -28,7 +28,8 @@ struct RowsBefore {
   std::string metrics, profile;
 };
 
-// The row of the last step in metrics.csv is written at the end, with the evaluation: it is left out here.
+// The row of the last step in metrics.csv is written at the end, with the evaluation: it is left
+// out here.
 RowsBefore rows_before(const std::optional<ResumedRun>& resumed, int steps_done, int steps) {
   if (!resumed) return {};
   const RunFolder folder(resumed->source);
@@ -102,7 +103,7 @@ SessionEnd TrainSession::run() {
   log_info("training on {} with {} threads", backend_->name(), thread_count());
   get_scene();
 
-  if (!resumed_) make_new_trainer();  // before the folder: a scene that cannot be trained leaves none
+  if (!resumed_) make_new_trainer();  // before the folder: where this throws, none is left behind
   hooks_.before_writing(*folder_, *scene_, config_);
   checkpoints_.emplace(folder_->checkpoints(), config_, SceneRecord(*scene_));
   if (resumed_ && resumed_->is_extended) save_resumed_state();  // before old results are moved
@@ -184,7 +185,8 @@ void TrainSession::save_resumed_state() {
   checkpoints_->save(resumed_->checkpoint.state.progress, resumed_->checkpoint.state.model);
 }
 
-// A run that breaks down before its first checkpoint goes back to this one, and not to the scene's points.
+// A run that breaks down before its first checkpoint goes back to this one, and not to the scene's
+// points.
 void TrainSession::save_start() { checkpoints_->save(*start_, trainer_->model()); }
 
 void TrainSession::make_resumed_trainer() {
@@ -235,8 +237,8 @@ void TrainSession::finish() {
   with_memory("an export", [&] { export_run(request_.exports, *folder_, *trainer_); });
 }
 
-// Runs f(). Where memory runs out, gives back what the backend holds to be quick, and runs it once more. Throws Error
-// that says what is saved where even that is too little.
+// Runs f(). Where memory runs out, gives back what the backend holds to be quick, and runs it once
+// more. Throws Error that says what is saved where even that is too little.
 void TrainSession::with_memory(const char* what, const std::function<void()>& f) {
   const auto trouble = memory_trouble_in(f);
   if (!trouble) return;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One training run from beginning to end: settings in, a run's folder out. `gemsplat train` and gemsplat.train(output=...)
-// are programs around it.
+// One training run from beginning to end: settings in, a run's folder out. `gemsplat train` and
+// gemsplat.train(output=...) are programs around it.
 #pragma once
 
 #include <functional>
@@ -25,16 +25,16 @@ namespace gs {
 
 /// What is asked of a session.
 struct TrainRequest {
-  /// Applies the settings over a start, and validates the result. The start is the defaults for a new run, and the run's
-  /// own config for one that is resumed.
+  /// Applies the settings over a start, and validates the result. The start is the defaults for a
+  /// new run, and the run's own config for one that is resumed.
   SettingsOver settings;
   std::string resume;              // "auto", a run's folder or a checkpoint; empty: a new run
   int added_steps = 0;             // for a finished run, with `resume`
   bool force = false;              // move a run that the output folder holds to FOLDER.bak-N
-  std::vector<std::string> exports = {};  // names of formats to write the trained model in, besides PLY
+  std::vector<std::string> exports = {};  // names of formats for the trained model, besides PLY
   bool writes_report = true;       // report.html
   bool shows_progress = true;      // the progress line of the steps, on standard error
-  bool stops_on_signal = true;     // SIGINT and SIGTERM end the run early, with model and checkpoint saved
+  bool stops_on_signal = true;     // SIGINT and SIGTERM end the run early, with its state saved
   const Scene* scene = nullptr;    // null: load dataset.source. Outlives the session.
 };
 
@@ -45,12 +45,13 @@ enum class SessionEnd {
   nothing_left  // the run to resume was finished before
 };
 
-/// Make it, call run() once. While the session lives it holds the lock of the output folder, and backend, scene, trainer
-/// and observers stay as they are at the end of the run.
+/// Make it, call run() once. While the session lives it holds the lock of the output folder, and
+/// backend, scene, trainer and observers stay as they are at the end of the run.
 ///
 /// The parts of a run, in this order:
-///   find the run to resume, lock the folder, make the backend, reconstruct bare photos, load the scene, make the trainer,
-///   write what is known before the first step, train, save the model, evaluate, write results and report, export
+///   find the run to resume, lock the folder, make the backend, reconstruct bare photos, load the
+///   scene, make the trainer, write the run's description, train, save the model, evaluate, write
+///   results and report, export
 class TrainSession {
  public:
   /// Throws UsageError or Error where a format of `exports` cannot be written.

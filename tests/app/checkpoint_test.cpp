@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checkpoints as files: whole, cut short, damaged, on a full disk, and after a kill at every point of writing.
+// Checkpoints as files: whole, cut short, damaged, on a full disk, and after a kill at every point
+// of writing.
 #include "gs_app/checkpoints/checkpoint_file.h"
 
 #include <gmock/gmock.h>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// TrainSession in the test's own process: ways to end, memory that runs out after the last step, and starts from a model.
+// TrainSession in the test's own process: ways to end, memory that runs out after the last step,
+// and starts from a model.
 #include "gs_app/session/train_session.h"
 
 #include <gmock/gmock.h>
@@ -187,7 +188,8 @@ TEST_F(Session, ARunStartsFromTheGaussiansOfAModel) {
   ASSERT_EQ(TrainSession(request("second", ply("first").string()), hooks).run(),
             SessionEnd::finished);
   EXPECT_TRUE(has_started);
-  EXPECT_THAT(read_bytes(path("second/config.toml")), HasSubstr("start_from = \"" + ply("first").string()));
+  EXPECT_THAT(read_bytes(path("second/config.toml")),
+              HasSubstr("start_from = \"" + ply("first").string()));
 }
 
 TEST_F(Session, ARunFromAModelOfAHigherShDegreeKeepsToItsOwn) {

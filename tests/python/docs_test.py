@@ -24,7 +24,7 @@ class Docs(TestCase):
         self.addCleanup(os.chdir, before)
         os.chdir(self.folder)
         blocks = python_blocks()
-        self.assertEqual(len(blocks), 3)
+        self.assertEqual(len(blocks), 4)
         names = {}
         printed = []
         for block in blocks:
@@ -35,6 +35,7 @@ class Docs(TestCase):
         self.assertRegex(printed[0], r"^20 0\.\d+ \d+\n(.*\n)+100 .*\n<gemsplat.Evaluation: .* over 5 views>\n\(90, 120, 3\) ")
         self.assertRegex(printed[1], r"^\d+ \d+\n$")
         self.assertRegex(printed[2], r"^61 True \{'step': 61, ")
+        self.assertRegex(printed[3], r"^31 60 <gemsplat.Evaluation: .* over 5 views>\n\{.*'format': 'splat'.*'psnr': \d+\.")
         for file in ["courtyard.ply", "after_40.ply"]:
             self.assertGreater(len(gemsplat.load(file)), 100)
 
