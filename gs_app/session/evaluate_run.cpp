@@ -68,6 +68,7 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, Results& results,
   };
   results.test = evaluate_views(scene.test_views, true);
   results.train = evaluate_views(some, !has_test);
+  if (done < total) progress(total, total);  // views that are masked everywhere are left out
   if (!pictures.comparisons().empty())
     write_png(folder.comparison(), comparison_picture(pictures.comparisons()));
 }
