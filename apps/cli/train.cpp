@@ -101,12 +101,12 @@ void print_summary(const Results& results, const RunFolder& folder) {
 
 [[noreturn]] void say_stopped(TrainSession& session) {
   const int last = session.trainer().step();
-  throw Error(fmt::format("stopped after step {} of {}; the model is in {}, and --resume goes on "
-                          "from {}",
-                          last, session.trainer().schedule().steps(),
-                          session.folder().ply(last).string(),
-                          session.folder().checkpoints().string()),
-              ExitCode::interrupted);
+  throw Error(
+      fmt::format("stopped after step {} of {}; the model is in {}, and --resume goes on "
+                  "from {}",
+                  last, session.trainer().schedule().steps(), session.folder().ply(last).string(),
+                  session.folder().checkpoints().string()),
+      ExitCode::interrupted);
 }
 
 TrainRequest request_of(const TrainCommand& command) {

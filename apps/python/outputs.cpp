@@ -72,19 +72,21 @@ fs::path report(const fs::path& folder, const std::optional<fs::path>& output) {
 }  // namespace
 
 void bind_outputs(py::module_& module) {
-  module.def("export", export_file, py::arg("model"), py::arg("path"), py::kw_only(),
-             py::arg("cameras") = py::none(), py::arg("device") = "auto",
-             py::arg("replace") = false, py::arg("spz_version") = 3,
-             R"(Writes a model as `gemsplat export` does, in the format that the name ends in, and a file beside it,
+  module.def(
+      "export", export_file, py::arg("model"), py::arg("path"), py::kw_only(),
+      py::arg("cameras") = py::none(), py::arg("device") = "auto", py::arg("replace") = false,
+      py::arg("spz_version") = 3,
+      R"(Writes a model as `gemsplat export` does, in the format that the name ends in, and a file beside it,
 NAME.transforms.json, with what the format cannot say (antialiased, world_offset). Model.save()
 writes the model alone.
 
 Returns a dict: file, format, gaussians, bytes, psnr, ssim. The last two compare pictures of the
 file with pictures of the model; they are None unless the format is lossy and cameras are given.
 A file that is there already is refused (UsageError), or with replace=True kept as NAME.bak-N.)");
-  module.def("report", report, py::call_guard<py::gil_scoped_release>(), py::arg("folder"),
-             py::arg("output") = py::none(),
-             R"(Writes the report of a run's folder, finished or not, or of an experiment's output, as one HTML file
+  module.def(
+      "report", report, py::call_guard<py::gil_scoped_release>(), py::arg("folder"),
+      py::arg("output") = py::none(),
+      R"(Writes the report of a run's folder, finished or not, or of an experiment's output, as one HTML file
 that opens in a browser. output: the file; FOLDER/report.html by default. Returns its path.)");
 }
 

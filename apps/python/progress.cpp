@@ -46,9 +46,7 @@ std::shared_ptr<Model> model_of(Trainer& trainer) {
 }
 
 CallbackObserver::CallbackObserver(py::object callback, int every, OnFailure on_failure)
-    : callback_(std::move(callback)),
-      has_callback_(!callback_.is_none()),
-      every_(every),
+    : callback_(std::move(callback)), has_callback_(!callback_.is_none()), every_(every),
       on_failure_(on_failure) {}
 
 void CallbackObserver::after_step(int step, Trainer& trainer) {

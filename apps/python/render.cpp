@@ -134,7 +134,8 @@ Evaluation evaluate_views(const Model& model, const LoadedScene& scene, const st
 }
 
 void bind_evaluation(py::module_& module) {
-  py::class_<ViewMetrics> view(module, "ViewMetrics", "PSNR and SSIM of one view against its photo.");
+  py::class_<ViewMetrics> view(module, "ViewMetrics",
+                               "PSNR and SSIM of one view against its photo.");
   view.def_readonly("name", &ViewMetrics::name, "The photo's name.");
   view.def_readonly("psnr", &ViewMetrics::psnr, "dB; 100 if no pixel differs.");
   view.def_readonly("ssim", &ViewMetrics::ssim, "0 to 1.");

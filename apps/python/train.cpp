@@ -75,7 +75,7 @@ Config config_of(const Arguments& arguments, const py::object& scene, Config con
 
 void check(const Arguments& arguments) {
   if (arguments.has_folder()) return;
-  const char* const given = arguments.checkpoint_every  ? "checkpoint_every"
+  const char* const given = arguments.checkpoint_every   ? "checkpoint_every"
                             : !arguments.exports.empty() ? "export"
                             : arguments.force            ? "force"
                                                          : nullptr;
@@ -207,8 +207,8 @@ Result train(const py::object& scene, const py::object& settings, std::optional<
   if (callback_every < 1) throw UsageError("callback_every must be 1 or more");
   if (!callback.is_none() && !PyCallable_Check(callback.ptr()))
     throw UsageError("callback must be a function of one argument");
-  const Arguments arguments{settings, iterations,        seed,    device, output, resume_of(resume),
-                            checkpoint_every, exports, report, force};
+  const Arguments arguments{settings,          iterations,       seed,    device, output,
+                            resume_of(resume), checkpoint_every, exports, report, force};
   check(arguments);
   CallbackObserver observer(callback, callback_every,
                             arguments.has_folder() ? CallbackObserver::OnFailure::stop_first

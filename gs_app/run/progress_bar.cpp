@@ -47,10 +47,9 @@ void ProgressBar::draw(std::int64_t done, const std::string& detail, const std::
   last_time_ = Clock::now();
   rate_.note(done, seconds_of(last_time_));
   const double rate = rate_.rate();
-  const std::string figures =
-      fmt::format("{}/{}{}{} | {:.{}f} {}/s | {} left", done, total_, detail.empty() ? "" : " | ",
-                  detail, rate, rate < 100 ? 1 : 0, unit,
-                  rate > 0 ? clock_text(double(total_ - done) / rate) : "?");
+  const std::string figures = fmt::format(
+      "{}/{}{}{} | {:.{}f} {}/s | {} left", done, total_, detail.empty() ? "" : " | ", detail, rate,
+      rate < 100 ? 1 : 0, unit, rate > 0 ? clock_text(double(total_ - done) / rate) : "?");
   if (!is_terminal_) {
     next_tenth_ = done * 10 / total_ + 1;
     fmt::print(stderr, "{:3d}% {}\n", done * 100 / total_, figures);

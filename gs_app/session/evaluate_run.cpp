@@ -53,8 +53,8 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, Results& results,
   const RenderSettings settings = trainer.evaluation_settings();
   const std::vector<View> some = sample_of(scene.train_views, kTrainViewsShown);
   const bool has_test = !scene.test_views.empty();
-  const std::size_t shown = has_test ? scene.test_views.size()
-                                     : std::min(some.size(), kComparedViews);
+  const std::size_t shown =
+      has_test ? scene.test_views.size() : std::min(some.size(), kComparedViews);
   PictureKeeper pictures(folder.pictures(has_test ? "test" : "train", trainer.step()),
                          settings.background, evenly_chosen(shown, kComparedViews));
   const std::size_t total = scene.test_views.size() + some.size();

@@ -12,7 +12,6 @@ namespace gs {
 
 /// Writes the model of a finished run in each of these formats (their names, such as "spz"), and
 /// logs size and fidelity. Throws Error.
-void export_run(const std::vector<std::string>& formats, const RunFolder& folder,
-                Trainer& trainer);
+void export_run(const std::vector<std::string>& formats, const RunFolder& folder, Trainer& trainer);
 
 }  // namespace gs

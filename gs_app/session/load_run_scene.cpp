@@ -41,10 +41,9 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, SessionHoo
 }
 
 Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks) {
-  Scene scene =
-      load_scene(dataset, [&](LoadStage stage, std::size_t done, std::size_t total) {
-        hooks.show_loading(stage, done, total);
-      });
+  Scene scene = load_scene(dataset, [&](LoadStage stage, std::size_t done, std::size_t total) {
+    hooks.show_loading(stage, done, total);
+  });
   const View& first = scene.train_views.empty() ? scene.test_views.at(0) : scene.train_views[0];
   log_info("{}: {} views to train on, {} held out, {}x{} pixels; {} points, extent {:.3g}",
            scene.source, scene.train_views.size(), scene.test_views.size(), first.camera.width,

@@ -65,10 +65,8 @@ struct TrainSession::Observers {
   std::optional<DurationObserver> duration;
 
   Observers(const RunFolder& folder, Trainer& trainer, bool shows_progress, const RowsBefore& rows)
-      : progress(trainer.schedule().steps(), shows_progress, trainer.step()),
-        saver(folder),
-        evaluations(progress),
-        metrics(folder, evaluations, rows.metrics),
+      : progress(trainer.schedule().steps(), shows_progress, trainer.step()), saver(folder),
+        evaluations(progress), metrics(folder, evaluations, rows.metrics),
         profile(folder, evaluations, rows.profile) {
     for (Observer* observer :
          std::initializer_list<Observer*>{&saver, &evaluations, &metrics, &progress, &profile})
@@ -196,8 +194,7 @@ void TrainSession::make_resumed_trainer() {
 
 void TrainSession::add_observers() {
   const RowsBefore rows = rows_before(resumed_, trainer_->step(), trainer_->schedule().steps());
-  observers_ =
-      std::make_unique<Observers>(*folder_, *trainer_, request_.shows_progress, rows);
+  observers_ = std::make_unique<Observers>(*folder_, *trainer_, request_.shows_progress, rows);
   hooks_.before_training(*trainer_, observers_->metrics, observers_->evaluations);
 }
 
@@ -223,9 +220,8 @@ void TrainSession::finish() {
   log_info("all {} steps are done, and the model is saved; it is evaluated now",
            results_.iterations);
   with_memory("the evaluation", [&] {
-    evaluate_run(*trainer_, *folder_, results_, [&](std::size_t done, std::size_t total) {
-      hooks_.show_evaluation(done, total);
-    });
+    evaluate_run(*trainer_, *folder_, results_,
+                 [&](std::size_t done, std::size_t total) { hooks_.show_evaluation(done, total); });
   });
   observers_->metrics.finish(results_.iterations, *trainer_, results_.test);
   write_text(folder_->per_view(), per_view_json(results_));
@@ -256,9 +252,10 @@ std::string TrainSession::what_is_kept() const {
   if (fs::exists(folder_->ply(last)))
     text += fmt::format("; the model is in {}", folder_->ply(last).string());
   if (const auto kept = checkpoints_in(folder_->checkpoints()); !kept.empty())
-    text += fmt::format("; the run up to step {} is kept in {}: go on with --resume and a lower "
-                        "--max-gaussians, or on another machine",
-                        kept[0].step, kept[0].file.string());
+    text += fmt::format(
+        "; the run up to step {} is kept in {}: go on with --resume and a lower "
+        "--max-gaussians, or on another machine",
+        kept[0].step, kept[0].file.string());
   return text;
 }
 

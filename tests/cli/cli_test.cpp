@@ -199,8 +199,9 @@ TEST_F(Program, TrainingWritesTheWholeFolder) {
 TEST_F(Program, TrainingSaysHowLongItTakesHereAndThatItEvaluates) {
   const Outcome outcome = train("out", "--iterations 200");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_THAT(outcome.err, AllOf(HasSubstr("50 steps took "), HasSubstr(" s here: the other 150 take "),
-                                 HasSubstr("it is evaluated now")));
+  EXPECT_THAT(outcome.err,
+              AllOf(HasSubstr("50 steps took "), HasSubstr(" s here: the other 150 take "),
+                    HasSubstr("it is evaluated now")));
   EXPECT_THAT(train("brief").err, Not(HasSubstr("steps took")));
 }
 
@@ -242,8 +243,8 @@ TEST_F(Program, AnExistingRunIsRefusedAndIntact) {
   const std::string before = read_bytes(path("out/results.json"));
   const Outcome again = train("out", "--seed 1");
   EXPECT_EQ(again.code, 2);
-  EXPECT_THAT(again.err, AllOf(HasSubstr(text("out")), HasSubstr("--resume goes on with it"), HasSubstr("-o"),
-                               HasSubstr("--force")));
+  EXPECT_THAT(again.err, AllOf(HasSubstr(text("out")), HasSubstr("--resume goes on with it"),
+                               HasSubstr("-o"), HasSubstr("--force")));
   EXPECT_EQ(read_bytes(path("out/results.json")), before);
 }
 

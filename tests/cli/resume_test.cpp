@@ -283,7 +283,8 @@ TEST_F(Resume, WhatCannotBeResumedIsAnErrorThatSaysWhy) {
   write_bytes(path("model.ply"), "ply\n");
   const Outcome model = run(command("out", "--resume " + text("model.ply")));
   EXPECT_EQ(model.code, 2);
-  EXPECT_THAT(model.err, AllOf(HasSubstr("is a model and no checkpoint"), HasSubstr("--start-from")));
+  EXPECT_THAT(model.err,
+              AllOf(HasSubstr("is a model and no checkpoint"), HasSubstr("--start-from")));
   EXPECT_EQ(run(command("out", "--iterations +10")).code, 2);
   EXPECT_EQ(run(command("out", "--resume auto --iterations +10")).code, 2);
   EXPECT_EQ(run(command("out", "--resume auto --iterations +1x")).code, 2);
