@@ -200,9 +200,11 @@ std::optional<ResumedRun> find_resumed_run(const SettingsOver& settings, const s
   start.model.output = run->source.string();
   run->config = settings(start);
   DatasetConfig& dataset = run->config.dataset;
-  // The scene that the run has made of bare photos is in the checkpoint's config.
-  if (holds_only_photos(dataset.source)) dataset.source = ours.dataset.source;
-  dataset.source = fs::absolute(dataset.source).lexically_normal().string();
+  if (!dataset.source.empty()) {  // else: a scene made of arrays
+    // The scene that the run has made of bare photos is in the checkpoint's config.
+    if (holds_only_photos(dataset.source)) dataset.source = ours.dataset.source;
+    dataset.source = fs::absolute(dataset.source).lexically_normal().string();
+  }
   std::string& start_from = run->config.model.start_from;
   if (!start_from.empty()) start_from = fs::absolute(start_from).lexically_normal().string();
   check_kept_settings(ours, run->config, run->source);
