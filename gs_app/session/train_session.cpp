@@ -4,7 +4,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <new>
 
 #include "data_loaders/formats/formats.h"
 #include "gs_app/report/report_run.h"
@@ -39,19 +38,6 @@ RowsBefore rows_before(const std::optional<ResumedRun>& resumed, int steps_done,
 
 std::string absolute_path(const std::string& path) {
   return path.empty() ? path : fs::absolute(path).lexically_normal().string();
-}
-
-// Runs f(). Returns what was said where memory ran out, else nothing.
-std::optional<std::string> memory_trouble_in(const std::function<void()>& f) {
-  try {
-    f();
-    return std::nullopt;
-  } catch (const Error& error) {
-    if (error.code() != ExitCode::out_of_memory) throw;
-    return error.what();
-  } catch (const std::bad_alloc&) {
-    return "out of memory";
-  }
 }
 
 }  // namespace
@@ -203,23 +189,22 @@ void TrainSession::add_observers() {
 void TrainSession::train() {
   std::optional<StopOnSignal> stop_on_signal;
   if (request_.stops_on_signal) stop_on_signal.emplace(*trainer_);
-  const auto trouble = memory_trouble_in([&] { trainer_->run(); });
+  naming_what_is_kept([&] { trainer_->run(); });
   observers_->progress.clear();
-  if (trouble) throw Error(*trouble + what_is_kept(), ExitCode::out_of_memory);
 }
 
 void TrainSession::save_last_model() {
   const int last = trainer_->step();
   const bool is_last_step = last == trainer_->schedule().steps();
   if (!is_last_step && fs::exists(folder_->ply(last))) return;  // train.save_steps named the step
-  with_memory("saving the model", [&] { save_model(*folder_, last, *trainer_); });
+  guarded("saving the model", [&] { save_model(*folder_, last, *trainer_); });
 }
 
 void TrainSession::finish() {
   results_ = results_of(*trainer_);
   log_info("all {} steps are done, and the model is saved; it is evaluated now",
            results_.iterations);
-  with_memory("the evaluation", [&] {
+  guarded("the evaluation", [&] {
     evaluate_run(*trainer_, *folder_, results_,
                  [&](std::size_t done, std::size_t total) { hooks_.show_evaluation(done, total); });
   });
@@ -230,20 +215,22 @@ void TrainSession::finish() {
   write_text(folder_->results(), results_text);  // last: it says that the run is finished
   checkpoints_->keep_only_newest();
   // Nothing can be lost any more.
-  with_memory("an export", [&] { export_run(request_.exports, *folder_, *trainer_); });
+  guarded("an export", [&] { export_run(request_.exports, *folder_, *trainer_); });
 }
 
-// Runs f(). Where memory runs out, gives back what the backend holds to be quick, and runs it once
-// more. Throws Error that says what is saved where even that is too little.
-void TrainSession::with_memory(const char* what, const std::function<void()>& f) {
-  const auto trouble = memory_trouble_in(f);
-  if (!trouble) return;
-  log_warning("memory ran out for {} ({}): caches are given back, and it is tried again", what,
-              *trouble);
-  backend_->release_caches();
-  if (const auto again = memory_trouble_in(f))
-    throw Error(fmt::format("memory ran out for {}: {}{}", what, *again, what_is_kept()),
-                ExitCode::out_of_memory);
+void TrainSession::guarded(const char* what, const std::function<void()>& f) {
+  naming_what_is_kept([&] { trainer_->guarded(what, f); });
+}
+
+// Runs f(). Where memory runs out for good, the error also says what is saved, and how to go on.
+void TrainSession::naming_what_is_kept(const std::function<void()>& f) {
+  try {
+    f();
+  } catch (const Error& error) {
+    observers_->progress.clear();
+    if (error.code() != ExitCode::out_of_memory) throw;
+    throw Error(error.what() + what_is_kept(), ExitCode::out_of_memory);
+  }
 }
 
 std::string TrainSession::what_is_kept() const {

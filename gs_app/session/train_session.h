@@ -85,7 +85,8 @@ class TrainSession {
   void train();
   void save_last_model();
   void finish();
-  void with_memory(const char* what, const std::function<void()>& f);
+  void guarded(const char* what, const std::function<void()>& f);
+  void naming_what_is_kept(const std::function<void()>& f);
   std::string what_is_kept() const;
 
   TrainRequest request_;
