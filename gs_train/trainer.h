@@ -9,7 +9,6 @@
 
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
-#include "gs_render/render_settings.h"
 #include "gs_train/backend.h"
 #include "gs_train/checkpoint.h"
 #include "gs_train/floaters.h"
