@@ -9,7 +9,7 @@
 #include <string>
 #include <thread>
 
-#include "gs_app/run/train_observers.h"
+#include "gs_app/observers/train_observers.h"
 #include "gs_app/view/look_budget.h"
 #include "gs_app/view/view_server.h"
 
