@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat report: report.html of a run or an experiment, made anew.
+// gemsplat report: writes report.html of a run or an experiment.
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
@@ -35,14 +35,15 @@ void report(const ReportCommand& command) {
 
 void add_report(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand(
-      "report", "Write report.html of a run or an experiment: one file that opens in a browser");
+      "report", "Write report.html of a run or an experiment: one file for the browser");
   const auto command = std::make_shared<ReportCommand>();
-  verb.add_option("folder", command->folder, "a run's folder, finished or not, or an experiment's")
+  verb.add_option("folder", command->folder,
+                  "the folder of a run, finished or not, or of an experiment")
       ->type_name("RUN|EXPERIMENT")
       ->required();
   verb.add_option("-o,--output", command->output, "the file [report.html in the folder]")
       ->type_name("FILE");
-  verb.add_flag("--json", command->json, "print the report's data as JSON, and write nothing");
+  verb.add_flag("--json", command->json, "print the report's data as JSON and write no file");
   verb.callback([command] { report(*command); });
 }
 

@@ -84,9 +84,13 @@ void MetricsObserver::go_on_after(const std::string& rows) {
   write_text(path_, kMetricsHeader + rows);
   last_row_ = 0;
   last_seconds_ = 0;
+  losses_.clear();
   std::istringstream lines(rows);
-  for (std::string line; std::getline(lines, line);)
-    std::sscanf(line.c_str(), "%d,%*[^,],%*[^,],%lf", &last_row_, &last_seconds_);
+  for (std::string line; std::getline(lines, line);) {
+    double loss = 0;
+    std::sscanf(line.c_str(), "%d,%lf,%*[^,],%lf", &last_row_, &loss, &last_seconds_);
+    losses_.push_back({last_row_, loss});
+  }
 }
 
 void MetricsObserver::after_step(int step, Trainer& trainer) {
@@ -102,11 +106,11 @@ void MetricsObserver::finish(int step, Trainer& trainer, const Evaluation& test)
 void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* test) {
   const double seconds = trainer.train_seconds();
   const double rate = seconds > last_seconds_ ? (step - last_row_) / (seconds - last_seconds_) : 0;
-  last_loss_ = trainer.loss();
+  losses_.push_back({step, trainer.loss()});
   append_rows(
       path_,
-      fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, *last_loss_, trainer.gaussian_count(),
-                  seconds, rate, trainer.settings().sh_degree) +
+      fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, losses_.back().loss,
+                  trainer.gaussian_count(), seconds, rate, trainer.settings().sh_degree) +
           (test ? fmt::format("{:.4f},{:.5f}\n", test->psnr, test->ssim) : std::string(",\n")));
   last_row_ = step;
   last_seconds_ = seconds;

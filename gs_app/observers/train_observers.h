@@ -6,6 +6,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/run_folder.h"
@@ -69,6 +70,12 @@ class EvaluationObserver final : public Observer {
 /// The whole rows of a metrics.csv up to `step`: what a run keeps that goes on after it.
 std::string metrics_up_to(const std::filesystem::path& metrics, int step);
 
+/// Step and loss of one row of metrics.csv.
+struct LoggedLoss {
+  int step;
+  double loss;
+};
+
 /// metrics.csv: one row every train.log_every steps and for each evaluation. The row of the last
 /// step is written by finish(), when the final figures are known. The file grows as the run goes
 /// on.
@@ -80,8 +87,8 @@ class MetricsObserver final : public Observer {
   void after_step(int step, Trainer& trainer) override;
   void after_rollback(int step, Trainer& trainer) override;
   void finish(int step, Trainer& trainer, const Evaluation& test);
-  /// The loss in the last row; none before the first row.
-  std::optional<double> last_loss() const { return last_loss_; }
+  /// Those of all rows, also of the rows that a resumed run wrote.
+  const std::vector<LoggedLoss>& losses() const { return losses_; }
 
  private:
   void go_on_after(const std::string& rows);
@@ -91,7 +98,7 @@ class MetricsObserver final : public Observer {
   const EvaluationObserver& evaluations_;
   int last_row_ = 0;
   double last_seconds_ = 0;
-  std::optional<double> last_loss_;
+  std::vector<LoggedLoss> losses_;
 };
 
 /// Saves the model to its place in the run's folder.

@@ -11,12 +11,14 @@ namespace gs {
 nlohmann::ordered_json folder_report(const std::filesystem::path& folder) {
   if (!std::filesystem::is_directory(folder))
     throw UsageError(folder.string() +
-                     " is no folder; name that of a run (train -o) or of an experiment's output");
+                     " is not a folder; name the folder of a run (train -o) or the output folder "
+                     "of an experiment");
   return holds_experiment(folder) ? experiment_report(folder) : run_report(RunFolder(folder));
 }
 
 std::filesystem::path write_folder_report(const std::filesystem::path& folder,
                                           const std::filesystem::path& file) {
+  if (!can_write_reports()) throw Error(cannot_write_reports());  // before the work
   write_report(file, folder_report(folder));
   return file;
 }

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the model is and how fast it is drawn.
+// The facts of the Model panel: the file, its Gaussians, and how fast they are drawn.
 import {bytes, fixed, isNumber, whole} from '../shared/format.js';
-import {figureList} from './parts.js';
+import {factList} from './parts.js';
 
 const FRAMES_EVERY = 250;  // milliseconds between updates of the speed
 
-export function figuresOf({scene, stage}) {
-  const list = figureList(['File', 'Format', 'Gaussians', 'Shown', 'SH degree', 'Size', 'Antialiased', 'Cameras', 'Frames', 'Drawn by', 'Latency', 'On the server']);
+/// {node, show(), frame()}: show() after the model has changed, frame() after each frame.
+export function modelFacts({scene, stage}) {
+  const list = factList(['File', 'Format', 'Gaussians', 'Shown', 'SH degree', 'Size', 'Antialiased', 'Cameras', 'Frames', 'Drawn by', 'Latency', 'On the server']);
   const show = () => {
     const {model} = scene;
     list.set('File', model?.name);

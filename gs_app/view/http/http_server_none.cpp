@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gs_app/view/http_server.h in a build without cpp-httplib.
-#include "gs_app/view/http_server.h"
+// http_server.h in a build without cpp-httplib.
+#include "gs_app/view/http/http_server.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -14,7 +14,8 @@ std::string HttpServer::url() const { return {}; }
 
 bool can_serve() { return false; }
 std::string cannot_serve() {
-  return "this build serves no viewer, as cpp-httplib was missing: install libcpp-httplib-dev and "
+  return "this build cannot serve the viewer, because cpp-httplib was missing: install "
+         "libcpp-httplib-dev and "
          "pkg-config and build again";
 }
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// What of gs_app/view/http_server.h needs no library: names of hosts, and answers.
+// The parts of http_server.h that need no library: names of hosts, and answers.
 #include <arpa/inet.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
 
-#include "gs_app/view/http_server.h"
+#include "gs_app/view/http/http_server.h"
 
 namespace gs {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Threads that give way to those that train.
+// Low priority for threads that must not slow training down, such as those of the viewer's server.
 #pragma once
 
 #include <sys/resource.h>
@@ -8,7 +8,8 @@
 
 namespace gs {
 
-/// Gives the calling thread the lowest priority, the first time that it calls. Nothing where the system does not let it.
+/// Gives the calling thread the lowest priority. Only the first call of a thread does anything; it has no effect if the
+/// system does not allow it.
 inline void lower_priority_once() {
   thread_local bool is_low = false;
   if (is_low) return;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/view/http_server.h"
+#include "gs_app/view/http/http_server.h"
 
 #include <httplib.h>
 #include <spdlog/fmt/fmt.h>
@@ -9,36 +9,38 @@
 #include <fstream>
 #include <thread>
 
-#include "gs_app/view/low_priority.h"
 #include "gs_core/error.h"
+#include "gs_core/low_priority.h"
 #include "gs_core/parallel.h"
 
 namespace gs {
 namespace {
 
 constexpr int kPortsTried = 100;
-constexpr int kKeepAliveSeconds = 1;  // also the longest that the end of the server waits for an idle browser
-constexpr int kWriteSeconds = 1;      // of one piece
-constexpr int kPauses = 30;           // of so long each: a browser that decodes what it has does not read
+constexpr int kKeepAliveSeconds = 1;  // also how long the server's end waits for an idle browser
+constexpr int kWriteSeconds = 1;      // timeout of one piece
+// Timeouts in a row: a browser that is decoding does not read for a while.
+constexpr int kPauses = 30;
 constexpr std::size_t kPieceBytes = std::size_t(1) << 16;
-constexpr std::size_t kMostBodyBytes = 1024;  // of a request: none has to have any
+constexpr std::size_t kMostBodyBytes = 1024;  // of a request; ours have no body
 
-// Other than the library's default without SO_REUSEPORT, with which two servers would share a port; and programs that are
-// started do not keep it.
+// Unlike the library's default, this leaves out SO_REUSEPORT, with which two servers could share a
+// port. FD_CLOEXEC keeps child processes from inheriting the socket.
 void set_socket_options(socket_t socket) {
   const int yes = 1;
   setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
   fcntl(socket, F_SETFD, FD_CLOEXEC);
 }
 
-// Whether the reader takes more before the server ends.
+// Whether the reader accepts more before it times out or the server ends.
 bool waits_for_reader(httplib::DataSink& sink, const std::atomic<bool>& ends) {
   for (int i = 0; i < kPauses && !ends; ++i)
     if (sink.is_writable()) return true;
   return false;
 }
 
-// Always in pieces: a body that is set as a whole would be compressed, which takes longer than any loopback.
+// The body is sent in pieces, because the library would compress a whole one, which takes longer
+// than sending it locally.
 void set_body(httplib::Response& response, const std::shared_ptr<const std::string>& body,
               const std::string& type, const std::atomic<bool>& ends) {
   if (body->empty()) return response.set_content("", type);
@@ -82,7 +84,8 @@ HttpRequest request_of(const httplib::Request& request) {
   return result;
 }
 
-// Whether a browser sends it for this server's own page, or for a person that opens it.
+// Whether the request comes from this server's own page or from a person who opens the page, and
+// not from another web page.
 bool is_wanted(const httplib::Request& request, const std::string& host) {
   const std::string from = request.get_header_value("Sec-Fetch-Site");
   const bool is_foreign = from == "cross-site" || from == "same-site";
@@ -99,7 +102,8 @@ struct HttpServer::Impl {
     server.set_socket_options(set_socket_options);
     server.set_tcp_nodelay(true);
     server.set_keep_alive_timeout(kKeepAliveSeconds);
-    server.set_keep_alive_max_count(1);  // what is left of a refused request is never taken for another
+    // The body of a refused request is not parsed as another request.
+    server.set_keep_alive_max_count(1);
     server.set_payload_max_length(kMostBodyBytes);
     server.set_write_timeout(kWriteSeconds);
     server.set_default_headers({{"Cache-Control", "no-store"},
@@ -111,8 +115,8 @@ struct HttpServer::Impl {
       thread_local const SerialLoops beside_training;
       if (!is_wanted(request, host))
         set_answer(response,
-                   http_error(403, "this server answers to " + url() +
-                                       " alone: another name or page has sent you here"),
+                   http_error(403, "this server accepts only requests to " + url() +
+                                       ", not those of other names or web pages"),
                    ends);
       else if (request.method != "GET" && request.method != "HEAD")  // before its body is read
         set_answer(response, http_error(404, "there is nothing at this address"), ends);
@@ -143,8 +147,8 @@ struct HttpServer::Impl {
     }
     if (port <= 0)
       throw Error(
-          fmt::format("cannot listen at {}{}: the port is taken or the address is none of "
-                      "this machine's; give another --port (0: any) or --host",
+          fmt::format("cannot listen at {}{}: the port is taken, or this machine does not have the "
+                      "address; give another --port (0: any) or --host",
                       host, place.port > 0 ? fmt::format(":{}", place.port) : ""));
   }
 
@@ -152,7 +156,7 @@ struct HttpServer::Impl {
     thread = std::thread([this] {
       try {
         server.listen_after_bind();
-      } catch (const std::exception&) {  // no more threads
+      } catch (const std::exception&) {  // the system allows no more threads
       }
       is_over = true;
     });
