@@ -3,12 +3,10 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "apps/cli/verbs.h"
-#include "gs_app/report/report_experiment.h"
-#include "gs_app/report/report_page.h"
-#include "gs_app/report/report_run.h"
-#include "gs_core/error.h"
+#include "gs_app/report/report_folder.h"
 #include "gs_core/log.h"
 
 namespace gs {
@@ -22,21 +20,15 @@ struct ReportCommand {
 void report(const ReportCommand& command) {
   setup_log(Verbosity::normal);
   const std::filesystem::path folder = command.folder;
-  if (!std::filesystem::is_directory(folder))
-    throw UsageError(command.folder +
-                     " is not a folder; name the folder of a run (train -o) or the output folder "
-                     "of an experiment");
-  if (!command.json && !can_write_reports()) throw Error(cannot_write_reports());
-  const nlohmann::ordered_json data =
-      holds_experiment(folder) ? experiment_report(folder) : run_report(RunFolder(folder));
   if (command.json) {
-    std::cout << data.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
+    std::cout << folder_report(folder).dump(2, ' ', false,
+                                            nlohmann::ordered_json::error_handler_t::replace)
+              << '\n';
     return;
   }
   const std::filesystem::path file =
       command.output.empty() ? folder / "report.html" : std::filesystem::path(command.output);
-  write_report(file, data);
-  std::cout << "report: " << file.string() << '\n';
+  std::cout << "report: " << write_folder_report(folder, file).string() << '\n';
 }
 
 }  // namespace

@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "gs_app/run/train_observers.h"
+#include "gs_app/observers/train_observers.h"
 #include "gs_app/view/snapshot_budget.h"
 #include "gs_app/view/view_server.h"
 

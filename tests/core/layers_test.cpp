@@ -80,9 +80,15 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_app/run", {}},
     {"gs_app/pictures", {}},
     {"gs_app/export", {"gs_app/run", "gs_app/pictures"}},
+    {"gs_app/checkpoints", {"gs_app/run"}},
+    {"gs_app/observers", {"gs_app/run"}},
     {"gs_app/report", {"gs_app/run", "gs_app/pictures"}},
+    {"gs_app/session",
+     {"gs_app/run", "gs_app/pictures", "gs_app/checkpoints", "gs_app/observers", "gs_app/export",
+      "gs_app/report"}},
     {"gs_app/view/http", {}},
-    {"gs_app/view", {"gs_app/run", "gs_app/pictures", "gs_app/export", "gs_app/view/http"}},
+    {"gs_app/view",
+     {"gs_app/run", "gs_app/pictures", "gs_app/export", "gs_app/observers", "gs_app/view/http"}},
     {"gs_app/experiment", {"gs_app/run"}},
     {"gs_app/checks", {"gs_app/run"}},
 };
@@ -145,7 +151,7 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
     {"Ceres",
      {"ceres/"},
      {"Ceres::", "CERES_"},
-     {"data_loaders/refine/refine_", "tests/math/", "tests/support/jet_"},
+     {"data_loaders/refine/refine_", "tests/math/", "tests/recipes/lens_", "tests/support/jet_"},
      {"data_loaders/", "tests/"}},
 };
 

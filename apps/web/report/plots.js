@@ -4,7 +4,7 @@
 //
 // To add a plot:
 //   1. Write its numbers while a run trains: as a column of metrics.csv (MetricsObserver in
-//      gs_app/run/train_observers.cpp), or as rows of profile.csv (gs_app/run/profile_observer.cpp).
+//      gs_app/observers/train_observers.cpp), or as rows of profile.csv (gs_app/observers/profile_observer.cpp).
 //   2. Check that they are in the report's data: `gemsplat report RUN --json`. Every column of metrics.csv is there as
 //      metrics.COLUMN without further code; what profile.csv brings is gathered in gs_app/report/report_curves.cpp.
 //   3. Add a row to PLOTS below, and its title to the list in apps/web/tests/report_test.mjs.

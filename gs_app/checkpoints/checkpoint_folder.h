@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "gs_app/run/checkpoint_file.h"
+#include "gs_app/checkpoints/checkpoint_file.h"
 
 namespace gs {
 
@@ -17,16 +17,18 @@ struct CheckpointPath {
   std::filesystem::path file;
 };
 
-/// The files of a folder that are named as checkpoints are, latest step first.
+/// The files of a folder with names of checkpoints, the latest step first.
 std::vector<CheckpointPath> checkpoints_in(const std::filesystem::path& folder);
 
-/// The latest of them that is whole. A file that is not is named in a warning, and renamed to FILE.refused.
+/// The latest checkpoint that is whole. A damaged file is named in a warning, and renamed to
+/// FILE.refused.
 std::optional<Checkpoint> newest_checkpoint(const std::filesystem::path& folder);
 
-/// Bytes that may still be written where this folder is.
+/// The free space of the folder's file system, in bytes.
 std::uint64_t free_space(const std::filesystem::path& folder);
 
-/// Writes a run's checkpoints and keeps the last two. Where the disk is full it warns and training goes on.
+/// Writes a run's checkpoints, and keeps the last two. If the disk is full, it warns, and training
+/// goes on.
 class CheckpointFolder final : public CheckpointStore {
  public:
   using FreeSpace = std::function<std::uint64_t(const std::filesystem::path&)>;
@@ -35,7 +37,7 @@ class CheckpointFolder final : public CheckpointStore {
 
   bool save(const RunProgress& progress, const TrainingModel& model) override;
   std::optional<TrainingState> newest() override;
-  /// What a finished run keeps: the one that it can be extended from.
+  /// Removes all but the newest one, from which a finished run can be extended.
   void keep_only_newest() { remove_all_but(1); }
   std::filesystem::path file_of(int step) const;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/run/profile_observer.h"
+#include "gs_app/observers/profile_observer.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -13,7 +13,7 @@ namespace gs {
 namespace {
 
 const std::string kProfileHeader = "step,quantity,name,value\n";
-constexpr const char* kCheckpointStage = "look";  // at the model, before a checkpoint: no part of a step
+constexpr const char* kCheckpointStage = "look";  // checks the model before a checkpoint
 
 }  // namespace
 
@@ -38,7 +38,7 @@ void ProfileObserver::after_step(int step, Trainer& trainer) {
   if (is_timing_) {
     trainer.backend().set_profiling(false);
     is_timing_ = false;
-    timed_step_ = evaluations_.at(step) ? 0 : step;  // an evaluation renders, too
+    timed_step_ = evaluations_.at(step) ? 0 : step;  // an evaluation renders as well
   }
   if (step % trainer.config().train.log_every != 0) return;
   write_rows(step, trainer);

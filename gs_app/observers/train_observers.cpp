@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/run/train_observers.h"
+#include "gs_app/observers/train_observers.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -19,7 +19,9 @@ namespace {
 const std::string kMetricsHeader =
     "step,loss,num_gaussians,seconds,steps_per_second,sh_degree,test_psnr,test_ssim\n";
 
-bool names(const std::vector<int>& steps, int step) {
+constexpr int kTimedSteps = 50;
+
+bool contains(const std::vector<int>& steps, int step) {
   return std::find(steps.begin(), steps.end(), step) != steps.end();
 }
 
@@ -28,21 +30,32 @@ bool is_last(int step, Trainer& trainer) { return step == trainer.schedule().ste
 }  // namespace
 
 void ProgressObserver::after_step(int step, Trainer& trainer) {
-  last_step_ = step;
   if (!bar_.due(step)) return;
   const std::string detail = fmt::format("loss {:.4f} | {} Gaussians", trainer.loss(),
                                          with_commas(trainer.gaussian_count()));
   bar_.draw(step, detail, "step");
 }
 
+// Only the steps themselves are timed. Most runs slow down as Gaussians are added, so the figure is
+// a lower bound.
+void DurationObserver::after_step(int step, Trainer& trainer) {
+  const int left = trainer.schedule().steps() - step;
+  if (step != first_step_ + kTimedSteps || left < kTimedSteps) return;
+  const double seconds = trainer.train_seconds() - first_seconds_;
+  progress_.clear();
+  log_info("{} steps took {:.1f} s here: the other {} take {} or more, as Gaussians are added",
+           kTimedSteps, seconds, with_commas(std::uint64_t(left)),
+           duration_text(seconds / kTimedSteps * left));
+}
+
 void SaveObserver::after_step(int step, Trainer& trainer) {
-  if (names(trainer.config().train.save_steps, step) && !is_last(step, trainer))
+  if (contains(trainer.config().train.save_steps, step) && !is_last(step, trainer))
     save_model(folder_, step, trainer);
 }
 
 void EvaluationObserver::after_step(int step, Trainer& trainer) {
   const std::vector<View>& views = trainer.scene().test_views;
-  if (views.empty() || is_last(step, trainer) || !names(trainer.config().train.test_steps, step))
+  if (views.empty() || is_last(step, trainer) || !contains(trainer.config().train.test_steps, step))
     return;
   trainer.look_at_result([&](const Gaussians& gaussians) {
     evaluation_ = evaluate(trainer.backend().renderer(), gaussians.span(), views,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/run/checkpoint_folder.h"
+#include "gs_app/checkpoints/checkpoint_folder.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -20,7 +20,7 @@ constexpr std::string_view kPrefix = "step_", kEnding = ".ckpt";
 constexpr std::size_t kKept = 2;
 constexpr std::uint64_t kSpareBytes = std::uint64_t(16) << 20;  // for the names of views, metrics, logs
 
-// The step that a file's name says; -1 for other names.
+// The step in a checkpoint's name; -1 for other names.
 int step_of(const std::string& name) {
   if (!name.starts_with(kPrefix) || !name.ends_with(kEnding)) return -1;
   int step = -1;
@@ -49,7 +49,7 @@ std::optional<Checkpoint> newest_checkpoint(const fs::path& folder) {
       return read_checkpoint(candidate.file);
     } catch (const Error& error) {
       if (error.code() == ExitCode::out_of_memory) throw;
-      log_warning("{}; it is renamed to {}.refused, and an older one is taken", error.what(),
+      log_warning("{}; it is renamed to {}.refused, and the next older one is taken", error.what(),
                   candidate.file.filename().string());
     }
     std::error_code ignored;
@@ -76,7 +76,7 @@ fs::path CheckpointFolder::file_of(int step) const {
 bool CheckpointFolder::save(const RunProgress& progress, const TrainingModel& model) {
   try {
     std::error_code ignored;
-    fs::create_directories(folder_, ignored);  // where it fails, writing says so
+    fs::create_directories(folder_, ignored);  // if it fails, write_checkpoint() says so
     if (!has_space(checkpoint_bytes(model.count(), scene_.views.size()) + kSpareBytes,
                    progress.step))
       return false;
@@ -90,13 +90,13 @@ bool CheckpointFolder::save(const RunProgress& progress, const TrainingModel& mo
   return true;
 }
 
-// The older of two makes place where that is enough; the last one never.
+// Removes the older of two checkpoints if that frees enough space. The last one is never removed.
 bool CheckpointFolder::has_space(std::uint64_t bytes, int step) {
   if (space_(folder_) < bytes) remove_all_but(1);
   const std::uint64_t space = space_(folder_);
   if (space >= bytes) return true;
   log_warning(
-      "no checkpoint of step {}: it takes {} MiB, and {} MiB are free where {} is; free some "
+      "no checkpoint of step {}: it takes {} MiB, and {} MiB are free on the disk of {}; free some "
       "space; training goes on",
       step, bytes >> 20, space >> 20, folder_.string());
   return false;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/run/resume.h"
+#include "gs_app/checkpoints/resume.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -7,8 +7,9 @@
 #include <charconv>
 #include <cmath>
 
+#include "data_loaders/formats/formats.h"
 #include "data_loaders/reconstruct/photo_folder.h"
-#include "gs_app/run/checkpoint_folder.h"
+#include "gs_app/checkpoints/checkpoint_folder.h"
 #include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
@@ -34,7 +35,8 @@ void check_kept_settings(const Config& ours, const Config& now, const fs::path& 
         folder.string(), differing));
 }
 
-// The schedule stays that of the run, whatever is said of its length: what was done stays right.
+// The schedule stays that of the run. Where another length is asked for, the difference becomes
+// extra steps at the end, so that the steps already done were right.
 void keep_schedule(const Config& ours, Config& now, int steps_done) {
   const int schedule = Schedule(ours, 1).steps_without_extra();
   if (now.train.iterations != ours.train.iterations) {
@@ -51,7 +53,8 @@ void keep_schedule(const Config& ours, Config& now, int steps_done) {
         fmt::format("the run has {} steps behind it already; ask for more", steps_done));
 }
 
-// `--iterations +N`: a finished run becomes longer; one that is being made longer goes on.
+// `--iterations +N` makes a finished run longer. A run whose extension is not complete yet goes on
+// with that first.
 void add_steps(ResumedRun& run, int added) {
   if (added == 0) return;
   if (run.is_finished) {
@@ -69,7 +72,14 @@ void add_steps(ResumedRun& run, int added) {
   }
 }
 
-bool is_checkpoint_file(const fs::path& path) { return fs::is_regular_file(path); }
+// A model has neither Adam's moments nor a step to go on from.
+void refuse_model(const fs::path& file) {
+  if (!find_format(file)) return;
+  throw UsageError(fmt::format(
+      "{} is a model and no checkpoint, so that a run cannot go on from it; give --resume a run's "
+      "folder, or start a new run from the model with --start-from {} -o OUT",
+      file.string(), file.string()));
+}
 
 // The checkpoint and the folder of its run.
 std::optional<ResumedRun> find_checkpoint(const SettingsOver& settings, const std::string& where) {
@@ -80,7 +90,8 @@ std::optional<ResumedRun> find_checkpoint(const SettingsOver& settings, const st
   if (!is_auto && !fs::exists(named))
     throw UsageError("there is no run to resume at " + named.string() + "; check the path");
   ResumedRun run;
-  if (is_checkpoint_file(named)) {
+  if (fs::is_regular_file(named)) {
+    refuse_model(named);
     run.checkpoint = read_checkpoint(named);
     run.source = fs::absolute(named).lexically_normal().parent_path().parent_path();
     return run;
@@ -115,7 +126,7 @@ void remove_leftovers_below(const fs::path& root) {
   for (const fs::path& folder : folders) remove_leftovers(folder);
 }
 
-// Folders alone are what a kill leaves before the first file is whole.
+// A kill before the first file is whole leaves empty folders, which do not count.
 bool holds_a_file(const fs::path& path) {
   if (!fs::is_directory(path)) return fs::exists(path);
   for (const auto& entry : fs::recursive_directory_iterator(path))
@@ -136,7 +147,7 @@ bool ResumedRun::goes_on_in_place() const {
          fs::weakly_canonical(config.model.output, ignored);
 }
 
-int take_added_steps(std::vector<std::string>& settings) {
+int extract_added_steps(std::vector<std::string>& settings) {
   constexpr std::string_view kStart = "train.iterations=+";
   int added = 0;
   std::erase_if(settings, [&](const std::string& flag) {
@@ -151,8 +162,8 @@ int take_added_steps(std::vector<std::string>& settings) {
   return added;
 }
 
-std::optional<ResumedRun> find_run(const SettingsOver& settings, const std::string& where,
-                                   int added_steps) {
+std::optional<ResumedRun> find_resumed_run(const SettingsOver& settings, const std::string& where,
+                                           int added_steps) {
   std::optional<ResumedRun> run = find_checkpoint(settings, where);
   if (!run) {
     if (added_steps)
@@ -166,8 +177,13 @@ std::optional<ResumedRun> find_run(const SettingsOver& settings, const std::stri
   start.model.output = run->source.string();
   run->config = settings(start);
   DatasetConfig& dataset = run->config.dataset;
-  if (holds_only_photos(dataset.source)) dataset.source = ours.dataset.source;  // made of them
-  dataset.source = fs::absolute(dataset.source).lexically_normal().string();
+  if (!dataset.source.empty()) {  // else: a scene made of arrays
+    // The scene that the run has made of bare photos is in the checkpoint's config.
+    if (holds_only_photos(dataset.source)) dataset.source = ours.dataset.source;
+    dataset.source = fs::absolute(dataset.source).lexically_normal().string();
+  }
+  std::string& start_from = run->config.model.start_from;
+  if (!start_from.empty()) start_from = fs::absolute(start_from).lexically_normal().string();
   check_kept_settings(ours, run->config, run->source);
   keep_schedule(ours, run->config, progress.step);
   if (run->config.density.max_gaussians != ours.density.max_gaussians) progress.growth_cap = 0;
@@ -177,7 +193,11 @@ std::optional<ResumedRun> find_run(const SettingsOver& settings, const std::stri
   return run;
 }
 
-void adopt_scene(const ResumedRun& run, Scene& scene) {
+bool has_solved_views(const ResumedRun& run) {
+  return run.config.dataset.refine_cameras || run.config.dataset.exposure;
+}
+
+void check_same_scene(const ResumedRun& run, const Scene& scene) {
   const SceneRecord here(scene), &ours = run.checkpoint.scene;
   const auto refuse = [&](const std::string& what) {
     throw Error(
@@ -187,8 +207,6 @@ void adopt_scene(const ResumedRun& run, Scene& scene) {
   };
   if (here.views.size() != ours.views.size())
     refuse(fmt::format("it has {} views, not {}", here.views.size(), ours.views.size()));
-  const DatasetConfig& dataset = run.config.dataset;
-  const bool is_solved = dataset.refine_cameras || dataset.exposure;
   for (std::size_t i = 0; i < here.views.size(); ++i) {
     const ViewRecord &now = here.views[i], &was = ours.views[i];
     if (now.name != was.name || now.is_test != was.is_test)
@@ -196,11 +214,18 @@ void adopt_scene(const ResumedRun& run, Scene& scene) {
     if (now.camera.width != was.camera.width || now.camera.height != was.camera.height)
       refuse(fmt::format("{} has {}x{} pixels, not {}x{}", now.name, now.camera.width,
                          now.camera.height, was.camera.width, was.camera.height));
-    if (!is_solved && !is_same(now, was)) refuse("the camera of " + now.name + " is another");
-    const std::size_t trained = scene.train_views.size();
+    if (!has_solved_views(run) && !is_same(now, was))
+      refuse("the camera of " + now.name + " is another");
+  }
+}
+
+void restore_scene(const ResumedRun& run, Scene& scene) {
+  const SceneRecord& ours = run.checkpoint.scene;
+  const std::size_t trained = scene.train_views.size();
+  for (std::size_t i = 0; i < ours.views.size(); ++i) {
     View& view = i < trained ? scene.train_views[i] : scene.test_views[i - trained];
-    view.camera = was.camera;
-    view.exposure = was.exposure;
+    view.camera = ours.views[i].camera;
+    view.exposure = ours.views[i].exposure;
   }
   scene.extent = ours.extent;
   scene.world_offset = ours.world_offset;
@@ -215,7 +240,7 @@ void prepare_fresh_start(const RunFolder& folder, const Config& config) {
   if (!holds_text(folder.config(), to_toml(config))) make_run_folder(folder);
 }
 
-void prepare_folder(const RunFolder& folder, const ResumedRun& run) {
+void prepare_resumed_folder(const RunFolder& folder, const ResumedRun& run) {
   remove_leftovers_below(folder.root());
   const int step = run.checkpoint.state.progress.step;
   for (const CheckpointPath& checkpoint : checkpoints_in(folder.checkpoints()))

@@ -12,7 +12,7 @@
 
 namespace gs {
 
-/// What a view is to a run, without its photo.
+/// A view as a checkpoint records it, without its photo.
 struct ViewRecord {
   std::string name;
   bool is_test = false;
@@ -20,7 +20,7 @@ struct ViewRecord {
   Vec3f exposure{1};
 };
 
-/// By what a run knows its scene again.
+/// What a run records of its scene, to recognize it when it is resumed.
 struct SceneRecord {
   float extent = 1;
   Vec3d world_offset{0.0, 0.0, 0.0};
@@ -30,23 +30,24 @@ struct SceneRecord {
   explicit SceneRecord(const Scene& scene);
 };
 
-/// All that a file holds: with the scene's photos, a run goes on from it.
+/// The contents of a checkpoint file. Together with the scene's photos, a run can go on from it.
 struct Checkpoint {
   TrainingState state;
   Config config;
   SceneRecord scene;
 };
 
-/// Bytes that write_checkpoint() will write, but for a few KiB.
+/// The size of the file that write_checkpoint() writes, in bytes, to within a few KiB.
 std::uint64_t checkpoint_bytes(std::size_t gaussians, std::size_t views);
 
-/// Writes the file, whole or not at all; the model may be in any memory, and is not copied as a whole. Throws Error where
-/// the disk is full or memory runs out.
+/// Writes the file, whole or not at all. The model may be in any memory, and is copied in pieces.
+/// Throws Error if the disk is full or memory runs out.
 void write_checkpoint(const std::filesystem::path& path, const Config& config,
                       const SceneRecord& scene, const RunProgress& progress,
                       const TrainingModel& model);
 
-/// Throws Error "cannot read PATH: ..." for a file that is cut short, damaged, or of another version.
+/// Throws Error "cannot read PATH: ..." for a file that is cut short, damaged, or of another
+/// version.
 Checkpoint read_checkpoint(const std::filesystem::path& path);
 
 }  // namespace gs

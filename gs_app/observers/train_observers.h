@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who watches a training run: the progress line, the saver, the evaluator and metrics.csv. None of them
-// changes what is learned. Add them in this order: metrics.csv holds what the evaluator found.
+// The observers of a training run: the progress line, the saver, the evaluator and metrics.csv.
+// None of them changes what is learned. Add them in this order, since metrics.csv holds what the
+// evaluator found.
 #pragma once
 
 #include <optional>
@@ -14,22 +15,34 @@
 
 namespace gs {
 
-/// The progress line: step, loss, Gaussians, steps per second, time left. Remembers the last step, too.
+/// The progress line: step, loss, Gaussians, steps per second, time left.
 class ProgressObserver final : public Observer {
  public:
-  ProgressObserver(int steps, bool enabled) : bar_(steps, enabled) {}
+  /// `done`: steps of a resumed run that this process did not take.
+  ProgressObserver(int steps, bool enabled, int done = 0) : bar_(steps, enabled, done) {}
   void after_step(int step, Trainer& trainer) override;
   void after_run(Trainer&) override { bar_.clear(); }
-  /// Makes room for other lines.
+  /// Removes the line, so that other lines can be written.
   void clear() { bar_.clear(); }
-  int last_step() const { return last_step_; }
 
  private:
   ProgressBar bar_;
-  int last_step_ = 0;
 };
 
-/// Saves the PLY after the steps that train.save_steps names; the last one is the caller's.
+/// Says once, after the first 50 steps, how long the rest of the run takes on this machine.
+class DurationObserver final : public Observer {
+ public:
+  DurationObserver(ProgressObserver& progress, Trainer& trainer)
+      : progress_(progress), first_step_(trainer.step()), first_seconds_(trainer.train_seconds()) {}
+  void after_step(int step, Trainer& trainer) override;
+
+ private:
+  ProgressObserver& progress_;
+  int first_step_;
+  double first_seconds_;
+};
+
+/// Saves the PLY after the steps that train.save_steps names. The caller saves the last one.
 class SaveObserver final : public Observer {
  public:
   explicit SaveObserver(const RunFolder& folder) : folder_(folder) {}
@@ -39,12 +52,13 @@ class SaveObserver final : public Observer {
   const RunFolder& folder_;
 };
 
-/// Evaluates the test views after the steps that train.test_steps names; the last one is the caller's.
+/// Evaluates the test views after the steps that train.test_steps names. The caller evaluates the
+/// last one.
 class EvaluationObserver final : public Observer {
  public:
   explicit EvaluationObserver(ProgressObserver& progress) : progress_(progress) {}
   void after_step(int step, Trainer& trainer) override;
-  /// What was found after this very step, if it was evaluated.
+  /// The evaluation after `step`; null where that step was not evaluated.
   const Evaluation* at(int step) const { return step == step_ ? &evaluation_ : nullptr; }
 
  private:
@@ -53,7 +67,7 @@ class EvaluationObserver final : public Observer {
   Evaluation evaluation_;
 };
 
-/// What is left of a metrics.csv when a run goes on after `step`: whole rows up to it.
+/// The whole rows of a metrics.csv up to `step`: what a run keeps that goes on after it.
 std::string metrics_up_to(const std::filesystem::path& metrics, int step);
 
 /// Step and loss of one row of metrics.csv.
@@ -62,11 +76,12 @@ struct LoggedLoss {
   double loss;
 };
 
-/// metrics.csv: one row every train.log_every steps and for each evaluation. The row of the last step is
-/// written by finish(), when the final figures are known. The file grows as the run goes on.
+/// metrics.csv: one row every train.log_every steps and for each evaluation. The row of the last
+/// step is written by finish(), when the final figures are known. The file grows as the run goes
+/// on.
 class MetricsObserver final : public Observer {
  public:
-  /// Starts the file, or goes on after `rows` of what a resumed run wrote.
+  /// Starts the file with its header and `rows`, which a resumed run has written before.
   MetricsObserver(const RunFolder& folder, const EvaluationObserver& evaluations,
                   const std::string& rows = {});
   void after_step(int step, Trainer& trainer) override;
@@ -86,7 +101,7 @@ class MetricsObserver final : public Observer {
   std::vector<LoggedLoss> losses_;
 };
 
-/// Saves it to its place in the run's folder.
+/// Saves the model to its place in the run's folder.
 void save_model(const RunFolder& folder, int step, Trainer& trainer);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/run/checkpoint_file.h"
+#include "gs_app/checkpoints/checkpoint_file.h"
 
 #include <algorithm>
 #include <cstddef>
@@ -15,7 +15,7 @@ namespace gs {
 namespace {
 
 constexpr FileKind kKind{"gsckpt\r\n", 1};
-constexpr std::size_t kChunkBytes = std::size_t(1) << 24;  // on its way from a device
+constexpr std::size_t kChunkBytes = std::size_t(1) << 24;  // copied from a device at once
 
 // ---- the config, a line per field -----------------------------------------------------------------------
 
@@ -37,7 +37,7 @@ Config config_of(const std::string& text) {
   return config;
 }
 
-// ---- numbers that a person may want to read --------------------------------------------------------------
+// ---- numbers that people may want to read ----------------------------------------------------------------
 
 nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& model,
                              const SceneRecord& scene) {
@@ -154,7 +154,7 @@ void read_model(CheckedReader& file, std::size_t count, TrainingModel& model) {
       model);
 }
 
-// What a file says of itself, in doubt until its checksum is found right.
+// The texts of a file. They are parsed only after its checksum was found right.
 struct Contents {
   std::string about, config;
 };
@@ -225,7 +225,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   file.finish();
   try {
     apply(contents, checkpoint);
-  } catch (const std::exception& error) {  // whole, but not ours
+  } catch (const std::exception& error) {  // whole, but of another version
     cannot_read(path, std::string("it is of another version of gemsplat: ") + error.what());
   }
   return checkpoint;
