@@ -7,7 +7,9 @@
 #include <cmath>
 #include <numbers>
 
+#include "data_loaders/formats/coding/compression.h"
 #include "data_loaders/formats/coding/finite_rows.h"
+#include "data_loaders/formats/coding/little_endian.h"
 #include "data_loaders/formats/coding/quantize.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/sog/zip_file.h"
@@ -258,6 +260,36 @@ TEST_F(Formats, SpzTakesFewerFractionalBitsForFarPositions) {
   model.gaussians.mean[2].x = 1e7f;
   EXPECT_THAT(error_of([&] { there_and_back(model, ".spz"); }),
               AllOf(HasSubstr("1e+07 world units"), HasSubstr("--recenter")));
+}
+
+// The format's own reader wants as many streams as there are arrays with something in them.
+TEST_F(Formats, SpzVersion4HasNoStreamForShOfDegreeZero) {
+  for (const int degree : {0, 1}) {
+    write_model(file("a.spz"), moderate_model(3, degree), {4});
+    const std::string bytes = read_bytes(file("a.spz"));
+    const std::size_t streams = degree == 0 ? 5 : 6;
+    EXPECT_EQ(std::size_t(std::uint8_t(bytes[15])), streams);
+    std::size_t end = kSpzHeaderBytes + sizeof(SpzStreamTable) + streams * sizeof(SpzStream);
+    for (std::size_t s = 0; s < streams; ++s) {
+      const auto stream = load_little<SpzStream>(bytes.data() + 32 + s * sizeof(SpzStream));
+      EXPECT_GT(stream.raw, 0u) << s;
+      end += stream.packed;
+    }
+    EXPECT_EQ(end, bytes.size());
+  }
+}
+
+TEST_F(Formats, SpzVersion4WithAnEmptyStreamIsReadToo) {
+  const GaussianModel model = moderate_model(3, 0);
+  write_model(file("a.spz"), model, {4});
+  std::string bytes = read_bytes(file("a.spz"));
+  const std::string frame = zstd_frame("");
+  std::string entry;
+  append_little(entry, SpzStream{frame.size(), 0});
+  bytes[15] = 6;
+  bytes.insert(32 + 5 * sizeof(SpzStream), entry);
+  write_bytes(file("b.spz"), bytes + frame);
+  EXPECT_TRUE(same_bits(read_model(file("b.spz")).gaussians, read_model(file("a.spz")).gaussians));
 }
 
 TEST_F(Formats, SogKeepsShThatFewKindsOfGaussiansShare) {
