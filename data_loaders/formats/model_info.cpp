@@ -11,6 +11,11 @@
 #include <cmath>
 #include <numeric>
 
+#include "data_loaders/formats/formats.h"
+#include "data_loaders/formats/ply/mip_filter.h"
+#include "data_loaders/formats/ply/ply.h"
+#include "data_loaders/formats/ply/ply_file.h"
+
 namespace gs {
 namespace {
 
@@ -162,12 +167,17 @@ void suspect(const Gaussians& gaussians, const std::vector<std::size_t>& rows, M
       })) {
     note(
         info, "sh_rest_all_zero", rows.size(),
-        fmt::format("have SH coefficients that are all 0 beyond degree 0: degree {} is room wasted",
+        fmt::format("have SH coefficients that are all 0 beyond degree 0: degree {} only makes the file larger",
                     info.sh_degree));
   }
 }
 
 }  // namespace
+
+bool is_ply_with_filter_3d(const std::filesystem::path& file) {
+  const ModelFormat* format = find_format(file);
+  return (!format || format->read == read_gaussian_ply) && has_filter_3d(PlyFile(file).header());
+}
 
 ModelInfo inspect(const GaussianModel& model) {
   const Gaussians& gaussians = model.gaussians;
