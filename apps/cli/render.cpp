@@ -10,7 +10,7 @@
 #include "apps/cli/devices.h"
 #include "apps/cli/render_command.h"
 #include "gs_app/export/cameras.h"
-#include "gs_app/export/exported_file.h"
+#include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/provenance.h"

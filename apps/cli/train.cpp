@@ -17,7 +17,7 @@
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "data_loaders/scene/load_scene.h"
 #include "data_loaders/scene/scene_hash.h"
-#include "gs_app/export/exported_file.h"
+#include "gs_app/export/export_model.h"
 #include "gs_app/pictures/comparison.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_app/report/report_run.h"

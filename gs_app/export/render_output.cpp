@@ -8,7 +8,7 @@
 #include "data_loaders/photos/exr.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/photos/photos.h"
-#include "gs_app/export/exported_file.h"
+#include "gs_app/export/export_model.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/error.h"
 #include "gs_core/io/move_aside.h"

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "data_loaders/formats/sidecar.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/config/config.h"
 #include "gs_core/gaussians.h"
@@ -20,9 +21,6 @@ struct OpenedModel {
   Config config;  // the run's, but its [train], or the defaults; SH degree, antialiasing and, where another
                   // trainer wrote it, the classic blending rule of the PLY
 };
-
-/// FILE.transforms.json, which says what the file of an export cannot.
-std::filesystem::path sidecar_of(const std::filesystem::path& file);
 
 /// Opens `path` (formats.h); of a run's folder the newest PLY, or that of `step`. Throws Error where there is none.
 OpenedModel open_model(const std::filesystem::path& path, std::optional<int> step);

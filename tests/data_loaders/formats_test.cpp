@@ -11,6 +11,7 @@
 #include "data_loaders/formats/coding/finite_rows.h"
 #include "data_loaders/formats/coding/little_endian.h"
 #include "data_loaders/formats/coding/quantize.h"
+#include "data_loaders/formats/foreign_files.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/sog/zip_file.h"
 #include "data_loaders/formats/spz/spz_layout.h"
@@ -333,14 +334,46 @@ TEST_F(Formats, CsvTakesColumnsInAnyOrderAndNamesTheLineThatIsWrong) {
   EXPECT_THAT(error_of([&] { read_model(file("c.csv")); }), HasSubstr("lacks the columns rot_3"));
 }
 
+TEST_F(Formats, CsvHoldsPositionsFarFromTheOriginAsDoubles) {
+  GaussianModel model = random_model(300, 0);
+  model.world_offset = {500'000, 5'400'000, 300};
+  write_model(file("a.csv"), model);
+  EXPECT_THAT(read_bytes(file("a.csv")), HasSubstr("\n" + fmt::format("{}", model.gaussians.mean[0].x + 500'000.0) + ","));
+  const GaussianModel back = read_model(file("a.csv"));
+  for (std::size_t i = 0; i < 300; ++i) {
+    const Vec3d before = Vec3d(model.gaussians.mean[i]) + model.world_offset;
+    const Vec3d after = Vec3d(back.gaussians.mean[i]) + back.world_offset;
+    for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(after[axis], before[axis], 1e-6) << i;
+  }
+  EXPECT_EQ(back.gaussians.sh0.download(), model.gaussians.sh0.download());
+}
+
 TEST_F(Formats, EndingsSayTheFormatInAnyCase) {
   EXPECT_EQ(find_format("a.compressed.ply")->name, "compressed.ply");
   EXPECT_EQ(find_format("dir.spz/A.PLY")->name, "ply");
   EXPECT_EQ(find_format("a.obj"), nullptr);
-  EXPECT_THAT(error_of([] { format_to_write("a.obj"); }), HasSubstr("compressed.ply"));
+  EXPECT_THAT(error_of([] { format_to_write("a.ksplat"); }),
+              HasSubstr("a.ksplat: gemsplat does not write .ksplat; it writes .ply, .csv, .glb"));
+  EXPECT_THAT(error_of([] { format_to_write("a"); }), HasSubstr("files without an ending"));
   EXPECT_EQ(format_named("glb").ending, ".glb");
-  EXPECT_THAT(error_of([] { format_named("obj"); }), HasSubstr("there are ply, csv"));
-  EXPECT_THAT(error_of([] { read_model("a.glb"); }), HasSubstr("not read"));
+  EXPECT_THAT(error_of([] { format_named("obj"); }), HasSubstr("it has ply, csv"));
+  EXPECT_THAT(error_of([] { read_model("a.glb"); }), HasSubstr("does not read it"));
+}
+
+TEST_F(Formats, FilesOfOtherProgramsAreNamedWithARemedy) {
+  const auto error_reading = [&](const char* name, const std::string& bytes) {
+    write_bytes(file(name), bytes);
+    return error_of([&] { read_model(file(name)); });
+  };
+  EXPECT_THAT(error_reading("a.ksplat", "any bytes"),
+              AllOf(HasSubstr("a .ksplat file"), HasSubstr("convert it to .ply")));
+  EXPECT_THAT(error_reading("point_cloud.ply", std::string("PK\x03\x04 a zip")),
+              AllOf(HasSubstr("a zip file, as .sog files are"), HasSubstr("ends in .sog")));
+  EXPECT_THAT(error_reading("a.model", "NGSP"), HasSubstr("ends in .spz"));
+  EXPECT_THAT(error_reading("a.model", "plywood"), HasSubstr("not a PLY file"));
+  write_bytes(file("sog/meta.json"), "{}");
+  EXPECT_THAT(foreign_kind(file("sog")), HasSubstr("zip -0 -j model.sog"));
+  EXPECT_EQ(foreign_kind(file("none.ksplat")), "");  // an Error says that it is missing
 }
 
 TEST_F(Formats, AWrongChecksumOfSpzIsDamage) {
