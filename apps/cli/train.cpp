@@ -87,11 +87,11 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, bool show_
   const bool places_are_named = !dataset.model.empty() || dataset.images != DatasetConfig{}.images;
   if (places_are_named || !holds_only_photos(dataset.source)) return;
   log_info("{} holds pictures and no camera poses: COLMAP looks for them first", dataset.source);
-  make_run_folder(folder);  // before the scene: an older run is moved away without it
   const auto scene = std::filesystem::absolute(folder.root() / "scene").lexically_normal();
-  const Reconstruction result =
-      run_colmap({dataset.source, scene, config.reconstruct, config.train.threads, false},
-                 ColmapBar(show_progress));
+  const ColmapJob job{dataset.source, scene, config.reconstruct, config.train.threads};
+  check_reconstruction(job);
+  make_run_folder(folder);  // moves an older run away, so it comes after what may fail at once
+  const Reconstruction result = run_colmap(job, ColmapBar(show_progress));
   log_info("{}", describe(result));
   keep_masks(dataset, scene);
 }
