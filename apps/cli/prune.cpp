@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat prune: removes Gaussians that contribute little from a trained model, and reports what that
-// costs in PSNR.
+// gemsplat prune: removes Gaussians that contribute little from a trained model, and reports what
+// that costs in PSNR.
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
@@ -36,7 +36,7 @@ struct PruneCommand : CommandLine {
   float opacity = 0, contribution = 0;
   float clearance = 0;
   int witnesses = 0;
-  std::vector<double> box;  // x y z of two corners, in the frame of the photos' poses; empty: no box
+  std::vector<double> box;  // x y z of two corners, in the photos' frame; empty: no box
   bool json = false, force = false, allow_empty = false;
 
   bool removes_rows() const {
@@ -130,7 +130,8 @@ void check_not_empty(const PruneCommand& command, const Kept& kept, const Remove
   if (!kept.rows().empty() || command.allow_empty) return;
   throw UsageError(fmt::format(
       "nothing would be left: {} Gaussians are outside, {} faint, {} hardly seen, {} floaters; "
-      "choose lower limits or a larger box, or add --allow-empty to write a model without Gaussians",
+      "choose lower limits or a larger box, or add --allow-empty to write a model without "
+      "Gaussians",
       with_commas(removed.outside), with_commas(removed.faint), with_commas(removed.unseen),
       with_commas(removed.floaters)));
 }
@@ -201,8 +202,8 @@ void prune(const PruneCommand& command) {
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
   const Measured before = measured(gaussians);
   Kept kept(gaussians.count());
-  const Removed removed = apply_rules(
-      {command, opened.model, gaussians, backend->renderer(), scene, settings}, kept);
+  const Removed removed =
+      apply_rules({command, opened.model, gaussians, backend->renderer(), scene, settings}, kept);
   check_not_empty(command, kept, removed);
   GaussianModel result = rows_of(opened.model, kept.rows());
   limit_sh_degree(result, config.model.sh_degree);
@@ -237,9 +238,10 @@ void add_prune(CLI::App& program) {
                   "remove those whose share in every training view is below so many pixels")
       ->type_name("PIXELS")
       ->check(CLI::NonNegativeNumber);
-  verb.add_option("--floaters", command->clearance,
-                  "remove those nearer to a camera than this share of the distance to what it sees, "
-                  "as training does with density.camera_clearance")
+  verb.add_option(
+          "--floaters", command->clearance,
+          "remove those nearer to a camera than this share of the distance to what it sees, "
+          "as training does with density.camera_clearance")
       ->type_name("SHARE")
       ->check(CLI::NonNegativeNumber);
   verb.add_option("--witnesses", command->witnesses,
@@ -247,14 +249,16 @@ void add_prune(CLI::App& program) {
                   "away [0: keep none]")
       ->type_name("VIEWS")
       ->check(CLI::NonNegativeNumber);
-  verb.add_option("--box", command->box,
-                  "remove those outside of a box, given by two opposite corners in the frame of the "
-                  "photos' poses")
+  verb.add_option(
+          "--box", command->box,
+          "remove those outside of a box, given by two opposite corners in the frame of the "
+          "photos' poses")
       ->type_name("X Y Z X Y Z")
       ->expected(6);
   verb.add_flag("--json", command->json, "print JSON");
   verb.add_flag("--force", command->force, "keep a file of that name as FILE.bak-N");
-  verb.add_flag("--allow-empty", command->allow_empty, "write the model even if no Gaussian is left");
+  verb.add_flag("--allow-empty", command->allow_empty,
+                "write the model even if no Gaussian is left");
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
   add_render_options(verb, *command, "of the file, if the model has more");
   add_general_options(verb, *command);

@@ -39,7 +39,8 @@ struct Fields {
   }
 };
 
-/// Hands out the lines of a text, the last one with or without its line feed; blank lines are skipped.
+/// Hands out the lines of a text, the last one with or without its line feed; blank lines are
+/// skipped.
 class Lines {
  public:
   explicit Lines(const std::filesystem::path& path) : reader_(path) {}

@@ -12,9 +12,9 @@
 
 namespace gs {
 
-/// Reads a table: columns by name, in any order; other columns are skipped. Lines end in LF or CRLF.
-/// Positions too far from the origin for floats are moved near it, and `world_offset` says by how
-/// much. Throws Error that names the file, line and column.
+/// Reads a table: columns by name, in any order; other columns are skipped. Lines end in LF or
+/// CRLF. Positions too far from the origin for floats are moved near it, and `world_offset` says by
+/// how much. Throws Error that names the file, line and column.
 GaussianModel read_csv(const std::filesystem::path& path);
 
 /// Writes a model that finite_model() made. Throws Error where the file cannot be written.

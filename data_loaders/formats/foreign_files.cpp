@@ -54,7 +54,8 @@ std::string lowercase_name(const fs::path& path) {
 // PlayCanvas' tools write a .sog as one file, or as a folder of the same pictures with meta.json.
 std::string sog_folder(const fs::path& folder) {
   return fmt::format(
-      "this is a SOG model unpacked into a folder, and gemsplat reads it as one file; pack it with: "
+      "this is a SOG model unpacked into a folder, and gemsplat reads it as one file; pack it "
+      "with: "
       "zip -0 -j model.sog {}/*",
       folder.string());
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Names for files that are no format of ours, so that an error can say what a file is and what to do.
+// Names for files that are no format of ours, so that an error can say what a file is and what to
+// do.
 #pragma once
 
 #include <filesystem>

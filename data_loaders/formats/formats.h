@@ -8,7 +8,8 @@
 //   3. Add a row to kKinds in tests/data_loaders/formats_test.cpp (what may be lost) and one to
 //      kReaders in formats_fuzz_test.cpp (10,000 damaged files).
 //   4. Add a row to the tables of docs/formats.md.
-// Every verb that reads or writes a model then knows it: export, train --export, eval, render, info.
+// Every verb that reads or writes a model then knows it: export, train --export, eval, render,
+// info.
 #pragma once
 
 #include <filesystem>
@@ -52,12 +53,13 @@ const ModelFormat* find_format(const std::filesystem::path& path);
 const ModelFormat& format_to_write(const std::filesystem::path& path);
 
 /// Reads trained Gaussians in the format of the file's name; a file of another name is read as PLY.
-/// Throws Error as the readers do, and one that names the kind of file for formats that are not read
-/// (foreign_files.h).
+/// Throws Error as the readers do, and one that names the kind of file for formats that are not
+/// read (foreign_files.h).
 GaussianModel read_model(const std::filesystem::path& path);
 
 /// Writes a model in the format of the file's name, whole or not at all. Rows with NaN or infinity
-/// are left out, with a warning. Returns how many rows were written. Throws Error as the writers do.
+/// are left out, with a warning. Returns how many rows were written. Throws Error as the writers
+/// do.
 std::size_t write_model(const std::filesystem::path& path, const GaussianModel& model,
                         const ExportOptions& options = {});
 

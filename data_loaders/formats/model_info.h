@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gemsplat info`: what a set of trained Gaussians looks like in numbers, and what looks wrong.
+// `gemsplat info`: describes trained Gaussians in numbers, and points out what looks wrong.
 #pragma once
 
 #include <filesystem>
@@ -10,7 +10,8 @@
 
 namespace gs {
 
-/// Something suspicious: how many Gaussians show it, a key for machines, a sentence for people.
+/// Something that looks wrong: a key for machines, how many Gaussians show it, a sentence for
+/// people.
 struct Suspicion {
   std::string key;
   std::size_t count = 0;
@@ -33,11 +34,10 @@ struct ModelInfo {
   std::vector<Suspicion> suspicions;
 };
 
-/// Looks at every Gaussian. Never throws for what it finds. Leaves `had_filter_3d` to the caller, who
-/// knows the file.
+/// Looks at every Gaussian; never throws. The caller, who knows the file, sets `had_filter_3d`.
 ModelInfo inspect(const GaussianModel& model);
 
-/// Whether the file is a PLY with Mip-Splatting's 3D filter (ply/mip_filter.h), which reading applies.
+/// Whether the file is a PLY with Mip-Splatting's 3D filter (ply/mip_filter.h).
 bool is_ply_with_filter_3d(const std::filesystem::path& file);
 
 /// The numbers and then the suspicions, for people: one line each.

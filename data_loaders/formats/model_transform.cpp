@@ -66,8 +66,8 @@ Quat<double> product(const Quat<double>& a, const Quat<double>& b) {
 Quat<double> turn_upright(const Vec3d& up) {
   const double length = std::sqrt(inner(up, up));
   const Vec3d u = up / length;
-  // Half-way quaternion from u to v = (0 -1 0): (1 + u.v, u x v). Where they are opposite it is 0, and
-  // half a turn about x does it.
+  // Half-way quaternion from u to v = (0 -1 0): (1 + u.v, u x v). Where they are opposite it is 0,
+  // and half a turn about x does it.
   Quat<double> q{1 - u.y, u.z, 0, -u.x};
   const double norm = std::sqrt(squared_norm(q));
   if (norm < 1e-9) return {0, 1, 0, 0};

@@ -20,7 +20,7 @@ struct SceneFiles {
   std::filesystem::path root;
   std::filesystem::path images() const { return root / "images"; }
   std::filesystem::path sparse() const { return root / "sparse"; }
-  std::filesystem::path attempt() const { return root / "mapping"; }  // models until they are complete
+  std::filesystem::path attempt() const { return root / "mapping"; }  // unfinished models
   std::filesystem::path database() const { return root / "database.db"; }
   std::filesystem::path log() const { return root / "colmap.log"; }
   std::filesystem::path state() const { return root / "reconstruct.json"; }
@@ -37,8 +37,8 @@ struct ColmapPlan {
   std::string single_camera_setting;  // auto, yes, no
   bool has_short_flags = false;       // as in ColmapJob
 
-  /// How a user sets one of the settings on the command line, for advice: "--matching exhaustive" or
-  /// "--set reconstruct.matching=exhaustive".
+  /// How to set a setting on the command line, for advice: "--matching exhaustive", or "--set
+  /// reconstruct.matching=exhaustive" in verbs without that flag.
   std::string flag(std::string_view key, std::string_view value) const;
 };
 
@@ -49,8 +49,7 @@ ColmapPlan plan_of(const ColmapJob& job);
 /// Decides the rest once `plan.photos` are known. `source` is for messages.
 void complete_plan(ColmapPlan& plan, const std::filesystem::path& source);
 
-/// A text of the photos and settings that a result depends on: two plans with the same text have the
-/// same result.
+/// A text of the photos and settings that a result depends on: the same text, the same result.
 std::string made_of(const ColmapPlan& plan);
 
 /// Whether a path is a folder or lies in it.

@@ -26,7 +26,7 @@ struct ColmapJob {
   ReconstructConfig settings;
   int threads = 0;     // 0: all cores
   bool force = false;  // move what is in `scene` to scene.bak-N first
-  bool has_short_flags = false;  // errors may advise --colmap and --matching; else --set reconstruct.*
+  bool has_short_flags = false;  // errors advise --colmap and --matching, not --set reconstruct.*
 };
 
 struct MissingPhoto {
@@ -40,14 +40,14 @@ struct Reconstruction {
   std::vector<MissingPhoto> missing;  // from the largest model
 };
 
-/// Throws what run_colmap() would throw before it changes a file: COLMAP is missing, there are too few
-/// photos, photos and scene are the same folder. To be called before an older result is moved away.
+/// Throws what run_colmap() would throw before it changes a file: COLMAP is missing, there are too
+/// few photos, photos and scene are the same folder. Call it before an older result is moved away.
 void check_reconstruction(const ColmapJob& job);
 
 /// Makes the scene. Stages that reconstruct.json says are complete for the same photos and settings
 /// are not run again. Throws UsageError where `scene` holds anything else and `force` is not set;
-/// Error where COLMAP is missing, fails, is interrupted (what is complete stays) or places fewer than
-/// three photos.
+/// Error where COLMAP is missing, fails, is interrupted (what is complete stays) or places fewer
+/// than three photos.
 Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress);
 
 /// The result in a few lines for people.

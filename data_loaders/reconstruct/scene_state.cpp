@@ -54,8 +54,8 @@ SceneState prepare_folder(const ColmapPlan& plan, const ColmapJob& job,
   const SceneFiles& files = plan.files;
   SceneState state = read_state(files), fresh{made_of(plan), {}};
   const bool ours = !state.made_of.empty(), same = state.made_of == fresh.made_of;
-  const bool is_finished = std::includes(state.complete.begin(), state.complete.end(),
-                                         stages.begin(), stages.end());
+  const bool is_finished =
+      std::includes(state.complete.begin(), state.complete.end(), stages.begin(), stages.end());
   if (job.force && (ours || holds_other_work(plan))) {
     if (is_within(job.photos, job.scene))
       throw UsageError(

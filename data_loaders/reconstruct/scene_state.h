@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// reconstruct.json, which remembers what is complete in a scene's folder, and the folder itself before
-// the first stage.
+// reconstruct.json, which records what is complete in a scene's folder; and the folder before the
+// first stage.
 #pragma once
 
 #include <set>
@@ -20,10 +20,10 @@ struct SceneState {
 SceneState read_state(const SceneFiles& files);
 void write_state(const SceneFiles& files, const SceneState& state);
 
-/// Makes the folder ready for the stages that the returned state lacks. Continues a scene of the same
-/// photos and settings; starts over in an unfinished one of others. Moves a finished scene, or one of
-/// another program, to SCENE.bak-N if `job.force`, and throws UsageError if not. `stages` are the
-/// names of all stages.
+/// Makes the folder ready for the stages that the returned state lacks. `stages` are the names of
+/// all stages. A scene of the same photos and settings is continued, an unfinished one of others
+/// started over. A finished scene of others, or one of another program, is moved to SCENE.bak-N if
+/// `job.force`; if not, throws UsageError.
 SceneState prepare_folder(const ColmapPlan& plan, const ColmapJob& job,
                           const std::set<std::string>& stages);
 

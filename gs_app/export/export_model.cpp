@@ -24,7 +24,8 @@ GaussianModel prepared(const GaussianModel& model, const ExportRequest& request,
   limit_sh_degree(result, request.sh_degree);
   transform_model(result, request.transform);
   // Adding the offset back would undo a transform that the user asked for.
-  if (format.adds_world_offset && !request.transform.is_identity()) result.world_offset = Vec3d(0.0);
+  if (format.adds_world_offset && !request.transform.is_identity())
+    result.world_offset = Vec3d(0.0);
   return result;
 }
 

@@ -30,12 +30,12 @@ void check_place(const std::filesystem::path& file, bool force);
 /// Renames an existing file to FILE.bak-N, and logs that.
 void keep_older_aside(const std::filesystem::path& file);
 
-/// Throws UsageError for a name without a format, and where check_place() throws for the file or its
-/// sidecar; Error where this build lacks a library for the format. Writes nothing.
+/// Throws UsageError for a name without a format, and where check_place() throws for the file or
+/// its sidecar; Error where this build lacks a library for the format. Writes nothing.
 void check_export(const ExportRequest& request, bool force);
 
-/// Whether reading the file gives something else than a model of SH degree `sh_degree`, so that the
-/// difference can be measured.
+/// Whether the file will differ from a model of SH degree `sh_degree` and can be read again, so
+/// that the difference can be measured.
 bool is_lossy(const ExportRequest& request, int sh_degree);
 
 /// Writes the file and its sidecar; older ones become FILE.bak-N. A lossy file is read again and

@@ -36,8 +36,7 @@ void bake_filter_3d(const Gaussians& gaussians, const std::vector<float>& filter
       log_c -= 0.5 * ratio;  // ratio = log((s^2 + f^2) / s^2)
       log_scale = float(double(log_scale) + 0.5 * ratio);
     }
-    gaussians.logit_opacity[i] =
-        float(logit_of_product(double(gaussians.logit_opacity[i]), log_c));
+    gaussians.logit_opacity[i] = float(logit_of_product(double(gaussians.logit_opacity[i]), log_c));
   });
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The 3D smoothing filter of Mip-Splatting, which its PLYs carry in a column "filter_3D" beside
-// scales and opacities that lack it. Other trainers, such as GOF and RaDe-GS, write the same column.
+// scales and opacities that lack it. Other trainers, such as GOF and RaDe-GS, write the same
+// column.
 #pragma once
 
 #include <vector>
@@ -17,7 +18,8 @@ bool has_filter_3d(const PlyHeader& header);
 
 /// Puts the filter into scales and opacities, so that the column is not needed any more:
 ///
-///   S'^2 = S^2 + f^2 I        o' = o sqrt(det(S^2) / det(S^2 + f^2 I))        Yu et al. 2024, Eq. 7
+///   S'^2 = S^2 + f^2 I        o' = o sqrt(det(S^2) / det(S^2 + f^2 I))        Yu et al. 2024, Eq.
+///                             7
 ///
 /// f   (N) `filter`, standard deviations of the filter   world units
 /// S   diagonal, the standard deviations of a Gaussian   world units

@@ -104,7 +104,8 @@ void apply_filter_3d(const std::vector<float>& filter, const PlyFile& file, Gaus
   log_info(
       "{}: its 3D filter (filter_3D, of Mip-Splatting) is applied to scales and opacities, and it "
       "is taken for {}",
-      file.path().string(), model.antialiased ? "an antialiased model" : "one without antialiasing");
+      file.path().string(),
+      model.antialiased ? "an antialiased model" : "one without antialiasing");
 }
 
 }  // namespace

@@ -16,8 +16,8 @@ namespace gs {
 /// properties gives the SH degree.
 /// Comments: "SplatRenderMode: mip", "antialiased 1" and "postshot.anti_aliasing=1" set
 /// `antialiased`, "gemsplat ..." sets `is_ours`, "world_offset X Y Z" sets `world_offset`.
-/// A column filter_3D (Mip-Splatting) goes into scales and opacities (mip_filter.h); such a model is
-/// `antialiased` unless a comment denies it. A PLY with packed_position is a compressed one
+/// A column filter_3D (Mip-Splatting) goes into scales and opacities (mip_filter.h); such a model
+/// is `antialiased` unless a comment denies it. A PLY with packed_position is a compressed one
 /// (compressed_ply.h).
 /// Values are taken as they are, NaN and infinity included (inspect() counts them).
 /// Throws Error, with file, place and remedy, for a file that is damaged or holds something else.
@@ -28,8 +28,8 @@ GaussianModel read_gaussian_ply(const std::filesystem::path& path);
 /// Positions stay near the origin, as floats must; a world offset that is not 0 becomes a comment.
 /// The bytes depend on the model alone. The file appears whole or not at all; missing folders are
 /// created.
-/// Rows that hold a NaN or an infinity are left out, with a warning. Returns how many were left out.
-/// Throws Error with the path where it cannot be written.
+/// Rows that hold a NaN or an infinity are left out, with a warning. Returns how many were left
+/// out. Throws Error with the path where it cannot be written.
 std::size_t write_gaussian_ply(const std::filesystem::path& path, const GaussianModel& model);
 
 /// Writes sparse points: x y z nx ny nz as floats (the normals are 0), red green blue as bytes.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// .spz (Niantic): six arrays of small whole numbers. Versions 2 and 3 are one gzip file of them all;
-// version 4 has a zstd stream for each array that is not empty, so five at SH degree 0.
+// .spz (Niantic): six arrays of small whole numbers. Versions 2 and 3 are one gzip file of them
+// all; version 4 has a zstd stream for each array that is not empty, so five at SH degree 0.
 //
 //   header     magic "NGSP", u32 version, u32 count, u8 SH degree, u8 fractional bits,
 //              u8 flags (1: antialiased, 2: extensions), u8 0

@@ -23,11 +23,14 @@ using Arrays = std::array<std::string, kSpzArrays>;
 
 void check_header(const SpzHeader& header, const Path& path, std::uint64_t file_bytes) {
   if (header.magic != kSpzMagic)
-    cannot_read(path, "this is not an .spz file: it does not begin with \"NGSP\" or as gzip; check what it is");
+    cannot_read(
+        path,
+        "this is not an .spz file: it does not begin with \"NGSP\" or as gzip; check what it is");
   if (header.version < 2 || header.version > 4)
-    cannot_read(path, fmt::format("it is an .spz of version {}, and gemsplat reads 2 to 4; export it "
-                                  "again as version 3",
-                                  header.version));
+    cannot_read(path,
+                fmt::format("it is an .spz of version {}, and gemsplat reads 2 to 4; export it "
+                            "again as version 3",
+                            header.version));
   if (header.sh_degree > kSpzMaxDegree)
     cannot_read(path, fmt::format("its SH degree is {}, and .spz ends at 4; the file is damaged, "
                                   "export it again",
@@ -108,8 +111,7 @@ std::array<float, 4> rotation_of(const std::uint8_t* bytes, std::uint32_t versio
   return quaternion_of(parts);
 }
 
-void unpack_row(const SpzHeader& header, const Arrays& arrays, const Gaussians& g,
-                std::size_t i) {
+void unpack_row(const SpzHeader& header, const Arrays& arrays, const Gaussians& g, std::size_t i) {
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   const auto row = [&](std::size_t s) {
     return reinterpret_cast<const std::uint8_t*>(arrays[s].data()) + i * row_bytes[s];
@@ -143,7 +145,8 @@ GaussianModel read_spz(const std::filesystem::path& path) {
   const Arrays arrays =
       is_plain ? unpack_zstd_streams(path, file, header) : unpack_gzip(path, file, header);
   if (header.sh_degree > kMaxShDegree)
-    log_warning("{}: SH coefficients of degree 4 are left out; gemsplat renders degrees 0 to 3", path.string());
+    log_warning("{}: SH coefficients of degree 4 are left out; gemsplat renders degrees 0 to 3",
+                path.string());
   GaussianModel model{Gaussians(header.count, host_memory()),
                       std::min<int>(header.sh_degree, kMaxShDegree), false,
                       (header.flags & kSpzAntialiased) != 0};
