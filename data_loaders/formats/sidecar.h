@@ -41,7 +41,7 @@ struct ExportedFile {
   bool antialiased = false;
   std::size_t gaussians = 0;
   std::uint64_t bytes = 0;
-  std::optional<Fidelity> fidelity;  // where it was measured
+  std::optional<Fidelity> fidelity = {};  // where it was measured
 
   double bytes_per_gaussian() const { return gaussians ? double(bytes) / double(gaussians) : 0; }
 };

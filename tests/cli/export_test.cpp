@@ -74,8 +74,10 @@ TEST_F(Export, NamesWithoutAFormatAreUsageErrorsThatListThem) {
   train("run");
   const Outcome outcome = export_run(text("a.obj"));
   EXPECT_EQ(outcome.code, 2);
-  EXPECT_THAT(outcome.err, HasSubstr("gemsplat does not write .obj; it writes .ply, .csv, .glb, .compressed.ply, "
-                                     ".spz, .sog, .splat"));
+  EXPECT_THAT(
+      outcome.err,
+      HasSubstr("gemsplat does not write .obj; it writes .ply, .csv, .glb, .compressed.ply, "
+                ".spz, .sog, .splat"));
   EXPECT_EQ(run("train " + text("scene") + " -o " + text("b") + kTrain + " --export obj").code, 2);
   EXPECT_FALSE(fs::exists(path("b")));
 }
@@ -128,8 +130,7 @@ TEST_F(Export, AFarSceneIsShiftedBackInCsvAndItsOffsetIsNamedElsewhere) {
            << ' ' << 300.0 + point(p).z << " 120 130 140 0.5\n";
   write_bytes(path("scene/sparse/0/points3D.txt"), points.str());
   ASSERT_EQ(train("run").code, 0);
-  const Outcome outcome =
-      export_run(text("a.csv") + " " + text("a.splat") + " --no-measure");
+  const Outcome outcome = export_run(text("a.csv") + " " + text("a.splat") + " --no-measure");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, AllOf(HasSubstr("a.splat lies near the origin"),
                                  HasSubstr("a.splat.transforms.json has the matrix")));
@@ -149,8 +150,8 @@ TEST_F(Export, AFarSceneIsShiftedBackInCsvAndItsOffsetIsNamedElsewhere) {
   };
   EXPECT_NEAR(psnr_of("a.csv"), psnr_of("run/point_cloud/iteration_20/point_cloud.ply"), 0.02);
   ASSERT_EQ(export_run(text("b.csv") + " --recenter").code, 0);
-  EXPECT_LT(std::abs(std::stod(read_bytes(path("b.csv")).substr(
-                read_bytes(path("b.csv")).find('\n') + 1))),
+  EXPECT_LT(std::abs(std::stod(
+                read_bytes(path("b.csv")).substr(read_bytes(path("b.csv")).find('\n') + 1))),
             100);  // it was asked to lie at the origin
 }
 

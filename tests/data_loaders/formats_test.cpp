@@ -3,6 +3,7 @@
 #include "data_loaders/formats/formats.h"
 
 #include <gmock/gmock.h>
+#include <spdlog/fmt/fmt.h>
 
 #include <cmath>
 #include <numbers>
@@ -338,7 +339,8 @@ TEST_F(Formats, CsvHoldsPositionsFarFromTheOriginAsDoubles) {
   GaussianModel model = random_model(300, 0);
   model.world_offset = {500'000, 5'400'000, 300};
   write_model(file("a.csv"), model);
-  EXPECT_THAT(read_bytes(file("a.csv")), HasSubstr("\n" + fmt::format("{}", model.gaussians.mean[0].x + 500'000.0) + ","));
+  EXPECT_THAT(read_bytes(file("a.csv")),
+              HasSubstr("\n" + fmt::format("{}", model.gaussians.mean[0].x + 500'000.0) + ","));
   const GaussianModel back = read_model(file("a.csv"));
   for (std::size_t i = 0; i < 300; ++i) {
     const Vec3d before = Vec3d(model.gaussians.mean[i]) + model.world_offset;
