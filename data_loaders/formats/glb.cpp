@@ -120,8 +120,8 @@ Json document_of(const GaussianModel& model, const std::vector<Attribute>& attri
                           {"extensions", {{kExtension, splatting}}},
                           {"extras", {{"antialiased", model.antialiased}}}};
   Json node = {{"mesh", 0}};
-  const Vec3d& offset = model.world_offset;
-  if (offset != Vec3d(0.0)) node["extras"] = {{"world_offset", {offset.x, offset.y, offset.z}}};
+  const Vec3d& world = model.world_offset;
+  if (world != Vec3d(0.0)) node["extras"] = {{"world_offset", {world.x, world.y, world.z}}};
   return {{"asset", {{"version", "2.0"}, {"generator", fmt::format("gemsplat {}", kVersion)}}},
           {"extensionsUsed", Json::array({kExtension})},
           {"scene", 0},

@@ -136,6 +136,12 @@ TEST_F(Golden, GlbHasTheseBytes) {
                                        R"("KHR_gaussian_splatting:ROTATION":2,)"
                                        R"("KHR_gaussian_splatting:SCALE":3,)"));
   EXPECT_THAT(json, testing::HasSubstr(R"("min":[-1.5,2.25,0.5],"max":[-1.5,2.25,0.5])"));
+  EXPECT_THAT(json, testing::HasSubstr(R"("nodes":[{"mesh":0}])"));
+
+  model.world_offset = {500'000, 5'400'000, 300.5};
+  write_model(file("far.glb"), model);
+  EXPECT_THAT(read_bytes(file("far.glb")),
+              testing::HasSubstr(R"("extras":{"world_offset":[500000.0,5400000.0,300.5]})"));
 }
 
 }  // namespace
