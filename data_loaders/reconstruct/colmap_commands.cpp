@@ -65,9 +65,9 @@ ColmapCommand feature_command(const ColmapPlan& plan) {
 ColmapCommand match_command(const ColmapPlan& plan) {
   // Small blocks make COLMAP report its progress more often; they change nothing else.
   const std::size_t block = std::clamp<std::size_t>(plan.photos.size() / 8, 5, 50);
-  ColmapCommand command(plan.program, plan.matching + "_matcher");
+  ColmapCommand command(plan.program, fmt::format("{}_matcher", word_of(plan.matching)));
   command.add("--database_path", plan.files.database().string());
-  if (plan.matching == "exhaustive")
+  if (plan.matching == Matching::exhaustive)
     command.add_known({"--ExhaustiveMatching.block_size", "--ExhaustivePairing.block_size"},
                       fmt::format("{}", block));
   command.add_known({"--FeatureMatching.use_gpu", "--SiftMatching.use_gpu"}, text(plan.use_gpu));

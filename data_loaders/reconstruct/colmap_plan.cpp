@@ -4,9 +4,9 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <cstdint>
 
 #include "gs_core/error.h"
+#include "gs_core/io/fnv1a.h"
 #include "gs_core/io/subprocess.h"
 
 namespace gs {
@@ -52,11 +52,13 @@ void complete_plan(ColmapPlan& plan, const fs::path& source) {
     throw Error(
         fmt::format("{} has {} photo(s); a scene needs at least {}, and 30 or more to look well",
                     source.string(), plan.photos.size(), kFewestPhotos));
-  if (plan.matching == "auto")
-    plan.matching = plan.videos.empty() && plan.photos.size() <= kExhaustivePhotos ? "exhaustive"
-                                                                                   : "sequential";
-  plan.single_camera = plan.single_camera_setting == "auto" ? same_size(plan.photos)
-                                                            : plan.single_camera_setting == "yes";
+  if (plan.matching == Matching::automatic)
+    plan.matching = plan.videos.empty() && plan.photos.size() <= kExhaustivePhotos
+                        ? Matching::exhaustive
+                        : Matching::sequential;
+  plan.single_camera = plan.single_camera_setting == SingleCamera::automatic
+                           ? same_size(plan.photos)
+                           : plan.single_camera_setting == SingleCamera::yes;
 }
 
 ColmapPlan plan_of(const ColmapJob& job) {
@@ -94,21 +96,19 @@ ColmapPlan plan_of(const ColmapJob& job) {
 }
 
 std::string made_of(const ColmapPlan& plan) {
-  std::uint64_t hash = 14695981039346656037u;  // FNV-1a
-  const auto mix = [&hash](std::string_view text) {
-    for (const char c : text) hash = (hash ^ std::uint8_t(c)) * 1099511628211u;
-  };
+  Fnv1a hash;
   for (const fs::path& video : plan.videos)
-    mix(fmt::format("{}\n{}\n", video.filename().string(), fs::file_size(video)));
+    hash.add(fmt::format("{}\n{}\n", video.filename().string(), fs::file_size(video)));
   if (!plan.videos.empty())
     return fmt::format("{} frames of {} videos {:016x}, {}, {} camera(s), {} matching, {} features",
-                       plan.frames, plan.videos.size(), hash, plan.camera_model,
-                       plan.single_camera_setting, plan.matching, plan.max_features);
+                       plan.frames, plan.videos.size(), hash.value(), plan.camera_model,
+                       word_of(plan.single_camera_setting), word_of(plan.matching),
+                       plan.max_features);
   for (const PhotoFile& photo : plan.photos)
-    mix(fmt::format("{}\n{}\n", photo.name, fs::file_size(photo.path)));
+    hash.add(fmt::format("{}\n{}\n", photo.name, fs::file_size(photo.path)));
   return fmt::format("{} photos {:016x}, {}, {} camera(s), {} matching, {} features",
-                     plan.photos.size(), hash, plan.camera_model,
-                     plan.single_camera ? "one" : "own", plan.matching, plan.max_features);
+                     plan.photos.size(), hash.value(), plan.camera_model,
+                     plan.single_camera ? "one" : "own", word_of(plan.matching), plan.max_features);
 }
 
 }  // namespace gs

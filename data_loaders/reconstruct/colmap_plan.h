@@ -31,10 +31,11 @@ struct ColmapPlan {
   std::vector<std::filesystem::path> videos;  // where there are some, the photos are their frames
   std::vector<PhotoFile> photos;              // of videos: empty until the frames are there
   bool photos_in_place = false;               // the photos are in the scene's images/ already
-  std::string program, matching, camera_model;
+  std::string program, camera_model;
+  Matching matching = Matching::automatic;
   bool single_camera = false, use_gpu = false;
   int max_features = 0, frames = 0, threads = 0;
-  std::string single_camera_setting;  // auto, yes, no
+  SingleCamera single_camera_setting = SingleCamera::automatic;
   bool has_short_flags = false;       // as in ColmapJob
 
   /// How to set a setting on the command line, for advice: "--matching exhaustive", or "--set

@@ -49,7 +49,7 @@ std::set<std::string> stage_names() {
         "COLMAP could not place the cameras: no two photos share enough detail from places far "
         "enough apart; take more photos, each with two thirds of the one before in it{}. All that "
         "COLMAP said is in {}",
-        plan.matching == "sequential" ? ", or try " + plan.flag("matching", "exhaustive") : "",
+        plan.matching == Matching::sequential ? ", or try " + plan.flag("matching", "exhaustive") : "",
         log));
   throw Error(fmt::format(
       "COLMAP failed while {} ({}). The end of {}:\n{}\nThe same command continues from here",
@@ -125,7 +125,7 @@ Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress) 
   log_info("{} photos, {}, {} matching", plan.photos.size(),
            plan.single_camera ? "one " + plan.camera_model + " camera"
                               : "a " + plan.camera_model + " camera each",
-           plan.matching);
+           word_of(plan.matching));
   for (const Stage& stage : kStages) {
     if (state.complete.contains(stage.name)) {
       log_info("{}: done before", stage.headline);

@@ -3,13 +3,13 @@
 // numbers.
 #pragma once
 
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "data_loaders/cameras/camera_file.h"
+#include "gs_core/buffer.h"
 
 namespace gs {
 
@@ -37,13 +37,12 @@ struct FilmPath {
 /// The path among `cameras`, in their frame. There is at least one. Frames have the lens and size
 /// of the first camera that the path passes; those of an orbit have the first camera's.
 ///
-/// focus          the distance of the scene from the cameras, world units; called only to find the
-///                center of an orbit
+/// points         of the scene, such as the Gaussians' means; they help to find an orbit's center
 /// world_offset   of the cameras' frame; positions in `request` and in the description have it
-/// added
+///                added
 ///
 /// Throws UsageError for unknown names of cameras, and for too few cameras.
 FilmPath film_path(const PathRequest& request, const std::vector<NamedCamera>& cameras,
-                   const std::function<double()>& focus, const Vec3d& world_offset);
+                   Span<const Vec3f> points, const Vec3d& world_offset);
 
 }  // namespace gs

@@ -261,7 +261,7 @@ TEST_F(FakeColmap, AdviceOnMatchingNamesAFlagThatTheVerbHas) {
   install(
       "#!/bin/sh\n[ $1 != mapper ] || { echo 'ERROR: failed to create sparse model'; exit 1; }\n");
   ColmapJob neighbors = job();
-  neighbors.settings.matching = "sequential";
+  neighbors.settings.matching = Matching::sequential;
   EXPECT_THAT(error_of(neighbors), HasSubstr("or try --set reconstruct.matching=exhaustive"));
   neighbors.has_short_flags = true;
   EXPECT_THAT(error_of(neighbors), HasSubstr("or try --matching exhaustive"));
