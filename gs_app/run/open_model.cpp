@@ -40,7 +40,7 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
     opened.run.emplace(path);
     opened.ply = ply_of(*opened.run, step);
     if (fs::exists(opened.run->config())) load_config(opened.config, opened.run->config());
-    opened.config.train = {};  // where a model was trained says nothing of where it is looked at
+    opened.config.train = {};  // rendering may use another device than training did
   }
   opened.model = read_model(opened.ply);
   take_sidecar(opened.ply, opened.model);
