@@ -15,6 +15,9 @@ namespace gs {
 /// the median that nine in ten of the cameras keep; where it is 0, of the points.
 Vec3d world_offset_of(const ColmapModel& model);
 
+/// The same for a cloud of positions, of which single precision may lose `most_lost` of the spread.
+Vec3d world_offset_of(const std::vector<Vec3d>& positions, double most_lost);
+
 /// Where an image's camera stands.   world units
 Vec3d center_of(const ColmapImage& image);
 

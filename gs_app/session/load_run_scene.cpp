@@ -29,13 +29,14 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, SessionHoo
   const bool places_are_named = !dataset.model.empty() || dataset.images != DatasetConfig{}.images;
   if (places_are_named || !holds_only_photos(dataset.source)) return;
   log_info("{} holds pictures and no camera poses: COLMAP looks for them first", dataset.source);
-  make_run_folder(folder);  // first, because it moves an older run aside together with its scene
   const auto scene = fs::absolute(folder.root() / "scene").lexically_normal();
+  const ColmapJob job{dataset.source, scene, config.reconstruct, config.train.threads};
+  check_reconstruction(job);
+  make_run_folder(folder);  // moves an older run aside with its scene, so the check comes before
   const Reconstruction result =
-      run_colmap({dataset.source, scene, config.reconstruct, config.train.threads, false},
-                 [&](ColmapStage stage, std::int64_t done, std::int64_t total) {
-                   hooks.show_colmap(stage, done, total);
-                 });
+      run_colmap(job, [&](ColmapStage stage, std::int64_t done, std::int64_t total) {
+        hooks.show_colmap(stage, done, total);
+      });
   log_info("{}", describe(result));
   move_source(dataset, scene);
 }
