@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Masks and alpha, from their files to the views that are trained on.
-#include "data_loaders/scene/masks.h"
+#include "data_loaders/scene/view_picture.h"
 
 #include <gmock/gmock.h>
 

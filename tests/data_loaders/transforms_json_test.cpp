@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // transforms.json of nerfstudio and instant-ngp, and the three files of Blender's scenes.
-#include "data_loaders/scene/transforms_json.h"
+#include "data_loaders/transforms/transforms_json.h"
 
 #include <gmock/gmock.h>
 
@@ -568,7 +568,7 @@ TEST_F(Transforms, WhatIsNoJsonIsAnErrorThatNamesTheByte) {
   for (std::size_t length = 0; length < text.size(); ++length) {
     write_bytes(folder() / "transforms.json", text.substr(0, length));
     ASSERT_THAT(error(), AllOf(StartsWith("cannot read " + folder().string()),
-                               HasSubstr("no JSON from byte"), HasSubstr("write it again")));
+                               HasSubstr("not JSON from byte"), HasSubstr("write it again")));
   }
 }
 
@@ -602,7 +602,7 @@ TEST_F(Transforms, DeepNestingIsNoTrouble) {
   write_bytes(folder() / "transforms.json", text);
   EXPECT_THAT(error(), HasSubstr("a value of type array as fl_x"));
   write_bytes(folder() / "transforms.json", nest.substr(0, depth));
-  EXPECT_THAT(error(), HasSubstr("no JSON"));
+  EXPECT_THAT(error(), HasSubstr("not JSON"));
 }
 
 TEST_F(Transforms, ChangedBytesNeverLeadToAnythingButAnError) {
