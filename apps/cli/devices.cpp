@@ -6,6 +6,7 @@
 #include "data_loaders/video/film_writer.h"
 #include "gs_app/report/report_page.h"
 #include "gs_app/view/view_server.h"
+#include "gs_core/memory.h"
 #include "gs_core/parallel.h"
 
 namespace gs {
@@ -119,6 +120,10 @@ std::vector<Capability> capabilities() {
           format_capability(kHasZstd, "zstd", ".spz of version 4", "libzstd-dev"),
           format_capability(kHasWebp, "libwebp", ".sog", "libwebp-dev"),
           python_capability()};
+}
+
+ForecastDevice forecast_device(Backend& backend) {
+  return {&backend.memory() != &host_memory(), backend.memory().free_bytes()};
 }
 
 }  // namespace gs

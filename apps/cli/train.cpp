@@ -185,15 +185,19 @@ void print_summary(const Results& results, const RunFolder& folder) {
     std::cout << fmt::format("report:     {}\n", folder.report().string());
 }
 
-void log_forecast(const Config& config, const Scene& scene) {
-  double photos = 0, pixels = 0;
+void log_forecast(const Config& config, const Scene& scene, Backend& backend) {
+  SceneSize size;
+  size.points = scene.points.size();
   for (const std::vector<View>* views : {&scene.train_views, &scene.test_views})
     for (const View& view : *views) {
-      photos += double(photo_bytes(view));
-      pixels += double(view.camera.width) * view.camera.height;
+      size.photo_bytes += double(photo_bytes(view));
+      if (!view.source) size.loaded_bytes += double(photo_bytes(view));
+      size.megapixels += 1e-6 * double(view.camera.width) * double(view.camera.height);
     }
-  const std::size_t views = scene.train_views.size() + scene.test_views.size();
-  log_info("forecast: {}", forecast(config, photos, pixels * 1e-6 / double(views)));
+  size.megapixels /= double(scene.train_views.size() + scene.test_views.size());
+  const Forecast run = forecast(config, size, forecast_device(backend));
+  log_info("forecast: {}", run.text);
+  for (const std::string& warning : run.warnings) log_warning("{}", warning);
 }
 
 // The folder that the run is written to, and what is known before the first step in it.
@@ -318,7 +322,7 @@ void train(const TrainCommand& command) {
   log_info("training on {} with {} threads", backend->name(), thread_count());
   if (!resumed) reconstruct_bare_photos(config, folder, !command.quiet);
   Scene scene = load(config.dataset, !command.quiet);
-  log_forecast(config, scene);
+  log_forecast(config, scene, *backend);
   if (resumed) adopt_scene(*resumed, scene);
 
   std::optional<Trainer> made;  // before the folder, so that a scene that cannot be trained leaves none
