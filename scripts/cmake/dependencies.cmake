@@ -23,7 +23,17 @@ gs_header_library(gs_fmt fmt/format.h)
 gs_header_library(gs_spdlog spdlog/spdlog.h)
 gs_header_library(gs_xxhash xxhash.h)
 target_link_libraries(gs_spdlog INTERFACE gs_fmt)
-target_compile_definitions(gs_spdlog INTERFACE SPDLOG_FMT_EXTERNAL FMT_HEADER_ONLY)
+target_compile_definitions(gs_spdlog INTERFACE SPDLOG_FMT_EXTERNAL)
+# The compiled library of fmt halves the time that our files take to compile. Packed headers have none.
+set(GS_FMT_LIBRARY "")
+if(NOT GS_DEPS_INCLUDE)
+  find_library(GS_FMT_LIBRARY fmt)
+endif()
+if(GS_FMT_LIBRARY)
+  target_link_libraries(gs_fmt INTERFACE ${GS_FMT_LIBRARY})
+else()
+  target_compile_definitions(gs_fmt INTERFACE FMT_HEADER_ONLY)
+endif()
 find_package(Threads REQUIRED)
 
 # gs_report(name found purpose): remembers a line for the summary.
