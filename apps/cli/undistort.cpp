@@ -25,9 +25,10 @@ std::string text_of(const UndistortedScene& scene, const UndistortCommand& comma
   std::string text = fmt::format("{}: {} photos undistorted, {} copied, {} masks\n", command.output,
                                  scene.undistorted, scene.copied, scene.masks);
   if (scene.undistorted > 0 && command.jpeg_quality > 0)
-    text += fmt::format("JPEG of quality {} costs some detail: {:.1f} dB against the pixels before "
-                        "it; PNG, without --jpeg, keeps them all\n",
-                        command.jpeg_quality, scene.jpeg_psnr);
+    text += fmt::format(
+        "JPEG of quality {} costs some detail: {:.1f} dB against the pixels before "
+        "it; PNG, without --jpeg, keeps them all\n",
+        command.jpeg_quality, scene.jpeg_psnr);
   text += fmt::format("train on it with: gemsplat train {}{} -o RUN\n", command.output,
                       scene.needs_background ? " --mask-mode background" : "");
   return text;
@@ -40,12 +41,14 @@ void undistort(const UndistortCommand& command) {
     throw UsageError("which scene? give its folder: gemsplat undistort SCENE -o OUT");
   set_thread_count(config.train.threads);
   std::unique_ptr<ProgressBar> bar;
-  const UndistortedScene scene = undistort_scene(
-      config.dataset, command.output, command.jpeg_quality,
-      [&](std::size_t done, std::size_t total) {
-        if (!bar) bar = std::make_unique<ProgressBar>(std::int64_t(total), !command.quiet);
-        if (bar->due(std::int64_t(done))) bar->draw(std::int64_t(done), "", "photo");
-      });
+  const UndistortedScene scene =
+      undistort_scene(config.dataset, command.output, command.jpeg_quality,
+                      [&](std::size_t done, std::size_t total) {
+                        if (!bar)
+                          bar = std::make_unique<ProgressBar>(std::int64_t(total), !command.quiet);
+                        if (bar->due(std::int64_t(done)))
+                          bar->draw(std::int64_t(done), "", "photo");
+                      });
   if (bar) bar->clear();
   if (!command.quiet) std::cout << text_of(scene, command);
 }

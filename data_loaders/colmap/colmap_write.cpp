@@ -130,8 +130,8 @@ void add_rig_pose(Bytes& out, const ColmapImage& image, const ColmapRigCamera& p
   const Vec3d a = column(C.row0.x, C.row1.x, C.row2.x), b = column(C.row0.y, C.row1.y, C.row2.y),
               c = column(C.row0.z, C.row1.z, C.row2.z);
   out.add(quaternion_of(Mat3<double>{{a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z}}));
-  out.add(multiply_transposed(
-      cam_from_rig, image.cam_from_world_translation - place.cam_from_rig_translation));
+  out.add(multiply_transposed(cam_from_rig,
+                              image.cam_from_world_translation - place.cam_from_rig_translation));
 }
 
 Bytes frames_of(const ColmapModel& model) {

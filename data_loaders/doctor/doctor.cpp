@@ -53,8 +53,7 @@ std::string counted(std::size_t count, const std::string& noun) {
   return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
 
-std::string counted(std::size_t count, const std::string& noun, const char* one,
-                    const char* more) {
+std::string counted(std::size_t count, const std::string& noun, const char* one, const char* more) {
   return counted(count, noun) + " " + (count == 1 ? one : more);
 }
 

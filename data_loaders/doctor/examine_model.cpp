@@ -21,7 +21,7 @@ using Level = Finding::Level;
 constexpr std::size_t kFewPhotos = 20;       // fewer seldom show a scene from all sides
 constexpr std::size_t kFewObservations = 3;  // points seen in fewer photos are unreliable
 constexpr double kLargeError = 2;            // pixels, mean reprojection error
-constexpr double kUpSpread = 30;             // degrees between a camera's up and their mean, on average
+constexpr double kUpSpread = 30;             // degrees from a camera's up to their mean, on average
 
 /// The name of a photo for each camera that has one; cameras without photos do no harm.
 std::map<std::uint32_t, std::string> photo_of_each_camera(const ColmapModel& model) {
@@ -97,9 +97,9 @@ bool read_model(Examination& examination) {
     return false;
   }
   const ColmapModel& model = scene.model;
-  std::string text = fmt::format("{} placed, {}, {}", counted(model.images.size(), "photo"),
-                                 counted(model.cameras.size(), "camera"),
-                                 counted(model.points.size(), "point"));
+  std::string text =
+      fmt::format("{} placed, {}, {}", counted(model.images.size(), "photo"),
+                  counted(model.cameras.size(), "camera"), counted(model.points.size(), "point"));
   if (!model.frames.empty())
     text += fmt::format(", {} of {}", counted(model.frames.size(), "frame"),
                         counted(model.rigs.size(), "rig"));
@@ -107,15 +107,15 @@ bool read_model(Examination& examination) {
   if (scene.moves())
     examination.add(Level::warning, "model", text_of_moving_scene(scene.time_count));
   if (model.images.size() < kFewPhotos)
-    examination.add(
-        Level::warning, "model",
-        fmt::format("{}: training cannot learn what only one photo shows; take more, "
-                    "overlapping by two thirds",
-                    counted(model.images.size(), "photo", "is not enough", "are few")));
+    examination.add(Level::warning, "model",
+                    fmt::format("{}: training cannot learn what only one photo shows; take more, "
+                                "overlapping by two thirds",
+                                counted(model.images.size(), "photo", "is not enough", "are few")));
   if (examination.config.dataset.eval) {
     const auto held_out = std::size_t(std::count(scene.is_test.begin(), scene.is_test.end(), true));
-    examination.add(Level::good, "model",
-                    fmt::format("{} held out to measure on", counted(held_out, "photo", "is", "are")));
+    examination.add(
+        Level::good, "model",
+        fmt::format("{} held out to measure on", counted(held_out, "photo", "is", "are")));
   }
   return true;
 }

@@ -38,11 +38,11 @@ void report_unused(Examination& examination) {
         unused);
     return;
   }
-  examination.add(
-      unused.size() > examination.model().images.size() ? Level::warning : Level::note, "photos",
-      fmt::format("{} not in the model: COLMAP could not place them, or never saw them",
-                  counted(unused.size(), "photo", "there is", "there are")),
-      unused);
+  examination.add(unused.size() > examination.model().images.size() ? Level::warning : Level::note,
+                  "photos",
+                  fmt::format("{} not in the model: COLMAP could not place them, or never saw them",
+                              counted(unused.size(), "photo", "there is", "there are")),
+                  unused);
 }
 
 /// `shares`: of the pixels that train, for each of the photos `readable`; 1 without a mask.
@@ -65,12 +65,12 @@ void report_masks(Examination& examination, const std::vector<std::size_t>& read
                   counted(readable.size(), "photo"), 100 * sum / double(masked.size()),
                   is_background ? "show the scene, the others its background" : "train"));
   if (!hardly.empty())
-    examination.add(Level::warning, "masks",
-                    fmt::format("{} less than {:.0f} % of the photo to train on; if black is meant "
-                                "to train, invert the masks with --invert-masks",
-                                counted(hardly.size(), "mask", "leaves", "leave"),
-                                100 * kHardlyTrained),
-                    examination.names_of(hardly));
+    examination.add(
+        Level::warning, "masks",
+        fmt::format("{} less than {:.0f} % of the photo to train on; if black is meant "
+                    "to train, invert the masks with --invert-masks",
+                    counted(hardly.size(), "mask", "leaves", "leave"), 100 * kHardlyTrained),
+        examination.names_of(hardly));
   if (!is_background && sum == 0 && masked.size() == examination.scene.photos.size())
     examination.add(Level::fatal, "masks",
                     "no photo has a pixel to train on; invert the masks with --invert-masks");
@@ -167,8 +167,9 @@ void match_mask_files(Examination& examination) {
   for (std::size_t i = 0; i < count; ++i)
     if (scene.mask_files[i].empty()) missing.push_back(i);
   if (missing.size() == count) return;
-  const std::string place = scene.masks.folder.empty() ? std::string("the files that the model names")
-                                                       : scene.masks.folder.string();
+  const std::string place = scene.masks.folder.empty()
+                                ? std::string("the files that the model names")
+                                : scene.masks.folder.string();
   examination.add(Level::good, "masks",
                   fmt::format("{} of {} have a mask in {}", count - missing.size(),
                               counted(count, "photo"), place));
@@ -205,12 +206,12 @@ void examine_headers(Examination& examination) {
                       examination.names_of(photos));
   };
   if (!unreadable.empty())
-    examination.add(Level::fatal, "photos",
-                    fmt::format("{} cannot be read ({}); fetch them again, or leave them out of "
-                                "the model",
-                                counted(unreadable.size(), "photo"),
-                                headers[unreadable.front()].error),
-                    examination.names_of(unreadable));
+    examination.add(
+        Level::fatal, "photos",
+        fmt::format("{} cannot be read ({}); fetch them again, or leave them out of "
+                    "the model",
+                    counted(unreadable.size(), "photo"), headers[unreadable.front()].error),
+        examination.names_of(unreadable));
   add(Level::fatal, "orientation", turned, "lies", "lie",
       " on the side compared with the model: the EXIF orientation was followed once and ignored "
       "once; turn the pixels themselves (`mogrify -auto-orient` on copies) and give COLMAP and "

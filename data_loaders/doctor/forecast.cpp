@@ -70,8 +70,7 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
   const double budget = double(photo_ram_bytes(config.dataset));
   const double gaussians = expected_gaussians(config, scene.points);
   const double photos_in_ram = std::min(scene.photo_bytes, budget);
-  const double photos_on_gpu =
-      std::min(scene.photo_bytes, double(config.train.photo_gib) * kGib);
+  const double photos_on_gpu = std::min(scene.photo_bytes, double(config.train.photo_gib) * kGib);
   const double on_gpu = photos_on_gpu + gaussians * kBytesOnGpu;
   const double on_cpu = gaussians * kBytesOnCpu;
   const double free_ram = double(host_memory().free_bytes());
@@ -102,16 +101,16 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
   result.text += fmt::format("each saved model takes {} of disk", size_text(gaussians * kPlyBytes));
 
   if (device.is_gpu && device.free_bytes && on_gpu > kShareOfFree * free_on_gpu)
-    result.warnings.push_back(fmt::format(
-        "the GPU has {} free and the run may need {}; {}", size_text(free_on_gpu),
-        size_text(on_gpu), cap_advice(free_on_gpu, photos_on_gpu, kBytesOnGpu)));
+    result.warnings.push_back(fmt::format("the GPU has {} free and the run may need {}; {}",
+                                          size_text(free_on_gpu), size_text(on_gpu),
+                                          cap_advice(free_on_gpu, photos_on_gpu, kBytesOnGpu)));
   if (new_in_ram > kShareOfFree * free_ram)
-    result.warnings.push_back(fmt::format(
-        "{} of RAM are free and the run may need {}; {}", size_text(free_ram),
-        size_text(new_in_ram),
-        photos_in_ram > on_cpu || device.is_gpu
-            ? std::string("let fewer photos stay decoded with --photo-ram GIB")
-            : cap_advice(free_ram, photos_in_ram, kBytesOnCpu)));
+    result.warnings.push_back(
+        fmt::format("{} of RAM are free and the run may need {}; {}", size_text(free_ram),
+                    size_text(new_in_ram),
+                    photos_in_ram > on_cpu || device.is_gpu
+                        ? std::string("let fewer photos stay decoded with --photo-ram GIB")
+                        : cap_advice(free_ram, photos_in_ram, kBytesOnCpu)));
   return result;
 }
 

@@ -27,9 +27,7 @@ std::string lowercase(std::string text) {
   return text;
 }
 
-std::string lowercase_ending(const fs::path& file) {
-  return lowercase(file.extension().string());
-}
+std::string lowercase_ending(const fs::path& file) { return lowercase(file.extension().string()); }
 
 std::vector<std::string> picture_names_in(const fs::path& folder) {
   std::vector<std::string> names;

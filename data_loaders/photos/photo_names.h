@@ -15,7 +15,8 @@ std::string lowercase(std::string text);
 std::string lowercase_ending(const std::filesystem::path& file);
 
 /// The pictures in a folder and below it, by their extension, as sorted paths relative to it with
-/// "/" between folders. Hidden files and folders are skipped. A folder that cannot be read is empty.
+/// "/" between folders. Hidden files and folders are skipped. A folder that cannot be read is
+/// empty.
 std::vector<std::string> picture_names_in(const std::filesystem::path& folder);
 
 }  // namespace gs

@@ -38,8 +38,8 @@ fs::path parent_of(const fs::path& folder) {
   return fs::absolute(folder / "").lexically_normal().parent_path().parent_path();
 }
 
-/// The models in a folder that COLMAP's mapper filled: 0, 1, 2, ..., in this order. The mapper begins
-/// a new model when it can place no more photos in the last one.
+/// The models in a folder that COLMAP's mapper filled: 0, 1, 2, ..., in this order. The mapper
+/// begins a new model when it can place no more photos in the last one.
 std::vector<fs::path> sub_models(const fs::path& sparse) {
   std::vector<fs::path> models;
   for (const fs::path& folder : colmap_models_in(sparse))

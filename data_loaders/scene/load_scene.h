@@ -24,10 +24,10 @@ enum class PhotoLoading { as_they_fit, when_asked };
 
 /// Finds the model and the photos, undistorts and resizes every photo to dataset.resolution, and
 /// splits the views. With dataset.eval, every test_every-th view by name is a test view, beginning
-/// with the first (test_views_of() has the rule for rigs). Every size and name is checked before the
-/// first photo is decoded. With dataset.refine_cameras the cameras are refined first. Throws Error
-/// that names the file and the remedy; UsageError for a resolution or a photo budget that cannot
-/// work. Warns of a scene that moves, because it is trained as a static one.
+/// with the first (test_views_of() has the rule for rigs). Every size and name is checked before
+/// the first photo is decoded. With dataset.refine_cameras the cameras are refined first. Throws
+/// Error that names the file and the remedy; UsageError for a resolution or a photo budget that
+/// cannot work. Warns of a scene that moves, because it is trained as a static one.
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress = {},
                  PhotoLoading loading = PhotoLoading::as_they_fit);
 

@@ -135,9 +135,8 @@ SceneModel read_model_and_split(const DatasetConfig& dataset, const SceneFolders
     scene.is_split_by_files = transforms.has_split;
   }
   sort_by_name(scene.model);
-  scene.is_test = scene.is_split_by_files && dataset.eval
-                      ? split_of_files(transforms, scene.model)
-                      : test_views_of(dataset, scene.model);
+  scene.is_test = scene.is_split_by_files && dataset.eval ? split_of_files(transforms, scene.model)
+                                                          : test_views_of(dataset, scene.model);
   return scene;
 }
 

@@ -75,9 +75,9 @@ void copy_photo(const fs::path& from, const fs::path& to) {
   fs::create_directories(to.parent_path(), error);
   if (!error) fs::copy_file(from, to, error);
   if (error)
-    throw Error(fmt::format(
-        "cannot copy {} to {}: {}; free some space, or name another folder with -o", from.string(),
-        to.string(), error.message()));
+    throw Error(
+        fmt::format("cannot copy {} to {}: {}; free some space, or name another folder with -o",
+                    from.string(), to.string(), error.message()));
 }
 
 /// Returns the PSNR of the file against the photo.
@@ -123,8 +123,8 @@ ColmapModel pinhole_model(ColmapModel model, const std::vector<ViewPlan>& plans,
         {lens.id, plans[i].photo_size.width, plans[i].photo_size.height}, lens.id);
     if (is_new) {
       if (model.cameras.contains(lens.id)) known->second = next_id++;
-      model.cameras[known->second] = {known->second, CameraModel::pinhole, p.width, p.height,
-                                      {p.fx, p.fy, p.cx, p.cy}};
+      model.cameras[known->second] = {
+          known->second, CameraModel::pinhole, p.width, p.height, {p.fx, p.fy, p.cx, p.cy}};
     }
     image.camera_id = known->second;
   }
@@ -167,9 +167,10 @@ UndistortedScene undistort_scene(const DatasetConfig& dataset, const fs::path& o
   SceneModel scene = read_model_and_split(dataset, folders, Tracks::read);
   find_scene_files(dataset, folders, scene);
   if (scene.is_split_by_files)
-    log_warning("the split of {} is not part of a COLMAP model: --eval will hold out every {}th "
-                "photo of {} instead",
-                folders.model.string(), dataset.test_every, out.string());
+    log_warning(
+        "the split of {} is not part of a COLMAP model: --eval will hold out every {}th "
+        "photo of {} instead",
+        folders.model.string(), dataset.test_every, out.string());
   const std::vector<ViewPlan> plans = plan_views(scene, 1, {});
   const std::vector<std::string> names = new_names(plans, jpeg_quality > 0);
 

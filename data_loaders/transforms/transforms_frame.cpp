@@ -42,9 +42,7 @@ const Json* value_of(const Json& level, const char* key) {
   return found == level.end() || found->is_null() ? nullptr : &*found;
 }
 
-std::string kind(const Json& value) {
-  return fmt::format("a value of type {}", value.type_name());
-}
+std::string kind(const Json& value) { return fmt::format("a value of type {}", value.type_name()); }
 
 }  // namespace
 
@@ -206,14 +204,14 @@ double TransformsFrame::positive(const Json& value, const char* key, double belo
 
 /// In pixels: as it is given, or from the angle across the picture's side. The frame's own value
 /// goes before the top's. Nothing if neither has any.
-std::optional<double> TransformsFrame::focal_length(const char* key, const char* angle_key, int side) const {
+std::optional<double> TransformsFrame::focal_length(const char* key, const char* angle_key,
+                                                    int side) const {
   for (const Json* level : {&frame_, &file_.top}) {
     if (const Json* pixels = value_of(*level, key)) return positive(*pixels, key, INFINITY);
     if (const Json* angle = value_of(*level, angle_key)) {
       const double radians = positive(*angle, angle_key, std::numbers::pi);
       const double pixels = 0.5 * side / std::tan(0.5 * radians);
-      if (!std::isfinite(pixels))
-        fail(fmt::format("has {} as {}: too small", radians, angle_key));
+      if (!std::isfinite(pixels)) fail(fmt::format("has {} as {}: too small", radians, angle_key));
       return pixels;
     }
   }
@@ -249,7 +247,8 @@ void TransformsFrame::add_lens(const std::string& model, ColmapCamera& camera) c
   append(CameraModel::pinhole, {});
 }
 
-void TransformsFrame::expect_zero(const std::string& model, std::initializer_list<const char*> keys) const {
+void TransformsFrame::expect_zero(const std::string& model,
+                                  std::initializer_list<const char*> keys) const {
   for (const char* key : keys)
     if (number_or(key, 0) != 0)
       fail(fmt::format("has {} as {}, which the camera_model {} does not have here; name the "

@@ -93,7 +93,7 @@ std::optional<Names> listed(const TransformsFile& file, const char* key, const N
   return names;
 }
 
-/// Splits the images by nerfstudio's lists, if the file has any. Images in none of them are dropped.
+/// Splits the images by nerfstudio's lists, if the file has any. Images in no list are dropped.
 void split_by_lists(const TransformsFile& file, TransformsScene& scene) {
   Names known;
   for (const ColmapImage& image : scene.model.images) known.insert(image.name);
