@@ -194,6 +194,28 @@ TEST(LoadScene, ResolutionDividesOrIsTheWidth) {
   }
 }
 
+/// A scene with transforms.json and two photos, taken at these times.
+void write_timed_scene(const std::filesystem::path& folder, double first, double second) {
+  std::string frames;
+  for (const auto& [name, time] : {std::pair("a.png", first), std::pair("b.png", second)}) {
+    write_png(folder / name, plain_photo(12, 8, 50));
+    frames += std::string(frames.empty() ? "" : ", ") + "{\"file_path\": \"" + name +
+              "\", \"time\": " + std::to_string(time) +
+              ", \"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}";
+  }
+  write_bytes(folder / "transforms.json", "{\"fl_x\": 10, \"frames\": [" + frames + "]}");
+}
+
+TEST(LoadScene, SceneThatMovesIsSaidToBeTrainedAsAStaticOne) {
+  const TempFolder temp;
+  write_timed_scene(temp.path(), 0.25, 0.25);
+  EXPECT_THAT(log_of(dataset_at(temp.path())), Not(HasSubstr("moves")));
+  write_timed_scene(temp.path(), 0.25, 0.75);
+  EXPECT_THAT(log_of(dataset_at(temp.path())),
+              AllOf(HasSubstr("the scene moves"), HasSubstr("at 2 different times"),
+                    HasSubstr("trained as a static scene")));
+}
+
 TEST(LoadScene, MissingPhotosAreNamedAndCounted) {
   const TempFolder temp;
   write_scene(temp.path(), small_model(14));

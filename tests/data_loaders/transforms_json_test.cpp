@@ -106,6 +106,27 @@ TEST_F(Transforms, FolderIsKnownByEitherFile) {
   EXPECT_TRUE(has_transforms(folder()));
 }
 
+// --- Time
+
+TEST_F(Transforms, TimesOfFramesAreCounted) {
+  EXPECT_EQ(read(small_file()).time_count, 0u);
+  EXPECT_EQ(read(small_file("{}", R"({"time": 0.5})")).time_count, 1u);
+  json moving = small_file("{}", R"({"time": 0.5})");
+  moving["frames"][0]["time"] = 0;
+  EXPECT_EQ(read(moving).time_count, 2u);
+  moving["frames"][0]["time"] = "noon";  // a note of another program
+  EXPECT_EQ(read(moving).time_count, 1u);
+}
+
+TEST_F(Transforms, TimesOfBlendersFilesAreCountedTogether) {
+  json train = small_file("{}", R"({"time": 0.5})"), test = small_file("{}", R"({"time": 1.0})");
+  test["frames"].erase(0);
+  test["frames"][0]["file_path"] = "test/r_0";
+  write(train, "transforms_train.json");
+  write(test, "transforms_test.json");
+  EXPECT_EQ(read_transforms(folder()).time_count, 2u);
+}
+
 // --- Poses
 
 TEST_F(Transforms, CameraAtTheOriginLooksAlongMinusZWithYUp) {
