@@ -2,8 +2,6 @@
 // The order of an examination: folders, model, files, headers, pictures, cameras, points, forecast.
 #include "data_loaders/doctor/doctor.h"
 
-#include <spdlog/fmt/fmt.h>
-
 #include <algorithm>
 
 #include "data_loaders/doctor/examination.h"
@@ -48,14 +46,6 @@ void add_forecast(Examination& examination, const ForecastDevice& device) {
 }
 
 }  // namespace
-
-std::string counted(std::size_t count, const std::string& noun) {
-  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
-}
-
-std::string counted(std::size_t count, const std::string& noun, const char* one, const char* more) {
-  return counted(count, noun) + " " + (count == 1 ? one : more);
-}
 
 bool Diagnosis::can_train() const {
   return std::none_of(findings.begin(), findings.end(),

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "data_loaders/counted.h"
 #include "data_loaders/doctor/doctor.h"
 #include "data_loaders/photos/photos.h"
 #include "data_loaders/scene/scene_model.h"
@@ -36,11 +37,6 @@ struct Examination {
     return names;
   }
 };
-
-/// "1 photo", "3 photos": the count and the noun.
-std::string counted(std::size_t count, const std::string& noun);
-/// "1 photo is", "3 photos are": with the verb for one and for several.
-std::string counted(std::size_t count, const std::string& noun, const char* one, const char* more);
 
 // examine_model.cpp, in this order. The first two return false if the rest makes no sense.
 bool find_folders(Examination& examination);

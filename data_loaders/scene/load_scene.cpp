@@ -10,6 +10,7 @@
 #include <mutex>
 
 #include "data_loaders/colmap/world_offset.h"
+#include "data_loaders/counted.h"
 #include "data_loaders/photos/photo_pool.h"
 #include "data_loaders/refine/refine_cameras.h"
 #include "data_loaders/refine/refine_exposure.h"
@@ -236,7 +237,8 @@ void split_views(std::vector<View> views, const std::vector<bool>& is_test, Scen
         "no photo of {} has a pixel to train on: the masks are black everywhere, and white trains; "
         "invert them with --invert-masks, or leave them out with --masks none",
         scene.source));
-  log_warning("{} photos are masked everywhere and left out: {}{}", empty.size(), empty.front(),
+  log_warning("{} masked everywhere and left out: {}{}",
+              counted(empty.size(), "photo", "is", "are"), empty.front(),
               empty.size() > 1 ? ", ..." : "");
 }
 

@@ -9,6 +9,7 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "data_loaders/counted.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -68,9 +69,9 @@ std::unordered_map<std::string, std::string> pair_off(std::set<std::string>& mis
   }
   if (!pairs.empty()) {
     const auto first = std::min_element(pairs.begin(), pairs.end());
-    log_warning("{} photos are taken for names in the model that differ in {}: {} for '{}'{}",
-                pairs.size(), likeness.difference, first->second, first->first,
-                pairs.size() > 1 ? ", ..." : "");
+    log_warning("{} for names in the model that differ in {}: {} for '{}'{}",
+                counted(pairs.size(), "photo", "is taken", "are taken"), likeness.difference,
+                first->second, first->first, pairs.size() > 1 ? ", ..." : "");
   }
   return pairs;
 }
@@ -87,10 +88,9 @@ std::unordered_map<std::string, std::string> pair_off(std::set<std::string>& mis
   if (missing.size() > kMostNamed) list += fmt::format(" and {} more", missing.size() - kMostNamed);
   const std::string others =
       unused.empty() ? ""
-                     : fmt::format(
-                           " ({} photos there are not in the model, or could be more than "
-                           "one of it: {}{})",
-                           unused.size(), unused.front(), unused.size() > 1 ? ", ..." : "");
+                     : fmt::format(" ({} not in the model or match several names: {}{})",
+                                   counted(unused.size(), "photo", "there is", "there are"),
+                                   unused.front(), unused.size() > 1 ? ", ..." : "");
   throw Error(fmt::format(
       "{} of the model's {} photos are not in {}: {}{}; copy them there or name another folder "
       "with --set dataset.images=FOLDER",
@@ -257,9 +257,9 @@ std::vector<fs::path> match_masks(const MaskSource& source, const std::vector<st
   if (missing == names.size())
     log_warning("{}", nothing_matches(source, files.count(), names[0]));
   else if (missing > 0)
-    log_warning(
-        "{} of {} photos have no mask in {} and train everywhere, but for their alpha: {}{}",
-        missing, names.size(), source.folder.string(), first_missing, missing > 1 ? ", ..." : "");
+    log_warning("{} of {} {} no mask in {}; there every pixel trains, apart from alpha: {}{}",
+                missing, counted(names.size(), "photo"), missing == 1 ? "has" : "have",
+                source.folder.string(), first_missing, missing > 1 ? ", ..." : "");
   return masks;
 }
 

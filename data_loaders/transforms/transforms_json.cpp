@@ -10,6 +10,7 @@
 #include <tuple>
 #include <unordered_set>
 
+#include "data_loaders/counted.h"
 #include "data_loaders/transforms/transforms_file.h"
 #include "data_loaders/transforms/transforms_frame.h"
 #include "data_loaders/transforms/transforms_points.h"
@@ -115,8 +116,8 @@ void split_by_lists(const TransformsFile& file, TransformsScene& scene) {
     return train ? !is_listed : val && val->contains(image.name);
   });
   if (in_both)
-    log_warning("{} photos are for training and for testing in {}: they are not trained on",
-                in_both, file.path.string());
+    log_warning("{} for training and for testing in {}: training does without",
+                counted(in_both, "photo", "is", "are"), file.path.string());
   if (scene.test_names.size() == scene.model.images.size())
     file.fail("train_filenames and test_filenames leave no frame to train on; mend the lists");
 }

@@ -257,15 +257,15 @@ TEST(Forecast, WarnsOfARunThatDoesNotFit) {
   config.density.max_gaussians = std::int64_t(1) << 40;  // 2 PiB
   const Forecast on_cpu = forecast(config, scene, {});
   ASSERT_EQ(on_cpu.warnings.size(), 1u);
-  EXPECT_THAT(on_cpu.warnings[0], AllOf(HasSubstr("of RAM are free"), HasSubstr("--max-gaussians")));
+  EXPECT_THAT(on_cpu.warnings[0],
+              AllOf(HasSubstr("of RAM are free"), HasSubstr("--max-gaussians")));
 }
 
 TEST(Forecast, CountsPhotosThatAreNotLoadedYet) {
   Config config;
   config.dataset.photo_ram_gib = 1e6f;
   SceneSize scene = {1e15, 0, 1.0, 30000};
-  EXPECT_THAT(forecast(config, scene, {true, 0}).warnings,
-              ElementsAre(HasSubstr("--photo-ram")));
+  EXPECT_THAT(forecast(config, scene, {true, 0}).warnings, ElementsAre(HasSubstr("--photo-ram")));
   scene.loaded_bytes = scene.photo_bytes;
   EXPECT_THAT(forecast(config, scene, {true, 0}).warnings, IsEmpty());
 }

@@ -233,7 +233,8 @@ TEST(LoadScene, MissingPhotosAreNamedAndCounted) {
   write_png(temp.path() / "images/other.png", plain_photo(12, 8, 5));
   EXPECT_THAT(error_of(dataset_at(temp.path())),
               AllOf(HasSubstr("12 of the model's 14 photos"), HasSubstr("j.png, k.png and 2 more"),
-                    Not(HasSubstr("l.png")), HasSubstr("1 photos there"), HasSubstr("other.png")));
+                    Not(HasSubstr("l.png")), HasSubstr("1 photo there is not in the model"),
+                    HasSubstr("other.png")));
 }
 
 /// A scene with photos named otherwise than in the model: (in the model, on disk).
@@ -257,11 +258,11 @@ TEST(LoadScene, PhotosOfAnotherExtensionOrCaseAreTakenAndCounted) {
   write_bytes(temp.path() / "images/a.txt", "a note on a.png");
   write_bytes(temp.path() / "images/._a.png", "what macOS leaves behind");
   EXPECT_THAT(log_of(dataset),
-              AllOf(HasSubstr("1 photos are taken for names in the model that differ in upper and "
+              AllOf(HasSubstr("1 photo is taken for names in the model that differ in upper and "
                               "lower case: left/c.PNG for 'Left/C.png'"),
                     HasSubstr("2 photos are taken for names in the model that differ in extension: "
                               "a.png for 'a.jpg', ..."),
-                    HasSubstr("1 photos are taken for names in the model that differ in case and "
+                    HasSubstr("1 photo is taken for names in the model that differ in case and "
                               "extension: left/d.png for 'Left/D.JPG'")));
   const Scene scene = load_scene(dataset);
   EXPECT_THAT(names_of(scene.train_views),  // as the model has them
