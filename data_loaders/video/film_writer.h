@@ -11,6 +11,8 @@
 
 namespace gs {
 
+class FilmEncoder;
+
 bool can_write_films();
 /// The message of a build without videoio, with the remedy.
 std::string cannot_write_films();
@@ -38,15 +40,11 @@ class FilmWriter {
   const std::string& codec() const { return codec_; }
 
  private:
-  struct Encoder;
-
-  void encode_as(const char* four_letters, double frames_per_second);
-
   std::filesystem::path path_, temporary_;
   int width_, height_;
   std::int64_t frames_ = 0;
   std::string codec_;
-  std::unique_ptr<Encoder> encoder_;
+  std::unique_ptr<FilmEncoder> encoder_;
 };
 
 }  // namespace gs
