@@ -118,9 +118,9 @@ TEST(UndistortScene, KeepsRigsAndFrames) {
   model.cameras[8] = model.cameras[7];
   model.cameras[8].id = 8;
   model.images[1].camera_id = 8;
-  model.rigs = {
-      {4, {{7, true, {1, 0, 0, 0}, {0.0, 0.0, 0.0}}, {8, true, {1, 0, 0, 0}, {-1.0, 0.0, 0.0}}}}};
-  model.frames = {{1, 4, {1, 2}}};
+  model.rigs.push_back(
+      {4, {{7, true, {1, 0, 0, 0}, {0.0, 0.0, 0.0}}, {8, true, {1, 0, 0, 0}, {-1.0, 0.0, 0.0}}}});
+  model.frames.push_back({1, 4, {1, 2}});
   write_scene(temp.path() / "scene", model);
   undistort_scene(dataset_at(temp.path() / "scene"), temp.path() / "copy", 0);
   const ColmapModel copy = read_colmap_model(temp.path() / "copy/sparse/0");
