@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the program says while it works, on standard error, through spdlog. Results go to standard output.
+// Messages while the program works, on standard error, through spdlog. Results go to standard
+// output.
 #pragma once
 
 #include <spdlog/fmt/fmt.h>
@@ -9,11 +10,11 @@
 
 namespace gs {
 
-/// Log levels that a user chooses between: quiet shows warnings and errors only.
+/// The log levels of the command line: quiet shows warnings and errors only.
 enum class Verbosity { quiet, normal, verbose };
 
-/// Sends the log to standard error in the program's plain form. Call from main(), and again where
-/// it is to say more or less.
+/// Sends the log to standard error, one plain line per message. Call it in main(), and again to
+/// change the level.
 void setup_log(Verbosity verbosity);
 
 namespace detail {

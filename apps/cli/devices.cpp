@@ -6,7 +6,6 @@
 #include "data_loaders/video/film_writer.h"
 #include "gs_app/report/report_page.h"
 #include "gs_app/view/view_server.h"
-#include "gs_core/memory.h"
 #include "gs_core/parallel.h"
 
 namespace gs {
@@ -66,7 +65,7 @@ Capability report_capability() {
 
 Capability python_capability() {
 #ifdef GS_HAVE_PYTHON
-  return {"Python", true, "the module gemsplat is built beside this program"};
+  return {"Python", true, "scripts/setup.sh builds the module gemsplat (docs/embedding.md)"};
 #else
   return {"Python", false,
           "there is no Python module; install pybind11-dev, python3-dev and python3-numpy, and "
@@ -120,10 +119,6 @@ std::vector<Capability> capabilities() {
           format_capability(kHasZstd, "zstd", ".spz of version 4", "libzstd-dev"),
           format_capability(kHasWebp, "libwebp", ".sog", "libwebp-dev"),
           python_capability()};
-}
-
-ForecastDevice forecast_device(Backend& backend) {
-  return {&backend.memory() != &host_memory(), backend.memory().free_bytes()};
 }
 
 }  // namespace gs

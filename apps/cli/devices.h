@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "data_loaders/doctor/forecast.h"
 #include "gs_app/run/make_backend.h"
 
 namespace gs {
@@ -19,8 +18,5 @@ struct Capability {
 
 /// What this build, on this machine, can and cannot do: optional libraries and devices.
 std::vector<Capability> capabilities();
-
-/// The device of a backend, as forecast() needs to know it.
-ForecastDevice forecast_device(Backend& backend);
 
 }  // namespace gs

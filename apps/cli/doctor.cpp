@@ -9,10 +9,11 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "apps/cli/devices.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "gs_app/run/make_backend.h"
 #include "gs_app/run/progress_bar.h"
+#include "gs_app/session/load_run_scene.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 

@@ -1,9 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // gemsplat view: a trained model in the browser.
-#include <fcntl.h>
-#include <spawn.h>
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <iostream>
@@ -11,11 +7,11 @@
 
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
-#include "gs_app/run/stop_on_signal.h"
 #include "gs_app/run/text.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
-#include "gs_core/io/subprocess.h"
+#include "gs_core/io/process.h"
+#include "gs_core/io/signals.h"
 #include "gs_core/parallel.h"
 
 namespace gs {
@@ -37,31 +33,15 @@ bool has_desktop() {
   return is_set("DISPLAY") || is_set("WAYLAND_DISPLAY");
 }
 
-// In a session of its own, so that Ctrl-C ends us and not the browser. Nobody waits for it.
-bool start_detached(const std::string& program, const std::string& argument) {
-  posix_spawn_file_actions_t files;
-  posix_spawnattr_t attributes;
-  posix_spawn_file_actions_init(&files);
-  posix_spawnattr_init(&attributes);
-  for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
-    posix_spawn_file_actions_addopen(&files, file, "/dev/null", O_RDWR, 0);
-  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSID);
-  std::string words[] = {program, argument};
-  char* const arguments[] = {words[0].data(), words[1].data(), nullptr};
-  pid_t child = 0;
-  const int error = posix_spawn(&child, program.c_str(), &files, &attributes, arguments, environ);
-  posix_spawnattr_destroy(&attributes);
-  posix_spawn_file_actions_destroy(&files);
-  return error == 0;
-}
-
-// Where nobody said otherwise, only where a browser could show itself.
+// Opens the browser if --open was given, or by default if there is a desktop. It is detached, so
+// that Ctrl-C ends only this program.
 void open_browser(const std::string& url, std::optional<bool> wish) {
   if (!wish.value_or(has_desktop())) return;
-  const auto program = find_program("xdg-open");
-  const bool is_open = program && start_detached(program->string(), url);
-  if (!is_open && wish)
-    log_warning("no browser is opened: xdg-open is missing; open {} yourself", url);
+  try {
+    start_child({"xdg-open", url}, {.is_detached = true});
+  } catch (const Error& error) {
+    if (wish) log_warning("cannot open a browser: {}; open {} yourself", error.what(), url);
+  }
 }
 
 std::unique_ptr<FileView> view_of(const ViewCommand& command, const OpenedModel& opened,
@@ -85,8 +65,8 @@ void view(const ViewCommand& command) {
   const std::unique_ptr<FileView> source = view_of(command, opened, config);
   const HttpServer server(
       command.place, [&](const HttpRequest& request) { return view_answer(*source, request); });
-  warn_of_guests(command.place);
-  log_info("{}: {} Gaussians, {} cameras; Ctrl-C ends it", opened.ply.string(),
+  warn_if_public(command.place);
+  log_info("{}: {} Gaussians, {} cameras; Ctrl-C ends the server", opened.ply.string(),
            with_commas(opened.model.gaussians.count()), source->scene().cameras.size());
   std::cout << server.url() << std::endl;
   open_browser(server.url(), command.open);
@@ -103,19 +83,21 @@ void add_view(CLI::App& program) {
       ->type_name("MODEL|RUN")
       ->required();
   verb.add_option("--iteration", command->step,
-                  "of a run, the model saved after that step [the newest]")
+                  "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
   add_http_place(verb, command->place, "--", "Server");
   verb.add_flag("--open,!--no-open", command->open, "open the browser [where there is a desktop]")
       ->group("Server");
   verb.add_flag(
           "--remote", command->remote,
-          "render here (--device), and send pictures: for models that the browser cannot hold")
+          "render with --device and send pictures to the browser, for models too large for it")
       ->group("Server");
   verb.add_option("--cameras", command->cameras, "cameras.json [that of the run]")
       ->type_name("FILE")
       ->group("Scene");
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
+  for (const char* unused : {"--photo-ram", "--photo-cache"})  // photos are decoded one by one
+    verb.remove_option(verb.get_option(unused));
   verb.get_option("--data")->excludes("--cameras");
   add_render_options(verb, *command);
   add_general_options(verb, *command);

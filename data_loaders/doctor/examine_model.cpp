@@ -3,7 +3,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <cmath>
 #include <map>
 
 #include "data_loaders/colmap/world_offset.h"
@@ -12,6 +11,7 @@
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
 #include "gs_core/math/rotation.h"
+#include "gs_core/scene_frame.h"
 
 namespace gs {
 namespace {
@@ -21,7 +21,7 @@ using Level = Finding::Level;
 constexpr std::size_t kFewPhotos = 20;       // fewer seldom show a scene from all sides
 constexpr std::size_t kFewObservations = 3;  // points seen in fewer photos are unreliable
 constexpr double kLargeError = 2;            // pixels, mean reprojection error
-constexpr double kUpSpread = 30;             // degrees from a camera's up to their mean, on average
+constexpr double kUpSpread = 30;             // degrees (SceneFrame); more leaves the way up unknown
 
 /// The name of a photo for each camera that has one; cameras without photos do no harm.
 std::map<std::uint32_t, std::string> photo_of_each_camera(const ColmapModel& model) {
@@ -46,20 +46,13 @@ std::vector<View> cameras_of(const ColmapModel& model) {
 
 /// Says how the cameras are held: training does not need it, but viewers do.
 void examine_up(Examination& examination, const std::vector<View>& views) {
-  Vec3d up(0.0);
-  for (const ColmapImage& image : examination.model().images)
-    up -= rotation_matrix(image.cam_from_world_rotation).row1;  // down is the camera's y
-  const double length = std::sqrt(inner(up, up));
-  double spread = 0;
-  for (const View& view : views) {
-    const Vec3d own = -1.0 * Vec3d(view.camera.cam_from_world_rotation.row1);
-    if (length > 0) spread += std::acos(std::clamp(inner(own, up) / length, -1.0, 1.0));
-  }
-  spread *= 180 / std::acos(-1.0) / double(views.size());
-  if (length > 0 && spread < kUpSpread)
+  std::vector<Camera> cameras;
+  for (const View& view : views) cameras.push_back(view.camera);
+  const SceneFrame frame = scene_frame(cameras, {});
+  if (!cameras.empty() && frame.up_spread < kUpSpread)
     examination.add(Level::good, "place",
                     fmt::format("up is about ({:.2f}, {:.2f}, {:.2f}), as most cameras are held",
-                                up.x / length, up.y / length, up.z / length));
+                                frame.up.x, frame.up.y, frame.up.z));
   else
     examination.add(Level::note, "place",
                     "the cameras are held in all directions, so the way up is unknown");

@@ -14,6 +14,10 @@ constexpr std::array<std::string_view, 17> kPictureExtensions = {
     ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".exr", ".hdr",
     ".tga", ".gif",  ".ppm", ".pgm", ".pnm",  ".jp2", ".heic", ".avif"};
 
+// Of photos that cannot be read here but may be named by a model: they are converted before training.
+constexpr std::array<std::string_view, 11> kRawExtensions = {
+    ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".raw", ".heif", ".jxl"};
+
 bool is_picture(const fs::path& path) {
   return std::find(kPictureExtensions.begin(), kPictureExtensions.end(), lowercase_ending(path)) !=
          kPictureExtensions.end();
@@ -28,6 +32,13 @@ std::string lowercase(std::string text) {
 }
 
 std::string lowercase_ending(const fs::path& file) { return lowercase(file.extension().string()); }
+
+std::string without_extension(const std::string& name) {
+  const std::string ending = lowercase_ending(name);
+  const bool is_raw =
+      std::find(kRawExtensions.begin(), kRawExtensions.end(), ending) != kRawExtensions.end();
+  return is_picture(name) || is_raw ? fs::path(name).replace_extension().generic_string() : name;
+}
 
 std::vector<std::string> picture_names_in(const fs::path& folder) {
   std::vector<std::string> names;

@@ -14,6 +14,10 @@ std::string lowercase(std::string text);
 /// The extension with its dot, in lower case; empty if there is none.
 std::string lowercase_ending(const std::filesystem::path& file);
 
+/// The name of a picture without its extension, as cameras.json has it. Only extensions of pictures
+/// count, in upper or lower case: "a/b.JPG" is "a/b", and "frame.7" has no extension.
+std::string without_extension(const std::string& name);
+
 /// The pictures in a folder and below it, by their extension, as sorted paths relative to it with
 /// "/" between folders. Hidden files and folders are skipped. A folder that cannot be read is
 /// empty.

@@ -8,7 +8,7 @@
 
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/photos/photo_codec.h"
-#include "gs_core/io/host_ram.h"
+#include "gs_core/bytes.h"
 #include "gs_core/log.h"
 
 namespace gs {
@@ -104,7 +104,7 @@ std::shared_ptr<CachedPictures> cache_for(const DatasetConfig& dataset,
   const fs::path folder = is_named ? fs::path(dataset.photo_cache) : usual_photo_cache();
   if (folder.empty()) return nullptr;
   return std::make_shared<CachedPictures>(
-      folder, std::uint64_t(double(dataset.photo_cache_gib) * kGib), plans.size());
+      folder, std::uint64_t(double(dataset.photo_cache_gib) * kBytesPerGib), plans.size());
 }
 
 }  // namespace gs

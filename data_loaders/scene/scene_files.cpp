@@ -26,9 +26,6 @@ bool is_folder(const fs::path& path) {
   std::error_code ignored;
   return fs::is_directory(path, ignored);
 }
-std::string without_extension(const std::string& name) {
-  return fs::path(name).replace_extension().generic_string();
-}
 std::string lower_without_extension(const std::string& name) {
   return lowercase(without_extension(name));
 }
@@ -210,8 +207,8 @@ MaskSource find_masks(const DatasetConfig& dataset, const SceneFolders& folders)
   MaskSource source;
   source.images = folders.images;
   source.invert = dataset.invert_masks;
-  source.over_background = dataset.mask_mode == "background" ||
-                           (dataset.mask_mode == "auto" && folders.kind == SceneKind::blender);
+  source.over_background = dataset.mask_mode == MaskMode::background ||
+                           (dataset.mask_mode == MaskMode::automatic && folders.kind == SceneKind::blender);
   if (dataset.masks == kNone) {
     source.use_alpha = false;
     return source;

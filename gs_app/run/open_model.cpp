@@ -13,7 +13,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
-#include "gs_train/trainer.h"
+#include "gs_render/render_settings.h"
 
 namespace gs {
 namespace {
@@ -33,8 +33,8 @@ fs::path ply_of(const RunFolder& run, std::optional<int> step) {
               "; the newest is that of step " + std::to_string(*newest));
 }
 
-// What a file of an export cannot say itself: its sidecar may. Of a model that was turned, moved or scaled
-// nothing is taken: it is nobody's frame but its own.
+// Takes from the sidecar what the format of an exported file cannot hold. A model that was rotated,
+// moved or scaled is in a frame of its own, so that its sidecar is ignored.
 void take_sidecar(const fs::path& file, GaussianModel& model) {
   const fs::path sidecar = sidecar_of(file);
   const ModelFormat* const format = find_format(file);
@@ -54,7 +54,7 @@ void take_sidecar(const fs::path& file, GaussianModel& model) {
     for (int i = 0; i < 3; ++i) model.world_offset[i] = rows.at(i).at(3);
     model.is_ours = true;
   } catch (const std::exception& error) {
-    log_warning("{} is left aside: {}", sidecar.string(), error.what());
+    log_warning("{} is ignored: {}", sidecar.string(), error.what());
   }
 }
 
@@ -69,13 +69,13 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
     opened.run.emplace(path);
     opened.ply = ply_of(*opened.run, step);
     if (fs::exists(opened.run->config())) load_config(opened.config, opened.run->config());
-    opened.config.train = {};  // where a model was trained says nothing of where it is looked at
+    opened.config.train = {};  // rendering may use another device than training did
   }
   opened.model = read_model(opened.ply);
   take_sidecar(opened.ply, opened.model);
   opened.config.model.sh_degree = opened.model.sh_degree;
   opened.config.render.antialias = opened.model.antialiased;
-  if (!opened.model.is_ours) opened.config.render.blend_rule = "classic";  // as it was trained
+  if (!opened.model.is_ours) opened.config.render.blend_rule = BlendRule::classic;  // as it was trained
   return opened;
 }
 
@@ -90,7 +90,6 @@ Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_
 }
 
 RenderSettings view_settings(const OpenedModel& opened, Config config) {
-  if (config.render.background == "random") config.render.background = "black";
   config.model.sh_degree = std::min(config.model.sh_degree, opened.model.sh_degree);
   RenderSettings settings = render_settings(config);
   settings.for_backward = false;

@@ -41,8 +41,8 @@ std::string cfg_args(const Config& config, const fs::path& root) {
       config.model.sh_degree, python_text(config.dataset.source),
       python_text(fs::absolute(root).lexically_normal().string()),
       python_text(config.dataset.images), config.dataset.resolution,
-      truth(config.render.background == "white"), config.train.device == "cpu" ? "'cpu'" : "'cuda'",
-      truth(config.dataset.eval));
+      truth(config.render.background == Background::white),
+      config.train.device == "cpu" ? "'cpu'" : "'cuda'", truth(config.dataset.eval));
 }
 
 std::string split_json(const Config& config, const Scene& scene) {
@@ -105,8 +105,9 @@ void check_is_free(const RunFolder& folder, bool force) {
   if (folder.holds_run() && !force)
     throw UsageError(
         "the output folder " + name +
-        " holds a run already; choose another with -o, or give --force to move it to " + name +
-        ".bak-N first");
+        " holds a run already; --resume goes on with it, -o chooses another folder, and --force "
+        "moves it to " +
+        name + ".bak-N first");
 }
 
 void make_run_folder(const RunFolder& folder) {

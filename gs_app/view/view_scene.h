@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `gemsplat view` shows besides the Gaussians: cameras with their photos, and where a look around begins.
+// What the viewer shows besides the Gaussians: cameras with their photos, and the first view.
 #pragma once
 
 #include <memory>
@@ -10,45 +10,39 @@
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/scene.h"
+#include "gs_core/scene_frame.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {
 
-/// A camera of the scene. `view` has its photo, at the camera's size; null where there is none.
+/// A camera of the scene. `view` has its photo, at the camera's size; it is null if there is none.
 struct ViewedCamera {
   std::string name;
-  std::string split;  // "train", "test", or "" where it is not known
+  std::string split;  // "train", "test", or "" if it is not known
   Camera camera;
   const View* view = nullptr;
 };
 
-/// Where a look around begins, in world units.
-struct Framing {
-  Vec3d up{0, -1, 0};      // a direction of length 1
-  Vec3d center{0, 0, 0};   // what cameras look at
-  double radius = 1;       // of the cameras around it, or of the Gaussians where no camera is there
-};
+/// How the cameras stand around what they look at, or the points if there are no cameras: the first
+/// view comes from this.
+SceneFrame frame_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> points);
 
-/// Up is the mean of the cameras' own; the center is nearest to where they look, and near the middle of `points` where their
-/// directions do not say it. Without cameras both come from the points, whose y axis points down (COLMAP's habit). At most
-/// some 100,000 points, evenly chosen, are looked at; those with NaN or infinity are left out.
-Framing framing_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> points);
-
-/// Cameras and framing, and what keeps the photos.
+/// Cameras, their frame, rendering settings, and the owner of the photos.
 struct ViewScene {
   std::string title;
   Vec3f background{0};
-  float near_plane = 0.2f, far_plane = 10000;  // world units of depth: what is shown lies between
+  // Depths in world units: nothing outside them is drawn.
+  float near_plane = 0.2f, far_plane = 10000;
   std::vector<ViewedCamera> cameras;
-  Framing framing;
-  std::vector<std::string> notes;            // what is missing, and why
-  std::shared_ptr<const Scene> photos = {};  // owner of the views, unless they are somebody else's
+  SceneFrame frame;
+  std::vector<std::string> notes;            // sentences for the user: what is missing, and why
+  std::shared_ptr<const Scene> photos = {};  // owner of the views; null if the caller owns them
 };
 
-/// What /scene.json says, but for "mode" and "model".
+/// /scene.json without "mode" and "model".
 nlohmann::ordered_json scene_json(const ViewScene& scene);
 
-/// Takes what the pictures' settings say.
+/// Copies the background and the depth range from the rendering settings.
 void take_settings(ViewScene& scene, const RenderSettings& settings);
 
 /// All views of a scene as cameras with photos: the test views first, as in cameras.json.

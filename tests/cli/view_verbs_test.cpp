@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gemsplat view` and `gemsplat train --viewer` as processes: addresses, signals, exit codes, and what a watched run learns.
+// `gemsplat view` and `gemsplat train --viewer` as processes: addresses, signals, exit codes, and
+// what a watched run learns.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <httplib.h>
@@ -11,8 +12,8 @@
 
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/ply/ply.h"
-#include "gs_app/experiment/child_process.h"
 #include "gs_app/view/view_server.h"
+#include "gs_core/io/process.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -26,7 +27,7 @@ using ::testing::HasSubstr;
 class Started {
  public:
   Started(const std::vector<std::string>& arguments, const fs::path& log) : log_(log) {
-    process_ = start_child(arguments, log);
+    process_ = start_child(arguments, {.output = open_log(log)});
     for (int i = 0; i < 600 && port_ == 0; ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
       const std::string said = read_bytes(log);
@@ -125,6 +126,7 @@ TEST_F(Verbs, AWatchedRunShowsItselfAndLearnsTheSame) {
   EXPECT_EQ(state.at("steps"), 1000);
   EXPECT_GT(state.at("loss"), 0.0);
   EXPECT_GT(state.at("psnr"), 1.0);
+  EXPECT_EQ(state.at("losses").back().at(1), state.at("loss"));
   EXPECT_GE(version, 2) << "one while it trained, and the last";
   const Json scene = Json::parse(train.get("/scene.json")->body);
   EXPECT_EQ(scene.at("mode"), "live");

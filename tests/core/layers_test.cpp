@@ -54,8 +54,8 @@ const std::map<std::string, std::set<std::string>> kLayers = {
 // own files (gs_core/types.h) are not in this table.
 const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_core/math", {}},
-    {"gs_core/config", {}},
-    {"gs_core/io", {"gs_core/config"}},
+    {"gs_core/config", {"gs_core/math"}},
+    {"gs_core/io", {"gs_core/config", "gs_core/math"}},
     {"data_loaders/colmap", {}},
     {"data_loaders/photos", {"data_loaders/colmap"}},
     {"data_loaders/lenses", {"data_loaders/colmap"}},
@@ -83,8 +83,15 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_app/run", {}},
     {"gs_app/pictures", {}},
     {"gs_app/export", {"gs_app/run", "gs_app/pictures"}},
+    {"gs_app/checkpoints", {"gs_app/run"}},
+    {"gs_app/observers", {"gs_app/run"}},
     {"gs_app/report", {"gs_app/run", "gs_app/pictures"}},
-    {"gs_app/view", {"gs_app/run", "gs_app/pictures", "gs_app/export"}},
+    {"gs_app/session",
+     {"gs_app/run", "gs_app/pictures", "gs_app/checkpoints", "gs_app/observers", "gs_app/export",
+      "gs_app/report"}},
+    {"gs_app/view/http", {}},
+    {"gs_app/view",
+     {"gs_app/run", "gs_app/pictures", "gs_app/export", "gs_app/observers", "gs_app/view/http"}},
     {"gs_app/experiment", {"gs_app/run"}},
     {"gs_app/checks", {"gs_app/run"}},
 };
@@ -141,13 +148,13 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
     {"cpp-httplib",
      {"httplib.h"},
      {"PkgConfig::gs_httplib"},
-     {"gs_app/view/http_server.cpp", "tests/cli/view_", "tests/app/view_"},
+     {"gs_app/view/http/http_server.cpp", "tests/cli/view_", "tests/app/view_"},
      {"gs_app/", "tests/"}},
     {"OpenImageIO", {"OpenImageIO/"}, {"OpenImageIO"}, {"data_loaders/"}, {"data_loaders/"}},
     {"Ceres",
      {"ceres/"},
      {"Ceres::", "CERES_"},
-     {"data_loaders/refine/refine_", "tests/math/", "tests/support/jet_"},
+     {"data_loaders/refine/refine_", "tests/math/", "tests/recipes/lens_", "tests/support/jet_"},
      {"data_loaders/", "tests/"}},
 };
 
