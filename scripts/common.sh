@@ -92,16 +92,37 @@ install_packages() {
   fi
 }
 
+# show_progress: passes ninja's output on, but shortens its status lines ("@@ DONE TOTAL ...") to one line every
+# GS_PROGRESS_SECONDS: "   34% of the build: 210 of 611 steps, 3 min". Errors and warnings pass unchanged.
+show_progress() {
+  local line begin=$SECONDS next=$SECONDS
+  while IFS= read -r line; do
+    if [[ $line =~ ^@@\ ([0-9]+)\ ([0-9]+)\  ]]; then
+      local finished=${BASH_REMATCH[1]} total=${BASH_REMATCH[2]}
+      if ((SECONDS < next && finished < total)); then continue; fi
+      next=$((SECONDS + ${GS_PROGRESS_SECONDS:-30}))
+      printf '   %d%% of the build: %d of %d steps, %d min\n' \
+        $((100 * finished / total)) "$finished" "$total" $(((SECONDS - begin + 30) / 60))
+    else
+      printf '%s\n' "$line"
+    fi
+  done
+}
+
 # build PRESET TARGET...: configures where that was not done yet, and builds; no work when up to date.
 build() {
-  local preset=$1 quiet=()
+  local preset=$1
   shift
   if [[ ! build/$preset/.configured -nt CMakePresets.json ]]; then
-    say "Configuring build/$preset"
+    say "Configuring build/$preset (about a minute)"
     cmake --preset "$preset" --log-level=NOTICE "${gs_configure_args[@]}" >/dev/null
     touch "build/$preset/.configured"
   fi
-  if [[ ! -t 1 && $(ninja --help 2>&1) == *--quiet* ]]; then quiet=(-- --quiet); fi
   say "Building build/$preset: $*"
-  cmake --build "build/$preset" -j "$(nproc)" --target "$@" "${quiet[@]}"
+  local build=(cmake --build "build/$preset" -j "$(nproc)" --target "$@")
+  if [[ -t 1 ]]; then
+    "${build[@]}"
+  else
+    NINJA_STATUS='@@ %f %t ' "${build[@]}" | show_progress
+  fi
 }

@@ -61,3 +61,6 @@ run=$(next_free_run)
 say "Training $scene into $run"
 "$program" train "$scene" -o "$run" --eval "${schedule[@]}"
 show "$run"
+if [[ -d build/default/python ]] && ! compgen -G 'build/default/python/gemsplat/_gemsplat*.so' >/dev/null; then
+  say "The Python module is not built yet; ./scripts/setup.sh builds it (some minutes)"
+fi

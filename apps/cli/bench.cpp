@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat bench: how fast one device trains and renders a trained model or a generated one.
+// gemsplat bench: times training and rendering of a trained or a generated model on one device.
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <iostream>
@@ -33,15 +33,15 @@ constexpr int kMostGaussians = 100'000'000, kMostViews = 1000, kMostRuns = 1'000
 struct BenchCommand : CommandLine {
   std::string model, output;
   std::optional<int> iteration;
-  int gaussians = 0;  // 0: none are generated
+  int gaussians = 0;  // of a generated scene; 0 for a trained model
   int width = 1280, height = 720, views = 8;
   BenchmarkPlan plan;
   bool json = false, blenders = false;
 };
 
-/// What is timed.
+/// The model and views that are timed.
 struct Subject {
-  std::string model, scene;  // as JSON names them; "generated"
+  std::string model, scene;  // their files, or "generated"
   GaussianModel gaussians;
   std::vector<View> train_views, test_views;
   RenderSettings settings;
@@ -55,7 +55,7 @@ struct Subject {
 struct Report {
   std::string device;
   TrainingFigures training;
-  Workload workload;  // of a training view, in the mean
+  Workload workload;  // of a training view, averaged
   std::vector<RenderingFigures> rendering;
   std::vector<BlenderFigures> blenders;
   std::optional<double> copy_gb_per_second;
@@ -81,19 +81,20 @@ Subject generated_subject(const BenchCommand& command) {
 
 Subject trained_subject(const BenchCommand& command) {
   OpenedModel opened = open_model(command.model, command.iteration);
-  // A bare model says nothing of what was held out: the usual rule then.
+  // A bare model does not say which views were held out; the usual rule is assumed.
   if (!opened.run) opened.config.dataset.eval = true;
   Subject subject;
   subject.config = resolve(command, opened.config);
   const DatasetConfig& dataset = subject.config.dataset;
-  if (dataset.source.empty()) throw UsageError("on which views? give the scene with --data SCENE");
+  if (dataset.source.empty())
+    throw UsageError("the model has no views to be timed on; give its scene with --data SCENE");
   set_thread_count(subject.config.train.threads);
   subject.model = opened.ply.string();
   subject.scene = dataset.source;
   subject.settings = view_settings(opened, subject.config);
   Scene scene = load_scene(dataset);
   if (scene.train_views.empty())
-    throw Error("there is no view to train on in " + scene.source +
+    throw Error("there are no training views in " + scene.source +
                 "; hold out fewer views (--test-every) or check the reconstruction");
   subject.gaussians = std::move(opened.model);
   subject.train_views = std::move(scene.train_views);
@@ -105,29 +106,30 @@ Subject subject_of(const BenchCommand& command) {
   const bool is_generated = command.gaussians > 0;
   if (is_generated == !command.model.empty())
     throw UsageError(
-        "what to time? give a run's folder, a PLY with --data SCENE, or --gaussians N "
-        "to generate them; one of these");
+        "give one of these to be timed: a run's folder, a PLY with --data SCENE, or --gaussians N "
+        "for a generated scene");
   if (is_generated && (command.has("dataset.source") || command.has("dataset.resolution")))
     throw UsageError(
-        "--data and -r go with a run or a PLY; for --gaussians give --width and --height");
+        "--data and -r are for a run or a PLY; with --gaussians use --width and --height");
   return is_generated ? generated_subject(command) : trained_subject(command);
 }
 
 Report measure(const Subject& subject, const BenchmarkPlan& plan, bool with_blenders) {
   const std::unique_ptr<Backend> backend = make_backend(subject.config.train.device);
   if (with_blenders && &backend->memory() == &host_memory())
-    throw UsageError("--blenders compares those of a GPU; give --device cuda");
+    throw UsageError("--blenders compares the blenders of a GPU; add --device cuda");
   Report report;
   report.device = backend->name();
   {
     TrainingModel model = benchmark_model(*backend, subject.gaussians);
     report.workload = mean_workload(*backend, model, subject.train_views, subject.settings);
-    log_info("training: {} steps after {}", plan.steps, plan.warmup);
+    log_info("timing training: {} warm-up steps, then {} steps twice", plan.warmup, plan.steps);
     report.training = time_training(*backend, model, subject.train_views, subject.settings,
                                     subject.config, plan, report.workload);
     report.peak_gpu_bytes = peak_gpu_bytes(*backend);
     for (const double scale : plan.scales) {
-      log_info("rendering: {} views at scale {:g}", subject.rendered_views().size(), scale);
+      log_info("timing rendering: {} views, {} frames each, at scale {:g}",
+               subject.rendered_views().size(), 2 * plan.frames + 1, scale);
       report.rendering.push_back(
           time_rendering(*backend, model, subject.rendered_views(), subject.settings, plan, scale));
     }
@@ -135,11 +137,12 @@ Report measure(const Subject& subject, const BenchmarkPlan& plan, bool with_blen
       report.blenders =
           compare_blenders(*backend, model, subject.rendered_views(), subject.settings, plan);
   }
-  report.copy_gb_per_second = copy_gb_per_second(*backend);  // last, since it takes memory itself
+  log_info("timing copies in memory");
+  report.copy_gb_per_second = copy_gb_per_second(*backend);  // last, because it takes memory itself
   return report;
 }
 
-// As JSON --------------------------------------------------------------------------------------------------------
+// As JSON
 
 template <class T>
 Json or_null(const std::optional<T>& value) {
@@ -220,7 +223,7 @@ std::string report_json(const Subject& subject, const BenchmarkPlan& plan, const
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-// As a table -----------------------------------------------------------------------------------------------------
+// As a table
 
 std::string stages_text(const std::vector<StageFigures>& stages, const Report& report) {
   if (stages.empty()) return "";
@@ -241,17 +244,17 @@ std::string stages_text(const std::vector<StageFigures>& stages, const Report& r
 std::string blenders_text(const std::vector<BlenderFigures>& blenders) {
   if (blenders.empty()) return "";
   std::string text = fmt::format(
-      "\nblenders, against simt under the same bounds; apart: pixels that differ by more than "
-      "{:g}, and how many of them "
-      "are as far from the equations in double, and would not be another pixel with any one alpha "
-      "changed by {:g} of it\n  "
+      "\nblenders, compared with simt at the same bounds\n"
+      "  differing: pixels with a channel that differs by more than {:g}\n"
+      "  unexplained: of these, pixels that are wrong by more than rounding of alpha by {:g} "
+      "explains; margin: the largest of theirs\n  "
       "{:<7} {:<10} {:>11} {:>9} {:>9} {:>9} {:>7} "
-      "{:>9} {:>7} {:>5} {:>8}\n",
+      "{:>9} {:>9} {:>11} {:>8}\n",
       kBlendersAgree, kBorderline, "bounds", "blender", "size", "instances", "frame ms", "blend ms",
-      "PSNR", "largest", "apart", "of these", "nearest");
+      "PSNR", "largest", "differing", "unexplained", "margin");
   for (const BlenderFigures& f : blenders)
     text += fmt::format(
-        "  {:<7} {:<10} {:>11} {:>9} {:>9.3f} {:>9.3f} {:>7.1f} {:>9.1e} {:>7} {:>5} {:>8}\n",
+        "  {:<7} {:<10} {:>11} {:>9} {:>9.3f} {:>9.3f} {:>7.1f} {:>9.1e} {:>9} {:>11} {:>8}\n",
         f.bounds, f.blender, fmt::format("{}x{}", f.width, f.height),
         with_commas(std::uint64_t(f.instances + 0.5)), f.ms_per_frame, f.blend_ms, f.psnr,
         f.largest, f.apart, f.unexplained,
@@ -260,7 +263,7 @@ std::string blenders_text(const std::vector<BlenderFigures>& blenders) {
 }
 
 std::string workload_text(const Workload& workload) {
-  return fmt::format("{} Gaussians visible and {} instances a view, {} in the fullest tile",
+  return fmt::format("{} visible Gaussians and {} instances per view, {} in the fullest tile",
                      with_commas(std::uint64_t(workload.visible + 0.5)),
                      with_commas(std::uint64_t(workload.instances + 0.5)),
                      with_commas(std::uint64_t(workload.longest_list + 0.5)));
@@ -272,23 +275,24 @@ std::string report_text(const Subject& subject, const BenchmarkPlan& plan, const
   std::string text = fmt::format("{}, gemsplat {}\n", report.device, kVersion);
   text += fmt::format("model: {}, {} Gaussians; scene: {}\n", subject.model,
                       with_commas(subject.gaussians.gaussians.count()), subject.scene);
-  text += fmt::format("\ntraining: {:.3f} ms a step ({} steps after {}), {}x{}, {} views\n",
-                      report.training.ms_per_step, plan.steps, plan.warmup, camera.width,
-                      camera.height, subject.train_views.size());
+  text += fmt::format(
+      "\ntraining: {:.3f} ms per step ({} steps after {} warm-up steps), {}x{}, {} views\n",
+      report.training.ms_per_step, plan.steps, plan.warmup, camera.width, camera.height,
+      subject.train_views.size());
   text += "  " + workload_text(report.workload) + "\n";
   text += stages_text(report.training.stages, report);
   for (const RenderingFigures& figures : report.rendering) {
-    text += fmt::format("\nrendering: {:.3f} ms a frame, {}x{}, {} {} views\n",
+    text += fmt::format("\nrendering: {:.3f} ms per frame, {}x{}, {} {} views\n",
                         figures.ms_per_frame, figures.width, figures.height, rendered,
                         subject.test_views.empty() ? "training" : "test");
     text += "  " + workload_text(figures.mean) + "\n" + stages_text(figures.stages, report);
   }
   text += blenders_text(report.blenders) + "\n";
   if (report.copy_gb_per_second)
-    text += fmt::format("copies in its memory: {:.0f} GB/s, read and written\n",
+    text += fmt::format("copies in memory: {:.0f} GB/s, reads and writes together\n",
                         *report.copy_gb_per_second);
   if (report.peak_gpu_bytes)
-    text += fmt::format("GPU memory, at most, until the last step: {} MiB\n",
+    text += fmt::format("peak GPU memory until the last step: {} MiB\n",
                         with_commas(*report.peak_gpu_bytes >> 20));
   return text;
 }
@@ -310,10 +314,11 @@ void add_generator_options(CLI::App& verb, BenchCommand& command) {
         ->type_name("N")
         ->group("Generated scene");
   };
-  add("--gaussians", command.gaussians, kMostGaussians, "so many random Gaussians, without files");
-  add("--width", command.width, kMaxPictureSide, "of their views, in pixels [1280]");
-  add("--height", command.height, kMaxPictureSide, "of their views, in pixels [720]");
-  add("--views", command.views, kMostViews, "so many views [8]");
+  add("--gaussians", command.gaussians, kMostGaussians,
+      "generate a scene with so many random Gaussians");
+  add("--width", command.width, kMaxPictureSide, "width of its views in pixels [1280]");
+  add("--height", command.height, kMaxPictureSide, "height of its views in pixels [720]");
+  add("--views", command.views, kMostViews, "number of its views [8]");
 }
 
 void add_plan_options(CLI::App& verb, BenchmarkPlan& plan) {
@@ -323,10 +328,11 @@ void add_plan_options(CLI::App& verb, BenchmarkPlan& plan) {
         ->type_name("N")
         ->group("Measuring");
   };
-  add("--steps", plan.steps, 1, "training steps that are timed [200]");
-  add("--warmup", plan.warmup, 0, "training steps before them [50]");
-  add("--frames", plan.frames, 1, "frames of each view, after one that is not counted [5]");
-  verb.add_option("--scales", plan.scales, "render at so many times the views' size [1]")
+  add("--steps", plan.steps, 1, "timed training steps [200]");
+  add("--warmup", plan.warmup, 0, "untimed training steps before them [50]");
+  add("--frames", plan.frames, 1, "timed frames of each view, after an untimed one [5]");
+  verb.add_option("--scales", plan.scales,
+                  "sizes of rendered pictures, as multiples of the views' size [1]")
       ->check(CLI::Range(0.01, 100.0))
       ->delimiter(',')
       ->type_name("X,...")
@@ -337,19 +343,18 @@ void add_plan_options(CLI::App& verb, BenchmarkPlan& plan) {
 
 void add_bench(CLI::App& program) {
   CLI::App& verb =
-      *program.add_subcommand("bench", "Time training and rendering, stage by stage on a GPU");
+      *program.add_subcommand("bench", "Time training and rendering; on a GPU stage by stage");
   const auto command = std::make_shared<BenchCommand>();
   verb.add_option("model", command->model, "a run's folder, or a PLY with --data")
       ->type_name("RUN|PLY");
   verb.add_option("--iteration", command->iteration,
-                  "of a run, the model saved after that step [the newest]")
+                  "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
   verb.add_flag("--json", command->json, "print JSON");
-  verb.add_option("-o,--output", command->output, "write that JSON to a file, too")
+  verb.add_option("-o,--output", command->output, "also write the JSON to a file")
       ->type_name("FILE");
-  verb.add_flag(
-      "--blenders", command->blenders,
-      "compare the GPU's blenders under each kind of tile bounds: speed, and how far apart");
+  verb.add_flag("--blenders", command->blenders,
+                "compare speed and pictures of the GPU's blenders with each kind of tile bounds");
   add_generator_options(verb, *command);
   add_plan_options(verb, command->plan);
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat experiment: scenes x configs x seeds of a file, each run in a process of its own, and their tables.
+// gemsplat experiment: trains scenes x configs x seeds of a file, each run in its own process, and
+// writes tables.
 #include <spdlog/fmt/fmt.h>
 #include <unistd.h>
 
@@ -14,6 +15,7 @@
 #include "gs_app/experiment/experiment_pool.h"
 #include "gs_app/experiment/experiment_tables.h"
 #include "gs_app/experiment/slurm.h"
+#include "gs_app/experiment/table_rows.h"
 #include "gs_app/report/report_experiment.h"
 #include "gs_app/run/folder_lock.h"
 #include "gs_app/run/progress_bar.h"
@@ -46,7 +48,7 @@ Runs unfinished(const std::vector<ExperimentRun>& runs) {
   return result;
 }
 
-// `jobs` for each device, one device after the other; the machine's threads are shared out where there are several.
+// `jobs` slots for each device. Several slots share the machine's threads evenly.
 std::vector<RunSlot> slots_of(const ExperimentCommand& command) {
   std::vector<std::string> devices = command.devices;
   if (devices.empty()) devices.push_back("");
@@ -68,7 +70,7 @@ bool is_stopped(const ProcessEnd& end) {
   return end.exit_code == int(ExitCode::interrupted) || end.signal == SIGTERM;
 }
 
-// Tables and report.
+// Writes the tables and the report. Returns the number of finished runs.
 std::size_t write_outcome(const Experiment& experiment, const std::vector<ExperimentRun>& runs,
                           const std::vector<std::size_t>& failed) {
   const std::size_t finished = write_tables(experiment, runs, failed);
@@ -81,7 +83,7 @@ struct Failure {
   std::string why;
 };
 
-/// Tells the user how far the experiment is, and keeps the tables up to date.
+/// Shows the progress of the experiment, and writes the tables whenever a run has ended.
 class Progress {
  public:
   Progress(const Experiment& experiment, const std::vector<ExperimentRun>& runs, std::size_t todo,
@@ -106,7 +108,7 @@ class Progress {
     const bool is_good = error.empty() && end.good() && is_finished(run);
     if (!is_good) failures_.push_back({&run, describe(end, error)});
     const std::string outcome =
-        is_good ? figures_of(run)
+        is_good ? summary_of(run)
                 : fmt::format("FAILED ({}); log: {}", failures_.back().why, run.log().string());
     log_info("[{}/{}] {}: {} | {}; {} left", runs_.size() - todo_ + ended_, runs_.size(),
              run.name(), outcome, clock_text(seconds), clock_text(seconds_left()));
@@ -125,7 +127,7 @@ class Progress {
     return write_outcome(experiment_, runs_, failed);
   }
 
-  /// Where nobody has stopped the experiment, runs that were stopped have failed like others.
+  /// Includes runs that were stopped: they count as failed unless the whole experiment was stopped.
   std::vector<Failure> failures() const {
     std::vector<Failure> all = failures_;
     all.insert(all.end(), stopped_.begin(), stopped_.end());
@@ -133,7 +135,7 @@ class Progress {
   }
 
  private:
-  // As if those to come took as long as those that have ended, several at a time as until now.
+  // Assumes that the other runs take as long as those that have ended, with as many at a time.
   double seconds_left() const {
     const double elapsed = std::chrono::duration<double>(Clock::now() - start_).count();
     return elapsed / double(ended_) * double(todo_ - ended_);
@@ -158,21 +160,21 @@ bool work(const ExperimentCommand& command, const Runs& runs, Progress& progress
   return run_pool(runs, slots_of(command), events);
 }
 
-[[noreturn]] void tell_stopped(const ExperimentCommand& command) {
+[[noreturn]] void throw_stopped(const ExperimentCommand& command) {
   throw Error(
       fmt::format("stopped by a signal; finished runs are kept, and `gemsplat experiment {}` "
-                  "goes on with the others",
+                  "goes on with the other runs",
                   command.file),
       ExitCode::interrupted);
 }
 
-void tell_failures(const std::vector<Failure>& failures) {
+void throw_failures(const std::vector<Failure>& failures) {
   if (failures.empty()) return;
   std::string text;
   for (const Failure& failure : failures)
     text += fmt::format("\n  {}: {}; log: {}", failure.run->name(), failure.why,
                         failure.run->log().string());
-  throw Error(fmt::format("{} of the runs failed; give the command again to repeat them:{}",
+  throw Error(fmt::format("{} of the runs failed; run the command again to repeat them:{}",
                           failures.size(), text));
 }
 
@@ -187,13 +189,14 @@ void run_all(const ExperimentCommand& command, const Experiment& experiment,
   const bool is_whole = work(command, todo, progress);
   const std::size_t finished = progress.write();
   if (!command.quiet)
-    std::cout << fmt::format("{} of {} runs finished\nfigures: {}\n", finished, runs.size(),
+    std::cout << fmt::format("{} of {} runs finished\ntables: {}\n", finished, runs.size(),
                              (experiment.output / "results.md").string());
-  if (!is_whole) tell_stopped(command);
-  tell_failures(progress.failures());
+  if (!is_whole) throw_stopped(command);
+  throw_failures(progress.failures());
 }
 
-// A task of a job array: the others are at work on the same output, and the tables are gathered later.
+// Trains one run as a task of a job array. Other tasks work on the same output, so the tables are
+// written later (--gather).
 void run_only(const ExperimentCommand& command, const Experiment& experiment,
               const std::vector<ExperimentRun>& runs) {
   if (std::size_t(command.only) >= runs.size())
@@ -210,15 +213,15 @@ void run_only(const ExperimentCommand& command, const Experiment& experiment,
         if (!error.empty() || !end.good() || !is_finished(ended)) why = describe(end, error);
       },
       [](std::size_t) {}};
-  if (!run_pool({&run}, {slots_of(command).front()}, events)) tell_stopped(command);
+  if (!run_pool({&run}, {slots_of(command).front()}, events)) throw_stopped(command);
   if (!why.empty())
     throw Error(fmt::format("{} failed: {}; log: {}", run.name(), why, run.log().string()));
-  log_info("{}: {}", run.name(), figures_of(run));
+  log_info("{}: {}", run.name(), summary_of(run));
 }
 
 void gather(const Experiment& experiment, const std::vector<ExperimentRun>& runs) {
   const std::size_t finished = write_outcome(experiment, runs, {});
-  std::cout << fmt::format("{} of {} runs finished\nfigures: {}\n", finished, runs.size(),
+  std::cout << fmt::format("{} of {} runs finished\ntables: {}\n", finished, runs.size(),
                            (experiment.output / "results.md").string());
   std::string text;
   for (const ExperimentRun* run : unfinished(runs))
@@ -253,26 +256,28 @@ void experiment(const ExperimentCommand& command) {
 
 void add_experiment(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand(
-      "experiment", "Train scenes x configs x seeds of a file, and write tables of what came out");
+      "experiment", "Train scenes x configs x seeds of a file and write tables of the results");
   const auto command = std::make_shared<ExperimentCommand>();
-  verb.add_option("file", command->file, "what to train: docs/experiments.md")
+  verb.add_option("file", command->file, "the experiment (docs/experiments.md)")
       ->type_name("FILE.toml")
       ->required();
   verb.add_option("--devices", command->devices,
-                  "spread the runs over these [that of the settings]")
+                  "spread the runs over these devices [train.device of each run]")
       ->type_name("cuda:0,cuda:1,...")
       ->delimiter(',');
   verb.add_option("--jobs", command->jobs, "runs at a time on each device [1]")
       ->check(CLI::Range(1, 1024));
-  auto* only = verb.add_option("--only", command->only, "do this one run, numbered from 0")
+  auto* only = verb.add_option("--only", command->only,
+                               "train this run only, numbered from 0 as in --dry-run")
                    ->type_name("INDEX")
                    ->check(CLI::NonNegativeNumber);
-  auto* gathers =
-      verb.add_flag("--gather", command->gather, "only write the tables of what is there");
+  auto* gathers = verb.add_flag("--gather", command->gather,
+                                "write the tables of the finished runs and train nothing");
   auto* slurm = verb.add_flag("--slurm", command->slurm,
-                              "submit the unfinished runs as a job array of Slurm");
-  verb.add_flag("--dry-run", command->dry_run,
-                "list the runs; with --slurm write the script and do not submit it");
+                              "submit the unfinished runs to Slurm as a job array");
+  verb.add_flag(
+      "--dry-run", command->dry_run,
+      "list the runs and train nothing; with --slurm, write the script without submitting it");
   verb.add_flag("-q,--quiet", command->quiet, "print warnings and errors only");
   gathers->excludes(only)->excludes(slurm);
   slurm->excludes(only);

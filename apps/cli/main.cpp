@@ -88,6 +88,10 @@ int main(int argc, char** argv) {
   try {
     return gs::run(argc, argv);
   } catch (const gs::Error& error) {
+    if (error.code() == gs::ExitCode::interrupted) {  // it was asked for, and is no error
+      std::fprintf(stderr, "%s\n", error.what());
+      return int(error.code());
+    }
     return gs::fail(error.what(), int(error.code()));
   } catch (const std::bad_alloc&) {
     return gs::fail(

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_app/view/http_server.h"
+#include "gs_app/view/http/http_server.h"
 #include "gs_core/config/config.h"
 #include "gs_core/log.h"
 

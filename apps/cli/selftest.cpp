@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat selftest: does this build compute what it should, on this machine?
+// gemsplat selftest: checks that this build computes correctly on this machine.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
@@ -25,7 +25,7 @@ struct SelftestCommand : CommandLine {
 struct SelftestReport {
   std::string device;
   std::vector<SelfCheck> gradients, parity;
-  std::string left_out;  // why there is no parity; empty where there is
+  std::string left_out;  // why parity was not checked; empty if it was
 
   std::size_t count() const { return gradients.size() + parity.size(); }
   std::size_t failures() const {
@@ -40,19 +40,22 @@ struct SelftestReport {
 std::string why_there_is_no_gpu(const std::string& device) {
   if (device == "cpu") return "--device cpu was given";
   for (const Capability& capability : capabilities())
-    if (capability.name == "CUDA") return "there is no GPU to use: " + capability.detail;
-  return "there is no GPU to use";
+    if (capability.name == "CUDA") return "no GPU can be used: " + capability.detail;
+  return "no GPU can be used";
 }
 
 SelftestReport run_checks(const std::string& device) {
   const std::unique_ptr<Backend> backend = make_backend(device);
   SelftestReport report;
   report.device = backend->name();
+  log_info("checking gradients on the CPU");
   report.gradients = gradient_checks();
-  if (&backend->memory() == &host_memory())
+  if (&backend->memory() == &host_memory()) {
     report.left_out = why_there_is_no_gpu(device);
-  else
+  } else {
+    log_info("comparing {} with the CPU", report.device);
     report.parity = parity_checks(*backend);
+  }
   return report;
 }
 
@@ -91,12 +94,13 @@ std::string table(const std::vector<SelfCheck>& checks) {
 
 std::string report_text(const SelftestReport& report) {
   std::string text =
-      "Differences over the root mean square of what is expected; the RMS has to be "
-      "within the tolerance.\n\n";
-  text += "gradients of the CPU's renderer, against slopes of its pictures\n";
+      "Differences are relative to the root mean square of the expected numbers. Their RMS must "
+      "be within the tolerance.\n\n";
+  text += "gradients of the CPU's renderer, compared with central differences\n";
   text += table(report.gradients);
-  text += "\n" + (report.left_out.empty() ? report.device + ", against the CPU\n"
-                                          : "GPU against CPU: left out, " + report.left_out + "\n");
+  text += "\n" + (report.left_out.empty()
+                      ? report.device + ", compared with the CPU\n"
+                      : "GPU compared with CPU: left out, " + report.left_out + "\n");
   if (report.left_out.empty()) text += table(report.parity);
   const std::size_t failures = report.failures();
   text += failures ? "" : fmt::format("\nall {} agree\n", report.count());
@@ -120,7 +124,8 @@ void selftest(const SelftestCommand& command) {
 
 void add_selftest(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand(
-      "selftest", "Check gradients, and a GPU against the CPU, on this machine");
+      "selftest",
+      "Check on this machine that gradients are right and that a GPU agrees with the CPU");
   const auto command = std::make_shared<SelftestCommand>();
   verb.add_flag("--json", command->json, "print JSON");
   add_setting(verb, *command, "--device", "train.device", "Machine");

@@ -33,13 +33,14 @@ bool has_desktop() {
   return is_set("DISPLAY") || is_set("WAYLAND_DISPLAY");
 }
 
-// Without a wish, only on a desktop. The browser is detached, so that Ctrl-C ends this program alone.
+// Opens the browser if --open was given, or by default if there is a desktop. It is detached, so
+// that Ctrl-C ends only this program.
 void open_browser(const std::string& url, std::optional<bool> wish) {
   if (!wish.value_or(has_desktop())) return;
   try {
     start_child({"xdg-open", url}, {.is_detached = true});
   } catch (const Error& error) {
-    if (wish) log_warning("no browser is opened: {}; open {} yourself", error.what(), url);
+    if (wish) log_warning("cannot open a browser: {}; open {} yourself", error.what(), url);
   }
 }
 
@@ -64,8 +65,8 @@ void view(const ViewCommand& command) {
   const std::unique_ptr<FileView> source = view_of(command, opened, config);
   const HttpServer server(
       command.place, [&](const HttpRequest& request) { return view_answer(*source, request); });
-  warn_of_guests(command.place);
-  log_info("{}: {} Gaussians, {} cameras; Ctrl-C ends it", opened.ply.string(),
+  warn_if_public(command.place);
+  log_info("{}: {} Gaussians, {} cameras; Ctrl-C ends the server", opened.ply.string(),
            with_commas(opened.model.gaussians.count()), source->scene().cameras.size());
   std::cout << server.url() << std::endl;
   open_browser(server.url(), command.open);
@@ -82,19 +83,21 @@ void add_view(CLI::App& program) {
       ->type_name("MODEL|RUN")
       ->required();
   verb.add_option("--iteration", command->step,
-                  "of a run, the model saved after that step [the newest]")
+                  "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
   add_http_place(verb, command->place, "--", "Server");
   verb.add_flag("--open,!--no-open", command->open, "open the browser [where there is a desktop]")
       ->group("Server");
   verb.add_flag(
           "--remote", command->remote,
-          "render here (--device), and send pictures: for models that the browser cannot hold")
+          "render with --device and send pictures to the browser, for models too large for it")
       ->group("Server");
   verb.add_option("--cameras", command->cameras, "cameras.json [that of the run]")
       ->type_name("FILE")
       ->group("Scene");
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
+  for (const char* unused : {"--photo-ram", "--photo-cache"})  // photos are decoded one by one
+    verb.remove_option(verb.get_option(unused));
   verb.get_option("--data")->excludes("--cameras");
   add_render_options(verb, *command);
   add_general_options(verb, *command);

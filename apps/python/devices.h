@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Backends for pictures, one for each device, kept from call to call; and who may change the number of threads when.
+// Backends for pictures, one for each device, which are kept from call to call; and the number of
+// threads, which must not change during work.
 #pragma once
 
 #include <memory>
@@ -10,7 +11,8 @@
 
 namespace gs::python {
 
-/// A backend that is ours alone while this lives; threads take turns. Made without the GIL, which it may wait long for.
+/// A backend that only this thread uses while the object lives; other threads wait. Release the GIL
+/// before making one.
 class BorrowedBackend {
  public:
   /// Throws Error as make_backend() does.
@@ -23,7 +25,7 @@ class BorrowedBackend {
   Backend* backend_ = nullptr;
 };
 
-/// While one lives, the number of threads stays as it is.
+/// While one lives, the number of threads cannot change.
 class Work {
  public:
   Work();
@@ -32,7 +34,8 @@ class Work {
   Work& operator=(const Work&) = delete;
 };
 
-/// For all parallel loops; 0 means all cores. Throws UsageError while there is Work.
+/// Sets the number of threads of all parallel loops; 0 means all cores. Throws UsageError while
+/// there is Work.
 void set_threads(int threads);
 
 }  // namespace gs::python

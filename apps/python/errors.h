@@ -6,7 +6,8 @@
 
 namespace gs::python {
 
-/// Makes Error, UsageError (a ValueError, too) and OutOfMemoryError (a MemoryError, too) and turns Error into them.
+/// Makes the exceptions Error, UsageError (also a ValueError) and OutOfMemoryError (also a
+/// MemoryError). A gs::Error becomes one of them.
 void bind_errors(pybind11::module_& module);
 
 }  // namespace gs::python

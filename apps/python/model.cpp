@@ -164,9 +164,9 @@ void bind_activated(py::class_<Model, ModelPointer>& model) {
 void bind_model(py::module_& module) {
   py::class_<Model, ModelPointer> model(
       module, "Model",
-      R"(N trained Gaussians in host memory. Arrays with stored values are views: they show the model's own
-memory, keep it alive, and writing to them changes the model. Do not write while another thread
-renders the model.)");
+      R"(N trained Gaussians in host memory. Arrays of stored values are views of the model's memory: they
+keep it alive, and writing to them changes the model. Do not write while another thread renders
+the model.)");
   model.def(
       py::init([](py::object means, py::object rotations, py::object scales, py::object log_scales,
                   py::object opacities, py::object logit_opacities, py::object colors,
@@ -175,9 +175,8 @@ renders the model.)");
                            sh0, sh_rest},
                           antialiased, world_offset);
       }),
-      R"(From arrays of real numbers, which are copied to float32: shapes as the properties have them. Give
-scales or log_scales, opacities or logit_opacities, colors or sh0. Without sh_rest the SH degree
-is 0. NaN and infinity are refused (UsageError).)",
+      R"(Copies arrays of real numbers to float32. The shapes are those of the properties. Give scales
+or log_scales, opacities or logit_opacities, colors or sh0. Without sh_rest the SH degree is 0. NaN and infinity are refused (UsageError).)",
       py::kw_only(), py::arg("means"), py::arg("rotations"), py::arg("scales") = py::none(),
       py::arg("log_scales") = py::none(), py::arg("opacities") = py::none(),
       py::arg("logit_opacities") = py::none(), py::arg("colors") = py::none(),
@@ -211,8 +210,8 @@ are left out, with a warning. A file that is there is kept (UsageError), unless 
   module.def(
       "load", load, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
       py::arg("step") = py::none(),
-      R"(The model of a file (ply, csv, compressed.ply, spz, sog, splat), or of a run's folder: its newest,
-or that after `step`. Values are taken as they are, NaN and infinity too.)");
+      R"(Reads the model of a file (ply, csv, compressed.ply, spz, sog, splat), or of a run's folder: the
+newest one, or that after `step`. Values stay as they are in the file, also NaN and infinity.)");
 }
 
 }  // namespace gs::python

@@ -10,17 +10,18 @@
 
 namespace gs::python {
 
-/// Gaussians in host memory and the config that they are looked at with. The number of Gaussians never changes, so that
-/// arrays may show them where they lie.
+/// Gaussians in host memory, and the config to render them with. The number of Gaussians never
+/// changes, so that NumPy arrays can be views of them.
 using Model = OpenedModel;
 
-/// What a model is made of; None where the other of two forms is given. Shapes: docs/embedding.md.
+/// The arguments of Model(). Of two forms, such as scales and log_scales, one is None. Shapes:
+/// docs/embedding.md.
 struct ModelArrays {
   pybind11::object means, rotations, scales, log_scales, opacities, logit_opacities, colors, sh0,
       sh_rest;
 };
 
-/// Copies the arrays. Throws UsageError that names the one that cannot be taken.
+/// Copies the arrays. Throws UsageError that names the array that cannot be used.
 std::shared_ptr<Model> make_model(const ModelArrays& arrays, bool antialiased,
                                   const pybind11::object& world_offset);
 

@@ -20,7 +20,7 @@ void copy_rows(const FloatArray& from, const Buffer<T>& to) {
   if (from.size()) std::memcpy(to.data(), from.data(), std::size_t(from.size()) * sizeof(float));
 }
 
-// The array that is given, stored or activated; `stored` turns a value of the latter into the former.
+// The array in its stored form. If the activated form is given, `stored` converts each value.
 template <class F>
 FloatArray stored_values(const char* stored_name, const py::object& stored, const char* name,
                          const py::object& activated, const Shape& shape, F&& stored_of) {

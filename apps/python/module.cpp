@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The module gemsplat._gemsplat, which gemsplat/__init__.py shows as gemsplat. Types and shapes: gemsplat/__init__.pyi;
-// docs/embedding.md.
+// The module gemsplat._gemsplat; gemsplat/__init__.py offers its names as gemsplat. Types are in
+// gemsplat/__init__.pyi, shapes in docs/embedding.md.
 #include <pybind11/pybind11.h>
 
 #include "apps/python/camera.h"
 #include "apps/python/devices.h"
 #include "apps/python/errors.h"
 #include "apps/python/model.h"
+#include "apps/python/outputs.h"
+#include "apps/python/progress.h"
 #include "apps/python/render.h"
 #include "apps/python/scene.h"
 #include "apps/python/train.h"
@@ -41,16 +43,18 @@ PYBIND11_MODULE(_gemsplat, module) {
   using namespace gs::python;
   module.attr("__version__") = kVersion;
   const py::object own_name = module.attr("__name__");
-  module.attr("__name__") = "gemsplat";  // of which the classes say that they are a part
+  module.attr("__name__") = "gemsplat";  // for the names of classes: gemsplat.Model
   bind_errors(module);
   bind_model(module);
   bind_camera(module);
   bind_scene(module);
   bind_render(module);
+  bind_progress(module);
   bind_train(module);
+  bind_outputs(module);
   module.attr("__name__") = own_name;
   module.def("set_verbosity", set_verbosity, py::arg("name"),
-             "How much is said on standard error: quiet (warnings and errors, as at the start), "
+             "How much is logged to standard error: quiet (warnings and errors, as at the start), "
              "normal or verbose.");
   module.def("set_threads", set_threads, py::arg("threads"),
              "For all work on the CPU; 0, as at the start: all cores. UsageError while something "

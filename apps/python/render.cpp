@@ -134,13 +134,14 @@ Evaluation evaluate_views(const Model& model, const LoadedScene& scene, const st
 }
 
 void bind_evaluation(py::module_& module) {
-  py::class_<ViewMetrics> view(module, "ViewMetrics", "How well one view's photo is met.");
-  view.def_readonly("name", &ViewMetrics::name);
-  view.def_readonly("psnr", &ViewMetrics::psnr, "dB; 100 where nothing differs.");
+  py::class_<ViewMetrics> view(module, "ViewMetrics",
+                               "PSNR and SSIM of one view against its photo.");
+  view.def_readonly("name", &ViewMetrics::name, "The photo's name.");
+  view.def_readonly("psnr", &ViewMetrics::psnr, "dB; 100 if no pixel differs.");
   view.def_readonly("ssim", &ViewMetrics::ssim, "0 to 1.");
   py::class_<Evaluation> evaluation(
       module, "Evaluation",
-      "Renders against photos, as the papers measure: means over views, and each view.");
+      "Renders compared with photos, as in the papers: means over views, and each view.");
   evaluation.def_readonly("psnr", &Evaluation::psnr, "dB, the mean over views.");
   evaluation.def_readonly("ssim", &Evaluation::ssim, "0 to 1, the mean over views.");
   evaluation.def_readonly("views", &Evaluation::views, "List of ViewMetrics.");
@@ -157,7 +158,7 @@ void bind_evaluation(py::module_& module) {
 
 void bind_render(py::module_& module) {
   py::class_<Picture> picture(module, "Picture",
-                              "What render() gives: float32 arrays that own their memory.");
+                              "The result of render(): float32 arrays that own their memory.");
   picture.def_readonly(
       "color", &Picture::color,
       "(height, width, 3): red green blue over the background, 0 to 1, sRGB as displayed.");
@@ -165,18 +166,18 @@ void bind_render(py::module_& module) {
                        "(height, width): how much of a pixel the Gaussians cover, 0 to 1.");
   picture.def_readonly(
       "depth", &Picture::depth,
-      R"((height, width): mean distance of what is seen along the viewing axis, world units, weighted as
-colors are; 0 where next to nothing is seen. None unless asked for.)");
+      R"((height, width): mean distance of the visible Gaussians along the viewing axis, world units, with
+the weights of the colors; 0 where alpha is close to 0. None unless depth=True.)");
   picture.def_readonly(
       "normals", &Picture::normals,
-      R"((height, width, 3): normals of the surface that the depth shows, world space, length 1, towards the
-camera; 0 where there is no depth. None unless asked for.)");
+      R"((height, width, 3): normals of the surface given by the depth, in world space, of length 1, towards
+the camera; 0 where there is no depth. None unless normals=True.)");
   module.def(
       "render", render, py::arg("model"), py::arg("camera"), py::kw_only(),
       py::arg("background") = py::none(), py::arg("device") = "auto", py::arg("depth") = true,
       py::arg("normals") = false, py::arg("config") = py::none(),
-      R"(A Picture of the model from a Camera; of an iterable of cameras a list, for which a GPU gets the
-model once. background: "black", "white" or three numbers 0 to 1; else the model's. device: auto,
+      R"(Renders a Picture of the model from a Camera, or a list of them from an iterable of cameras; a GPU
+then gets the model only once. background: "black", "white" or three numbers 0 to 1; else the model's. device: auto,
 cpu, cuda, cuda:N. Depth, and normals from it, take another pass like that of color and alpha. config:
 settings of [render] and [model] over the model's own, as train() takes them. Several threads may
 render; on one device they take turns.)");

@@ -119,7 +119,7 @@ void bind_view(py::module_& module) {
   py::class_<SceneView> view(module, "View", "A posed photo of a scene, which it keeps alive.");
   view.def_property_readonly(
       "name", [](const SceneView& self) { return self.view->name; },
-      "Of the photo, relative to the photos' folder.");
+      "The photo's name, relative to the photos' folder.");
   view.def_property_readonly(
       "camera",
       [](const SceneView& self) {
@@ -129,7 +129,7 @@ void bind_view(py::module_& module) {
   view.def_property_readonly(
       "photo", photo_of,
       R"((height, width, 3) uint8, sRGB, of the camera's size: undistorted and resized. Read-only, and no
-copy; of a scene that does not fit into memory it is decoded now.)");
+copy. If the scene does not fit into memory, the photo is decoded now.)");
   view.def_property_readonly(
       "mask", mask_of,
       "(height, width) uint8: 255 trains, 0 does not; None where every pixel trains. Read-only.");

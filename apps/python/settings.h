@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Settings as Python gives them, over a Config.
+// From settings in Python to a Config.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -13,10 +13,11 @@ namespace gs::python {
 /// True or False, of Python or of NumPy.
 bool is_bool(const pybind11::handle& value);
 
-/// Puts `settings` over `config`: None; the name of a preset, a TOML file or a run's folder; a dict, nested
-/// ({"train": {"iterations": 100}}) or flat ({"train.iterations": 100}); or a list of these, the later over the earlier.
-/// `section` (as "dataset.") stands before the keys of a dict. Throws UsageError that names the setting, and the nearest
-/// that there is; does not check ranges (validate()).
+/// Applies `settings` to `config`. They are None; the name of a preset, a TOML file or a run's
+/// folder; a dict, nested ({"train": {"iterations": 100}}) or flat ({"train.iterations": 100}); or
+/// a list of these, the later over the earlier. `section` (as "dataset.") is put before the keys of
+/// a dict. Throws UsageError that names an unknown setting and the nearest known one. Ranges are
+/// left to validate().
 void merge_settings(Config& config, const pybind11::handle& settings,
                     const std::string& section = {});
 

@@ -5,15 +5,15 @@
 #include <pybind11/stl/filesystem.h>
 #include <spdlog/fmt/fmt.h>
 
-#include <chrono>
 #include <optional>
-#include <thread>
 
 #include "apps/python/devices.h"
 #include "apps/python/model.h"
+#include "apps/python/progress.h"
 #include "apps/python/scene.h"
 #include "apps/python/settings.h"
 #include "gs_app/run/make_backend.h"
+#include "gs_app/session/train_session.h"
 #include "gs_core/error.h"
 #include "gs_train/metrics.h"
 #include "gs_train/trainer.h"
@@ -23,91 +23,21 @@ namespace py = pybind11;
 namespace gs::python {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-constexpr auto kSignalsEvery = std::chrono::milliseconds(50);  // Ctrl-C is asked for; the GIL may take some ms to be had
+namespace fs = std::filesystem;
 
-std::shared_ptr<Model> model_of(Trainer& trainer) {
-  auto model = std::make_shared<Model>();
-  model->model = trained_model(trainer);
-  model->config = trainer.config();
-  model->config.train = {};
-  return model;
-}
+/// The arguments of train() but for the scene and what concerns callbacks.
+struct Arguments {
+  py::object settings;
+  std::optional<int> iterations;
+  std::optional<std::uint64_t> seed;
+  std::optional<std::string> device;
+  std::optional<fs::path> output;
+  std::optional<fs::path> resume;  // "auto", or a folder or checkpoint
+  std::optional<int> checkpoint_every;
+  std::vector<std::string> exports;
+  bool report = true, force = false;
 
-/// What a callback is given: the run after a step, for as long as the callback lasts, in its thread.
-class Progress {
- public:
-  explicit Progress(Trainer& trainer) : trainer_(&trainer), thread_(std::this_thread::get_id()) {}
-  void end() { trainer_ = nullptr; }
-  Trainer& trainer() const {
-    if (!trainer_ || std::this_thread::get_id() != thread_)
-      throw UsageError(
-          "progress is of use only while the callback that got it runs, in its thread");
-    return *trainer_;
-  }
-
- private:
-  Trainer* trainer_;
-  std::thread::id thread_;
-};
-
-/// A row of Result.metrics.
-struct MetricsRow {
-  int step;
-  double loss;
-  std::size_t gaussian_count;
-  double seconds;  // of training
-};
-
-/// False of Python or of NumPy; None and other things are not.
-bool is_false(const py::handle& answer) {
-  return is_bool(answer) && PyObject_IsTrue(answer.ptr()) == 0;
-}
-
-/// Logs, asks for signals and calls back. Holds the GIL only for the latter two.
-class CallbackObserver final : public Observer {
- public:
-  CallbackObserver(py::object callback, int every)
-      : callback_(std::move(callback)), every_(every) {}
-
-  void after_step(int step, Trainer& trainer) override {
-    const bool is_last = step == trainer.schedule().steps();
-    if (is_last || step % trainer.config().train.log_every == 0) note(trainer);
-    const bool is_due = has_callback_ && (is_last || step % every_ == 0);
-    if (!is_due && Clock::now() < next_look_) return;
-    const py::gil_scoped_acquire gil;
-    if (PyErr_CheckSignals()) throw py::error_already_set();
-    next_look_ = Clock::now() + kSignalsEvery;
-    if (is_due) call_back(trainer);
-  }
-  void after_rollback(int step, Trainer&) override {
-    while (!rows_.empty() && rows_.back().step > step) rows_.pop_back();
-  }
-  void after_run(Trainer& trainer) override {
-    if (rows_.empty() || rows_.back().step != trainer.step()) note(trainer);  // was stopped
-  }
-  std::vector<MetricsRow> rows() const { return rows_; }
-
- private:
-  void note(Trainer& trainer) {
-    rows_.push_back(
-        {trainer.step(), trainer.loss(), trainer.gaussian_count(), trainer.train_seconds()});
-  }
-  void call_back(Trainer& trainer) {
-    const auto progress = std::make_shared<Progress>(trainer);
-    const struct End {
-      Progress& progress;
-      ~End() { progress.end(); }
-    } end{*progress};
-    if (is_false(callback_(progress))) trainer.stop();
-    trainer.backend().make_current();  // the callback may have used another GPU
-  }
-
-  py::object callback_;
-  const bool has_callback_ = !callback_.is_none();
-  int every_;
-  Clock::time_point next_look_{};
-  std::vector<MetricsRow> rows_;
+  bool has_folder() const { return output || resume; }
 };
 
 struct Result {
@@ -118,91 +48,172 @@ struct Result {
   bool stopped_early = false;
   double seconds = 0;
   std::string device, config;
+  std::optional<fs::path> output;
 };
 
-Result run(const Scene& scene, const Config& config, CallbackObserver& observer) {
+// ---- settings -------------------------------------------------------------------------------------------
+
+std::string absolute_path(const fs::path& path) {
+  return fs::absolute(path).lexically_normal().string();
+}
+
+// The arguments over a start. `scene` brings its own [dataset]. Holds the GIL.
+Config config_of(const Arguments& arguments, const py::object& scene, Config config) {
+  merge_settings(config, arguments.settings);
+  if (arguments.iterations) config.train.iterations = *arguments.iterations;
+  if (arguments.seed) config.train.seed = *arguments.seed;
+  if (arguments.device) config.train.device = *arguments.device;
+  if (arguments.output) config.model.output = arguments.output->string();
+  if (arguments.checkpoint_every) config.train.checkpoint_every = *arguments.checkpoint_every;
+  if (py::isinstance<LoadedScene>(scene))
+    config.dataset = scene.cast<std::shared_ptr<LoadedScene>>()->dataset;
+  else
+    config.dataset.source = absolute_path(scene.cast<fs::path>());
+  validate(config);
+  return config;
+}
+
+void check(const Arguments& arguments) {
+  if (arguments.has_folder()) return;
+  const char* const given = arguments.checkpoint_every   ? "checkpoint_every"
+                            : !arguments.exports.empty() ? "export"
+                            : arguments.force            ? "force"
+                                                         : nullptr;
+  if (given)
+    throw UsageError(std::string(given) + " is for a run with a folder: give output=FOLDER");
+}
+
+// ---- without a folder -----------------------------------------------------------------------------------
+
+Evaluation evaluation_of(Trainer& trainer) {
+  return evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
+                  trainer.scene().test_views, trainer.evaluation_settings());
+}
+
+Result result_of(Trainer& trainer, const CallbackObserver& observer) {
+  Result result;
+  result.model = model_of(trainer);
+  result.metrics = observer.rows();
+  result.steps = trainer.step();
+  result.stopped_early = trainer.step() < trainer.schedule().steps();
+  result.seconds = trainer.train_seconds();
+  result.device = trainer.backend().name();
+  result.config = to_toml(trainer.config());
+  return result;
+}
+
+Result run_in_memory(const Scene& scene, const Config& config, CallbackObserver& observer) {
+  if (!config.model.start_from.empty())
+    throw UsageError("model.start_from is for a run with a folder: give output=FOLDER");
   if (config.train.threads) set_threads(config.train.threads);
   const Work work;
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   Trainer trainer(scene, config, *backend);
   trainer.add_observer(observer);
   trainer.run();
-  Result result;
-  result.model = model_of(trainer);
-  if (!scene.test_views.empty())
-    result.evaluation = evaluate(backend->renderer(), trainer.model().gaussians.span(),
-                                 scene.test_views, trainer.evaluation_settings());
-  result.metrics = observer.rows();
-  result.steps = trainer.step();
-  result.stopped_early = trainer.step() < trainer.schedule().steps();
-  result.seconds = trainer.train_seconds();
-  result.device = backend->name();
-  result.config = to_toml(trainer.config());
+  Result result = result_of(trainer, observer);
+  if (!scene.test_views.empty()) result.evaluation = evaluation_of(trainer);
   return result;
 }
 
-// The scene itself, or that in a folder, as the config says.
-ScenePointer scene_of(const py::object& scene, Config& config) {
-  ScenePointer loaded;
-  if (py::isinstance<LoadedScene>(scene)) {
-    loaded = scene.cast<std::shared_ptr<LoadedScene>>();
-    config.dataset = loaded->dataset;
-    validate(config);
-    return loaded;
+// ---- with a folder --------------------------------------------------------------------------------------
+
+class PythonHooks final : public SessionHooks {
+ public:
+  explicit PythonHooks(CallbackObserver& observer) : observer_(observer) {}
+  void use_threads(int threads) override {
+    if (threads) set_threads(threads);
+    work_.emplace();
   }
-  const auto path = scene.cast<std::filesystem::path>();
-  config.dataset.source = std::filesystem::absolute(path).lexically_normal().string();
-  validate(config);
-  return load(config.dataset);
+  void before_training(Trainer& trainer, const MetricsObserver&,
+                       const EvaluationObserver&) override {
+    trainer.add_observer(observer_);
+  }
+
+ private:
+  CallbackObserver& observer_;
+  std::optional<Work> work_;
+};
+
+TrainRequest request_of(const Arguments& arguments, const py::object& scene) {
+  TrainRequest request;
+  request.settings = [&](const Config& start) {
+    const py::gil_scoped_acquire gil;
+    return config_of(arguments, scene, start);
+  };
+  if (arguments.resume) request.resume = arguments.resume->string();
+  request.force = arguments.force;
+  request.exports = arguments.exports;
+  request.writes_report = arguments.report;
+  request.shows_progress = false;
+  request.stops_on_signal = false;  // Python's own handler does, by way of the observer
+  return request;
+}
+
+// Of a run that was finished before: what its folder holds.
+Result result_of_finished(const fs::path& folder) {
+  Result result;
+  result.model = std::make_shared<Model>(open_model(folder, std::nullopt));
+  result.steps = result.model->run->newest_step().value_or(0);
+  result.config = to_toml(result.model->config);
+  return result;
+}
+
+Result run_in_folder(TrainRequest request, CallbackObserver& observer) {
+  PythonHooks hooks(observer);
+  TrainSession session(std::move(request), hooks);
+  const SessionEnd end = session.run();
+  observer.rethrow_failure();
+  Result result = end == SessionEnd::nothing_left ? result_of_finished(session.folder().root())
+                                                  : result_of(session.trainer(), observer);
+  result.output = absolute_path(session.folder().root());
+  if (end == SessionEnd::nothing_left || session.trainer().scene().test_views.empty())
+    return result;
+  result.evaluation =
+      end == SessionEnd::finished ? session.results().test : evaluation_of(session.trainer());
+  return result;
+}
+
+// ---- gemsplat.train -------------------------------------------------------------------------------------
+
+Result run(const py::object& scene, const Arguments& arguments, CallbackObserver& observer) {
+  ScenePointer loaded;
+  if (py::isinstance<LoadedScene>(scene)) loaded = scene.cast<std::shared_ptr<LoadedScene>>();
+  if (arguments.has_folder()) {
+    TrainRequest request = request_of(arguments, scene);
+    if (loaded) request.scene = &loaded->scene;
+    const py::gil_scoped_release release;
+    return run_in_folder(std::move(request), observer);
+  }
+  const Config config = config_of(arguments, scene, {});
+  if (!loaded) loaded = load(config.dataset);
+  const py::gil_scoped_release release;
+  return run_in_memory(loaded->scene, config, observer);
+}
+
+// True stands for "auto"; False and None for no resume.
+std::optional<fs::path> resume_of(const py::object& resume) {
+  if (resume.is_none()) return std::nullopt;
+  if (!is_bool(resume)) return resume.cast<fs::path>();
+  if (PyObject_IsTrue(resume.ptr())) return "auto";
+  return std::nullopt;
 }
 
 Result train(const py::object& scene, const py::object& settings, std::optional<int> iterations,
              std::optional<std::uint64_t> seed, std::optional<std::string> device,
-             const py::object& callback, int callback_every) {
+             const py::object& callback, int callback_every, std::optional<fs::path> output,
+             const py::object& resume, std::optional<int> checkpoint_every,
+             const std::vector<std::string>& exports, bool report, bool force) {
   if (callback_every < 1) throw UsageError("callback_every must be 1 or more");
   if (!callback.is_none() && !PyCallable_Check(callback.ptr()))
     throw UsageError("callback must be a function of one argument");
-  Config config;
-  merge_settings(config, settings);
-  if (iterations) config.train.iterations = *iterations;
-  if (seed) config.train.seed = *seed;
-  if (device) config.train.device = *device;
-  const ScenePointer loaded = scene_of(scene, config);
-  CallbackObserver observer(callback, callback_every);
-  const py::gil_scoped_release release;
-  return run(loaded->scene, config, observer);
-}
-
-void bind_progress(py::module_& module) {
-  py::class_<Progress, std::shared_ptr<Progress>> progress(
-      module, "Progress",
-      "A run after a step. Of use only while the callback that got it runs, in its thread.");
-  progress.def_property_readonly(
-      "step", [](const Progress& self) { return self.trainer().step(); }, "Steps done, from 1.");
-  progress.def_property_readonly(
-      "steps", [](const Progress& self) { return self.trainer().schedule().steps(); },
-      "Steps of the whole run.");
-  progress.def_property_readonly(
-      "loss",
-      [](const Progress& self) {
-        Trainer& trainer = self.trainer();
-        const py::gil_scoped_release release;
-        return trainer.loss();
-      },
-      "Of the last step; waits for the device.");
-  progress.def_property_readonly(
-      "gaussian_count", [](const Progress& self) { return self.trainer().gaussian_count(); });
-  progress.def_property_readonly(
-      "seconds", [](const Progress& self) { return self.trainer().train_seconds(); },
-      "Of training so far, without callbacks.");
-  progress.def(
-      "snapshot",
-      [](const Progress& self) {
-        Trainer& trainer = self.trainer();
-        const py::gil_scoped_release release;
-        return model_of(trainer);
-      },
-      "The Model as the run would leave it if it ended here; a copy.");
+  const Arguments arguments{settings,          iterations,       seed,    device, output,
+                            resume_of(resume), checkpoint_every, exports, report, force};
+  check(arguments);
+  CallbackObserver observer(callback, callback_every,
+                            arguments.has_folder() ? CallbackObserver::OnFailure::stop_first
+                                                   : CallbackObserver::OnFailure::throw_at_once);
+  return run(scene, arguments, observer);
 }
 
 py::list rows_of(const Result& result) {
@@ -215,45 +226,65 @@ py::list rows_of(const Result& result) {
 }
 
 void bind_result(py::module_& module) {
-  py::class_<Result> result(module, "Result", "What train() came to.");
+  py::class_<Result> result(module, "Result", "The outcome of train().");
   result.def_readonly("model", &Result::model, "The trained Model.");
   result.def_readonly("evaluation", &Result::evaluation,
-                      "Evaluation of the test views; None where none is held out.");
+                      "Evaluation of the test views; None where none is held out, and for a run "
+                      "that was finished before.");
   result.def_property_readonly("metrics", rows_of,
                                "A dict every train.log_every steps and after the last: step, loss, "
-                               "gaussian_count, seconds.");
-  result.def_readonly("steps", &Result::steps, "Steps done.");
+                               "gaussian_count, seconds. Only steps that this call took.");
+  result.def_readonly("steps", &Result::steps, "Steps done, those of a resumed run included.");
   result.def_readonly("stopped_early", &Result::stopped_early,
                       "Whether a callback ended the run before its last step.");
-  result.def_readonly("seconds", &Result::seconds, "Of training, without callbacks.");
+  result.def_readonly("seconds", &Result::seconds, "Seconds of training, without callbacks.");
   result.def_readonly("device", &Result::device, "As in results.json.");
   result.def_readonly("config", &Result::config, "All settings, as TOML.");
+  result.def_readonly("output", &Result::output,
+                      "The run's folder, a pathlib.Path; None for a run without one.");
   result.def("__repr__", [](const Result& self) {
     return fmt::format("<gemsplat.Result: {} Gaussians after {} steps on {}>",
                        self.model->model.gaussians.count(), self.steps, self.device);
   });
 }
 
+constexpr const char* kTrainHelp =
+    R"(Trains Gaussians on a Scene, or on the scene in a folder, and returns a Result.
+
+config: the name of a preset, a TOML file or a run's folder; a dict of settings, nested or with
+dots in the names ({"density.max_gaussians": 100000}); or a list of these, the later over the
+earlier. Settings of [dataset] are those of the Scene, where one is given. iterations, seed,
+device and checkpoint_every are short for train.iterations, train.seed, and so on.
+
+callback(progress) is called after every callback_every-th step and after the last. If it returns
+False, the run ends after one more step, with a Result. If it raises an exception, or Ctrl-C comes,
+the run ends at once and train() raises it. A run that went back after a breakdown reports steps
+again. The GIL is released except during callbacks.
+
+Without output nothing is written. With output=FOLDER the run writes what `gemsplat train -o
+FOLDER` writes, checkpoints included: see docs/conventions.md and docs/checkpoints.md.
+  resume            True: go on with the run in the output folder, or start it where there is none.
+                    A path: go on with the run of that folder or checkpoint. Settings are those of
+                    the run; a setting that may not change is refused (UsageError).
+  checkpoint_every  steps; 0: about once a minute; -1: only when the run is stopped
+  export            formats to write the trained model in, besides PLY: ["spz", "sog"]
+  report            write report.html
+  force             move a run that the folder holds to FOLDER.bak-N; without it such a folder is
+                    refused (UsageError)
+There an exception or Ctrl-C ends the run after one more step: model and checkpoint are saved, then
+train() raises it.)";
+
 }  // namespace
 
 void bind_train(py::module_& module) {
-  bind_progress(module);
   bind_result(module);
   module.def("train", train, py::arg("scene"), py::arg("config") = py::none(), py::kw_only(),
              py::arg("iterations") = py::none(), py::arg("seed") = py::none(),
              py::arg("device") = py::none(), py::arg("callback") = py::none(),
-             py::arg("callback_every") = 100,
-             R"(Trains Gaussians on a Scene, or on the scene in a folder, and returns a Result.
-
-config: the name of a preset, a TOML file or a run's folder; a dict of settings, nested or with
-dots in the names ({"density.max_gaussians": 100000}); or a list of these, the later over the
-earlier. Settings of [dataset] are those of the Scene, where one is given. iterations, seed and
-device are short for train.iterations, train.seed and train.device.
-
-callback(progress) is called after every callback_every-th step and after the last. Returning
-False ends the run after one more step, with a Result; an exception ends it at once, and comes out of
-train(), as Ctrl-C does. A run that went back after a breakdown reports steps again. The GIL is
-released but for callbacks. Nothing is written.)");
+             py::arg("callback_every") = 100, py::arg("output") = py::none(),
+             py::arg("resume") = py::none(), py::arg("checkpoint_every") = py::none(),
+             py::arg("export") = std::vector<std::string>{}, py::arg("report") = true,
+             py::arg("force") = false, kTrainHelp);
 }
 
 }  // namespace gs::python

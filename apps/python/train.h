@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat.train(): a run of the trainer, watched from Python.
+// gemsplat.train(): a training run, in memory or into a run's folder, watched from Python.
 #pragma once
 
 #include <pybind11/pybind11.h>

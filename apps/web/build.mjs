@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes each page one self-contained HTML file: script and style bundled into it, nothing left to load.
+// Bundles each page into one self-contained HTML file with its script and style.
 //   node build.mjs MODULES OUT
-// MODULES holds node_modules (npm ci puts it there); OUT/report.html and OUT/view.html are written. The place of the
-// report's data stays open: gemsplat puts it in (gs_app/report/report_page.cpp). The viewer asks its server (docs/viewer.md).
+// MODULES holds node_modules (made by npm ci). Writes OUT/report.html and OUT/view.html. The report
+// keeps a placeholder, which gemsplat replaces with the data (gs_app/report/report_page.cpp); the
+// viewer asks its server for data (docs/viewer.md).
 import {mkdir, readFile, writeFile} from 'node:fs/promises';
 import {createRequire} from 'node:module';
 import {dirname, join, resolve} from 'node:path';
 import {fileURLToPath} from 'node:url';
 import {sparkFix} from './spark_fix.mjs';
 
-// What is bundled into each page, and whose licenses therefore go into it. Spark's build holds fflate.
+// The packages bundled into each page, whose licenses the page carries. Spark's build contains
+// fflate.
 const PAGES = {
   report: ['uplot'],
   view: ['@sparkjsdev/spark', 'fflate', 'three', 'uplot'],
@@ -29,7 +31,7 @@ async function bundle(file) {
     format: 'iife',
     target: ['es2020'],
     charset: 'utf8',
-    legalComments: 'none',  // the licenses are below, whole
+    legalComments: 'none',  // PAGES brings the full licenses
     logLevel: 'warning',
     plugins: [sparkFix],
   });

@@ -15,7 +15,8 @@
 
 namespace {
 
-// Prints the loss now and then. An observer may stop the run, and look at the model: trained_model(trainer).
+// Prints the loss every ten steps. An observer may also stop the run (trainer.stop()), and take a
+// copy of the model (trained_model(trainer)).
 class Printer final : public gs::Observer {
  public:
   void after_step(int step, gs::Trainer& trainer) override {

@@ -15,8 +15,9 @@
 namespace gs {
 namespace {
 
-constexpr std::size_t kDeviceCopyBytes = std::size_t(1) << 30;  // far beyond the caches
-constexpr std::size_t kHostCopyBytes = std::size_t(1) << 28;    // beyond them too, and kind to small machines
+constexpr std::size_t kDeviceCopyBytes = std::size_t(1) << 30;  // much larger than caches
+// Larger than caches, but fits small machines.
+constexpr std::size_t kHostCopyBytes = std::size_t(1) << 28;
 constexpr int kCopies = 8;
 const LearningRates kNoRates{};  // all zero
 
@@ -34,7 +35,8 @@ double median(std::vector<T> values) {
 }
 
 std::vector<StageFigures> figures_of(Backend& backend, const Workload& workload) {
-  const bool is_gpu = &backend.memory() != &host_memory();  // the rules of stage_traffic.h are the GPU's
+  // stage_traffic.h describes the GPU's stages.
+  const bool is_gpu = &backend.memory() != &host_memory();
   std::vector<StageFigures> figures;
   double sum = 0;
   for (const StageTime& time : backend.stage_times()) {
@@ -48,7 +50,7 @@ std::vector<StageFigures> figures_of(Backend& backend, const Workload& workload)
   return figures;
 }
 
-// What a pass had to do; `settings` are those that it was rendered with.
+// The workload of a pass that was rendered with these settings.
 Workload workload_of(const RenderPass& pass, const RenderSettings& settings) {
   Workload workload;
   workload.gaussians = double(pass.tile_counts.size());
@@ -197,7 +199,8 @@ std::optional<double> copy_gb_per_second(Backend& backend) {
     return 2.0 * double(bytes) * kCopies / milliseconds_of(kCopies) * 1e-6;
   } catch (const Error& error) {
     if (error.code() != ExitCode::out_of_memory) throw;
-    log_warning("the copy bandwidth was not measured: there is no room for it beside the model");
+    log_warning(
+        "the copy bandwidth was not measured: there is too little memory for it beside the model");
     return std::nullopt;
   }
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Times one backend at training and rendering: what `gemsplat bench` reports.
+// `gemsplat bench`: times training and rendering of one backend, stage by stage. Start reading this
+// folder here.
 #pragma once
 
 #include <optional>
@@ -13,25 +14,25 @@
 
 namespace gs {
 
-/// How often to run what.
+/// The number of runs of each measurement.
 struct BenchmarkPlan {
-  int steps = 200, warmup = 50;      // training steps that are timed, and those before them
-  int frames = 5;                    // of each rendered view, after one that is not counted
-  std::vector<double> scales = {1};  // of the views' size, for rendering
+  int steps = 200, warmup = 50;      // timed training steps, and untimed ones before them
+  int frames = 5;                    // timed frames of each view, after one that is not timed
+  std::vector<double> scales = {1};  // picture sizes for rendering, as multiples of the views' size
 };
 
-/// One stage: the median of its runs, and what that makes of its share and of the memory's speed.
+/// The time of one stage (the median of its runs), its share, and its memory bandwidth.
 struct StageFigures {
   std::string stage;
   double milliseconds = 0;
   double share = 0;                     // of the sum of all stages
-  std::optional<double> bytes;          // that it has to move, where memory limits it
-  std::optional<double> gb_per_second;  // at that, 1e9 bytes
+  std::optional<double> bytes;          // that it must read and write, if memory limits it
+  std::optional<double> gb_per_second;  // these bytes over its time, in 1e9 bytes
 };
 
 struct TrainingFigures {
-  double ms_per_step = 0;            // wall time, nothing profiled
-  std::vector<StageFigures> stages;  // empty where the backend does not time stages
+  double ms_per_step = 0;            // wall time, without profiling
+  std::vector<StageFigures> stages;  // empty if the backend does not time stages
 };
 
 struct RenderingFigures {
@@ -42,33 +43,35 @@ struct RenderingFigures {
   std::vector<StageFigures> stages;
 };
 
-/// The same view in a picture so many times as large.
+/// The camera with a picture `scale` times as large.
 Camera at_scale(const Camera& camera, double scale);
 
-/// Throws UsageError where a view at a scale is too large a picture.
+/// Throws UsageError if a view at one of the scales exceeds the largest picture.
 void check_scales(const std::vector<View>& views, const std::vector<double>& scales);
 
-/// A model of these Gaussians in the backend's memory, rows in Morton order as training keeps them, moments zero.
+/// A training model of these Gaussians in the backend's memory: rows in Morton order, as training
+/// keeps them, and zero moments.
 TrainingModel benchmark_model(Backend& backend, const GaussianModel& from);
 
-/// What one view asks of the stages, in the mean.
+/// The workload of one view, averaged over `views`.
 Workload mean_workload(Backend& backend, const TrainingModel& model, const std::vector<View>& views,
                        const RenderSettings& settings);
 
-/// Training steps on all views in turn, at learning rates of zero, so that each step finds the same model; what is
-/// computed and moved is what any step computes and moves. The views outlive the backend's next upload_views().
-/// workload: for the stages' bytes
+/// Times training steps on all views in turn. Learning rates are zero, so that every step sees the
+/// same model, but each step computes and moves as much as any other. `workload` gives the stages'
+/// bytes. The views must outlive the backend's next upload_views().
 TrainingFigures time_training(Backend& backend, TrainingModel& model,
                               const std::vector<View>& views, const RenderSettings& settings,
                               const Config& config, const BenchmarkPlan& plan,
                               const Workload& workload);
 
-/// Frames of every view at `scale` times its size; see check_scales().
+/// Times frames of every view at `scale` times its size, which check_scales() has accepted.
 RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
                                 const std::vector<View>& views, const RenderSettings& settings,
                                 const BenchmarkPlan& plan, double scale);
 
-/// Bytes read and written per second by copies within the backend's memory, in 1e9; nothing where it has no room.
+/// Bandwidth of copies within the backend's memory, reads and writes together, in 1e9 bytes per
+/// second. Nothing if there is too little memory for it.
 std::optional<double> copy_gb_per_second(Backend& backend);
 
 }  // namespace gs

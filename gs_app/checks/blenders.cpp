@@ -25,7 +25,7 @@ struct Bounds {
 constexpr Bounds kBounds[] = {
     {"square", TileBounds::square}, {"box", TileBounds::box}, {"exact", TileBounds::exact}};
 
-// The lists of a pass, on the host.
+// The tile lists of a pass, copied to the host.
 struct HostLists {
   int tiles_x;
   std::vector<Splat> splats;
@@ -38,10 +38,10 @@ struct HostLists {
 
 double relative_distance(double value, double threshold) { return std::abs(value / threshold - 1); }
 
-// A pixel by the equations in double, from the splats as both blenders read them.
+// A pixel computed in double from the splats that both blenders read.
 struct ExactPixel {
   Vec3d color;
-  // The least relative change of one fragment's alpha that carries some fragment over a threshold: rounding may decide there.
+  // The least relative change of one fragment's alpha that carries some fragment over a threshold.
   double borderline;
 };
 
@@ -50,7 +50,8 @@ ExactPixel exact_pixel(const HostLists& lists, const RenderSettings& settings, i
   const std::size_t tile = std::size_t(y / kTileHeight) * lists.tiles_x + x / kTileWidth;
   PixelState<double> state;
   double borderline = std::numeric_limits<double>::infinity();
-  double leverage = 1;  // of an alpha on the transmittance, relative: an opaque fragment's is large
+  // Relative effect of an alpha on the transmittance: large for an opaque fragment.
+  double leverage = 1;
   for (std::uint32_t k = lists.ranges[tile]; k < lists.ranges[tile + 1]; ++k) {
     const Splat& splat = lists.splats[gaussian_of(lists.tile_splats[k])];
     const Sym2<double> conic{splat.conic.xx, splat.conic.xy, splat.conic.yy};

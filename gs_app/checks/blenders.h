@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat bench --blenders: every blender of a GPU under every kind of tile bounds, how fast it is and how far its pictures
-// are from those of the fp32 blender.
+// `gemsplat bench --blenders`: the speed of each blender of a GPU with each kind of tile bounds,
+// and the differences between its pictures and those of the fp32 blender (simt).
 #pragma once
 
 #include <string>
@@ -18,21 +18,24 @@ struct BlenderFigures {
   int width = 0, height = 0;
   double instances = 0;     // of a view, mean
   double ms_per_frame = 0, blend_ms = 0;
-  // Against simt under the same bounds:
-  double psnr = 0;          // infinite where equal
-  double largest = 0;       // difference of a channel
-  std::size_t pixels = 0;   // of all views
-  std::size_t apart = 0;    // with a channel that differs by more than kBlendersAgree
-  std::size_t unexplained = 0;  // of these, as far from the equations in double, and not at a borderline (kBorderline)
-  double borderline = 0;        // of those, at most
+  // Compared with simt with the same bounds:
+  double psnr = 0;              // infinite if the pictures are equal
+  double largest = 0;           // largest difference of a channel
+  std::size_t pixels = 0;       // of all views
+  std::size_t apart = 0;        // pixels with a channel that differs by more than kBlendersAgree
+  // Of these, pixels whose difference rounding does not explain (kBorderline)
+  std::size_t unexplained = 0;
+  double borderline = 0;        // the largest margin (see kBorderline) of these
 };
 
 inline constexpr double kBlendersAgree = 1e-4;
-/// A pixel is at a borderline where so much of one fragment's alpha, relative, decides whether a fragment is blended: rounding
-/// may, too. An almost opaque fragment decides about the light behind it with little of its own.
+/// A difference is explained by rounding if a relative change of one fragment's alpha by less than
+/// this would carry some fragment over a threshold (alpha >= 1/255, or transmittance >= 1e-4). The
+/// least such change is the margin of the pixel. A difference is also explained if the blender
+/// agrees with the equations in double.
 inline constexpr double kBorderline = 1e-5;
 
-/// All combinations at each of the plan's scales. The backend times its stages.
+/// Measures all combinations at each of the plan's scales. The backend must time its stages.
 std::vector<BlenderFigures> compare_blenders(Backend& backend, TrainingModel& model,
                                              const std::vector<View>& views,
                                              const RenderSettings& settings,

@@ -14,14 +14,14 @@
 namespace gs {
 namespace {
 
-constexpr float kCameraDistance = 3;      // world units from the middle of the ball
-constexpr float kFocalLength = 0.9f;      // of the picture's width
+constexpr float kCameraDistance = 3;      // world units from the center of the ball
+constexpr float kFocalLength = 0.9f;      // in picture widths
 constexpr float kShRestRange = 0.1f;      // largest coefficient beyond degree 0
-constexpr std::uint32_t kShRestDraws = 8; // the first draw of a Gaussian that goes into its SH rest
+constexpr std::uint32_t kShRestDraws = 8; // the first draw for a Gaussian's SH rest
 
 Vec3f xyz(const Vec4f& v) { return {v.x, v.y, v.z}; }
 
-/// A point of the unit ball, all of it equally likely.
+/// A uniformly distributed point of the unit ball.
 Vec3f point_in_ball(const Vec4f& normal, float u) {
   const Vec3f v = xyz(normal);
   return v * (std::cbrt(u) / std::sqrt(std::max(inner(v, v), 1e-12f)));
@@ -46,7 +46,7 @@ void draw_gaussian(const SceneRecipe& recipe, const Random& random, const Gaussi
         (2.0f * xyz(uniform(kShRestDraws + k)) - Vec3f(1)) * kShRestRange;
 }
 
-/// Camera `index` of a ring around the middle, a little above or below it, that looks at the middle.
+/// Camera `index` of the ring, a little above or below its plane, looking at the center.
 Camera ring_camera(const SceneRecipe& recipe, int index) {
   const float angle = 2 * std::numbers::pi_v<float> * float(index) / float(recipe.views);
   const float c = std::cos(angle), s = std::sin(angle);

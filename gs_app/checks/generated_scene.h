@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene without files: random Gaussians in a ball, cameras on a ring around it that look at its middle, and
-// photos of random values: what the program times and checks itself on; the same for a seed on every machine.
+// A generated scene for `gemsplat bench --gaussians` and `gemsplat selftest`: random Gaussians in a
+// ball, cameras on a ring around it that look at its center, and photos of random values. A seed
+// gives the same scene on every machine.
 #pragma once
 
 #include <cstdint>
@@ -11,13 +12,15 @@
 
 namespace gs {
 
-/// How large a scene to make, and of what.
+/// The parameters of a generated scene.
 struct SceneRecipe {
   std::size_t gaussians = 1000;
   int width = 320, height = 240;           // pixels
   int views = 8;
-  float reach = 0.8f;                      // radius of the ball, in distances of the cameras from its middle
-  float sigma_low = 0.5f, sigma_high = 7;  // pixels of the Gaussians' axes, seen from that distance
+  // Radius of the ball, as a fraction of the cameras' distance from its center.
+  float reach = 0.8f;
+  // Standard deviations of the Gaussians' axes, in pixels seen from that distance.
+  float sigma_low = 0.5f, sigma_high = 7;
   float opacity_low = 0.05f, opacity_high = 0.95f;
   std::uint64_t seed = 1;
 };

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Half of `gemsplat selftest`: gradients of the scalar renderer against the slopes of its own pictures.
+// The first half of `gemsplat selftest`: gradients of the scalar renderer against central
+// differences of its pictures.
 #include <algorithm>
 #include <cmath>
 
@@ -10,13 +11,16 @@
 namespace gs {
 namespace {
 
-constexpr std::uint64_t kDirections = 16;  // per quantity and scene
+constexpr std::uint64_t kDirections = 16;  // for each quantity and scene
 
-// A slope sees fragments come and go at the rims of splats, a gradient does not. Gaussians that end at four standard
-// deviations, 3e-4 of their height, keep that to some 5e-3 for what moves the rims; the rest is rounding.
+// A central difference includes fragments that appear and vanish at the rims of splats; the
+// gradient does not. Here Gaussians end at four standard deviations, where they have 3e-4 of their
+// height. This limits the error to some 5e-3 for quantities that move the rims. The rest is
+// rounding.
 constexpr double kMovingTolerance = 2e-2, kFixedTolerance = 1e-3;
 
-/// How far to go along a direction: much beside the rounding of floats, little beside what bends the picture.
+/// The step of a central difference: large against the rounding of floats, small against the
+/// curvature of the picture.
 struct SlopeStep {
   float size;
   double tolerance;
@@ -43,7 +47,8 @@ std::vector<SmallScene> gradient_scenes() {
   return {faster_gs, classic, antialias};
 }
 
-/// A picture of a few Gaussians, and a smooth loss of it: the sum of its values, with weights that vary slowly.
+/// A picture of a few Gaussians and a smooth loss: the sum of its values with slowly varying
+/// weights.
 class SlopeCheck {
  public:
   explicit SlopeCheck(const RenderSettings& settings) : settings_(settings) {
@@ -71,8 +76,9 @@ class SlopeCheck {
     return result;
   }
 
-  /// The slope along `direction` of the numbers of `array`, one of gaussians(): central differences of two steps,
-  /// whose errors of second order cancel.
+  /// The slope of the loss along `direction` in the numbers of `array`, which is one of
+  /// gaussians(). It combines central differences of two steps so that their errors of second order
+  /// cancel.
   template <class T>
   double slope(const Buffer<T>& array, const Numbers& direction, float step) {
     const double near = loss_at(array, direction, step) - loss_at(array, direction, -step);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Half of `gemsplat selftest`: every stage of a GPU against the scalar backend.
+// The second half of `gemsplat selftest`: every stage of a GPU against the scalar backend.
 #include <algorithm>
 #include <array>
 #include <set>
@@ -12,16 +12,18 @@
 namespace gs {
 namespace {
 
-// exp, log and the order of sums differ in the last bits; a fragment or a tile that lies on its threshold is kept by
-// one and dropped by the other. These allow for several times what an H200 shows.
+// exp, log and the order of sums differ in the last bits, and a fragment or a tile at its threshold
+// may be kept by one backend and dropped by the other. The tolerances are several times the
+// differences that an H200 shows.
 constexpr double kSplatTolerance = 1e-4;
 constexpr double kConicTolerance = 1e-3;  // the determinant of a thin splat cancels
-constexpr double kTileTolerance = 5e-3;   // of the instances
+constexpr double kTileTolerance = 5e-3;   // share of the instances that differ
 constexpr double kPictureTolerance = 1e-3;
 constexpr double kLossTolerance = 1e-3;
 constexpr double kGradientTolerance = 5e-3;
 constexpr double kStepTolerance = 2e-2;   // Adam divides tiny gradients by their own size
-constexpr int kStepsBefore = 20;          // so that the moments are those of a training under way
+// So that the moments are like those in the middle of a run.
+constexpr int kStepsBefore = 20;
 constexpr LossSettings kLossSettings{.lambda_dssim = 0.2f};
 constexpr float kDeadLogit = -8;          // of an opacity of 0.0003
 constexpr std::size_t kPhotoBytes = std::size_t(1) << 28;
@@ -54,7 +56,7 @@ std::vector<ParityScene> parity_scenes() {
   return scenes;
 }
 
-/// One generated scene on both backends, stage after stage.
+/// Compares the two backends on one generated scene, stage after stage.
 class ParityCheck {
  public:
   ParityCheck(const ParityScene& scene, Backend& cpu, Backend& device, SelfCheckList& checks)
@@ -94,7 +96,7 @@ class ParityCheck {
     compare(what, tolerance, downloaded_numbers(actual), downloaded_numbers(expected));
   }
 
-  // Those that both see; which they see, the tile lists tell.
+  // Compares splats that both backends see. compare_tile_lists() finds those that only one sees.
   void compare_splats() {
     const auto cpu_counts = cpu_pass_.tile_counts.download();
     const auto device_counts = device_pass_.tile_counts.download();
@@ -130,7 +132,7 @@ class ParityCheck {
       lists[tile].assign(splats.begin() + ranges[tile], splats.begin() + ranges[tile + 1]);
     return lists;
   }
-  /// Those of a list that another has, too, in their order.
+  /// The entries of `list` that `other` has, too, in their order.
   static TileList shared(const TileList& list, const TileList& other) {
     const std::set<std::uint32_t> wanted(other.begin(), other.end());
     TileList result;
@@ -138,7 +140,7 @@ class ParityCheck {
       if (wanted.contains(gaussian)) result.push_back(gaussian);
     return result;
   }
-  /// Instances that only one list has, and those in another order.
+  /// The number of instances that only one list has or that are in another order.
   static std::size_t differing(const TileList& a, const TileList& b) {
     const TileList in_a = shared(a, b), in_b = shared(b, a);
     std::size_t result = a.size() + b.size() - in_a.size() - in_b.size();
@@ -166,7 +168,7 @@ class ParityCheck {
     masked.exposure = {0.9f, 1.0f, 1.1f};
     compare_loss_of(masked, "masked loss");
   }
-  // Of the CPU's picture on both sides.
+  // Both backends get the CPU's picture.
   void compare_loss_of(const View& view, const std::string& what) {
     RenderPass pass(device_.memory());
     pass.width = cpu_pass_.width;
@@ -208,14 +210,14 @@ class ParityCheck {
                  kLossSettings, Schedule(Config{}, 1).learning_rates(1), density);
     backend.synchronize(model);
   }
-  // After some steps on the CPU.
+  // A model after some steps on the CPU.
   TrainingModel under_way(const DensityStep& density) {
     TrainingModel model = untrained(scene_.model, host_memory());
     for (int i = 0; i < kStepsBefore; ++i) step(cpu_, model, density, i);
     return model;
   }
 
-  // What one more step changes.
+  // Compares the changes of one more step.
   void compare_step(const std::string& what, const DensityStep& density) {
     TrainingModel expected = under_way(density);
     const TrainingModel before = copy_to(host_memory(), expected);
@@ -225,7 +227,7 @@ class ParityCheck {
     compare_changes(what + ": ", before, actual, expected);
     compare_loss_values("loss");
   }
-  // A fifth of the Gaussians is dead, and a tenth is added.
+  // A fifth of the Gaussians is dead, and the number of Gaussians grows by a tenth.
   void compare_relocation() {
     TrainingModel expected = under_way({.gather_statistics = true});
     const std::size_t count = expected.count();

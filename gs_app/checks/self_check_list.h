@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The list that self checks are noted in, and the numbers that they compare.
+// Collects the results of self checks, and helpers for the numbers that they compare.
 #pragma once
 
 #include <cstring>
@@ -13,13 +13,13 @@ namespace gs {
 
 using Numbers = std::vector<float>;
 
-/// The checks in the order of first use; one of a name for all scenes.
+/// The checks in order of first use. All scenes share the check of a name.
 class SelfCheckList {
  public:
-  /// Notes how closely `actual` is what is expected, in a scene.
+  /// Compares `actual` with `expected` and adds the differences to the check `what`.
   void add(const std::string& what, const std::string& scene, double tolerance,
            const Numbers& actual, const Numbers& expected);
-  /// The same of differences that were found elsewhere.
+  /// Adds differences that the caller has computed.
   void add(const std::string& what, const std::string& scene, double tolerance, std::size_t numbers,
            double largest, double rms);
   std::vector<SelfCheck> take() { return std::move(checks_); }
@@ -30,7 +30,7 @@ class SelfCheckList {
   std::vector<SelfCheck> checks_;
 };
 
-/// The numbers of an array of any Memory, one after another.
+/// The floats of an array in any Memory, one after another.
 template <class T>
 Numbers downloaded_numbers(const Buffer<T>& array) {
   const std::vector<T> rows = array.download();
@@ -39,7 +39,7 @@ Numbers downloaded_numbers(const Buffer<T>& array) {
   return numbers;
 }
 
-/// So many normally distributed numbers, the same ones for a seed.
+/// `count` normally distributed numbers, the same for the same seed.
 Numbers random_normals(std::size_t count, std::uint64_t seed);
 
 }  // namespace gs

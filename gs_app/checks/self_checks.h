@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Does this build compute what it should on this machine? Gradients against slopes, and a GPU against the CPU, on
-// small generated scenes: what `gemsplat selftest` shows.
+// `gemsplat selftest`: checks that this build computes correctly on this machine. It compares
+// gradients with central differences, and a GPU with the CPU, on small generated scenes.
 #pragma once
 
 #include <string>
@@ -10,24 +10,27 @@
 
 namespace gs {
 
-/// How closely numbers agree with those expected, in the worst of all scenes. Differences are relative to the root
-/// mean square of the numbers expected.
+/// The agreement of one kind of numbers with the expected ones, in the worst of all scenes.
+/// Differences are relative to the root mean square of the expected numbers.
 struct SelfCheck {
   std::string what;
   std::size_t numbers = 0;  // in all scenes
-  double largest = 0;       // difference
-  double rms = 0;           // difference, root mean square; infinite where numbers are missing or not finite
-  double tolerance = 0;     // of the latter
-  std::string scene;        // where that was worst
+  double largest = 0;       // largest difference
+  // Root mean square of the differences; infinite if numbers are missing or not finite.
+  double rms = 0;
+  double tolerance = 0;     // of rms
+  std::string scene;        // the scene with the largest rms
 
   bool agrees() const { return rms <= tolerance; }
 };
 
-/// Gradients of the scalar renderer by every learned quantity against central differences of its pictures.
+/// Compares the scalar renderer's gradients of every learned quantity with central differences of
+/// its pictures.
 std::vector<SelfCheck> gradient_checks();
 
-/// Every stage of `device` against the scalar backend: splats, tile lists, pictures, gradients, loss, and a fused
-/// training step. Of tile lists, `rms` is the share of instances that differ.
+/// Compares every stage of `device` with the scalar backend: splats, tile lists, pictures,
+/// gradients, loss, and a fused training step. For tile lists, `rms` is the share of instances that
+/// differ.
 std::vector<SelfCheck> parity_checks(Backend& device);
 
 }  // namespace gs

@@ -12,14 +12,15 @@ namespace gs {
 namespace {
 
 constexpr double kShape = sizeof(Vec3f) + sizeof(Vec3f) + sizeof(Quatf) + sizeof(float);  // bytes a Gaussian
-constexpr double kCount = 4, kDepth = 4, kIndex = 4;  // bytes of one
+constexpr double kCount = 4, kDepth = 4, kIndex = 4;  // bytes each
 constexpr double kGradientSum = 48;                   // bytes; dL/d(splat), padded
-constexpr double kDigit = 8;                          // bits that one pass of a radix sort takes
+constexpr double kDigit = 8;                          // bits per pass of a radix sort
 
 double sh_rest_bytes(const Workload& w) { return 12.0 * sh_rest_count(w.sh_degree); }
 double tile_bits(const Workload& w) { return std::bit_width(std::uint64_t(w.tiles)); }
 double tile_key(const Workload& w) { return w.tiles < 65536 ? 2 : 4; }
-/// Of a sort of `items` keys with an index each: one look at the keys, then each pass reads and writes all.
+/// A sort of `items` keys with an index each: the keys are read once, then each pass reads and
+/// writes everything.
 double sort_bytes(double items, double key, double bits) {
   return items * (key + std::ceil(bits / kDigit) * 2 * (key + kIndex));
 }
@@ -30,19 +31,21 @@ struct Rule {
 };
 
 constexpr Rule kRules[] = {
-    // Reads shape and SH degree 0 of all and the other degrees of the visible; writes count and key of all, splat and
-    // depth of the visible.
+    // Reads shape and SH degree 0 of all and the other degrees of the visible; writes count and key
+    // of all, splat and depth of the visible.
     {"preprocess",
      [](const Workload& w) {
        return w.gaussians * (kShape + 12 + kCount + kDepth) +
               w.visible * (sh_rest_bytes(w) + sizeof(Splat) + kDepth + sizeof(Rect));
      }},
-    // Sorts all by the bits of the depth that make its key; sums the counts in that order (reads order and count, writes the sum).
+    // Sorts all by the bits of the depth that make its key; sums the counts in that order (reads
+    // order and count, writes the sum).
     {"depth sort",
      [](const Workload& w) {
        return sort_bytes(w.gaussians, kDepth, kDepthKeyBits) + w.gaussians * (kIndex + 2 * kCount);
      }},
-    // Reads order, count and sum of all, rectangle and splat of the visible; writes key and index of each instance.
+    // Reads order, count and sum of all, rectangle and splat of the visible; writes key and index
+    // of each instance.
     {"instances",
      [](const Workload& w) {
        return w.gaussians * (kIndex + 2 * kCount) + w.visible * (sizeof(Rect) + sizeof(Splat)) +
@@ -54,11 +57,11 @@ constexpr Rule kRules[] = {
        return sort_bytes(w.instances, tile_key(w), tile_bits(w)) + w.instances * tile_key(w) +
               w.tiles * kIndex;
      }},
-    // Two passes over picture (float) and photo (byte), three channels: the first writes three derivatives of
-    // SSIM a value, the second reads them and writes the gradient.
+    // Two passes over picture (float) and photo (byte), three channels: the first writes three
+    // derivatives of SSIM a value, the second reads them and writes the gradient.
     {"loss", [](const Workload& w) { return 3 * w.pixels * (2 * (4 + 1) + 2 * 3 * 4 + 4); }},
-    // Reads and writes every parameter in use and its two moments, visible or not; reads and clears the visible's
-    // dL/d(splat), reads their color, reads and writes their statistics.
+    // Reads and writes every parameter in use and its two moments, visible or not; reads and clears
+    // the visible's dL/d(splat), reads their color, reads and writes their statistics.
     {"preprocess backward, Adam",
      [](const Workload& w) {
        return w.gaussians * (6 * (kShape + 12 + sh_rest_bytes(w)) + kCount) +

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bytes that each memory-bound stage has to move, whatever its kernels look like: what its time is held against.
+// The bytes that each memory-bound stage must read and write, independent of its kernels. `gemsplat
+// bench` divides them by the stage's time, and compares the bandwidth with that of plain copies.
 #pragma once
 
 #include <cstddef>
@@ -8,19 +9,19 @@
 
 namespace gs {
 
-/// What one view asks of the stages.
+/// The size of the work on one view.
 struct Workload {
   double gaussians = 0;  // N
-  double visible = 0;    // V  of them
+  double visible = 0;    // V  Gaussians that the view sees
   double instances = 0;  // I
-  double longest_list = 0;  // instances of the fullest tile
+  double longest_list = 0;  // instances in the fullest tile
   double pixels = 0;     // P
   double tiles = 0;
   int sh_degree = 3;
 };
 
-/// Bytes read and written by one run of a stage of the CUDA backend, by its name; nothing for the blending stages,
-/// which arithmetic limits, and for names that are not known.
+/// Bytes that one run of a stage of the CUDA backend reads and writes. Nothing for the blending
+/// stages, which are limited by arithmetic, and for unknown names.
 std::optional<double> stage_bytes(const std::string& stage, const Workload& workload);
 
 }  // namespace gs

@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kUsualSeed = 42;  // of TrainConfig
+constexpr std::uint64_t kDefaultSeed = 42;  // as in TrainConfig
 
 [[noreturn]] void refuse(const fs::path& file, const toml::node& node, const std::string& what) {
   throw UsageError(place_in(file, node) + what);
@@ -31,7 +31,7 @@ void check_keys(const fs::path& file, const toml::table& table,
     if (std::find(known.begin(), known.end(), name) != known.end()) continue;
     const std::string nearest = nearest_word(name, known);
     refuse(file, node,
-           fmt::format("an experiment has no {} here; {}", name,
+           fmt::format("an experiment has no key {} here; {}", name,
                        nearest.empty() ? fmt::format("it has {}", fmt::join(known, ", "))
                                        : "did you mean " + nearest + "?"));
   }
@@ -83,12 +83,12 @@ ExperimentScene scene_of(const fs::path& file, const toml::node& node) {
   if (!scene.path.has_filename()) scene.path = scene.path.parent_path();  // "scenes/a/"
   if (!fs::exists(scene.path))
     throw Error(place_in(file, node) + "there is no scene " + scene.path.string() +
-                "; paths are relative to the experiment's file");
+                "; give a path that is relative to the experiment's file");
   scene.name = folder_name(scene.name.empty() ? scene.path.filename().string() : scene.name);
   return scene;
 }
 
-// A file is beside the experiment's; what is no file there may be a preset.
+// A file beside the experiment's file, or else a preset.
 std::string base_of(const fs::path& file, const std::string& name) {
   if (name.empty()) return name;
   const fs::path beside = fs::absolute(file.parent_path() / name).lexically_normal();
@@ -111,7 +111,7 @@ std::vector<ExperimentConfig> configs_of(const fs::path& file, const toml::node&
 
 std::uint64_t seed_of(const fs::path& file, const toml::node& node) {
   const auto seed = node.value_exact<std::int64_t>();
-  if (!seed || *seed < 0) refuse(file, node, "a seed must be a whole number from 0 on");
+  if (!seed || *seed < 0) refuse(file, node, "a seed must be a whole number, 0 or larger");
   return std::uint64_t(*seed);
 }
 
@@ -133,8 +133,9 @@ void check_names(const Experiment& experiment, const std::vector<Named>& all, co
   std::set<std::string> seen;
   for (const Named& one : all)
     if (!seen.insert(one.name).second)
-      throw UsageError(fmt::format("{}: two {} have the name {}; give them others with name = ...",
-                                   experiment.file.string(), what, one.name));
+      throw UsageError(
+          fmt::format("{}: two {} have the name {}; give one another name with name = ...",
+                      experiment.file.string(), what, one.name));
 }
 
 toml::table parse(const fs::path& file) {
@@ -150,7 +151,7 @@ toml::table parse(const fs::path& file) {
   }
 }
 
-// The preset or file of the config, read once per run: small.
+// The settings of the config's preset or file.
 Config base_settings(const Experiment& experiment, const ExperimentConfig& config) {
   Config settings;
   try {
@@ -171,6 +172,14 @@ void apply(Config& config, const std::vector<PlacedSetting>& settings, SettingOr
       throw UsageError(setting.place + error.what());
     }
   }
+}
+
+Config config_settings(const Experiment& experiment, const ExperimentConfig& config,
+                       SettingOrigins& origins) {
+  Config settings = base_settings(experiment, config);
+  apply(settings, experiment.settings, origins);
+  apply(settings, config.settings, origins);
+  return settings;
 }
 
 }  // namespace
@@ -197,7 +206,7 @@ Experiment read_experiment(const fs::path& file) {
   if (experiment.scenes.empty())
     throw UsageError(file.string() + " names no scene; add scenes = [\"path/to/scene\"]");
   if (experiment.configs.empty()) experiment.configs.push_back({"default", "", {}});
-  if (experiment.seeds.empty()) experiment.seeds.push_back(kUsualSeed);
+  if (experiment.seeds.empty()) experiment.seeds.push_back(kDefaultSeed);
   experiment.slurm = slurm_options(file, root);
   check_names(experiment, experiment.scenes, "scenes");
   check_names(experiment, experiment.configs, "configs");
@@ -207,12 +216,16 @@ Experiment read_experiment(const fs::path& file) {
   return experiment;
 }
 
+Config settings_of(const Experiment& experiment, const ExperimentConfig& config) {
+  SettingOrigins origins;
+  return config_settings(experiment, config, origins);
+}
+
 Config settings_of(const Experiment& experiment, const ExperimentScene& scene,
                    const ExperimentConfig& config, std::uint64_t seed) {
-  Config settings = base_settings(experiment, config);
   SettingOrigins origins;
-  for (const auto* list : {&experiment.settings, &config.settings, &scene.settings})
-    apply(settings, *list, origins);
+  Config settings = config_settings(experiment, config, origins);
+  apply(settings, scene.settings, origins);
   settings.dataset.source = scene.path.string();
   settings.train.seed = seed;
   settings.model.output.clear();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// An experiment as its TOML file states it: scenes x configs x seeds. docs/experiments.md describes the file.
+// An experiment as its TOML file states it: scenes x configs x seeds. docs/experiments.md describes
+// the file. Start reading this folder here.
 #pragma once
 
 #include <cstdint>
@@ -11,40 +12,44 @@
 
 namespace gs {
 
-/// One `section.key=value` and where it stands.
+/// One `section.key=value` and its place in the file.
 struct PlacedSetting {
   std::string assignment;
   std::string place;  // "file:line: "
 };
 
 struct ExperimentScene {
-  std::string name;  // of a folder of the output
+  std::string name;  // of its folder in the output
   std::filesystem::path path;
-  std::vector<PlacedSetting> settings;  // over those of the config
+  std::vector<PlacedSetting> settings;  // they override those of the config
 };
 
 struct ExperimentConfig {
   std::string name;
-  std::string base;  // a preset, an absolute path, or empty: the defaults
+  std::string base;  // a preset or an absolute path; empty for the defaults
   std::vector<PlacedSetting> settings;
 };
 
-/// Grids are unrolled: each of their points is a config.
+/// A whole experiment. Grids are unrolled: each of their points is a config.
 struct Experiment {
   std::filesystem::path file, output;
-  std::vector<PlacedSetting> settings;  // of all runs, over the configs' bases
+  std::vector<PlacedSetting> settings;  // of all runs; they override the configs' bases
   std::vector<ExperimentScene> scenes;
   std::vector<ExperimentConfig> configs;
   std::vector<std::uint64_t> seeds;
-  std::vector<std::string> slurm;  // "--partition=gpu", ... for sbatch
+  std::vector<std::string> slurm;  // options of sbatch: "--partition=gpu", ...
 };
 
-/// Reads the file. Throws UsageError that names file, line, key and the nearest known key; Error where it cannot be read or
-/// a scene's folder does not exist.
+/// Throws UsageError that names file, line, key and the nearest known key, or Error if the file
+/// cannot be read or a scene's folder does not exist.
 Experiment read_experiment(const std::filesystem::path& file);
 
-/// The settings of one run: config's base, `set` of the file, the config's, the scene's, then scene, seed and no output.
-/// Validated. Throws as load_config and validate do, with the place.
+/// The settings of a config by itself: its base, then the file's [set], then its own. They are not
+/// validated, since a scene may still change them. Throws like load_config, naming the place.
+Config settings_of(const Experiment& experiment, const ExperimentConfig& config);
+
+/// The settings of one run: those of the config, then the scene's `set`, then the scene and the
+/// seed; no output folder. Validated. Throws like load_config and validate, naming the place.
 Config settings_of(const Experiment& experiment, const ExperimentScene& scene,
                    const ExperimentConfig& config, std::uint64_t seed);
 

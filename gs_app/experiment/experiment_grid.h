@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables of settings in an experiment's file: flat, as --set takes them, and grids as lists of configs.
+// Parses tables of settings in an experiment's file: into assignments as for --set, and grids into
+// lists of configs.
 #pragma once
 
 #include <toml++/toml.h>
@@ -15,18 +16,19 @@ namespace gs {
 /// "file:line: "
 std::string place_in(const std::filesystem::path& file, const toml::node& node);
 
-/// A value on one line: text without its quotes, anything else as TOML.
+/// A value on one line: a string without its quotes, any other value as TOML.
 std::string value_text(const toml::node& node);
 
-/// What a folder can be called: letters, digits and "._+=-"; others become '_'.
+/// The text as a folder's name: characters other than letters, digits and "._+=-" become '_'.
 std::string folder_name(std::string text);
 
-/// {density = {every = 50}} or {"density.every" = 50} as "density.every=50", in the order of the keys.
+/// {density = {every = 50}} or {"density.every" = 50} as "density.every=50", in the order of the
+/// keys.
 std::vector<PlacedSetting> flat_settings(const std::filesystem::path& file,
                                          const toml::table& table);
 
-/// The config at each point of a grid of lists {density.every = [50, 100], ...}: all combinations, the last key
-/// fastest; named NAME+every=50+.... Throws UsageError where a value is no list.
+/// All combinations of the grid's lists, e.g. {density.every = [50, 100], ...}, as configs named
+/// NAME+every=50+.... The last key changes fastest. Throws UsageError if a value is not a list.
 std::vector<ExperimentConfig> unrolled(const std::filesystem::path& file,
                                        const ExperimentConfig& config, const toml::table& grid);
 

@@ -14,7 +14,7 @@ namespace gs {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-constexpr std::chrono::milliseconds kLookEvery{20};
+constexpr std::chrono::milliseconds kPollEvery{20};
 
 struct Running {
   const ExperimentRun* run;
@@ -35,7 +35,7 @@ class Pool {
       if (running_.empty()) break;
       if (!collect()) {
         events_.waiting(running_.size());
-        std::this_thread::sleep_for(kLookEvery);
+        std::this_thread::sleep_for(kPollEvery);
       }
     }
     return signals_.value() == 0;

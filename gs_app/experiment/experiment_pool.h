@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs of an experiment as processes, so many at a time.
+// Trains the runs of an experiment, each in a process of its own, several at a time.
 #pragma once
 
 #include <functional>
@@ -10,18 +10,19 @@
 
 namespace gs {
 
-/// What happens in a pool.
+/// Callbacks of a pool.
 struct PoolEvents {
   std::function<void(const ExperimentRun&, const RunSlot&)> started;
-  /// `seconds` since the start. Where the run could not even be started, `error` says why.
+  /// `seconds` since its start. `error` says why a run could not be started; otherwise it is empty.
   std::function<void(const ExperimentRun&, const ProcessEnd&, double seconds,
                      const std::string& error)>
       ended;
-  std::function<void(std::size_t running)> waiting;  // some times a second
+  std::function<void(std::size_t running)> waiting;  // called some 50 times a second
 };
 
-/// Does the runs in order, one in each slot at a time, and calls the events. SIGINT and SIGTERM end the runs at hand and
-/// start no more, a second signal kills them. Returns whether it was not stopped so. One at a time.
+/// Trains the runs in order, one in each slot at a time. After SIGINT or SIGTERM it ends the
+/// running ones and starts no more; after a second signal it kills them. Returns false if a signal
+/// came. Only one pool may run at a time.
 bool run_pool(const std::vector<const ExperimentRun*>& runs, const std::vector<RunSlot>& slots,
               const PoolEvents& events);
 

@@ -13,7 +13,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kThisProgram = "/proc/self/exe";  // of the child, too; also where the file was replaced meanwhile
+// Works even if the program's file was replaced meanwhile.
+constexpr const char* kThisProgram = "/proc/self/exe";
 
 // Whether the folder holds a run that gives the result of this one. A settings file that is
 // missing, or that this version cannot read, belongs to another run.
@@ -63,7 +64,7 @@ bool is_finished(const ExperimentRun& run) {
 void prepare(const ExperimentRun& run) {
   if (run.folder.holds_run() && !has_same_settings(run)) {
     const fs::path backup = move_aside(run.folder.root());
-    log_info("{}: what was there is now in {}", run.name(), backup.string());
+    log_info("{}: the earlier run is now in {}", run.name(), backup.string());
   }
   write_text(run.settings_file(), to_toml(run.settings));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One run of an experiment: its folder, whether it is finished, and the command that does it.
+// One run of an experiment: its folder, whether it is finished, and the command that trains it.
 #pragma once
 
 #include <filesystem>
@@ -11,7 +11,8 @@
 
 namespace gs {
 
-/// One scene, config and seed. Index: its place in the order scene, config, seed (fastest), from 0.
+/// One scene, config and seed. Runs are numbered from 0; the seed changes fastest, then the config,
+/// then the scene.
 struct ExperimentRun {
   std::size_t index = 0;
   std::string scene, config;
@@ -21,29 +22,31 @@ struct ExperimentRun {
 
   std::string name() const;  // "scene/config/seedN", as in the output folder
   std::filesystem::path log() const { return folder.root() / "train.log"; }
-  /// The settings that the run in the folder was started with.
+  /// The settings with which the run in the folder was started.
   std::filesystem::path settings_file() const { return folder.root() / "settings.toml"; }
   std::filesystem::path lock() const;
 };
 
-/// All runs, in order. Throws UsageError where the settings of one cannot be used.
+/// All runs, in order. Throws UsageError if the settings of one are not valid.
 std::vector<ExperimentRun> runs_of(const Experiment& experiment);
 
-/// Whether the folder has the results of a run with these settings. Settings that change no result
-/// may differ: train.threads, train.log_every and the like (OnChange::nothing in config_fields.h).
+/// Whether the folder has the results of a run with these settings. Settings that do not affect the
+/// result may differ: train.threads, train.log_every and the like (OnChange::nothing in
+/// config_fields.h).
 bool is_finished(const ExperimentRun& run);
 
-/// Where a run is computed; what is empty or 0 is left to the settings.
+/// The device and threads of a run. If they are empty or 0, the run's settings decide.
 struct RunSlot {
   std::string device;
   int threads = 0;
 };
 
-/// Makes the folder ready for the run: another run that it holds, or one that broke off and cannot
-/// be resumed, is moved to FOLDER.bak-N; settings.toml is written. Throws Error.
+/// Prepares the folder: moves a run with other settings to FOLDER.bak-N and writes settings.toml.
+/// Throws Error.
 void prepare(const ExperimentRun& run);
 
-/// `gemsplat train` with the run's settings, for start_child().
+/// The command `gemsplat train` with the run's settings, for start_child(). It resumes a run that
+/// the folder holds.
 std::vector<std::string> train_command(const ExperimentRun& run, const RunSlot& slot);
 
 }  // namespace gs

@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// One word of a shell's command, whatever is in it.
+// The text as one word of a shell command.
 std::string quoted(const std::string& text) {
   constexpr const char* kPlain =
       "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789/._-+=%";
@@ -23,7 +23,7 @@ std::string quoted(const std::string& text) {
   return result + "'";
 }
 
-// "0-3,7": indices in rising order.
+// The indices as Slurm writes them: "0-3,7".
 std::string index_ranges(const std::vector<const ExperimentRun*>& runs) {
   std::string text;
   for (std::size_t first = 0, last = 0; first < runs.size(); first = last + 1) {
@@ -45,7 +45,7 @@ std::string array_script(const Experiment& experiment,
   std::vector<std::string> options = {
       "--job-name=" + experiment.file.stem().string(), "--array=" + index_ranges(runs),
       "--output=" + quoted(logs.string()),
-      "--signal=B:TERM@60",  // a minute before the time is up, so that a run can save
+      "--signal=B:TERM@60",  // a minute before the time limit, so that a run can save a checkpoint
   };
   options.insert(options.end(), experiment.slurm.begin(), experiment.slurm.end());
   for (const std::string& option : options) text += fmt::format("#SBATCH {}\n", option);
@@ -61,7 +61,7 @@ void submit(const Experiment& experiment, const std::vector<const ExperimentRun*
   const std::string gather =
       fmt::format("gemsplat experiment {} --gather", quoted(experiment.file.string()));
   if (runs.empty()) {
-    std::cout << fmt::format("all runs are finished; the tables: {}\n", gather);
+    std::cout << fmt::format("all runs are finished; write the tables with: {}\n", gather);
     return;
   }
   const fs::path script = experiment.output / "experiment.sbatch";
@@ -74,15 +74,15 @@ void submit(const Experiment& experiment, const std::vector<const ExperimentRun*
   std::cout << fmt::format("sbatch {}\n", quoted(script.string())) << std::flush;
   if (!dry_run) {
     if (!find_program("sbatch"))
-      throw Error(
-          fmt::format("there is no sbatch on the PATH; on a machine of the cluster run: sbatch {}",
-                      quoted(script.string())));
+      throw Error(fmt::format(
+          "there is no sbatch on the PATH; run this on a machine of the cluster: sbatch {}",
+          quoted(script.string())));
     const auto print = [](std::string_view line) { std::cout << line << '\n'; };
     if (!run_process({"sbatch", script.string()}, {}, print).good())
-      throw Error("sbatch has refused " + script.string() +
-                  "; [slurm] in the experiment's file holds its options");
+      throw Error("sbatch failed on " + script.string() +
+                  "; check its options in [slurm] of the experiment's file");
   }
-  std::cout << fmt::format("afterwards, or at any time between: {}\n", gather);
+  std::cout << fmt::format("to write the tables, now or later: {}\n", gather);
 }
 
 }  // namespace gs

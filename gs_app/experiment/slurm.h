@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An experiment as a job array of Slurm: one task for each run.
+// Submits an experiment to Slurm as a job array with one task for each run.
 #pragma once
 
 #include <filesystem>
@@ -9,13 +9,13 @@
 
 namespace gs {
 
-/// The script for sbatch: each task does `gemsplat experiment FILE --only INDEX` for one of `runs`. Options of the file's
-/// [slurm] stand in it as #SBATCH lines.
+/// The script for sbatch. Each task runs `gemsplat experiment FILE --only INDEX` for one of `runs`.
+/// Options in [slurm] of the experiment's file become #SBATCH lines.
 std::string array_script(const Experiment& experiment,
                          const std::vector<const ExperimentRun*>& runs);
 
-/// Writes the script into the output folder and gives it to sbatch; with `dry_run` only prints the command that would.
-/// Throws Error where there is no sbatch or it refuses.
+/// Writes the script into the output folder and gives it to sbatch. With `dry_run` it only prints
+/// that command. Throws Error if sbatch is missing or fails.
 void submit(const Experiment& experiment, const std::vector<const ExperimentRun*>& runs,
             bool dry_run);
 

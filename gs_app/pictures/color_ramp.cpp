@@ -8,7 +8,7 @@
 namespace gs {
 namespace {
 
-/// Oklab (L, a, b) to sRGB.                                          Ottosson 2020, "A perceptual color space"
+/// Oklab (L, a, b) to sRGB.             Ottosson 2020, "A perceptual color space"
 Rgb srgb_from_oklab(double L, double a, double b) {
   const double l = std::pow(L + 0.3963377774 * a + 0.2158037573 * b, 3);
   const double m = std::pow(L - 0.1055613458 * a - 0.0638541728 * b, 3);
@@ -32,7 +32,8 @@ std::array<Rgb, 256> make_ramp() {
     const double lightness = 0.08 + 0.89 * t;
     const double chroma =
         0.19 * std::pow(std::sin(std::numbers::pi * std::min(0.03 + 0.86 * t, 1.0)), 0.8);
-    const double hue = (290 + 175 * t) * std::numbers::pi / 180;  // from violet over red to yellow
+    // From violet through red to yellow.
+    const double hue = (290 + 175 * t) * std::numbers::pi / 180;
     ramp[i] = srgb_from_oklab(lightness, chroma * std::cos(hue), chroma * std::sin(hue));
   }
   return ramp;

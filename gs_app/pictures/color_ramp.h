@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers as colors: errors beside pictures, depth in pictures of its own.
+// The color ramp for numbers in pictures: errors and depths.
 #pragma once
 
 #include <array>
@@ -9,7 +9,7 @@ namespace gs {
 
 using Rgb = std::array<std::uint8_t, 3>;  // display sRGB
 
-/// Of even steps in lightness: black, violet, red, orange, pale yellow.
+/// 256 colors with even steps in lightness: black, violet, red, orange, pale yellow.
 const std::array<Rgb, 256>& color_ramp();
 
 }  // namespace gs

@@ -16,15 +16,16 @@ namespace {
 constexpr int kMinPanelWidth = 320, kMaxPanelWidth = 640;  // pixels
 constexpr int kGap = 4;                                    // pixels between panels of one view
 constexpr int kMargin = 16;                                // pixels around views
-constexpr float kErrorGain = 4;                            // a quarter of the range is full scale
+// A quarter of the range becomes full scale.
+constexpr float kErrorGain = 4;
 
-/// Weights of the four pixels around a position, `t` beyond the second.         Catmull-Rom (Keys 1981, a = -1/2)
+/// Weights of the four pixels around a position that lies `t` after the second.   Catmull-Rom (Keys 1981, a = -1/2)
 std::array<float, 4> cubic_weights(float t) {
   return {((-0.5f * t + 1.0f) * t - 0.5f) * t, (1.5f * t - 2.5f) * t * t + 1.0f,
           ((-1.5f * t + 2.0f) * t + 0.5f) * t, (0.5f * t - 0.5f) * t * t};
 }
 
-/// A larger picture, cubic between pixels: for looking at, never for measuring.
+/// A larger picture by cubic interpolation. It is for people only: no metric is computed on it.
 Image8 enlarged(const Image8& image, int width, int height) {
   Image8 result(width, height, 3);
   for (int y = 0; y < height; ++y) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The picture that shows how good a run is: photo | render | error for a few views.
+// comparison.png of a run: photo | render | error of a few views.
 #pragma once
 
 #include <vector>
@@ -13,12 +13,12 @@ struct Comparison {
   Image8 photo, render;
 };
 
-/// The mean absolute difference of the channels, four times enlarged: black is none, the brightest yellow a quarter of the
-/// range and more. Both pictures have one size.
+/// The mean absolute difference of the channels, times four: black is no error, the brightest
+/// yellow a quarter of the range or more. Both pictures have the same size.
 Image8 error_picture(const Image8& photo, const Image8& render);
 
-/// One row per view (two views in a row where pictures stand upright), each photo, render and error side by
-/// side on white. Views are brought to one width, 320 to 640 pixels. `comparisons` is not empty.
+/// Photo, render and error side by side on white: one view in a row, or two if the pictures are
+/// upright. All pictures get the same width, 320 to 640 pixels. `comparisons` is not empty.
 Image8 comparison_picture(const std::vector<Comparison>& comparisons);
 
 }  // namespace gs

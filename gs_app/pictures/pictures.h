@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small matters of pictures that several verbs share.
+// Helpers for pictures that several parts of the program share: which ones to choose, and the names
+// of their files.
 #pragma once
 
 #include <filesystem>
@@ -10,14 +11,14 @@
 
 namespace gs {
 
-/// `wanted` (or all, where there are fewer) indices below `count`, evenly spread, ascending.
+/// `wanted` indices below `count`, evenly spread and ascending; all of them if there are fewer.
 std::vector<std::size_t> evenly_chosen(std::size_t count, std::size_t wanted);
 
-/// "00012.png": picture 12 of an evaluation.
+/// The file of a picture of an evaluation: "00012.png" for index 12.
 std::string picture_file(std::size_t index);
 
-/// Where the picture of a view goes: its name under `folder`, with .png for a photo's extension. A name that would
-/// leave the folder keeps its last part only.
+/// The file of a view's picture: its name under `folder`, with .png instead of the photo's
+/// extension. Of a name that would lead out of the folder only the last part is used.
 std::filesystem::path picture_path(const std::filesystem::path& folder,
                                    const std::string& view_name);
 

@@ -17,36 +17,41 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-const std::vector<std::string> kMetrics = {
-    "step",      "loss",      "num_gaussians", "seconds", "steps_per_second",
-    "sh_degree", "test_psnr", "test_ssim"};
-const std::vector<std::string> kProfile = {"step", "quantity", "name", "value"};
-
 using Row = std::vector<std::string>;
+
+constexpr const char* kStep = "step";            // the first column of both files
+constexpr const char* kEvaluated = "test_psnr";  // has a value in rows with an evaluation
+const Row kProfileHeader = {kStep, "quantity", "name", "value"};
+
+/// A file of comma-separated values. Its header is empty if there is no file.
+struct Table {
+  Row header;
+  std::vector<Row> rows;
+};
 
 [[noreturn]] void fail(const std::filesystem::path& path, std::size_t line) {
   throw Error(
-      fmt::format("cannot read {}: line {} is damaged; delete it, or move the file away to "
-                  "go without its curves",
+      fmt::format("cannot read {}: line {} is damaged; delete that line, or move the file away "
+                  "for a report without its curves",
                   path.string(), line));
 }
 
-// The rows of a file whose first line names these columns.
-std::vector<Row> rows_of(const std::filesystem::path& path, const Row& columns) {
-  std::vector<Row> rows;
+Table read_table(const std::filesystem::path& path) {
+  Table table;
   std::ifstream file(path);
   std::string line;
-  if (!std::getline(file, line)) return rows;
-  if (csv_cells(line) != columns) fail(path, 1);
+  if (!std::getline(file, line)) return table;
+  table.header = csv_cells(line);
+  if (table.header.front() != kStep) fail(path, 1);
   for (std::size_t number = 2; std::getline(file, line); ++number) {
-    if (file.eof()) break;  // cut short
-    rows.push_back(csv_cells(line));
-    if (rows.back().size() != columns.size()) fail(path, number);
+    if (file.eof()) break;  // a kill has cut this row short
+    table.rows.push_back(csv_cells(line));
+    if (table.rows.back().size() != table.header.size()) fail(path, number);
   }
-  return rows;
+  return table;
 }
 
-// Null for an empty cell and for what is not finite.
+// Null for an empty cell and for a number that is not finite.
 Json number(const std::filesystem::path& path, std::size_t row, const std::string& cell) {
   if (cell.empty()) return nullptr;
   double value = 0;
@@ -64,22 +69,25 @@ std::size_t stride_for(std::size_t count, std::size_t most) {
 }  // namespace
 
 Json metrics_columns(const std::filesystem::path& path, std::size_t most) {
-  const std::vector<Row> rows = rows_of(path, kMetrics);
+  const auto [header, rows] = read_table(path);
   const std::size_t stride = stride_for(rows.size(), most);
-  Json columns = Json::object();
-  for (const std::string& name : kMetrics) columns[name] = Json::array();
+  const auto evaluated =
+      std::size_t(std::find(header.begin(), header.end(), kEvaluated) - header.begin());
+  Json columns = {{kStep, Json::array()}};
+  for (const std::string& name : header) columns[name] = Json::array();
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const bool is_evaluated = !rows[i][6].empty();
+    const bool is_evaluated = evaluated < header.size() && !rows[i][evaluated].empty();
     if (i % stride != 0 && i + 1 != rows.size() && !is_evaluated) continue;
-    for (std::size_t c = 0; c < kMetrics.size(); ++c)
-      columns[kMetrics[c]].push_back(number(path, i, rows[i][c]));
+    for (std::size_t c = 0; c < header.size(); ++c)
+      columns[header[c]].push_back(number(path, i, rows[i][c]));
   }
   return columns;
 }
 
 Json profile_columns(const std::filesystem::path& path, std::size_t most) {
-  const std::vector<Row> rows = rows_of(path, kProfile);
-  std::vector<std::string> names;               // of stages, in the order of first use
+  const auto [header, rows] = read_table(path);
+  if (!header.empty() && header != kProfileHeader) fail(path, 1);
+  std::vector<std::string> names;                             // of stages, in order of first use
   std::map<int, std::map<std::string, Json>> stages, memory;  // by step
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Json step = number(path, i, rows[i][0]);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The curves of a report: metrics.csv and profile.csv as columns.
+// The training curves of a report: metrics.csv and profile.csv as JSON columns. To add a plot, see
+// the steps at the top of apps/web/report/plots.js.
 #pragma once
 
 #include <filesystem>
@@ -7,13 +8,16 @@
 
 namespace gs {
 
-/// {"step": [...], "loss": [...], ...}: a list for each column of a metrics.csv, null where a cell is empty or no finite
-/// number; empty lists where there is no file. Of more than `most` rows some are left out, evenly, but none that was
-/// evaluated. A last row that a kill cut short is passed over. Throws Error where another is damaged.
+/// {"step": [...], "loss": [...], ...}: a list for each column that the header of metrics.csv
+/// names. An empty cell or a number that is not finite is null. Without a file there is only an
+/// empty "step". Of a file with more than `most` rows only every n-th row is kept, and every row
+/// with an evaluation. A last row that a kill has cut short is ignored. Throws Error if another row
+/// is damaged.
 nlohmann::ordered_json metrics_columns(const std::filesystem::path& metrics, std::size_t most);
 
-/// Of a profile.csv, {"stages": {"step": [...], "names": [...], "milliseconds": [[...], ...]} (a list for each name),
-/// "memory": {"step": [...], "host": [...], "gpu": [...]}}; either is left out where nothing is known. Errors as above.
+/// The contents of profile.csv: {"stages": {"step": [...], "names": [...], "milliseconds": [[...],
+/// ...]}, "memory": {"step": [...], "host": [...], "gpu": [...]}}. "milliseconds" has a list for
+/// each name. Either key is left out if the file has no such rows. Throws Error as above.
 nlohmann::ordered_json profile_columns(const std::filesystem::path& profile, std::size_t most);
 
 }  // namespace gs

@@ -22,7 +22,7 @@ constexpr std::size_t kMostRows = 300;  // of each run's curves
 fs::path results_file(const fs::path& output) { return output / "results.json"; }
 
 Json run_json(const fs::path& output, const Json& run, std::vector<std::string>& notes) {
-  // Not the folder as it was called when it was written: the output may have been moved or copied since.
+  // The run's folder inside OUTPUT, not the path in results.json: OUTPUT may have been moved since.
   const std::string folder =
       fmt::format("{}/{}/seed{}", run.at("scene").get<std::string>(),
                   run.at("config").get<std::string>(), run.at("seed").get<std::uint64_t>());
@@ -50,6 +50,8 @@ Json experiment_report(const fs::path& output) {
                    {"date", results.at("date")},
                    {"made", made_by()},
                    {"summary", results.at("summary")},
+                   {"scenes", results.at("scenes")},
+                   {"configs", results.at("configs")},
                    {"runs", Json::array()}};
     for (const Json& run : results.at("runs"))
       report["runs"].push_back(run_json(output, run, notes));
@@ -57,8 +59,8 @@ Json experiment_report(const fs::path& output) {
     return report;
   } catch (const Json::exception& error) {
     throw Error(
-        fmt::format("{} is not what an experiment writes ({}); `gemsplat experiment FILE --gather` "
-                    "writes it anew",
+        fmt::format("{} is damaged or of another version ({}); `gemsplat experiment FILE --gather` "
+                    "writes it again",
                     results_file(output).string(), error.what()));
   }
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The report of an experiment, from the results.json of its output folder and the curves of its runs.
+// The report of an experiment: made from results.json in its output folder and from metrics.csv of
+// each run.
 #pragma once
 
 #include <filesystem>
@@ -7,16 +8,17 @@
 
 namespace gs {
 
-/// {"kind": "experiment", "title", "file", "date", "made", "summary", "runs": [{"scene", "config", "seed", "state", "settings",
-/// "results", "metrics", "report"}], "notes"}: summary and runs as in results.json, with the columns of each run's metrics.csv, and
-/// where its report is from here. Curves that cannot be read are left out, and said in "notes". Throws Error where
-/// results.json is missing or damaged.
+/// {"kind": "experiment", "title", "file", "date", "made", "summary", "scenes", "configs", "runs":
+/// [{"scene", "config", "seed", "state", "settings", "results", "metrics", "report"}], "notes"}.
+/// All but "metrics" (the columns of the run's metrics.csv) and "report" (the relative path of its
+/// report) is copied from results.json. A metrics.csv that cannot be read is left out, with a
+/// sentence in "notes". Throws Error if results.json is missing or damaged.
 nlohmann::ordered_json experiment_report(const std::filesystem::path& output);
 
 /// Whether the folder has the results.json of an experiment.
 bool holds_experiment(const std::filesystem::path& output);
 
-/// Writes OUTPUT/report.html. Where that cannot be done says so to the user: the tables are there.
+/// Writes OUTPUT/report.html. If that fails it logs a warning, since the tables are there.
 void keep_experiment_report(const std::filesystem::path& output);
 
 }  // namespace gs

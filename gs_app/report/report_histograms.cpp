@@ -13,9 +13,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr int kOpacityBars = 50, kScaleBars = 60;
-constexpr double kTail = 0.001;  // of the Gaussians, on either side
+constexpr double kTail = 0.001;  // share of the Gaussians on either side that the range leaves out
 
-// The value below which a share of them lies.
+// The quantile of `values`.
 float quantile(std::vector<float>& values, double share) {
   if (values.empty()) return 0;
   const auto at = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
@@ -46,7 +46,7 @@ Json model_histograms(const GaussianModel& model) {
     longest.push_back(kPerDecade * std::max({scale.x, scale.y, scale.z}));
     shortest.push_back(kPerDecade * std::min({scale.x, scale.y, scale.z}));
   }
-  // To tenths of a decade, and never empty.
+  // Rounded to tenths of a decade; the range is never empty.
   const double from = std::floor(10.0 * quantile(shortest, kTail)) / 10;
   const double to = std::max(std::ceil(10.0 * quantile(longest, 1 - kTail)) / 10, from + 0.1);
   Json long_axes = {{"name", "longest"}}, short_axes = {{"name", "shortest"}};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The histograms of a report: how opaque and how large the Gaussians of a model are.
+// The histograms of a report: opacities and scales of the Gaussians of a model.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -8,10 +8,11 @@
 
 namespace gs {
 
-/// {"count", "opacity": {"from", "to", "counts", "median"}, "scales": [{"name": "longest", the same}, {"name":
-/// "shortest", ...}], "out_of_range"}. Opacity is from 0 to 1; scales are log10 of the standard deviations along a Gaussian's longest and
-/// shortest axis, in world units, over a range that leaves the outermost thousandth on either side to the last bars.
-/// "out_of_range": Gaussians with a NaN or infinity, which are left out.
+/// {"count", "opacity": {"from", "to", "counts", "median"}, "scales": [{"name": "longest", the
+/// same}, {"name": "shortest", ...}], "out_of_range"}. Opacity is from 0 to 1. Scales are log10 of
+/// the standard deviations along a Gaussian's longest and shortest axis, in world units; the
+/// outermost thousandth on either side is counted in the last bar. "out_of_range" is the number of
+/// Gaussians with NaN or infinity, which are left out.
 nlohmann::ordered_json model_histograms(const GaussianModel& model);
 
 }  // namespace gs

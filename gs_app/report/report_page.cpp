@@ -14,15 +14,17 @@ using Json = nlohmann::ordered_json;
 bool can_write_reports() { return !report_template().empty(); }
 
 std::string cannot_write_reports() {
-  return "this build has no report page, as npm was missing: install npm and build again, or give "
-         "the folder to `gemsplat report` of another build";
+  return "this build has no report page, because npm was missing: install npm and build again, or "
+         "use "
+         "`gemsplat report` of another build on the same folder";
 }
 
 std::string report_page(const Json& data) {
   std::string text = data.dump(-1, ' ', false, Json::error_handler_t::replace);
   std::string escaped;
   escaped.reserve(text.size());
-  for (const char c : text) {  // in JSON these stand in strings only; "</script" and "<!--" would end or change the element
+  // In JSON, < occurs only in strings; "</script" would end the element.
+  for (const char c : text) {
     if (c == '<') {
       escaped += "\\u003c";
     } else {

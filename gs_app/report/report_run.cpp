@@ -24,8 +24,8 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMostRows = 3000;  // of each curve: more than a screen has pixels
 
-// [{"key", "value", "usual"}, ...] for settings that are not at their default, without those that
-// only name a place.
+// [{"key", "value", "usual"}, ...] for each setting that differs from its default ("usual"), except
+// the paths of scene and output.
 Json changed_settings(const Config& config) {
   Json changed = Json::array();
   for (const SettingChange& change : config_diff(Config{}, config))
@@ -39,8 +39,8 @@ std::string text_of(const fs::path& path) {
   return std::string(std::istreambuf_iterator<char>(file), {});
 }
 
-// Another version's config may have settings that this one does not know: the text is shown all the
-// same.
+// A config of another version may have settings that this one does not know. Its text is shown in
+// any case.
 void add_config(const RunFolder& folder, Json& report, std::vector<std::string>& notes) {
   report["config"] = text_of(folder.config());
   report["changed"] = Json::array();
@@ -77,7 +77,7 @@ Json run_report(const RunFolder& folder, Json results) {
     report["views"] = report_views(folder, *step, notes);
     report["histograms"] = model_histograms(read_gaussian_ply(folder.ply(*step)));
   } else {
-    notes.push_back("No model is saved yet: without it there are neither views nor histograms.");
+    notes.push_back("No model is saved yet, so there are no views and no histograms.");
   }
   report["results"] = std::move(results);
   report["notes"] = notes;
@@ -89,8 +89,8 @@ void write_final_report(const RunFolder& folder, const std::string& results_json
   try {
     write_report(folder.report(), run_report(folder, Json::parse(results_json)));
   } catch (const std::exception& error) {
-    log_warning("{} was not written: {}; `gemsplat report {}` makes it anew",
-                folder.report().string(), error.what(), folder.root().string());
+    log_warning("{} was not written: {}; `gemsplat report {}` writes it", folder.report().string(),
+                error.what(), folder.root().string());
   }
 }
 

@@ -21,9 +21,9 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMostViews = 24;
-constexpr std::size_t kMostBytes = 12 << 20;  // of pictures, as text in the page
+constexpr std::size_t kMostBytes = 12 << 20;  // of all pictures, in base64
 constexpr int kLongestSide = 800;             // pixels
-constexpr int kQuality = 88;                  // of JPEG, where blocks are hardly seen
+constexpr int kQuality = 88;                  // of JPEG: blocks are hardly visible
 
 std::string base64(const std::vector<std::uint8_t>& bytes) {
   constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -49,14 +49,14 @@ std::string data_uri(const Image8& image) {
   return "data:image/jpeg;base64," + base64(encode_jpeg(image, kQuality));
 }
 
-// photo, render and error of picture NUMBER of a split; the number of bytes that they take.
+// Adds photo, render and error of one picture to `view`. Returns their bytes.
 std::size_t add_pictures(const fs::path& pictures, const std::string& file, Json& view) {
   const Image8 photo = read_photo(pictures / "gt" / file);
   const Image8 render = read_photo(pictures / "renders" / file);
   if (photo.width != render.width || photo.height != render.height)
     throw Error((pictures / "renders" / file).string() +
                 " has another size than its photo; move the folder " + pictures.string() +
-                " away to go without pictures");
+                " away for a report without pictures");
   const Image8 small = at_most(render, kLongestSide);
   view["width"] = small.width;
   view["height"] = small.height;
@@ -69,7 +69,7 @@ std::size_t add_pictures(const fs::path& pictures, const std::string& file, Json
   return bytes;
 }
 
-// The names of the views behind the pictures, in their order.
+// The names of the views, in the order of their pictures.
 std::vector<std::string> names_of(const RunFolder& folder, const std::string& split) {
   const std::vector<std::string> all = split_names(folder, split);
   if (split == "test") return all;

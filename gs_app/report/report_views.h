@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The views of a run's report: figures of all, and pictures of some, in the page itself.
+// The views of a run's report: PSNR and SSIM of all views, and pictures of some, which the page
+// contains.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -10,10 +11,11 @@
 
 namespace gs {
 
-/// {"split", "total", "list": [{"name", "psnr", "ssim", "width", "height", "photo", "render", "error"}, ...]}: the test views, or
-/// the training views of results.json where nothing was held out. Null where the run was not evaluated at `step`. Pictures are
-/// data URIs of JPEGs, at most 800 pixels long, of up to 24 views, evenly chosen, and no more than 12 MiB in all. What is
-/// missing is added to `notes`. Throws Error where a file is damaged.
+/// {"split", "total", "list": [{"name", "psnr", "ssim", "width", "height", "photo", "render",
+/// "error"}, ...]}: the test views, or the training views of results.json if nothing was held out.
+/// Null if the run has no evaluation. Pictures are data URIs of JPEGs with at most 800 pixels on a
+/// side, of up to 24 evenly chosen views, and at most 12 MiB together. A sentence about missing
+/// pictures is added to `notes`. Throws Error if a file is damaged.
 nlohmann::ordered_json report_views(const RunFolder& folder, int step,
                                     std::vector<std::string>& notes);
 

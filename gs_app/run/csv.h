@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small files of comma-separated values: what a run writes as it goes on, and what is made of it later.
+// Small files of comma-separated values, such as metrics.csv.
 #pragma once
 
 #include <filesystem>
@@ -9,14 +9,14 @@
 
 namespace gs {
 
-/// A text as one cell: in quotes where it has to be.
+/// A text as one cell, in quotes if it holds a comma, a quote or a line end.
 std::string csv_cell(const std::string& text);
 
-/// The cells of one line, without quotes.
+/// The cells of one line, without their quotes.
 std::vector<std::string> csv_cells(std::string_view line);
 
-/// The whole rows of a file up to a step, their first cell. A row is whole where it ends with a newline, which a kill may
-/// have kept from it, and has as many cells as the header. Nothing where there is no file.
+/// The rows of a file whose first cell, a step, is at most `step`. Rows that are not whole are left
+/// out: a kill may have cut off the newline or some cells. Empty if there is no file.
 std::string csv_rows_up_to(const std::filesystem::path& file, std::string_view header, int step);
 
 /// Adds rows at the end of a file. Throws Error.

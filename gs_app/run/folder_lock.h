@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two programs that must not work on one folder at the same time.
+// Keeps two processes from working on one folder at the same time.
 #pragma once
 
 #include <filesystem>
 
 namespace gs {
 
-/// Holds a file's lock (flock) while it lives, and so do children that are started meanwhile: the lock is free when all
-/// of them have ended, however they ended. The file means nothing without its lock. Where the file system knows no locks there
-/// is a warning and none.
+/// Holds the lock of a file (flock) while it lives. Child processes that are started meanwhile hold
+/// it, too: it is free when all of them have ended, by a kill as well. The file alone, without its
+/// lock, has no meaning. On a file system without locks there is a warning, and no lock.
 class FolderLock {
  public:
   enum class Kind { alone, shared };
   enum class File { stays, removed };  // when the lock ends
-  /// `file` is the lock of `folder`. Throws Error that names that and the holder where another process has it. Where the holder itself is dead and only its
-  /// children are left, waits for them, a minute at most.
+  /// `file` is the lock of `folder`. If another process holds it, throws Error that names the
+  /// folder and the process. If that process is dead and only its children are left, waits for
+  /// them, a minute at most.
   FolderLock(const std::filesystem::path& file, const std::filesystem::path& folder, Kind kind,
              File afterwards = File::stays);
   ~FolderLock();

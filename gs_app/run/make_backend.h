@@ -9,9 +9,9 @@
 
 namespace gs {
 
-/// The backend for "cpu", "cuda", "cuda:N" or "auto" (a GPU where this build and machine have one, else the
-/// CPU). Throws Error that says what is missing and how to get it; UsageError for any other name. A backend serves
-/// one thread at a time.
+/// The backend for "cpu", "cuda", "cuda:N" or "auto". "auto" is a GPU if this build and the machine
+/// have one, and the CPU otherwise. Throws Error that says what is missing and how to get it, and
+/// UsageError for any other name. Only one thread at a time may use a backend.
 std::unique_ptr<Backend> make_backend(const std::string& device);
 
 /// Whether this build has CUDA, and how many GPUs the driver then reports.

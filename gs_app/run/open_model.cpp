@@ -33,8 +33,8 @@ fs::path ply_of(const RunFolder& run, std::optional<int> step) {
               "; the newest is that of step " + std::to_string(*newest));
 }
 
-// What a file of an export cannot say itself: its sidecar may. Of a model that was turned, moved or scaled
-// nothing is taken: it is nobody's frame but its own.
+// Takes from the sidecar what the format of an exported file cannot hold. A model that was rotated,
+// moved or scaled is in a frame of its own, so that its sidecar is ignored.
 void take_sidecar(const fs::path& file, GaussianModel& model) {
   const fs::path sidecar = sidecar_of(file);
   const ModelFormat* const format = find_format(file);
@@ -54,7 +54,7 @@ void take_sidecar(const fs::path& file, GaussianModel& model) {
     for (int i = 0; i < 3; ++i) model.world_offset[i] = rows.at(i).at(3);
     model.is_ours = true;
   } catch (const std::exception& error) {
-    log_warning("{} is left aside: {}", sidecar.string(), error.what());
+    log_warning("{} is ignored: {}", sidecar.string(), error.what());
   }
 }
 
@@ -69,7 +69,7 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
     opened.run.emplace(path);
     opened.ply = ply_of(*opened.run, step);
     if (fs::exists(opened.run->config())) load_config(opened.config, opened.run->config());
-    opened.config.train = {};  // where a model was trained says nothing of where it is looked at
+    opened.config.train = {};  // rendering may use another device than training did
   }
   opened.model = read_model(opened.ply);
   take_sidecar(opened.ply, opened.model);

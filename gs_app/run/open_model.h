@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A trained model as users name it: a file of any format that is read, or the folder of a run.
+// A trained model as users name it: a file of any format that can be read, or the folder of a run.
 #pragma once
 
 #include <filesystem>
@@ -21,17 +21,20 @@ struct OpenedModel {
                   // trainer wrote it, the classic blending rule of the PLY
 };
 
-/// FILE.transforms.json, which says what the file of an export cannot.
+/// FILE.transforms.json: the sidecar of an exported file. It holds what the format cannot, such as
+/// the frame of the coordinates.
 std::filesystem::path sidecar_of(const std::filesystem::path& file);
 
-/// Opens `path` (formats.h); of a run's folder the newest PLY, or that of `step`. Throws Error where there is none.
+/// Opens a file of any format that can be read (formats.h). In a run's folder this is the newest
+/// PLY, or the PLY after `step`. Throws Error if there is none.
 OpenedModel open_model(const std::filesystem::path& path, std::optional<int> step);
 
-/// The scene at dataset.source in the model's frame; with the exposures that the run was trained with, where it has any
-/// and the scene is its own.
+/// The scene at dataset.source in the model's frame. A run's own scene gets the exposures that the
+/// run was trained with, if there are any.
 Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene);
 
-/// How to render the model under a config: never more SH degrees than it has, black for "random".
+/// How to render the model with a config. The SH degree is at most that of the model, and a random
+/// background becomes black.
 RenderSettings view_settings(const OpenedModel& opened, Config config);
 
 }  // namespace gs

@@ -15,9 +15,13 @@ namespace {
 
 constexpr std::chrono::milliseconds kRedrawEvery{200};
 constexpr std::chrono::seconds kQuietStart{1};  // work shorter than this needs no lines in a log
-constexpr int kBarWidth = 24;        // characters
-constexpr double kRateMemory = 0.8;  // weight of the past in the rate shown
+constexpr std::chrono::minutes kLogEvery{5};    // without a terminal; or at each tenth of the way
+constexpr int kBarWidth = 24;                   // characters
 constexpr const char* kEraseLine = "\r\033[K";
+
+double seconds_of(std::chrono::steady_clock::time_point time) {
+  return std::chrono::duration<double>(time.time_since_epoch()).count();
+}
 
 int terminal_width() {
   winsize size{};
@@ -26,33 +30,26 @@ int terminal_width() {
 
 }  // namespace
 
-ProgressBar::ProgressBar(std::int64_t total, bool enabled)
+ProgressBar::ProgressBar(std::int64_t total, bool enabled, std::int64_t done)
     : total_(std::max<std::int64_t>(total, 1)), enabled_(enabled),
-      is_terminal_(::isatty(STDERR_FILENO) == 1) {}
+      is_terminal_(::isatty(STDERR_FILENO) == 1), next_tenth_(done * 10 / total_ + 1),
+      rate_(done, seconds_of(start_)) {}
 
 bool ProgressBar::due(std::int64_t done) {
   if (!enabled_) return false;
   const Clock::time_point now = Clock::now();
   if (is_terminal_) return done >= total_ || now - last_time_ >= kRedrawEvery;
-  return done * 10 >= next_tenth_ * total_ && now - start_ >= kQuietStart;
-}
-
-void ProgressBar::measure(std::int64_t done) {
-  const Clock::time_point now = Clock::now();
-  const double seconds = std::chrono::duration<double>(now - last_time_).count();
-  if (done <= last_done_ || seconds <= 0) return;
-  const double current = double(done - last_done_) / seconds;
-  rate_ = rate_ > 0 ? kRateMemory * rate_ + (1 - kRateMemory) * current : current;
-  last_time_ = now;
-  last_done_ = done;
+  const bool is_next = done * 10 >= next_tenth_ * total_ || now - last_time_ >= kLogEvery;
+  return is_next && now - start_ >= kQuietStart;
 }
 
 void ProgressBar::draw(std::int64_t done, const std::string& detail, const std::string& unit) {
-  measure(done);
-  const std::string figures =
-      fmt::format("{}/{}{}{} | {:.{}f} {}/s | {} left", done, total_, detail.empty() ? "" : " | ",
-                  detail, rate_, rate_ < 100 ? 1 : 0, unit,
-                  rate_ > 0 ? clock_text(double(total_ - done) / rate_) : "?");
+  last_time_ = Clock::now();
+  rate_.note(done, seconds_of(last_time_));
+  const double rate = rate_.rate();
+  const std::string figures = fmt::format(
+      "{}/{}{}{} | {:.{}f} {}/s | {} left", done, total_, detail.empty() ? "" : " | ", detail, rate,
+      rate < 100 ? 1 : 0, unit, rate > 0 ? clock_text(double(total_ - done) / rate) : "?");
   if (!is_terminal_) {
     next_tenth_ = done * 10 / total_ + 1;
     fmt::print(stderr, "{:3d}% {}\n", done * 100 / total_, figures);

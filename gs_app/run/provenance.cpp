@@ -20,7 +20,8 @@ std::string cpu_name() {
   return "unknown";
 }
 
-// "NVRM version: NVIDIA UNIX x86_64 Kernel Module  550.54.15  Tue Mar  5 ...": the first word of digits with a dot
+// "NVRM version: NVIDIA UNIX x86_64 Kernel Module  550.54.15  Tue Mar  5 ...": the first word of
+// digits with a dot
 std::string gpu_driver() {
   std::ifstream file("/proc/driver/nvidia/version");
   std::string line;

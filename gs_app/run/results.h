@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run came to, as numbers: the evaluation of views, and results.json and per_view.json.
+// The results of a run as numbers: results.json, per_view.json, and evaluations of views.
 #pragma once
 
 #include <functional>
@@ -13,7 +13,7 @@ namespace gs {
 
 inline constexpr std::size_t kTrainViewsShown = 8;  // training views in results.json
 
-/// The outcome of one training run, field by field as results.json holds it.
+/// The results of one training run, with the fields of results.json.
 struct Results {
   int iterations = 0;
   std::size_t num_gaussians = 0;
@@ -28,27 +28,31 @@ struct Results {
   std::optional<ExposureSummary> exposure;     // where exposures were solved for
 };
 
-/// The most GPU memory that this process has held so far; nothing where the backend is not a GPU's.
+/// The most GPU memory that this process has held so far, in bytes; none for a CPU backend.
 std::optional<std::size_t> peak_gpu_bytes(Backend& backend);
-/// What it holds now.
+/// The GPU memory that it holds now.
 std::optional<std::size_t> gpu_bytes(Backend& backend);
 
-/// {"iterations", "num_gaussians", "train_seconds", "test": {"psnr", "ssim", "num_views"}, "train": {...},
-/// "device", "version", "seed", "commit", "cpu", "date", "scene_hash", "peak_host_bytes"}; "test" is null where no view was
-/// held out. On a GPU "peak_gpu_bytes" and "driver", too. Date and peak are those of the call (provenance.h).
-/// "world_offset" where it is not 0. Where cameras were refined, "refinement" has the fields of CameraRefinement. Where views have exposures, "test" and "train" also hold "psnr_exposure" and "ssim_exposure", and "exposure" is {"samples",
+/// {"iterations", "num_gaussians", "train_seconds", "test": {"psnr", "ssim", "num_views"}, "train":
+/// {...}, "device", "version", "seed", "commit", "cpu", "date", "scene_hash", "peak_host_bytes"};
+/// "test" is null where no view was held out. On a GPU "peak_gpu_bytes" and "driver", too. Date and
+/// peak are those of the call (provenance.h). "world_offset" where it is not 0. Where cameras were
+/// refined, "refinement" has the fields of CameraRefinement. Where views have exposures, "test" and
+/// "train" also hold "psnr_exposure" and "ssim_exposure", and "exposure" is {"samples",
 /// "spread_before", "spread_after"}.
 std::string results_json(const Results& results);
 
 /// {"test": {"name": {"psnr", "ssim"}, ...}, "train": {...}}
 std::string per_view_json(const Results& results);
 
-/// {"psnr", "ssim", "num_views", "views": {name: {"psnr", "ssim"}, ...}} and more for `gemsplat eval --json`.
+/// {"psnr", "ssim", "num_views", "views": {name: {"psnr", "ssim"}, ...}} and more for `gemsplat
+/// eval --json`.
 std::string evaluation_json(const Evaluation& evaluation, const std::string& model,
                             const std::string& split, std::size_t num_gaussians,
                             const std::string& device);
 
-/// "28.93 dB PSNR, 0.9312 SSIM over 7 views", and what they are under the views' exposures, where these have any
+/// "28.93 dB PSNR, 0.9312 SSIM over 7 views". For views with exposures the figures under these
+/// exposures follow.
 std::string summary(const Evaluation& evaluation);
 
 }  // namespace gs

@@ -105,8 +105,9 @@ void check_is_free(const RunFolder& folder, bool force) {
   if (folder.holds_run() && !force)
     throw UsageError(
         "the output folder " + name +
-        " holds a run already; choose another with -o, or give --force to move it to " + name +
-        ".bak-N first");
+        " holds a run already; --resume goes on with it, -o chooses another folder, and --force "
+        "moves it to " +
+        name + ".bak-N first");
 }
 
 void make_run_folder(const RunFolder& folder) {

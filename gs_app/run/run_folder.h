@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The folder of one run: where everything lies, in the layout that users of the reference trainer (Kerbl et
-// al. 2023) and its viewers expect, with our own files beside it. docs/conventions.md lists them.
+// The folder of one run. Its layout is that of the reference trainer (Kerbl et al. 2023), which
+// other viewers expect, with our own files besides. docs/conventions.md lists them.
 #pragma once
 
 #include <filesystem>
@@ -24,7 +24,8 @@ class RunFolder {
   Path ply(int step) const;
   Path pictures(std::string_view split, int step) const;  // holds renders/ and gt/
   Path checkpoints() const { return root_ / "checkpoints"; }
-  /// FolderLock of the process that trains into it: beside it, so that it stays where the folder is moved aside.
+  /// The FolderLock of the process that trains into the folder. It lies beside the folder, so that
+  /// it stays in place if the folder is moved aside.
   Path lock() const {
     return absolute_root().parent_path() / ("." + absolute_root().filename().string() + ".lock");
   }
@@ -55,17 +56,19 @@ class RunFolder {
   Path root_;
 };
 
-/// Throws UsageError where the folder holds a run already (unless `force`), or is a file.
+/// Throws UsageError if the folder is a file, or holds a run already (unless `force`).
 void check_is_free(const RunFolder& folder, bool force);
 
-/// Makes the folder. A run that it holds is moved to ROOT.bak-N first, so that nothing is lost.
+/// Makes the folder. If it holds a run, the run is moved to ROOT.bak-N first, so that nothing is
+/// lost.
 void make_run_folder(const RunFolder& folder);
 
 /// What is known before the first step: config.toml, cfg_args, split.json, cameras.json, input.ply;
 /// exposure.json where exposures were solved for, world_offset.json where there is one.
 void write_run_description(const RunFolder& folder, const Config& config, const Scene& scene);
 
-/// The names of the run's views in a split, "train" or "test", as split.json has them. Throws Error.
+/// The names of the run's views in a split, "train" or "test", as split.json has them. Throws
+/// Error.
 std::vector<std::string> split_names(const RunFolder& folder, const std::string& split);
 
 /// Whether a file is there with this text.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Figures as people read them.
+// Numbers as people read them.
 #pragma once
 
 #include <spdlog/fmt/fmt.h>
@@ -24,6 +24,13 @@ inline std::string clock_text(double seconds) {
   const std::uint64_t hours = whole / 3600, minutes = whole / 60 % 60;
   if (hours == 0) return fmt::format("{}:{:02}", minutes, whole % 60);
   return fmt::format("{}:{:02}:{:02}", hours, minutes, whole % 60);
+}
+
+/// Seconds, not negative, as one rounded number with a unit: "40 s", "12 min", "3.5 h".
+inline std::string duration_text(double seconds) {
+  if (seconds < 90) return fmt::format("{:.0f} s", seconds);
+  if (seconds < 90 * 60) return fmt::format("{:.0f} min", seconds / 60);
+  return fmt::format("{:.1f} h", seconds / 3600);
 }
 
 }  // namespace gs

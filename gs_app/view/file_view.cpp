@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// Some trainers' cameras.json have names with extensions.
+// Names in our cameras.json have no extension; those of some other trainers have one.
 template <class T>
 const T* find_camera(const std::map<std::string, T>& by_name, const std::string& name) {
   auto found = by_name.find(name);
@@ -30,7 +30,7 @@ bool is_of_size(const Camera& a, const Camera& b) {
   return a.width == b.width && a.height == b.height;
 }
 
-// Of all photos, none decoded before it is looked at.
+// All views of the scene. A photo is decoded when the page asks for it.
 std::shared_ptr<const Scene> photos_of(DatasetConfig dataset, const Vec3d& world_offset) {
   dataset.refine_cameras = false;
   dataset.exposure = false;
@@ -39,7 +39,7 @@ std::shared_ptr<const Scene> photos_of(DatasetConfig dataset, const Vec3d& world
   return scene;
 }
 
-// Which views of the run are for testing and for training, by their names in cameras.json.
+// "train" or "test" of each view of the run, by its name in cameras.json.
 std::map<std::string, std::string> splits_of(const RunFolder& run) {
   std::map<std::string, std::string> splits;
   if (!fs::exists(run.split())) return splits;
@@ -73,14 +73,14 @@ void take_photos(ViewScene& scene, const DatasetConfig& dataset, const Vec3d& wo
                                       scene.cameras.size(), dataset.source));
   if (dataset.refine_cameras)
     scene.notes.push_back(
-        "the run refined its cameras: photos taken through a lens are shown as before that, and "
-        "may be some pixels off");
+        "the run has refined its cameras: a photo that was undistorted is shown as before the "
+        "refinement, and may be off by some pixels");
 }
 
 void take_cameras_of_run(ViewScene& scene, const OpenedModel& opened, const Config& config) {
   const RunFolder& run = *opened.run;
   if (!fs::exists(run.cameras())) {
-    scene.notes.push_back("the run has no cameras.json: name its scene with --data to see cameras");
+    scene.notes.push_back("no cameras: the run has no cameras.json; name its scene with --data");
     return;
   }
   const std::map<std::string, std::string> splits = splits_of(run);
@@ -89,8 +89,7 @@ void take_cameras_of_run(ViewScene& scene, const OpenedModel& opened, const Conf
     scene.cameras.push_back({named.name, split ? *split : "", named.camera});
   }
   if (config.dataset.source.empty())
-    scene.notes.push_back(
-        "no photos: the run does not say which scene it was trained on; name it with --data");
+    scene.notes.push_back("no photos: the run does not name its scene; name it with --data");
   else
     take_photos(scene, config.dataset, opened.model.world_offset);
 }
@@ -134,8 +133,7 @@ Json FileView::mode_and_model() {
 }
 
 HttpAnswer FileView::model() {
-  if (renderer_)
-    return http_error(404, "the model stays here: `gemsplat view --remote` sends its frames alone");
+  if (renderer_) return http_error(404, "`gemsplat view --remote` sends frames, not the model");
   HttpAnswer answer;
   answer.type = "application/octet-stream";
   answer.file = model_.file;
@@ -146,7 +144,7 @@ HttpAnswer FileView::frame(const HttpRequest& request) {
   if (!renderer_) return ViewSource::frame(request);
   try {
     const std::optional<RenderedFrame> frame = renderer_->frame(frame_request_of(request));
-    if (!frame) return http_error(409, "a newer frame was asked for");
+    if (!frame) return http_error(409, "a newer request has replaced this one");
     HttpAnswer answer = http_text(frame->jpeg, "image/jpeg");
     answer.headers = {{"X-Render-Ms", fmt::format("{:.2f}", frame->milliseconds)}};
     return answer;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A finished model as `gemsplat view` serves it: its file, or frames that are rendered here.
+// A finished model in the viewer (`gemsplat view`): the page gets its file, or with --remote frames
+// rendered here.
 #pragma once
 
 #include <memory>
@@ -15,24 +16,26 @@ class FileView final : public ViewSource {
  public:
   FileView(ViewScene scene, ServedModel model)
       : scene_(std::move(scene)), model_(std::move(model)) {}
-  /// Frames instead of the file, from `renderer`, which is not null.
+  /// Serves frames from `renderer` instead of the file. `renderer` is not null.
   FileView(ViewScene scene, std::size_t gaussians, std::unique_ptr<FrameRenderer> renderer);
 
   const ViewScene& scene() const override { return scene_; }
   nlohmann::ordered_json mode_and_model() override;
-  nlohmann::ordered_json state() override { return finished_state(model_.gaussians); }
+  nlohmann::ordered_json state(int) override { return finished_state(model_.gaussians); }
   HttpAnswer model() override;
   HttpAnswer frame(const HttpRequest& request) override;
 
  private:
   ViewScene scene_;
-  ServedModel model_;  // without a file where frames are served
+  ServedModel model_;  // without a file if frames are served
   std::unique_ptr<FrameRenderer> renderer_;
 };
 
-/// The cameras and photos to look at a model with: those of `cameras` (a cameras.json), of dataset.source where `has_scene`,
-/// else of the run, whose photos are looked for where it was trained; none where there is none of these. Throws Error for what
-/// was asked for and cannot be read; what a run lacks is a note.
+/// The cameras and photos beside a model. They come from the first of these that is there:
+///   1. the scene config.dataset.source, if `has_scene` (--data);
+///   2. the file `cameras`, if it is not empty (--cameras): cameras without photos;
+///   3. the run's cameras.json, with the photos of the scene that it was trained on.
+/// Throws Error if 1 or 2 cannot be read. A run that lacks files or photos gets a note instead.
 ViewScene view_scene_of(const OpenedModel& opened, const Config& config, bool has_scene,
                         const std::string& cameras);
 

@@ -12,9 +12,9 @@
 namespace gs {
 namespace {
 
-constexpr std::size_t kMostDepths = 20000;  // enough to see between which most of them are
+constexpr std::size_t kMostDepths = 20000;  // a sample that is large enough for the range of depths
 
-// Of evenly chosen pixels that show something; sorted.
+// The depths of evenly chosen pixels that show something, sorted.
 std::vector<float> some_depths(const ImageF& depth) {
   std::vector<float> depths;
   for (const std::size_t i : evenly_chosen(depth.pixels.size(), kMostDepths))
@@ -23,10 +23,10 @@ std::vector<float> some_depths(const ImageF& depth) {
   return depths;
 }
 
-// What the thread of the renderer holds.
-class Studio {
+// The backend and the copy of the model on its device. Only the renderer's thread uses them.
+class DeviceModel {
  public:
-  Studio(const std::string& device, const GaussianModel& model, const RenderSettings& settings)
+  DeviceModel(const std::string& device, const GaussianModel& model, const RenderSettings& settings)
       : backend_(make_backend(device)), gaussians_(copy_to(backend_->memory(), model)),
         pictures_(*backend_, gaussians_, model.gaussians, settings, true) {}
 
@@ -112,16 +112,16 @@ std::optional<FrameRenderer::Job> FrameRenderer::next() {
 }
 
 void FrameRenderer::serve(const std::string& device, std::promise<std::string> ready) {
-  std::optional<Studio> studio;
+  std::optional<DeviceModel> device_model;
   try {
-    studio.emplace(device, model_, settings_);
-    ready.set_value(studio->device());
+    device_model.emplace(device, model_, settings_);
+    ready.set_value(device_model->device());
   } catch (...) {
     return ready.set_exception(std::current_exception());
   }
   while (std::optional<Job> job = next()) {
     try {
-      job->result.set_value(studio->take(job->request));
+      job->result.set_value(device_model->take(job->request));
     } catch (...) {
       job->result.set_exception(std::current_exception());
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames of a model for a page elsewhere, rendered by a backend and sent as JPEG: one at a time, on a thread of its own.
+// Renders frames for `gemsplat view --remote` as JPEGs, one at a time, on a thread of its own.
 #pragma once
 
 #include <condition_variable>
@@ -20,21 +20,23 @@ namespace gs {
 
 struct RenderedFrame {
   std::string jpeg;
-  double milliseconds = 0;  // rendering, without the encoder
+  double milliseconds = 0;  // of rendering, without the JPEG encoder
 };
 
 class FrameRenderer {
  public:
-  /// The model stays on the host, too. Throws Error where the device cannot be had.
+  /// `model` must outlive this; it is copied to the device. Throws Error if the device is not
+  /// available.
   FrameRenderer(const std::string& device, const GaussianModel& model,
                 const RenderSettings& settings);
   ~FrameRenderer();
   FrameRenderer(const FrameRenderer&) = delete;
   FrameRenderer& operator=(const FrameRenderer&) = delete;
 
-  /// Waits for its turn; nothing where a newer request of the same client came before that. From any thread. Throws Error.
+  /// Waits for its turn and renders. Returns nothing if a newer request of the same client has
+  /// arrived while it waited. May be called from any thread. Throws Error.
   std::optional<RenderedFrame> frame(const FrameRequest& request);
-  /// "cpu", "cuda:0 (...)"
+  /// The backend's name, e.g. "cpu" or "cuda:0 (...)".
   const std::string& device() const { return device_; }
 
  private:
@@ -50,9 +52,9 @@ class FrameRenderer {
   std::string device_;
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::deque<Job> waiting_;  // one of each client
+  std::deque<Job> waiting_;  // at most one of each client
   bool quit_ = false;
-  std::thread thread_;  // the backend's: a GPU is chosen thread by thread
+  std::thread thread_;  // the only one that uses the backend: CUDA selects its device per thread
 };
 
 }  // namespace gs

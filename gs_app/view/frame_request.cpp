@@ -24,13 +24,13 @@ double number_of(std::string_view text, const std::string& name) {
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(float(value)))
-    fail(name, fmt::format("'{}' is no number", text.substr(0, 40)));
+    fail(name, fmt::format("'{}' is not a number", text.substr(0, 40)));
   return value;
 }
 
-class Words {
+class Parameters {
  public:
-  explicit Words(const HttpRequest& request) : query_(request.query) {}
+  explicit Parameters(const HttpRequest& request) : query_(request.query) {}
   bool has(const std::string& name) const { return query_.contains(name); }
   const std::string& text(const std::string& name) const {
     const auto found = query_.find(name);
@@ -41,13 +41,13 @@ class Words {
   int whole(const std::string& name, int most) const {
     const double value = number(name);
     if (!(value >= 1 && value <= most) || value != std::floor(value))
-      fail(name, fmt::format("{} is no whole number from 1 to {}", value, most));
+      fail(name, fmt::format("{} is not a whole number from 1 to {}", value, most));
     return int(value);
   }
   float focal(const std::string& name) const {
     const double value = number(name);
     if (!(value > 0 && value <= kLargestFocal))
-      fail(name, fmt::format("{} is no focal length in pixels", value));
+      fail(name, fmt::format("{} is not a focal length in pixels", value));
     return float(value);
   }
 
@@ -63,19 +63,20 @@ Matrix matrix_of(std::string_view text) {
   Matrix matrix{};
   for (int i = 0; i < 16; ++i) {
     const std::size_t comma = text.find(',');
-    if ((comma == text.npos) != (i == 15)) fail("m", "it takes 16 numbers with commas between");
+    if ((comma == text.npos) != (i == 15))
+      fail("m", "it needs 16 numbers with commas between them");
     matrix.m[i] = number_of(text.substr(0, comma), "m");
     text.remove_prefix(comma == text.npos ? text.size() : comma + 1);
   }
   return matrix;
 }
 
-// The pose, of the matrix world_from_camera.
+// Sets the pose from the matrix world_from_camera.
 void place(Camera& camera, const Matrix& matrix) {
   const double* m = matrix.m;
   const Mat3<double> R{{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}};
   if (!is_rotation(R, kRotationTolerance) || m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1)
-    fail("m", "it is no rotation with a position");
+    fail("m", "it is not a rotation and a position");
   camera.cam_from_world_rotation = {Vec3f(R.row0), Vec3f(R.row1), Vec3f(R.row2)};
   camera.cam_from_world_translation = Vec3f(-multiply(R, Vec3d(m[3], m[7], m[11])));
 }
@@ -84,24 +85,24 @@ Quantity quantity_named(const std::string& name) {
   if (name == "color") return Quantity::color;
   if (name == "depth") return Quantity::depth;
   if (name == "normal") return Quantity::normal;
-  fail("mode", "there are color, depth and normal");
+  fail("mode", "it is one of color, depth and normal");
 }
 
 }  // namespace
 
 FrameRequest frame_request_of(const HttpRequest& request) {
-  const Words words(request);
+  const Parameters given(request);
   FrameRequest frame;
-  frame.camera.width = words.whole("w", kLargestFrameSide);
-  frame.camera.height = words.whole("h", kLargestFrameSide);
-  frame.camera.fx = words.focal("fx");
-  frame.camera.fy = words.focal("fy");
-  frame.camera.cx = float(words.number("cx"));
-  frame.camera.cy = float(words.number("cy"));
-  place(frame.camera, matrix_of(words.text("m")));
-  if (words.has("mode")) frame.quantity = quantity_named(words.text("mode"));
-  if (words.has("q")) frame.quality = words.whole("q", 100);
-  frame.client = words.has("client") ? words.text("client") : request.client;
+  frame.camera.width = given.whole("w", kLargestFrameSide);
+  frame.camera.height = given.whole("h", kLargestFrameSide);
+  frame.camera.fx = given.focal("fx");
+  frame.camera.fy = given.focal("fy");
+  frame.camera.cx = float(given.number("cx"));
+  frame.camera.cy = float(given.number("cy"));
+  place(frame.camera, matrix_of(given.text("m")));
+  if (given.has("mode")) frame.quantity = quantity_named(given.text("mode"));
+  if (given.has("q")) frame.quality = given.whole("q", 100);
+  frame.client = given.has("client") ? given.text("client") : request.client;
   return frame;
 }
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The words of a /frame request: a camera, what to show of it, how well.
+// Parses the query of a /frame request: a camera, the quantity to show, the JPEG quality.
 #pragma once
 
 #include <string>
 
 #include "gs_app/export/view_pictures.h"
-#include "gs_app/view/http_server.h"
+#include "gs_app/view/http/http_server.h"
 #include "gs_core/camera.h"
 
 namespace gs {
@@ -16,11 +16,11 @@ struct FrameRequest {
   Camera camera;
   Quantity quantity = Quantity::color;
   int quality = 85;    // of JPEG, 1 to 100
-  std::string client;  // whose request it is: a newer one of the same client overtakes it
+  std::string client;  // who asks: a newer request of the same client replaces one that waits
 };
 
-/// w h fx fy cx cy (pixels), m (world_from_camera, 16 numbers by rows, commas between), and where given mode, q, client.
-/// Throws UsageError that names the word which cannot be taken.
+/// Required: w h fx fy cx cy in pixels, and m, the matrix world_from_camera as 16 numbers by rows
+/// with commas. Optional: mode, q, client. Throws UsageError that names the parameter at fault.
 FrameRequest frame_request_of(const HttpRequest& request);
 
 }  // namespace gs

@@ -9,11 +9,11 @@
 #include <new>
 
 #include "data_loaders/formats/formats.h"
-#include "gs_app/view/low_priority.h"
 #include "gs_app/view/served_model.h"
 #include "gs_core/error.h"
 #include "gs_core/io/scratch_folder.h"
 #include "gs_core/log.h"
+#include "gs_core/low_priority.h"
 #include "gs_core/parallel.h"
 #include "gs_render/render_settings.h"
 
@@ -22,10 +22,26 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Of the formats that the page reads the quickest to write, and with all SH: docs/viewer.md.
+// The fastest to write of the formats that the page reads and that keep all SH coefficients:
+// docs/viewer.md has times.
 constexpr const char* kSnapshotFormat = "compressed.ply";
 
+constexpr std::size_t kMostLosses = 2000;  // in one answer: more than the page's chart has pixels
+
 Json json_of(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
+
+// [[step, loss], ...] after a step: every n-th if there are more than kMostLosses, and always the
+// last.
+Json losses_json(const std::vector<LoggedLoss>& losses, int after_step) {
+  const auto first =
+      std::partition_point(losses.begin(), losses.end(),
+                           [&](const LoggedLoss& logged) { return logged.step <= after_step; });
+  const auto count = std::size_t(losses.end() - first), stride = count / kMostLosses + 1;
+  Json list = Json::array();
+  for (std::size_t i = 0; i < count; ++i)
+    if (i % stride == 0 || i + 1 == count) list.push_back({first[i].step, first[i].loss});
+  return list;
+}
 
 ViewScene live_scene(std::string title, const Scene& scene, const Config& config) {
   ViewScene live;
@@ -38,8 +54,9 @@ ViewScene live_scene(std::string title, const Scene& scene, const Config& config
   return live;
 }
 
-// A run does not give up caches, let alone end, for those who watch.
-std::optional<GaussianModel> copy_if_there_is_room(Trainer& trainer) {
+// Nothing if there is too little memory for the copy: a run neither drops caches nor ends for the
+// sake of the viewer.
+std::optional<GaussianModel> copy_if_it_fits(Trainer& trainer) {
   try {
     return copied_model(trainer);
   } catch (const std::bad_alloc&) {
@@ -53,7 +70,7 @@ std::optional<GaussianModel> copy_if_there_is_room(Trainer& trainer) {
 }  // namespace
 
 LiveView::LiveView(std::string title, const Scene& scene, const Config& config,
-                   LookBudget::Clock clock)
+                   SnapshotBudget::Clock clock)
     : scene_(live_scene(std::move(title), scene, config)), budget_(std::move(clock)),
       encoder_([this] { encode_all(); }) {}
 
@@ -72,60 +89,71 @@ void LiveView::follow(const MetricsObserver& metrics, const EvaluationObserver& 
 }
 
 void LiveView::after_step(int step, Trainer& trainer) {
-  take_figures(step, trainer);
+  update_progress(step, trainer);
   {
     const std::lock_guard lock(mutex_);
     if (is_encoding_) return;
   }
-  if (!budget_.may_look()) return;
-  trainer.model();  // the steps under way are training's own time
+  if (!budget_.allows_copy()) return;
+  trainer.model();  // waits for the steps under way, which are not part of the copy's cost
   std::optional<GaussianModel> copy;
-  budget_.look([&] { copy = copy_if_there_is_room(trainer); });
+  budget_.spend([&] { copy = copy_if_it_fits(trainer); });
   if (!copy) {
     const std::lock_guard lock(mutex_);
-    figures_.message = "no snapshot: there is too little memory for a copy of the model";
-    figures_.message_until = step;
+    progress_.message = "no snapshot: there is too little memory for a copy of the model";
+    progress_.message_until = step;
     return;
   }
-  copy->sh_degree = std::min(copy->sh_degree, trainer.settings().sh_degree);  // what is in use so far
-  ++looks_;
-  hand_over(std::move(*copy));
+  // The degree in use so far.
+  copy->sh_degree = std::min(copy->sh_degree, trainer.settings().sh_degree);
+  ++copies_;
+  pass_to_encoder(std::move(*copy));
 }
 
 void LiveView::after_rollback(int step, Trainer&) {
   const std::lock_guard lock(mutex_);
-  figures_.message = fmt::format("the run went back to the state after step {}", step);
-  figures_.message_until = figures_.step;
-  figures_.step = step;
+  progress_.message = fmt::format("the run went back to the state after step {}", step);
+  progress_.message_until = progress_.step;
+  progress_.step = step;
+  update_losses();
 }
 
 void LiveView::after_run(Trainer& trainer) {
   const std::lock_guard lock(mutex_);
-  figures_.is_stopped = trainer.step() < trainer.schedule().steps();
+  progress_.is_stopped = trainer.step() < trainer.schedule().steps();
 }
 
-// What is known without a wait for the device.
-void LiveView::take_figures(int step, Trainer& trainer) {
+// Takes only what is known without waiting for the device.
+void LiveView::update_progress(int step, Trainer& trainer) {
   const std::lock_guard lock(mutex_);
-  figures_.step = step;
-  figures_.steps = trainer.schedule().steps();
-  figures_.gaussians = trainer.gaussian_count();
-  figures_.seconds = trainer.train_seconds();
-  if (metrics_) figures_.loss = metrics_->last_loss();
+  progress_.step = step;
+  progress_.steps = trainer.schedule().steps();
+  progress_.gaussians = trainer.gaussian_count();
+  progress_.seconds = trainer.train_seconds();
+  update_losses();
   if (const Evaluation* found = evaluations_ ? evaluations_->at(step) : nullptr)
-    figures_.psnr = found->psnr;
-  if (step > figures_.message_until) figures_.message.clear();
+    progress_.psnr = found->psnr;
+  if (step > progress_.message_until) progress_.message.clear();
+}
+
+// Follows metrics.csv, of which a run that goes back to a checkpoint drops rows.
+void LiveView::update_losses() {
+  if (!metrics_) return;
+  const std::vector<LoggedLoss>& logged = metrics_->losses();
+  std::vector<LoggedLoss>& losses = progress_.losses;
+  losses.resize(std::min(losses.size(), logged.size()));
+  losses.insert(losses.end(), logged.begin() + std::ptrdiff_t(losses.size()), logged.end());
 }
 
 void LiveView::end(std::optional<GaussianModel> model, const Evaluation& test) {
-  if (model) hand_over(std::move(*model));
+  if (model) pass_to_encoder(std::move(*model));
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [&] { return !is_encoding_; });
-  if (!test.views.empty()) figures_.psnr = test.psnr;
-  figures_.is_done = true;
+  if (!test.views.empty()) progress_.psnr = test.psnr;
+  progress_.is_done = true;
 }
 
-void LiveView::hand_over(GaussianModel model) {
+void LiveView::pass_to_encoder(GaussianModel model) {
   {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return !is_encoding_; });
@@ -157,8 +185,8 @@ void LiveView::encode_all() {
       newest_ = std::move(snapshot);
       ++version_;
     } else {
-      figures_.message = trouble;
-      figures_.message_until = figures_.steps;
+      progress_.message = trouble;
+      progress_.message_until = progress_.steps;
     }
     is_encoding_ = false;
     changed_.notify_all();
@@ -175,7 +203,8 @@ LiveView::Snapshot LiveView::encode(const GaussianModel& model) const {
   auto bytes = std::make_shared<std::string>(std::istreambuf_iterator<char>(file),
                                              std::istreambuf_iterator<char>());
   if (bytes->size() != std::filesystem::file_size(path))
-    throw Error("cannot read " + path.string() + " back");
+    throw Error("cannot read " + path.string() +
+                " back; free space in the folder for temporary files, or set TMPDIR");
   return {std::move(bytes), written, model.sh_degree, model.antialiased};
 }
 
@@ -189,19 +218,21 @@ Json LiveView::mode_and_model() {
   return json;
 }
 
-Json LiveView::state() {
-  budget_.watch();
+Json LiveView::state(int after_step) {
+  budget_.note_poll();
   const std::lock_guard lock(mutex_);
-  return {{"step", figures_.step},
-          {"steps", figures_.steps},
-          {"loss", json_of(figures_.loss)},
-          {"gaussians", figures_.gaussians},
-          {"psnr", json_of(figures_.psnr)},
-          {"seconds", figures_.seconds},
+  const std::vector<LoggedLoss>& losses = progress_.losses;
+  return {{"step", progress_.step},
+          {"steps", progress_.steps},
+          {"loss", losses.empty() ? Json() : Json(losses.back().loss)},
+          {"losses", losses_json(losses, after_step)},
+          {"gaussians", progress_.gaussians},
+          {"psnr", json_of(progress_.psnr)},
+          {"seconds", progress_.seconds},
           {"version", version_},
-          {"done", figures_.is_done},
-          {"stopped", figures_.is_stopped},
-          {"message", figures_.message}};
+          {"done", progress_.is_done},
+          {"stopped", progress_.is_stopped},
+          {"message", progress_.message}};
 }
 
 HttpAnswer LiveView::model() {

@@ -27,13 +27,13 @@ bool is_plain(const PlyHeader& header) {
                                                 });
 }
 
-// Version 4 begins with its name; the others are gzip as a whole.
+// Version 4 begins with a magic number; older versions are gzip streams.
 bool is_newer_spz(const std::filesystem::path& file) {
   ByteReader reader(file);
   return reader.size() >= 4 && std::memcmp(reader.peek(4), "NGSP", 4) == 0;
 }
 
-// By name; a PLY may be a compressed one whatever it is called.
+// By the file's name. A .ply may be a compressed PLY, which only its header says.
 const ModelFormat& format_of(const std::filesystem::path& file) {
   const ModelFormat* const format = find_format(file);
   if (format && format->name != "ply") return *format;
@@ -62,7 +62,7 @@ ServedModel serve_model(const OpenedModel& opened) {
   model.file = model.scratch->path() / "model.ply";
   model.format = &format_named("ply");
   model.gaussians -= write_gaussian_ply(model.file, opened.model);
-  log_info("{} is no file that browsers read: a PLY is made of it", opened.ply.string());
+  log_info("the viewer's page cannot read {}: making a PLY from it", opened.ply.string());
   return model;
 }
 

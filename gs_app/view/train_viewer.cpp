@@ -12,7 +12,7 @@ TrainViewer::TrainViewer(const RunFolder& folder, const Scene& scene, const Conf
       server_(options.place,
               [this](const HttpRequest& request) { return view_answer(view_, request); }),
       waits_(options.waits) {
-  warn_of_guests(options.place);
+  warn_if_public(options.place);
   log_info("viewer: {}", server_.url());
 }
 
@@ -26,7 +26,7 @@ void TrainViewer::end(Trainer& trainer, const Evaluation& test) {
   if (!waits_) return view_.end({}, test);
   SignalWait signal;
   view_.end(trained_model(trainer), test);
-  log_info("{} shows the model until Ctrl-C", server_.url());
+  log_info("{} shows the final model; Ctrl-C ends the server", server_.url());
   signal.wait();
 }
 

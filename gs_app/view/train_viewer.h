@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gemsplat train --viewer`: a run in the browser while it goes on.
+// `gemsplat train --viewer` shows a run in the browser while it trains. A TrainViewer joins the
+// three parts that this takes: a LiveView that observes the run, an HTTP server, and the wait for a
+// signal at the end (--viewer-wait).
 #pragma once
 
 #include "gs_app/run/run_folder.h"
@@ -10,20 +12,21 @@ namespace gs {
 struct ViewerOptions {
   bool is_wanted = false;  // --viewer
   HttpPlace place;         // --viewer-host, --viewer-port
-  bool waits = false;      // --viewer-wait
+  bool waits = false;      // --viewer-wait: show the final model until a signal comes
 };
 
-/// Serves from construction to destruction.
+/// Serves the run from construction to destruction.
 class TrainViewer {
  public:
-  /// Says where it listens. Throws Error where the place is taken. The scene outlives it.
+  /// Logs the address. Throws Error if the port is taken. The scene must outlive this.
   TrainViewer(const RunFolder& folder, const Scene& scene, const Config& config,
               const ViewerOptions& options);
 
-  /// To be added as the last of the run's observers; metrics and evaluations outlive the run.
+  /// The observer that must be added to the run last. `metrics` and `evaluations` must outlive the
+  /// run.
   Observer& observer(const MetricsObserver& metrics, const EvaluationObserver& evaluations);
 
-  /// The run is over. With --viewer-wait its model is shown until a signal comes.
+  /// Ends the run. With --viewer-wait, shows its model and returns when a signal has come.
   void end(Trainer& trainer, const Evaluation& test);
 
  private:

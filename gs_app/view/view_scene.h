@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `gemsplat view` shows besides the Gaussians: cameras with their photos, and where a look
-// around begins.
+// What the viewer shows besides the Gaussians: cameras with their photos, and the first view.
 #pragma once
 
 #include <memory>
@@ -16,33 +15,34 @@
 
 namespace gs {
 
-/// A camera of the scene. `view` has its photo, at the camera's size; null where there is none.
+/// A camera of the scene. `view` has its photo, at the camera's size; it is null if there is none.
 struct ViewedCamera {
   std::string name;
-  std::string split;  // "train", "test", or "" where it is not known
+  std::string split;  // "train", "test", or "" if it is not known
   Camera camera;
   const View* view = nullptr;
 };
 
-/// How the cameras stand around what they look at, or the points without cameras: a look around
-/// begins there.
+/// How the cameras stand around what they look at, or the points if there are no cameras: the first
+/// view comes from this.
 SceneFrame frame_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> points);
 
-/// Cameras, where a look around begins, and the owner of the photos.
+/// Cameras, their frame, rendering settings, and the owner of the photos.
 struct ViewScene {
   std::string title;
   Vec3f background{0};
-  float near_plane = 0.2f, far_plane = 10000;  // world units of depth: what is shown lies between
+  // Depths in world units: nothing outside them is drawn.
+  float near_plane = 0.2f, far_plane = 10000;
   std::vector<ViewedCamera> cameras;
   SceneFrame frame;
-  std::vector<std::string> notes;            // what is missing, and why
-  std::shared_ptr<const Scene> photos = {};  // owner of the views, unless they are somebody else's
+  std::vector<std::string> notes;            // sentences for the user: what is missing, and why
+  std::shared_ptr<const Scene> photos = {};  // owner of the views; null if the caller owns them
 };
 
-/// What /scene.json says, but for "mode" and "model".
+/// /scene.json without "mode" and "model".
 nlohmann::ordered_json scene_json(const ViewScene& scene);
 
-/// Takes what the pictures' settings say.
+/// Copies the background and the depth range from the rendering settings.
 void take_settings(ViewScene& scene, const RenderSettings& settings);
 
 /// All views of a scene as cameras with photos: the test views first, as in cameras.json.

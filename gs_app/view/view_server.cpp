@@ -29,13 +29,26 @@ HttpAnswer scene_answer(ViewSource& source) {
   return json_answer(json);
 }
 
+// state.json?after=STEP; without `after`, all losses are sent.
+HttpAnswer state_answer(ViewSource& source, const HttpRequest& request) {
+  int after_step = -1;
+  if (const auto word = request.query.find("after"); word != request.query.end()) {
+    const std::string& text = word->second;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), after_step);
+    if (error != std::errc() || end != text.data() + text.size())
+      return http_error(400, "/state.json cannot take after: it is not a step");
+  }
+  return json_answer(source.state(after_step));
+}
+
 HttpAnswer photo_answer(const ViewScene& scene, std::string_view number) {
   std::size_t index = 0;
   const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), index);
   if (error != std::errc() || end != number.data() + number.size() ||
       index >= scene.cameras.size() || !scene.cameras[index].view)
     return http_error(404, "there is no such photo");
-  static std::mutex one_at_a_time;  // of the photos that a run keeps in memory, no more than that is in use
+  // Decodes one photo at a time, so that a run needs little memory for them.
+  static std::mutex one_at_a_time;
   const Image8 shown = [&] {
     const std::lock_guard lock(one_at_a_time);
     return shown_photo(*with_photo(*scene.cameras[index].view), scene.background);
@@ -47,20 +60,28 @@ HttpAnswer photo_answer(const ViewScene& scene, std::string_view number) {
 }  // namespace
 
 HttpAnswer ViewSource::frame(const HttpRequest&) {
-  return http_error(404, "frames are rendered by `gemsplat view --remote` alone");
+  return http_error(404, "only `gemsplat view --remote` renders frames");
 }
 
 Json finished_state(std::size_t gaussians) {
-  return {{"step", 0},        {"steps", 0},   {"loss", nullptr}, {"gaussians", gaussians},
-          {"psnr", nullptr},  {"seconds", 0}, {"version", 1},    {"done", true},
-          {"stopped", false}, {"message", ""}};
+  return {{"step", 0},
+          {"steps", 0},
+          {"loss", nullptr},
+          {"losses", Json::array()},
+          {"gaussians", gaussians},
+          {"psnr", nullptr},
+          {"seconds", 0},
+          {"version", 1},
+          {"done", true},
+          {"stopped", false},
+          {"message", ""}};
 }
 
 HttpAnswer view_answer(ViewSource& source, const HttpRequest& request) {
   const std::string& path = request.path;
   if (path == "/") return http_text(std::string(view_page()), "text/html; charset=utf-8");
   if (path == "/scene.json") return scene_answer(source);
-  if (path == "/state.json") return json_answer(source.state());
+  if (path == "/state.json") return state_answer(source, request);
   if (path == "/model") return source.model();
   if (path == "/frame") return source.frame(request);
   if (path.starts_with(kPhotoPath))
@@ -72,17 +93,18 @@ bool can_view() { return can_serve() && !view_page().empty(); }
 
 std::string cannot_view() {
   if (!can_serve()) return cannot_serve();
-  return "this build has no viewer page, as npm was missing: install npm and build again";
+  return "this build has no viewer page, because npm was missing: install npm and build again";
 }
 
 void check_can_view() {
   if (!can_view()) throw Error(cannot_view());
 }
 
-void warn_of_guests(const HttpPlace& place) {
+void warn_if_public(const HttpPlace& place) {
   if (!is_loopback(place.host))
     log_warning(
-        "{} is no address of this machine alone: whoever reaches it sees the model and the photos",
+        "other machines can reach {}: everybody who opens the viewer there sees the model and the "
+        "photos",
         place.host);
 }
 

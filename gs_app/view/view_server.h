@@ -1,43 +1,48 @@
 // SPDX-License-Identifier: Apache-2.0
-// The viewer over HTTP: the page, and what it asks for. docs/viewer.md lists the addresses.
+// The viewer's answers to HTTP requests: the page and its data. docs/viewer.md lists the addresses.
+// Start reading here.
 #pragma once
 
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "gs_app/view/http_server.h"
+#include "gs_app/view/http/http_server.h"
 #include "gs_app/view/view_scene.h"
 
 namespace gs {
 
-/// What is looked at. Every function but the destructor is called from several threads at a time.
+/// A model and its cameras, as the viewer shows them: a finished one (FileView) or a run
+/// (LiveView). Every function except the destructor is called from several threads at a time.
 class ViewSource {
  public:
   virtual ~ViewSource() = default;
-  /// Const for as long as it is served.
+  /// Does not change while it is served.
   virtual const ViewScene& scene() const = 0;
-  /// "mode" and "model" of /scene.json; no "model" where there is none yet.
+  /// "mode" and "model" of /scene.json; without "model" as long as there is none.
   virtual nlohmann::ordered_json mode_and_model() = 0;
-  /// /state.json. Somebody who asks watches.
-  virtual nlohmann::ordered_json state() = 0;
+  /// /state.json, with the losses that were logged after a step. A page that polls it counts as
+  /// watching.
+  virtual nlohmann::ordered_json state(int after_step) = 0;
   virtual HttpAnswer model() = 0;
   virtual HttpAnswer frame(const HttpRequest& request);
 };
 
-/// State of a model that nobody trains: {"step": 0, ..., "version": 1, "done": true}.
+/// The state of a model that is not being trained: {"step": 0, ..., "version": 1, "done": true}.
 nlohmann::ordered_json finished_state(std::size_t gaussians);
 
-/// The answer to a request: the page, scene.json, state.json, model, photo/I, frame; 404 for all else.
+/// The answer to a request for /, /scene.json, /state.json, /model, /photo/I or /frame; 404 for any
+/// other.
 HttpAnswer view_answer(ViewSource& source, const HttpRequest& request);
 
-/// Whether this build can serve viewers: it has the page and an HTTP server. Where not, cannot_view() says what is missing.
+/// Whether this build has the viewer's page and an HTTP server. If not, cannot_view() says what is
+/// missing.
 bool can_view();
 std::string cannot_view();
 
-/// Throws Error where it cannot.
+/// Throws Error if this build cannot serve the viewer.
 void check_can_view();
 
-/// Warns where others than this machine may come.
-void warn_of_guests(const HttpPlace& place);
+/// Warns if other machines can reach the server.
+void warn_if_public(const HttpPlace& place);
 
 }  // namespace gs

@@ -48,6 +48,7 @@ struct ReconstructConfig {
 /// What is learned, and where it starts.
 struct ModelConfig {
   std::string output;  // the run's folder
+  std::string start_from;  // a model to start from, a file or a run's folder; empty: the scene's points
   int sh_degree = 3;
   float initial_opacity = 0.1f;
   float initial_scale = 1;     // times the distance to the nearest points

@@ -75,6 +75,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
 
   auto& model = config.model;
   field("model.output",                 model.output,                 "folder",      any(),                   nothing, "the run's folder: everything is written there");
+  field("model.start_from",             model.start_from,             "model",       any(),                   retrain, "trained Gaussians to start from instead of the scene's points: a PLY or another file that is read, or a run's folder");
   field("model.sh_degree",              model.sh_degree,              "",            between(0, 3),           retrain, "highest degree of the spherical harmonics that hold color", kKerbl);
   field("model.initial_opacity",        model.initial_opacity,        "",            between(1e-4, 0.999),    retrain, "opacity of every Gaussian at the start", kKerbl);
   field("model.initial_scale",          model.initial_scale,          "",            above(0),                retrain, "scale of a Gaussian at the start, as a multiple of the distance to its nearest points");

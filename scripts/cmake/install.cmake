@@ -6,11 +6,15 @@ include(CMakePackageConfigHelpers)
 set(GS_INSTALL_INCLUDE_DIR ${CMAKE_INSTALL_INCLUDEDIR}/gemsplat)  # headers name each other by their folders in here
 set(GS_INSTALL_PACKAGE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/gemsplat)
 
+# Builds what `cmake --install` copies, and no tests: for scripts/setup.sh.
+add_custom_target(installed)
+
 # gs_install_library(target name): installs the library and the headers of its folder. Other
 # projects link it as gemsplat::name.
 function(gs_install_library target name)
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
   install(TARGETS ${target} EXPORT gemsplat ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  add_dependencies(installed ${target})
   cmake_path(RELATIVE_PATH CMAKE_CURRENT_SOURCE_DIR BASE_DIRECTORY ${PROJECT_SOURCE_DIR} OUTPUT_VARIABLE folder)
   install(DIRECTORY . DESTINATION ${GS_INSTALL_INCLUDE_DIR}/${folder} FILES_MATCHING PATTERN "*.h")
 endfunction()

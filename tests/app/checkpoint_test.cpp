@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checkpoints as files: whole, cut short, damaged, on a full disk, and after a kill at every point of writing.
-#include "gs_app/run/checkpoint_file.h"
+// Checkpoints as files: whole, cut short, damaged, on a full disk, and after a kill at every point
+// of writing.
+#include "gs_app/checkpoints/checkpoint_file.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +10,7 @@
 
 #include <csignal>
 
-#include "gs_app/run/checkpoint_folder.h"
+#include "gs_app/checkpoints/checkpoint_folder.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "tests/support/models.h"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What watching costs a run, by clocks of the test's own; and where a look around begins.
+// What the viewer costs a run, measured by a clock that the test moves; the losses of a run; and
+// the first view.
 #include "gs_app/view/live_view.h"
 
 #include <gmock/gmock.h>
@@ -17,56 +18,56 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// A clock that stands still until it is told otherwise.
+/// A clock that the test moves.
 struct Hands {
   double now = 1000;
-  LookBudget::Clock clock() {
+  SnapshotBudget::Clock clock() {
     return [this] { return now; };
   }
 };
 
-TEST(LookBudget, NobodyWatchesUntilSomebodyAsks) {
+TEST(SnapshotBudget, AllowsACopyOnlyWithinFiveSecondsOfAPoll) {
   Hands hands;
-  LookBudget budget(hands.clock());
-  EXPECT_FALSE(budget.may_look());
-  budget.watch();
-  EXPECT_TRUE(budget.may_look());
-  hands.now += LookBudget::kWatchSeconds + 0.01;
-  EXPECT_FALSE(budget.may_look()) << "the watcher has gone";
-  budget.watch();
-  EXPECT_TRUE(budget.may_look());
+  SnapshotBudget budget(hands.clock());
+  EXPECT_FALSE(budget.allows_copy());
+  budget.note_poll();
+  EXPECT_TRUE(budget.allows_copy());
+  hands.now += SnapshotBudget::kWatchSeconds + 0.01;
+  EXPECT_FALSE(budget.allows_copy()) << "the page is gone";
+  budget.note_poll();
+  EXPECT_TRUE(budget.allows_copy());
 }
 
-TEST(LookBudget, ALookBarsTheNextForAHundredTimesItsCost) {
+TEST(SnapshotBudget, ACopyIsFollowedByAPauseAHundredTimesAsLong) {
   Hands hands;
-  LookBudget budget(hands.clock());
-  budget.look([&] { hands.now += 0.2; });
+  SnapshotBudget budget(hands.clock());
+  budget.spend([&] { hands.now += 0.2; });
   hands.now += 19.9;
-  budget.watch();
-  EXPECT_FALSE(budget.may_look());
+  budget.note_poll();
+  EXPECT_FALSE(budget.allows_copy());
   hands.now += 0.2;
-  EXPECT_TRUE(budget.may_look());
+  EXPECT_TRUE(budget.allows_copy());
 }
 
-TEST(LookBudget, LooksTakeNoMoreThanAHundredthOfTheTimeWhateverTheyCost) {
+TEST(SnapshotBudget, CopiesTakeAtMostAHundredthOfTheTimeWhateverTheyCost) {
   Hands hands;
-  LookBudget budget(hands.clock());
+  SnapshotBudget budget(hands.clock());
   const double begin = hands.now;
   Draws draws(1);
   double spent = 0, last = 0;
   for (int step = 0; step < 200'000; ++step) {
     hands.now += 0.01;
-    budget.watch();
-    if (!budget.may_look()) continue;
+    budget.note_poll();
+    if (!budget.allows_copy()) continue;
     last = draws.log_uniform(0.001f, 2.0f);
-    budget.look([&] { hands.now += last; });
+    budget.spend([&] { hands.now += last; });
     spent += last;
   }
   EXPECT_GT(spent, 0);
-  EXPECT_LE(spent - last, (hands.now - begin) / 100);  // the pause after the last is still to come
+  EXPECT_LE(spent - last, (hands.now - begin) / 100);  // the pause after the last one is not over
 }
 
-/// Steps of 10 ms, of a clock that a run moves.
+/// Moves the clock by 10 ms in each step of a run.
 class Tick final : public Observer {
  public:
   explicit Tick(Hands& hands) : hands_(hands) {}
@@ -76,7 +77,7 @@ class Tick final : public Observer {
   Hands& hands_;
 };
 
-/// A run of 250 steps, watched by f(step) before each look.
+/// A run of 250 steps. watch(step) is called in each, before the LiveView's own after_step().
 class LiveRun : public ::testing::Test {
  protected:
   class Watcher final : public Observer {
@@ -111,11 +112,11 @@ class LiveRun : public ::testing::Test {
   MetricsObserver metrics_{folder_, evaluations_};
 };
 
-TEST_F(LiveRun, IsNotLookedAtWhileNobodyWatches) {
+TEST_F(LiveRun, IsNotCopiedWhileNoPagePolls) {
   run([](int) {});
-  EXPECT_EQ(view_.looks(), 0);
+  EXPECT_EQ(view_.copies(), 0);
   view_.end({}, {});
-  const Json state = view_.state();
+  const Json state = view_.state(-1);
   EXPECT_EQ(state.at("version"), 0);
   EXPECT_EQ(state.at("step"), 250);
   EXPECT_EQ(state.at("done"), true);
@@ -123,27 +124,27 @@ TEST_F(LiveRun, IsNotLookedAtWhileNobodyWatches) {
   EXPECT_EQ(view_.model().status, 404);
 }
 
-TEST_F(LiveRun, IsNoLongerLookedAtWhenTheWatcherIsGone) {
-  int at_last_question = 0;
+TEST_F(LiveRun, IsNotCopiedAnyMoreAfterThePageIsGone) {
+  int at_last_poll = 0;
   run([&](int step) {
     if (step > 100) return;
-    view_.state();
-    at_last_question = view_.looks();
+    view_.state(-1);
+    at_last_poll = view_.copies();
   });
-  // Looks cost nothing by this clock, so each step of those with a watcher, and of 5 s after, may have one: but for those that
-  // the encoder was busy in.
-  EXPECT_GT(at_last_question, 0);
-  EXPECT_LE(view_.looks(), 250);
-  const int looks = view_.looks();
-  hands_.now += LookBudget::kWatchSeconds + 0.01;
+  // Copies cost nothing by this clock, so every step up to 5 s after the last poll may have one,
+  // unless the encoder is busy.
+  EXPECT_GT(at_last_poll, 0);
+  EXPECT_LE(view_.copies(), 250);
+  const int copies = view_.copies();
+  hands_.now += SnapshotBudget::kWatchSeconds + 0.01;
   view_.after_step(250, trainer_);
-  EXPECT_EQ(view_.looks(), looks);
+  EXPECT_EQ(view_.copies(), copies);
 }
 
 TEST_F(LiveRun, ShowsWhatWasLogged) {
   Json state;
   run([&](int step) {
-    state = view_.state();
+    state = view_.state(-1);
     EXPECT_LE(state.at("step"), step);
     if (step <= config_.train.log_every) {
       EXPECT_TRUE(state.at("loss").is_null());
@@ -155,17 +156,37 @@ TEST_F(LiveRun, ShowsWhatWasLogged) {
   EXPECT_TRUE(state.at("psnr").is_null());
 }
 
+TEST_F(LiveRun, SendsTheLossesFromTheFirstStepOnAndEachOnce) {
+  run([](int) {});
+  const Json all = view_.state(-1).at("losses");  // of a page that is opened at the end
+  ASSERT_EQ(all.size(), metrics_.losses().size());
+  ASSERT_GT(all.size(), 2u);
+  EXPECT_EQ(all.at(0).at(0), config_.train.log_every);
+  EXPECT_EQ(all.at(0).at(1), metrics_.losses()[0].loss);
+  const int newest = all.back().at(0);
+  EXPECT_TRUE(view_.state(newest).at("losses").empty());
+  EXPECT_EQ(view_.state(newest - 1).at("losses"), Json::array({all.back()}));
+}
+
+TEST_F(LiveRun, TakesBackTheLossesOfARolledBackRun) {
+  run([](int) {});
+  const int first = view_.state(-1).at("losses").at(0).at(0);
+  metrics_.after_rollback(first, trainer_);
+  view_.after_rollback(first, trainer_);
+  EXPECT_EQ(view_.state(-1).at("losses").size(), 1u);
+}
+
 TEST_F(LiveRun, EndsWithTheModelItWasGiven) {
   run([](int) {});
   view_.end(trained_model(trainer_), {});
-  EXPECT_EQ(view_.state().at("version"), 1);
+  EXPECT_EQ(view_.state(-1).at("version"), 1);
   const Json model = view_.mode_and_model().at("model");
   const auto file = temp_.path() / ("model." + model.at("format").get<std::string>());
   write_bytes(file, *view_.model().body);
   const GaussianModel shown = read_model(file), trained = trained_model(trainer_);
   EXPECT_EQ(model.at("bytes"), view_.model().body->size());
   ASSERT_EQ(shown.gaussians.count(), trained.gaussians.count());
-  double sum_shown = 0, sum_trained = 0;  // whatever the order of rows
+  double sum_shown = 0, sum_trained = 0;  // the rows are in another order
   for (std::size_t i = 0; i < shown.gaussians.count(); ++i) {
     sum_shown += shown.gaussians.mean[i].x;
     sum_trained += trained.gaussians.mean[i].x;
@@ -173,17 +194,17 @@ TEST_F(LiveRun, EndsWithTheModelItWasGiven) {
   EXPECT_NEAR(sum_shown, sum_trained, 1e-2 * double(shown.gaussians.count()));
 }
 
-TEST_F(LiveRun, SaysThatItWentBack) {
+TEST_F(LiveRun, ReportsARollback) {
   run([](int) {});
   view_.after_rollback(100, trainer_);
-  const Json state = view_.state();
+  const Json state = view_.state(-1);
   EXPECT_EQ(state.at("step"), 100);
   EXPECT_THAT(state.at("message").get<std::string>(), ::testing::HasSubstr("after step 100"));
 }
 
 // --- Frame
 
-TEST(ViewFrame, IsAroundWhatCamerasLookAt) {
+TEST(ViewFrame, IsCenteredWhereTheCamerasLook) {
   std::vector<ViewedCamera> cameras;
   for (int k = 0; k < 8; ++k) {
     Camera camera = orbit_camera(0.785f * float(k));
@@ -193,7 +214,7 @@ TEST(ViewFrame, IsAroundWhatCamerasLookAt) {
   }
   const Vec3f far{100, 100, 100};
   const SceneFrame frame = frame_of(cameras, {&far, 1});
-  EXPECT_NEAR(frame.center.x, 5, 4);  // drawn to the only point a little
+  EXPECT_NEAR(frame.center.x, 5, 4);  // the only point pulls the center a little
   EXPECT_NEAR(frame.up.y, -1, 1e-6);
   const Vec3f near{5, 6, 7};
   const SceneFrame exact = frame_of(cameras, {&near, 1});

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The viewer's server: what it answers and what it refuses, in this process. The verbs that start it: view_verbs_test.cpp.
+// The viewer's server: what it answers and what it refuses, in this process. The verbs that start
+// it: view_verbs_test.cpp.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <httplib.h>
@@ -140,6 +141,8 @@ TEST_F(View, OfARunHasItsCamerasWithSplitsAndPhotos) {
   const Json state = served.json("/state.json");
   EXPECT_EQ(state.at("done"), true);
   EXPECT_EQ(state.at("gaussians"), scene.at("model").at("gaussians"));
+  EXPECT_THAT(state.at("losses"), IsEmpty());
+  EXPECT_EQ(served.get("/state.json?after=1x")->status, 400);
 
   const auto photo = served.get("/" + camera.at("photo").get<std::string>());
   EXPECT_EQ(photo->get_header_value("Content-Type"), "image/jpeg");
@@ -305,7 +308,8 @@ TEST_F(Remote, AFrameIsThePictureThatRenderMakes) {
   const auto frame = served.get(kFrame);
   ASSERT_EQ(frame->status, 200) << frame->body;
   EXPECT_GT(std::stod(frame->get_header_value("X-Render-Ms")), 0);
-  // A JPEG of quality 100 is off by about one level, more where color is averaged over 2 x 2 pixels.
+  // A JPEG of quality 100 is off by about one level, more where color is averaged over 2 x 2
+  // pixels.
   EXPECT_LT(mean_difference(decoded(frame->body), read_photo(path("pictures/view_0.png"))), 3);
   EXPECT_EQ(served.get("/model")->status, 404);
 }
@@ -340,8 +344,8 @@ TEST_F(Remote, WordsThatCannotBeTakenAreNamed) {
   EXPECT_THAT(refusal("&cx=20", ""), HasSubstr("cannot take cx: it is missing"));
   EXPECT_THAT(refusal("q=100", "q=101"), HasSubstr("cannot take q"));
   EXPECT_THAT(refusal("q=100", "mode=xray"), HasSubstr("color, depth and normal"));
-  EXPECT_THAT(refusal("m=1,0", "m=2,0"), HasSubstr("no rotation"));
-  EXPECT_THAT(refusal("m=1,0", "m=-1,0"), HasSubstr("no rotation"));  // mirrored
+  EXPECT_THAT(refusal("m=1,0", "m=2,0"), HasSubstr("not a rotation"));
+  EXPECT_THAT(refusal("m=1,0", "m=-1,0"), HasSubstr("not a rotation"));  // mirrored
   EXPECT_THAT(refusal("m=1,0", "m=0"), HasSubstr("16 numbers"));
 }
 

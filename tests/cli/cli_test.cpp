@@ -196,6 +196,15 @@ TEST_F(Program, TrainingWritesTheWholeFolder) {
   EXPECT_THAT(read_bytes(path("out/config.toml")), HasSubstr("iterations = 20"));
 }
 
+TEST_F(Program, TrainingSaysHowLongItTakesHereAndThatItEvaluates) {
+  const Outcome outcome = train("out", "--iterations 200");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err,
+              AllOf(HasSubstr("50 steps took "), HasSubstr(" s here: the other 150 take "),
+                    HasSubstr("it is evaluated now")));
+  EXPECT_THAT(train("brief").err, Not(HasSubstr("steps took")));
+}
+
 TEST_F(Program, MetricsHaveARowForEachIntervalAndEachEvaluation) {
   ASSERT_EQ(train("out", "--test-steps 7").code, 0);
   std::istringstream file(read_bytes(path("out/metrics.csv")));
@@ -234,7 +243,8 @@ TEST_F(Program, AnExistingRunIsRefusedAndIntact) {
   const std::string before = read_bytes(path("out/results.json"));
   const Outcome again = train("out", "--seed 1");
   EXPECT_EQ(again.code, 2);
-  EXPECT_THAT(again.err, AllOf(HasSubstr(text("out")), HasSubstr("-o"), HasSubstr("--force")));
+  EXPECT_THAT(again.err, AllOf(HasSubstr(text("out")), HasSubstr("--resume goes on with it"),
+                               HasSubstr("-o"), HasSubstr("--force")));
   EXPECT_EQ(read_bytes(path("out/results.json")), before);
 }
 

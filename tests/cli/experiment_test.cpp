@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat experiment: complete tables whatever is killed or fails in between, and nothing done twice.
+// gemsplat experiment: complete tables whatever is killed or fails in between, and nothing done
+// twice.
 #include <gmock/gmock.h>
 #include <signal.h>
 #include <unistd.h>

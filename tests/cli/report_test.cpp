@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a report says of a run or an experiment: data gathered from whole, unfinished and damaged folders. How it looks is
-// the browser's affair: apps/web/tests/report_test.mjs.
+// What a report says of a run or an experiment: data gathered from whole, unfinished and damaged
+// folders. How it looks is the browser's affair: apps/web/tests/report_test.mjs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -162,6 +162,14 @@ TEST_F(Report, MissingPicturesAreSaidAndDamagedFilesNamed) {
     write_bytes(path("out") / name, whole);
   }
   EXPECT_TRUE(data_of("out").at("notes").empty());
+}
+
+TEST_F(Report, HasEveryColumnOfMetricsCsv) {
+  ASSERT_EQ(train("out").code, 0);
+  write_bytes(path("out/metrics.csv"), "step,loss,sharpness\n5,0.25,7\n10,0.125,\n");
+  EXPECT_EQ(
+      data_of("out").at("metrics"),
+      nlohmann::json({{"step", {5, 10}}, {"loss", {0.25, 0.125}}, {"sharpness", {7, nullptr}}}));
 }
 
 TEST_F(Report, AConfigOfAnotherVersionIsShownAllTheSame) {

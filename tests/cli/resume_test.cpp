@@ -187,7 +187,8 @@ TEST_F(Resume, ASignalSavesModelAndCheckpointAndTheRunGoesOnFromThere) {
                                            checkpoint(path(out), 12), signal);
     if (stopped.code == 0) GTEST_SKIP() << "the run was over before the signal came";
     EXPECT_EQ(stopped.code, 5) << stopped.err;
-    EXPECT_THAT(stopped.err, AllOf(HasSubstr("stopped by a signal"), HasSubstr("--resume")));
+    EXPECT_THAT(stopped.err, AllOf(HasSubstr("stopped after step"), HasSubstr("--resume"),
+                                   ::testing::Not(HasSubstr("error"))));
     EXPECT_FALSE(fs::exists(path(out) / "results.json"));
     EXPECT_TRUE(fs::exists(path(out) / "point_cloud"));
     const Outcome resumed = run("train --resume " + text(out) + " --device cpu --threads 1");
@@ -279,10 +280,33 @@ TEST_F(Resume, WhatCannotBeResumedIsAnErrorThatSaysWhy) {
   const Outcome empty = run("train --resume " + text("empty"));
   EXPECT_EQ(empty.code, 3);
   EXPECT_THAT(empty.err, HasSubstr("no checkpoint"));
+  write_bytes(path("model.ply"), "ply\n");
+  const Outcome model = run(command("out", "--resume " + text("model.ply")));
+  EXPECT_EQ(model.code, 2);
+  EXPECT_THAT(model.err,
+              AllOf(HasSubstr("is a model and no checkpoint"), HasSubstr("--start-from")));
   EXPECT_EQ(run(command("out", "--iterations +10")).code, 2);
   EXPECT_EQ(run(command("out", "--resume auto --iterations +10")).code, 2);
   EXPECT_EQ(run(command("out", "--resume auto --iterations +1x")).code, 2);
   EXPECT_FALSE(fs::exists(path("out")));
+}
+
+TEST_F(Resume, ARunFromAModelIsNamedByARelativePathAndResumed) {
+  ASSERT_EQ(run(command("first")).code, 0);
+  const std::string model = "first/point_cloud/iteration_60/point_cloud.ply";
+  const std::string from =
+      command("out", "--start-from " + fs::relative(path(model)).string() + " --resume auto");
+  const Outcome whole = run(command("whole", "--start-from " + text(model)));
+  ASSERT_EQ(whole.code, 0) << whole.err;
+  EXPECT_THAT(whole.err, HasSubstr("training starts from the"));
+  const Outcome killed = run_and_signal(from, checkpoint(path("out"), 12), SIGKILL);
+  if (killed.code == 0) GTEST_SKIP() << "the run was over before the kill";
+  const Outcome resumed = run(from);
+  ASSERT_EQ(resumed.code, 0) << resumed.err;
+  EXPECT_THAT(resumed.err, HasSubstr("goes on after step"));
+  const auto expected = contents_of(path("whole")), actual = contents_of(path("out"));
+  for (const auto& [name, bytes] : expected) EXPECT_TRUE(actual.at(name) == bytes) << name;
+  EXPECT_THAT(read_bytes(path("out/config.toml")), HasSubstr("start_from = \"" + text(model)));
 }
 
 TEST_F(Resume, AnotherSceneIsRefused) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gemsplat view` and `gemsplat train --viewer` as processes: addresses, signals, exit codes, and what a watched run learns.
+// `gemsplat view` and `gemsplat train --viewer` as processes: addresses, signals, exit codes, and
+// what a watched run learns.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <httplib.h>
@@ -125,6 +126,7 @@ TEST_F(Verbs, AWatchedRunShowsItselfAndLearnsTheSame) {
   EXPECT_EQ(state.at("steps"), 1000);
   EXPECT_GT(state.at("loss"), 0.0);
   EXPECT_GT(state.at("psnr"), 1.0);
+  EXPECT_EQ(state.at("losses").back().at(1), state.at("loss"));
   EXPECT_GE(version, 2) << "one while it trained, and the last";
   const Json scene = Json::parse(train.get("/scene.json")->body);
   EXPECT_EQ(scene.at("mode"), "live");

@@ -19,12 +19,12 @@ def python_blocks():
 
 class Docs(TestCase):
     def test_the_programs_of_the_docs_run_in_their_order(self):
-        os.symlink(SOURCE / "data", self.folder / "data")
+        os.symlink(SOURCE / "examples", self.folder / "examples")
         before = os.getcwd()
         self.addCleanup(os.chdir, before)
         os.chdir(self.folder)
         blocks = python_blocks()
-        self.assertEqual(len(blocks), 3)
+        self.assertEqual(len(blocks), 4)
         names = {}
         printed = []
         for block in blocks:
@@ -35,6 +35,7 @@ class Docs(TestCase):
         self.assertRegex(printed[0], r"^20 0\.\d+ \d+\n(.*\n)+100 .*\n<gemsplat.Evaluation: .* over 5 views>\n\(90, 120, 3\) ")
         self.assertRegex(printed[1], r"^\d+ \d+\n$")
         self.assertRegex(printed[2], r"^61 True \{'step': 61, ")
+        self.assertRegex(printed[3], r"^31 60 <gemsplat.Evaluation: .* over 5 views>\n\{.*'format': 'splat'.*'psnr': \d+\.")
         for file in ["courtyard.ply", "after_40.ply"]:
             self.assertGreater(len(gemsplat.load(file)), 100)
 
@@ -45,7 +46,7 @@ class Docs(TestCase):
 class Stubs(TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.tree = ast.parse((SOURCE / "python" / "gemsplat" / "__init__.pyi").read_text())
+        cls.tree = ast.parse((SOURCE / "apps" / "python" / "gemsplat" / "__init__.pyi").read_text())
 
     def test_every_name_of_the_module_is_in_the_stubs_and_no_other(self):
         stated = {node.name for node in self.tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef))

@@ -12,7 +12,7 @@ import numpy as np
 import gemsplat
 
 SOURCE = Path(os.environ["GS_SOURCE_DIR"])
-COURTYARD = SOURCE / "data" / "courtyard"
+COURTYARD = SOURCE / "examples" / "courtyard"
 SMALL = {"eval": True, "resolution": 8}  # pictures of 60x45 pixels
 SMALL_FLAGS = ["-r", "8", "--device", "cpu", "-q"]
 

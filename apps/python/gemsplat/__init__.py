@@ -5,33 +5,40 @@
     result = gemsplat.train(scene, iterations=7000)
     result.model.save("model.ply")
 
-docs/embedding.md has the whole story; __init__.pyi all signatures.
+docs/embedding.md explains all of it; __init__.pyi has the signatures.
 """
 
-from ._gemsplat import (
-    Camera,
-    Error,
-    Evaluation,
-    Model,
-    OutOfMemoryError,
-    Picture,
-    Progress,
-    Result,
-    Scene,
-    UsageError,
-    View,
-    ViewMetrics,
-    __version__,
-    cuda_device_count,
-    evaluate,
-    load,
-    load_cameras,
-    render,
-    set_threads,
-    set_verbosity,
-    thread_count,
-    train,
-)
+try:
+    from ._gemsplat import (
+        Camera,
+        Error,
+        Evaluation,
+        Model,
+        OutOfMemoryError,
+        Picture,
+        Progress,
+        Result,
+        Scene,
+        UsageError,
+        View,
+        ViewMetrics,
+        __version__,
+        cuda_device_count,
+        evaluate,
+        export,
+        load,
+        load_cameras,
+        render,
+        report,
+        set_threads,
+        set_verbosity,
+        thread_count,
+        train,
+    )
+except ModuleNotFoundError as error:
+    if error.name == "gemsplat._gemsplat":
+        error.msg = "the compiled part of gemsplat is not built, or is for another Python: run scripts/setup.sh"
+    raise
 
 __all__ = [
     "Camera",
@@ -49,9 +56,11 @@ __all__ = [
     "__version__",
     "cuda_device_count",
     "evaluate",
+    "export",
     "load",
     "load_cameras",
     "render",
+    "report",
     "set_threads",
     "set_verbosity",
     "thread_count",

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-# Signatures of the module; what things mean, and shapes, is in their docstrings.
+# Signatures of the module. Docstrings (help(gemsplat.train)) say what the arguments mean.
 from os import PathLike
+from pathlib import Path
 from typing import Any, Callable, Iterable, Literal, Mapping, Optional, Sequence, Tuple, TypedDict, Union, overload
 
 import numpy as np
@@ -199,6 +200,16 @@ class Result:
     def device(self) -> str: ...
     @property
     def config(self) -> str: ...
+    @property
+    def output(self) -> Optional[Path]: ...
+
+class _ExportedFile(TypedDict):
+    file: Path
+    format: str
+    gaussians: int
+    bytes: int
+    psnr: Optional[float]
+    ssim: Optional[float]
 
 def load(path: _Path, step: Optional[int] = None) -> Model: ...
 def load_cameras(path: _Path, world_offset: Optional[ArrayLike] = None) -> list[Camera]: ...
@@ -241,7 +252,23 @@ def train(
     device: Optional[str] = None,
     callback: Optional[Callable[[Progress], Optional[bool]]] = None,
     callback_every: int = 100,
+    output: Optional[_Path] = None,
+    resume: Union[None, bool, _Path] = None,
+    checkpoint_every: Optional[int] = None,
+    export: Sequence[str] = (),
+    report: bool = True,
+    force: bool = False,
 ) -> Result: ...
+def export(
+    model: Model,
+    path: _Path,
+    *,
+    cameras: Optional[Iterable[Camera]] = None,
+    device: str = "auto",
+    replace: bool = False,
+    spz_version: int = 3,
+) -> _ExportedFile: ...
+def report(folder: _Path, output: Optional[_Path] = None) -> Path: ...
 def set_verbosity(name: Literal["quiet", "normal", "verbose"]) -> None: ...
 def set_threads(threads: int) -> None: ...
 def thread_count() -> int: ...

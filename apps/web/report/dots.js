@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// One dot for every run, a row for each config: how far configs are apart, beside how far seeds are.
+// A dot plot: one dot for every run and one row for each config, which shows the distance between
+// configs beside the spread over seeds.
 import {COLORS} from '../shared/charts.js';
 import {el, svg} from '../shared/dom.js';
 import {fixed} from '../shared/format.js';
 
 const ROW = 30, FOOT = 26;  // px
 
-// Round numbers between low and high.
+// About `wanted` round numbers between low and high.
 function ticksOf(low, high, wanted = 5) {
   const rough = (high - low) / wanted, power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map(factor => factor * power).find(each => each >= rough);
@@ -21,7 +22,8 @@ function meanAndDeviation(values) {
   return [mean, values.length > 1 ? Math.sqrt(squares / (values.length - 1)) : 0];
 }
 
-// {title, digits, scenes, configs, values(scene, config) -> [{value, name}]}: one picture for each scene.
+// One plot for each scene. spec: {title, digits, scenes, configs, values(scene, config) -> [{value,
+// name}]}
 export function dotPlot(spec) {
   return el('div.dot-plots', {}, spec.scenes.map(scene => scenePlot(spec, scene)).filter(Boolean));
 }
@@ -29,10 +31,13 @@ export function dotPlot(spec) {
 function scenePlot({title, digits, configs, values}, scene) {
   const rows = configs.map((config, color) => ({config, color, dots: values(scene, config)})).filter(({dots}) => dots.length);
   if (!rows.length) return null;
-  const all = rows.flatMap(({dots}) => dots.map(({value}) => value));
+  const all = rows.flatMap(({dots}) => {
+    const values = dots.map(({value}) => value), [mean, deviation] = meanAndDeviation(values);
+    return [...values, mean - deviation, mean + deviation];
+  });
   let [low, high] = [Math.min(...all), Math.max(...all)];
-  const room = (high - low || Math.abs(high) * 0.02 || 1) * 0.12;
-  [low, high] = [low - room, high + room];
+  const margin = (high - low || Math.abs(high) * 0.02 || 1) * 0.12;
+  [low, high] = [low - margin, high + margin];
   const place = value => `${(100 * (value - low) / (high - low)).toFixed(2)}%`;
   const height = rows.length * ROW + FOOT;
   const lines = ticksOf(low, high).map(tick => [

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// The report of an experiment: means over seeds, figures of each run, curves by config, links to the runs' reports.
+// The report of an experiment, section by section: means over seeds, every run as a dot, curves by
+// config, links to the runs' reports, scenes, configs, provenance.
 import uPlot from 'uplot';
 import {chart} from '../shared/charts.js';
 import {el, section, segmented, table} from '../shared/dom.js';
 import {bytes, duration, fixed, isNumber, short, significant, spread, whole} from '../shared/format.js';
 import {dotPlot} from './dots.js';
 import {foot, head, notes, shortCommit, tiles} from './head.js';
+import {PLOTS} from './plots.js';
 
-// Figures of finished runs; `better`: +1 where more is better, -1 where less is, 0 where nobody can say.
-const FIGURES = [
+// The numbers of a finished run that are compared. better: +1 if more is better, -1 if less is, 0
+// if neither.
+const METRICS = [
   {key: 'psnr', name: 'PSNR', unit: 'dB', digits: 2, better: 1, of: r => (r.test ?? r.train)?.psnr},
   {key: 'ssim', name: 'SSIM', unit: '', digits: 4, better: 1, of: r => (r.test ?? r.train)?.ssim},
   {key: 'lpips', name: 'LPIPS', unit: '', digits: 4, better: -1, of: r => (r.test ?? r.train)?.lpips},
@@ -16,13 +19,6 @@ const FIGURES = [
   {key: 'train_seconds', name: 'training', unit: 's', digits: 1, better: -1, of: r => r.train_seconds},
   {key: 'peak_gpu_bytes', name: 'GPU memory', unit: 'MiB', digits: 0, better: -1, scale: 2 ** -20, of: r => r.peak_gpu_bytes},
   {key: 'peak_host_bytes', name: 'memory', unit: 'MiB', digits: 0, better: -1, scale: 2 ** -20, of: r => r.peak_host_bytes},
-];
-const CURVES = [
-  {key: 'loss', name: 'loss', tick: significant, log: true},
-  {key: 'test_psnr', name: 'PSNR', tick: significant, format: value => `${fixed(value, 2)} dB`},
-  {key: 'test_ssim', name: 'SSIM', tick: significant, format: value => fixed(value, 4)},
-  {key: 'num_gaussians', name: 'Gaussians', tick: short, zero: true, format: whole},
-  {key: 'steps_per_second', name: 'speed', tick: short, zero: true, format: value => `${fixed(value, 1)} steps/s`},
 ];
 
 export function showExperiment(data) {
@@ -33,7 +29,8 @@ export function showExperiment(data) {
   return [
     ...head({
       title: data.title, over: 'Experiment', under: data.file,
-      sections: [['figures', 'Figures'], ['curves', 'Curves'], ['runs', 'Runs'], ['configs', 'Configs'], ['origin', 'Origin']],
+      sections: [['results', 'Results'], ['curves', 'Curves'], ['runs', 'Runs'], data.scenes && ['scenes', 'Scenes'], ['configs', 'Configs'],
+                 ['provenance', 'Provenance']].filter(Boolean),
       chips: [[`${finished.length} of ${data.runs.length} runs finished`, finished.length === data.runs.length ? 'good' : 'warn'],
               [data.date.slice(0, 10)]],
     }),
@@ -41,69 +38,70 @@ export function showExperiment(data) {
            {name: 'Seeds', value: seeds.length, more: few(seeds)}, {name: 'Runs', value: finished.length, unit: `of ${data.runs.length}`},
            {name: 'Training', value: duration(seconds), more: 'all runs together'}]),
     notes(data.notes),
-    figures(data, scenes, configs),
+    results(data, scenes, configs),
     curves(data, scenes, configs),
     runs(data),
+    data.scenes && sceneTable(data.scenes),
     configTable(data, configs),
-    origin(finished),
+    provenance(finished),
     foot(data),
   ].filter(Boolean);
 }
 
 const few = list => list.length > 3 ? `${list.slice(0, 3).join(', ')}, …` : list.join(', ');
-const scaled = (figure, value) => isNumber(value) ? value * (figure.scale ?? 1) : null;
-const title = figure => figure.unit ? `${figure.name} / ${figure.unit}` : figure.name;
+const scaled = (metric, value) => isNumber(value) ? value * (metric.scale ?? 1) : null;
+const title = metric => metric.unit ? `${metric.name} / ${metric.unit}` : metric.name;
 
-function figures({summary, runs}, scenes, configs) {
-  const known = FIGURES.filter(figure => summary.some(group => group[figure.key]));
-  if (!known.length) return section('figures', 'Figures', null, el('p.card.muted', {}, 'No run is finished yet.'));
-  const best = (scene, figure) => {
-    const means = summary.filter(group => group.scene === scene && group[figure.key]).map(group => group[figure.key].mean);
-    const shown = new Set(means.map(mean => fixed(scaled(figure, mean), figure.digits)));
-    return figure.better && shown.size > 1 ? Math[figure.better > 0 ? 'max' : 'min'](...means) : null;
+function results({summary, runs}, scenes, configs) {
+  const known = METRICS.filter(metric => summary.some(group => group[metric.key]));
+  if (!known.length) return section('results', 'Results', null, el('p.card.muted', {}, 'No run is finished yet.'));
+  const best = (scene, metric) => {
+    const means = summary.filter(group => group.scene === scene && group[metric.key]).map(group => group[metric.key].mean);
+    const shown = new Set(means.map(mean => fixed(scaled(metric, mean), metric.digits)));
+    return metric.better && shown.size > 1 ? Math[metric.better > 0 ? 'max' : 'min'](...means) : null;
   };
   const rows = summary.map(group => [
     group.scene, group.config,
-    ...known.map(figure => {
-      const value = group[figure.key];
-      return {align: 'number', className: value && value.mean === best(group.scene, figure) ? 'best' : null,
-              text: value ? spread(scaled(figure, value.mean), scaled(figure, value.standard_deviation), figure.digits) : '–'};
+    ...known.map(metric => {
+      const value = group[metric.key];
+      return {align: 'number', className: value && value.mean === best(group.scene, metric) ? 'best' : null,
+              text: value ? spread(scaled(metric, value.mean), scaled(metric, value.standard_deviation), metric.digits) : '–'};
     }), {text: `${group.finished}/${group.runs}`, align: 'number'}]);
   const holder = el('div');
   const draw = key => {
-    const figure = known.find(each => each.key === key);
+    const metric = known.find(each => each.key === key);
     holder.replaceChildren(dotPlot({
-      title: title(figure), digits: figure.digits, scenes, configs,
+      title: title(metric), digits: metric.digits, scenes, configs,
       values: (scene, config) => runs.filter(run => run.scene === scene && run.config === config && run.results)
-          .map(run => ({value: scaled(figure, figure.of(run.results)), name: `${scene}, ${config}, seed ${run.seed}`}))
+          .map(run => ({value: scaled(metric, metric.of(run.results)), name: `${scene}, ${config}, seed ${run.seed}`}))
           .filter(({value}) => isNumber(value)),
     }));
   };
   draw(known[0].key);
-  return section('figures', 'Figures', null,
-    el('div.card', {}, table(['scene', 'config', ...known.map(figure => ({text: title(figure), align: 'number'})), {text: 'runs', align: 'number'}],
+  return section('results', 'Results', null,
+    el('div.card', {}, table(['scene', 'config', ...known.map(metric => ({text: title(metric), align: 'number'})), {text: 'runs', align: 'number'}],
                              rows, {label: 'means and standard deviations'}),
        el('p.note.muted', {}, 'Means ± standard deviations over seeds (n − 1). The best mean of each scene is green.')),
     el('div.card.dots', {}, el('div.chart-head', {}, el('h3', {}, 'Every run'),
-       segmented('figure', known.map(figure => [figure.key, figure.name]), known[0].key, draw)), holder));
+       segmented('metric', known.map(metric => [metric.key, metric.name]), known[0].key, draw)), holder));
 }
 
+// The plots of plots.js that have a column, one at a time, with a chart for each scene.
 function curves({runs}, scenes, configs) {
-  const known = CURVES.filter(({key}) => runs.some(run => run.metrics?.[key]?.some(isNumber)));
+  const known = PLOTS.filter(({column}) => column && runs.some(run => run.metrics?.[column]?.some(isNumber)));
   if (!known.length) return section('curves', 'Curves', null, el('p.card.muted', {}, 'No run has written a row of metrics.csv yet.'));
   const grid = el('div.charts');
-  const draw = key => {
-    const curve = known.find(each => each.key === key);
-    grid.replaceChildren(...scenes.map(scene => curveChart(runs.filter(run => run.scene === scene), scene, configs, curve)).filter(Boolean));
+  const draw = column => {
+    const plot = known.find(each => each.column === column);
+    grid.replaceChildren(...scenes.map(scene => curveChart(runs.filter(run => run.scene === scene), scene, configs, plot)).filter(Boolean));
   };
-  draw(known[0].key);
-  return section('curves', 'Curves', segmented('curve', known.map(({key, name}) => [key, name]), known[0].key, draw), grid);
+  draw(known[0].column);
+  return section('curves', 'Curves', segmented('curve', known.map(({column, title}) => [column, title]), known[0].column, draw), grid);
 }
 
-// The mean of each config's runs, bold, over the single runs.
-function curveChart(runs, scene, configs, curve) {
-  const format = curve.format ?? significant;
-  const drawn = runs.map(run => ({run, rows: (run.metrics?.step ?? []).map((step, i) => [step, run.metrics[curve.key][i]])
+// One scene: the mean of each config's runs as a bold line over the lines of the runs.
+function curveChart(runs, scene, configs, {title, column, format, tick, zero, log}) {
+  const drawn = runs.map(run => ({run, rows: (run.metrics?.step ?? []).map((step, i) => [step, run.metrics[column]?.[i]])
                                                 .filter(([, value]) => isNumber(value))})).filter(({rows}) => rows.length);
   if (!drawn.length) return null;
   const [steps, ...lists] = uPlot.join(drawn.map(({rows}) => [rows.map(row => row[0]), rows.map(row => row[1])]));
@@ -114,11 +112,11 @@ function curveChart(runs, scene, configs, curve) {
     return own.length && {name: config, color, format, values: steps.map((_, i) => meanOf(own.map(list => list[i])))};
   }).filter(Boolean);
   return chart({
-    title: scene, unit: `${curve.name}, means over seeds`, sync: 'curves',
+    title: scene, unit: `${title}, means over seeds`, sync: 'curves',
     x: {label: 'step', values: steps, tick: short, describe: step => `step ${whole(step)}`},
-    y: {tick: curve.tick, zero: curve.zero, log: curve.log},
+    y: {tick: tick ?? significant, zero, log},
     series: [...single, ...means],
-    description: `${curve.name} of ${scene}: ${means.map(({name, values}) => `${name} ${format(values.findLast(isNumber))}`).join(', ')} at the end`,
+    description: `${title} of ${scene}: ${means.map(({name, values}) => `${name} ${format(values.findLast(isNumber))}`).join(', ')} at the end`,
   });
 }
 
@@ -142,20 +140,35 @@ function runs({runs: list}) {
     }), {label: 'all runs'}), el('p.note.muted', {}, 'Links go to the reports in the runs\' folders, beside this file.')));
 }
 
-function configTable({runs: list}, configs) {
-  return section('configs', 'Configs', null, el('div.card', {}, table(['config', 'what differs from the defaults'], configs.map(config => {
-    const settings = Object.entries(list.find(run => run.config === config)?.settings ?? {})
-        .filter(([key]) => key !== 'dataset.source' && key !== 'train.seed');
-    return [config, settings.length ? el('div.settings', {}, settings.map(([key, value]) => el('code', {}, `${key} = ${
-        typeof value === 'string' ? value : JSON.stringify(value)}`))) : el('span.muted', {}, 'nothing')];
-  }), {label: 'configs'})));
+const listOf = settings => {
+  const all = Object.entries(settings ?? {});
+  return all.length ? el('div.settings', {}, all.map(([key, value]) => el('code', {}, `${key} = ${
+      typeof value === 'string' ? value : JSON.stringify(value)}`))) : el('span.muted', {}, 'none');
+};
+
+// One row for each scene, or several where configs change its views or their size.
+function sceneTable(scenes) {
+  const rows = scenes.flatMap(scene => (scene.views.length ? scene.views : [null]).map(views => [
+    scene.name, listOf(scene.settings), views && scene.views.length > 1 ? views.configs.join(', ') : 'all',
+    {text: whole(views?.train_views), align: 'number'}, {text: whole(views?.test_views), align: 'number'}, views?.size ?? '–',
+    el('code', {}, views?.scene_hash.slice(0, 10) ?? '–')]));
+  return section('scenes', 'Scenes', null, el('div.card', {}, table(
+    ['scene', 'its own settings', 'configs', {text: 'training views', align: 'number'}, {text: 'test views', align: 'number'}, 'size / px', 'hash'],
+    rows, {label: 'scenes'}), el('p.note.muted', {}, 'A scene\'s own settings override those of the configs.')));
 }
 
-// One row for each way in which runs were made: usually one.
-function origin(finished) {
+function configTable({runs: list, configs: described}, configs) {
+  const settingsOf = name => described ? described.find(config => config.name === name)?.settings
+                                       : list.find(run => run.config === name)?.settings;
+  return section('configs', 'Configs', null, el('div.card', {}, table(['config', 'settings that differ from the defaults'],
+    configs.map(name => [name, listOf(settingsOf(name))]), {label: 'configs'})));
+}
+
+// The machines and builds that the runs were made with, each once.
+function provenance(finished) {
   const keys = ['version', 'commit', 'device', 'cpu', 'driver'];
   const seen = new Map(finished.map(({results}) => keys.map(key => key === 'commit' ? shortCommit(results[key]) : results[key] ?? '–'))
                            .map(row => [row.join('\n'), row]));
-  return section('origin', 'Origin', null, el('div.card', {}, seen.size
+  return section('provenance', 'Provenance', null, el('div.card', {}, seen.size
       ? table(['gemsplat', 'commit', 'device', 'CPU', 'driver'], [...seen.values()], {label: 'made with'}) : 'No run is finished yet.'));
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the top of every report looks like, and what it ends with.
+// The parts that both kinds of report share: head, tiles, notes, facts, foot.
 import {el, section} from '../shared/dom.js';
 
-// The four lozenges of a splat in a gem.
+// The logo, drawn by page.css.
 function mark() {
   return el('span.mark', {'aria-hidden': 'true'});
 }
@@ -18,9 +18,9 @@ export function head({title, over, under, chips, sections}) {
   ];
 }
 
-// figures: [{name, value, unit, more}]
-export function tiles(figures) {
-  return el('dl.tiles', {}, figures.filter(Boolean).map(({name, value, unit, more}) => el('div.card.tile', {},
+// The large numbers at the top. list: [{name, value, unit, more}]
+export function tiles(list) {
+  return el('dl.tiles', {}, list.filter(Boolean).map(({name, value, unit, more}) => el('div.card.tile', {},
       el('dt', {}, name), el('dd', {}, el('span.value', {}, value), unit && el('span.unit', {}, ` ${unit}`)),
       more && el('dd.more', {}, more))));
 }
@@ -30,7 +30,7 @@ export function notes(list) {
   return el('aside.card.notes', {'aria-label': 'notes'}, list.map(note => el('p', {}, note)));
 }
 
-// facts: [[name, value], ...]; those without a value are left out.
+// A section of names and values. list: [[name, value], ...]; entries without a value are left out.
 export function facts(id, title, list) {
   const known = list.filter(([, value]) => value !== null && value !== undefined && value !== '');
   return section(id, title, null, el('div.card', {}, el('dl.facts', {},

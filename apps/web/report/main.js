@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The report: reads the data that gemsplat put into the page, and shows that of a run or of an experiment.
+// Entry point of the report: reads the data that gemsplat put into the page, and shows it as a run
+// or as an experiment.
 import {el} from '../shared/dom.js';
 import {showExperiment} from './experiment.js';
 import {showRun} from './run.js';
@@ -11,6 +12,6 @@ try {
   page.replaceChildren(...(data.kind === 'experiment' ? showExperiment(data) : showRun(data)));
 } catch (error) {
   page.replaceChildren(el('p.card.failure', {role: 'alert'},
-                          `This report cannot be shown: ${error.message}. "gemsplat report" makes it anew.`));
+                          `This report cannot be shown: ${error.message}. "gemsplat report FOLDER" writes it again.`));
   throw error;
 }

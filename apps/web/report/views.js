@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photo, render and error of the views, one over the other with a slider between them.
+// The views of a run: photo, render and error, two at a time with a slider between them, and a
+// table of all views.
 import {el, section, segmented, table} from '../shared/dom.js';
 import {fixed, isNumber} from '../shared/format.js';
 
 const PICTURES = {photo: 'photo', render: 'render', error: 'error ×4'};
 const PAIRS = [['photo render', 'photo | render'], ['render error', 'render | error'], ['photo error', 'photo | error']];
 
-// {split, total, list: [{name, psnr, ssim, photo, render, error}]}; those without pictures are in the table only.
+// data.views: {split, total, list: [{name, psnr, ssim, photo, render, error}]}. Views without
+// pictures are only in the table.
 export function views({split, total, list}) {
   const pictured = list.filter(view => view.photo);
   const count = pictured.length < total ? `pictures of ${pictured.length} of ${total} views` : `${total} views`;
@@ -14,14 +16,14 @@ export function views({split, total, list}) {
                  pictured.length > 0 && viewer(pictured), allViews(list, pictured));
 }
 
-let select = () => {};  // of the viewer on this page
+let select = () => {};  // shows a view in the viewer of this page
 
 function viewer(list) {
   let at = 0, pair = PAIRS[0][0].split(' ');
   const [back, front] = [el('img.back'), el('img.front')];
   const tags = [el('span.tag.left'), el('span.tag.right')];
   const range = el('input', {type: 'range', min: 0, max: 1000, value: 500, step: 10,
-                             'aria-label': 'where the left picture ends and the right one begins',
+                             'aria-label': 'border between the left and the right picture',
                              oninput: () => place(range.value / 1000)});
   const stage = el('div.stage', {}, back, front, tags, el('div.divider', {'aria-hidden': 'true'}, el('span.grip')), range);
   const place = share => {
@@ -76,8 +78,8 @@ function viewer(list) {
        el('div.controls', {}, segmented('pictures', PAIRS, PAIRS[0][0], value => { pair = value.split(' '); draw(); }),
           list.length > 1 && el('div.turn', {}, arrow('previous view', '‹', -1), choice, arrow('next view', '›', 1)))),
     stage,
-    el('p.note.muted', {}, 'Drag, or use the arrow keys. The error is the mean absolute difference of the channels, four times ' +
-               'enlarged: black is none, pale yellow a quarter of the range and more.'),
+    el('p.note.muted', {}, 'Drag, or use the arrow keys. The error is the mean absolute difference of the channels, times four: ' +
+               'black is no error, pale yellow a quarter of the range or more.'),
     list.length > 1 && el('div.thumbs', {}, thumbs));
 }
 
@@ -87,9 +89,9 @@ function allViews(list, pictured) {
   const [low, high] = [Math.min(...figures), Math.max(...figures)];
   const bar = value => el('span.bar', {style: `--length:${isNumber(value) ? 8 + 92 * (value - low) / (high - low || 1) : 0}%`});
   const worstFirst = [...list].sort((a, b) => (a.psnr ?? 1e9) - (b.psnr ?? 1e9));
-  return el('details.card.all-views', {}, el('summary', {}, `Figures of all ${list.length} views, worst first`),
+  return el('details.card.all-views', {}, el('summary', {}, `PSNR and SSIM of all ${list.length} views, worst first`),
     table(['view', {text: 'PSNR / dB', align: 'number'}, {text: 'SSIM', align: 'number'}, 'PSNR, from worst to best'], worstFirst.map(view => [
       pictured.includes(view) ? el('button.link', {type: 'button', onclick: () => select(view)}, view.name) : view.name,
       {text: fixed(view.psnr, 2), align: 'number'}, {text: fixed(view.ssim, 4), align: 'number'}, {text: bar(view.psnr), className: 'bar-cell'}]),
-      {label: 'figures of all views'}));
+      {label: 'PSNR and SSIM of all views'}));
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Charts over uPlot, in the page's colors: lines, stacked areas and histograms, with values under the cursor.
+// Charts on uPlot in the page's colors: lines, stacked areas and histograms, with a tooltip at the
+// cursor.
 import uPlot from 'uplot';
 import {cssColor, el, segmented} from './dom.js';
 import {isNumber, short, significant} from './format.js';
@@ -12,10 +13,11 @@ const FONT = '12px system-ui, -apple-system, "Segoe UI", Roboto, sans-serif';
 export const seriesColor = index => cssColor(`--series-${index % COLORS}`);
 const faint = (color, alpha) => color + Math.round(alpha * 255).toString(16).padStart(2, '0');
 
-const live = [];  // all charts of the page, to be drawn anew where light becomes dark
+// All charts of the page: they are drawn again when the system changes between light and dark.
+const live = [];
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => live.forEach(chart => chart.build()));
 
-// Ticks of an axis of log10: whole decades, and more of each where there are few.
+// Ticks of an axis of log10: whole decades, and steps within them if the axis spans only a few.
 const WITHIN_A_DECADE = [[0.4, [1, 1.2, 1.4, 1.6, 1.8, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9]], [1.2, [1, 1.5, 2, 3, 4, 5, 7]], [3, [1, 2, 5]], [Infinity, [1]]];
 export function decades(from, to) {
   const steps = WITHIN_A_DECADE.find(([width]) => to - from < width)[1], ticks = [];
@@ -24,10 +26,10 @@ export function decades(from, to) {
   return ticks.filter(tick => tick >= from - 1e-9 && tick <= to + 1e-9);
 }
 
-// uPlot's own ticks of a logarithmic scale want it to begin at a power of ten.
+// uPlot's own logarithmic ticks need a scale that begins at a power of ten; these do not.
 const logTicks = (plot, axis, from, to) => decades(Math.log10(from), Math.log10(to)).map(power => 10 ** power);
 
-// A box beside the cursor: x, and the value of each series that has one there.
+// The tooltip: a box beside the cursor with x and the value of each series there.
 function tooltip(spec) {
   let box;
   const fill = plot => {
@@ -48,7 +50,7 @@ function tooltip(spec) {
   return {
     hooks: {
       init: plot => { box = el('div.tip', {hidden: true}); plot.root.querySelector('.u-wrap').append(box); },
-      // A chart whose cursor only follows another's shows its point, not its box.
+      // A chart whose cursor only follows that of another chart shows no box.
       setCursor: plot => { if (plot.cursor.event || box.hidden === false) fill(plot); },
     },
   };
@@ -78,8 +80,8 @@ function options(spec, width, isLog) {
   const range = (plot, min, max) => {
     if (!isNumber(min) || !isNumber(max)) return isLog ? [1, 10] : [0, 1];
     if (isLog) return spec.y.zero ? [Math.min(0.7, min), max * 1.3] : [min / 1.12, max * 1.12];
-    const room = (max - min || Math.abs(max) || 1) * 0.08;
-    return [spec.y.zero ? 0 : min - room, max + room];
+    const margin = (max - min || Math.abs(max) || 1) * 0.08;
+    return [spec.y.zero ? 0 : min - margin, max + margin];
   };
   return {
     width,
@@ -102,11 +104,11 @@ function options(spec, width, isLog) {
 }
 
 /// A card with one chart.
-///   spec.title, unit, note   words
+///   spec.title, unit, note   texts above and below the chart
 ///   spec.x       {label, values, tick(value), describe(value, index), range}
-///   spec.series  [{name, values, color, format(value), own, width, alpha, fill, shape, points, quiet}]; `own` is what
-///                the tooltip says where `values` are sums; `quiet` ones are not named
-///   spec.y       {tick(value), zero, log: undefined | false | true}; where `log` is given it can be switched
+///   spec.series  [{name, values, color, format(value), own, width, alpha, fill, shape, points, quiet}]; the tooltip
+///                shows `own` where `values` are sums; a `quiet` series is in neither tooltip nor legend
+///   spec.y       {tick(value), zero, log: undefined | false | true}; if `log` is given, the reader can switch it
 export function chart(spec) {
   const holder = el('div.chart', {role: 'img', 'aria-label': spec.description ?? spec.title});
   let plot = null, isLog = spec.y.log === true;
@@ -143,7 +145,7 @@ function legend(series) {
       el('li', {}, el('span.swatch', {style: `background:var(--series-${color % COLORS});opacity:${alpha ?? 1}`}), name)));
 }
 
-// A running mean over as many rows before as after: what is seen through the noise of single photos.
+// A centered running mean, which shows the trend behind the noise of single photos.
 export function smoothed(values) {
   const reach = Math.max(1, Math.round(values.length / 40));
   return values.map((_, i) => {
@@ -153,17 +155,18 @@ export function smoothed(values) {
   });
 }
 
-// Series as areas on top of one another: the first at the bottom.
+// Series as areas stacked on one another, the first at the bottom.
 export function stacked(series) {
   const sums = series[0].values.map(() => 0);
   const areas = series.map(each => ({
     ...each, own: each.values, width: 1, fill: 1, points: false,
     values: each.values.map((value, i) => (sums[i] += value ?? 0)),
   }));
-  return areas.reverse();  // the tallest is drawn first, and the others over it
+  return areas.reverse();  // the tallest area is drawn first, the others over it
 }
 
-// {from, to, counts} as bars, x at their middles.
+/// A card with a histogram. spec.histograms: [{name, from, to, counts}]: bars for one, lines for
+/// several.
 export function histogram(spec) {
   const {from, to, counts} = spec.histograms[0];
   const width = (to - from) / counts.length;

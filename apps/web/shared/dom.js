@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Elements in a few words. Text is always text: nothing that a user named can become markup.
+// Short ways to make elements. Children that are strings become text nodes, so that no name in the
+// data can become markup.
 
 function append(node, children) {
   for (const child of children.flat(Infinity))
@@ -7,7 +8,8 @@ function append(node, children) {
   return node;
 }
 
-// el('p.note', {title: '...'}, 'text', el('b', {}, 'more')); properties that begin with "on" are listeners.
+// el('p.note', {title: '...'}, 'text', el('b', {}, 'more')). Properties that begin with "on" are
+// listeners.
 export function el(what, properties = {}, ...children) {
   const [tag, ...classes] = what.split('.');
   const node = document.createElement(tag);
@@ -27,7 +29,8 @@ export function svg(tag, attributes = {}, ...children) {
   return append(node, children);
 }
 
-// A row of buttons of which one is pressed. choices: [[value, label], ...]; its press(value) shows another one as pressed.
+// A row of buttons of which one is pressed. choices: [[value, label], ...]. press(value) shows
+// another one as pressed without calling choose().
 export function segmented(label, choices, chosen, choose) {
   const buttons = choices.map(([value, text]) => el('button', {
     type: 'button',

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Figures as people read them.
+// Numbers formatted for people.
 
 export const isNumber = value => typeof value === 'number' && Number.isFinite(value);
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A headless Chromium that reaches nothing but the file or the server it is given, and remembers what went wrong.
+// A headless Chromium that reaches nothing but the file or the server it is given, and remembers
+// what went wrong.
 import {mkdtemp, rm} from 'node:fs/promises';
 import {createRequire} from 'node:module';
 import {tmpdir} from 'node:os';
@@ -13,7 +14,8 @@ const WITH_3D = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ig
 const THIS_MACHINE_ONLY = ['--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1', '--proxy-server=direct://'];
 
 export class Browser {
-  // modules: the folder that holds node_modules; executable: Chromium's; for pages of a server, with WebGL: {server: true}
+  // modules: the folder that holds node_modules; executable: Chromium's; for pages of a server,
+  // with WebGL: {server: true}
   static async start(modules, executable, {server = false} = {}) {
     const {chromium} = createRequire(join(resolve(modules), 'package.json'))('playwright-core');
     const profile = await mkdtemp(join(tmpdir(), 'gemsplat-browser-'));
@@ -27,7 +29,8 @@ export class Browser {
     this.failures = [];
   }
 
-  // Opens a page; `before` runs in it before its own script. Any request for which `isAllowed(url)` is false, and anything that the page complains about, is a failure.
+  // Opens a page; `before` runs in it before its own script. Any request for which `isAllowed(url)`
+  // is false, and anything that the page complains about, is a failure.
   async visit(url, isAllowed, {width = 1280, height = 900, colorScheme = 'light', reducedMotion = 'reduce', before} = {}) {
     const page = await this.context.newPage();
     if (before) await page.addInitScript(before);
@@ -55,7 +58,8 @@ export class Browser {
     return page;
   }
 
-  // Opens the page of a server on this machine, which may load from there alone. options: `at`, what follows # in the address
+  // Opens the page of a server on this machine, which may load from there alone. options: `at`,
+  // what follows # in the address
   openServer(url, {at = '', ...options} = {}) {
     const own = address => address.startsWith(url) || address.startsWith(`blob:${url}`);
     return this.visit(`${url}${at && `#${at}`}`, own, options);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reports as a browser shows them: trains the bundled program's smallest runs, opens what they wrote with no network,
-// clicks, drags, types, and keeps screenshots.
+// Reports as a browser shows them: trains the bundled program's smallest runs, opens what they
+// wrote with no network, clicks, drags, types, and keeps screenshots.
 //   node report_test.mjs MODULES PROGRAM SCENE OUT CHROMIUM
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
@@ -28,7 +28,7 @@ async function makeRuns() {
   gemsplat('train', scene, '-o', join(out, 'run'), '--eval', '-i', '200', '--test-steps', '100,150', ...SETTINGS);
   gemsplat('train', scene, '-o', join(out, 'short'), '-i', '4', ...SETTINGS);
   await writeFile(join(out, 'two.toml'), `output = "two"
-scenes = [${JSON.stringify(scene)}, {path = ${JSON.stringify(scene)}, name = "again"}]
+scenes = [${JSON.stringify(scene)}, {path = ${JSON.stringify(scene)}, name = "again", set = {"dataset.resolution" = 16}}]
 seeds = [1, 2]
 set = {dataset = {eval = true, resolution = 8}, train = {iterations = 60, log_every = 10, test_steps = [30], device = "cpu"}, density = {max_gaussians = 3000}}
 configs = [{name = "usual"}, {name = "ssim", set = {loss.lambda_dssim = 0.4}}]
@@ -104,7 +104,7 @@ const tests = {
     assert.ok(loaded > 0);
     await page.locator('.thumb').first().click();
     assert.equal(await page.locator('.view-name').innerText(), name);
-    await page.getByText('Figures of all').click();
+    await page.getByText('PSNR and SSIM of all').click();
     await page.locator('.all-views .link').last().click();
     assert.equal(await page.locator('.all-views .link').last().innerText(), await page.locator('.view-name').innerText());
     await page.close();
@@ -153,15 +153,20 @@ const tests = {
     const page = await browser.open(join(out, 'two/report.html'));
     const results = JSON.parse(await readFile(join(out, 'two/results.json'), 'utf8'));
     const {mean, standard_deviation: deviation} = results.summary[1].psnr;
-    const figures = await page.locator('#figures table').innerText();
+    const figures = await page.locator('#results table').innerText();
     assert.ok(figures.includes(`${mean.toFixed(2)} ± ${deviation.toFixed(2)}`), figures);
-    assert.equal(await page.locator('#figures circle').count(), 8);
+    assert.equal(await page.locator('#results circle').count(), 8);
     assert.equal(await page.locator('#curves canvas').count(), 2);
     await page.locator('#curves').getByRole('button', {name: 'PSNR'}).click();
     await page.waitForTimeout(200);
     assert.equal(await page.locator('#curves canvas').count(), 2);
-    await page.locator('#figures').getByRole('button', {name: 'SSIM'}).click();
-    assert.match(await page.locator('#figures figcaption').first().innerText(), /SSIM/);
+    await page.locator('#results').getByRole('button', {name: 'SSIM'}).click();
+    assert.match(await page.locator('#results figcaption').first().innerText(), /SSIM/);
+    const scenes = page.locator('#scenes tbody tr'), configs = await page.locator('#configs').innerText();
+    assert.equal(await scenes.count(), 2);
+    assert.ok((await scenes.nth(1).innerText()).includes('dataset.resolution = 16'), await scenes.nth(1).innerText());
+    assert.ok(!(await scenes.nth(0).innerText()).includes('dataset.resolution'));
+    assert.ok(configs.includes('dataset.resolution = 8') && !configs.includes('= 16'), configs);  // what the config says
     await shot(page, 'experiment-desktop-light');
     const links = await page.locator('#runs a').evaluateAll(list => list.map(link => link.href));
     assert.equal(links.length, 8);
@@ -188,7 +193,7 @@ const tests = {
     const page = await browser.open(join(copy, 'report.html'));
     assert.equal(await page.locator('.view-name').innerText(), evil);
     assert.equal(await page.locator('main script').count(), 0);
-    assert.ok((await page.locator('#origin').innerText()).includes(evil));
+    assert.ok((await page.locator('#provenance').innerText()).includes(evil));
     await page.close();
   },
 

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well the viewer's picture agrees with gemsplat's own, in dB, for each format that the viewer reads: the page at the
-// exact size of a camera, its interface hidden, against `gemsplat render` of the same file. Fails below LEAST.
+// How well the viewer's picture agrees with gemsplat's own, in dB, for each format that the viewer
+// reads: the page at the exact size of a camera, its interface hidden, against `gemsplat render` of
+// the same file. Fails below LEAST.
 //   node view_agreement.mjs MODULES PROGRAM OUT CHROMIUM [RUN...] [--scene FOLDER] [--views 3] [--formats ply,spz] [--least 45]
-// MODULES holds node_modules and view.html. --scene: also of two short runs on this scene, the second antialiased.
+// MODULES holds node_modules and view.html. --scene: also of two short runs on this scene, the
+// second antialiased.
 import {execFileSync} from 'node:child_process';
 import {existsSync} from 'node:fs';
 import {mkdir, readFile, readdir, rm, writeFile} from 'node:fs/promises';

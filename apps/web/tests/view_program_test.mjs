@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The viewer with the program's own server: a trained run, the same with pictures from the server, and a run that trains.
+// The viewer with the program's own server: a trained run, the same with pictures from the server,
+// and a run that trains.
 //   node view_program_test.mjs MODULES PROGRAM SCENE OUT CHROMIUM
 import assert from 'node:assert/strict';
 import {execFileSync, spawn} from 'node:child_process';
@@ -45,7 +46,8 @@ const settled = page => page.waitForFunction(() => gemsplatViewer.settled().then
 const state = page => page.evaluate(() => gemsplatViewer.state());
 const shot = (page, name) => page.screenshot({path: join(out, `${name}.png`)});
 
-// The page at the size of camera `index`, without interface, against the program's own picture of it.
+// The page at the size of camera `index`, without interface, against the program's own picture of
+// it.
 async function agreement(browser, url, index) {
   const {cameras} = await (await fetch(`${url}scene.json`)).json(), {name, width, height} = cameras[index];
   const page = await browser.openServer(url, {at: `c=${index}&ui=0`, width, height});

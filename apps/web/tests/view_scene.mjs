@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene of a few round Gaussians whose places in a picture are known, with cameras, photos and frames, made for tests.
+// A scene of a few round Gaussians whose places in a picture are known, with cameras, photos and
+// frames, made for tests.
 import {deflateSync} from 'node:zlib';
 
 const SH0 = 0.28209479177387814;  // kSh0 of gs_core/math/constants.h
@@ -11,7 +12,8 @@ export const BLOBS = [
   {at: [-1, 0, 0.5], color: [0.1, 0.2, 0.9]},
 ];
 
-/// The bytes of a PLY of SH degree 0 with these blobs, each of this standard deviation in world units.
+/// The bytes of a PLY of SH degree 0 with these blobs, each of this standard deviation in world
+/// units.
 export function plyOf(blobs, deviation = 0.12) {
   const names = ['x', 'y', 'z', 'f_dc_0', 'f_dc_1', 'f_dc_2', 'opacity', 'scale_0', 'scale_1', 'scale_2', 'rot_0', 'rot_1', 'rot_2', 'rot_3'];
   const header = `ply\nformat binary_little_endian 1.0\nelement vertex ${blobs.length}\n${names.map(name => `property float ${name}\n`).join('')}end_header\n`;

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small server that speaks the viewer's API (docs/viewer.md) about whatever a test wants to be shown, and scenes for it.
+// A small server with the viewer's API (docs/viewer.md) for tests, and scenes for it to serve.
 import {createServer} from 'node:http';
 import {readFile, stat} from 'node:fs/promises';
 import {basename, join} from 'node:path';
 
-/// what: {page, scene, model(version), photo(index), state(), frame(query)}: functions give a Buffer, an object for
-/// `state`, {body, milliseconds} for `frame`, or throw {status, message}. Each may be changed while the server runs.
+/// what: {page, scene, model(version), photo(index), state(afterStep), frame(query)}. model and
+/// photo return a Buffer, state an object, frame {body, milliseconds}; each may throw {status,
+/// message}, and may be replaced while the server runs.
 export class ViewServer {
   static async start(what) {
     const server = new ViewServer(what);
@@ -30,7 +31,7 @@ export class ViewServer {
     const photo = url.pathname.match(/^\/photo\/(\d+)$/);
     if (url.pathname === '/') return send('text/html; charset=utf-8', await readFile(what.page));
     if (url.pathname === '/scene.json') return json(what.scene);
-    if (url.pathname === '/state.json' && what.state) return json(await what.state());
+    if (url.pathname === '/state.json' && what.state) return json(await what.state(Number(url.searchParams.get('after'))));
     if (url.pathname === '/model') return send('application/octet-stream', await what.model(Number(url.searchParams.get('v'))));
     if (photo && what.photo) return send('image/jpeg', await what.photo(Number(photo[1])));
     if (url.pathname === '/frame' && what.frame) {
@@ -50,7 +51,8 @@ const HALF_TURN = [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1];  // about 
 const FORMATS = ['compressed.ply', 'ply', 'spz', 'sog', 'splat'];
 export const formatOf = file => FORMATS.find(ending => file.endsWith(`.${ending}`));
 
-/// scene.json of a model's file, seen from the cameras of a run's cameras.json; `photos` says which of them have one.
+/// scene.json of a model's file, seen from the cameras of a run's cameras.json; `photos` says which
+/// of them have one.
 export async function sceneOf(run, file, {photos = () => null, gaussians, shDegree = 3, antialiased = false} = {}) {
   const read = async name => JSON.parse(await readFile(join(run, name), 'utf8'));
   const split = await read('split.json').catch(() => ({train: [], test: []}));

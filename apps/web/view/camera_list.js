@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The cameras by name, with a filter, and the bar that goes from one to the next.
+// The list of cameras with its filter, and the bar at the bottom that steps through them.
 import {el, segmented} from '../shared/dom.js';
 import {iconButton} from './parts.js';
 
@@ -8,7 +8,8 @@ const SPLIT_WORDS = {train: 'training', test: 'test'};
 export const splitBadge = split => SPLIT_WORDS[split] ? el(`span.badge.${split}`, {}, SPLIT_WORDS[split]) : null;
 
 export class CameraList {
-  // go(index), mark(index or null): the pointer is on it
+  // go(index): called for a click; mark(index), or mark(null): called when the pointer enters or
+  // leaves an entry
   constructor(cameras, {go, mark}) {
     this.cameras = cameras;
     this.go = go;
@@ -38,7 +39,8 @@ export class CameraList {
     this.count.textContent = shown.size === this.cameras.length ? `${shown.size} cameras` : `${shown.size} of ${this.cameras.length} cameras`;
   }
 
-  // The camera `by` places further among those that the filter leaves, or null.
+  // The index of the camera `by` places further among those that pass the filter; null if none
+  // does.
   neighbor(index, by) {
     const shown = this.shown;
     if (!shown.length) return null;
@@ -60,9 +62,10 @@ export class CameraList {
   }
 }
 
-/// The bar at the bottom: which camera the view is of, and the way to the next.
+/// The bar at the bottom: the name of the view's camera, with buttons to the previous and the next
+/// one.
 export function cameraBar(cameras, {step, nearest}, compareControls) {
-  const name = el('button.bar-name', {type: 'button', title: 'to the nearest camera (N)', onclick: nearest});
+  const name = el('button.bar-name', {type: 'button', title: 'go to the nearest camera (N)', onclick: nearest});
   const node = el('div.camera-bar', {hidden: cameras.length === 0}, el('div.bar-turn', {},
       iconButton('previous', 'previous camera (left arrow)', () => step(-1)), name, iconButton('next', 'next camera (right arrow)', () => step(1))), compareControls);
   const show = index => {

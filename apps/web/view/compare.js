@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The photo of the camera that the view is of, over the picture: beside it with a slider, or through it.
+// Comparison with a photo: while the view is a camera's, its photo can lie over the picture, beside
+// it with a slider, or blended.
 import {el, segmented} from '../shared/dom.js';
 
 export const COMPARISONS = [['render', 'Render'], ['split', 'Slider'], ['blend', 'Blend'], ['photo', 'Photo']];
@@ -12,7 +13,7 @@ export class Compare {
     this.camera = null;
     this.flipped = false;
     this.image = el('img.photo', {alt: '', draggable: 'false', onload: () => this.draw(), onerror: () => this.broken()});
-    this.handle = el('input.divider-range', {type: 'range', min: 0, max: 1000, value: 500, step: 10, 'aria-label': 'where the photo ends and the render begins',
+    this.handle = el('input.divider-range', {type: 'range', min: 0, max: 1000, value: 500, step: 10, 'aria-label': 'border between photo and render',
                                              oninput: () => { this.share = this.handle.value / 1000; this.draw(); }});
     this.divider = el('div.divider', {}, el('span.grip'), this.handle);
     this.tags = [el('span.tag.left', {}, 'photo'), el('span.tag.right', {}, 'render')];
@@ -34,7 +35,8 @@ export class Compare {
     this.draw();
   }
 
-  // The camera whose view this is, or null; its place in the window {left, top, width, height}.
+  // camera: whose view this is, or null; place: of its picture in the window, {left, top, width,
+  // height}
   show(camera, place) {
     if (camera !== this.camera) {
       this.camera = camera;

@@ -1,20 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Mouse, touch, wheel and keys become movements of the rig.
+// Turns mouse, touch, wheel and keys into movements of the rig.
 const TURN = Math.PI;            // radians for a drag across the window's shorter side
 const WHEEL = 0.0011;            // of the distance per pixel of the wheel, as a power of e
-const CLICK = 5;                 // CSS pixels: a press that moved less is a click
+const CLICK = 5;                 // CSS pixels: a press that moves less is a click
 const DOUBLE = 350;              // milliseconds between the clicks of a double click
 const FLY = 0.35;                // scene radii a second, at speed 1
-const NEAREST = 0.02;            // scene radii from the viewer to what orbits go around
+// Scene radii: least distance from the viewer to the center of orbits.
+const NEAREST = 0.02;
 const RAMP = 0.25;               // seconds until a held key has its full speed
 
-const MOVES = {  // key (by place on the keyboard) -> right, down, forward
+const MOVES = {  // key, by its place on the keyboard -> right, down, forward
   KeyW: [0, 0, 1], KeyS: [0, 0, -1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyQ: [0, 1, 0], KeyE: [0, -1, 0],
 };
-const TURNS = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};  // with Alt: not a photo's affair
+// With Alt; without it they step through cameras.
+const TURNS = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
 
 export class Controls {
-  // element: takes the pointer; rig; radius: of the scene, world units; on: {hover(x, y), click(x, y), double(x, y), wake(), focal()}
+  // element: receives the pointer; radius: of the scene, in world units; on: {hover(x, y), click(x,
+  // y), double(x, y), wake(), focal()}
   constructor(element, rig, radius, on) {
     Object.assign(this, {element, rig, radius, on});
     this.mode = 'orbit';
@@ -36,7 +39,7 @@ export class Controls {
 
   get nearest() { return NEAREST * this.radius; }
   get perPixel() { return TURN / Math.min(this.element.clientWidth, this.element.clientHeight); }
-  // World units that one CSS pixel stands for at the target's distance.
+  // World units of one CSS pixel at the target's distance.
   get worldPerPixel() { return this.rig.distance / this.on.focal(); }
 
   down(event) {
@@ -71,7 +74,8 @@ export class Controls {
     else this.rig.orbit(-dx * this.perPixel, -dy * this.perPixel);
   }
 
-  // Two fingers: their middle shifts, their distance approaches, their angle rolls.
+  // Two fingers: moving both shifts the view, spreading them approaches the target, twisting them
+  // rolls.
   pinch(id, last, now) {
     const other = [...this.pointers].find(([each]) => each !== id)[1];
     const before = {x: last.x - other.x, y: last.y - other.y}, after = {x: now.x - other.x, y: now.y - other.y};
@@ -101,7 +105,7 @@ export class Controls {
     else this.rig.approach(Math.exp(by * WHEEL), this.nearest);
   }
 
-  // True where the key is one that moves.
+  // Returns whether the key is one that moves the view.
   press(event) {
     if (!(event.code in MOVES) && !(event.code in TURNS && event.altKey)) return false;
     if (!this.keys.has(event.code)) this.keys.set(event.code, 0);
@@ -116,7 +120,7 @@ export class Controls {
 
   get isHeld() { return this.keys.size > 0; }
 
-  // Moves by the keys that are held, `seconds` after the last time.
+  // Moves by the keys that are held; `seconds` since the last call.
   step(seconds) {
     for (const [code, held] of this.keys) {
       const since = held + seconds, share = Math.min(1, since / RAMP);

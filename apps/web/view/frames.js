@@ -1,31 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-// The picture that the server draws: asks for one frame after the other, small ones while the view moves.
+// The picture of --remote: requests one frame after another from the server, small ones while the
+// view moves.
 import {rowsOfPose, resized} from './lens.js';
 import {askForFrame} from './server.js';
 
-const GOAL = 90;                    // milliseconds from request to picture, while the view moves
+// Milliseconds from request to picture that are aimed at while the view moves.
+const GOAL = 90;
 const LEAST_SCALE = 0.15;
-const MOST_PIXELS = 4096;           // a side, of the server's
+const MOST_PIXELS = 4096;           // on a side: the server's limit
 const QUALITY_MOVING = 70, QUALITY_STILL = 92;
 
 export class FramePicture {
-  // canvas: where frames go; shown(view): a frame of this view is there; failed(error)
+  // canvas: where frames are drawn; shown(view): called after a frame of this view was drawn;
+  // failed(error)
   constructor(canvas, shown, failed) {
     this.canvas = canvas;
     this.shown = shown;
     this.failed = failed;
     this.mode = 'color';
-    this.scale = 0.5;          // of the frames while the view moves
-    this.latency = null;       // milliseconds, of the last frame; `render`: of these on the server
-    this.render = null;
-    this.wanted = null;        // the view that is to be seen
+    this.scale = 0.5;          // of frames while the view moves, to the window's pixels
+    this.latency = null;       // milliseconds from request to picture, of the last frame
+    this.render = null;        // of these, milliseconds that the server rendered
+    this.wanted = null;        // the view to request next
     this.isBusy = false;
-    this.client = Math.random().toString(36).slice(2);  // the server drops requests that a newer one of the same page has overtaken
+    // The server drops a request when a newer one of the same client comes.
+    this.client = Math.random().toString(36).slice(2);
   }
 
   get isPending() { return this.isBusy || this.wanted !== null; }
 
-  // view: {pose, lens}, lens with the window's pixels
+  // Shows this view as soon as possible. view: {pose, lens}, the lens in the window's pixels
   want(view, isMoving) {
     this.wanted = {...view, mode: this.mode, scale: isMoving ? this.scale : 1};
     if (!this.isBusy) this.next();
@@ -54,7 +58,7 @@ export class FramePicture {
     const frame = await askForFrame({
       w: width, h: height, fx, fy, cx, cy, m: rowsOfPose(view.pose).map(x => Number(x.toPrecision(9))).join(','),
       mode: view.mode, q: view.scale < 1 ? QUALITY_MOVING : QUALITY_STILL, client: this.client});
-    if (!frame) return;  // overtaken
+    if (!frame) return;  // a newer request has replaced it
     this.latency = performance.now() - from;
     this.render = frame.milliseconds;
     const {picture} = frame;
@@ -66,7 +70,8 @@ export class FramePicture {
     this.shown(view);
   }
 
-  // Pixels take time about in proportion: towards the goal, by half of what is missing.
+  // Latency grows about in proportion to the number of pixels. Moves the scale halfway to the one
+  // that meets the goal.
   adapt() {
     const wish = this.scale * Math.sqrt(GOAL / Math.max(this.latency, 5));
     this.scale = Math.min(1, Math.max(LEAST_SCALE, (this.scale + wish) / 2));

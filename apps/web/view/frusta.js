@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The photos' cameras as frusta, drawn over the picture, and which of them is under the pointer.
+// The photos' cameras as frusta: draws them over the picture, and finds the one under the pointer.
 import {Color, Matrix4, PerspectiveCamera, Scene, Vector3} from 'three';
 import {LineMaterial} from 'three/addons/lines/LineMaterial.js';
 import {LineSegments2} from 'three/addons/lines/LineSegments2.js';
@@ -8,12 +8,15 @@ import {projectionOf} from './lens.js';
 
 const FAINT = 0.3;
 const WIDTH = 1.6, WIDTH_MARKED = 3;   // CSS pixels
-const REACH = 12;                      // CSS pixels around an apex that count as it
-const COLORS = {train: '#6ea8ff', test: '#ffae57', '': '#6ea8ff', marked: '#ffffff'};  // on any picture, light or dark
-const NEAREST = 2.5;                   // sizes of a frustum
-const EDGES = [[0, 1], [0, 2], [0, 3], [0, 4], [1, 2], [2, 3], [3, 4], [4, 1], [1, 5], [5, 2]];  // 5: the roof says what is up
+const REACH = 12;                      // CSS pixels: a pointer this near to an apex hits it
+// On any picture, light or dark.
+const COLORS = {train: '#6ea8ff', test: '#ffae57', '': '#6ea8ff', marked: '#ffffff'};
+const NEAREST = 2.5;                   // frustum sizes: lines nearer to the eye are not drawn
+// 5: the tip of the roof, which shows where up is.
+const EDGES = [[0, 1], [0, 2], [0, 3], [0, 4], [1, 2], [2, 3], [3, 4], [4, 1], [1, 5], [5, 2]];
 
-// The five corners and the roof of a camera's frustum, the picture `depth` ahead of it.
+// The apex, the four corners and the roof's tip of a camera's frustum whose picture lies `depth`
+// ahead.
 function corners(camera, depth) {
   const {width, height, fx, fy, cx, cy} = camera;
   const matrix = new Matrix4().set(...camera.world_from_camera);
@@ -22,7 +25,8 @@ function corners(camera, depth) {
           at(width / 2, -0.18 * height)];
 }
 
-// So large that neighbors do not overlap: a part of what lies between cameras, within reason for the scene.
+// A size at which neighbors do not overlap: a fraction of the median distance between cameras,
+// within limits of the scene's radius.
 function sizeFor(centers, radius) {
   const step = Math.max(1, Math.floor(centers.length / 200)), gaps = [];
   for (let i = 0; i < centers.length; i += step) {
@@ -71,7 +75,7 @@ export class Frusta {
     this.lines.geometry = new LineSegmentsGeometry().setPositions(positions).setColors(colors);
   }
 
-  // The camera that is the view itself would fill it with its own frame.
+  // Hides one frustum: that of the view's own camera, whose lines would frame the whole picture.
   hide(index) {
     if (index === this.hidden) return;
     this.hidden = index;
@@ -92,7 +96,8 @@ export class Frusta {
 
   get isShown() { return this.visible && !this.isSuppressed && this.cameras.length > 0; }
 
-  // lens: of the window; isFaint: what matters is the picture. Lines right before the eye, of frusta that it nearly stands in, are left out.
+  // lens: of the window; isFaint: drawn weaker, while the picture is compared. Lines near the eye
+  // are clipped, so that a frustum that it nearly stands in does not cover the picture.
   draw(renderer, {position, quaternion}, lens, far, isFaint) {
     if (!this.isShown) return;
     this.lines.material.opacity = isFaint ? FAINT : 0.8;
@@ -105,7 +110,7 @@ export class Frusta {
     renderer.render(this.scene, this.eye);
   }
 
-  // The index of the camera at a place of the window (CSS pixels), the nearest where several are, or null.
+  // The index of the nearest camera at a place of the window (CSS pixels), or null.
   pick(x, y, {position, quaternion}, lens) {
     if (!this.isShown) return null;
     const viewFromWorld = new Matrix4().compose(position, quaternion, new Vector3(1, 1, 1)).invert();
@@ -126,7 +131,7 @@ export class Frusta {
   }
 }
 
-// Whether (x, y) lies in a convex polygon, whichever way round it is.
+// Whether (x, y) lies in a convex polygon of either orientation.
 function isInside(polygon, x, y) {
   const sides = polygon.map((a, i) => {
     const b = polygon[(i + 1) % polygon.length];

@@ -1,29 +1,38 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which keys and gestures there are.
+// The dialog that lists what the mouse, fingers and keys do.
 import {el} from '../shared/dom.js';
 import {iconButton} from './parts.js';
 
-const GROUPS = [
-  ['Moving', [
-    ['drag', 'orbit; in fly mode look around'], ['right button, drag', 'look around'], ['Shift or middle button, drag', 'shift'],
-    ['wheel, or two fingers apart', 'nearer, farther'], ['double click', 'orbit around this point'],
+const MOUSE = ['Mouse', [
+  ['drag', 'orbit; in fly mode, look around'], ['right button, drag', 'look around'], ['Shift or middle button, drag', 'pan'],
+  ['wheel', 'nearer, farther'], ['double click', 'orbit around this point'], ['click a camera', 'fly to it'],
+]];
+const FINGERS = ['Fingers', [
+  ['one finger', 'orbit; in fly mode, look around'], ['two fingers', 'pan'], ['spread or pinch', 'nearer, farther'],
+  ['twist', 'roll'], ['double tap', 'orbit around this point'], ['tap a camera', 'fly to it'],
+]];
+const KEYS = [
+  ['Keys that move the view', [
     ['W A S D', 'fly ahead, left, back, right'], ['E Q', 'fly up, down'], ['Shift with these', 'four times as fast'],
-    ['Alt + arrows', 'turn'], ['O', 'orbit or fly'], ['L', 'level the horizon'], ['U', 'turn up and down around'], ['R', 'to the first view'],
+    ['Alt + arrows', 'turn'], ['O', 'orbit or fly'], ['L', 'level the horizon'], ['U', 'swap up and down'], ['R', 'back to the first view'],
   ]],
   ['Cameras and photos', [
-    ['click a frustum', 'to this camera'], ['← →', 'previous, next camera'], ['N', 'to the nearest camera'], ['F', 'frusta on or off'],
-    ['C', 'render, slider, blend, photo'], ['Space, held', 'the photo'], ['1 2 3', 'color, depth, normals, of frames from the server'],
+    ['← →', 'previous, next camera'], ['N', 'nearest camera'], ['F', 'show or hide the cameras'],
+    ['C', 'render, slider, blend, photo'], ['Space, held', 'show the photo'], ['1 2 3', 'with --remote: color, depth, normals'],
   ]],
   ['Page', [
-    ['G', 'list of cameras'], ['P', 'settings'], ['I', 'figures'], ['H', 'hide everything but the picture'], ['?', 'this list'], ['Esc', 'close'],
+    ['I', 'model panel'], ['G', 'list of cameras'], ['P', 'settings'], ['H', 'hide everything but the picture'], ['?', 'this help'], ['Esc', 'close'],
   ]],
 ];
 
+const TOUCH = '(pointer: coarse), (max-width: 719px)';  // a phone or tablet
+
 export function helpDialog() {
-  const dialog = el('dialog.help', {'aria-label': 'keys and gestures'},
-    el('div.panel-head', {}, el('h2', {}, 'Keys and gestures'), iconButton('close', 'close', () => dialog.close())),
-    el('div.help-columns', {}, GROUPS.map(([title, keys]) => el('section', {}, el('h3', {}, title),
-        el('dl', {}, keys.map(([key, what]) => el('div', {}, el('dt', {}, key), el('dd', {}, what))))))));
+  const groups = matchMedia(TOUCH).matches ? [FINGERS, MOUSE, ...KEYS] : [MOUSE, ...KEYS, FINGERS];
+  const dialog = el('dialog.help', {'aria-label': 'mouse, fingers and keys'},
+    el('div.panel-head', {}, el('h2', {}, 'Mouse, fingers and keys'), iconButton('close', 'close', () => dialog.close())),
+    el('div.help-columns', {}, groups.map(([title, entries]) => el('section', {}, el('h3', {}, title),
+        el('dl', {}, entries.map(([input, effect]) => el('div', {}, el('dt', {}, input), el('dd', {}, effect))))))));
   dialog.addEventListener('click', event => { if (event.target === dialog) dialog.close(); });
   return dialog;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What keys do; help.js says so to people.
+// Binds keys to actions. help.js lists them for people: change both together.
 
 export function bindKeys(viewer) {
   const {panels, rig, controls, compare} = viewer;
@@ -7,7 +7,7 @@ export function bindKeys(viewer) {
   const actions = {
     ArrowLeft: () => viewer.stepCamera(-1), ArrowRight: () => viewer.stepCamera(1), n: () => viewer.goToNearest(),
     f: () => viewer.showFrusta(!viewer.stage.frusta?.visible), c: () => compare.next(), g: () => panels.cameras?.toggle(), p: () => panels.settings.toggle(),
-    i: () => panels.figures.toggle(), h: () => viewer.setInterface(viewer.isBare), r: () => viewer.reset(), l: () => rig.level(), u: () => viewer.flipUp(),
+    i: () => panels.model.toggle(), h: () => viewer.setInterface(viewer.isBare), r: () => viewer.reset(), l: () => rig.level(), u: () => viewer.flipUp(),
     o: () => viewer.navigate(controls.mode === 'orbit' ? 'fly' : 'orbit'), '?': () => viewer.help.showModal(),
     1: () => frames('color'), 2: () => frames('depth'), 3: () => frames('normal'),
     Escape: () => Object.values(panels).forEach(panel => panel.toggle(false)),

@@ -1,50 +1,54 @@
 // SPDX-License-Identifier: Apache-2.0
-// A run while it trains: asks how far it is, shows that, and tells when there is a newer model.
+// The panel of a run that trains: polls the server for its progress, shows it, and reports when
+// there is a newer model.
 import uPlot from 'uplot';
 import {cssColor, el} from '../shared/dom.js';
 import {duration, fixed, isNumber, short, significant, whole} from '../shared/format.js';
-import {figureList} from './parts.js';
+import {factList} from './parts.js';
 import {askForState} from './server.js';
 
-const EVERY = 1000;          // milliseconds between questions while the page is seen
-const MOST_POINTS = 400;     // of the chart; beyond, every second one goes
+const EVERY = 1000;          // milliseconds between polls while the page is visible
+const MOST_POINTS = 400;     // of the chart: beyond that, every second one is dropped
 const CHART_HEIGHT = 120;    // CSS pixels
 
 export class Live {
-  // snapshot(state): shows a model that was not there before, resolves to whether it could; failed(error or null)
+  // snapshot(state): shows the newer model, and resolves to whether that worked; failed(error), or
+  // failed(null) after a poll that worked
   constructor({snapshot, failed}) {
     Object.assign(this, {snapshot, failed});
     this.version = 0;
-    this.points = [[], []];
-    this.figures = figureList(['Step', 'Loss', 'PSNR', 'Gaussians', 'Time', 'Left', 'Snapshot']);
+    this.points = [[], []];  // steps and losses, as in metrics.csv
+    this.lastStep = 0;       // of the last loss that the server has sent
+    this.facts = factList(['Step', 'Loss', 'PSNR', 'Gaussians', 'Time', 'Left', 'Snapshot']);
     this.bar = el('progress', {max: 1, value: 0, 'aria-label': 'how far training is'});
     this.words = el('p.live-words', {'aria-live': 'polite'});
     this.holder = el('div.loss-chart', {role: 'img', 'aria-label': 'loss over steps'});
-    this.node = el('div.training-body', {}, this.words, this.bar, this.figures.node, this.holder);
+    this.node = el('div.training-body', {}, this.words, this.bar, this.facts.node, this.holder);
     new ResizeObserver(() => this.drawChart(true)).observe(this.holder);
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => this.drawChart(true));
   }
 
   start() {
-    document.addEventListener('visibilitychange', () => { if (!document.hidden) this.ask(); });
-    this.ask();
+    document.addEventListener('visibilitychange', () => { if (!document.hidden) this.poll(); });
+    this.poll();
   }
 
-  async ask() {
+  async poll() {
     clearTimeout(this.timer);
     if (document.hidden || this.isDone) return;
     try {
-      this.take(await askForState());
+      this.take(await askForState(this.lastStep));
       this.failed(null);
     } catch (error) {
       this.failed(error);
     }
-    this.timer = setTimeout(() => this.ask(), EVERY);
+    this.timer = setTimeout(() => this.poll(), EVERY);
   }
 
   take(state) {
     this.show(state);
-    if (isNumber(state.loss) && state.step > (this.points[0].at(-1) ?? -1)) this.add(state.step, state.loss);
+    if (state.step < this.lastStep) this.goBackTo(state.step);
+    this.add(state.losses ?? []);
     if (state.version > this.version && !this.isLoading) this.fetch(state);
     this.isDone = state.done && this.version >= state.version;
   }
@@ -58,21 +62,35 @@ export class Live {
   show({step, steps, loss, gaussians, psnr, seconds, done, stopped, message, version}) {
     this.bar.value = steps ? step / steps : 0;
     const left = step > 0 && !done ? seconds / step * (steps - step) : null;
-    this.figures.set('Step', `${whole(step)} of ${whole(steps)}`);
-    this.figures.set('Loss', isNumber(loss) ? significant(loss, 4) : null);
-    this.figures.set('PSNR', isNumber(psnr) ? `${fixed(psnr, 2)} dB` : null);
-    this.figures.set('Gaussians', whole(gaussians));
-    this.figures.set('Time', duration(seconds));
-    this.figures.set('Left', left === null ? null : duration(left));
+    this.facts.set('Step', `${whole(step)} of ${whole(steps)}`);
+    this.facts.set('Loss', isNumber(loss) ? significant(loss, 4) : null);
+    this.facts.set('PSNR', isNumber(psnr) ? `${fixed(psnr, 2)} dB` : null);
+    this.facts.set('Gaussians', whole(gaussians));
+    this.facts.set('Time', duration(seconds));
+    this.facts.set('Left', left === null ? null : duration(left));
     this.words.hidden = version > 0 && !done && !stopped && !message;
-    this.figures.set('Snapshot', version ? String(version) : null);
+    this.facts.set('Snapshot', version ? String(version) : null);
     this.words.textContent = message || (stopped ? 'Training was stopped.' : done ? 'Training is done.' : version ? '' : 'The first model is on its way.');
   }
 
-  add(step, loss) {
-    this.points[0].push(step);
-    this.points[1].push(loss);
-    if (this.points[0].length > MOST_POINTS) this.points = this.points.map(list => list.filter((_, i) => i % 2 === 0));
+  // losses: [[step, loss], ...] of the steps after lastStep.
+  add(losses) {
+    if (!losses.length) return;
+    for (const [step, loss] of losses) {
+      this.lastStep = step;
+      if (!isNumber(loss)) continue;
+      this.points[0].push(step);
+      this.points[1].push(loss);
+    }
+    while (this.points[0].length > MOST_POINTS) this.points = this.points.map(list => list.filter((_, i) => i % 2 === 0));
+    this.drawChart(false);
+  }
+
+  // The run went back to an earlier step: what came after it did not happen.
+  goBackTo(step) {
+    const count = this.points[0].filter(each => each <= step).length;
+    this.points = this.points.map(list => list.slice(0, count));
+    this.lastStep = step;
     this.drawChart(false);
   }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The viewer: asks the server what there is to see (docs/viewer.md), puts the page together, and tells why where it cannot.
+// Entry point of the viewer: asks the server for the scene (docs/viewer.md) and builds the page, or
+// says why that failed.
 import {el} from '../shared/dom.js';
 import {askForScene} from './server.js';
 import {Viewer} from './viewer.js';

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What went wrong, in words, and how far loading is.
+// Messages at the bottom of the page: errors in words, and a progress bar while the model loads.
 import {el} from '../shared/dom.js';
 import {iconButton} from './parts.js';
 
@@ -17,13 +17,14 @@ export class Messages {
     return message;
   }
 
-  // Stays until it is closed; the same words do not come twice.
+  // An error, shown until it is closed. The same words are not shown twice.
   fail(error) {
     console.warn(error);
     if (![...this.list.children].some(each => each.textContent === error.message)) this.add(error.message);
   }
 
-  // Something that may mend by itself: `error`, or null where it has.
+  // A condition that may end by itself, such as a server that does not answer: `error`, or null
+  // when it has ended.
   trouble(what, error) {
     const shown = this.troubles.get(what);
     if (shown?.text === error?.message) return;
@@ -32,7 +33,7 @@ export class Messages {
     if (error) this.troubles.set(what, {text: error.message, node: this.add(error.message)});
   }
 
-  // A bar until end(); without words none is seen.
+  // A progress bar until end(); without words nothing is shown.
   progress(words) {
     if (!words) return {set() {}, end() {}};
     const share = el('progress', {max: 1, 'aria-label': words}), text = el('span', {}, words);

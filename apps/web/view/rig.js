@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the viewer stands, what its lens is, and how it moves: orbits, looks around, flies. World axes are the scene's.
+// The viewer's own camera: pose and lens, and how they move (orbit, look around, shift, fly to a
+// camera). World axes are the scene's.
 import {Matrix4, Quaternion, Vector3} from 'three';
 import {lensOf, mixedLens, poseFromRows} from './lens.js';
 
-const STEEPEST = 89.5 * Math.PI / 180;  // between the horizon and the line of sight
+const STEEPEST = 89.5 * Math.PI / 180;  // largest angle between the horizon and the line of sight
 const FLIGHT = 700;                     // milliseconds
 
 const ease = t => t < 0.5 ? 4 * t ** 3 : 1 - (2 - 2 * t) ** 3 / 2;
@@ -15,17 +16,17 @@ export class Rig {
     this.changed = changed;
     this.position = new Vector3();
     this.quaternion = new Quaternion();
-    this.target = new Vector3(0, 0, 1);  // what orbits go around
+    this.target = new Vector3(0, 0, 1);  // the center of orbits
     this.up = new Vector3(0, -1, 0);
     this.lens = null;
-    this.at = null;      // index of the camera that this is exactly the view of
-    this.flight = null;  // towards another view
+    this.at = null;      // index of the camera whose view this exactly is
+    this.flight = null;  // the animation towards another view
   }
 
   axis(x, y, z) { return new Vector3(x, y, z).applyQuaternion(this.quaternion); }
   get distance() { return this.position.distanceTo(this.target); }
 
-  // Something moved by hand: no longer a camera's view, and no flight goes on.
+  // After a movement by hand: the view is no longer a camera's, and a flight ends.
   moved() {
     this.at = null;
     this.flight = null;
@@ -37,10 +38,11 @@ export class Rig {
     this.quaternion.premultiply(rotation).normalize();
   }
 
-  // Angles in radians, to the left and up positive; about `pivot`, or about the viewer where there is none.
+  // Angles in radians, positive to the left and up; about `pivot`, or about the viewer if there is
+  // none.
   rotate(yaw, pitch, pivot) {
     const elevation = Math.asin(Math.min(1, Math.max(-1, this.axis(0, 0, -1).dot(this.up))));
-    const free = this.axis(0, 1, 0).dot(this.up) > 0;  // upright: then it stays so
+    const free = this.axis(0, 1, 0).dot(this.up) > 0;  // an upright view stays upright
     const tilt = free ? Math.min(STEEPEST, Math.max(-STEEPEST, elevation + pitch)) - elevation : pitch;
     this.turn(new Quaternion().setFromAxisAngle(this.axis(1, 0, 0), tilt), pivot);
     this.turn(new Quaternion().setFromAxisAngle(this.up, yaw), pivot);
@@ -54,7 +56,7 @@ export class Rig {
     this.target.copy(this.position).addScaledVector(this.axis(0, 0, -1), distance);
   }
 
-  // Along the camera's right and down, and straight ahead; the target comes along. World units.
+  // Moves along the camera's axes, and the target with it. World units.
   shift(right, down, forward) {
     const by = this.axis(right, -down, -forward);
     this.position.add(by);
@@ -62,7 +64,7 @@ export class Rig {
     this.moved();
   }
 
-  // Towards the target (factor < 1) or away from it. The target keeps at least `nearest` ahead.
+  // Towards the target (factor < 1) or away from it. The target stays at least `nearest` ahead.
   approach(factor, nearest) {
     const distance = this.distance, by = distance * (1 - factor), ahead = this.axis(0, 0, -1);
     this.position.addScaledVector(ahead, by);
@@ -75,7 +77,7 @@ export class Rig {
     this.moved();
   }
 
-  // Orbits go around this point from now on; the view turns to it.
+  // Makes this point the center of orbits and turns the view to it.
   setTarget(point) {
     const direction = point.clone().sub(this.position).normalize();
     const rotation = new Quaternion().setFromUnitVectors(this.axis(0, 0, -1), direction);
@@ -95,7 +97,8 @@ export class Rig {
     return new Quaternion().setFromRotationMatrix(new Matrix4().makeBasis(right, up, back));
   }
 
-  // Flies to a view, or jumps where movement is not wanted. view: {position, quaternion, lens, at, target}
+  // Flies to a view, or jumps there if the user prefers reduced motion. view: {position,
+  // quaternion, lens, at, target}
   go(view, {jump = calm()} = {}) {
     const lens = view.lens ?? this.lens;
     this.at = null;
@@ -105,7 +108,8 @@ export class Rig {
     this.changed();
   }
 
-  // To a camera of scene.json; the target lies as far ahead as it was, or at the depth of `center`.
+  // Goes to a camera of scene.json. The target becomes the point on its line of sight at the depth
+  // of `center`.
   goToCamera(camera, index, center, options) {
     const pose = poseFromRows(camera.world_from_camera);
     const forward = new Vector3(0, 0, -1).applyQuaternion(pose.quaternion);
@@ -123,7 +127,7 @@ export class Rig {
     this.changed();
   }
 
-  // One frame further on a flight.
+  // Advances a flight by one frame.
   advance(now) {
     if (!this.flight) return;
     const {from, to, since} = this.flight, t = Math.min(1, (now - since) / FLIGHT), s = ease(t);

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the page asks its server for. Every failure becomes a sentence.
+// The page's requests to its server (docs/viewer.md). Every failure becomes an Error whose message
+// is a sentence.
 
-const OVERTAKEN = 409;  // the status of a frame that nobody waits for any more
+const OVERTAKEN = 409;  // the status of a frame that a newer request of this page has replaced
 
 async function ask(address) {
   let response;
   try {
     response = await fetch(address, {cache: 'no-store'});
   } catch {
-    throw new Error('The server does not answer. Does gemsplat still run?');
+    throw new Error('The server does not answer. Is gemsplat still running?');
   }
   if (response.ok || response.status === OVERTAKEN) return response;
   const words = (await response.text().catch(() => '')).trim();
@@ -20,14 +21,16 @@ async function json(address) {
   try {
     return await response.json();
   } catch {
-    throw new Error(`What the server sent as ${address} cannot be read.`);
+    throw new Error(`The server's answer to ${address} cannot be read.`);
   }
 }
 
 export const askForScene = () => json('scene.json');
-export const askForState = () => json('state.json');
+/// The state of a run, with the losses that were logged after a step.
+export const askForState = afterStep => json(`state.json?after=${afterStep}`);
 
-/// The model's bytes as they arrive: {stream, length}; `progress(share)` is told how much of them is there, 0 to 1.
+/// The model's bytes as they arrive: {stream, length}. progress(share) is called as they come, with
+/// 0 to 1.
 export async function askForModel(version, bytes, progress) {
   const response = await ask(`model?v=${version}`);
   const length = Number(response.headers.get('Content-Length')) || bytes || 0;
@@ -42,8 +45,8 @@ export async function askForModel(version, bytes, progress) {
   return {stream: response.body.pipeThrough(counted), length: length || undefined};
 }
 
-/// A frame as {picture: ImageBitmap, milliseconds}: what it took the server, or null where it did not say. Null where a
-/// newer question has overtaken this one.
+/// A frame as {picture: ImageBitmap, milliseconds}: milliseconds that the server rendered, or null
+/// if it did not say. The frame is null if a newer request has replaced this one.
 export async function askForFrame(query) {
   const response = await ask(`frame?${new URLSearchParams(query)}`);
   if (response.status === OVERTAKEN) return null;

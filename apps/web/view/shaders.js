@@ -1,22 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// What Spark's shaders need to draw the equation of 3D Gaussian Splatting as gemsplat does (docs/equations.md).
+// Changes to Spark's shaders that make it evaluate the same equation as gemsplat
+// (docs/equations.md).
 
-// Beyond this place in the picture (1 is its edge) the Jacobian no longer follows the Gaussian: kFrustumMargin.
+// The Jacobian is evaluated no farther out than this (1 is the edge of the picture):
+// kFrustumMargin.
 const JACOBIAN_LIMIT = '1.3';
 
-// What Spark's vertex shader says -> what it has to say.
+// [a line of Spark's vertex shader, its replacement]
 const CHANGES = [
-  // The Jacobian's x/z and y/z stay within the limit.
+  // Clamp the Jacobian's x/z and y/z to the limit.
   ['vec2 J2 = -(J1 * viewCenter.xy) * invZ;',
    `vec2 slope = -(clamp(clipCenter.xy / clipCenter.w, -${JACOBIAN_LIMIT}, ${JACOBIAN_LIMIT})
         + vec2(projectionMatrix[2][0], projectionMatrix[2][1])) / vec2(projectionMatrix[0][0], projectionMatrix[1][1]);
     vec2 J2 = -J1 * slope;`],
-  // A splat reaches as far as its alpha is at least minAlpha, no farther.
+  // End a splat where its alpha falls below minAlpha.
   ['adjustedStdDev = maxStdDev;',
    'adjustedStdDev = min(maxStdDev, sqrt(2.0 * log(max(rgba.a / minAlpha, 1.0))));'],
 ];
 
-/// Spark's vertex shader, changed. Throws Error where it is not the one that these changes are for.
+/// Spark's vertex shader with the changes. Throws Error if a line to be replaced is not in it
+/// exactly once.
 export function vertexShader(text) {
   return CHANGES.reduce((shader, [from, to]) => {
     if (shader.split(from).length !== 2) throw new Error(`Spark's vertex shader has changed: "${from}" was expected in it once`);
@@ -24,7 +27,8 @@ export function vertexShader(text) {
   }, text);
 }
 
-/// One fragment: alpha = opacity exp(-|u|^2 / 2), none below minAlpha, and the color as it is.
+/// One fragment: alpha = opacity exp(-|u|^2 / 2), discarded below minAlpha. The color is not
+/// converted.
 export const fragmentShader = `
 precision highp float;
 uniform float minAlpha;
@@ -37,7 +41,7 @@ void main() {
   fragColor = vec4(vRgba.rgb * alpha, alpha);
 }`;
 
-/// The picture that was gathered, over its background.
+/// The sum of all splats over the background.
 export const compositeVertexShader = `
 varying vec2 place;
 void main() {

@@ -1,22 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-// The picture that this machine draws: Spark on three.js, set up to agree with gemsplat's own (docs/viewer.md).
+// The picture that the browser draws: Spark on three.js, set up to agree with gemsplat's renderer
+// (docs/viewer.md).
 import {SparkRenderer, SplatFileType, SplatMesh} from '@sparkjsdev/spark';
 import {HalfFloatType, LinearFilter, Matrix4, Mesh, PerspectiveCamera, PlaneGeometry, Raycaster, Scene, ShaderMaterial,
         UnsignedByteType, Vector2, Vector3, WebGLRenderTarget} from 'three';
 import {compositeFragmentShader, compositeVertexShader, fragmentShader, vertexShader} from './shaders.js';
 
-const BLUR = 0.3, BLUR_ANTIALIASED = 0.1;     // pixels^2: kBlur and kBlurAntialias of gs_core/math/constants.h
+// Pixels^2: kBlur and kBlurAntialias of gs_core/math/constants.h.
+const BLUR = 0.3, BLUR_ANTIALIASED = 0.1;
 const MIN_ALPHA = 1 / 255;                    // kMinAlpha
-const FAR_OUTSIDE = 1e4;                      // no splat is left out for its center's place in the picture
-const ANY_SIZE = 1e6;                         // pixels: nor made smaller
-const BYTES_PER_GAUSSIAN = 200;               // on the GPU, in full precision: mesh and Spark's working copies
-const MOST_BYTES = /Android|iPhone|iPad/.test(navigator.userAgent) ? 2 ** 28 : 2 ** 30;  // beyond it: 16-byte Gaussians
+// Picture sizes: no splat is culled because its center lies outside the picture.
+const FAR_OUTSIDE = 1e4;
+const ANY_SIZE = 1e6;                         // pixels: no splat is made smaller
+// Of GPU memory at full precision: the mesh and Spark's working copies.
+const BYTES_PER_GAUSSIAN = 200;
+// Larger models get 16-byte Gaussians.
+const MOST_BYTES = /Android|iPhone|iPad/.test(navigator.userAgent) ? 2 ** 28 : 2 ** 30;
 
 const FILE_TYPES = {ply: SplatFileType.PLY, 'compressed.ply': SplatFileType.PLY, spz: SplatFileType.SPZ,
                     sog: SplatFileType.PCSOGSZIP, splat: SplatFileType.SPLAT};
 
 export class SplatPicture {
-  // model: of scene.json, where it is known; changed(): there is something new to draw.
+  // model: of scene.json, if it is known already; changed(): called when there is something new to
+  // draw.
   constructor(renderer, model, changed) {
     this.renderer = renderer;
     this.changed = changed;
@@ -42,7 +48,7 @@ export class SplatPicture {
   }
 
   setAntialiased(antialiased) {
-    this.spark.preBlurAmount = antialiased ? 0 : BLUR;  // without compensation of the opacity
+    this.spark.preBlurAmount = antialiased ? 0 : BLUR;  // blur without compensation of the opacity
     this.spark.blurAmount = antialiased ? BLUR_ANTIALIASED : 0;
   }
 
@@ -59,7 +65,7 @@ export class SplatPicture {
     this.changed();
   }
 
-  // Reads a model to its end, then shows it instead of the last one. `read`: {stream, length}.
+  // Reads a model completely, then replaces the shown one with it. read: {stream, length}.
   async load(model, read) {
     const fileType = FILE_TYPES[model.format];
     if (!fileType) throw new Error(`This page does not read .${model.format} files.`);
@@ -76,7 +82,7 @@ export class SplatPicture {
     this.scene.add(next);
     if (this.mesh) {
       this.scene.remove(this.mesh);
-      this.mesh.dispose();  // Spark shows its own copy until the next model is sorted
+      this.mesh.dispose();  // Spark shows its copy of it until the next model is sorted
     }
     this.mesh = next;
     this.changed();
@@ -85,7 +91,7 @@ export class SplatPicture {
   get gaussians() { return this.mesh?.numSplats ?? 0; }
   get isPending() { return this.spark.sorting || this.spark.sortDirty || this.spark.dirty; }
 
-  // pose: {position, quaternion}, projection: Matrix4, for a picture of width x height pixels
+  // pose: {position, quaternion}; projection: Matrix4
   place({position, quaternion}, projection) {
     this.camera.position.copy(position);
     this.camera.quaternion.copy(quaternion);
@@ -104,7 +110,7 @@ export class SplatPicture {
     this.renderer.render(this.last, this.camera);
   }
 
-  // Sorts anew for exactly this view: while it moves, Spark sorts for views that are nearly the same.
+  // Sorts for exactly this view: while the view moves, Spark sorts for one some milliseconds ago.
   async settle() {
     if (!this.mesh) return;
     await this.spark.update({scene: this.scene, camera: this.camera});
@@ -112,7 +118,7 @@ export class SplatPicture {
     this.changed();
   }
 
-  // The nearest Gaussian that is seen at a place of the picture (-1..1, y up): its point in the world, or null.
+  // The world point of the nearest Gaussian at a place of the picture (-1..1, y up), or null.
   pick(x, y) {
     if (!this.mesh) return null;
     const ray = new Raycaster();
@@ -124,7 +130,8 @@ export class SplatPicture {
   }
 }
 
-// Half precision, so that hundreds of faint splats do not each lose to the rounding of eight bits.
+// The target in which splats are summed. Half precision, because eight bits would round each of
+// hundreds of faint splats.
 function gatheringTarget(renderer) {
   const half = renderer.extensions.has('EXT_color_buffer_float') || renderer.extensions.has('EXT_color_buffer_half_float');
   return new WebGLRenderTarget(1, 1, {type: half ? HalfFloatType : UnsignedByteType, minFilter: LinearFilter,

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The window's picture: when it is drawn, by whom (this machine or the server), how sharp, and what lies over it.
+// The picture that fills the window: decides when it is drawn, at how many pixels, and by which of
+// the browser and the server; draws frusta over it.
 import {ColorManagement, LinearSRGBColorSpace, WebGLRenderer} from 'three';
 import {el} from '../shared/dom.js';
 import {FramePicture} from './frames.js';
@@ -7,16 +8,20 @@ import {Frusta} from './frusta.js';
 import {fitted, projectionOf} from './lens.js';
 import {SplatPicture} from './splats.js';
 
-const REST = 160;                      // milliseconds without movement until the view counts as still
+// Milliseconds without movement until the view counts as still.
+const REST = 160;
 const MOST_PIXEL_RATIO = 2;
-const SLOW = 45, QUICK = 20;           // milliseconds per frame: fewer pixels above, more below, while the view moves
+// Milliseconds per frame: fewer pixels above, more below, while the view moves.
+const SLOW = 45, QUICK = 20;
 const LEAST_SCALE = 0.3;
 
-ColorManagement.enabled = false;       // colors are what files say, display sRGB: nothing converts them
+// Colors are what files say, display sRGB: nothing converts them.
+ColorManagement.enabled = false;
 
 export class Stage {
-  // rig: what is seen; step(seconds): moves it by what is held, true while something is; drawn(view): after each frame;
-  // marginsOf(): what the interface covers, {above, below} in CSS pixels; failed(error)
+  // rig: the viewer's camera; step(seconds): moves it by the held keys, true while any is held;
+  // drawn(view): called after each frame; marginsOf(): what the interface covers, {above, below} in
+  // CSS pixels; failed(error)
   constructor(scene, rig, {step, drawn, marginsOf, failed}) {
     Object.assign(this, {scene, rig, step, drawn, marginsOf, failed});
     this.isRemote = scene.mode === 'remote';
@@ -31,14 +36,16 @@ export class Stage {
       this.splats = new SplatPicture(this.renderer, scene.model, () => this.request());
       this.splats.setBackground(scene.background);
     }
-    this.isStale = true;        // something changed since the last frame
-    this.isExact = false;       // the picture is of this view and no other, at full size
+    this.isStale = true;        // something has changed since the last frame
+    // The picture is sorted for exactly this view and has all its pixels.
+    this.isExact = false;
     this.changedAt = 0;
     this.margins = {above: 0, below: 0};  // CSS pixels that the interface covers
-    this.scale = 1;             // of the picture's pixels, while the view moves
-    this.fullSize = false;      // never fewer pixels
-    this.frameTime = null;      // milliseconds, running mean while frames follow one another
-    this.canvas.addEventListener('webglcontextlost', () => failed(new Error('The graphics driver gave up this picture, perhaps for lack of memory. Load the page again.')));
+    // Of the picture's side while the view moves: below 1 for slow machines.
+    this.scale = 1;
+    this.fullSize = false;      // keep all pixels while the view moves
+    this.frameTime = null;      // milliseconds per frame, a running mean while the view moves
+    this.canvas.addEventListener('webglcontextlost', () => failed(new Error('The graphics driver has lost this picture, perhaps for lack of memory. Load the page again.')));
     new ResizeObserver(() => this.resize()).observe(this.node);
   }
 
@@ -49,8 +56,9 @@ export class Stage {
       renderer.autoClear = false;
       return renderer;
     } catch {
-      if (this.isRemote) return null;  // frames need none: there are only no frusta
-      throw new Error('This browser has no WebGL 2, which drawing Gaussians needs. "gemsplat view --remote" draws them where gemsplat runs.');
+      // Frames from the server need no WebGL; only frusta are missing then.
+      if (this.isRemote) return null;
+      throw new Error('This browser has no WebGL 2, which is needed to draw Gaussians. "gemsplat view --remote" draws them on the machine that gemsplat runs on.');
     }
   }
 
@@ -67,7 +75,7 @@ export class Stage {
     this.draw();  // at once: a canvas of another size is empty
   }
 
-  // The view changed.
+  // Called after the view has changed.
   touch() {
     this.changedAt = performance.now();
     this.isExact = false;
@@ -84,7 +92,7 @@ export class Stage {
     this.touch();
   }
 
-  // The window's lens, `ratio` pixels to a CSS pixel.
+  // The window's lens in pixels, of which `ratio` make one CSS pixel.
   lens(ratio = 1) {
     const {above, below} = this.margins;
     return fitted(this.rig.lens, Math.round(this.width * ratio), Math.round(this.height * ratio), {above: above * ratio, below: below * ratio});
@@ -104,7 +112,7 @@ export class Stage {
     else this.settleSoon();
   }
 
-  // Frames that follow one another at once say what a frame takes.
+  // Measures the time per frame while the view moves, and adapts the number of pixels to it.
   measure(now) {
     const milliseconds = now - (this.lastFrame ?? -Infinity);
     if (milliseconds > 1000 || !this.isMoving) return;
@@ -129,7 +137,7 @@ export class Stage {
     this.drawn(view);
   }
 
-  // What lies over a frame of the server goes with the view that the frame is of.
+  // Draws the frusta over a frame of the server, from the view that this frame shows.
   overlay(view) {
     const lens = view.window ?? view.lens;
     if (this.renderer) {
@@ -157,7 +165,7 @@ export class Stage {
     await this.splats.settle();
   }
 
-  // Resolves when the picture is the view's own: sorted for it, at full size, and on the screen.
+  // Resolves when the picture on the screen is sorted for exactly this view and has all its pixels.
   async settled() {
     const pause = milliseconds => new Promise(done => setTimeout(done, milliseconds));
     const isPending = () => !this.isExact || this.isMoving || this.isStale || this.requested || (this.frames ?? this.splats).isPending;
@@ -167,6 +175,6 @@ export class Stage {
     }
   }
 
-  // The world point that is seen at a place of the window (CSS pixels), or null.
+  // The world point at a place of the window (CSS pixels), or null.
   pointAt(x, y) { return this.splats?.pick(2 * x / this.width - 1, 1 - 2 * y / this.height) ?? null; }
 }

@@ -1,25 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-// The viewer as a whole: stage, cameras, comparison and panels, and what happens between them.
+// The viewer as a whole: it owns the stage, the cameras, the comparison and the panels, and
+// connects them. Start reading here; main.js makes one of these.
 import {Vector3} from 'three';
 import {el} from '../shared/dom.js';
 import {CameraList, cameraBar} from './camera_list.js';
 import {Compare} from './compare.js';
 import {Controls} from './controls.js';
-import {figuresOf} from './figures.js';
 import {helpDialog} from './help.js';
 import {bindKeys} from './keys.js';
 import {lensOf, plainLens, poseFromRows} from './lens.js';
 import {Live} from './live.js';
 import {Messages} from './messages.js';
+import {modelFacts} from './model_panel.js';
 import {iconButton, panel} from './parts.js';
 import {Rig} from './rig.js';
 import {askForModel, askForScene} from './server.js';
 import {settings} from './settings.js';
 import {Stage} from './stage.js';
 
-const FIELD_OF_VIEW = 60;  // degrees, where no camera says one
-const HEAD = 70, HEAD_NARROW = 62, BAR_NARROW = 104;  // CSS pixels of page.css: the head or bar and a gap on both sides
-const NARROW = 720;        // CSS pixels: below, panels start closed and one closes the other
+const FIELD_OF_VIEW = 60;  // degrees, where there is no camera to take it from
+// CSS pixels of page.css: the head or bar with a gap on both sides.
+const HEAD = 70, HEAD_NARROW = 62, BAR_NARROW = 104;
+// CSS pixels: a narrower page has one column for all panels, and they start closed.
+const NARROW = 720;
 
 export class Viewer {
   constructor(app, scene) {
@@ -41,7 +44,7 @@ export class Viewer {
     this.compare = new Compare();
     this.list = new CameraList(scene.cameras, {go: index => this.goTo(index), mark: index => this.mark(index)});
     this.bar = cameraBar(scene.cameras, {step: by => this.stepCamera(by), nearest: () => this.goToNearest()}, this.compare.controls);
-    this.figures = figuresOf(this);
+    this.facts = modelFacts(this);
     this.help = helpDialog();
     this.settings = settings(this);
     this.makePanels();
@@ -50,27 +53,34 @@ export class Viewer {
   }
 
   makePanels() {
-    const one = which => open => {
-      if (open && innerWidth < NARROW) for (const [name, each] of Object.entries(this.panels)) if (name !== which) each.toggle(false);
-      if (open && which === 'settings') this.settings.sync();
-    };
-    this.panels = {figures: panel('figures', 'figures', this.scene.mode === 'live' ? 'Training' : 'Figures', this.figuresBody(), one('figures')),
-                   settings: panel('settings', 'settings', 'Settings', this.settings.node, one('settings'))};
-    if (this.scene.cameras.length) this.panels.cameras = panel('cameras', 'cameras', 'Cameras', this.list.node, one('cameras'));
+    const title = this.scene.mode === 'live' ? 'Training' : 'Model';
+    const make = (name, title, body) => panel(name, title, body, open => { if (open) this.opened(name); });
+    this.panels = {model: make('model', title, this.modelBody()), settings: make('settings', 'Settings', this.settings.node)};
+    if (this.scene.cameras.length) this.panels.cameras = make('cameras', 'Cameras', this.list.node);
+    matchMedia(`(max-width: ${NARROW - 1}px)`).addEventListener('change', () => this.opened(this.lastOpened));
   }
 
-  figuresBody() {
-    if (this.scene.mode !== 'live') return this.figures.node;
+  // Closes the panels that share a column of the page with the one that has just opened.
+  opened(name) {
+    if (!this.panels[name]?.isOpen) return;
+    const columns = innerWidth < NARROW ? {} : {model: 'left', settings: 'right', cameras: 'right'};
+    for (const [other, each] of Object.entries(this.panels)) if (other !== name && columns[other] === columns[name]) each.toggle(false);
+    this.lastOpened = name;
+    if (name === 'settings') this.settings.sync();
+  }
+
+  modelBody() {
+    if (this.scene.mode !== 'live') return this.facts.node;
     this.live = new Live({snapshot: state => this.takeSnapshot(state), failed: error => this.messages.trouble('live', error)});
-    return [this.live.node, this.figures.node];
+    return [this.live.node, this.facts.node];
   }
 
   compose() {
     const full = iconButton('full', 'full screen', () => document.fullscreenElement ? document.exitFullscreen() : this.app.requestFullscreen());
     this.mat = el('div.mat', {'aria-hidden': 'true'});
     this.head = el('header.head', {}, el('div.title-card', {}, el('span.mark', {'aria-hidden': 'true'}), el('div.title-text', {}, el('span.brand', {}, 'gemsplat'), el('h1', {title: this.scene.title}, this.scene.title))),
-        el('div.tools', {role: 'toolbar', 'aria-label': 'panels'}, this.panels.figures.button, this.panels.cameras?.button, this.panels.settings.button,
-           iconButton('reset', 'reset view (R)', () => this.reset()), iconButton('help', 'keys and gestures (?)', () => this.help.showModal()),
+        el('div.tools', {role: 'toolbar', 'aria-label': 'panels'}, this.panels.model.button, this.panels.cameras?.button, this.panels.settings.button,
+           iconButton('reset', 'reset view (R)', () => this.reset()), iconButton('help', 'mouse, fingers and keys (?)', () => this.help.showModal()),
            document.fullscreenEnabled && full));
     this.app.replaceChildren(this.stage.node, this.mat, this.compare.node,
         el('div.interface', {onclick: releaseFocus}, this.head, Object.values(this.panels).map(each => each.node), this.bar.node, this.messages.node), this.help);
@@ -82,13 +92,14 @@ export class Viewer {
     const first = options.get('camera') ?? options.get('c');
     if (this.scene.cameras[first]) this.goTo(Number(first), {jump: true});
     else this.reset({jump: true});
-    if (innerWidth >= NARROW) this.panels.figures.toggle(true);
+    if (innerWidth >= NARROW) this.panels.model.toggle(true);
     for (const note of this.scene.notes ?? []) this.messages.add(note);
     if (this.live) this.live.start();
     else if (!this.stage.isRemote) await this.load(0);
   }
 
-  // Where the view begins: at the first camera, without its frame; without cameras, before the model.
+  // The first view: that of the first camera, free to move; without cameras, one that has the whole
+  // model in front of it.
   reset(options) {
     const [first] = this.scene.cameras;
     if (first) {
@@ -106,7 +117,7 @@ export class Viewer {
     try {
       const read = await askForModel(version, this.scene.model.bytes, share => bar.set(share));
       await this.stage.splats.load(this.scene.model, read);
-      this.figures.show();
+      this.facts.show();
     } catch (error) {
       throw new Error(`The model cannot be shown: ${error.message ?? error}`);
     } finally {
@@ -114,7 +125,7 @@ export class Viewer {
     }
   }
 
-  // A newer model of a run; true where it is shown.
+  // Shows a newer model of a run. Returns whether that worked.
   async takeSnapshot(state) {
     let trouble = null;
     try {
@@ -137,7 +148,7 @@ export class Viewer {
     this.mat.classList.toggle('is-on', camera !== null);
     for (const side of ['left', 'top', 'width', 'height']) this.mat.style[side] = `${place[side]}px`;
     this.compare.show(camera, place);
-    this.figures.frame();
+    this.facts.frame();
     if (view.at === this.shownAt) return;
     this.shownAt = view.at;
     this.bar.show(view.at);
@@ -179,7 +190,8 @@ export class Viewer {
     this.rig.setTarget(point);
   }
 
-  // Where nothing says how far away a place of the window is: as far as the target.
+  // The point behind a place of the window, at the depth of the target: for places where no
+  // Gaussian is hit.
   pointAtTargetDepth(x, y) {
     const {fx, fy, cx, cy} = this.stage.lens(), depth = this.rig.distance;
     return this.rig.position.clone().add(this.rig.axis((x - cx) / fx * depth, -(y - cy) / fy * depth, -depth));
@@ -206,6 +218,7 @@ export class Viewer {
   }
   showFrames(mode) {
     this.stage.frames.mode = mode;
+    this.settings.sync();
     this.stage.touch();
   }
   navigate(mode) {
@@ -232,7 +245,9 @@ export class Viewer {
     this.stage.resize();
   }
 
-  // What head and camera bar cover of the window; a picture lies between them. As if the bar always offered comparison.
+  // What the head and the camera bar cover of the window, in CSS pixels; a camera's picture lies
+  // between them. The bar counts as if it always offered the comparison, so that the picture does
+  // not jump from camera to camera.
   margins() {
     if (this.isBare) return {above: 0, below: 0};
     const hasPhotos = this.scene.cameras.some(camera => camera.photo);
@@ -247,7 +262,7 @@ export class Viewer {
   }
 }
 
-// A button that was pressed with a pointer gives the keys back to the picture.
+// A button that was pressed with a pointer loses the focus, so that keys go to the picture again.
 function releaseFocus(event) {
   if (event.detail > 0) event.target.closest('button')?.blur();
 }

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// A checkpoint as a file. docs/checkpoints.md lists its sections.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "gs_core/config/config.h"
+#include "gs_core/scene.h"
+#include "gs_train/checkpoint.h"
+
+namespace gs {
+
+/// A view as a checkpoint records it, without its photo.
+struct ViewRecord {
+  std::string name;
+  bool is_test = false;
+  Camera camera;
+  Vec3f exposure{1};
+};
+
+/// What a run records of its scene, to recognize it when it is resumed.
+struct SceneRecord {
+  float extent = 1;
+  Vec3d world_offset{0.0, 0.0, 0.0};
+  std::vector<ViewRecord> views;  // training views, then test views
+
+  SceneRecord() = default;
+  explicit SceneRecord(const Scene& scene);
+};
+
+/// The contents of a checkpoint file. Together with the scene's photos, a run can go on from it.
+struct Checkpoint {
+  TrainingState state;
+  Config config;
+  SceneRecord scene;
+};
+
+/// The size of the file that write_checkpoint() writes, in bytes, to within a few KiB.
+std::uint64_t checkpoint_bytes(std::size_t gaussians, std::size_t views);
+
+/// Writes the file, whole or not at all. The model may be in any memory, and is copied in pieces.
+/// Throws Error if the disk is full or memory runs out.
+void write_checkpoint(const std::filesystem::path& path, const Config& config,
+                      const SceneRecord& scene, const RunProgress& progress,
+                      const TrainingModel& model);
+
+/// Throws Error "cannot read PATH: ..." for a file that is cut short, damaged, or of another
+/// version.
+Checkpoint read_checkpoint(const std::filesystem::path& path);
+
+}  // namespace gs

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gemsplat train --resume`: which run to go on with, from which checkpoint, with which settings.
+// docs/checkpoints.md
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "gs_app/checkpoints/checkpoint_file.h"
+#include "gs_app/run/run_folder.h"
+
+namespace gs {
+
+/// The run that `--resume` found, as its last checkpoint has it.
+struct ResumedRun {
+  Checkpoint checkpoint;
+  Config config;                 // of the steps that are left
+  std::filesystem::path source;  // the run's folder; model.output may name another one
+  bool is_finished = false;      // its results are written, and no steps were added
+  bool is_extended = false;      // steps were added by this call
+
+  /// Whether the run goes on in the folder that it was started in.
+  bool goes_on_in_place() const;
+};
+
+/// Applies what was asked for now (flags, settings, config files) over a config, and validates the
+/// result.
+using SettingsOver = std::function<Config(const Config& start)>;
+
+/// Removes `train.iterations=+N` from a list of settings. Returns N, or 0 where there is none.
+/// Throws UsageError.
+int extract_added_steps(std::vector<std::string>& settings);
+
+/// Finds the run to go on with. `where` is "auto" for the run in the output folder (none is
+/// returned where it holds no checkpoint), a run's folder, or a checkpoint. Settings that
+/// `settings` does not name stay as they were in the run. Throws UsageError that lists the settings
+/// that differ although a run keeps them.
+std::optional<ResumedRun> find_resumed_run(const SettingsOver& settings, const std::string& where,
+                                           int added_steps);
+
+/// Throws Error where the scene is not the one that the run was trained on.
+void check_same_scene(const ResumedRun& run, const Scene& scene);
+
+/// Whether the run's cameras or exposures were solved for. The last bits of a solver's result may
+/// differ from one machine to another, so that such a run goes on with those in its checkpoint.
+bool has_solved_views(const ResumedRun& run);
+
+/// Gives the scene the cameras, exposures, extent and offset that the checkpoint holds.
+/// check_same_scene() comes first.
+void restore_scene(const ResumedRun& run, Scene& scene);
+
+/// Makes the folder ready for a start from step 0. A killed run may have left files there without a
+/// checkpoint: they are moved aside, unless this run writes the same files at once.
+void prepare_fresh_start(const RunFolder& folder, const Config& config);
+
+/// Makes the folder ready to go on in. Results of fewer steps, checkpoints that are newer than the
+/// one taken, and a config.toml whose settings have changed are renamed to FILE.bak-N. What killed
+/// processes left is removed.
+void prepare_resumed_folder(const RunFolder& folder, const ResumedRun& run);
+
+}  // namespace gs

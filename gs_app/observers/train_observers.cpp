@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/observers/train_observers.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <sstream>
+
+#include "data_loaders/formats/ply/ply.h"
+#include "gs_app/run/csv.h"
+#include "gs_app/run/results.h"
+#include "gs_app/run/text.h"
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+const std::string kMetricsHeader =
+    "step,loss,num_gaussians,seconds,steps_per_second,sh_degree,test_psnr,test_ssim\n";
+
+constexpr int kTimedSteps = 50;
+
+bool contains(const std::vector<int>& steps, int step) {
+  return std::find(steps.begin(), steps.end(), step) != steps.end();
+}
+
+bool is_last(int step, Trainer& trainer) { return step == trainer.schedule().steps(); }
+
+}  // namespace
+
+void ProgressObserver::after_step(int step, Trainer& trainer) {
+  if (!bar_.due(step)) return;
+  const std::string detail = fmt::format("loss {:.4f} | {} Gaussians", trainer.loss(),
+                                         with_commas(trainer.gaussian_count()));
+  bar_.draw(step, detail, "step");
+}
+
+// Only the steps themselves are timed. Most runs slow down as Gaussians are added, so the figure is
+// a lower bound.
+void DurationObserver::after_step(int step, Trainer& trainer) {
+  const int left = trainer.schedule().steps() - step;
+  if (step != first_step_ + kTimedSteps || left < kTimedSteps) return;
+  const double seconds = trainer.train_seconds() - first_seconds_;
+  progress_.clear();
+  log_info("{} steps took {:.1f} s here: the other {} take {} or more, as Gaussians are added",
+           kTimedSteps, seconds, with_commas(std::uint64_t(left)),
+           duration_text(seconds / kTimedSteps * left));
+}
+
+void SaveObserver::after_step(int step, Trainer& trainer) {
+  if (contains(trainer.config().train.save_steps, step) && !is_last(step, trainer))
+    save_model(folder_, step, trainer);
+}
+
+void EvaluationObserver::after_step(int step, Trainer& trainer) {
+  const std::vector<View>& views = trainer.scene().test_views;
+  if (views.empty() || is_last(step, trainer) || !contains(trainer.config().train.test_steps, step))
+    return;
+  trainer.look_at_result([&](const Gaussians& gaussians) {
+    evaluation_ = evaluate(trainer.backend().renderer(), gaussians.span(), views,
+                           trainer.evaluation_settings());
+  });
+  step_ = step;
+  progress_.clear();
+  log_info("step {}: test {}", step, summary(evaluation_));
+}
+
+std::string metrics_up_to(const std::filesystem::path& metrics, int step) {
+  return csv_rows_up_to(metrics, kMetricsHeader, step);
+}
+
+MetricsObserver::MetricsObserver(const RunFolder& folder, const EvaluationObserver& evaluations,
+                                 const std::string& rows)
+    : path_(folder.metrics()), evaluations_(evaluations) {
+  go_on_after(rows);
+}
+
+void MetricsObserver::after_rollback(int step, Trainer&) {
+  go_on_after(metrics_up_to(path_, step));
+}
+
+void MetricsObserver::go_on_after(const std::string& rows) {
+  write_text(path_, kMetricsHeader + rows);
+  last_row_ = 0;
+  last_seconds_ = 0;
+  losses_.clear();
+  std::istringstream lines(rows);
+  for (std::string line; std::getline(lines, line);) {
+    double loss = 0;
+    std::sscanf(line.c_str(), "%d,%lf,%*[^,],%lf", &last_row_, &loss, &last_seconds_);
+    losses_.push_back({last_row_, loss});
+  }
+}
+
+void MetricsObserver::after_step(int step, Trainer& trainer) {
+  const Evaluation* test = evaluations_.at(step);
+  if (is_last(step, trainer) || (!test && step % trainer.config().train.log_every != 0)) return;
+  write_row(step, trainer, test);
+}
+
+void MetricsObserver::finish(int step, Trainer& trainer, const Evaluation& test) {
+  write_row(step, trainer, test.views.empty() ? nullptr : &test);
+}
+
+void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* test) {
+  const double seconds = trainer.train_seconds();
+  const double rate = seconds > last_seconds_ ? (step - last_row_) / (seconds - last_seconds_) : 0;
+  losses_.push_back({step, trainer.loss()});
+  append_rows(
+      path_,
+      fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, losses_.back().loss,
+                  trainer.gaussian_count(), seconds, rate, trainer.settings().sh_degree) +
+          (test ? fmt::format("{:.4f},{:.5f}\n", test->psnr, test->ssim) : std::string(",\n")));
+  last_row_ = step;
+  last_seconds_ = seconds;
+}
+
+void save_model(const RunFolder& folder, int step, Trainer& trainer) {
+  write_gaussian_ply(folder.ply(step), trained_model(trainer));
+}
+
+}  // namespace gs

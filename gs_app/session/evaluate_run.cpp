@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/session/evaluate_run.h"
+
+#include <algorithm>
+
+#include "data_loaders/photos/photos.h"
+#include "data_loaders/scene/scene_hash.h"
+#include "gs_app/pictures/comparison.h"
+#include "gs_app/pictures/pictures.h"
+
+namespace gs {
+namespace {
+
+constexpr std::size_t kComparedViews = 4;  // rows of comparison.png
+
+std::vector<View> sample_of(const std::vector<View>& views, std::size_t wanted) {
+  std::vector<View> sample;
+  for (const std::size_t index : evenly_chosen(views.size(), wanted))
+    sample.push_back(views[index]);
+  return sample;
+}
+
+// Keeps the pictures of one split: each render and its photo as files, and those of some views for
+// comparison.png.
+class PictureKeeper {
+ public:
+  PictureKeeper(std::filesystem::path folder, const Vec3f& background,
+                std::vector<std::size_t> compared)
+      : folder_(std::move(folder)), background_(background), compared_(std::move(compared)) {}
+
+  void keep(std::size_t index, const View& view, const ImageF& image) {
+    const Image8 render = to_image8(image), photo = shown_photo(view, background_);
+    const std::string name = picture_file(index);
+    write_png(folder_ / "renders" / name, render);
+    write_png(folder_ / "gt" / name, photo);
+    if (std::binary_search(compared_.begin(), compared_.end(), index))
+      comparisons_.push_back({photo, render});
+  }
+  const std::vector<Comparison>& comparisons() const { return comparisons_; }
+
+ private:
+  std::filesystem::path folder_;
+  Vec3f background_;
+  std::vector<std::size_t> compared_;  // ascending
+  std::vector<Comparison> comparisons_;
+};
+
+}  // namespace
+
+void evaluate_run(Trainer& trainer, const RunFolder& folder, Results& results,
+                  const std::function<void(std::size_t, std::size_t)>& progress) {
+  const Scene& scene = trainer.scene();
+  const RenderSettings settings = trainer.evaluation_settings();
+  const std::vector<View> some = sample_of(scene.train_views, kTrainViewsShown);
+  const bool has_test = !scene.test_views.empty();
+  const std::size_t shown =
+      has_test ? scene.test_views.size() : std::min(some.size(), kComparedViews);
+  PictureKeeper pictures(folder.pictures(has_test ? "test" : "train", trainer.step()),
+                         settings.background, evenly_chosen(shown, kComparedViews));
+  const std::size_t total = scene.test_views.size() + some.size();
+  std::size_t done = 0;
+  const auto evaluate_views = [&](const std::vector<View>& views, bool keeps_pictures) {
+    return evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(), views, settings,
+                    [&](std::size_t index, const View& view, const ImageF& image) {
+                      if (keeps_pictures) pictures.keep(index, view, image);
+                      progress(++done, total);
+                    });
+  };
+  results.test = evaluate_views(scene.test_views, true);
+  results.train = evaluate_views(some, !has_test);
+  if (done < total) progress(total, total);  // views that are masked everywhere are left out
+  if (!pictures.comparisons().empty())
+    write_png(folder.comparison(), comparison_picture(pictures.comparisons()));
+}
+
+Results results_of(Trainer& trainer) {
+  const Scene& scene = trainer.scene();
+  Results results;
+  results.iterations = trainer.step();
+  results.num_gaussians = trainer.gaussian_count();
+  results.train_seconds = trainer.train_seconds();
+  results.device = trainer.backend().name();
+  results.seed = trainer.config().train.seed;
+  results.world_offset = scene.world_offset;
+  results.refinement = scene.refinement;
+  results.exposure = scene.exposure;
+  results.peak_gpu_bytes = peak_gpu_bytes(trainer.backend());
+  const DatasetConfig& dataset = trainer.config().dataset;
+  if (!dataset.source.empty()) results.scene_hash = scene_hash(dataset);  // else: made of arrays
+  return results;
+}
+
+}  // namespace gs

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// The evaluation after the last step, with its pictures.
+#pragma once
+
+#include <functional>
+
+#include "gs_app/run/results.h"
+#include "gs_app/run/run_folder.h"
+#include "gs_train/trainer.h"
+
+namespace gs {
+
+/// Renders all test views and some training views, and compares them with their photos: the figures
+/// go to `results`, the pictures to test/ours_N/{renders,gt} (train/ours_N where no view is held
+/// out) and comparison.png. `progress` counts views.
+void evaluate_run(Trainer& trainer, const RunFolder& folder, Results& results,
+                  const std::function<void(std::size_t done, std::size_t total)>& progress);
+
+/// What a finished run says of itself, before its evaluation.
+Results results_of(Trainer& trainer);
+
+}  // namespace gs

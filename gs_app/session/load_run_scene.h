@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scene of a run: photos without cameras are reconstructed first, then photos and cameras are
+// loaded.
+#pragma once
+
+#include "gs_app/run/run_folder.h"
+#include "gs_app/session/session_hooks.h"
+#include "gs_core/config/config.h"
+#include "gs_core/scene.h"
+
+namespace gs {
+
+/// Makes a scene in OUT/scene where dataset.source is a folder of photos alone, or a video, and
+/// points the config to it. Does nothing for other sources. Throws as run_colmap() does.
+void reconstruct_bare_photos(Config& config, const RunFolder& folder, SessionHooks& hooks);
+
+/// Loads the scene at dataset.source, and logs its size. Throws as load_scene() does.
+Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks);
+
+/// Logs what the run is expected to take of the machine.
+void log_forecast(const Config& config, const Scene& scene);
+
+}  // namespace gs

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// A run that starts from trained Gaussians instead of the scene's points (model.start_from): to
+// fine-tune the model of any trainer, or to train on after a prune.
+#pragma once
+
+#include "gs_core/config/config.h"
+#include "gs_core/scene.h"
+#include "gs_train/checkpoint.h"
+
+namespace gs {
+
+/// The state before step 1 with the Gaussians of model.start_from, a file of any format that is
+/// read or a run's folder. Adam's moments and the statistics of density control are zero. Spherical
+/// harmonics are trained from the first step on up to the degree that the file holds; higher ones
+/// follow as train.sh_degree_every says. A file of a higher degree than model.sh_degree loses the
+/// coefficients above it. Throws Error where the file cannot be read or holds no Gaussian.
+TrainingState state_from_model(const Config& config, const Scene& scene);
+
+}  // namespace gs

@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/session/train_session.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+#include "data_loaders/formats/formats.h"
+#include "gs_app/report/report_run.h"
+#include "gs_app/run/make_backend.h"
+#include "gs_app/run/stop_on_signal.h"
+#include "gs_app/session/evaluate_run.h"
+#include "gs_app/session/export_run.h"
+#include "gs_app/session/load_run_scene.h"
+#include "gs_app/session/start_model.h"
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Rows of metrics.csv and profile.csv that a resumed run keeps.
+struct RowsBefore {
+  std::string metrics, profile;
+};
+
+// The row of the last step in metrics.csv is written at the end, with the evaluation: it is left
+// out here.
+RowsBefore rows_before(const std::optional<ResumedRun>& resumed, int steps_done, int steps) {
+  if (!resumed) return {};
+  const RunFolder folder(resumed->source);
+  return {metrics_up_to(folder.metrics(), std::min(steps_done, steps - 1)),
+          ProfileObserver::rows_up_to(folder.profile(), steps_done)};
+}
+
+std::string absolute_path(const std::string& path) {
+  return path.empty() ? path : fs::absolute(path).lexically_normal().string();
+}
+
+}  // namespace
+
+struct TrainSession::Observers {
+  ProgressObserver progress;
+  SaveObserver saver;
+  EvaluationObserver evaluations;
+  MetricsObserver metrics;
+  ProfileObserver profile;
+  std::optional<DurationObserver> duration;
+
+  Observers(const RunFolder& folder, Trainer& trainer, bool shows_progress, const RowsBefore& rows)
+      : progress(trainer.schedule().steps(), shows_progress, trainer.step()), saver(folder),
+        evaluations(progress), metrics(folder, evaluations, rows.metrics),
+        profile(folder, evaluations, rows.profile) {
+    for (Observer* observer :
+         std::initializer_list<Observer*>{&saver, &evaluations, &metrics, &progress, &profile})
+      trainer.add_observer(*observer);
+    if (&trainer.backend().memory() == &host_memory())  // on a CPU nobody guesses it beforehand
+      trainer.add_observer(duration.emplace(progress, trainer));
+  }
+};
+
+TrainSession::TrainSession(TrainRequest request, SessionHooks& hooks)
+    : request_(std::move(request)), hooks_(hooks) {
+  for (const std::string& name : request_.exports) format_named(name).require({});
+}
+
+TrainSession::~TrainSession() = default;
+
+SessionEnd TrainSession::run() {
+  choose_run();
+  lock_.emplace(RunFolder(config_.model.output).lock(), config_.model.output,
+                FolderLock::Kind::alone, FolderLock::File::removed);
+  choose_run();  // again, since no other process changes the folder any more
+  folder_.emplace(config_.model.output);
+  if (resumed_ && resumed_->is_finished) {
+    log_info("the run in {} is finished; --iterations +N makes it longer by N steps",
+             resumed_->source.string());
+    return SessionEnd::nothing_left;
+  }
+  if (!(resumed_ ? goes_on_in_place() : !request_.resume.empty()))
+    check_is_free(*folder_, request_.force);
+  hooks_.use_threads(config_.train.threads);
+  backend_ = make_backend(config_.train.device);
+  log_info("training on {} with {} threads", backend_->name(), thread_count());
+  get_scene();
+
+  if (!resumed_) make_new_trainer();  // before the folder: where this throws, none is left behind
+  hooks_.before_writing(*folder_, *scene_, config_);
+  checkpoints_.emplace(folder_->checkpoints(), config_, SceneRecord(*scene_));
+  if (resumed_ && resumed_->is_extended) save_resumed_state();  // before old results are moved
+  start_folder();
+  if (resumed_ && !goes_on_in_place()) save_resumed_state();
+  if (start_) save_start();
+  if (resumed_) make_resumed_trainer();
+  trainer_->keep_checkpoints_in(*checkpoints_);
+  add_observers();
+
+  train();
+  save_last_model();
+  if (trainer_->step() < trainer_->schedule().steps()) return SessionEnd::stopped;
+  finish();
+  return SessionEnd::finished;
+}
+
+// ---- before the first step ------------------------------------------------------------------------------
+
+void TrainSession::choose_run() {
+  resumed_.reset();  // one checkpoint in memory at a time
+  if (!request_.resume.empty())
+    resumed_ = find_resumed_run(request_.settings, request_.resume, request_.added_steps);
+  config_ = resumed_ ? resumed_->config : config_of_new_run();
+}
+
+// With absolute paths, so that the run's folder can be used from anywhere.
+Config TrainSession::config_of_new_run() const {
+  Config config = request_.settings({});
+  if (!request_.scene && config.dataset.source.empty())
+    throw UsageError("which scene? give its folder: gemsplat train SCENE -o OUT");
+  if (config.model.output.empty())
+    throw UsageError("where to? give the folder of the run with -o OUT");
+  config.dataset.source = absolute_path(config.dataset.source);
+  config.model.start_from = absolute_path(config.model.start_from);
+  return config;
+}
+
+void TrainSession::get_scene() {
+  scene_ = request_.scene;
+  if (!scene_) {
+    if (!resumed_) reconstruct_bare_photos(config_, *folder_, hooks_);
+    scene_ = &loaded_scene_.emplace(load_run_scene(config_.dataset, hooks_));
+  }
+  log_forecast(config_, *scene_);
+  if (!resumed_) return;
+  check_same_scene(*resumed_, *scene_);
+  if (!loaded_scene_ && !has_solved_views(*resumed_)) return;  // nothing of it would change
+  if (!loaded_scene_) scene_ = &loaded_scene_.emplace(*scene_);
+  restore_scene(*resumed_, *loaded_scene_);
+}
+
+void TrainSession::make_new_trainer() {
+  if (config_.model.start_from.empty()) {
+    trainer_.emplace(*scene_, config_, *backend_);
+    return;
+  }
+  TrainingState state = state_from_model(config_, *scene_);
+  start_ = state.progress;
+  trainer_.emplace(*scene_, config_, *backend_, std::move(state));
+  if (config_.density.max_gaussians == kAutoCount)
+    start_->growth_cap = trainer_->config().density.max_gaussians;
+}
+
+// Makes the folder that the run is written to, and writes what is known before the first step.
+void TrainSession::start_folder() {
+  if (goes_on_in_place()) {
+    prepare_resumed_folder(*folder_, *resumed_);
+    if (holds_text(folder_->config(), to_toml(config_))) return;  // so the other files fit as well
+  } else if (!resumed_ && !request_.resume.empty()) {
+    prepare_fresh_start(*folder_, config_);
+  } else {
+    make_run_folder(*folder_);
+  }
+  write_run_description(*folder_, config_, *scene_);
+}
+
+void TrainSession::save_resumed_state() {
+  checkpoints_->save(resumed_->checkpoint.state.progress, resumed_->checkpoint.state.model);
+}
+
+// A run that breaks down before its first checkpoint goes back to this one, and not to the scene's
+// points.
+void TrainSession::save_start() { checkpoints_->save(*start_, trainer_->model()); }
+
+void TrainSession::make_resumed_trainer() {
+  log_info("the run goes on after step {}", resumed_->checkpoint.state.progress.step);
+  trainer_.emplace(*scene_, config_, *backend_, std::move(resumed_->checkpoint.state));
+}
+
+void TrainSession::add_observers() {
+  const RowsBefore rows = rows_before(resumed_, trainer_->step(), trainer_->schedule().steps());
+  observers_ = std::make_unique<Observers>(*folder_, *trainer_, request_.shows_progress, rows);
+  hooks_.before_training(*trainer_, observers_->metrics, observers_->evaluations);
+}
+
+// ---- from there on --------------------------------------------------------------------------------------
+
+void TrainSession::train() {
+  std::optional<StopOnSignal> stop_on_signal;
+  if (request_.stops_on_signal) stop_on_signal.emplace(*trainer_);
+  naming_what_is_kept([&] { trainer_->run(); });
+  observers_->progress.clear();
+}
+
+void TrainSession::save_last_model() {
+  const int last = trainer_->step();
+  const bool is_last_step = last == trainer_->schedule().steps();
+  if (!is_last_step && fs::exists(folder_->ply(last))) return;  // train.save_steps named the step
+  guarded("saving the model", [&] { save_model(*folder_, last, *trainer_); });
+}
+
+void TrainSession::finish() {
+  results_ = results_of(*trainer_);
+  log_info("all {} steps are done, and the model is saved; it is evaluated now",
+           results_.iterations);
+  guarded("the evaluation", [&] {
+    evaluate_run(*trainer_, *folder_, results_,
+                 [&](std::size_t done, std::size_t total) { hooks_.show_evaluation(done, total); });
+  });
+  observers_->metrics.finish(results_.iterations, *trainer_, results_.test);
+  write_text(folder_->per_view(), per_view_json(results_));
+  const std::string results_text = results_json(results_);
+  if (request_.writes_report) write_final_report(*folder_, results_text);
+  write_text(folder_->results(), results_text);  // last: it says that the run is finished
+  checkpoints_->keep_only_newest();
+  // Nothing can be lost any more.
+  guarded("an export", [&] { export_run(request_.exports, *folder_, *trainer_); });
+}
+
+void TrainSession::guarded(const char* what, const std::function<void()>& f) {
+  naming_what_is_kept([&] { trainer_->guarded(what, f); });
+}
+
+// Runs f(). Where memory runs out for good, the error also says what is saved, and how to go on.
+void TrainSession::naming_what_is_kept(const std::function<void()>& f) {
+  try {
+    f();
+  } catch (const Error& error) {
+    observers_->progress.clear();
+    if (error.code() != ExitCode::out_of_memory) throw;
+    throw Error(error.what() + what_is_kept(), ExitCode::out_of_memory);
+  }
+}
+
+std::string TrainSession::what_is_kept() const {
+  std::string text;
+  const int last = trainer_->step();
+  if (fs::exists(folder_->ply(last)))
+    text += fmt::format("; the model is in {}", folder_->ply(last).string());
+  if (const auto kept = checkpoints_in(folder_->checkpoints()); !kept.empty())
+    text += fmt::format(
+        "; the run up to step {} is kept in {}: go on with --resume and a lower "
+        "--max-gaussians, or on another machine",
+        kept[0].step, kept[0].file.string());
+  return text;
+}
+
+}  // namespace gs

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// One training run from beginning to end: settings in, a run's folder out. `gemsplat train` and
+// gemsplat.train(output=...) are programs around it.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "gs_app/checkpoints/checkpoint_folder.h"
+#include "gs_app/checkpoints/resume.h"
+#include "gs_app/observers/profile_observer.h"
+#include "gs_app/observers/train_observers.h"
+#include "gs_app/run/folder_lock.h"
+#include "gs_app/run/results.h"
+#include "gs_app/run/run_folder.h"
+#include "gs_app/session/session_hooks.h"
+#include "gs_core/scene.h"
+#include "gs_train/backend.h"
+#include "gs_train/trainer.h"
+
+namespace gs {
+
+/// What is asked of a session.
+struct TrainRequest {
+  /// Applies the settings over a start, and validates the result. The start is the defaults for a
+  /// new run, and the run's own config for one that is resumed.
+  SettingsOver settings;
+  std::string resume;              // "auto", a run's folder or a checkpoint; empty: a new run
+  int added_steps = 0;             // for a finished run, with `resume`
+  bool force = false;              // move a run that the output folder holds to FOLDER.bak-N
+  std::vector<std::string> exports = {};  // names of formats for the trained model, besides PLY
+  bool writes_report = true;       // report.html
+  bool shows_progress = true;      // the progress line of the steps, on standard error
+  bool stops_on_signal = true;     // SIGINT and SIGTERM end the run early, with its state saved
+  const Scene* scene = nullptr;    // null: load dataset.source. Outlives the session.
+};
+
+/// How run() ended.
+enum class SessionEnd {
+  finished,
+  stopped,      // early: model and checkpoint are saved, and `resume` goes on
+  nothing_left  // the run to resume was finished before
+};
+
+/// Make it, call run() once. While the session lives it holds the lock of the output folder, and
+/// backend, scene, trainer and observers stay as they are at the end of the run.
+///
+/// The parts of a run, in this order:
+///   find the run to resume, lock the folder, make the backend, reconstruct bare photos, load the
+///   scene, make the trainer, write the run's description, train, save the model, evaluate, write
+///   results and report, export
+class TrainSession {
+ public:
+  /// Throws UsageError or Error where a format of `exports` cannot be written.
+  TrainSession(TrainRequest request, SessionHooks& hooks);
+  ~TrainSession();
+
+  /// Throws Error: what went wrong, what is saved, and how to go on.
+  SessionEnd run();
+
+  // After run(), unless nothing was left to do:
+  const RunFolder& folder() const { return *folder_; }
+  Trainer& trainer() { return *trainer_; }
+  const Results& results() const { return results_; }
+
+ private:
+  struct Observers;
+
+  // Before the first step.
+  void choose_run();
+  Config config_of_new_run() const;
+  void get_scene();
+  void make_new_trainer();
+  void start_folder();
+  void make_resumed_trainer();
+  void save_resumed_state();
+  void save_start();
+  void add_observers();
+  bool goes_on_in_place() const { return resumed_ && resumed_->goes_on_in_place(); }
+
+  // From there on.
+  void train();
+  void save_last_model();
+  void finish();
+  void guarded(const char* what, const std::function<void()>& f);
+  void naming_what_is_kept(const std::function<void()>& f);
+  std::string what_is_kept() const;
+
+  TrainRequest request_;
+  SessionHooks& hooks_;
+  Config config_;
+  std::optional<ResumedRun> resumed_;
+  std::optional<RunFolder> folder_;
+  std::optional<FolderLock> lock_;
+  std::unique_ptr<Backend> backend_;
+  std::optional<Scene> loaded_scene_;
+  const Scene* scene_ = nullptr;  // the loaded one, or that of the request
+  std::optional<CheckpointFolder> checkpoints_;
+  std::optional<RunProgress> start_;  // of a run that starts from a model
+  std::optional<Trainer> trainer_;
+  std::unique_ptr<Observers> observers_;
+  Results results_;
+};
+
+}  // namespace gs

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+// TrainSession in the test's own process: ways to end, memory that runs out after the last step,
+// and starts from a model.
+#include "gs_app/session/train_session.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "data_loaders/formats/ply/ply.h"
+#include "gs_core/error.h"
+#include "gs_core/memory.h"
+#include "tests/support/small_scene.h"
+#include "tests/support/temp_folder.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+/// Calls a function after each step, and one when the run is over.
+class Watcher final : public Observer {
+ public:
+  std::function<void(int, Trainer&)> on_step = [](int, Trainer&) {};
+  std::function<void()> on_end = [] {};
+  void after_step(int step, Trainer& trainer) override { on_step(step, trainer); }
+  void after_run(Trainer&) override { on_end(); }
+};
+
+class TestHooks final : public SessionHooks {
+ public:
+  Watcher watcher;
+  std::function<void(Trainer&)> at_start = [](Trainer&) {};
+  void use_threads(int) override {}
+  void before_training(Trainer& trainer, const MetricsObserver&,
+                       const EvaluationObserver&) override {
+    at_start(trainer);
+    trainer.add_observer(watcher);
+  }
+};
+
+/// Allocations fail while it lives and `count` is not used up.
+class FailingMemory {
+ public:
+  explicit FailingMemory(int count) {
+    left_ = count;
+    set_allocation_hook(fail);
+  }
+  ~FailingMemory() { set_allocation_hook(nullptr); }
+
+ private:
+  static void fail(std::size_t) {
+    if (left_-- > 0) throw Error("out of memory on purpose", ExitCode::out_of_memory);
+  }
+  static inline int left_ = 0;
+};
+
+class Session : public ::testing::Test {
+ protected:
+  fs::path path(const std::string& name) const { return folder_.path() / name; }
+
+  // A run of 20 steps; every fourth step has a checkpoint.
+  TrainRequest request(const std::string& out, const std::string& start_from = "") const {
+    TrainRequest request;
+    request.settings = [=, this](const Config& start) {
+      Config config = start;
+      config.train.iterations = 20;
+      config.train.checkpoint_every = 4;
+      config.train.log_every = 5;
+      config.train.device = "cpu";
+      config.model.output = path(out).string();
+      if (!start_from.empty()) config.model.start_from = start_from;
+      return config;
+    };
+    request.scene = &scene_;
+    request.shows_progress = false;
+    request.stops_on_signal = false;
+    request.writes_report = false;
+    return request;
+  }
+  fs::path ply(const std::string& out, int step = 20) const {
+    return RunFolder(path(out)).ply(step);
+  }
+  SessionEnd run(const TrainRequest& request) {
+    TestHooks hooks;
+    return TrainSession(request, hooks).run();
+  }
+
+  Scene scene_ = small_scene();
+  TempFolder folder_;
+};
+
+TEST_F(Session, AFinishedRunHasItsFilesAndResults) {
+  TestHooks hooks;
+  TrainSession session(request("out"), hooks);
+  ASSERT_EQ(session.run(), SessionEnd::finished);
+  EXPECT_EQ(session.results().iterations, 20);
+  EXPECT_EQ(session.results().train.views.size(), 8u);
+  for (const char* name : {"config.toml", "metrics.csv", "results.json", "comparison.png",
+                           "train/ours_20/renders/00000.png", "checkpoints/step_20.ckpt"})
+    EXPECT_TRUE(fs::exists(path("out") / name)) << name;
+  EXPECT_TRUE(fs::exists(ply("out")));
+  EXPECT_FALSE(fs::exists(path("out/report.html")));
+}
+
+TEST_F(Session, AStoppedRunIsSavedAndGoesOnToTheSameBytes) {
+  ASSERT_EQ(run(request("whole")), SessionEnd::finished);
+  TestHooks hooks;
+  hooks.watcher.on_step = [](int step, Trainer& trainer) {
+    if (step == 6) trainer.stop();
+  };
+  TrainRequest asked = request("out");
+  ASSERT_EQ(TrainSession(asked, hooks).run(), SessionEnd::stopped);
+  EXPECT_TRUE(fs::exists(ply("out", 7)));
+  EXPECT_FALSE(fs::exists(path("out/results.json")));
+  asked.resume = "auto";
+  ASSERT_EQ(run(asked), SessionEnd::finished);
+  EXPECT_TRUE(read_bytes(ply("out")) == read_bytes(ply("whole")));
+  EXPECT_EQ(run(asked), SessionEnd::nothing_left);
+}
+
+TEST_F(Session, MemoryThatRunsOutWhileTheModelIsSavedIsGivenBackAndTheModelSaved) {
+  std::optional<FailingMemory> failing;
+  TestHooks hooks;
+  hooks.watcher.on_end = [&] { failing.emplace(1); };
+  ASSERT_EQ(TrainSession(request("out"), hooks).run(), SessionEnd::finished);
+  EXPECT_TRUE(fs::exists(ply("out")));
+}
+
+TEST_F(Session, MemoryThatIsGoneForGoodAfterTheLastStepNamesTheCheckpoint) {
+  std::optional<FailingMemory> failing;
+  TestHooks hooks;
+  hooks.watcher.on_end = [&] { failing.emplace(1 << 30); };
+  TrainSession session(request("out"), hooks);
+  try {
+    session.run();
+    FAIL() << "it went on";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ExitCode::out_of_memory);
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("saving the model"), HasSubstr("step_20.ckpt"),
+                                    HasSubstr("--resume")));
+  }
+}
+
+TEST_F(Session, MemoryThatRunsOutInTheEvaluationNamesTheModel) {
+  static fs::path model;  // once it is there, memory is gone
+  model = ply("out");
+  TestHooks hooks;
+  hooks.watcher.on_end = [] {
+    set_allocation_hook([](std::size_t) {
+      if (fs::exists(model)) throw Error("out of memory on purpose", ExitCode::out_of_memory);
+    });
+  };
+  const struct Reset {
+    ~Reset() { set_allocation_hook(nullptr); }
+  } reset;
+  TrainSession session(request("out"), hooks);
+  try {
+    session.run();
+    FAIL() << "it went on";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ExitCode::out_of_memory);
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("the evaluation"), HasSubstr(model.string())));
+  }
+}
+
+TEST_F(Session, ARunStartsFromTheGaussiansOfAModel) {
+  ASSERT_EQ(run(request("first")), SessionEnd::finished);
+  const GaussianModel model = read_gaussian_ply(ply("first"));
+  TestHooks hooks;
+  bool has_started = false;
+  hooks.at_start = [&](Trainer& trainer) {
+    has_started = true;
+    EXPECT_EQ(trainer.step(), 0);
+    EXPECT_EQ(trainer.settings().sh_degree, 3);  // not from degree 0 again
+    ASSERT_EQ(trainer.gaussian_count(), model.gaussians.count());
+    const TrainingModel& state = trainer.model();
+    for (std::size_t i = 0; i < state.count(); ++i) {
+      EXPECT_EQ(state.gaussians.mean[i], model.gaussians.mean[i]);
+      EXPECT_EQ(state.gaussians.logit_opacity[i], model.gaussians.logit_opacity[i]);
+      EXPECT_EQ(state.first_moment.mean[i], Vec3f(0.0f));
+      EXPECT_EQ(state.statistics.visits[i], 0);
+    }
+  };
+  ASSERT_EQ(TrainSession(request("second", ply("first").string()), hooks).run(),
+            SessionEnd::finished);
+  EXPECT_TRUE(has_started);
+  EXPECT_THAT(read_bytes(path("second/config.toml")),
+              HasSubstr("start_from = \"" + ply("first").string()));
+}
+
+TEST_F(Session, ARunFromAModelOfAHigherShDegreeKeepsToItsOwn) {
+  ASSERT_EQ(run(request("first")), SessionEnd::finished);
+  TrainRequest asked = request("second", ply("first").string());
+  asked.settings = [settings = asked.settings](const Config& start) {
+    Config config = settings(start);
+    config.model.sh_degree = 1;
+    return config;
+  };
+  TestHooks hooks;
+  hooks.at_start = [](Trainer& trainer) { EXPECT_EQ(trainer.settings().sh_degree, 1); };
+  ASSERT_EQ(TrainSession(asked, hooks).run(), SessionEnd::finished);
+  EXPECT_EQ(read_gaussian_ply(ply("second")).sh_degree, 1);
+}
+
+TEST_F(Session, ARunFromAModelThatIsStoppedGoesOnToTheSameBytes) {
+  ASSERT_EQ(run(request("first")), SessionEnd::finished);
+  const std::string start = ply("first").string();
+  ASSERT_EQ(run(request("whole", start)), SessionEnd::finished);
+  TestHooks hooks;
+  hooks.watcher.on_step = [](int step, Trainer& trainer) {
+    if (step == 2) trainer.stop();
+  };
+  TrainRequest asked = request("out", start);
+  ASSERT_EQ(TrainSession(asked, hooks).run(), SessionEnd::stopped);
+  asked.resume = "auto";
+  ASSERT_EQ(run(asked), SessionEnd::finished);
+  EXPECT_TRUE(read_bytes(ply("out")) == read_bytes(ply("whole")));
+}
+
+TEST_F(Session, AModelThatCannotBeStartedFromLeavesNoFolder) {
+  EXPECT_THROW(run(request("out", path("absent.ply").string())), Error);
+  EXPECT_FALSE(fs::exists(path("out")));
+}
+
+}  // namespace
+}  // namespace gs
