@@ -98,6 +98,7 @@ TEST_F(Verbs, ViewRefusesWhatItCannotShow) {
   EXPECT_EQ(run("view " + text("nothing.ply") + " --no-open").code, 3);
   ASSERT_EQ(train("out").code, 0);
   EXPECT_EQ(run("view " + text("out") + " --port 70000").code, 2);
+  EXPECT_EQ(run("view " + text("out") + " --photo-ram 1").code, 2) << "it would do nothing";
   EXPECT_EQ(run("view " + text("out") + " --no-open --host 192.0.2.1 --port 0").code, 3);
 }
 
