@@ -47,8 +47,8 @@ function(gs_compile_quickly target)
 endfunction()
 
 # gs_test(path [LINK ...]): builds tests/<path>.cpp and links everything. If a library of LINK is
-# missing, the test is left out and named in the summary. The target data_tests builds all tests of
-# tests/data_loaders, and `ctest -L data` runs them; other folders likewise.
+# missing, the test is left out and named in the summary. The target data_loaders_tests builds all
+# tests of tests/data_loaders, and `ctest -L data_loaders` runs them; other folders likewise.
 function(gs_test path)
   cmake_parse_arguments(arg "" "" "LINK" ${ARGN})
   foreach(library IN LISTS arg_LINK)

@@ -69,7 +69,9 @@ TEST(InitialModel, StartsWithNoMoreGaussiansThanTheCap) {
     const std::size_t count = initial_model(scene, config, host_memory()).count();
     EXPECT_LE(count, 300u) << points;
     EXPECT_GE(count, 38u) << points;
-    if (points == 250) EXPECT_EQ(count, 250u);
+    if (points == 250) {
+      EXPECT_EQ(count, 250u);
+    }
   }
   config.density.max_gaussians = 0;  // no cap
   EXPECT_EQ(initial_model(scene_with(random_points(900, 7)), config, host_memory()).count(), 900u);
