@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <new>
 
+#include "apps/cli/foreign_flags.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
 #include "gs_core/config/nearest_word.h"
@@ -41,8 +42,9 @@ int fail_to_parse(const CLI::App& program, const CLI::ParseError& error) {
   const CLI::App& app = active(program);
   std::string message = error.what();
   if (const std::vector<std::string> extra = program.remaining(true); !extra.empty()) {
+    const std::string own = own_flag(app.get_name(), extra.front());
     message = "there is no flag, verb or further argument " + extra.front() +
-              suggestion(app, extra.front());
+              (own.empty() ? suggestion(app, extra.front()) : "; here that is " + own);
   }
   return fail(message + "\n`" + (&app == &program ? "" : "gemsplat ") + app.get_name() +
                   " --help` shows what there is",
@@ -52,7 +54,7 @@ int fail_to_parse(const CLI::App& program, const CLI::ParseError& error) {
 int run(int argc, const char* const* argv) {
   CLI::App program("3D Gaussian Splatting: from photos with a COLMAP model to a trained scene",
                    "gemsplat");
-  program.set_version_flag("--version", std::string("gemsplat ") + kVersion);
+  program.set_version_flag("-V,--version", std::string("gemsplat ") + kVersion);
   program.require_subcommand(1);
   add_reconstruct(program);
   add_convert_cameras(program);
@@ -69,7 +71,7 @@ int run(int argc, const char* const* argv) {
   add_info(program);
   add_bench(program);
   add_selftest(program);
-  std::vector<std::string> arguments = normalized_arguments(argc, argv);
+  std::vector<std::string> arguments = without_foreign_habits(normalized_arguments(argc, argv));
   std::reverse(arguments.begin(), arguments.end());  // as CLI11 wants them
   try {
     program.parse(arguments);

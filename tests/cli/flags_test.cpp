@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// Flags as users of other trainers type them.
+#include <gmock/gmock.h>
+
+#include "tests/support/program.h"
+
+namespace gs {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class Flags : public Program {};
+
+TEST_F(Flags, OfOtherTrainersWithTheSameMeaningAreAcceptedAndHidden) {
+  const Outcome outcome =
+      run("train --print-config --data_dir a --result_dir b --data_factor 4 --lambda_dssim 0.3");
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("source = \"a\""), HasSubstr("output = \"b\""),
+                                 HasSubstr("resolution = 4"), HasSubstr("lambda_dssim = 0.3")));
+  EXPECT_THAT(run("train --help").out, Not(HasSubstr("--data-dir")));
+}
+
+TEST_F(Flags, OfOtherTrainersWithAnotherMeaningAreAnsweredWithTheFlagHere) {
+  const std::pair<const char*, const char*> answers[] = {
+      {"--checkpoint_iterations 7", "here that is --checkpoint-every"},
+      {"--start_checkpoint a.pth", "here that is --resume"},
+      {"--port=6009", "here that is --viewer --viewer-port"},
+      {"--densify_until_iter 15000", "here that is --set density.until_step="},
+      {"--densify_grad_threshold=1e-4", "here that is --set density.gradient_threshold="}};
+  for (const auto& [theirs, here] : answers) {
+    const Outcome outcome = run(std::string("train scene -o out ") + theirs);
+    EXPECT_EQ(outcome.code, 2) << theirs;
+    EXPECT_THAT(outcome.err, HasSubstr(here)) << theirs;
+  }
+}
+
+TEST_F(Flags, TheModelOfEvalAndRenderMayBeNamedByItsFlag) {
+  for (const std::string flags : {"eval --json -m ", "eval --model_path=", "render -o x -m ",
+                                  "render -o x --write color --model-path "}) {
+    const Outcome outcome = run(flags + text("nowhere"));
+    EXPECT_EQ(outcome.code, 3) << flags << outcome.err;  // it is looked for
+    EXPECT_THAT(outcome.err, HasSubstr(text("nowhere"))) << flags;
+  }
+}
+
+TEST_F(Flags, HelpOfAVerbAndAShortVersionAreUnderstood) {
+  EXPECT_EQ(run("help train").out, run("train --help").out);
+  EXPECT_EQ(run("help").out, run("--help").out);
+  EXPECT_EQ(run("-V").out, run("--version").out);
+  EXPECT_EQ(run("help train").code, 0);
+}
+
+TEST_F(Flags, AResolutionOfAnotherTrainerIsAnsweredWithWhatIsPossible) {
+  const Outcome third = run("train --print-config -r 3");
+  EXPECT_EQ(third.code, 2);
+  EXPECT_THAT(third.err, AllOf(HasSubstr("-r 3"), HasSubstr("1, 2, 4 or 8"), HasSubstr("16")));
+  const Outcome automatic = run("train --print-config -r -1");
+  EXPECT_EQ(automatic.code, 2);
+  EXPECT_THAT(automatic.err, HasSubstr("-r 1600"));
+}
+
+}  // namespace
+}  // namespace gs
