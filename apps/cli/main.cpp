@@ -10,6 +10,7 @@
 #include "apps/cli/verbs.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
+#include "gs_core/log.h"
 #include "gs_core/version.h"
 
 namespace gs {
@@ -18,7 +19,8 @@ namespace {
 constexpr int kInternalError = 1;
 
 int fail(const std::string& message, int code) {
-  std::fprintf(stderr, "error: %s\n", message.c_str());
+  const std::string error = in_color(detail::LogLevel::error, "error:", stderr_has_color());
+  std::fprintf(stderr, "%s %s\n", error.c_str(), message.c_str());
   return code;
 }
 

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Flags as users of other trainers type them.
+#include <fcntl.h>
 #include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <algorithm>
 
 #include "tests/support/program.h"
 
@@ -59,6 +63,31 @@ TEST_F(Flags, AResolutionOfAnotherTrainerIsAnsweredWithWhatIsPossible) {
   const Outcome automatic = run("train --print-config -r -1");
   EXPECT_EQ(automatic.code, 2);
   EXPECT_THAT(automatic.err, HasSubstr("-r 1600"));
+}
+
+// What the program writes to standard error if that is a terminal.
+std::string on_a_terminal(const std::string& before) {
+  const int terminal = ::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK);
+  ::grantpt(terminal);
+  ::unlockpt(terminal);
+  const std::string name = ::ptsname(terminal);
+  const int kept_open = ::open(name.c_str(), O_RDWR | O_NOCTTY);  // what was written stays readable
+  EXPECT_NE(std::system((before + " TERM=xterm " + GS_PROGRAM + " trian 2>" + name).c_str()), 0);
+  char text[4096];
+  const ssize_t size = ::read(terminal, text, sizeof text);
+  ::close(kept_open);
+  ::close(terminal);
+  return std::string(text, std::size_t(std::max<ssize_t>(size, 0)));
+}
+
+TEST(Colors, ErrorsAreRedOnATerminalUnlessNoColorIsSet) {
+  EXPECT_THAT(on_a_terminal("NO_COLOR="), HasSubstr("\033[31merror:\033[0m there is no"));
+  const std::string plain = on_a_terminal("NO_COLOR=1");
+  EXPECT_THAT(plain, AllOf(HasSubstr("error: there is no"), Not(HasSubstr("\033"))));
+}
+
+TEST_F(Flags, ErrorsInAFileHaveNoColor) {
+  EXPECT_THAT(run("trian", "NO_COLOR= TERM=xterm ").err, Not(HasSubstr("\033")));
 }
 
 }  // namespace
