@@ -3,9 +3,11 @@
 // of the program, and its exit codes.
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <memory>
 #include <new>
 
 #include "apps/cli/foreign_flags.h"
+#include "apps/cli/help_format.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
 #include "gs_core/config/nearest_word.h"
@@ -56,6 +58,7 @@ int fail_to_parse(const CLI::App& program, const CLI::ParseError& error) {
 int run(int argc, const char* const* argv) {
   CLI::App program("3D Gaussian Splatting: from photos with a COLMAP model to a trained scene",
                    "gemsplat");
+  program.formatter(std::make_shared<HelpFormat>(help_width()));  // verbs inherit it
   program.set_version_flag("-V,--version", std::string("gemsplat ") + kVersion);
   program.require_subcommand(1);
   add_reconstruct(program);

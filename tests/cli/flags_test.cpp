@@ -90,5 +90,14 @@ TEST_F(Flags, ErrorsInAFileHaveNoColor) {
   EXPECT_THAT(run("trian", "NO_COLOR= TERM=xterm ").err, Not(HasSubstr("\033")));
 }
 
+TEST_F(Flags, HelpHasNoLineOfMoreThanAHundredColumns) {
+  for (const char* verb : {"", "train", "render", "export", "reconstruct", "view", "bench"}) {
+    const Outcome help = run(std::string(verb) + " --help");
+    EXPECT_EQ(help.code, 0) << verb;
+    std::istringstream lines(help.out);
+    for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), 100u) << line;
+  }
+}
+
 }  // namespace
 }  // namespace gs
