@@ -16,13 +16,13 @@ namespace {
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
 constexpr int kMostRegroupings = 10;
 
-/// Some direction at right angles to another.
+/// Any unit vector perpendicular to v.
 Vec3d across(const Vec3d& v) {
   return unit(std::abs(v.x) < 0.5 * length(v) ? cross(v, {1.0, 0.0, 0.0})
                                               : cross(v, {0.0, 1.0, 0.0}));
 }
 
-/// Indices of the poses that stand where others do.
+/// Indices of the poses that are not outliers.
 std::vector<std::size_t> ordinary(const std::vector<CameraPose>& poses) {
   std::vector<Vec3d> positions;
   for (const CameraPose& pose : poses) positions.push_back(pose.position);
@@ -33,7 +33,7 @@ std::vector<std::size_t> ordinary(const std::vector<CameraPose>& poses) {
   return indices;
 }
 
-/// How far apart poses are, with turns as long as where they stand says.
+/// Distances between poses. A rotation counts as turn_length_ world units per radian.
 class Nearness {
  public:
   explicit Nearness(const std::vector<CameraPose>& poses) : poses_(poses) {

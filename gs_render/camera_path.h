@@ -9,7 +9,8 @@
 
 namespace gs {
 
-/// The attitude of a camera that looks from one point to another, its columns along `up`.
+/// The rotation world_from_cam of a camera that looks from one point to another, with its columns
+/// along `up`.
 Quat<double> looking_at(const Vec3d& from, const Vec3d& to, const Vec3d& up);
 
 struct Orbit {

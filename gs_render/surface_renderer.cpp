@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t kRowsPerChunk = 4096;
 
-/// The points that a depth picture shows, in the frame of its camera.
+/// The points of a depth picture, in the frame of its camera.
 class SeenPoints {
  public:
   SeenPoints(const ImageF& depth, const Camera& camera) : depth_(depth), camera_(camera) {}

@@ -4,8 +4,8 @@
 // To add a loss, for example "charbonnier":
 //   1. The formula goes into gs_core/math. The class (derived from Loss) and the function that makes
 //      it go into a file of gs_train; scalar_stages.h declares the function.
-//   2. It becomes a row of kLosses in scalar_backend.cpp and a word of loss.kind in
-//      gs_core/config/config_fields.h.
+//   2. It becomes a row of kLosses in scalar_backend.cpp and a word of kLossWords in
+//      gs_core/config/config_words.h.
 //   3. Weights of its own are members of LossSettings and LossConfig, copied by loss_settings().
 //   4. Its GPU twin is a row of kLosses in cuda/backend.cu. Without a twin, training on a GPU with
 //      this loss is refused when the run starts.

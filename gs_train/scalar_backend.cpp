@@ -20,7 +20,10 @@ class ScalarBackend final : public Backend {
   Memory& memory() override { return host_memory(); }
   Renderer& renderer() override { return *renderer_; }
   void use_loss(const std::string& kind) override {
-    loss_ = row_named(kLosses, kind, "loss.kind", " on " + name()).make();
+    const LossRow& row = row_named(kLosses, kind, "loss.kind", " on " + name());
+    if (&row == loss_row_) return;  // the same loss keeps its last value
+    loss_ = row.make();
+    loss_row_ = &row;
   }
   Loss& loss() override { return *loss_; }
   Optimizer& optimizer() override { return *optimizer_; }
@@ -40,7 +43,8 @@ class ScalarBackend final : public Backend {
 
  private:
   std::unique_ptr<Renderer> renderer_ = make_scalar_renderer();
-  std::unique_ptr<Loss> loss_ = kLosses[0].make();
+  const LossRow* loss_row_ = kLosses;
+  std::unique_ptr<Loss> loss_ = loss_row_->make();
   std::unique_ptr<Optimizer> optimizer_ = make_scalar_optimizer();
   std::unique_ptr<RowOps> rows_ = make_scalar_row_ops();
 };

@@ -8,8 +8,10 @@
 #include "gs_core/bytes.h"
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
+#include "gs_render/render_settings.h"
 #include "gs_train/gaussian_budget.h"
 #include "gs_train/initialize.h"
+#include "gs_train/loss_settings.h"
 
 namespace gs {
 namespace {

@@ -11,7 +11,9 @@
 
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "gs_app/run/make_backend.h"
 #include "gs_app/run/progress_bar.h"
+#include "gs_app/session/load_run_scene.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 
@@ -69,6 +71,16 @@ std::string json_of(const Diagnosis& diagnosis) {
   return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
+/// The device of a run with these settings. If there is none, the forecast does without it, and
+/// training says why.
+ForecastDevice device_of(const Config& config) {
+  try {
+    return forecast_device(*make_backend(config.train.device));
+  } catch (const Error&) {
+    return {};
+  }
+}
+
 void doctor(const DoctorCommand& command) {
   const Config config = resolve(command);
   if (config.dataset.source.empty())
@@ -77,11 +89,11 @@ void doctor(const DoctorCommand& command) {
   set_thread_count(config.train.threads);
   std::unique_ptr<ProgressBar> bar;
   const bool show_progress = !command.quiet && !command.json;
-  const Diagnosis diagnosis =
-      examine(config, !command.headers_only, [&](std::size_t done, std::size_t total) {
-        if (!bar) bar = std::make_unique<ProgressBar>(std::int64_t(total), show_progress);
-        if (bar->due(std::int64_t(done))) bar->draw(std::int64_t(done), "", "photo");
-      });
+  const auto show = [&](std::size_t done, std::size_t total) {
+    if (!bar) bar = std::make_unique<ProgressBar>(std::int64_t(total), show_progress);
+    if (bar->due(std::int64_t(done))) bar->draw(std::int64_t(done), "", "photo");
+  };
+  const Diagnosis diagnosis = examine(config, !command.headers_only, show, device_of(config));
   if (bar) bar->clear();
   std::cout << (command.json ? json_of(diagnosis) : text_of(diagnosis));
   if (!diagnosis.can_train())

@@ -11,7 +11,7 @@
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
 #include "gs_app/export/cameras.h"
-#include "gs_app/export/exported_file.h"
+#include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
@@ -24,7 +24,7 @@ struct ExportCommand : CommandLine {
   std::vector<std::string> outputs;
   std::optional<int> step;
   ExportOptions options;
-  std::vector<double> up;  // empty: as it is
+  std::vector<double> up;  // empty: no turn
   double scale = 1;
   bool recenter = false, force = false, table = false, unmeasured = false;
 };
@@ -46,7 +46,7 @@ std::filesystem::path table_file(const std::string& folder) {
   return std::filesystem::path(folder) / "formats.md";
 }
 
-// For --table: a file of each format that this build writes, in one folder.
+// The files of --table: one in each format that this build writes.
 std::vector<std::string> files_of_table(const std::string& folder, const ExportOptions& options) {
   std::vector<std::string> files;
   for (const ModelFormat& format : model_formats()) {
@@ -60,14 +60,15 @@ std::vector<std::string> files_of_table(const std::string& folder, const ExportO
   return files;
 }
 
-std::vector<ExportRequest> requests_of(const ExportCommand& command, const GaussianModel& model) {
+std::vector<ExportRequest> requests_of(const ExportCommand& command, const GaussianModel& model,
+                                       int sh_degree) {
   const ModelTransform transform = transform_of(command, model);
   std::vector<ExportRequest> requests;
   if (command.table && command.outputs.size() != 1)
     throw UsageError("--table takes one folder, in which it writes a file of each format");
   for (const std::string& file :
        command.table ? files_of_table(command.outputs[0], command.options) : command.outputs)
-    requests.push_back({file, command.options, transform});
+    requests.push_back({file, command.options, transform, sh_degree});
   std::set<std::filesystem::path> names;
   for (const ExportRequest& request : requests) {
     check_export(request, command.force);
@@ -78,14 +79,18 @@ std::vector<ExportRequest> requests_of(const ExportCommand& command, const Gauss
   return requests;
 }
 
-bool is_any_measured(const std::vector<ExportRequest>& requests) {
-  return std::any_of(requests.begin(), requests.end(), [](const ExportRequest& request) {
-    const ModelFormat& format = format_to_write(request.file);
-    return !format.is_lossless && format.read;
-  });
+bool is_any_lossy(const std::vector<ExportRequest>& requests, int sh_degree) {
+  return std::any_of(requests.begin(), requests.end(),
+                     [&](const ExportRequest& request) { return is_lossy(request, sh_degree); });
 }
 
-// The test views of --data or the run; all of them where there are no test views.
+// Both sides of the comparison are rendered at the model's own degree: what the file lacks counts.
+RenderSettings settings_of(const OpenedModel& opened, Config config) {
+  config.model.sh_degree = opened.model.sh_degree;
+  return view_settings(opened, config);
+}
+
+// The test views of --data or of the run, or all views where there are no test views.
 std::vector<NamedCamera> cameras_of(const ExportCommand& command, const OpenedModel& opened,
                                     const Config& config, const char*& what) {
   std::vector<NamedCamera> cameras;
@@ -102,8 +107,8 @@ std::vector<NamedCamera> cameras_of(const ExportCommand& command, const OpenedMo
     if (!cameras.empty()) return cameras;
   }
   log_info(
-      "nothing to look at: what a lossy format loses is measured on the views of a run, or of "
-      "--data SCENE");
+      "there are no views to measure on: what a lossy format loses is measured on the views of a "
+      "run, or of --data SCENE");
   return cameras;
 }
 
@@ -132,12 +137,13 @@ void run_export(const ExportCommand& command) {
   const OpenedModel opened = open_model(command.model, command.step);
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
-  const std::vector<ExportRequest> requests = requests_of(command, opened.model);
-  if (command.unmeasured || !is_any_measured(requests))
+  const std::vector<ExportRequest> requests =
+      requests_of(command, opened.model, config.model.sh_degree);
+  if (command.unmeasured || !is_any_lossy(requests, opened.model.sh_degree))
     return export_all(command, requests, opened.model, nullptr);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
-  Viewpoints viewpoints{*backend, gaussians.span(), view_settings(opened, config), {}};
+  Viewpoints viewpoints{*backend, gaussians.span(), settings_of(opened, config), {}};
   for (const NamedCamera& named : cameras_of(command, opened, config, viewpoints.what))
     viewpoints.cameras.push_back(named.camera);
   export_all(command, requests, opened.model, &viewpoints);
@@ -152,7 +158,7 @@ void add_export(CLI::App& program) {
       ->type_name("MODEL|RUN")
       ->required();
   verb.add_option("output", command->outputs,
-                  "files to write; their endings say the formats: " + format_names())
+                  "files to write; the ending of each is its format: " + format_names())
       ->type_name("FILE")
       ->required();
   verb.add_option("--iteration", command->step,
@@ -162,12 +168,12 @@ void add_export(CLI::App& program) {
                 "write every format into the folder FILE, and a table of what they cost");
   verb.add_flag("--force", command->force, "keep files that are there already as FILE.bak-N");
   verb.add_option("--spz-version", command->options.spz_version,
-                  "of .spz: 3, which all viewers read, or 4 [3]")
+                  "of .spz: 3, which Spark and splat-transform read, or 4, which fewer read [3]")
       ->check(CLI::IsMember({3, 4}))
       ->type_name("");
   verb.add_option("--up", command->up,
-                  "the model's direction that is up, in its own axes; it is turned to -y, which "
-                  "viewers show at the top [the frame of the input]")
+                  "the direction that is up, in the model's axes; the model is turned until it "
+                  "is -y, which viewers show at the top [no turn]")
       ->delimiter(',')
       ->expected(3)
       ->type_name("X,Y,Z")
@@ -178,9 +184,10 @@ void add_export(CLI::App& program) {
       ->check(CLI::Range(1e-6, 1e6))
       ->type_name("FACTOR")
       ->group("Frame");
-  verb.add_flag("--no-measure", command->unmeasured, "do not render what lossy formats have kept");
+  verb.add_flag("--no-measure", command->unmeasured,
+                "do not measure what lossy files lose: no rendering");
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
-  add_render_options(verb, *command);
+  add_render_options(verb, *command, "of the files, if the model has more");
   add_general_options(verb, *command);
   verb.callback([command] { run_export(*command); });
 }

@@ -37,7 +37,8 @@ void info(const InfoCommand& command) {
   setup_log(Verbosity::normal);
   if (command.model.empty()) return print_build(command.json);
   const OpenedModel opened = open_model(command.model, std::nullopt);
-  const ModelInfo model_info = inspect(opened.model);
+  ModelInfo model_info = inspect(opened.model);
+  model_info.had_filter_3d = is_ply_with_filter_3d(opened.ply);
   if (command.json) {
     std::cout << to_json_text(model_info) << '\n';
   } else {

@@ -63,6 +63,7 @@ int run(int argc, const char* const* argv) {
   program.require_subcommand(1);
   add_reconstruct(program);
   add_convert_cameras(program);
+  add_undistort(program);
   add_doctor(program);
   add_train(program);
   add_config(program);

@@ -150,7 +150,7 @@ void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& s
   add_foreign_flags(verb, line, "dataset.");
 }
 
-void add_render_options(CLI::App& verb, CommandLine& line) {
+void add_render_options(CLI::App& verb, CommandLine& line, const std::string& sh_degree_help) {
   add_setting(verb, line, "--background", "render.background", "Rendering");
   verb.add_flag_callback(
           "-w,--white-background", [&line] { line.flags.push_back("render.background=white"); },
@@ -159,7 +159,7 @@ void add_render_options(CLI::App& verb, CommandLine& line) {
       ->group("Rendering");
   add_setting(verb, line, "--antialiased,--antialiasing", "render.antialias", "Rendering");
   add_setting(verb, line, "--blend-rule", "render.blend_rule", "Rendering");
-  add_setting(verb, line, "--sh-degree", "model.sh_degree", "Rendering");
+  add_setting(verb, line, "--sh-degree", "model.sh_degree", "Rendering", sh_degree_help);
 }
 
 Config resolve(const CommandLine& line, Config start, SettingOrigins* origins) {

@@ -40,8 +40,9 @@ void add_general_options(CLI::App& verb, CommandLine& line);
 /// The scene (`scene_names`: its flag's names), --images, --masks, --mask-mode, --invert-masks, -r, --test-every.
 void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names);
 
-/// --background, -w, --antialiased, --blend-rule, --sh-degree.
-void add_render_options(CLI::App& verb, CommandLine& line);
+/// --background, -w, --antialiased, --blend-rule, --sh-degree. Verbs in which the SH degree is that of
+/// a file to write say so in `sh_degree_help`.
+void add_render_options(CLI::App& verb, CommandLine& line, const std::string& sh_degree_help = {});
 
 /// Where a server listens: HOST and PORT, behind `prefix` ("--viewer-").
 void add_http_place(CLI::App& verb, HttpPlace& place, const std::string& prefix,

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat prune: a trained model without the Gaussians that it can do without, and what that costs.
+// gemsplat prune: removes Gaussians that contribute little from a trained model, and reports what
+// that costs in PSNR.
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
@@ -13,7 +14,8 @@
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
 #include "data_loaders/formats/coding/finite_rows.h"
-#include "gs_app/export/exported_file.h"
+#include "data_loaders/formats/model_transform.h"
+#include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/results.h"
@@ -34,18 +36,24 @@ struct PruneCommand : CommandLine {
   float opacity = 0, contribution = 0;
   float clearance = 0;
   int witnesses = 0;
-  std::vector<double> box;  // x y z of two corners, in the frame of the photos' poses; empty: everywhere
-  bool json = false, force = false;
+  std::vector<double> box;  // x y z of two corners, in the photos' frame; empty: no box
+  bool json = false, force = false, allow_empty = false;
+
+  bool removes_rows() const {
+    return opacity > 0 || contribution > 0 || clearance > 0 || !box.empty();
+  }
 };
 
+/// How many Gaussians each rule removed, of those that the rules before it had left.
 struct Removed {
-  std::size_t outside = 0, faint = 0, unseen = 0, floaters = 0;  // each counts what those before it have left
+  std::size_t outside = 0, faint = 0, unseen = 0, floaters = 0;
 };
 
-/// Rows that stay; what is removed is counted once.
+/// The rows that are still there.
 class Kept {
  public:
   explicit Kept(std::size_t count) : rows_(count) { std::iota(rows_.begin(), rows_.end(), 0u); }
+  /// Removes rows and returns how many.
   template <class F>
   std::size_t remove(F&& is_removed) {
     return std::erase_if(rows_, is_removed);
@@ -54,6 +62,16 @@ class Kept {
 
  private:
   std::vector<std::uint32_t> rows_;
+};
+
+/// Everything that is decided before the first Gaussian is removed.
+struct Pruning {
+  const PruneCommand& command;
+  const GaussianModel& model;
+  const Gaussians& gaussians;  // the model's, in the renderer's memory
+  Renderer& renderer;
+  const Scene& scene;
+  const RenderSettings& settings;
 };
 
 // (N) the largest share in any view.   pixels
@@ -81,132 +99,168 @@ bool is_inside(const std::vector<double>& box, const Vec3d& point) {
   return true;
 }
 
-void reduce_sh_degree(GaussianModel& model, int degree) {
-  if (degree >= model.sh_degree) return;
-  model.sh_degree = degree;
-  for (ShRest& rest : model.gaussians.sh_rest)
-    std::fill(rest.coefficient + sh_rest_count(degree), std::end(rest.coefficient), Vec3f(0));
+// Applies the rules one after another, in the order of Removed.
+Removed apply_rules(const Pruning& p, Kept& kept) {
+  const PruneCommand& command = p.command;
+  const Gaussians& host = p.model.gaussians;
+  Removed removed;
+  if (!command.box.empty())
+    removed.outside = kept.remove([&](std::size_t i) {
+      return !is_inside(command.box, Vec3d(host.mean[i]) + p.model.world_offset);
+    });
+  if (command.opacity > 0)
+    removed.faint = kept.remove(
+        [&](std::size_t i) { return sigmoid(host.logit_opacity[i]) < command.opacity; });
+  if (command.contribution > 0) {
+    const std::vector<float> shares = largest_shares(
+        p.renderer, p.gaussians.span(), p.scene.train_views, p.settings, !command.quiet);
+    removed.unseen = kept.remove([&](std::size_t i) { return shares[i] < command.contribution; });
+  }
+  if (command.clearance > 0) {
+    const std::vector<std::uint8_t> is_floater =
+        find_floaters(p.renderer, p.gaussians.span(), host.mean.download(), p.scene, p.settings,
+                      command.clearance, command.witnesses);
+    if (!is_floater.empty())
+      removed.floaters = kept.remove([&](std::size_t i) { return is_floater[i]; });
+  }
+  return removed;
+}
+
+void check_not_empty(const PruneCommand& command, const Kept& kept, const Removed& removed) {
+  if (!kept.rows().empty() || command.allow_empty) return;
+  throw UsageError(fmt::format(
+      "nothing would be left: {} Gaussians are outside, {} faint, {} hardly seen, {} floaters; "
+      "choose lower limits or a larger box, or add --allow-empty to write a model without "
+      "Gaussians",
+      with_commas(removed.outside), with_commas(removed.faint), with_commas(removed.unseen),
+      with_commas(removed.floaters)));
+}
+
+nlohmann::ordered_json json_of(std::size_t gaussians, const Evaluation& evaluation) {
+  return {{"num_gaussians", gaussians}, {"psnr", evaluation.psnr}, {"ssim", evaluation.ssim}};
+}
+
+/// A model and how it does on the views.
+struct Measured {
+  std::size_t gaussians;
+  Evaluation evaluation;
+};
+
+void print_json(const PruneCommand& command, const OpenedModel& opened, const char* split,
+                const Removed& removed, const Measured& before, const Measured& after) {
+  const nlohmann::ordered_json json = {{"model", opened.ply.string()},
+                                       {"output", command.output},
+                                       {"split", split},
+                                       {"removed",
+                                        {{"outside", removed.outside},
+                                         {"faint", removed.faint},
+                                         {"unseen", removed.unseen},
+                                         {"floaters", removed.floaters}}},
+                                       {"before", json_of(before.gaussians, before.evaluation)},
+                                       {"after", json_of(after.gaussians, after.evaluation)}};
+  std::cout << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n";
+}
+
+void print_text(const PruneCommand& command, const char* split, const Removed& removed,
+                const Measured& before, const Measured& after) {
+  std::cout << fmt::format(
+      "{} of {} Gaussians removed: {} outside, {} faint, {} hardly seen, {} floaters\n"
+      "{} views before: {}\n{} views after:  {}\n{}\n",
+      with_commas(before.gaussians - after.gaussians), with_commas(before.gaussians),
+      with_commas(removed.outside), with_commas(removed.faint), with_commas(removed.unseen),
+      with_commas(removed.floaters), split, summary(before.evaluation), split,
+      summary(after.evaluation), command.output);
+}
+
+// The config's SH degree is that of the result. Pictures are rendered at the model's own, so that
+// the loss of a lower degree is measured, too.
+RenderSettings settings_of(const OpenedModel& opened, Config config) {
+  config.model.sh_degree = opened.model.sh_degree;
+  return view_settings(opened, config);
 }
 
 void prune(const PruneCommand& command) {
   setup_log(command.verbosity());
-  if (!(command.opacity > 0 || command.contribution > 0 || command.clearance > 0) &&
-      command.box.empty() && !command.has("model.sh_degree"))
+  if (!command.removes_rows() && !command.has("model.sh_degree"))
     throw UsageError(
         "prune what? give --opacity, --contribution, --floaters, --box or --sh-degree");
-  const ExportRequest request{command.output, {}, {}};
-  check_export(request, command.force);
+  check_export({command.output}, command.force);
   OpenedModel opened = open_model(command.model, command.step);
   if (!opened.run) opened.config.dataset.eval = true;
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const Scene scene = scene_for(opened, config.dataset, command.has("dataset.source"));
-  const RenderSettings settings = view_settings(opened, opened.config);
-  const std::vector<View>& measured =
-      scene.test_views.empty() ? scene.train_views : scene.test_views;
-  const auto quality = [&](const Gaussians& gaussians) {  // of a lower SH degree all others are 0
-    return evaluate(backend->renderer(), gaussians.span(), measured, settings);
+  const RenderSettings settings = settings_of(opened, config);
+  const char* split = scene.test_views.empty() ? "training" : "test";
+  const auto measured = [&](const Gaussians& gaussians) {
+    const auto& views = scene.test_views.empty() ? scene.train_views : scene.test_views;
+    return Measured{gaussians.count(),
+                    evaluate(backend->renderer(), gaussians.span(), views, settings)};
   };
 
-  const GaussianModel& model = opened.model;
-  const Gaussians gaussians = copy_to(backend->memory(), model);
-  const Evaluation before = quality(gaussians);
+  const Gaussians gaussians = copy_to(backend->memory(), opened.model);
+  const Measured before = measured(gaussians);
   Kept kept(gaussians.count());
-  Removed removed;
-  if (!command.box.empty())
-    removed.outside = kept.remove([&](std::size_t i) {
-      return !is_inside(command.box, Vec3d(model.gaussians.mean[i]) + model.world_offset);
-    });
-  removed.faint = kept.remove(
-      [&](std::size_t i) { return sigmoid(model.gaussians.logit_opacity[i]) < command.opacity; });
-  if (command.contribution > 0) {
-    const std::vector<float> shares = largest_shares(backend->renderer(), gaussians.span(),
-                                                     scene.train_views, settings, !command.quiet);
-    removed.unseen = kept.remove([&](std::size_t i) { return shares[i] < command.contribution; });
-  }
-  if (command.clearance > 0) {
-    const std::vector<std::uint8_t> is_floater =
-        find_floaters(backend->renderer(), gaussians.span(), model.gaussians.mean.download(), scene,
-                      settings, command.clearance, command.witnesses);
-    if (!is_floater.empty())
-      removed.floaters = kept.remove([&](std::size_t i) { return is_floater[i]; });
-  }
-  GaussianModel result = rows_of(model, kept.rows());
-  reduce_sh_degree(result, config.model.sh_degree);
-  const Evaluation after = quality(copy_to(backend->memory(), result));
-  export_model(result, request, nullptr);
-
-  const char* split = scene.test_views.empty() ? "training" : "test";
-  if (command.json) {
-    std::cout << nlohmann::ordered_json{{"model", opened.ply.string()},
-                                        {"output", command.output},
-                                        {"split", split},
-                                        {"removed",
-                                         {{"outside", removed.outside},
-                                          {"faint", removed.faint},
-                                          {"unseen", removed.unseen},
-                                          {"floaters", removed.floaters}}},
-                                        {"before",
-                                         {{"num_gaussians", gaussians.count()},
-                                          {"psnr", before.psnr},
-                                          {"ssim", before.ssim}}},
-                                        {"after",
-                                         {{"num_gaussians", result.gaussians.count()},
-                                          {"psnr", after.psnr},
-                                          {"ssim", after.ssim}}}}
-                     .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
-              << "\n";
-    return;
-  }
-  std::cout << fmt::format(
-      "{} of {} Gaussians removed: {} outside, {} faint, {} hardly seen, {} floaters\n"
-      "{} views before: {}\n{} views after:  {}\n{}\n",
-      with_commas(gaussians.count() - result.gaussians.count()), with_commas(gaussians.count()),
-      with_commas(removed.outside), with_commas(removed.faint), with_commas(removed.unseen),
-      with_commas(removed.floaters), split, summary(before), split, summary(after), command.output);
+  const Removed removed =
+      apply_rules({command, opened.model, gaussians, backend->renderer(), scene, settings}, kept);
+  check_not_empty(command, kept, removed);
+  GaussianModel result = rows_of(opened.model, kept.rows());
+  limit_sh_degree(result, config.model.sh_degree);
+  const Measured after = measured(copy_to(backend->memory(), result));
+  export_model(result, {command.output});
+  if (command.json)
+    print_json(command, opened, split, removed, before, after);
+  else
+    print_text(command, split, removed, before, after);
 }
 
 }  // namespace
 
 void add_prune(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand(
-      "prune", "Remove Gaussians that a trained model can do without, and say what that costs");
+      "prune", "Remove Gaussians that contribute little, and report the loss in PSNR");
   const auto command = std::make_shared<PruneCommand>();
   verb.add_option("model", command->model, "a run's folder, or a PLY with --data")
       ->type_name("RUN|PLY")
       ->required();
   verb.add_option("-o,--output", command->output,
-                  "the model without them, in the format of its name (docs/formats.md)")
+                  "the file to write; its ending is the format (docs/formats.md)")
       ->type_name("FILE")
       ->required();
   verb.add_option("--iteration", command->step,
                   "of a run, the model saved after that step [the newest]")
       ->type_name("STEP");
-  verb.add_option("--opacity", command->opacity, "remove those that are fainter")
+  verb.add_option("--opacity", command->opacity, "remove those with a lower opacity")
       ->type_name("0..1")
       ->check(CLI::Range(0.0, 1.0));
   verb.add_option("--contribution", command->contribution,
-                  "remove those that no training view shows more of than so many pixels")
+                  "remove those whose share in every training view is below so many pixels")
       ->type_name("PIXELS")
       ->check(CLI::NonNegativeNumber);
-  verb.add_option("--floaters", command->clearance,
-                  "remove those nearer to a camera than that share of the way to what it sees, as "
-                  "training does with density.camera_clearance")
+  verb.add_option(
+          "--floaters", command->clearance,
+          "remove those nearer to a camera than this share of the distance to what it sees, "
+          "as training does with density.camera_clearance")
       ->type_name("SHARE")
       ->check(CLI::NonNegativeNumber);
   verb.add_option("--witnesses", command->witnesses,
-                  "but those that so many views see from farther away; 0, the default: them, too")
+                  "of --floaters: keep those that at least so many training views see from farther "
+                  "away [0: keep none]")
       ->type_name("VIEWS")
       ->check(CLI::NonNegativeNumber);
-  verb.add_option("--box", command->box,
-                  "remove those outside: two opposite corners, in the frame of the photos' poses")
+  verb.add_option(
+          "--box", command->box,
+          "remove those outside of a box, given by two opposite corners in the frame of the "
+          "photos' poses")
       ->type_name("X Y Z X Y Z")
       ->expected(6);
   verb.add_flag("--json", command->json, "print JSON");
   verb.add_flag("--force", command->force, "keep a file of that name as FILE.bak-N");
+  verb.add_flag("--allow-empty", command->allow_empty,
+                "write the model even if no Gaussian is left");
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
-  add_render_options(verb, *command);
+  add_render_options(verb, *command, "of the file, if the model has more");
   add_general_options(verb, *command);
   verb.callback([command] { prune(*command); });
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat reconstruct: photos in, a scene's folder out, by way of the colmap program.
+// gemsplat reconstruct: makes a scene from photos or videos with the program colmap.
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
@@ -29,7 +29,7 @@ void reconstruct(const ReconstructCommand& command) {
   setup_log(command.verbosity());
   const Reconstruction result =
       run_colmap({config.dataset.source, command.scene, config.reconstruct, config.train.threads,
-                  command.force},
+                  command.force, true},
                  ColmapBar(!command.quiet));
   if (!command.quiet)
     std::cout << describe(result)
@@ -59,11 +59,11 @@ void add_reconstruct(CLI::App& program) {
   const auto command = std::make_shared<ReconstructCommand>();
   CommandLine& line = *command;
   add_setting(verb, line, "photos,-d,--data", "dataset.source", "Scene",
-              "a folder of photos or videos, or a video; it stays as it is");
-  verb.add_option("-o,--output", command->scene, "the folder of the scene")
+              "a folder of photos or videos, or a video; nothing in it is changed");
+  verb.add_option("-o,--output", command->scene, "the folder to make the scene in")
       ->type_name("FOLDER")
       ->group("Output");
-  verb.add_flag("--force", command->force, "move what is there already to SCENE.bak-N first")
+  verb.add_flag("--force", command->force, "move a scene that is there to SCENE.bak-N first")
       ->group("Output");
   add_setting(verb, line, "--frames", "reconstruct.frames", "COLMAP");
   add_setting(verb, line, "--matching", "reconstruct.matching", "COLMAP");

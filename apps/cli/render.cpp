@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat render: pictures and films of a trained model, of any trainer, from given cameras or along a path.
+// gemsplat render: pictures and films of a trained model of any trainer, from given cameras or
+// along a path.
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
@@ -10,7 +11,7 @@
 #include "apps/cli/devices.h"
 #include "apps/cli/render_command.h"
 #include "gs_app/export/cameras.h"
-#include "gs_app/export/exported_file.h"
+#include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/provenance.h"
@@ -26,8 +27,8 @@ using Json = nlohmann::ordered_json;
 
 // --- Cameras
 
-// From --cameras, --data, or the run itself. Paths follow training views, unless --split says otherwise or --through
-// names cameras.
+// The cameras of --cameras, of --data or of the run itself. A path follows training views unless
+// --split or --through says otherwise.
 std::vector<NamedCamera> cameras_of(const RenderCommand& command, const OpenedModel& opened,
                                     const Config& config) {
   const int resolution = config.dataset.resolution;
@@ -50,8 +51,8 @@ std::vector<NamedCamera> cameras_of(const RenderCommand& command, const OpenedMo
   return cameras_of_file(command.cameras, resolution, offset);
 }
 
-// The size and lens that were asked for. All frames of a film have the size of the first, and even sides: H.264 stores
-// colors by the four pixels.
+// Gives the cameras the size and lens of the command line. All frames of a film have the size of
+// the first, and even sides, because H.264 stores one color for 2x2 pixels.
 void fit_cameras(const RenderCommand& command, std::vector<NamedCamera>& cameras) {
   const bool is_film = command.output.is_film();
   std::optional<PictureSize> size = command.size;

@@ -10,7 +10,7 @@
 #include "apps/python/camera.h"
 #include "apps/python/devices.h"
 #include "apps/python/model.h"
-#include "gs_app/export/exported_file.h"
+#include "gs_app/export/export_model.h"
 #include "gs_app/report/report_folder.h"
 #include "gs_core/error.h"
 

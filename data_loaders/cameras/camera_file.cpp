@@ -30,8 +30,8 @@ FloatJson to_json(const Vec3f& v) { return FloatJson::array({v.x, v.y, v.z}); }
 std::string camera_line(const std::string& name, const Camera& camera, std::size_t id) {
   const Mat3<float>& R = camera.cam_from_world_rotation;
   const Mat3<double> R_double{Vec3d(R.row0), Vec3d(R.row1), Vec3d(R.row2)};
-  const Vec3d position =
-      Vec3d(0.0) - multiply_transposed(R_double, Vec3d(camera.cam_from_world_translation));  // no -0
+  const Vec3d position =  // the difference avoids -0
+      Vec3d(0.0) - multiply_transposed(R_double, Vec3d(camera.cam_from_world_translation));
   FloatJson json;
   json["id"] = id;
   json["img_name"] = name;
@@ -135,7 +135,7 @@ Json parse_file(const std::filesystem::path& path) {
     return Json::parse(text, text + size);
   } catch (const Json::parse_error& error) {
     cannot_read(path,
-                fmt::format("it is no JSON from byte {} on; the file is cut short or damaged, "
+                fmt::format("it is not JSON from byte {} on; the file is cut short or damaged, "
                             "write it again",
                             error.byte));
   } catch (const Json::exception&) {

@@ -22,18 +22,18 @@ struct NamedCamera {
 ///    rotation[3][3],                   rows of world_from_cam
 ///    fy, fx, cx, cy}                   pixels
 /// cx and cy are not in the reference's files, where the center is that of the picture. Numbers
-/// have as many digits as their float needs. Positions have the scene's world offset taken off, like those of the PLY beside it. The file is there whole or not at all; throws Error
-/// where it cannot be written.
+/// have as many digits as their float needs. Positions have the scene's world offset taken off,
+/// like those of the PLY beside it. The file exists whole or not at all. Throws Error if it cannot
+/// be written.
 void write_cameras_json(const std::filesystem::path& path, const Scene& scene);
 
-/// The same of cameras under their names as they are.
+/// The same for cameras with their names unchanged.
 void write_cameras_json(const std::filesystem::path& path, const std::vector<NamedCamera>& cameras);
 
-/// Reads such a list, in its order; without cx or cy the center is that of the picture, other keys
-/// are ignored.
-/// `world_offset` is that of the model to be seen (Scene): where the positions are nearer to it than to 0, more of them than
-/// not, they are the photos' own coordinates, and it is taken off, in double precision.
-/// Throws Error that names file, camera and key for anything that is no camera.
+/// Reads such a list, in its order. Without cx or cy the center is that of the picture; other keys
+/// are ignored. `world_offset` is that of the model to be viewed (Scene). If most positions are
+/// nearer to it than to 0, they are in the photos' own coordinates, and it is taken off in double
+/// precision. Throws Error that names file, camera and key for anything that is not a camera.
 std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path,
                                            const Vec3d& world_offset = Vec3d(0.0));
 

@@ -12,7 +12,7 @@
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/scene/find_scene.h"
-#include "data_loaders/scene/transforms_json.h"
+#include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
 #include "gs_core/io/byte_reader.h"
 #include "gs_core/math/rotation.h"

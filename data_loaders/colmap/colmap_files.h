@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the binary and the text reader of COLMAP models share; used by colmap_*.cpp only.
+// Shared by the binary and the text reader of COLMAP models; used by colmap_*.cpp only.
 #pragma once
 
 #include <filesystem>
@@ -12,20 +12,20 @@
 
 namespace gs::colmap {
 
-/// Throws Error: cannot read FILE in FOLDER: `what`; and what to try.
+/// Throws Error: cannot read FILE in FOLDER: `what`; and the remedy.
 [[noreturn]] void fail(const std::filesystem::path& file, const std::string& what);
 
-/// The model of a name as in cameras.txt.
+/// The camera model of a name in cameras.txt.
 std::optional<CameraModel> camera_model_of(std::string_view name);
 
-/// The point of a 2D point that belongs to none.
+/// The point id of a 2D point without a point.
 inline constexpr std::uint64_t kNoPoint = ~std::uint64_t(0);
 
 /// The number of a camera among the kinds of sensor.
 inline constexpr std::int32_t kCameraSensor = 0;
 
-/// What has been read of a model so far. Each function puts one record into it and returns what is
-/// wrong with the record, "" if nothing: the reader knows the place in the file.
+/// Collects the records of a model. Each function adds one record and returns its fault, "" if
+/// there is none; the reader then adds the place in the file to the message.
 class ModelBuilder {
  public:
   ModelBuilder(ColmapModel& model, Tracks tracks) : model_(model), tracks_(tracks) {}
@@ -34,7 +34,7 @@ class ModelBuilder {
 
   std::string add_camera(ColmapCamera camera, std::uint64_t width, std::uint64_t height);
   std::string add_image(ColmapImage image);  // after the cameras
-  /// Of the image that was added last.
+  /// Adds them to the image that was added last.
   void add_observations(std::vector<ColmapObservation> observations) {
     model_.images.back().observations = std::move(observations);
   }

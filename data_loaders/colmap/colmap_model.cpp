@@ -37,7 +37,7 @@ constexpr CameraModelInfo kCameraModels[kCameraModelCount] = {
     {"EQUIRECTANGULAR", 2},              // width, height
 };
 
-/// A picture's side in pixels may not be longer: what a file says beyond it is damage.
+/// Pixels. A picture with a longer side means that the file is damaged.
 constexpr std::uint64_t kLongestSide = 1 << 20;
 
 bool has_pair(const fs::path& folder, const char* extension) {
@@ -46,7 +46,7 @@ bool has_pair(const fs::path& folder, const char* extension) {
          fs::is_regular_file(folder / ("images" + std::string(extension)), ignored);
 }
 
-/// Makes a rotation unit length. Returns what is wrong with the pose, "" if nothing.
+/// Gives the rotation unit length. Returns the fault of the pose, "" if there is none.
 std::string check_pose(Quat<double>& q, const Vec3d& t) {
   const double length = std::sqrt(squared_norm(q));
   if (!std::isfinite(length) || !is_finite(t)) return "the pose has a number that is not finite";
@@ -55,7 +55,7 @@ std::string check_pose(Quat<double>& q, const Vec3d& t) {
   return "";
 }
 
-/// Text from broken programs has `nan` and `-nan(ind)` for points that they could not place.
+/// Some programs write `nan` and `-nan(ind)` for points that they could not place.
 void leave_out_bad_points(ColmapModel& model, const fs::path& file) {
   const std::size_t count = model.points.size();
   const std::size_t bad = std::erase_if(

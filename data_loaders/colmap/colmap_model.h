@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A COLMAP sparse model as it lies on disk: cameras with their lens models, posed images, points.
-// What is made of it for training is the business of load_scene.h; the two encodings are read in
-// colmap_binary.cpp and colmap_text.cpp.
+// A COLMAP sparse model as it is on disk: cameras with their lens models, posed images, points. The
+// two encodings are read in colmap_binary.cpp and colmap_text.cpp; scene/ makes training views of
+// it.
 #pragma once
 
 #include <array>
@@ -37,7 +37,7 @@ enum class CameraModel : int {
   equirectangular = 17,
 };
 
-/// What COLMAP calls a camera model, and how many parameters it has.
+/// COLMAP's name of a camera model, and its number of parameters.
 struct CameraModelInfo {
   const char* name;
   int param_count;
@@ -55,13 +55,13 @@ struct ColmapCamera {
   std::vector<double> params;  // in COLMAP's order for the model; finite
 };
 
-/// Where a photo shows a point.
+/// The place of a point in a photo.
 struct ColmapObservation {
   std::uint64_t point_id = 0;
   double x = 0, y = 0;  // pixels of the camera's size, the center of the first at (0.5, 0.5)
 };
 
-/// One posed image. Those of its 2D points that belong to a point are kept where they are asked for.
+/// One posed image. Of its 2D points, those that belong to a point are kept with Tracks::read.
 struct ColmapImage {
   std::uint32_t id = 0;
   std::string name;  // path relative to the images folder, "/" between folders
@@ -69,7 +69,7 @@ struct ColmapImage {
   Quat<double> cam_from_world_rotation{1, 0, 0, 0};  // unit length
   Vec3d cam_from_world_translation{0.0, 0.0, 0.0};   // world units
   std::vector<ColmapObservation> observations{};     // empty unless asked for
-  std::filesystem::path mask{};                      // the photo's mask file, where the model names one
+  std::filesystem::path mask{};                      // of the photo, if the model names one
 };
 
 /// One triangulated point. Of its track only the length is kept.
@@ -81,15 +81,15 @@ struct ColmapPoint {
   std::uint64_t observations = 0;              // photos that it was found in
 };
 
-/// One camera of a rig and where it sits on it.
+/// One camera of a rig and its place on it.
 struct ColmapRigCamera {
   std::uint32_t camera_id = 0;
-  bool has_pose = false;  // COLMAP knows its place; the rig's first camera is its origin
+  bool has_pose = false;  // its place is known; the rig's first camera is the origin
   Quat<double> cam_from_rig_rotation{1, 0, 0, 0};  // unit length
   Vec3d cam_from_rig_translation{0.0, 0.0, 0.0};   // world units
 };
 
-/// Cameras that are fixed to one another (COLMAP 3.12 and later). Other sensors are passed over.
+/// Cameras that are fixed to one another (COLMAP 3.12 and later). Other sensors are skipped.
 struct ColmapRig {
   std::uint32_t id = 0;
   std::vector<ColmapRigCamera> cameras;  // in the file's order
@@ -99,7 +99,7 @@ struct ColmapRig {
 struct ColmapFrame {
   std::uint32_t id = 0;
   std::uint32_t rig_id = 0;
-  std::vector<std::uint64_t> image_ids;  // some may be none of the model's; none is in two frames
+  std::vector<std::uint64_t> image_ids;  // the model may lack some; no image is in two frames
 };
 
 /// A whole model, checked: every number is finite, every quaternion has unit length, every image's
@@ -113,24 +113,25 @@ struct ColmapModel {
   std::filesystem::path folder;
 };
 
-/// Whether the observations of a model are wanted: they are most of its bytes.
+/// Whether to read the observations of a model, which are most of its bytes.
 enum class Tracks { skip, read };
 
 /// Whether a folder holds cameras and images, both binary or both text.
 bool is_colmap_model(const std::filesystem::path& folder);
 
-/// The folders inside a folder that are models, sorted; none where it cannot be read.
+/// The models among the folders in a folder, sorted; none if it cannot be read.
 std::vector<std::filesystem::path> colmap_models_in(const std::filesystem::path& folder);
 
-/// How many images a model has, without reading it whole: from the count at the head of images.bin,
-/// or from the lines of images.txt. Throws Error.
+/// The number of images of a model, without reading it whole: the count at the head of images.bin,
+/// or the lines of images.txt. Throws Error.
 std::uint64_t count_colmap_images(const std::filesystem::path& folder);
 
-/// Reads cameras, images, points3D, rigs and frames: the .bin files where cameras.bin and images.bin
-/// exist, else the .txt files. The last three may be absent. Points whose position is not finite are
-/// left out, and so are rigs that cannot be read, with a warning. The images' observations are kept with Tracks::read only:
-/// those whose place is finite; a point of theirs may be none of the model's. Throws Error that names the file, the place in
-/// it and the remedy; a damaged file never costs more memory than its size (twice its size with tracks).
+/// Reads cameras, images, points3D, rigs and frames: the .bin files where cameras.bin and
+/// images.bin exist, else the .txt files. The last three may be absent. Points without a finite
+/// position and rigs that cannot be read are left out with a warning. Tracks::read keeps the
+/// images' observations with a finite place; the model may lack a point of theirs. Throws Error
+/// that names the file, the place in it and the remedy. A damaged file never costs more memory than
+/// its size (twice its size with tracks).
 ColmapModel read_colmap_model(const std::filesystem::path& folder, Tracks tracks = Tracks::skip);
 
 }  // namespace gs

@@ -112,8 +112,8 @@ bool is_image_line(std::string_view line) {
   return !name.empty() && (!parse(name, number) || trimmed(line).empty());
 }
 
-/// Calls `visit` with every line of images.txt that has an image, and `visit_points` with the POINTS2D that
-/// follow it, where they do.
+/// Calls `visit` with every line of images.txt that has an image, and `visit_points` with the
+/// POINTS2D that follow it, where they do.
 template <class Visit, class VisitPoints>
 void for_each_image_line(TextFile& file, Visit visit, VisitPoints visit_points) {
   std::string_view line;

@@ -16,6 +16,20 @@ namespace {
 
 constexpr double kMostLost = 1e-4;             // of the spread
 constexpr double kSingleRounding = 0x1p-24;    // of a number, at most
+
+/// The offset of things that stand about `median`; 0 where single precision keeps them apart.
+Vec3d offset_at(const Vec3d& median, double spread, double most_lost) {
+  const bool is_near = !(length(median) * kSingleRounding > most_lost * spread);
+  if (is_near || !(spread > 0) || !std::isfinite(length(median))) return Vec3d(0.0);
+  const double digits = std::floor(std::log10(spread));
+  const double step = std::pow(10.0, std::abs(digits));  // a whole number, and exact
+  Vec3d offset;
+  for (int axis = 0; axis < 3; ++axis)
+    offset[axis] = digits >= 0 ? std::round(median[axis] / step) * step
+                               : std::round(median[axis] * step) / step;
+  return offset + Vec3d(0.0);  // no -0
+}
+
 }  // namespace
 
 Vec3d center_of(const ColmapImage& image) {
@@ -40,15 +54,13 @@ Vec3d world_offset_of(const ColmapModel& model) {
     for (const ColmapPoint& point : model.points) points.push_back(point.position);
     spread = ordinary_distance(median, points);
   }
-  const bool is_near = !(length(median) * kSingleRounding > kMostLost * spread);
-  if (is_near || !(spread > 0) || !std::isfinite(length(median))) return Vec3d(0.0);
-  const double digits = std::floor(std::log10(spread));
-  const double step = std::pow(10.0, std::abs(digits));  // a whole number, and exact
-  Vec3d offset;
-  for (int axis = 0; axis < 3; ++axis)
-    offset[axis] = digits >= 0 ? std::round(median[axis] / step) * step
-                               : std::round(median[axis] * step) / step;
-  return offset + Vec3d(0.0);  // no -0
+  return offset_at(median, spread, kMostLost);
+}
+
+Vec3d world_offset_of(const std::vector<Vec3d>& positions, double most_lost) {
+  if (positions.empty()) return Vec3d(0.0);
+  const Vec3d median = median_position(positions);
+  return offset_at(median, ordinary_distance(median, positions), most_lost);
 }
 
 void take_off(ColmapModel& model, const Vec3d& offset) {

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is right and wrong with a scene before any training: `gemsplat doctor`.
+// `gemsplat doctor`: the faults of a scene, found before any training.
 #pragma once
 
 #include <string>
 #include <vector>
 
+#include "data_loaders/doctor/forecast.h"
 #include "data_loaders/scene/load_scene.h"
 
 namespace gs {
 
-/// One thing that was looked at.
+/// The result of one check.
 struct Finding {
   enum class Level {
     good,     // as it should be
@@ -18,9 +19,10 @@ struct Finding {
     fatal,    // training cannot start
   };
   Level level;
-  std::string topic;               // scene, model, lenses, photos, masks, orientation, pictures, cameras, points, place, forecast
-  std::string text;                // plain words, the remedy included
-  std::vector<std::string> names;  // the photos that it is about, all of them
+  // scene, model, lenses, photos, masks, orientation, pictures, cameras, points, place, forecast
+  std::string topic;
+  std::string text;                // plain words, with the remedy
+  std::vector<std::string> names;  // of all photos concerned
 };
 
 struct Diagnosis {
@@ -28,8 +30,10 @@ struct Diagnosis {
   bool can_train() const;
 };
 
-/// Looks at all that load_scene() would use, without stopping at the first trouble. With `look_at_pictures` every photo
-/// is decoded, too, for sharpness and brightness; `progress` counts those.
-Diagnosis examine(const Config& config, bool look_at_pictures, const ProgressFn& progress = {});
+/// Checks everything that load_scene() would use, without stopping at the first fault. With
+/// `look_at_pictures` every photo is decoded as well, to compare sharpness and brightness;
+/// `progress` counts these. `device` is the one that the run would use.
+Diagnosis examine(const Config& config, bool look_at_pictures, const ProgressFn& progress = {},
+                  const ForecastDevice& device = {});
 
 }  // namespace gs

@@ -4,46 +4,115 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "gs_core/bytes.h"
 #include "gs_core/io/host_ram.h"
+#include "gs_core/memory.h"
 
 namespace gs {
 namespace {
 
-// Bytes per Gaussian, as measured on the CUDA backend: parameters, two moments, statistics and the splats of a view;
-// and in a PLY of SH degree 3.
-constexpr double kBytesPerGaussian = 1700, kPlyBytesPerGaussian = 248;
-constexpr double kForecastGaussians = 1e6;
-// Seconds of 30,000 steps on one H200, fitted to docs/benchmarks.md, "GPU: training": a share for themselves, for a million
-// Gaussians, and for a million pixels of a photo.
+// Bytes per Gaussian in a run on CUDA (docs/benchmarks.md, "GPU memory at most"): parameters, two
+// moments, statistics and the splats of a view. The CPU keeps gradients of all parameters as well.
+constexpr double kBytesOnGpu = 1700, kBytesOnCpu = 2048;
+constexpr double kPlyBytes = 248;  // per Gaussian of SH degree 3
+
+// Growth of adaptive density control in 30,000 steps (docs/benchmarks.md, "GPU: training").
+constexpr double kFullSteps = 30000;
+constexpr double kGrowth = 25;        // fox_640: 24 times its points, south_building: 27 times
+constexpr double kOrdinaryEnd = 1e6;  // few scenes end with more, unless they start with more
+constexpr double kLeastGrowth = 2;
+constexpr double kFirstGrowth = 300;  // steps; no earlier refinement in any run (gs_train/schedule)
+
+// Seconds of 30,000 steps on one H200, fitted to docs/benchmarks.md, "GPU: training": a constant, a
+// share per million Gaussians, and one per million pixels of a photo.
 constexpr double kSecondsOfSteps = 6, kSecondsOfMillion = 35, kSecondsOfMegapixel = 13;
+
+constexpr double kShareOfFree = 0.9;  // other programs need memory, too
+
+double steps_of(const Config& config) {
+  return double(config.train.iterations) * config.train.steps_scaler;
+}
 
 std::string size_text(double bytes) {
   return bytes < 0.1 * kBytesPerGib ? fmt::format("{:.0f} MiB", bytes * 1024 / kBytesPerGib)
-                                    : fmt::format("{:.1f} GiB", bytes / kBytesPerGib);
+                            : fmt::format("{:.1f} GiB", bytes / kBytesPerGib);
+}
+
+std::string count_text(double gaussians) {
+  return gaussians < 1e5 ? fmt::format("{:.0f},000", std::max(gaussians * 1e-3, 1.0))
+                         : fmt::format("{:.2g} million", gaussians * 1e-6);
+}
+
+/// The remedy for a model that does not fit.
+std::string cap_advice(double free, double photos, double bytes_per_gaussian) {
+  const double most = std::floor((kShareOfFree * free - photos) / bytes_per_gaussian / 1e4) * 1e4;
+  return most > 0 ? fmt::format("cap the Gaussians with --max-gaussians {:.0f}", most)
+                  : "make the photos smaller with -r 2";
 }
 
 }  // namespace
 
-std::string forecast(const Config& config, double photo_bytes, double megapixels) {
-  const double ram = double(photo_ram_bytes(config.dataset)),
-               cap = double(config.density.max_gaussians);
-  const double gaussians = cap > 0 ? cap : kForecastGaussians;
-  const double on_gpu = std::min(photo_bytes, double(config.train.photo_gib) * kBytesPerGib);
-  const double seconds =
-      (kSecondsOfSteps + kSecondsOfMillion * gaussians * 1e-6 + kSecondsOfMegapixel * megapixels) *
-      double(config.train.iterations) * config.train.steps_scaler / 30000;
-  return fmt::format(
-      "photos take {} of RAM{}; training {:.2g} million Gaussians ({}) takes some {} of GPU memory "
-      "and, on an H200, {:.0f} s; each saved model takes {} of disk",
-      size_text(std::min(photo_bytes, ram)),
-      photo_bytes > ram ? fmt::format(" (of {}: the others are decoded when it is their turn)",
-                                      size_text(photo_bytes))
-                        : "",
-      gaussians * 1e-6, cap > 0 ? "the cap" : "few scenes need more",
-      size_text(on_gpu + gaussians * kBytesPerGaussian), seconds,
-      size_text(gaussians * kPlyBytesPerGaussian));
+double expected_gaussians(const Config& config, std::size_t points) {
+  const double cap = double(config.density.max_gaussians);  // 0 or less: none yet
+  double start = points == 0 ? double(config.model.random_points)
+                             : double(std::min(points, std::size_t(config.model.most_points)));
+  if (cap > 0) start = std::min(start, cap);
+  const double steps = steps_of(config);
+  if (steps <= std::min(double(config.density.from_step), kFirstGrowth)) return start;
+  if (config.density.strategy == "mcmc" && cap > 0) return cap;
+  const double end = std::max(std::min(kGrowth * start, kOrdinaryEnd), kLeastGrowth * start);
+  const double gaussians = start + (end - start) * std::sqrt(std::min(steps / kFullSteps, 1.0));
+  return cap > 0 ? std::min(gaussians, cap) : gaussians;
+}
+
+Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDevice& device) {
+  const double budget = double(photo_ram_bytes(config.dataset));
+  const double gaussians = expected_gaussians(config, scene.points);
+  const double photos_in_ram = std::min(scene.photo_bytes, budget);
+  const double photos_on_gpu = std::min(scene.photo_bytes, double(config.train.photo_gib) * kBytesPerGib);
+  const double on_gpu = photos_on_gpu + gaussians * kBytesOnGpu;
+  const double on_cpu = gaussians * kBytesOnCpu;
+  const double free_ram = double(host_memory().free_bytes());
+  const double free_on_gpu = double(device.free_bytes);
+  const double new_in_ram =
+      std::max(photos_in_ram - scene.loaded_bytes, 0.0) + (device.is_gpu ? 0 : on_cpu);
+
+  Forecast result;
+  result.text = fmt::format(
+      "about {} Gaussians{}; photos take {} of RAM{}; ", count_text(gaussians),
+      config.density.max_gaussians > 0 ? fmt::format(" (cap {})", config.density.max_gaussians)
+                                       : "",
+      size_text(photos_in_ram),
+      scene.photo_bytes > budget ? fmt::format(" (of {}: the others are decoded when it is their "
+                                               "turn)",
+                                               size_text(scene.photo_bytes))
+                                 : "");
+  if (device.is_gpu)
+    result.text += fmt::format(
+        "training takes about {} of GPU memory{} and, on an H200, {:.0f} s; ", size_text(on_gpu),
+        device.free_bytes ? fmt::format(" ({} are free)", size_text(free_on_gpu)) : "",
+        (kSecondsOfSteps + kSecondsOfMillion * gaussians * 1e-6 +
+         kSecondsOfMegapixel * scene.megapixels) *
+            steps_of(config) / kFullSteps);
+  else
+    result.text += fmt::format("training on the CPU takes about {} of RAM ({} are free); ",
+                               size_text(on_cpu), size_text(free_ram));
+  result.text += fmt::format("each saved model takes {} of disk", size_text(gaussians * kPlyBytes));
+
+  if (device.is_gpu && device.free_bytes && on_gpu > kShareOfFree * free_on_gpu)
+    result.warnings.push_back(fmt::format("the GPU has {} free and the run may need {}; {}",
+                                          size_text(free_on_gpu), size_text(on_gpu),
+                                          cap_advice(free_on_gpu, photos_on_gpu, kBytesOnGpu)));
+  if (new_in_ram > kShareOfFree * free_ram)
+    result.warnings.push_back(
+        fmt::format("{} of RAM are free and the run may need {}; {}", size_text(free_ram),
+                    size_text(new_in_ram),
+                    photos_in_ram > on_cpu || device.is_gpu
+                        ? std::string("let fewer photos stay decoded with --photo-ram GIB")
+                        : cap_advice(free_ram, photos_in_ram, kBytesOnCpu)));
+  return result;
 }
 
 }  // namespace gs

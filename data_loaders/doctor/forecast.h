@@ -1,14 +1,46 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run will take of the machine, before it starts.
+// An estimate of the memory, time and disk of a run, before it starts.
 #pragma once
 
+#include <cstddef>
 #include <string>
+#include <vector>
 
 #include "gs_core/config/config.h"
 
 namespace gs {
 
-/// Memory, time and disk in a sentence, from the bytes of all photos, decoded with their masks, and a photo's mean size.
-std::string forecast(const Config& config, double photo_bytes, double megapixels);
+/// What a scene brings to a run.
+struct SceneSize {
+  double photo_bytes = 0;   // of all photos with their masks, decoded
+  double loaded_bytes = 0;  // of these, in memory already
+  double megapixels = 0;    // of a photo, in the mean
+  std::size_t points = 0;   // of the model; 0: training starts from random ones
+};
+
+/// The device of the run.
+struct ForecastDevice {
+  bool is_gpu = false;
+  std::size_t free_bytes = 0;  // of its memory; 0: unknown
+};
+
+struct Forecast {
+  std::string text;                   // in a sentence
+  std::vector<std::string> warnings;  // what will not fit, each with a remedy
+};
+
+/// Gaussians at the end of a run, within a factor of two on our scenes:
+///
+///   start + (full - start) sqrt(min(steps / 30000, 1))    adaptive, at most the cap
+///   the cap                                               mcmc
+///
+/// start   points of the model after model.most_points, or random points; at most the cap
+/// full    after 30,000 steps: 25 start, but at most a million and at least 2 start
+/// Runs too short for a refinement end with `start`.
+double expected_gaussians(const Config& config, std::size_t points);
+
+/// Compares the needs of a run with the free memory of `device` and of the host. Times are given
+/// for a GPU only: a CPU's differ too much.
+Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDevice& device);
 
 }  // namespace gs

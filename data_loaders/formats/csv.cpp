@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 
+#include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/formats/ply/ply_layout.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/parse_number.h"
@@ -14,7 +16,8 @@ namespace gs {
 namespace {
 
 constexpr std::size_t kWriteBytes = std::size_t(1) << 20;  // at a time
-constexpr std::size_t kLongestFloat = 24;                  // characters, comma included
+constexpr std::size_t kLongestNumber = 32;                 // characters
+constexpr double kMostLost = 1e-6;  // of the model's spread, by positions as floats
 
 std::string_view without_blanks(std::string_view word) {
   const std::size_t begin = std::min(word.find_first_not_of(" \t\r\""), word.size());
@@ -22,7 +25,7 @@ std::string_view without_blanks(std::string_view word) {
   return word.substr(begin, end == word.npos ? 0 : end + 1 - begin);
 }
 
-// The fields of a line, one call after another.
+// Hands out the fields of a line one by one.
 struct Fields {
   std::string_view rest;
   bool done = false;
@@ -36,7 +39,8 @@ struct Fields {
   }
 };
 
-/// The lines of a text, the last one with or without its line feed; blank ones are passed over.
+/// Hands out the lines of a text, the last one with or without its line feed; blank lines are
+/// skipped.
 class Lines {
  public:
   explicit Lines(const std::filesystem::path& path) : reader_(path) {}
@@ -71,7 +75,7 @@ PlyElement columns_of(std::string_view line) {
   return element;
 }
 
-// Where the numbers of a wanted column stand in a line; -1: passed over.
+// For each field of a line, the column of `columns` that it belongs to; -1: none.
 std::vector<int> targets_of(const PlyElement& table, const std::vector<PlyColumn>& columns,
                             const std::filesystem::path& path) {
   std::vector<std::string> missing;
@@ -90,22 +94,48 @@ std::vector<int> targets_of(const PlyElement& table, const std::vector<PlyColumn
   return targets;
 }
 
+/// The rows as they are read. x y z are the first three columns of gaussian_columns().
+struct Rows {
+  std::size_t width;
+  std::vector<float> values;     // (N, width)
+  std::vector<Vec3d> positions;  // (N), the first three again
+};
+
 void read_row(std::string_view line, const std::vector<int>& targets, const Lines& lines,
-              std::vector<float>& values, std::size_t width) {
+              Rows& rows) {
   const auto fail = [&](const std::string& what) {
-    cannot_read(lines.path(), fmt::format("line {} {}; mend that line or export the table again",
+    cannot_read(lines.path(), fmt::format("line {} {}; correct that line or export the table again",
                                           lines.number(), what));
   };
-  const std::size_t row = values.size();
-  values.resize(row + width);
+  const std::size_t row = rows.values.size();
+  rows.values.resize(row + rows.width);
+  Vec3d& position = rows.positions.emplace_back(0.0);
   Fields fields{line};
   for (std::size_t at = 0; at < targets.size(); ++at) {
     if (fields.done) fail(fmt::format("has {} values and not {}", at, targets.size()));
     const std::string_view word = fields.next();
-    if (targets[at] >= 0 && !parse_float(word, values[row + targets[at]]))
+    const int target = targets[at];
+    if (target < 0) continue;
+    if (!parse_float(word, rows.values[row + target]))
       fail(fmt::format("has \"{}\", which is no number", word.substr(0, 40)));
+    if (target < 3 && !parse_number(word, position[target])) position[target] = INFINITY;
   }
   if (!fields.done) fail(fmt::format("has more than {} values", targets.size()));
+}
+
+/// The world offset of these positions, where floats would lose too much of them.
+Vec3d offset_of(const std::vector<Vec3d>& positions) {
+  std::vector<Vec3d> finite;
+  for (const Vec3d& position : positions)
+    if (is_finite(position)) finite.push_back(position);
+  return world_offset_of(finite, kMostLost);
+}
+
+/// The shortest text that reads as the same number again.
+template <class T>
+void append_number(std::string& text, T number) {
+  char digits[kLongestNumber];
+  text.append(digits, std::to_chars(digits, digits + sizeof digits, number).ptr);
 }
 
 }  // namespace
@@ -119,32 +149,36 @@ GaussianModel read_csv(const std::filesystem::path& path) {
   const std::size_t width = gaussian_columns(model.gaussians, model.sh_degree).size();
   const std::vector<int> targets =
       targets_of(table, gaussian_columns(model.gaussians, model.sh_degree), path);
-  std::vector<float> values;  // (N, width)
-  while (lines.next(line)) read_row(line, targets, lines, values, width);
-  const std::size_t count = values.size() / width;
+  Rows rows{width, {}, {}};
+  while (lines.next(line)) read_row(line, targets, lines, rows);
+  const std::size_t count = rows.positions.size();
   model.gaussians.resize(count);
   model.gaussians.sh_rest.fill_zero();
   const std::vector<PlyColumn> columns = gaussian_columns(model.gaussians, model.sh_degree);
   for (std::size_t i = 0; i < count; ++i)
     for (std::size_t c = 0; c < width; ++c)
-      columns[c].array[i * columns[c].stride + columns[c].offset] = values[i * width + c];
+      columns[c].array[i * columns[c].stride + columns[c].offset] = rows.values[i * width + c];
+  model.world_offset = offset_of(rows.positions);
+  if (model.world_offset == Vec3d(0.0)) return model;
+  for (std::size_t i = 0; i < count; ++i)
+    model.gaussians.mean[i] = Vec3f(rows.positions[i] - model.world_offset);
   return model;
 }
 
 void write_csv(const std::filesystem::path& path, const GaussianModel& model) {
   const std::vector<PlyColumn> columns = gaussian_columns(model.gaussians, model.sh_degree);
+  const bool is_far = model.world_offset != Vec3d(0.0);
   std::string text;
   for (const PlyColumn& column : columns) text += (text.empty() ? "" : ",") + column.property;
   AtomicFile file(path);
   for (std::size_t i = 0; i < model.gaussians.count(); ++i) {
-    char separator = '\n';
-    for (const PlyColumn& column : columns) {
-      char number[kLongestFloat];
-      const auto end = std::to_chars(number, number + sizeof number,
-                                     column.array[i * column.stride + column.offset]);
-      text += separator;
-      text.append(number, end.ptr);
-      separator = ',';
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      const float number = columns[c].array[i * columns[c].stride + columns[c].offset];
+      text += c == 0 ? '\n' : ',';
+      if (c < 3 && is_far)
+        append_number(text, double(number) + model.world_offset[int(c)]);
+      else
+        append_number(text, number);
     }
     if (text.size() < kWriteBytes) continue;
     file.write(text);

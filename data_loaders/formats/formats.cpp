@@ -9,6 +9,7 @@
 #include "data_loaders/formats/coding/compression.h"
 #include "data_loaders/formats/coding/finite_rows.h"
 #include "data_loaders/formats/csv.h"
+#include "data_loaders/formats/foreign_files.h"
 #include "data_loaders/formats/glb.h"
 #include "data_loaders/formats/ply/compressed_ply.h"
 #include "data_loaders/formats/ply/ply.h"
@@ -26,9 +27,9 @@ using Path = std::filesystem::path;
 
 const AxisSigns kPlyAxes{1, 1, 1};
 
-// A writer without options, as the table wants it.
+// Gives a writer that has no options the signature of the table.
 template <auto writer>
-void write_plainly(const Path& path, const GaussianModel& model, const ExportOptions&) {
+void without_options(const Path& path, const GaussianModel& model, const ExportOptions&) {
   writer(path, model);
 }
 void write_spz_version(const Path& path, const GaussianModel& model, const ExportOptions& options) {
@@ -44,21 +45,23 @@ void require_for_sog(const ExportOptions&) { require_webp(); }
 }  // namespace
 
 const std::vector<ModelFormat>& model_formats() {
+  constexpr bool kLossless = true, kLossy = false, kAddsOffset = true, kNoOffset = false;
   static const std::vector<ModelFormat> kFormats = {
-      {"ply", ".ply", "everything, as floats", true, kPlyAxes, read_gaussian_ply,
-       write_plainly<write_gaussian_ply>, require_nothing},
-      {"csv", ".csv", "everything, as text", true, kPlyAxes, read_csv, write_plainly<write_csv>,
+      {"ply", ".ply", "everything, as floats", kLossless, kNoOffset, kPlyAxes, read_gaussian_ply,
+       without_options<write_gaussian_ply>, require_nothing},
+      {"csv", ".csv", "everything, as text", kLossless, kAddsOffset, kPlyAxes, read_csv,
+       without_options<write_csv>, require_nothing},
+      {"glb", ".glb", "everything, as floats after activation", kLossy, kNoOffset, kHalfTurnZ,
+       nullptr, without_options<write_glb>, require_nothing},
+      {"compressed.ply", ".compressed.ply", "fractions of the range of 256 neighbors", kLossy,
+       kNoOffset, kPlyAxes, read_gaussian_ply, without_options<write_compressed_ply>,
        require_nothing},
-      {"glb", ".glb", "everything, as floats after activation", false, kHalfTurnZ, nullptr,
-       write_plainly<write_glb>, require_nothing},
-      {"compressed.ply", ".compressed.ply", "fractions of the range of 256 neighbors", false,
-       kPlyAxes, read_gaussian_ply, write_plainly<write_compressed_ply>, require_nothing},
-      {"spz", ".spz", "bytes, positions in 24 bits, compressed", false, kHalfTurnX, read_spz,
-       write_spz_version, require_for_spz},
-      {"sog", ".sog", "codebooks and a palette of SH, compressed", false, kPlyAxes, read_sog,
-       write_plainly<write_sog>, require_for_sog},
-      {"splat", ".splat", "bytes, no SH beyond degree 0", false, kPlyAxes, read_splat,
-       write_plainly<write_splat>, require_nothing},
+      {"spz", ".spz", "bytes, positions in 24 bits, compressed", kLossy, kNoOffset, kHalfTurnX,
+       read_spz, write_spz_version, require_for_spz},
+      {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kNoOffset, kPlyAxes,
+       read_sog, without_options<write_sog>, require_for_sog},
+      {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kNoOffset, kPlyAxes, read_splat,
+       without_options<write_splat>, require_nothing},
   };
   return kFormats;
 }
@@ -73,7 +76,7 @@ std::string format_names() {
 const ModelFormat& format_named(std::string_view name) {
   for (const ModelFormat& format : model_formats())
     if (format.name == name || format.ending == name) return format;
-  throw UsageError(fmt::format("there is no format {}; there are {}", name, format_names()));
+  throw UsageError(fmt::format("gemsplat knows no format {}; it has {}", name, format_names()));
 }
 
 const ModelFormat* find_format(const Path& path) {
@@ -90,17 +93,23 @@ const ModelFormat* find_format(const Path& path) {
 
 const ModelFormat& format_to_write(const Path& path) {
   if (const ModelFormat* format = find_format(path)) return *format;
-  throw UsageError(
-      fmt::format("{} says no format by its ending; there are {}", path.string(), format_names()));
+  std::string endings;
+  for (const ModelFormat& format : model_formats())
+    endings += (endings.empty() ? "" : ", ") + std::string(format.ending);
+  const std::string ending = path.extension().string();
+  throw UsageError(fmt::format("{}: gemsplat does not write {}; it writes {}", path.string(),
+                               ending.empty() ? "files without an ending" : ending, endings));
 }
 
 GaussianModel read_model(const Path& path) {
   const ModelFormat* format = find_format(path);
-  if (!format) return read_gaussian_ply(path);
-  if (!format->read)
-    cannot_read(path, fmt::format("{} is written here and not read; name the model it was made of",
+  if (format && !format->read)
+    cannot_read(path, fmt::format("gemsplat writes {} and does not read it; name the model that it "
+                                  "was made from",
                                   format->ending));
-  return format->read(path);
+  if (format && format->read != read_gaussian_ply) return format->read(path);
+  if (const std::string kind = foreign_kind(path); !kind.empty()) cannot_read(path, kind);
+  return read_gaussian_ply(path);
 }
 
 std::size_t write_model(const Path& path, const GaussianModel& model,

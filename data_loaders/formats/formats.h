@@ -1,6 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The formats of trained Gaussians, in one table: what a file's name says, who reads it and who writes it. A new format is
-// one row there.
+// The table of formats of trained Gaussians: how a file's name ends, who reads it, who writes it.
+//
+// To add a format:
+//   1. Write read_x() and write_x() in x.h and x.cpp beside this file; the header says what each
+//      byte means. splat.h is the shortest example.
+//   2. Add a row to the table in formats.cpp, and x.cpp to data_loaders/CMakeLists.txt.
+//   3. Add a row to kKinds in tests/data_loaders/formats_test.cpp (what may be lost) and one to
+//      kReaders in formats_fuzz_test.cpp (10,000 damaged files).
+//   4. Add a row to the tables of docs/formats.md.
+// Every verb that reads or writes a model then knows it: export, train --export, eval, render,
+// info.
 #pragma once
 
 #include <filesystem>
@@ -13,41 +22,44 @@
 
 namespace gs {
 
-/// What a user may choose of how a file is written.
+/// Choices that a user has for some formats.
 struct ExportOptions {
-  int spz_version = 3;  // or 4, which fewer viewers read
+  int spz_version = 3;  // or 4, which fewer programs read
 };
 
 struct ModelFormat {
-  std::string_view name;    // as in --export: "spz"
-  std::string_view ending;  // of the files' names: ".spz"
-  std::string_view holds;   // in a few words
-  bool is_lossless;         // what is read back has the same bits, SH degree included
-  AxisSigns signs;          // of the file's axes in terms of the PLY's
-  GaussianModel (*read)(const std::filesystem::path&);  // null: is written only
+  std::string_view name;     // as in --export: "spz"
+  std::string_view ending;   // of file names: ".spz"
+  std::string_view holds;    // in a few words
+  bool is_lossless;          // reading gives the same bits again, SH degree included
+  bool adds_world_offset;    // positions are mean + world_offset, in double precision
+  AxisSigns signs;           // of the file's axes relative to the PLY's
+  GaussianModel (*read)(const std::filesystem::path&);  // null: gemsplat only writes it
   void (*write)(const std::filesystem::path&, const GaussianModel&, const ExportOptions&);
   void (*require)(const ExportOptions&);  // throws Error where this build lacks a library for it
 };
 
-/// All of them, in the order of a list for people.
+/// All formats, in the order in which people see them.
 const std::vector<ModelFormat>& model_formats();
 
-/// The names of all that can be written: "ply, compressed.ply, ..."
+/// The names of all formats: "ply, csv, ..."
 std::string format_names();
 
-/// The format of a name such as "spz"; throws UsageError that lists them where there is none.
+/// The format of a name such as "spz". Throws UsageError with a list for an unknown name.
 const ModelFormat& format_named(std::string_view name);
-/// That which a file's name ends in, in whatever case; null where it is none.
+/// The format that a file name's ending stands for, in upper or lower case; null if there is none.
 const ModelFormat* find_format(const std::filesystem::path& path);
-/// The same to write to; throws UsageError that lists the endings where there is none.
+/// The same for a file to write. Throws UsageError with a list of the endings.
 const ModelFormat& format_to_write(const std::filesystem::path& path);
 
-/// Reads trained Gaussians of the format that the name says, or else as PLY. Throws Error as the readers do, and for formats that
-/// are only written.
+/// Reads trained Gaussians in the format of the file's name; a file of another name is read as PLY.
+/// Throws Error as the readers do, and one that names the kind of file for formats that are not
+/// read (foreign_files.h).
 GaussianModel read_model(const std::filesystem::path& path);
 
-/// Writes a model in the format that the name says, whole or not at all. Rows with NaN or infinity are left out, with a
-/// warning; returns how many rows were written. Throws Error as the writers do.
+/// Writes a model in the format of the file's name, whole or not at all. Rows with NaN or infinity
+/// are left out, with a warning. Returns how many rows were written. Throws Error as the writers
+/// do.
 std::size_t write_model(const std::filesystem::path& path, const GaussianModel& model,
                         const ExportOptions& options = {});
 

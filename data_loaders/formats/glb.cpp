@@ -23,7 +23,8 @@ using Json = nlohmann::ordered_json;
 constexpr const char* kExtension = "KHR_gaussian_splatting";
 constexpr std::uint32_t kMagic = 0x46546C67, kVersion2 = 2;               // "glTF"
 constexpr std::uint32_t kJsonChunk = 0x4E4F534A, kBinaryChunk = 0x004E4942;  // "JSON", "BIN"
-constexpr int kFloat = 5126, kUnsignedByte = 5121, kPoints = 0, kVertexData = 34962;  // of glTF, from OpenGL
+// Numbers of glTF, which has them from OpenGL.
+constexpr int kFloat = 5126, kUnsignedByte = 5121, kPoints = 0, kVertexData = 34962;
 
 /// One attribute of the points.
 struct Attribute {
@@ -64,7 +65,8 @@ std::vector<Attribute> attributes_of(const GaussianModel& model) {
                   }});
   list.push_back({prefix + "ROTATION", kFloat, "VEC4", 16, [&g](std::size_t i, std::uint8_t* row) {
                     const Quatf& q = g.rotation[i];
-                    store(row, Vec4f(-q.y, q.x, q.w, -q.z));  // (0 0 0 1) q: first q, then half a turn about z
+                    // (0 0 0 1) q: first q, then half a turn about z
+                    store(row, Vec4f(-q.y, q.x, q.w, -q.z));
                   }});
   add_vec3(prefix + "SCALE", [&g](std::size_t i) {
     const Vec3f& s = g.log_scale[i];
@@ -117,11 +119,14 @@ Json document_of(const GaussianModel& model, const std::vector<Attribute>& attri
                           {"attributes", indices},
                           {"extensions", {{kExtension, splatting}}},
                           {"extras", {{"antialiased", model.antialiased}}}};
+  Json node = {{"mesh", 0}};
+  const Vec3d& world = model.world_offset;
+  if (world != Vec3d(0.0)) node["extras"] = {{"world_offset", {world.x, world.y, world.z}}};
   return {{"asset", {{"version", "2.0"}, {"generator", fmt::format("gemsplat {}", kVersion)}}},
           {"extensionsUsed", Json::array({kExtension})},
           {"scene", 0},
           {"scenes", Json::array({{{"nodes", Json::array({0})}}})},
-          {"nodes", Json::array({{{"mesh", 0}}})},
+          {"nodes", Json::array({node})},
           {"meshes", Json::array({{{"primitives", Json::array({primitive})}}})},
           {"accessors", accessors},
           {"bufferViews", views},

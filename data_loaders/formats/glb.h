@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// glTF 2.0, binary, with the extension KHR_gaussian_splatting: a mesh of points whose attributes are those of Gaussians, after
-// activation. Viewers without the extension show colored points.
+// Binary glTF 2.0 with the extension KHR_gaussian_splatting: a mesh of points with the attributes
+// of Gaussians after activation. Viewers without the extension show colored points.
 //
-//   POSITION                                       float x y z      half a turn about z from the PLY's axes: y up
-//   COLOR_0                                        u8 r g b a       linear, for viewers without the extension
-//   KHR_gaussian_splatting:ROTATION                float x y z w    turned with the positions, length 1
-//   KHR_gaussian_splatting:SCALE                   float x y z      standard deviations, world units
-//   KHR_gaussian_splatting:OPACITY                 float            0..1
-//   KHR_gaussian_splatting:SH_DEGREE_d_COEF_k      float r g b      turned, too
+//   POSITION                                    float x y z    half a turn about z: y up
+//   COLOR_0                                     u8 r g b a     linear; without the extension
+//   KHR_gaussian_splatting:ROTATION             float x y z w  turned, too; of length 1
+//   KHR_gaussian_splatting:SCALE                float x y z    standard deviations, world units
+//   KHR_gaussian_splatting:OPACITY              float          0..1
+//   KHR_gaussian_splatting:SH_DEGREE_d_COEF_k   float r g b    turned, too
+//
+// A world offset that is not 0 stands in the node's extras as "world_offset", in the PLY's axes:
+// viewers would lose precision if it were in the positions or in the node's matrix.
 #pragma once
 
 #include <filesystem>
@@ -16,8 +19,8 @@
 
 namespace gs {
 
-/// The model is finite_model()'s. Throws Error for a model without Gaussians, which glTF cannot hold, for one of more than
-/// 4 GiB, and where the file cannot be written.
+/// Writes a model that finite_model() made. Throws Error for a model without Gaussians, which glTF
+/// cannot hold, for a file of more than 4 GiB, and where the file cannot be written.
 void write_glb(const std::filesystem::path& path, const GaussianModel& model);
 
 }  // namespace gs

@@ -11,6 +11,11 @@
 #include <cmath>
 #include <numeric>
 
+#include "data_loaders/formats/formats.h"
+#include "data_loaders/formats/ply/mip_filter.h"
+#include "data_loaders/formats/ply/ply.h"
+#include "data_loaders/formats/ply/ply_file.h"
+
 namespace gs {
 namespace {
 
@@ -18,7 +23,7 @@ constexpr float kFaintOpacity = 1.0f / 255, kThinOpacity = 0.05f, kSolidOpacity 
 constexpr float kNeedleRatio = 100;       // largest / smallest scale
 constexpr float kFarFactor = 10;          // half diagonals of the inner box, from its center
 constexpr float kLargeCoordinate = 1e5f;  // world units; float steps there are 0.0078 or more
-constexpr float kFineSteps = 10;  // a Gaussian smaller than this many float steps is placed coarsely
+constexpr float kFineSteps = 10;  // float steps; smaller Gaussians are placed coarsely
 constexpr float kFewRows = 0.01f;  // needles below this share are normal
 
 float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
@@ -160,14 +165,19 @@ void suspect(const Gaussians& gaussians, const std::vector<std::size_t>& rows, M
         const float* rest = &gaussians.sh_rest[i].coefficient[0].x;
         return std::all_of(rest, rest + 3 * kShRestCount, [](float value) { return value == 0; });
       })) {
-    note(
-        info, "sh_rest_all_zero", rows.size(),
-        fmt::format("have SH coefficients that are all 0 beyond degree 0: degree {} is room wasted",
-                    info.sh_degree));
+    note(info, "sh_rest_all_zero", rows.size(),
+         fmt::format("have SH coefficients that are all 0 beyond degree 0: degree {} only makes "
+                     "the file larger",
+                     info.sh_degree));
   }
 }
 
 }  // namespace
+
+bool is_ply_with_filter_3d(const std::filesystem::path& file) {
+  const ModelFormat* format = find_format(file);
+  return (!format || format->read == read_gaussian_ply) && has_filter_3d(PlyFile(file).header());
+}
 
 ModelInfo inspect(const GaussianModel& model) {
   const Gaussians& gaussians = model.gaussians;

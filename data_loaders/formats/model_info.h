@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gemsplat info`: what a set of trained Gaussians looks like in numbers, and what looks wrong.
+// `gemsplat info`: describes trained Gaussians in numbers, and points out what looks wrong.
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -9,7 +10,8 @@
 
 namespace gs {
 
-/// Something suspicious: how many Gaussians show it, a key for machines, a sentence for people.
+/// Something that looks wrong: a key for machines, how many Gaussians show it, a sentence for
+/// people.
 struct Suspicion {
   std::string key;
   std::size_t count = 0;
@@ -21,6 +23,7 @@ struct ModelInfo {
   std::size_t count = 0;
   int sh_degree = 0;
   bool antialiased = false;
+  bool had_filter_3d = false;        // its PLY; scales and opacities hold that filter now
   std::size_t bytes = 0;             // in memory
   Vec3f min{0}, max{0};              // of the means, world units
   Vec3f inner_min{0}, inner_max{0};  // their 1st and 99th percentile on each axis, world units
@@ -31,10 +34,13 @@ struct ModelInfo {
   std::vector<Suspicion> suspicions;
 };
 
-/// Looks at every Gaussian. Never throws for what it finds.
+/// Looks at every Gaussian; never throws. The caller, who knows the file, sets `had_filter_3d`.
 ModelInfo inspect(const GaussianModel& model);
 
-/// The numbers, and then the suspicions, for people: one line each.
+/// Whether the file is a PLY with Mip-Splatting's 3D filter (ply/mip_filter.h).
+bool is_ply_with_filter_3d(const std::filesystem::path& file);
+
+/// The numbers and then the suspicions, for people: one line each.
 std::string describe(const ModelInfo& info);
 
 /// The same as a JSON object on one line; suspicions become {"key": count, ...}.

@@ -21,6 +21,8 @@ std::string describe(const ModelInfo& info) {
   std::string text = fmt::format("Gaussians:     {}\n", info.count);
   text += fmt::format("SH degree:     {}\n", info.sh_degree);
   text += fmt::format("antialiased:   {}\n", info.antialiased ? "yes" : "no");
+  if (info.had_filter_3d)
+    text += "3D filter:     Mip-Splatting's filter_3D, applied to scales and opacities\n";
   text += fmt::format("in memory:     {:.1f} MiB\n", double(info.bytes) / (1 << 20));
   text += fmt::format("bounds:        {}  to  {}\n", text_of(info.min), text_of(info.max));
   text +=
@@ -41,6 +43,7 @@ std::string to_json_text(const ModelInfo& info) {
   json["count"] = info.count;
   json["sh_degree"] = info.sh_degree;
   json["antialiased"] = info.antialiased;
+  json["had_filter_3d"] = info.had_filter_3d;
   json["bytes"] = info.bytes;
   json["min"] = json_of(info.min);
   json["max"] = json_of(info.max);

@@ -17,8 +17,9 @@ namespace {
 ///
 ///   c'_i = sum_j D_ij c_j,   D_ij = integral over the sphere of Y_i(d) Y_j(R^T d)
 ///
-/// The integrand is a polynomial of degree 6 at most, of which a product rule is exact: 4 nodes of Gauss and Legendre in z, 8
-/// equal steps around it (Abramowitz & Stegun 1964, 25.4.29). Entries between degrees are 0.
+/// The integrand is a polynomial of degree 6 at most. A product rule integrates it exactly: 4 nodes
+/// of Gauss and Legendre in z, 8 equal steps around it (Abramowitz & Stegun 1964, 25.4.29). Entries
+/// between degrees are 0.
 using ShTurn = std::array<std::array<double, kShBasisCount>, kShBasisCount>;
 
 ShTurn sh_turn(const Mat3<double>& R) {
@@ -65,7 +66,8 @@ Quat<double> product(const Quat<double>& a, const Quat<double>& b) {
 Quat<double> turn_upright(const Vec3d& up) {
   const double length = std::sqrt(inner(up, up));
   const Vec3d u = up / length;
-  // Half-way quaternion from u to (0 -1 0): (1 + u.v, u x v), and half a turn about x where they are opposite.
+  // Half-way quaternion from u to v = (0 -1 0): (1 + u.v, u x v). Where they are opposite it is 0,
+  // and half a turn about x does it.
   Quat<double> q{1 - u.y, u.z, 0, -u.x};
   const double norm = std::sqrt(squared_norm(q));
   if (norm < 1e-9) return {0, 1, 0, 0};
@@ -86,7 +88,7 @@ Vec3d median_mean(const GaussianModel& model) {
   return median;
 }
 
-void place(GaussianModel& model, const ModelTransform& transform) {
+void transform_model(GaussianModel& model, const ModelTransform& transform) {
   const Gaussians& g = model.gaussians;
   if (transform.is_identity()) return;
   const Mat3<double> R = rotation_matrix(transform.turn);
@@ -105,6 +107,13 @@ void place(GaussianModel& model, const ModelTransform& transform) {
   });
   model.world_offset =
       transform.turns_or_scales() ? Vec3d(0.0) : model.world_offset + transform.center;
+}
+
+void limit_sh_degree(GaussianModel& model, int degree) {
+  if (degree >= model.sh_degree) return;
+  model.sh_degree = degree;
+  for (ShRest& rest : model.gaussians.sh_rest)
+    std::fill(rest.coefficient + sh_rest_count(degree), std::end(rest.coefficient), Vec3f(0));
 }
 
 ModelTransform inverse_of(const ModelTransform& transform) {

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a model is put when it leaves: turned, moved and scaled as a whole, its SH coefficients with it.
+// Changes to whole models on their way into a file: turned, moved and scaled, with their SH
+// coefficients, or cut to a lower SH degree.
 #pragma once
 
 #include "gs_core/gaussians.h"
 
 namespace gs {
 
-/// placed = scale * R (x - center)
+/// x -> scale * R (x - center)
 struct ModelTransform {
-  Vec3d center{0.0, 0.0, 0.0};     // world units; of the model, goes to the origin
+  Vec3d center{0.0, 0.0, 0.0};     // of the model, goes to the origin   world units
   Quat<double> turn{1, 0, 0, 0};   // R, of length 1
   double scale = 1;                // > 0
 
@@ -16,20 +17,24 @@ struct ModelTransform {
   bool is_identity() const { return !turns_or_scales() && center == Vec3d(0.0); }
 };
 
-/// The shortest turn that takes the direction `up`, of the PLY's axes and not 0, to -y: what viewers show at the top.
+/// The shortest turn that takes the direction `up` to -y, which viewers show at the top. `up` is in
+/// the PLY's axes and not 0.
 Quat<double> turn_upright(const Vec3d& up);
 
-/// The median of the means, on each axis by itself; finite means only, 0 where there are none.
+/// The median of the finite means, axis by axis; 0 where there are none.
 Vec3d median_mean(const GaussianModel& model);
 
-/// Moves the model. World offsets go along: after a mere shift, mean + world_offset is what it was; after a turn or
-/// scaling there is none.
-void place(GaussianModel& model, const ModelTransform& transform);
+/// Applies the transform to every Gaussian. After a mere shift, mean + world_offset is what it was
+/// before; after a turn or a scaling the world offset is 0.
+void transform_model(GaussianModel& model, const ModelTransform& transform);
 
-/// The transform that takes a placed model back.
+/// Sets the SH degree to `degree` if that is lower, and the coefficients beyond it to 0.
+void limit_sh_degree(GaussianModel& model, int degree);
+
+/// The transform that undoes another.
 ModelTransform inverse_of(const ModelTransform& transform);
 
-/// x -> scale * R (x - center), in homogeneous coordinates, by rows.
+/// Transforms as matrices for columns (x y z 1), by rows.
 struct Mat4d {
   double m[4][4];
 };

@@ -53,7 +53,7 @@ void take_row(const Gaussians& g, std::size_t i, const Row& row) {
 }
 
 std::vector<std::size_t> by_importance(const Gaussians& g) {
-  std::vector<float> importance(g.count());  // log of the volume, but for a constant, times the opacity
+  std::vector<float> importance(g.count());  // log of volume times opacity, plus a constant
   for (std::size_t i = 0; i < g.count(); ++i) {
     const Vec3f& s = g.log_scale[i];
     importance[i] = s.x + s.y + s.z + std::log(sigmoid(g.logit_opacity[i]));
@@ -71,7 +71,7 @@ GaussianModel read_splat(const std::filesystem::path& path) {
   ByteReader reader(path);
   if (reader.size() % sizeof(Row) != 0)
     cannot_read(path, fmt::format("its {} bytes are no multiple of the 32 that a Gaussian takes; "
-                                  "the file is cut short or no .splat, copy or export it again",
+                                  "the file is cut short or not a .splat, copy or export it again",
                                   reader.size()));
   const std::size_t count = reader.size() / sizeof(Row);
   GaussianModel model{Gaussians(count, host_memory()), 0, false, false};

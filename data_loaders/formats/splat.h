@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// .splat: 32 bytes a Gaussian, without header and without SH beyond degree 0. The axes are the PLY's.
+// .splat: 32 bytes a Gaussian, no header, no SH beyond degree 0. The axes are the PLY's.
 //
 //   float x y z         world units
 //   float sx sy sz      standard deviations, world units
@@ -13,11 +13,11 @@
 
 namespace gs {
 
-/// Throws Error where the file is no whole number of Gaussians.
+/// Throws Error where the file is not a whole number of Gaussians.
 GaussianModel read_splat(const std::filesystem::path& path);
 
-/// Writes the Gaussians that matter most first, by volume times opacity, for viewers that show what has come so
-/// far. The model is finite_model()'s. Throws Error where the file cannot be written.
+/// Writes a model that finite_model() made, in the order of volume times opacity, largest first:
+/// some viewers draw while they download. Throws Error where the file cannot be written.
 void write_splat(const std::filesystem::path& path, const GaussianModel& model);
 
 }  // namespace gs

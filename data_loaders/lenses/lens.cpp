@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The way back from the photo to the ray, and what there is to check; the way there is in lens_formulas.h.
+// From the pixel of a photo back to its ray, and the checks of a camera's parameters. The formulas
+// from the ray to the pixel are in lens_formulas.h.
 #include "data_loaders/lenses/lens.h"
 
 #include <spdlog/fmt/fmt.h>
@@ -32,7 +33,7 @@ Vec2d division_inverse(double k, const Vec2d& landed) {
   return landed / (1 + k * inner(landed, landed));
 }
 
-///   u' (alpha sqrt(1 - (2 alpha - 1) q) + 1 - alpha) / (1 - alpha^2 q),   q = beta r'^2    Khomutenko et al. 2016
+///   u' (alpha sqrt(1 - (2 alpha - 1) q) + 1 - alpha) / (1 - alpha^2 q), q = beta r'^2  Khomutenko et al. 2016
 Vec2d unified_inverse(double alpha, double beta, const Vec2d& landed) {
   const double q = beta * inner(landed, landed);
   return landed *

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Camera models with a lens: where a ray of the ideal pinhole lands in the photo, and the way back.
+// Camera models with a lens: from a ray of the ideal pinhole to its pixel in the photo, and back.
 #pragma once
 
 #include <optional>
@@ -15,7 +15,7 @@ using Vec2d = Vec2<double>;
 
 /// A COLMAP camera written out: an ideal pinhole, and the lens in front of it. Points are in
 /// normalized coordinates u = (x, y) = (X / Z, Y / Z), the pixel of the photo is
-/// (fx x' + cx, fy y' + cy) for u' = (x', y') = distorted(u). The formulas stand in lens_formulas.h.
+/// (fx x' + cx, fy y' + cy) for u' = (x', y') = distorted(u). lens_formulas.h has the formulas.
 ///
 ///   lens                     u'                               COLMAP models
 ///   none                     u                                (SIMPLE_)PINHOLE
@@ -25,29 +25,29 @@ using Vec2d = Vec2<double>;
 ///   fov, division, unified   closed forms                     FOV, (SIMPLE_)DIVISION, EUCM
 struct LensCamera : LensCoefficients<double> {
   CameraModel model = CameraModel::pinhole;  // for messages only
-  PinholeCamera<double> pinhole;  // of the photo: size, focal lengths, principal point; its pose is unused
+  PinholeCamera<double> pinhole;  // of the photo: size, focal lengths, center; the pose is unused
 };
 
-/// What a user can do about a lens that gemsplat cannot undistort.
+/// The remedy for a lens that gemsplat cannot undistort.
 inline constexpr const char* kUndistortRemedy =
     "convert the photos with `colmap image_undistorter --image_path IMAGES --input_path MODEL "
     "--output_path NEW` and train on NEW";
 
-/// The camera of a photo. A lens whose coefficients make it the ideal pinhole is none.
+/// The camera of a photo. A lens with coefficients of 0 becomes Lens::none.
 /// Throws Error that names the model, the camera, the photo and the remedy for EQUIRECTANGULAR, for
 /// focal lengths that are not positive and for an omega of FOV of 180 degrees and more.
 LensCamera lens_camera(const ColmapCamera& camera, const std::string& photo);
 
-/// Where the ray through `ideal` lands, normalized; not a number where the model has no answer.
+/// The normalized point where the ray through `ideal` lands; NaN if the model has none.
 Vec2d distorted(const LensCamera& camera, const Vec2d& ideal);
 
 /// Whether the lens keeps left and right, up and down apart at `ideal` (determinant and trace of
-/// its Jacobian are positive). Beyond the first place where it does not, the lens folds back and
-/// means nothing.
+/// its Jacobian are positive). Beyond the first place where it does not, the polynomial folds back
+/// and no longer describes the lens.
 bool is_unfolded(const LensCamera& camera, const Vec2d& ideal);
 
-/// The ray that lands at `landed`, by Newton's method or in closed form; nothing where there is
-/// none in front of the camera.
+/// The ray that lands at `landed`, by Newton's method or in closed form; nothing if there is none
+/// in front of the camera.
 std::optional<Vec2d> undistorted(const LensCamera& camera, const Vec2d& landed);
 
 }  // namespace gs

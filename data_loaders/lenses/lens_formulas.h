@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The formulas of COLMAP's camera models, on any scalar: double undistorts photos, ceres::Jet refines cameras. Each
-// agrees with COLMAP's (src/colmap/sensor/models.h).
+// The formulas of COLMAP's camera models, on any scalar: double undistorts photos, ceres::Jet
+// refines cameras. Each agrees with COLMAP's (src/colmap/sensor/models.h).
 #pragma once
 
 #include <cmath>
@@ -20,7 +20,8 @@ template <class T>
 struct LensCoefficients {
   using Lens = gs::Lens;
   Lens lens = Lens::none;
-  T k[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};  // radial; fov: omega (radians); division: k; unified: alpha, beta
+  // radial; fov: omega (radians); division: k; unified: alpha, beta
+  T k[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
   T d[3] = {T(0), T(0), T(0)};                    // radial, below the line
   T p[2] = {T(0), T(0)};                          // tangential
   T s[4] = {T(0), T(0), T(0), T(0)};              // thin prism: two for x, two for y
@@ -32,7 +33,8 @@ struct FocalPlane {
   T fx{}, fy{}, cx{}, cy{};
 };
 
-/// Sorts the parameters of a model, in COLMAP's order, into what the formulas take. `model` is not EQUIRECTANGULAR.
+/// Sorts the parameters of a model, in COLMAP's order, into the coefficients of the formulas.
+/// `model` is not EQUIRECTANGULAR.
 template <class T>
 void unpack(CameraModel model, const T* params, FocalPlane<T>& plane, LensCoefficients<T>& result) {
   // Models begin with f, cx, cy or with fx, fy, cx, cy; both leave `next` at the coefficients.
@@ -85,7 +87,7 @@ void unpack(CameraModel model, const T* params, FocalPlane<T>& plane, LensCoeffi
 
 namespace lens_formulas {
 
-inline constexpr double kTiny = 1e-9;  // normalized: nearer to the axis than this, limits replace ratios
+inline constexpr double kTiny = 1e-9;  // normalized; limits replace ratios nearer to the axis
 
 template <class T>
 T length(const Vec2<T>& u) {

@@ -115,8 +115,10 @@ void check_field_of_view(const LensCamera& camera, const PinholeCamera<double>& 
 
 [[noreturn]] void fail_without_opencv(const std::string& photo) {
   throw Error(fmt::format(
-      "cannot undistort photo '{}': its camera has a lens, and this build has no OpenCV; "
-      "{}, or build with OpenCV",
+      "cannot undistort photo '{}': its camera has a lens, and this build has no OpenCV; run "
+      "`gemsplat undistort SCENE -o NEW` on a machine with a build that has OpenCV and train on "
+      "NEW "
+      "here, or build with OpenCV, or {}",
       photo, kUndistortRemedy));
 }
 
@@ -178,7 +180,8 @@ Image8 undistorted_photo(const Image8& image, const LensCamera& camera,
         for (int y = 0; y < target.rows; ++y)
           for (int x = 0; x < target.cols; ++x) {
             const Vec2d at = photo_pixel(camera, pinhole, x + 0.5, double(begin) + y + 0.5);
-            map_x.at<float>(y, x) = float(at.x - 0.5);  // OpenCV's pixel centers are at whole numbers
+            // OpenCV's pixel centers are at whole numbers.
+            map_x.at<float>(y, x) = float(at.x - 0.5);
             map_y.at<float>(y, x) = float(at.y - 0.5);
           }
         cv::remap(source, target, map_x, map_y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// An entry: "gsphoto1", width, height, channels (u32 each), one zstd frame, and the XXH3 hash (128 bits) of all before;
+// An entry: "gsphoto1", width, height, channels (u32 each), one zstd frame, and the XXH3 hash (128
+// bits) of everything before it;
 // numbers as the machine has them.
 #include "data_loaders/photos/photo_cache.h"
 
@@ -73,7 +74,7 @@ void PhotoCache::take_stock() {
             [](const OldEntry& a, const OldEntry& b) { return a.used > b.used; });
 }
 
-bool PhotoCache::make_room(std::uint64_t bytes) {
+bool PhotoCache::free_bytes_for(std::uint64_t bytes) {
   if (!has_taken_stock_) take_stock();
   while (bytes_ + bytes > most_bytes_ && !removable_.empty()) {
     const OldEntry oldest = removable_.back();
@@ -215,7 +216,7 @@ std::optional<Image8> PhotoCache::find(const std::string& key, int width, int he
 void PhotoCache::store(const std::string& key, const Image8& image) {
   {
     const std::lock_guard lock(mutex_);
-    if (is_closed_ || !make_room(image.pixels.size())) return;
+    if (is_closed_ || !free_bytes_for(image.pixels.size())) return;
     bytes_ += image.pixels.size();  // until it is known better
   }
   const fs::path path = path_of(key);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decoded, undistorted and resized photos on disk, so that the next epoch, or the next run, need not make them again.
+// Decoded, undistorted and resized photos on disk, so that the next epoch, or the next run, need
+// not make them again.
 #pragma once
 
 #include <filesystem>
@@ -15,25 +16,27 @@ namespace gs {
 /// Whether this build has zstd and xxhash. Without them no cache holds or takes anything.
 bool can_cache_photos();
 
-/// A folder of entries FOLDER/ab/abcdef....gsphoto. An entry is made whole or not at all and tells by a checksum whether
-/// it is what was written; what is damaged counts as missing. Several programs may use a folder at once.
+/// A folder of entries FOLDER/ab/abcdef....gsphoto. An entry is written whole or not at all. It has
+/// a checksum, and a damaged entry counts as missing. Several programs may use a folder at once.
 ///
-/// Rows are stored as differences to the pixel on the left, compressed with zstd at level 1. Of photos of 1 to 1.1
-/// megapixels that takes 46 to 64 % of the bytes and 3 ms to read, on one core; a PNG (level 1) takes as many bytes and
-/// 16 to 26 ms, the original JPEG 6 to 9 ms without undistorting and resizing.
+/// Rows are stored as differences to the pixel on the left, compressed with zstd at level 1. A
+/// photo of 1 to 1.1 megapixels shrinks to 46 to 64 % of its bytes and is read in 3 ms on one core.
+/// A PNG (level 1) takes as many bytes and 16 to 26 ms. The original JPEG takes 6 to 9 ms, and has
+/// to be undistorted and resized.
 class PhotoCache {
  public:
-  /// Makes nothing yet. Entries together stay below `most_bytes`.
+  /// Creates no file yet. All entries together stay below `most_bytes`.
   PhotoCache(std::filesystem::path folder, std::uint64_t most_bytes);
 
-  /// The name of what is made of a file: a hash (128 bits) of all its bytes and of `recipe`, a text of all else that
-  /// decides. Throws Error where the file cannot be read.
+  /// The name of an entry made from a file: a hash (128 bits) of the file's bytes and of `recipe`,
+  /// a text with every other input. Throws Error if the file cannot be read.
   static std::string key_of(const std::filesystem::path& file, const std::string& recipe);
 
-  /// The entry, if it is there, undamaged and of this size. A damaged one is removed.
+  /// The entry, if it exists, is undamaged and has this size. A damaged one is removed.
   std::optional<Image8> find(const std::string& key, int width, int height, int channels);
-  /// Adds an entry. Where it would not fit, those go first that were used longest ago, but none that was used since this
-  /// cache was opened; without them it is not added. Trouble with the disk is warned of once, and ends storing.
+  /// Adds an entry. If it does not fit, the entries used longest ago are removed first, but none
+  /// that was used since this cache was opened; if that is not enough, nothing is added. The first
+  /// failure of the disk gives a warning and ends storing.
   void store(const std::string& key, const Image8& image);
 
   const std::filesystem::path& folder() const { return folder_; }
@@ -46,7 +49,7 @@ class PhotoCache {
   };
   std::filesystem::path path_of(const std::string& key) const;
   void take_stock();
-  bool make_room(std::uint64_t bytes);
+  bool free_bytes_for(std::uint64_t bytes);
   void write(const std::filesystem::path& path, const Image8& image);
 
   const std::filesystem::path folder_;
@@ -55,10 +58,10 @@ class PhotoCache {
   std::mutex mutex_;
   bool has_taken_stock_ = false, is_closed_ = false;
   std::uint64_t bytes_ = 0;         // of all entries
-  std::vector<OldEntry> removable_;  // the one used longest ago last
+  std::vector<OldEntry> removable_;  // the one used longest ago is last
 };
 
-/// Where the program keeps its cache: gemsplat/photos in $XDG_CACHE_HOME or ~/.cache; empty where there is neither.
+/// The program's cache: gemsplat/photos in $XDG_CACHE_HOME or ~/.cache; empty if there is neither.
 std::filesystem::path usual_photo_cache();
 
 }  // namespace gs

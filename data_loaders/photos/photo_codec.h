@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What photos.cpp needs of a codec library; photo_codec_oiio.cpp and photo_codec_stb.cpp are the
-// two that CMake chooses from.
+// The part of a codec library that photos.cpp needs. CMake chooses between photo_codec_oiio.cpp and
+// photo_codec_stb.cpp.
 #pragma once
 
 #include <cstdint>
@@ -18,16 +18,16 @@ namespace gs {
 /// Throws Error for sizes that no photo has.
 void check_photo_size(const std::filesystem::path& path, const PhotoSize& size);
 
-/// A file that exists, decoded in stored order to 1 to 4 channels: gray, gray and alpha, color, color and alpha.
-/// Throw Error for all that is not a whole photo.
+/// A file that exists, decoded in stored order to 1 to 4 channels: gray, gray and alpha, color, or
+/// color and alpha. Throw Error for anything but a whole photo.
 Image8 decode_photo(const std::filesystem::path& path);
 PhotoSize decode_photo_size(const std::filesystem::path& path);
 int decode_photo_orientation(const std::filesystem::path& path);
 
-/// What decode_photo() gives, as color and alpha.
+/// The result of decode_photo() as color and alpha.
 PhotoWithAlpha separated(Image8 decoded);
 
-/// The library and its version: others may give other bytes of a JPEG.
+/// The library and its version: another one may decode a JPEG to other bytes.
 std::string codec_name();
 
 /// The bytes of a PNG file with 1, 3 or 4 channels, the last straight alpha.

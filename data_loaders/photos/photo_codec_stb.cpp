@@ -7,7 +7,7 @@
 #define STB_IMAGE_WRITE_IMPLEMENTATION
 #define STB_IMAGE_WRITE_STATIC
 #pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wunused-function"  // what a single-header library defines and we do not call
+#pragma GCC diagnostic ignored "-Wunused-function"  // of a single-header library
 #include <stb_image.h>
 #include <stb_image_write.h>
 #pragma GCC diagnostic pop

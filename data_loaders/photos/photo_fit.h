@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a photo can be the one that a camera of the model stands for.
+// Whether a photo has the shape of its camera in the model.
 #pragma once
 
 #include <cmath>
@@ -10,7 +10,7 @@ namespace gs {
 
 enum class PhotoFit {
   fits,    // the camera's shape to a pixel, perhaps another size
-  turned,  // the shape of the camera on its side: an EXIF orientation was followed once
+  turned,  // width and height are swapped: an EXIF orientation was followed once
   other,   // another shape: not the photo that COLMAP saw
 };
 

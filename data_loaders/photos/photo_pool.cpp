@@ -64,15 +64,15 @@ std::shared_ptr<const View> PhotoPool::view(std::size_t index) {
   std::unique_lock lock(mutex_);
   Entry& entry = entries_.at(index);
   fulfill(index);
-  struct Waiting {  // nobody takes away what was decoded for us before we wake up
+  struct Waiting {  // keeps the decoded photo until this call returns it
     int& count;
     explicit Waiting(int& count) : count(++count) {}
     ~Waiting() { --count; }
   } const waiting(entry.waiting);
   while (entry.state != State::present) {
-    const bool has_room = entry.state == State::absent && make_room(costs_[index].decoding, true);
-    // With nothing to wait for, all room is in the caller's own hands.
-    if (has_room || (entry.state == State::absent && decoding_ == 0))
+    const bool fits = entry.state == State::absent && free_bytes_for(costs_[index].decoding, true);
+    // If nothing is being decoded, only the caller's own photos take the memory: exceed the budget.
+    if (fits || (entry.state == State::absent && decoding_ == 0))
       decode(index, lock);
     else
       changed_.wait(lock);
@@ -80,7 +80,7 @@ std::shared_ptr<const View> PhotoPool::view(std::size_t index) {
   entry.asked = ++calls_;
   entry.released = false;
   std::shared_ptr<const View> result = entry.view;  // in use from here on
-  make_room(0, true);  // where photos in use took more than there is
+  free_bytes_for(0, true);  // if photos in use have exceeded the budget
   changed_.notify_all();
   return result;
 }
@@ -92,19 +92,19 @@ void PhotoPool::fulfill(std::size_t index) {
   --entries_[index].expectations;
 }
 
-// A thread decodes what is expected soonest, as far as there is room without what is expected, too.
+// A thread decodes the next prefetched photo, if it fits without dropping other prefetched ones.
 void PhotoPool::serve() {
   const SerialLoops beside_the_pool;
   std::unique_lock lock(mutex_);
   while (!quit_) {
     const std::size_t index = next_expected();
-    if (index == kNone || !make_room(costs_[index].decoding, false)) {
+    if (index == kNone || !free_bytes_for(costs_[index].decoding, false)) {
       changed_.wait(lock);
       continue;
     }
     try {
       decode(index, lock);
-    } catch (...) {  // told when it is asked for
+    } catch (...) {  // reported when the photo is asked for
       entries_[index].has_failed = true;
     }
   }
@@ -116,7 +116,7 @@ std::size_t PhotoPool::next_expected() const {
   return kNone;
 }
 
-// The lock is open while the photo is decoded.
+// Unlocks while the photo is being decoded.
 void PhotoPool::decode(std::size_t index, std::unique_lock<std::mutex>& lock) {
   Entry& entry = entries_[index];
   const PhotoCost& cost = costs_[index];
@@ -148,9 +148,9 @@ void PhotoPool::reserve(std::size_t bytes) {
   peak_bytes_ = std::max(peak_bytes_, live_bytes_);
 }
 
-bool PhotoPool::make_room(std::size_t bytes, bool at_any_cost) {
+bool PhotoPool::free_bytes_for(std::size_t bytes, bool at_any_cost) {
   while (live_bytes_ + bytes > budget_bytes_) {
-    const std::size_t index = first_to_go(at_any_cost);
+    const std::size_t index = first_to_drop(at_any_cost);
     if (index == kNone) return false;
     entries_[index].view.reset();
     entries_[index].state = State::absent;
@@ -159,7 +159,7 @@ bool PhotoPool::make_room(std::size_t bytes, bool at_any_cost) {
   return true;
 }
 
-std::size_t PhotoPool::first_to_go(bool at_any_cost) const {
+std::size_t PhotoPool::first_to_drop(bool at_any_cost) const {
   const auto rank = [&](const Entry& entry) {
     const int kind = entry.expectations ? 0 : entry.released ? 2 : 1;
     return std::pair(kind, entry.expectations ? entry.expected : entry.asked);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The photos of a scene that is larger than the memory it may take: decoded by threads of its own shortly before they
-// are asked for, and kept while there is room.
+// The photos of a scene that does not fit into its memory budget: threads decode them shortly
+// before they are asked for, and they stay until other photos need the memory.
 #pragma once
 
 #include <condition_variable>
@@ -14,23 +14,26 @@
 
 namespace gs {
 
-/// Bytes of one view: once its photo is decoded, and at most while it is being decoded.
+/// Bytes of one view: of its decoded photo, and at most while it is being decoded.
 struct PhotoCost {
   std::size_t held = 0, decoding = 0;
 };
 
 /// A PhotoSource within a budget of bytes. Owned by the views that it serves.
 ///
-/// What has to go first when a photo needs room: released photos; then the one that was asked for last, because each
-/// epoch takes every view once, so that its turn comes after that of all others (what was asked for first would have to
-/// be decoded anew in almost every epoch: of a scene of twice the budget 15 % of the photos would be there in time, so
-/// it is one half); then, only for a photo that somebody waits for, expected ones, the last first. A photo in use stays.
+/// Photos are dropped in this order when another one needs memory:
+///   1. released photos;
+///   2. the photo asked for most recently: each epoch takes every view once, so its next turn comes
+///      after that of all others. In a scene of twice the budget, half of the photos are then found
+///      decoded; dropping the photo asked for first instead leaves 15 %;
+///   3. prefetched photos, the last one first, but only for a photo that a caller is waiting for.
+/// A photo in use stays.
 class PhotoPool final : public PhotoSource {
  public:
   using Decode = std::function<View(std::size_t index)>;  // called from several threads; may throw
 
-  /// `budget_bytes` is at least least_budget(costs). The bytes of all photos, decoded or being decoded, stay below it
-  /// while no more than one pointer of view() is held.
+  /// `budget_bytes` is at least least_budget(costs). The bytes of all photos, decoded or being
+  /// decoded, stay below it while callers hold at most one pointer of view().
   PhotoPool(std::vector<PhotoCost> costs, Decode decode, std::size_t budget_bytes, int threads);
   ~PhotoPool() override;
 
@@ -38,7 +41,7 @@ class PhotoPool final : public PhotoSource {
   void prefetch_decode(std::size_t index) override;
   void release(std::size_t index) override;
 
-  /// One photo in use while another one is decoded.
+  /// The bytes of one photo in use while another one is decoded.
   static std::size_t least_budget(const std::vector<PhotoCost>& costs);
 
   struct Counts {
@@ -61,8 +64,8 @@ class PhotoPool final : public PhotoSource {
 
   void serve();
   std::size_t next_expected() const;
-  bool make_room(std::size_t bytes, bool at_any_cost);
-  std::size_t first_to_go(bool at_any_cost) const;
+  bool free_bytes_for(std::size_t bytes, bool at_any_cost);
+  std::size_t first_to_drop(bool at_any_cost) const;
   void decode(std::size_t index, std::unique_lock<std::mutex>& lock);
   void reserve(std::size_t bytes);
   void fulfill(std::size_t index);

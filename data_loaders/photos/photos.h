@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photos in and out of files, and the one way in which they are made smaller. Pixels are read as
-// COLMAP reads them: in stored order, whatever an EXIF orientation says.
+// Reads and writes photos, and makes them smaller. Pixels are read as COLMAP reads them: in stored
+// order, without following an EXIF orientation.
 #pragma once
 
 #include <cstdint>
@@ -20,20 +20,21 @@ struct PhotoSize {
 /// when it is missing, of an unknown format, damaged or cut short.
 Image8 read_photo(const std::filesystem::path& path);
 
-/// A photo and, where its file has one, its alpha.
+/// A photo and its alpha, if the file has one.
 struct PhotoWithAlpha {
   Image8 photo;  // (height, width, 3) as read_photo() gives it
-  Image8 alpha;  // (height, width, 1); empty where there is none
+  Image8 alpha;  // (height, width, 1); empty if there is none
 };
 
-/// Decodes both. Alpha is taken as straight, as PNG has it: color is not multiplied by it. Throws Error like read_photo.
+/// Decodes both. Alpha is straight as in PNG: color is not multiplied by it. Throws Error like
+/// read_photo().
 PhotoWithAlpha read_photo_with_alpha(const std::filesystem::path& path);
 
-/// The size of a photo from its header. Throws Error like read_photo.
+/// The size of a photo from its header. Throws Error like read_photo().
 PhotoSize read_photo_size(const std::filesystem::path& path);
 
-/// The EXIF orientation that a photo's header gives, 1 to 8; 1, upright, where it gives none or this build, without
-/// OpenImageIO, does not read it. Nothing here follows it. Throws Error like read_photo.
+/// The EXIF orientation in a photo's header, 1 to 8; 1 (upright) if there is none, and in a build
+/// without OpenImageIO. gemsplat does not follow it. Throws Error like read_photo().
 int read_photo_orientation(const std::filesystem::path& path);
 
 /// The picture at another size: every target pixel is the mean of the source area that it covers,
@@ -41,11 +42,12 @@ int read_photo_orientation(const std::filesystem::path& path);
 /// numbers), so the same on every machine. `width` and `height` are > 0.
 Image8 area_resized(const Image8& image, int width, int height);
 
-/// Writes an image with 1, 3 or 4 channels (the last straight alpha) as PNG; the file is there whole or not at all. Throws
-/// Error.
+/// Writes an image with 1, 3 or 4 channels (the fourth is straight alpha) as PNG. The file exists
+/// whole or not at all. Throws Error.
 void write_png(const std::filesystem::path& path, const Image8& image);
 
-/// The bytes of a JPEG file with three channels, quality 1 to 100: for looking at, never for measuring. Throws Error.
+/// The bytes of a JPEG file with three channels; quality 1 to 100. For viewing, not for measuring.
+/// Throws Error.
 std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality);
 
 }  // namespace gs

@@ -20,7 +20,8 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// Signed distances of logarithms from their median, in those of `factor`; 0 where within the usual deviation.
+// Signed distances of the values' logarithms from their median, in units of log(factor). A distance
+// within the usual deviation counts as 0.
 std::vector<double> distances(const std::vector<double>& values, double factor) {
   std::vector<double> logs, deviations, result;
   for (const double value : values) logs.push_back(std::log(std::max(value, 1e-3)));

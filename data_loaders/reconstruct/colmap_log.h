@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the output of COLMAP's programs says: how far a stage is, and what became of each photo. Written for
-// the lines of COLMAP 3.8, which later versions keep behind a prefix of their log; a line that says
-// nothing of this is passed over, so that another version costs detail and never the result.
+// Understands what COLMAP prints: the progress of a stage, and what became of each photo. The lines
+// are those of COLMAP 3.8; later versions put a prefix before them. Unknown lines are skipped, so
+// that another version of COLMAP costs detail and never the result.
 #pragma once
 
 #include <cstdint>
@@ -14,24 +14,25 @@
 
 namespace gs {
 
-/// So many of a stage's units are done.
+/// The progress of a stage.
 struct ColmapCount {
   std::int64_t done = 0, total = 0;  // total 0: not said in the line
 };
 
-/// "Processed file [3/12]", "Matching block [1/4, 2/4]", "Matching image [5/300]", "Registering image #7 (4)".
+/// Of "Processed file [3/12]", "Matching block [1/4, 2/4]", "Matching image [5/300]" or
+/// "Registering image #7 (4)"; nothing for other lines.
 std::optional<ColmapCount> colmap_count(std::string_view line);
 
-/// What became of the photos, from the whole log. Ids are COLMAP's: 1, 2, ... in the order in which
-/// features were stored, which the reader of the model checks.
+/// What became of the photos, from the whole log. COLMAP's ids are 1, 2, ... in the order in which
+/// it stored features; colmap_verdict.cpp checks that against the model.
 struct ColmapLog {
   struct Photo {
     std::string name;
     int features = 0;
   };
   std::vector<Photo> photos;                 // photos[i] has id i + 1
-  std::map<std::uint32_t, int> seen_points;  // by id: of the model, when its pose was last tried
-  bool no_model = false;                     // the mapper's last word: nothing could be placed
+  std::map<std::uint32_t, int> seen_points;  // by id: the model's, when its pose was last tried
+  bool no_model = false;                     // the mapper could place nothing
 };
 
 ColmapLog read_colmap_log(const std::filesystem::path& file);

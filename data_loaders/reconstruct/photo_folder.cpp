@@ -16,15 +16,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What both COLMAP and we read.
+// Formats that both COLMAP and gemsplat read.
 const std::set<std::string> kPhotoEndings = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff"};
-constexpr const char* kMasksFolder = "masks/";  // beside the photos: no photos themselves (masks.h)
+constexpr const char* kMasksFolder = "masks/";  // beside the photos; holds no photos (masks.h)
 const std::set<std::string> kVideoEndings = {".mp4",  ".mov", ".m4v",  ".avi", ".mkv",
                                              ".webm", ".mpg", ".mpeg", ".mts", ".3gp"};
 
 bool is_hidden(const fs::path& path) { return path.filename().string().starts_with('.'); }
 
-// A scene or a run that we made, and its pictures.
+// A scene or a run of gemsplat, with pictures of its own.
 bool is_ours(const fs::path& folder) {
   std::error_code ignored;
   return fs::exists(folder / "reconstruct.json", ignored) ||

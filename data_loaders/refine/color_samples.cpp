@@ -10,7 +10,8 @@
 namespace gs {
 namespace {
 
-constexpr float kDarkest = 0.04f, kBrightest = 0.94f;  // display sRGB; beyond them sensors and cameras' curves flatten
+// Display sRGB. Sensors and the curves of cameras flatten beyond these.
+constexpr float kDarkest = 0.04f, kBrightest = 0.94f;
 
 /// The photo made smaller, and its camera.
 struct SmallPhoto {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What color each photo gives to the points that it shows: the data that exposures are solved from.
+// The colors that photos give to the points they show. Exposures are solved from these.
 #pragma once
 
 #include <cstdint>
@@ -15,16 +15,18 @@ struct ColorSample {
   Vec3f color{0};                      // display sRGB, in (0, 1)
 };
 
-/// Bilinear samples of a view's photo, made smaller to `kSampledSide` pixels along its longer side, where the points lie
-/// in it. `seen` holds the indices in `points` of those that the photo is known to show. Left out are points behind
-/// the camera or outside the picture, and those with a channel near black or near white, where the sensor was at its
-/// end. The samples' `photo` is `photo`.
+/// Bilinear samples of a view's photo where points lie in it. The photo is first made smaller, to
+/// `kSampledSide` pixels along its longer side.
+/// photo   index that the samples get
+/// seen    indices in `points` of those that the photo is known to show
+/// Points behind the camera or outside the picture are left out, and so are colors with a channel
+/// near black or white, where the sensor saturates.
 std::vector<ColorSample> sample_colors(const View& view, std::uint32_t photo,
                                        const std::vector<ScenePoint>& points,
                                        const std::vector<std::uint32_t>& seen);
 
-/// Pixels: each sample is the mean of some 1/600 of the picture's side, so that a pixel more or less of parallax or of
-/// sharpness changes little.
+/// Pixels. A sample is then the mean over 1/600 of the picture's side, so that a pixel of parallax
+/// or of blur changes little.
 inline constexpr int kSampledSide = 600;
 
 }  // namespace gs

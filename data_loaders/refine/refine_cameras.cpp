@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What enters the problem, its solution, and the way back into the scene's frame.
+// Bundle adjustment in three parts: what enters the problem, solving it, and the way back into the
+// scene's frame.
 #include "data_loaders/refine/refine_cameras.h"
 
 #include <ceres/ceres.h>
@@ -27,7 +28,7 @@ using namespace refinement;
 
 constexpr double kOutlier = 1;           // pixels: scale of the loss
 constexpr int kMostSteps = 50;
-constexpr std::size_t kFewestInFrame = 10;  // observations; a pose has six unknowns, and some observations are wrong
+constexpr std::size_t kFewestInFrame = 10;  // observations: six unknowns, and some are wrong
 
 // --- The problem
 
@@ -55,7 +56,7 @@ class Adjustment {
       const auto user =
           std::find_if(model.images.begin(), model.images.end(),
                        [id = id](const ColmapImage& image) { return image.camera_id == id; });
-      if (user != model.images.end()) lens_camera(camera, user->name);  // throws where there is no way to train on it
+      if (user != model.images.end()) lens_camera(camera, user->name);  // throws for unknown lenses
     }
     make_frames();
     collect(seen_points(model, "--refine-cameras"));
@@ -67,7 +68,7 @@ class Adjustment {
     result.observations = observations_.size();
     std::tie(result.mean_error_before, result.median_error_before) = errors();
     const ColmapModel untouched = copy_without_observations();
-    // Far off, the outliers' loss is blind: another one, convex, brings everything near first.
+    // The Cauchy loss has no gradient far away, so a convex loss brings everything near first.
     if (result.median_error_before > kOutlier) {
       ceres::HuberLoss convex(kOutlier);
       result.steps += solve(convex, progress).num_successful_steps;
@@ -116,7 +117,8 @@ class Adjustment {
         has_known_size_ = has_known_size_ || length(cam_from_frame_[image].translation) > 0;
   }
 
-  /// What enters the problem: points that two photos or more show in front of them, frames that show enough of them.
+  /// Keeps points that two or more photos show in front of them, and frames that show enough of
+  /// these.
   void collect(const std::vector<std::vector<SeenPoint>>& seen) {
     std::vector<Observation> all;
     for (std::size_t image = 0; image < seen.size(); ++image)
@@ -256,8 +258,9 @@ ceres::LinearSolverType solver_for(std::size_t frames) {
                              : ceres::ITERATIVE_SCHUR;
 }
 
-/// Seven numbers that no photo tells, held so that the equations have one solution: the pose of the frame that sees most,
-/// and the scale, by the one number of the farthest frame's translation that changes most with it.
+/// Holds the seven numbers that photos cannot determine, so that the equations have one solution:
+/// the pose of the frame with most observations, and the scale. The scale is held by one component
+/// of the farthest frame's translation, the one that changes most with it.
 void Adjustment::hold_gauge(ceres::Problem& problem) {
   std::vector<std::size_t> counts(frames_.size(), 0);
   for (const Observation& observation : observations_) ++counts[frame_of_[observation.image]];
@@ -316,7 +319,8 @@ ceres::Solver::Summary Adjustment::solve(ceres::LossFunction& loss,
   options.linear_solver_ordering = ordering;
   options.max_num_iterations = kMostSteps;
   options.function_tolerance = 1e-6;
-  options.max_trust_region_radius = 1e6;  // some damping always: points seen without parallax have no depth of their own
+  // Always some damping: the depth of points seen without parallax is not determined.
+  options.max_trust_region_radius = 1e6;
   options.num_threads = observations_.size() <= kObservationsOfOneThread ? 1 : thread_count();
   options.logging_type = ceres::SILENT;
   options.callbacks.push_back(&callback);

@@ -11,8 +11,9 @@
 namespace gs {
 namespace {
 
-constexpr double kNoise = 0.02;  // display sRGB: what the same point differs by in well-fitted photos (docs/data.md)
-constexpr double kPriorSpread = 0.5;   // of log exposures; a prior only where there is next to no data
+// Display sRGB: the difference of one point's color between well-fitted photos (docs/data.md).
+constexpr double kNoise = 0.02;
+constexpr double kPriorSpread = 0.5;   // of log exposures; matters only where there is little data
 constexpr double kFewestSamples = 20;  // of one photo
 
 /// A sample as one channel sees it.
@@ -25,7 +26,7 @@ struct LogSample {
 struct Channel {
   std::vector<double> log_exposure;  // (photos)
   std::vector<double> log_color;     // (points)
-  std::vector<double> weight;        // (points): display value / noise, which makes a difference of logarithms one of
+  std::vector<double> weight;        // (points): display value / noise; turns log differences into those of
                                      // displayed colors
   std::vector<bool> is_known;        // (points): seen in two training photos
 };
@@ -121,7 +122,8 @@ Channel solve_channel(const std::vector<ColorSample>& samples, int c,
     (is_test[sample.photo] ? testing[sample.photo] : training).push_back(value);
   }
   Channel channel = initial_channel(training, is_test.size(), points);
-  // The first loss is convex and finds the neighborhood, whatever it starts from; the second forgets outliers.
+  // The first loss is convex and comes near the solution from anywhere; the second ignores
+  // outliers.
   ceres::HuberLoss convex(1);
   ceres::CauchyLoss robust(1);
   for (ceres::LossFunction* loss :
@@ -132,7 +134,8 @@ Channel solve_channel(const std::vector<ColorSample>& samples, int c,
   return channel;
 }
 
-/// Robust standard deviation of what is left of the logarithms, per sample of a point with two samples or more.
+/// Robust standard deviation of the residuals of the logarithms, over points with two samples or
+/// more.
 double spread(const std::vector<ColorSample>& samples, const std::vector<Vec3f>& exposures,
               std::size_t points) {
   std::vector<Vec3d> sums(points, Vec3d(0.0));

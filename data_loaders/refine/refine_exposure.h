@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How brightly and in which tint each photo was taken, from the colors that photos give to the points they share.
+// Solves for the brightness and tint of each photo, from the colors that photos give to the points
+// they share.
 #pragma once
 
 #include <vector>
@@ -10,8 +11,8 @@ namespace gs {
 
 /// The exposures of all photos, and how well they explain the samples.
 struct ExposureFit {
-  std::vector<Vec3f> exposures;  // of each photo, per channel: the photo shows exposure * the scene's colors
-  double spread_before = 0, spread_after = 0;  // of the colors of a point over photos, relative; robust
+  std::vector<Vec3f> exposures;  // (photos) per channel: photo = exposure * scene
+  double spread_before = 0, spread_after = 0;  // of a point's colors over photos; relative, robust
   std::size_t sample_count = 0;
   std::vector<std::size_t> unknown;  // photos with too few samples: 1 in every channel
 };
@@ -19,16 +20,18 @@ struct ExposureFit {
 /// Whether this build can refine anything: it has Ceres.
 bool can_refine();
 
-/// Throws Error that names what was asked for, where it cannot.
+/// Throws Error that names the option where this build has no Ceres.
 void check_can_refine(const char* option);
 
 /// Solves, for each channel,
 ///
-///   log color = log exposure[photo] + log color[point]        gain in display sRGB, where the loss is taken
+///   log color = log exposure[photo] + log color[point]        gain in display sRGB, where the loss
+///   is taken
 ///
-/// in least squares with a Cauchy loss, so that reflections, passers-by and wrong matches count little, and a weak
-/// prior of exposure 1. The geometric mean over photos that are not for testing is 1. Test photos have no influence on
-/// the others: theirs are found afterwards, from the points' colors in training photos. The same on every number of threads.
+/// by least squares with a Cauchy loss and a weak prior of exposure 1. The loss keeps the influence
+/// of reflections, passers-by and wrong matches small. The geometric mean over the training photos
+/// is 1. Test photos do not influence the others: their exposures are solved afterwards, from the
+/// points' colors in training photos. The result does not depend on the number of threads.
 /// `is_test` has one entry per photo. Only where can_refine().
 ExposureFit fit_exposures(const std::vector<ColorSample>& samples,
                           const std::vector<bool>& is_test);

@@ -1,21 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// The camera of another model that shows the same pictures as nearly as it can.
+// Finds the camera of another model whose pictures are nearest to those of a given camera.
 #pragma once
 
 #include "data_loaders/colmap/colmap_model.h"
 
 namespace gs {
 
-/// A camera that stands for another, and by how much it is off.
+/// A camera that replaces another, and how far its pixels are off.
 struct FittedCamera {
   ColmapCamera camera;
-  double mean_error = 0, max_error = 0;  // pixels, over a grid of the whole picture; infinite where the lens folds back
-  double unseen_share = 0;               // of the picture: rays that no pinhole in front of a lens can have
+  // Pixels, over a grid of the whole picture; infinite where the lens folds back.
+  double mean_error = 0, max_error = 0;
+  double unseen_share = 0;  // of the picture: rays at 90 degrees or more from the axis
 };
 
-/// Fits focal lengths, principal point and coefficients of `target` (PINHOLE or OPENCV) so that the rays of a grid
-/// of pixels land on these pixels again, by least squares. Throws Error like lens_camera(); `photo` is for
-/// its messages. Only where can_refine().
+/// Fits focal lengths, principal point and coefficients of `target` (PINHOLE or OPENCV) by least
+/// squares, so that the rays of a grid of pixels land on these pixels again. Throws Error as
+/// lens_camera() does; its messages name `photo`. Only where can_refine().
 FittedCamera fit_camera(const ColmapCamera& camera, CameraModel target, const std::string& photo);
 
 }  // namespace gs

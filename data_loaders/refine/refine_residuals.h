@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What refine_cameras.cpp makes small: the distance between where a point lands and where it is seen, and how far lenses go from
-// what they were. Used by that file only.
+// The residuals of refine_cameras.cpp, the only user of this file: the distance between the pixel
+// where a point lands and the one where it was seen, and the change of each lens.
 #pragma once
 
 #include <ceres/ceres.h>
@@ -21,7 +21,7 @@ using rigid::Motion;
 inline constexpr double kFocalSpread = 0.1;     // of the prior, of the focal length
 inline constexpr double kCenterSpread = 0.01;   // of the longer side
 inline constexpr double kCoefficientSpread = 0.1;
-inline constexpr double kNearest = 1e-6;           // depth: what comes nearer, or behind, counts as hopelessly off
+inline constexpr double kNearest = 1e-6;           // depth; nearer points get a huge error
 
 /// Where a point in camera space lands, pixels. A fisheye sees points beside and behind it, too.
 template <class T>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a build without Ceres says where something is to be refined.
+// Stands in for refine_*.cpp in a build without Ceres: says what is missing.
 #include <spdlog/fmt/fmt.h>
 
 #include "data_loaders/refine/refine_cameras.h"

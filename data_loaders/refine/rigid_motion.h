@@ -50,8 +50,8 @@ struct Similarity {
   Vec3d operator()(const Vec3d& x) const { return rotated(rotation, x) * scale + translation; }
 };
 
-/// The similarity that brings cameras back best: the mean of their turns; the means of their centers on one another, and the
-/// spreads about them.
+/// The similarity that brings cameras back best: the mean of their turns; the means of their
+/// centers on one another, and the spreads about them.
 inline Similarity similarity_of(const std::vector<Motion>& before, const std::vector<Motion>& after,
                                 bool keeps_scale) {
   Similarity result;

@@ -17,9 +17,9 @@ struct SeenPoint {
   Vec2d pixel{0.0, 0.0};    // of the camera's size, the center of the first at (0.5, 0.5)
 };
 
-/// What each image shows, in the images' order, from the observations of a model read with Tracks::read. Those of
-/// points that the model does not have are left out. `option` is what the user asked for. Throws Error where
-/// no image shows any point, with advice.
+/// The points that each image shows, in the order of the images. The model was read with
+/// Tracks::read. Observations of points that the model lacks are left out. Throws Error with advice
+/// where no image shows any point; it names `option`, which the user gave.
 std::vector<std::vector<SeenPoint>> seen_points(const ColmapModel& model,
                                                 const std::string& option);
 

@@ -9,7 +9,7 @@
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/photos/photo_names.h"
-#include "data_loaders/scene/transforms_json.h"
+#include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 
@@ -38,8 +38,8 @@ fs::path parent_of(const fs::path& folder) {
   return fs::absolute(folder / "").lexically_normal().parent_path().parent_path();
 }
 
-/// The models in a folder that COLMAP's mapper filled: 0, 1, 2, ..., in this order. It begins a new
-/// one wherever it can place no more photos in the last.
+/// The models in a folder that COLMAP's mapper filled: 0, 1, 2, ..., in this order. The mapper
+/// begins a new model when it can place no more photos in the last one.
 std::vector<fs::path> sub_models(const fs::path& sparse) {
   std::vector<fs::path> models;
   for (const fs::path& folder : colmap_models_in(sparse))
@@ -71,12 +71,12 @@ fs::path largest_model(const std::vector<fs::path>& models, const fs::path& imag
   return counted[0].second;
 }
 
-/// Where a scene's model may lie, in the order in which it is looked for; 0 stands for any number.
+/// The places of a scene's model, in the order of the search; 0 stands for any number.
 std::vector<fs::path> model_places(const fs::path& scene) {
   return {scene / "sparse" / "0", scene / "sparse", scene / "colmap" / "sparse" / "0", scene};
 }
 
-/// The models in the first of these places that has any.
+/// The models in the first of the places with any.
 std::vector<fs::path> models_of(const fs::path& scene) {
   for (const fs::path& place : model_places(scene)) {
     if (place.filename() == "0") {
@@ -89,21 +89,18 @@ std::vector<fs::path> models_of(const fs::path& scene) {
   return {};
 }
 
-/// What to try instead of a folder without a model.
+/// The remedy for a folder without a model.
 std::string nearest_model(const fs::path& source) {
   for (const fs::path& folder : folders_in(source / "sparse"))
     if (is_colmap_model(folder))
       return fmt::format("there is one in {}: take it with --set dataset.model={}", folder.string(),
                          folder.lexically_relative(source).string());
-  std::vector<fs::path> neighbors = folders_in(source);
-  neighbors.insert(neighbors.begin(), parent_of(source));
-  neighbors.push_back(source / "dense" / "0");  // COLMAP's undistorted photos and their model
-  for (const fs::path& scene : neighbors)
-    if (!models_of(scene).empty()) return fmt::format("{} has one: train on that", scene.string());
-  return "name it with --set dataset.model=FOLDER, or make one with COLMAP";
+  const fs::path scene = nearby_scene(source);
+  if (!scene.empty()) return fmt::format("{} has one: train on that", scene.string());
+  return "name it with --set dataset.model=FOLDER, or make one with `gemsplat reconstruct`";
 }
 
-/// What to try instead of a folder without photos.
+/// The remedy for a folder without photos.
 std::string nearest_images(const fs::path& source, const fs::path& images) {
   std::vector<fs::path> neighbors = folders_in(source);
   const fs::path parent = parent_of(source);
@@ -139,7 +136,9 @@ SceneFolders find_scene(const DatasetConfig& dataset) {
   }
   if (models.empty())
     for (const fs::path& folder : is_named ? named : std::vector<fs::path>{source})
-      if (has_transforms(folder)) return {folder, folder};
+      if (has_transforms(folder))
+        return {folder, folder,
+                is_blender_scene(folder) ? SceneKind::blender : SceneKind::transforms};
   if (models.empty())
     throw Error(fmt::format(
         "cannot find a scene in {}: there is no COLMAP model (cameras and images, .bin "
@@ -150,7 +149,18 @@ SceneFolders find_scene(const DatasetConfig& dataset) {
     throw Error(fmt::format("cannot find the photos of {}: there is no folder {}; {}",
                             dataset.source, images.string(),
                             nearest_images(source, dataset.images)));
-  return {largest_model(models, images), images};
+  return {largest_model(models, images), images, SceneKind::colmap};
+}
+
+fs::path nearby_scene(const fs::path& folder) {
+  std::vector<fs::path> neighbors = folders_in(folder);
+  neighbors.insert(neighbors.begin(), parent_of(folder));
+  neighbors.push_back(folder / "dense" / "0");  // COLMAP's undistorted photos and their model
+  const auto is_scene = [](const fs::path& place) {
+    return !models_of(place).empty() || has_transforms(place);
+  };
+  const auto found = std::find_if(neighbors.begin(), neighbors.end(), is_scene);
+  return found == neighbors.end() ? fs::path() : *found;
 }
 
 fs::path find_colmap_model(const fs::path& scene) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a folder with photos and a COLMAP model to the Scene that training starts from.
+// From a folder with photos and cameras to the Scene that training starts from.
 #pragma once
 
 #include <functional>
@@ -12,23 +12,27 @@ namespace gs {
 /// Called after each photo, from one thread at a time, with `done` counting up to `total`.
 using ProgressFn = std::function<void(std::size_t done, std::size_t total)>;
 
-/// First the headers of all photos are read; then all photos, if they fit into memory.
+/// The stages of load_scene(): cameras are refined if asked for, then the headers of all photos are
+/// read, then all photos are decoded if they fit into memory.
 enum class LoadStage { refinement, headers, photos };
 using LoadProgress = std::function<void(LoadStage stage, std::size_t done, std::size_t total)>;
 
-/// Finds the model and the photos, undistorts and resizes every photo to dataset.resolution, and
-/// splits the views: with dataset.eval, every test_every-th in byte order of the names, the first
-/// one among them, is a test view (split.h: photos of one rig frame stay together). Every size and name is checked before the first photo is
-/// decoded. Photos that do not fit into dataset.photo_ram_gib as a whole are decoded when they are asked for, by a
-/// PhotoPool. Throws Error that names the file and the remedy; UsageError for a resolution or a budget that
-/// cannot be taken.
-/// With dataset.refine_cameras the model is refined first. With PhotoLoading::when_asked no photo is decoded before it is
-/// asked for, whatever would fit: for those who look at some.
+/// as_they_fit: photos that fit into dataset.photo_ram_gib together are decoded at once; if they do
+/// not fit, a PhotoPool decodes each one shortly before it is asked for. when_asked: no photo is
+/// decoded before it is asked for, however many would fit; for programs that show a few of them.
 enum class PhotoLoading { as_they_fit, when_asked };
+
+/// Finds the model and the photos, undistorts and resizes every photo to dataset.resolution, and
+/// splits the views. With dataset.eval, every test_every-th view by name is a test view, beginning
+/// with the first (test_views_of() has the rule for rigs). Every size and name is checked before
+/// the first photo is decoded. With dataset.refine_cameras the cameras are refined first. Throws
+/// Error that names the file and the remedy; UsageError for a resolution or a photo budget that
+/// cannot work. Warns of a scene that moves, because it is trained as a static one.
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress = {},
                  PhotoLoading loading = PhotoLoading::as_they_fit);
 
-/// All that load_scene() checks before it decodes the first photo; cameras are not refined. Throws like it.
+/// All checks of load_scene() before it decodes the first photo, without refining cameras. Throws
+/// like load_scene().
 void check_scene(const DatasetConfig& dataset);
 
 }  // namespace gs

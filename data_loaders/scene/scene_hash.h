@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which scene a run has seen, in sixteen letters.
+// A fingerprint of a scene, to tell whether two runs were trained on the same one.
 #pragma once
 
 #include <string>
@@ -8,9 +8,10 @@
 
 namespace gs {
 
-/// Sixteen hexadecimal digits: FNV-1a (64 bits) over the names and sizes of all pictures in the photos' folder, in byte
-/// order, and over the bytes of the camera model's files. Photos are not read: one that changes and keeps its size is
-/// not noticed. The same wherever the scene lies. Throws Error where there is no scene.
+/// Sixteen hexadecimal digits: FNV-1a (64 bits) over the names and sizes of all pictures in the
+/// photos' folder, in byte order, and over the bytes of the camera model's files. Photos are not
+/// read, so a changed photo of the same size goes unnoticed. The scene's place on the disk does not
+/// matter. Throws Error if there is no scene.
 std::string scene_hash(const DatasetConfig& dataset);
 
 }  // namespace gs

@@ -5,50 +5,165 @@
 
 #include <algorithm>
 #include <set>
+#include <unordered_map>
 
 #include "data_loaders/colmap/world_offset.h"
-#include "data_loaders/scene/split.h"
-#include "data_loaders/scene/transforms_json.h"
+#include "data_loaders/photos/photo_names.h"
+#include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
+#include "gs_core/log.h"
 
 namespace gs {
-
 namespace {
 
-SceneModel read_model_and_split(const DatasetConfig& dataset, const SceneFolders& folders) {
-  const auto by_name = [](const ColmapImage& a, const ColmapImage& b) { return a.name < b.name; };
-  SceneModel scene;
-  if (is_colmap_model(folders.model)) {
-    scene.model = read_colmap_model(
-        folders.model, dataset.exposure || dataset.refine_cameras ? Tracks::read : Tracks::skip);
-    std::sort(scene.model.images.begin(), scene.model.images.end(), by_name);
-    scene.is_test = test_views_of(dataset, scene.model);
-    return scene;
+namespace fs = std::filesystem;
+
+// --- Split
+
+/// The number of each image's frame. Frames are numbered in the order of their first images.
+std::vector<std::size_t> frame_numbers(const ColmapModel& model) {
+  std::unordered_map<std::uint64_t, std::size_t> frame_of_image;  // index in model.frames
+  for (std::size_t frame = 0; frame < model.frames.size(); ++frame)
+    for (std::uint64_t image : model.frames[frame].image_ids) frame_of_image[image] = frame;
+
+  std::unordered_map<std::size_t, std::size_t> number_of_frame;
+  std::vector<std::size_t> numbers;
+  std::size_t next = 0;
+  for (const ColmapImage& image : model.images) {
+    const auto frame = frame_of_image.find(image.id);
+    const bool is_new =
+        frame == frame_of_image.end() || number_of_frame.try_emplace(frame->second, next).second;
+    numbers.push_back(is_new ? next++ : number_of_frame.at(frame->second));
   }
-  TransformsScene transforms = read_transforms(folders.model);
-  scene.model = std::move(transforms.model);
-  std::sort(scene.model.images.begin(), scene.model.images.end(), by_name);
-  if (!transforms.has_split || !dataset.eval) {
-    scene.is_test = test_views_of(dataset, scene.model);
-    return scene;
-  }
+  return numbers;
+}
+
+/// The split of a scene whose files name the test photos.
+std::vector<bool> split_of_files(const TransformsScene& transforms, const ColmapModel& model) {
   const std::set<std::string> held_out(transforms.test_names.begin(), transforms.test_names.end());
-  for (const ColmapImage& image : scene.model.images)
-    scene.is_test.push_back(held_out.contains(image.name));
-  if (std::find(scene.is_test.begin(), scene.is_test.end(), false) == scene.is_test.end())
+  std::vector<bool> is_test;
+  for (const ColmapImage& image : model.images) is_test.push_back(held_out.contains(image.name));
+  if (std::find(is_test.begin(), is_test.end(), false) == is_test.end())
     throw UsageError(fmt::format(
         "no view is left to train on: the files in {} put all of them to testing; train without "
         "dataset.eval",
-        folders.model.string()));
-  return scene;
+        model.folder.string()));
+  return is_test;
+}
+
+void sort_by_name(ColmapModel& model) {
+  std::sort(model.images.begin(), model.images.end(),
+            [](const ColmapImage& a, const ColmapImage& b) { return a.name < b.name; });
+}
+
+// --- Checks
+
+/// Image names lead to files below the images folder, here and wherever a run writes pictures by
+/// view name.
+void check_name(const ColmapImage& image, const fs::path& model) {
+  const fs::path name = image.name;
+  if (name.is_absolute() || std::find(name.begin(), name.end(), "..") != name.end())
+    throw Error(
+        fmt::format("cannot use the model in {}: image name '{}' leads out of the images folder; "
+                    "rename it in the model",
+                    model.string(), image.name));
+}
+
+/// Refuses a model with next to none of the photos: COLMAP gave up, or began another model.
+void check_registered(const ColmapModel& model, const fs::path& images) {
+  constexpr std::size_t kFewRegistered = 3;  // fewer are suspicious
+  constexpr std::size_t kManyTimes = 3;      // as many photos or more are "many more"
+  const std::size_t registered = model.images.size();
+  if (registered >= kFewRegistered) return;
+  const std::size_t photos = picture_names_in(images).size();
+  if (photos < kManyTimes * registered) return;
+  throw Error(fmt::format(
+      "the model in {} holds only {} of the {} photos in {}: COLMAP could not register the others; "
+      "run COLMAP again (exhaustive matching, or photos that overlap more), or take this model all "
+      "the same by naming it with --set dataset.model=FOLDER",
+      model.folder.string(), registered, photos, images.string()));
 }
 
 }  // namespace
 
-SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders) {
-  SceneModel scene = read_model_and_split(dataset, folders);
+std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel& model) {
+  if (model.images.empty())
+    throw Error(fmt::format(
+        "the model in {} has no images; run COLMAP again or name another model with --set "
+        "dataset.model=FOLDER",
+        model.folder.string()));
+  std::vector<bool> is_test(model.images.size(), false);
+  if (!dataset.eval) return is_test;
+  if (dataset.test_every < 1)
+    throw UsageError(fmt::format("dataset.test_every is {}; give 2 or more", dataset.test_every));
+
+  const std::vector<std::size_t> numbers = frame_numbers(model);
+  for (std::size_t i = 0; i < is_test.size(); ++i)
+    is_test[i] = numbers[i] % std::size_t(dataset.test_every) == 0;
+
+  const std::size_t frames = 1 + *std::max_element(numbers.begin(), numbers.end());
+  const bool has_rigs = frames < numbers.size();
+  if (std::find(is_test.begin(), is_test.end(), false) == is_test.end())
+    throw UsageError(
+        fmt::format("no view is left to train on: dataset.eval holds out every {}th of {}{}; raise "
+                    "dataset.test_every, or train without dataset.eval",
+                    dataset.test_every, frames, has_rigs ? " rig frames" : ""));
+  if (has_rigs)
+    log_info("{} photos in {} rig frames: test views are held out by whole frames", numbers.size(),
+             frames);
+  return is_test;
+}
+
+std::string text_of_moving_scene(std::size_t time_count) {
+  return fmt::format(
+      "the scene moves: its photos were taken at {} different times (`time` of the frames); it is "
+      "trained as a static scene, and everything that moves comes out blurred",
+      time_count);
+}
+
+SceneModel read_model_and_split(const DatasetConfig& dataset, const SceneFolders& folders,
+                                Tracks tracks) {
+  SceneModel scene;
+  TransformsScene transforms;
+  if (folders.kind == SceneKind::colmap) {
+    if (dataset.exposure || dataset.refine_cameras) tracks = Tracks::read;
+    scene.model = read_colmap_model(folders.model, tracks);
+  } else {
+    transforms = read_transforms(folders.model);
+    scene.model = std::move(transforms.model);
+    scene.time_count = transforms.time_count;
+    scene.is_split_by_files = transforms.has_split;
+  }
+  sort_by_name(scene.model);
+  scene.is_test = scene.is_split_by_files && dataset.eval ? split_of_files(transforms, scene.model)
+                                                          : test_views_of(dataset, scene.model);
+  return scene;
+}
+
+void move_near_origin(SceneModel& scene) {
   scene.world_offset = world_offset_of(scene.model);
   if (scene.world_offset != Vec3d(0.0)) take_off(scene.model, scene.world_offset);
+}
+
+void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders,
+                      SceneModel& scene) {
+  std::vector<std::string> names;
+  std::vector<fs::path> masks_of_model;
+  for (const ColmapImage& image : scene.model.images) {
+    check_name(image, scene.model.folder);
+    names.push_back(image.name);
+    masks_of_model.push_back(image.mask);
+  }
+  scene.masks = find_masks(dataset, folders);
+  scene.photos = find_photos(names, folders.images);
+  scene.mask_files = match_masks(scene.masks, names, scene.photos, masks_of_model);
+}
+
+SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders) {
+  SceneModel scene = read_model_and_split(dataset, folders);
+  move_near_origin(scene);
+  if (dataset.model.empty()) check_registered(scene.model, folders.images);
+  find_scene_files(dataset, folders, scene);
   return scene;
 }
 

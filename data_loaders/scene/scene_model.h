@@ -1,24 +1,56 @@
 // SPDX-License-Identifier: Apache-2.0
-// The cameras of a scene, whatever program has found them.
+// The cameras, points and files of a scene, whatever program has written them: all that is known
+// before the first photo is opened.
 #pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/scene/find_scene.h"
+#include "data_loaders/scene/scene_files.h"
 #include "gs_core/config/config.h"
 
 namespace gs {
 
 struct SceneModel {
-  ColmapModel model;          // images sorted by name
-  std::vector<bool> is_test;  // of each image: held out to measure on
-  Vec3d world_offset{0.0, 0.0, 0.0};  // taken off the model's coordinates (world_offset.h)
+  ColmapModel model;                   // images sorted by name
+  std::vector<bool> is_test;           // (images)   held out to measure on
+  bool is_split_by_files = false;      // transforms.json or Blender's files name the test photos
+  std::size_t time_count = 0;          // different times of the photos; 2 and more: it moves
+  Vec3d world_offset{0.0, 0.0, 0.0};   // taken off the model's coordinates (world_offset.h)
+  MaskSource masks;
+  std::vector<std::filesystem::path> photos;      // (images)
+  std::vector<std::filesystem::path> mask_files;  // (images)   empty: none
+
+  bool moves() const { return time_count > 1; }
 };
 
-/// Reads a COLMAP model or transforms.json, and splits it: as transforms.json or a Blender scene says, or else by
-/// test_views_of(); without dataset.eval nothing is held out. Throws Error like the readers; UsageError where nothing is left
-/// to train on.
-/// The images' observations are read where dataset.exposure or dataset.refine_cameras asks for
-/// them.
+/// The warning for a scene that moves, since training takes it for a static one.
+std::string text_of_moving_scene(std::size_t time_count);
+
+/// Whether each image of the model is a test view, in the order of model.images, which are sorted
+/// by name. With dataset.eval, every test_every-th frame is held out, beginning with the first. The
+/// photos that a rig took at one moment are one frame and stay together, because they show nearly
+/// the same. Every other photo is a frame of its own. Frames are counted in the order of their
+/// first names. Throws Error for a model without images; UsageError if nothing is left to train on.
+std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel& model);
+
+/// The three steps of read_scene_model(), for callers that report faults instead of stopping.
+/// First: reads a COLMAP model or transforms.json and splits it, as the files say or else by
+/// test_views_of(). The images' observations are read if dataset.exposure or dataset.refine_cameras
+/// asks for them, or `tracks` does. Coordinates are the model's own; files are not looked for.
+SceneModel read_model_and_split(const DatasetConfig& dataset, const SceneFolders& folders,
+                                Tracks tracks = Tracks::skip);
+/// Second: takes the offset off the coordinates of a scene far from the origin.
+void move_near_origin(SceneModel& scene);
+/// Third: the files of photos and masks. Throws Error for a photo that is missing or whose name
+/// leads out of the images folder.
+void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders, SceneModel& scene);
+
+/// All that later stages need to know of a scene. Throws Error that names the file and the remedy,
+/// also for a model that has next to none of the photos; UsageError if nothing is left to train on.
 SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders);
 
 }  // namespace gs

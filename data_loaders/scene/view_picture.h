@@ -1,58 +1,47 @@
 // SPDX-License-Identifier: Apache-2.0
-// One photo of a scene: what is known of it before it is decoded, and what it becomes, by itself or from the cache.
+// The picture that a view is trained on: decoded, masked, undistorted and resized, in this order.
 #pragma once
 
 #include <filesystem>
-#include <string>
 
-#include "data_loaders/colmap/colmap_model.h"
-#include "data_loaders/lenses/lens.h"
-#include "data_loaders/photos/photo_cache.h"
-#include "data_loaders/photos/photo_pool.h"
 #include "data_loaders/photos/photos.h"
-#include "data_loaders/scene/masks.h"
+#include "data_loaders/scene/plan_views.h"
 
 namespace gs {
 
-/// The name of a photo in the cache, and the state of the files that it was found for.
-struct CacheKey {
-  std::string key;
-  std::uintmax_t bytes = 0;
-  std::filesystem::file_time_type changed;
-};
-
-/// All that is known of a view before its photo is decoded.
-struct ViewPlan {
-  ColmapImage image;
-  std::filesystem::path file;
-  std::filesystem::path mask_file;                 // empty: none
-  PhotoSize photo_size;
-  LensCamera lens;                    // at the photo's size
-  PinholeCamera<double> undistorted;  // the photo without its lens, at full resolution
-  PinholeCamera<double> target;       // as it is trained on
-  CacheKey cached = {};               // once it was needed
-
-  bool has_lens() const { return lens.lens != LensCamera::Lens::none; }
-  bool is_resized() const {
-    return target.width != undistorted.width || target.height != undistorted.height;
-  }
-};
-
-/// What a photo becomes: of the camera's size, the mask empty where every pixel trains.
+/// Photo and mask of the view's size. The mask is empty if every pixel trains.
 struct Picture {
   Image8 photo, mask;
 };
 
-/// Whether it may get a mask; only reading it tells of alpha.
-bool may_be_masked(const ViewPlan& plan, const MaskSource& masks);
+/// Raise it when make_picture() gives other bytes: it is part of the names in the photo cache.
+inline constexpr int kPictureVersion = 1;
 
-/// Bytes of the photo with its mask, and of what make_picture() holds at a time.
-PhotoCost cost_of(const ViewPlan& plan, const MaskSource& masks);
+/// The picture of a view. Throws Error that names the file.
+Picture make_picture(const ViewPlan& plan);
 
-/// Reads photo and mask, takes the lens away, makes them smaller. Throws Error that names the file.
-Picture make_picture(const ViewPlan& plan, const MaskSource& masks);
+/// The mask of a photo, (height, width, 1) of its size, 255 where it trains: from the file, or else
+/// (`mask` empty) from the photo's alpha. Empty if there is neither, and if all of it is 255. In a
+/// mask file, alpha counts if it is not 255 everywhere, and else the brightest channel; in a file
+/// without values above 1, 1 stands for 255. A file of the photo's shape and another size is
+/// resized. Throws Error like read_photo().
+Image8 read_mask(const MaskUse& use, const std::filesystem::path& mask,
+                 const PhotoWithAlpha& photo);
 
-/// The same from the cache, which is given what it does not have. Notes the key in the plan.
-Picture cached_picture(ViewPlan& plan, const MaskSource& masks, PhotoCache& cache);
+// Undistorting and resizing mix neighboring pixels, so colors from under a mask would show at its
+// edge. Before the lens, the edge is filled instead of blackened, since some bicubic weights are
+// negative and would ring. For resizing, colors are multiplied by the mask and divided afterwards.
+
+/// Fills pixels of mask 0, up to `reach` pixels from the mask's edge, with the mean color of their
+/// neighbors nearer to the edge.
+void fill_masked_edge(Image8& photo, const Image8& mask, int reach);
+
+/// Multiplies a photo's colors by its mask.
+void multiply_by_mask(Image8& photo, const Image8& mask);
+/// The way back; black where the mask is 0.
+void divide_by_mask(Image8& photo, const Image8& mask);
+
+/// Share of a picture that trains, 0..1; 1 for an empty mask.
+double trained_share(const Image8& mask);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a video to photos: the sharpest frame of each of many short stretches. Needs OpenCV; a build without it says so.
+// From a video to photos: the sharpest frame of each of many short stretches. Needs OpenCV.
 #pragma once
 
 #include <cstdint>
@@ -13,17 +13,19 @@ namespace gs {
 /// Whether this build reads videos.
 bool can_read_videos();
 
-/// The number of frames, as the file states it or else counted. Throws Error where the video cannot be read.
+/// The number of frames from the file's header, or else counted. Throws Error if the video cannot
+/// be read.
 std::int64_t count_frames(const std::filesystem::path& video);
 
-/// Called after each frame that was looked at.
+/// Called after each frame.
 using FrameProgress = std::function<void(std::int64_t done)>;
 
-/// Cuts the video's `total` frames into `wanted` stretches of one length (all frames, if there are no more) and writes the
-/// frame of each with the largest variance of the Laplacian, the first among equals, to FOLDER/STEM_NNNNNN.png, NNNNNN
-/// being its number from 0: names sort by time. A turn that the file asks for (phones held upright) is followed.
-/// Returns the names. The same call writes the same files. Warns where the video ends early; throws Error where it
-/// cannot be read at all.
+/// Cuts the video's `total` frames into `wanted` stretches of equal length (single frames if there
+/// are no more) and writes the sharpest frame of each to FOLDER/STEM_NNNNNN.png. Sharpness is the
+/// variance of the Laplacian; among equals the first frame counts. NNNNNN is the frame's number
+/// from 0, so names sort by time. A rotation stored in the file (phones held upright) is applied.
+/// Returns the names. The same call writes the same files. Warns if the video ends early; throws
+/// Error if it cannot be read at all.
 std::vector<std::string> take_frames(const std::filesystem::path& video, std::int64_t total,
                                      std::int64_t wanted, const std::filesystem::path& folder,
                                      const std::string& stem, const FrameProgress& progress);

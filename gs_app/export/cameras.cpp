@@ -23,7 +23,7 @@ std::vector<NamedCamera> cameras_of_file(const std::filesystem::path& file, int 
 std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
                                         const std::string& split, const Vec3d& world_offset) {
   std::vector<NamedCamera> cameras = cameras_of_file(run.cameras(), resolution, world_offset);
-  // The file has the test views first; films and paths go by name.
+  // The file has the test views first; films and paths go in the order of names.
   std::sort(cameras.begin(), cameras.end(),
             [](const NamedCamera& a, const NamedCamera& b) { return a.name < b.name; });
   if (split == "all") return cameras;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cameras to look at a model from: those of a file, of a run or of a scene. Each is moved to the coordinates of a model whose
-// world offset is given.
+// Cameras of a file, of a run or of a scene, to render a model from. They are moved into the
+// coordinates of a model with the given world offset.
 #pragma once
 
 #include <filesystem>
@@ -13,11 +13,12 @@
 
 namespace gs {
 
-/// The cameras of a file or folder (read_cameras.h), in pictures smaller by `resolution`. Throws Error.
+/// The cameras of a file or folder (read_cameras.h), for pictures `resolution` times smaller.
+/// Throws Error.
 std::vector<NamedCamera> cameras_of_file(const std::filesystem::path& file, int resolution,
                                          const Vec3d& world_offset);
 
-/// The run's own cameras, those of its training or test views where asked (`split`: train, test, all). Throws Error.
+/// The run's own cameras: those of a `split` (train, test, all). Throws Error.
 std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
                                         const std::string& split, const Vec3d& world_offset);
 
@@ -25,11 +26,12 @@ std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
 std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::string& split,
                                           const Vec3d& world_offset);
 
-/// The camera at another picture size, its pixels still as high as they are wide: all that it shows stays in the picture, and
-/// where the shape is another one, more of the scene is seen beside it.
+/// The camera with another picture size. Pixels keep their shape and all that was visible stays in
+/// the picture; a picture of another shape shows more of the scene at its sides.
 Camera reframed(Camera camera, int width, int height);
 
-/// The camera with square pixels and this angle across the picture's width, its axis through the middle.
+/// The camera with square pixels, this angle across the picture's width, and its axis through the
+/// middle.
 Camera with_field_of_view(Camera camera, double degrees);
 
 }  // namespace gs

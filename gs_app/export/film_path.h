@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat render --path: from a word and a few numbers to the camera of each frame.
+// gemsplat render --path: works out the camera of each frame from the kind of path and a few
+// numbers.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -16,29 +17,31 @@ namespace gs {
 struct PathRequest {
   std::string kind;                  // "orbit", "spline", "flythrough"; empty: none
   std::size_t frames = 0;
-  std::vector<std::string> through;  // of a spline: names or numbers of cameras; empty: `keys` of them
+  std::vector<std::string> through;  // spline: names or numbers of cameras; empty: `keys` of all
   int keys = 12;                     // cameras that a spline or flythrough passes
   bool is_loop = false;              // a spline goes back to its first camera
   std::string pace = "even";         // or "keys"
-  double turns = 1;                  // the rest is of an orbit
+  double turns = 1;                  // from here on: of an orbit
   std::optional<double> elevation;   // degrees
   std::optional<double> radius;      // world units
-  std::optional<Vec3d> center;       // world units; that which the cameras look at
+  std::optional<Vec3d> center;       // world units; not set: the point the cameras look at
 };
 
-/// A camera for each frame, named "00000", "00001", ..., and what the path is, for the file beside the film.
+/// A camera for each frame, named "00000", "00001", ..., and a description for the file beside the
+/// film.
 struct FilmPath {
   std::vector<NamedCamera> cameras;
   nlohmann::ordered_json description;
 };
 
-/// The path among `cameras`, of which there is one at least, in their frame, with the lens and size of the first one that it passes (of an orbit, of the
-/// first of all).
+/// The path among `cameras`, in their frame. There is at least one. Frames have the lens and size
+/// of the first camera that the path passes; those of an orbit have the first camera's.
 ///
-/// points         of the scene, such as the Gaussians' means; an orbit's center is found with them (scene_frame)
-/// world_offset   of that frame: positions in `request` and in the description have it added
+/// points         of the scene, such as the Gaussians' means; they help to find an orbit's center
+/// world_offset   of the cameras' frame; positions in `request` and in the description have it
+///                added
 ///
-/// Throws UsageError for cameras that are none of these, or too few.
+/// Throws UsageError for unknown names of cameras, and for too few cameras.
 FilmPath film_path(const PathRequest& request, const std::vector<NamedCamera>& cameras,
                    Span<const Vec3f> points, const Vec3d& world_offset);
 

@@ -8,7 +8,7 @@
 #include "data_loaders/photos/exr.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/photos/photos.h"
-#include "gs_app/export/exported_file.h"
+#include "gs_app/export/export_model.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/error.h"
 #include "gs_core/io/move_aside.h"
@@ -116,7 +116,7 @@ std::map<std::string, std::vector<std::string>> RenderOutput::patterns() const {
   return result;
 }
 
-void RenderOutput::make_room(const fs::path& file) {
+void RenderOutput::move_older_aside(const fs::path& file) {
   if (!fs::exists(file)) return;
   keep_aside(file);
   ++moved_aside_;
@@ -137,19 +137,19 @@ void RenderOutput::write(std::size_t i, Quantity quantity, const ImageF& values)
   if (request_.is_film()) return write_frame(quantity, picture_of(quantity, values, range_));
   if (request_.png) {
     const fs::path file = picture(i, quantity, ".png");
-    make_room(file);
+    move_older_aside(file);
     write_png(file, picture_of(quantity, values, range_));
   }
   if (request_.exr) {
     const fs::path file = picture(i, quantity, ".exr");
-    make_room(file);
+    move_older_aside(file);
     write_exr(file, values, channels_of(quantity));
   }
 }
 
 void RenderOutput::finish() {
   for (auto& [quantity, writer] : films_) {
-    make_room(film(quantity));
+    move_older_aside(film(quantity));
     writer.commit();
   }
   if (moved_aside_ > 0) log_info("{} older files are now called FILE.bak-N", moved_aside_);

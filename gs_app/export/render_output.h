@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the pictures of `gemsplat render` go: files in a folder, or a film for each quantity.
+// Writes the pictures of `gemsplat render`: files in a folder, or a film for each quantity.
 #pragma once
 
 #include <filesystem>
@@ -17,31 +17,34 @@ struct OutputRequest {
   std::vector<Quantity> quantities;        // none twice
   bool png = true, exr = false;            // of a folder
   double frames_per_second = 30;           // of a film
-  bool force = false;                      // move what is in the way aside
+  bool force = false;                      // move files that are in the way to FILE.bak-N
 
   bool is_film() const;
 };
 
-/// Throws UsageError for a request that cannot be met, and Error for one that this build cannot. To be asked first.
+/// Throws UsageError for a request that contradicts itself, and Error for one that this build
+/// cannot fulfil. Call it before the work starts.
 void check_output(const OutputRequest& request);
 
-/// Writes what was rendered. Order of calls: construct, write() of each view in order, finish().
+/// Writes what was rendered. Order of calls: construct, write() for each view in order, finish().
 class RenderOutput {
  public:
-  /// `names` are those of the views. Throws UsageError where a file is there already and may not be moved aside, or where
-  /// two views would have one.
+  /// `names` are the names of the views. Throws UsageError where a file is there already and may
+  /// not be moved aside, and where two views would have the same file.
   RenderOutput(OutputRequest request, std::vector<std::string> names, const DepthRange& range);
 
-  /// A quantity of view `i`. In a film all views have one size, with even sides. An older file is moved to FILE.bak-N.
+  /// Writes a quantity of view `i`. All views of a film have the same size, with even sides. An
+  /// older file is moved to FILE.bak-N.
   void write(std::size_t i, Quantity quantity, const ImageF& values);
-  /// Gives films their names.
+  /// Completes the films and gives them their names.
   void finish();
 
   /// A file that goes with the pictures: FILM.json beside FILM.mp4, FOLDER/film.json.
   std::filesystem::path description() const;
   /// FILM.cameras.json, FOLDER/cameras.json.
   std::filesystem::path cameras() const;
-  /// Of each quantity, by name: the film's file, or "{name}.depth.png" where {name} stands for the view's.
+  /// For each quantity, by name: the film's file, or "{name}.depth.png", where {name} is the
+  /// view's.
   std::map<std::string, std::vector<std::string>> patterns() const;
   /// "H.264", or "MPEG-4"; empty where there is no film.
   const std::string& codec() const { return codec_; }
@@ -52,7 +55,7 @@ class RenderOutput {
   std::string suffix(Quantity quantity) const;
   std::vector<const char*> extensions() const;
   void write_frame(Quantity quantity, const Image8& frame);
-  void make_room(const std::filesystem::path& file);
+  void move_older_aside(const std::filesystem::path& file);
 
   OutputRequest request_;
   std::vector<std::string> names_;

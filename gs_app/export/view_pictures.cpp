@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kMostSampledViews = 8;
 constexpr int kSampleSide = 160;        // pixels, the longer one
 constexpr double kOutlierShare = 0.01;  // of the depths, at either end
-constexpr float kFarColor = 0.12f;      // where the ramp begins: what is far is not black, which stands for nothing
+constexpr float kFarColor = 0.12f;      // start of the ramp: far is not black, which means empty
 
 Rgb depth_color(float depth, const DepthRange& range) {
   if (!(depth > 0)) return {0, 0, 0};

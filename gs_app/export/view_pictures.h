@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `gemsplat render` can show of a view, as values and as pictures to look at.
+// The quantities that `gemsplat render` can show of a view, as values and as pictures.
 #pragma once
 
 #include <memory>
@@ -17,29 +17,35 @@ enum class Quantity { color, depth, alpha, normal };
 const std::vector<std::string>& quantity_names();
 const std::string& name_of(Quantity quantity);
 
-/// What an EXR calls the channels of a quantity.
+/// The names of a quantity's channels in an EXR file.
 std::vector<std::string> channels_of(Quantity quantity);
 
-/// Depths between which pictures have colors, world units; nearer and farther ones have those of the ends.
+/// The depths at the two ends of the color ramp, world units. Depths beyond an end have its color.
 struct DepthRange {
   float nearest = 0, farthest = 1;
 };
 
-/// Values as a picture of 8 bits: color as it is; depth on a ramp from pale yellow (near) to violet (far) by 1 / depth,
-/// black where nothing is; alpha from black to white; of normals, 0.5 + 0.5 n, black where nothing is.
+/// Values as a picture of 8 bits:
+///   color    as it is
+///   depth    a ramp from pale yellow (near) to violet (far), linear in 1 / depth; black where
+///            empty
+///   alpha    from black to white
+///   normal   0.5 + 0.5 n; black where empty
 Image8 picture_of(Quantity quantity, const ImageF& values, const DepthRange& range);
 
-/// Renders views of one model. Backend and Gaussians outlive it.
+/// Renders views of one model. Backend and Gaussians must outlive it.
 class ViewPictures {
  public:
   /// gaussians, host   the same, in the backend's memory and in the host's
   ViewPictures(Backend& backend, const Gaussians& gaussians, const Gaussians& host,
                const RenderSettings& settings, bool normals_in_camera);
 
-  /// One after the other; color and alpha of one view are one pass, depth and normal another (surface_renderer.h).
+  /// The quantities of a view, in this order. Color and alpha take one pass, depth and normal
+  /// another (surface_renderer.h).
   std::vector<ImageF> values(const Camera& camera, const std::vector<Quantity>& quantities);
 
-  /// Of pixels of a few of the cameras, small pictures of them; sorted. Empty where they show nothing.
+  /// Depths of pixels in small pictures of a few of the cameras, sorted. Empty where they show
+  /// nothing.
   std::vector<float> sample_depths(const std::vector<Camera>& cameras);
 
  private:

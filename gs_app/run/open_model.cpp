@@ -2,17 +2,14 @@
 #include "gs_app/run/open_model.h"
 
 #include <algorithm>
-#include <cmath>
-#include <nlohmann/json.hpp>
-#include <vector>
 
 #include "data_loaders/colmap/world_offset.h"
+#include "data_loaders/formats/foreign_files.h"
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/refine/exposure_file.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
-#include "gs_core/io/read_json.h"
-#include "gs_core/log.h"
+#include "gs_core/io/byte_reader.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {
@@ -33,39 +30,13 @@ fs::path ply_of(const RunFolder& run, std::optional<int> step) {
               "; the newest is that of step " + std::to_string(*newest));
 }
 
-// Takes from the sidecar what the format of an exported file cannot hold. A model that was rotated,
-// moved or scaled is in a frame of its own, so that its sidecar is ignored.
-void take_sidecar(const fs::path& file, GaussianModel& model) {
-  const fs::path sidecar = sidecar_of(file);
-  const ModelFormat* const format = find_format(file);
-  if (!format || !fs::exists(sidecar)) return;
-  try {
-    const nlohmann::json json = read_json(sidecar);
-    const auto rows = json.at("input_from_file").get<std::vector<std::vector<double>>>();
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) {
-        const double expected = i != j   ? 0
-                                : i == 0 ? format->signs.x
-                                : i == 1 ? format->signs.y
-                                         : format->signs.z;
-        if (std::abs(rows.at(i).at(j) - expected) > 1e-9) return;
-      }
-    model.antialiased = json.at("antialiased").get<bool>();
-    for (int i = 0; i < 3; ++i) model.world_offset[i] = rows.at(i).at(3);
-    model.is_ours = true;
-  } catch (const std::exception& error) {
-    log_warning("{} is ignored: {}", sidecar.string(), error.what());
-  }
-}
-
 }  // namespace
-
-fs::path sidecar_of(const fs::path& file) { return file.string() + ".transforms.json"; }
 
 OpenedModel open_model(const fs::path& path, std::optional<int> step) {
   OpenedModel opened;
   opened.ply = path;
   if (fs::is_directory(path)) {
+    if (const std::string kind = foreign_kind(path); !kind.empty()) cannot_read(path, kind);
     opened.run.emplace(path);
     opened.ply = ply_of(*opened.run, step);
     if (fs::exists(opened.run->config())) load_config(opened.config, opened.run->config());

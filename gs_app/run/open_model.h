@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "data_loaders/formats/sidecar.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/config/config.h"
 #include "gs_core/gaussians.h"
@@ -20,10 +21,6 @@ struct OpenedModel {
   Config config;  // the run's, but its [train], or the defaults; SH degree, antialiasing and, where another
                   // trainer wrote it, the classic blending rule of the PLY
 };
-
-/// FILE.transforms.json: the sidecar of an exported file. It holds what the format cannot, such as
-/// the frame of the coordinates.
-std::filesystem::path sidecar_of(const std::filesystem::path& file);
 
 /// Opens a file of any format that can be read (formats.h). In a run's folder this is the newest
 /// PLY, or the PLY after `step`. Throws Error if there is none.

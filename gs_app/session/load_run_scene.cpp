@@ -3,10 +3,10 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "data_loaders/doctor/forecast.h"
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "gs_app/run/text.h"
 #include "gs_core/log.h"
+#include "gs_core/memory.h"
 
 namespace gs {
 namespace {
@@ -29,13 +29,14 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, SessionHoo
   const bool places_are_named = !dataset.model.empty() || dataset.images != DatasetConfig{}.images;
   if (places_are_named || !holds_only_photos(dataset.source)) return;
   log_info("{} holds pictures and no camera poses: COLMAP looks for them first", dataset.source);
-  make_run_folder(folder);  // first, because it moves an older run aside together with its scene
   const auto scene = fs::absolute(folder.root() / "scene").lexically_normal();
+  const ColmapJob job{dataset.source, scene, config.reconstruct, config.train.threads};
+  check_reconstruction(job);
+  make_run_folder(folder);  // moves an older run aside with its scene, so the check comes before
   const Reconstruction result =
-      run_colmap({dataset.source, scene, config.reconstruct, config.train.threads, false},
-                 [&](ColmapStage stage, std::int64_t done, std::int64_t total) {
-                   hooks.show_colmap(stage, done, total);
-                 });
+      run_colmap(job, [&](ColmapStage stage, std::int64_t done, std::int64_t total) {
+        hooks.show_colmap(stage, done, total);
+      });
   log_info("{}", describe(result));
   move_source(dataset, scene);
 }
@@ -51,15 +52,23 @@ Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks) {
   return scene;
 }
 
-void log_forecast(const Config& config, const Scene& scene) {
-  double photos = 0, pixels = 0;
+ForecastDevice forecast_device(Backend& backend) {
+  return {&backend.memory() != &host_memory(), backend.memory().free_bytes()};
+}
+
+void log_forecast(const Config& config, const Scene& scene, Backend& backend) {
+  SceneSize size;
+  size.points = scene.points.size();
   for (const std::vector<View>* views : {&scene.train_views, &scene.test_views})
     for (const View& view : *views) {
-      photos += double(photo_bytes(view));
-      pixels += double(view.camera.width) * view.camera.height;
+      size.photo_bytes += double(photo_bytes(view));
+      if (!view.source) size.loaded_bytes += double(photo_bytes(view));
+      size.megapixels += 1e-6 * double(view.camera.width) * double(view.camera.height);
     }
-  const std::size_t views = scene.train_views.size() + scene.test_views.size();
-  log_info("forecast: {}", forecast(config, photos, pixels * 1e-6 / double(views)));
+  size.megapixels /= double(scene.train_views.size() + scene.test_views.size());
+  const Forecast run = forecast(config, size, forecast_device(backend));
+  log_info("forecast: {}", run.text);
+  for (const std::string& warning : run.warnings) log_warning("{}", warning);
 }
 
 }  // namespace gs

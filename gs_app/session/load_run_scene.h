@@ -3,10 +3,12 @@
 // loaded.
 #pragma once
 
+#include "data_loaders/doctor/forecast.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_app/session/session_hooks.h"
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
+#include "gs_train/backend.h"
 
 namespace gs {
 
@@ -18,6 +20,9 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, SessionHoo
 Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks);
 
 /// Logs what the run is expected to take of the machine.
-void log_forecast(const Config& config, const Scene& scene);
+void log_forecast(const Config& config, const Scene& scene, Backend& backend);
+
+/// The device of a backend, as forecast() needs to know it.
+ForecastDevice forecast_device(Backend& backend);
 
 }  // namespace gs

@@ -132,7 +132,7 @@ void TrainSession::get_scene() {
     if (!resumed_) reconstruct_bare_photos(config_, *folder_, hooks_);
     scene_ = &loaded_scene_.emplace(load_run_scene(config_.dataset, hooks_));
   }
-  log_forecast(config_, *scene_);
+  log_forecast(config_, *scene_, *backend_);
   if (!resumed_) return;
   check_same_scene(*resumed_, *scene_);
   if (!loaded_scene_ && !has_solved_views(*resumed_)) return;  // nothing of it would change

@@ -6,6 +6,7 @@
 
 #include "data_loaders/formats/model_transform.h"
 #include "data_loaders/formats/ply/compressed_ply.h"
+#include "data_loaders/formats/ply/mip_filter.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/ply/ply_file.h"
 #include "gs_core/io/byte_reader.h"
@@ -19,6 +20,7 @@ using Json = nlohmann::ordered_json;
 bool is_plain(const PlyHeader& header) {
   if (header.format != PlyFormat::little_endian || header.elements.empty()) return false;
   if (is_compressed_ply(header)) return true;
+  if (has_filter_3d(header)) return false;  // browsers would ignore it
   const PlyElement& vertex = header.elements.front();
   return vertex.name == "vertex" && std::all_of(vertex.properties.begin(), vertex.properties.end(),
                                                 [](const PlyProperty& property) {

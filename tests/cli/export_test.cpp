@@ -74,7 +74,10 @@ TEST_F(Export, NamesWithoutAFormatAreUsageErrorsThatListThem) {
   train("run");
   const Outcome outcome = export_run(text("a.obj"));
   EXPECT_EQ(outcome.code, 2);
-  EXPECT_THAT(outcome.err, HasSubstr("there are ply, csv, glb, compressed.ply, spz, sog, splat"));
+  EXPECT_THAT(
+      outcome.err,
+      HasSubstr("gemsplat does not write .obj; it writes .ply, .csv, .glb, .compressed.ply, "
+                ".spz, .sog, .splat"));
   EXPECT_EQ(run("train " + text("scene") + " -o " + text("b") + kTrain + " --export obj").code, 2);
   EXPECT_FALSE(fs::exists(path("b")));
 }
@@ -91,6 +94,65 @@ TEST_F(Export, APlacedModelIsMeasuredWhereItWasAndItsMatricesInvert) {
       EXPECT_NEAR(entry(sidecar["input_from_file"], sidecar["file_from_input"], i, j), i == j,
                   1e-9);
   EXPECT_NEAR(sidecar["input_from_file"][3][3], 1, 1e-12);
+}
+
+TEST_F(Export, ALowerShDegreeIsInTheFileAndItsLossIsMeasured) {
+  train("run", "--iterations 60 --set train.sh_degree_every=5");
+  const Outcome outcome =
+      export_run("--sh-degree 0 " + text("low.ply") + " " + text("low.compressed.ply"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  ASSERT_EQ(export_run(text("full.ply") + " " + text("full.compressed.ply")).code, 0);
+  for (const char* ending : {"ply", "compressed.ply"})
+    EXPECT_LT(2 * fs::file_size(path(std::string("low.").append(ending))),
+              fs::file_size(path(std::string("full.").append(ending))));
+  const auto info = nlohmann::json::parse(run("info --json " + text("low.ply")).out);
+  EXPECT_EQ(info["sh_degree"], 0);
+  const auto sidecar = json("low.ply.transforms.json");
+  EXPECT_EQ(sidecar["sh_degree"], 0);
+  EXPECT_LT(sidecar["fidelity"]["psnr"], 100);  // against the model with all its coefficients
+  EXPECT_FALSE(json("full.ply.transforms.json").contains("fidelity"));
+}
+
+// The scene of the other tests, moved to UTM coordinates.
+TEST_F(Export, AFarSceneIsShiftedBackInCsvAndItsOffsetIsNamedElsewhere) {
+  write_scene(path("scene"));
+  std::istringstream images(read_bytes(path("scene/sparse/0/images.txt")));
+  std::string moved, line;
+  for (int v = 0; std::getline(images, line); ++v)  // every second line is an empty list of points
+    moved += v % 2 ? "\n"
+                   : std::to_string(v / 2 + 1) + " 1 0 0 0 " +
+                         std::to_string(-500000.0 - 0.1 * (v / 2)) + " -5400000 -300 1 view_" +
+                         std::to_string(v / 2) + ".png\n";
+  write_bytes(path("scene/sparse/0/images.txt"), moved);
+  std::ostringstream points;
+  for (int p = 0; p < kPoints; ++p)
+    points << std::fixed << p + 1 << ' ' << 500000.0 + point(p).x << ' ' << 5400000.0 + point(p).y
+           << ' ' << 300.0 + point(p).z << " 120 130 140 0.5\n";
+  write_bytes(path("scene/sparse/0/points3D.txt"), points.str());
+  ASSERT_EQ(train("run").code, 0);
+  const Outcome outcome = export_run(text("a.csv") + " " + text("a.splat") + " --no-measure");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("a.splat lies near the origin"),
+                                 HasSubstr("a.splat.transforms.json has the matrix")));
+  EXPECT_THAT(outcome.err, Not(HasSubstr("a.csv lies")));
+  const std::string csv = read_bytes(path("a.csv"));
+  const std::string row = csv.substr(csv.find('\n') + 1);
+  EXPECT_NEAR(std::stod(row), 500000, 100);
+  EXPECT_NEAR(std::stod(row.substr(row.find(',') + 1)), 5400000, 100);
+  EXPECT_EQ(json("a.csv.transforms.json")["input_from_file"][0][3], 0);
+  const auto offset = json("run/world_offset.json")["world_offset"];
+  EXPECT_EQ(json("a.splat.transforms.json")["input_from_file"][1][3], offset[1]);
+  const auto psnr_of = [&](const std::string& model) {
+    return nlohmann::json::parse(run("eval " + text(model) + " --data " + text("scene") +
+                                     " --test-every 3 --json --device cpu")
+                                     .out)["psnr"]
+        .get<double>();
+  };
+  EXPECT_NEAR(psnr_of("a.csv"), psnr_of("run/point_cloud/iteration_20/point_cloud.ply"), 0.02);
+  ASSERT_EQ(export_run(text("b.csv") + " --recenter").code, 0);
+  EXPECT_LT(std::abs(std::stod(
+                read_bytes(path("b.csv")).substr(read_bytes(path("b.csv")).find('\n') + 1))),
+            100);  // it was asked to lie at the origin
 }
 
 TEST_F(Export, TheTableHasEveryFormat) {
@@ -128,7 +190,7 @@ TEST_F(Export, RunsWithoutASplitOrCamerasAreExported) {
   fs::remove(path("run/cameras.json"));
   const Outcome none = export_run(text("b.spz"));
   EXPECT_EQ(none.code, 0) << none.err;
-  EXPECT_THAT(none.err, HasSubstr("nothing to look at"));
+  EXPECT_THAT(none.err, HasSubstr("no views to measure on"));
 }
 
 TEST_F(Export, WhatAFormatCannotSayIsReadFromItsSidecar) {

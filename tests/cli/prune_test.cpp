@@ -66,6 +66,29 @@ TEST_F(Prune, OutsideTheBoxNothingIsLeft) {
     for (int axis = 0; axis < 3; ++axis) EXPECT_LE(std::abs(mean[axis]), 1);
 }
 
+// A white background changes what half-transparent Gaussians look like, and so the PSNR.
+TEST_F(Prune, RenderingFlagsCount) {
+  const auto psnr_with = [&](const std::string& name, const std::string& flags) {
+    const Outcome outcome = prune("--opacity 0.01 --json -o " + text(name) + " " + flags);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return nlohmann::json::parse(outcome.out)["before"]["psnr"].get<double>();
+  };
+  const double plain = psnr_with("a.ply", "");
+  EXPECT_NE(psnr_with("b.ply", "-w"), plain);
+  EXPECT_NE(psnr_with("c.ply", "--antialiased"), plain);
+  EXPECT_NE(psnr_with("d.ply", "--set render.background=white"), plain);
+  EXPECT_EQ(psnr_with("e.ply", "--sh-degree 0"), plain);  // that of the result, not of "before"
+}
+
+TEST_F(Prune, AnEmptyModelIsWrittenOnlyIfAskedFor) {
+  const Outcome refused = prune("--opacity 1 -o " + text("a.ply"));
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("nothing would be left"), HasSubstr("--allow-empty")));
+  EXPECT_FALSE(fs::exists(path("a.ply")));
+  EXPECT_EQ(prune("--opacity 1 --allow-empty -o " + text("a.ply")).code, 0);
+  EXPECT_EQ(read_gaussian_ply(path("a.ply")).gaussians.count(), 0u);
+}
+
 TEST_F(Prune, ALowerShDegreeIsWrittenAndNothingElseChanges) {
   ASSERT_EQ(prune("--sh-degree 0 -o " + text("a.ply")).code, 0);
   const GaussianModel before = trained(), after = read_gaussian_ply(path("a.ply"));

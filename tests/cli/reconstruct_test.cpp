@@ -64,7 +64,7 @@ TEST_F(Reconstruct, EndsWithAVerdictAndTheNextCommand) {
 TEST_F(Reconstruct, MissingProgramIsBadDataAndMissingOutputIsUsage) {
   EXPECT_EQ(run("reconstruct " + path("photos") + " -o " + path("scene") + " --colmap /no/colmap"),
             3);
-  EXPECT_THAT(printed(), HasSubstr("apt install colmap"));
+  EXPECT_THAT(printed(), AllOf(HasSubstr("apt install colmap"), HasSubstr("--colmap PATH")));
   EXPECT_EQ(run("reconstruct " + path("photos")), 2);
 }
 
@@ -79,6 +79,16 @@ TEST_F(Reconstruct, TrainOnBarePhotosMakesTheSceneFirstAndNamesItInItsConfig) {
   EXPECT_EQ(run(train + " --force"), 0) << printed();
   EXPECT_TRUE(is_colmap_model(path("run.bak-1/scene/sparse/0")));
   EXPECT_EQ(run("eval " + path("run") + " --split train"), 0) << printed();
+}
+
+TEST_F(Reconstruct, TrainWithForceKeepsTheOldRunInPlaceWhereColmapIsMissing) {
+  write_bytes(path("run/cfg_args"), "an older run");
+  EXPECT_EQ(run("train " + path("photos") + " -o " + path("run") +
+                " --force --device cpu --set reconstruct.colmap=/no/colmap"),
+            3);
+  EXPECT_THAT(printed(), HasSubstr("--set reconstruct.colmap=PATH"));
+  EXPECT_EQ(read_bytes(path("run/cfg_args")), "an older run");
+  EXPECT_FALSE(fs::exists(path("run.bak-1")));
 }
 
 TEST_F(Reconstruct, TrainOnAVideoTakesFramesFirst) {

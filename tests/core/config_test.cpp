@@ -131,7 +131,8 @@ TEST(Config, EveryFieldOfTheListIsItsOwn) {
 }
 
 TEST_F(ConfigFile, PrintedConfigReadsBackEqualWithEveryFieldChanged) {
-  const Config changed = everything_changed();
+  Config changed = everything_changed();
+  changed.loss.kind = Config{}.loss.kind;  // has one word so far
   validate(changed);
   EXPECT_EQ(fields_of(load(to_toml(changed))), fields_of(changed));
 }

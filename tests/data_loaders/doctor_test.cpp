@@ -13,6 +13,7 @@
 namespace gs {
 namespace {
 
+using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -48,11 +49,11 @@ TEST(Doctor, HasNothingAgainstAGoodScene) {
   EXPECT_TRUE(diagnosis.can_train());
   EXPECT_EQ(count(diagnosis, Level::warning), 0u);
   EXPECT_THAT(the(diagnosis, Level::good, "model").text,
-              HasSubstr("24 photos placed, 1 lenses, 2 points"));
+              HasSubstr("24 photos placed, 1 camera, 2 points"));
   EXPECT_THAT(the(diagnosis, Level::good, "lenses").text, HasSubstr("PINHOLE 12x8"));
   EXPECT_THAT(the(diagnosis, Level::good, "points").text, HasSubstr("error 0.50 pixels"));
   EXPECT_THAT(the(diagnosis, Level::note, "forecast").text,
-              HasSubstr("training 1 million Gaussians"));
+              AllOf(HasSubstr("training on the CPU"), Not(HasSubstr("H200"))));
 }
 
 TEST(Doctor, ForecastOfMemoryKeepsToTheBudgetOfPhotos) {
@@ -101,7 +102,7 @@ TEST(Doctor, TellsPhotosOnTheirSideFromOtherPhotos) {
   const Diagnosis diagnosis = diagnosis_of(temp.path());
   EXPECT_THAT(the(diagnosis, Level::fatal, "orientation").names, ElementsAre("b.png"));
   EXPECT_THAT(the(diagnosis, Level::fatal, "photos").names, ElementsAre("c.png"));
-  EXPECT_THAT(the(diagnosis, Level::note, "photos").text, HasSubstr("1 photos have another size"));
+  EXPECT_THAT(the(diagnosis, Level::note, "photos").text, HasSubstr("1 photo has another size"));
 }
 
 TEST(Doctor, FindsExifOrientations) {
@@ -155,6 +156,118 @@ TEST(Doctor, RefusesWhatLoadingRefuses) {
   config.dataset.source = temp.path().string();
   config.dataset.resolution = 3;
   EXPECT_FALSE(examine(config, false).can_train());
+}
+
+TEST(Doctor, NamesAPhotoOfTheCameraThatItRefuses) {
+  const TempFolder temp;
+  ColmapModel model = small_model(24);
+  model.cameras[7] = {7, CameraModel::equirectangular, 12, 8, {12, 8}};
+  write_scene(temp.path(), model);
+  const std::string text = the(diagnosis_of(temp.path(), false), Level::fatal, "lenses").text;
+  EXPECT_THAT(text, AllOf(HasSubstr("'a.png'"), Not(HasSubstr("of camera"))));
+}
+
+TEST(Doctor, PassesOverCamerasWithoutPhotos) {
+  const TempFolder temp;
+  ColmapModel model = small_model(24);
+  model.cameras[8] = {8, CameraModel::equirectangular, 12, 8, {12, 8}};
+  write_scene(temp.path(), model);
+  EXPECT_TRUE(diagnosis_of(temp.path(), false).can_train());
+}
+
+TEST(Doctor, OfAFolderAboveASceneNamesTheSceneAndNothingElse) {
+  const TempFolder temp;
+  write_scene(temp.path() / "garden", small_model(3));
+  const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
+  ASSERT_EQ(diagnosis.findings.size(), 1u);  // and no note to reconstruct photos that have a model
+  EXPECT_THAT(diagnosis.findings[0].text, HasSubstr("garden has one: train on that"));
+}
+
+/// A file of Blender's with one frame.
+std::string blender_file(const std::string& photo, const std::string& more = "") {
+  return "{\"camera_angle_x\": 0.7, \"frames\": [{\"file_path\": \"" + photo + "\"" + more +
+         ", \"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}]}";
+}
+
+TEST(Doctor, DoesNotBlameColmapForPhotosOfABlenderScene) {
+  const TempFolder temp;
+  for (const char* part : {"train", "test", "val"}) {
+    const std::string name = std::string(part) + "/r_0";
+    write_png(temp.path() / (name + ".png"), plain_photo(12, 12, 9));
+    write_bytes(temp.path() / ("transforms_" + std::string(part) + ".json"), blender_file(name));
+  }
+  const Finding unused = the(diagnosis_of(temp.path(), false), Level::note, "photos");
+  EXPECT_THAT(unused.names, ElementsAre("val/r_0.png"));
+  EXPECT_THAT(unused.text, AllOf(HasSubstr("1 picture in the folder is not used"),
+                                 HasSubstr("transforms_train.json"), Not(HasSubstr("COLMAP"))));
+}
+
+TEST(Doctor, WarnsOfASceneThatMoves) {
+  const TempFolder temp;
+  for (const char* part : {"train", "test"}) {
+    const std::string name = std::string(part) + "/r_0";
+    write_png(temp.path() / (name + ".png"), plain_photo(12, 12, 9));
+    write_bytes(temp.path() / ("transforms_" + std::string(part) + ".json"),
+                blender_file(name, std::string(", \"time\": ") + (part[1] == 'r' ? "0" : "1")));
+  }
+  std::vector<std::string> warnings;
+  for (const Finding& finding : diagnosis_of(temp.path(), false).findings)
+    if (finding.topic == "model" && finding.level == Level::warning)
+      warnings.push_back(finding.text);
+  EXPECT_THAT(warnings, testing::Contains(HasSubstr("the scene moves")));
+}
+
+// --- Forecast
+
+TEST(Forecast, GrowsWithThePointsOfTheSceneUpToTheCap) {
+  Config config;
+  EXPECT_NEAR(expected_gaussians(config, 9000), 215e3, 20e3);     // fox_640: 215,465
+  EXPECT_NEAR(expected_gaussians(config, 33485), 909e3, 100e3);   // south_building: 908,930
+  EXPECT_EQ(expected_gaussians(config, 1500000), 3000000);        // starts beyond a million
+  config.train.iterations = 200;
+  EXPECT_EQ(expected_gaussians(config, 9000), 9000);              // ends before the first growth
+  config = Config();
+  config.density.max_gaussians = 50000;
+  EXPECT_EQ(expected_gaussians(config, 9000), 50000);
+  EXPECT_EQ(expected_gaussians(config, 90000), 50000);
+  config.density.strategy = "mcmc";
+  EXPECT_EQ(expected_gaussians(config, 100), 50000);
+}
+
+TEST(Forecast, NamesGpuFiguresForAGpuOnly) {
+  const Config config;
+  const SceneSize scene = {1e8, 0, 1.0, 30000};
+  EXPECT_THAT(forecast(config, scene, {}).text,
+              AllOf(HasSubstr("on the CPU"), Not(HasSubstr("H200")), Not(HasSubstr("GPU"))));
+  const Forecast on_gpu = forecast(config, scene, {true, std::size_t(80) << 30});
+  EXPECT_THAT(on_gpu.text, AllOf(HasSubstr("80.0 GiB are free"), HasSubstr("on an H200")));
+  EXPECT_THAT(on_gpu.warnings, IsEmpty());
+}
+
+TEST(Forecast, WarnsOfARunThatDoesNotFit) {
+  Config config;
+  config.density.max_gaussians = 10000000;
+  config.density.strategy = "mcmc";
+  const SceneSize scene = {1e8, 1e8, 1.0, 30000};
+  const Forecast on_gpu = forecast(config, scene, {true, std::size_t(4) << 30});
+  ASSERT_EQ(on_gpu.warnings.size(), 1u);
+  EXPECT_THAT(on_gpu.warnings[0],
+              AllOf(HasSubstr("the GPU has 4.0 GiB free"), HasSubstr("--max-gaussians 2")));
+
+  config.density.max_gaussians = std::int64_t(1) << 40;  // 2 PiB
+  const Forecast on_cpu = forecast(config, scene, {});
+  ASSERT_EQ(on_cpu.warnings.size(), 1u);
+  EXPECT_THAT(on_cpu.warnings[0],
+              AllOf(HasSubstr("of RAM are free"), HasSubstr("--max-gaussians")));
+}
+
+TEST(Forecast, CountsPhotosThatAreNotLoadedYet) {
+  Config config;
+  config.dataset.photo_ram_gib = 1e6f;
+  SceneSize scene = {1e15, 0, 1.0, 30000};
+  EXPECT_THAT(forecast(config, scene, {true, 0}).warnings, ElementsAre(HasSubstr("--photo-ram")));
+  scene.loaded_bytes = scene.photo_bytes;
+  EXPECT_THAT(forecast(config, scene, {true, 0}).warnings, IsEmpty());
 }
 
 /// Noise, which is sharp, after `smoothing` means over neighbors, times `gain`.

@@ -3,12 +3,16 @@
 #include "data_loaders/formats/formats.h"
 
 #include <gmock/gmock.h>
+#include <spdlog/fmt/fmt.h>
 
 #include <cmath>
 #include <numbers>
 
+#include "data_loaders/formats/coding/compression.h"
 #include "data_loaders/formats/coding/finite_rows.h"
+#include "data_loaders/formats/coding/little_endian.h"
 #include "data_loaders/formats/coding/quantize.h"
+#include "data_loaders/formats/foreign_files.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/sog/zip_file.h"
 #include "data_loaders/formats/spz/spz_layout.h"
@@ -260,6 +264,36 @@ TEST_F(Formats, SpzTakesFewerFractionalBitsForFarPositions) {
               AllOf(HasSubstr("1e+07 world units"), HasSubstr("--recenter")));
 }
 
+// The format's own reader wants as many streams as there are arrays with something in them.
+TEST_F(Formats, SpzVersion4HasNoStreamForShOfDegreeZero) {
+  for (const int degree : {0, 1}) {
+    write_model(file("a.spz"), moderate_model(3, degree), {4});
+    const std::string bytes = read_bytes(file("a.spz"));
+    const std::size_t streams = degree == 0 ? 5 : 6;
+    EXPECT_EQ(std::size_t(std::uint8_t(bytes[15])), streams);
+    std::size_t end = kSpzHeaderBytes + sizeof(SpzStreamTable) + streams * sizeof(SpzStream);
+    for (std::size_t s = 0; s < streams; ++s) {
+      const auto stream = load_little<SpzStream>(bytes.data() + 32 + s * sizeof(SpzStream));
+      EXPECT_GT(stream.raw, 0u) << s;
+      end += stream.packed;
+    }
+    EXPECT_EQ(end, bytes.size());
+  }
+}
+
+TEST_F(Formats, SpzVersion4WithAnEmptyStreamIsReadToo) {
+  const GaussianModel model = moderate_model(3, 0);
+  write_model(file("a.spz"), model, {4});
+  std::string bytes = read_bytes(file("a.spz"));
+  const std::string frame = zstd_frame("");
+  std::string entry;
+  append_little(entry, SpzStream{frame.size(), 0});
+  bytes[15] = 6;
+  bytes.insert(32 + 5 * sizeof(SpzStream), entry);
+  write_bytes(file("b.spz"), bytes + frame);
+  EXPECT_TRUE(same_bits(read_model(file("b.spz")).gaussians, read_model(file("a.spz")).gaussians));
+}
+
 TEST_F(Formats, SogKeepsShThatFewKindsOfGaussiansShare) {
   GaussianModel model = moderate_model(2000, 3);
   for (std::size_t i = 0; i < 2000; ++i)
@@ -301,14 +335,47 @@ TEST_F(Formats, CsvTakesColumnsInAnyOrderAndNamesTheLineThatIsWrong) {
   EXPECT_THAT(error_of([&] { read_model(file("c.csv")); }), HasSubstr("lacks the columns rot_3"));
 }
 
+TEST_F(Formats, CsvHoldsPositionsFarFromTheOriginAsDoubles) {
+  GaussianModel model = random_model(300, 0);
+  model.world_offset = {500'000, 5'400'000, 300};
+  write_model(file("a.csv"), model);
+  EXPECT_THAT(read_bytes(file("a.csv")),
+              HasSubstr("\n" + fmt::format("{}", model.gaussians.mean[0].x + 500'000.0) + ","));
+  const GaussianModel back = read_model(file("a.csv"));
+  for (std::size_t i = 0; i < 300; ++i) {
+    const Vec3d before = Vec3d(model.gaussians.mean[i]) + model.world_offset;
+    const Vec3d after = Vec3d(back.gaussians.mean[i]) + back.world_offset;
+    for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(after[axis], before[axis], 1e-6) << i;
+  }
+  EXPECT_EQ(back.gaussians.sh0.download(), model.gaussians.sh0.download());
+}
+
 TEST_F(Formats, EndingsSayTheFormatInAnyCase) {
   EXPECT_EQ(find_format("a.compressed.ply")->name, "compressed.ply");
   EXPECT_EQ(find_format("dir.spz/A.PLY")->name, "ply");
   EXPECT_EQ(find_format("a.obj"), nullptr);
-  EXPECT_THAT(error_of([] { format_to_write("a.obj"); }), HasSubstr("compressed.ply"));
+  EXPECT_THAT(error_of([] { format_to_write("a.ksplat"); }),
+              HasSubstr("a.ksplat: gemsplat does not write .ksplat; it writes .ply, .csv, .glb"));
+  EXPECT_THAT(error_of([] { format_to_write("a"); }), HasSubstr("files without an ending"));
   EXPECT_EQ(format_named("glb").ending, ".glb");
-  EXPECT_THAT(error_of([] { format_named("obj"); }), HasSubstr("there are ply, csv"));
-  EXPECT_THAT(error_of([] { read_model("a.glb"); }), HasSubstr("not read"));
+  EXPECT_THAT(error_of([] { format_named("obj"); }), HasSubstr("it has ply, csv"));
+  EXPECT_THAT(error_of([] { read_model("a.glb"); }), HasSubstr("does not read it"));
+}
+
+TEST_F(Formats, FilesOfOtherProgramsAreNamedWithARemedy) {
+  const auto error_reading = [&](const char* name, const std::string& bytes) {
+    write_bytes(file(name), bytes);
+    return error_of([&] { read_model(file(name)); });
+  };
+  EXPECT_THAT(error_reading("a.ksplat", "any bytes"),
+              AllOf(HasSubstr("a .ksplat file"), HasSubstr("convert it to .ply")));
+  EXPECT_THAT(error_reading("point_cloud.ply", std::string("PK\x03\x04 a zip")),
+              AllOf(HasSubstr("a zip file, as .sog files are"), HasSubstr("ends in .sog")));
+  EXPECT_THAT(error_reading("a.model", "NGSP"), HasSubstr("ends in .spz"));
+  EXPECT_THAT(error_reading("a.model", "some text"), HasSubstr("not a PLY file"));
+  write_bytes(file("sog/meta.json"), "{}");
+  EXPECT_THAT(foreign_kind(file("sog")), HasSubstr("zip -0 -j model.sog"));
+  EXPECT_EQ(foreign_kind(file("none.ksplat")), "");  // an Error says that it is missing
 }
 
 TEST_F(Formats, AWrongChecksumOfSpzIsDamage) {

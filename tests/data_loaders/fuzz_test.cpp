@@ -5,7 +5,7 @@
 #include "data_loaders/cameras/camera_file.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/scene/load_scene.h"
-#include "data_loaders/scene/transforms_json.h"
+#include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/log.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/damage.h"

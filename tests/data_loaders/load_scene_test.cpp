@@ -194,6 +194,28 @@ TEST(LoadScene, ResolutionDividesOrIsTheWidth) {
   }
 }
 
+/// A scene with transforms.json and two photos, taken at these times.
+void write_timed_scene(const std::filesystem::path& folder, double first, double second) {
+  std::string frames;
+  for (const auto& [name, time] : {std::pair("a.png", first), std::pair("b.png", second)}) {
+    write_png(folder / name, plain_photo(12, 8, 50));
+    frames += std::string(frames.empty() ? "" : ", ") + "{\"file_path\": \"" + name +
+              "\", \"time\": " + std::to_string(time) +
+              ", \"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}";
+  }
+  write_bytes(folder / "transforms.json", "{\"fl_x\": 10, \"frames\": [" + frames + "]}");
+}
+
+TEST(LoadScene, SceneThatMovesIsSaidToBeTrainedAsAStaticOne) {
+  const TempFolder temp;
+  write_timed_scene(temp.path(), 0.25, 0.25);
+  EXPECT_THAT(log_of(dataset_at(temp.path())), Not(HasSubstr("moves")));
+  write_timed_scene(temp.path(), 0.25, 0.75);
+  EXPECT_THAT(log_of(dataset_at(temp.path())),
+              AllOf(HasSubstr("the scene moves"), HasSubstr("at 2 different times"),
+                    HasSubstr("trained as a static scene")));
+}
+
 TEST(LoadScene, MissingPhotosAreNamedAndCounted) {
   const TempFolder temp;
   write_scene(temp.path(), small_model(14));
@@ -211,7 +233,8 @@ TEST(LoadScene, MissingPhotosAreNamedAndCounted) {
   write_png(temp.path() / "images/other.png", plain_photo(12, 8, 5));
   EXPECT_THAT(error_of(dataset_at(temp.path())),
               AllOf(HasSubstr("12 of the model's 14 photos"), HasSubstr("j.png, k.png and 2 more"),
-                    Not(HasSubstr("l.png")), HasSubstr("1 photos there"), HasSubstr("other.png")));
+                    Not(HasSubstr("l.png")), HasSubstr("1 photo there is not in the model"),
+                    HasSubstr("other.png")));
 }
 
 /// A scene with photos named otherwise than in the model: (in the model, on disk).
@@ -235,11 +258,11 @@ TEST(LoadScene, PhotosOfAnotherExtensionOrCaseAreTakenAndCounted) {
   write_bytes(temp.path() / "images/a.txt", "a note on a.png");
   write_bytes(temp.path() / "images/._a.png", "what macOS leaves behind");
   EXPECT_THAT(log_of(dataset),
-              AllOf(HasSubstr("1 photos are taken for names in the model that differ in upper and "
+              AllOf(HasSubstr("1 photo is taken for names in the model that differ in upper and "
                               "lower case: left/c.PNG for 'Left/C.png'"),
                     HasSubstr("2 photos are taken for names in the model that differ in extension: "
                               "a.png for 'a.jpg', ..."),
-                    HasSubstr("1 photos are taken for names in the model that differ in case and "
+                    HasSubstr("1 photo is taken for names in the model that differ in case and "
                               "extension: left/d.png for 'Left/D.JPG'")));
   const Scene scene = load_scene(dataset);
   EXPECT_THAT(names_of(scene.train_views),  // as the model has them

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Masks and alpha, from their files to the views that are trained on.
-#include "data_loaders/scene/masks.h"
+#include "data_loaders/scene/view_picture.h"
 
 #include <gmock/gmock.h>
 
@@ -234,7 +234,7 @@ TEST_F(Masks, OfAnotherSizeAreResizedAndOfAnotherShapeRefused) {
 TEST_F(Masks, ThatLeaveNothingDropTheirViewOrAreRefused) {
   write_photos({"b.jpg", "c.jpg"});
   write_mask("masks/b.png", left_mask(0));
-  EXPECT_THAT(log_of(dataset()), HasSubstr("1 photos are masked everywhere and left out: b.jpg"));
+  EXPECT_THAT(log_of(dataset()), HasSubstr("1 photo is masked everywhere and left out: b.jpg"));
   EXPECT_EQ(load_scene(dataset()).train_views.size(), 1u);
   write_mask("masks/c.png", left_mask(0));
   EXPECT_THAT(error_of(dataset()),
@@ -418,14 +418,14 @@ TEST_F(Masks, AreExaminedByTheDoctor) {
   write_mask("masks/c.png", left_mask(0));
   const Diagnosis headers = diagnosis_of(dataset(), false);
   EXPECT_THAT(said_of_masks(headers, Level::good), HasSubstr("2 of 3 photos have a mask"));
-  EXPECT_THAT(said_of_masks(headers, Level::warning), HasSubstr("1 photos have no mask"));
+  EXPECT_THAT(said_of_masks(headers, Level::warning), HasSubstr("1 photo has no mask"));
   EXPECT_THAT(said_of_masks(headers, Level::warning), HasSubstr("d.jpg\n"));
   const Diagnosis pictures = diagnosis_of(dataset(), true);
   EXPECT_TRUE(pictures.can_train());
   EXPECT_THAT(said_of_masks(pictures, Level::good),
               HasSubstr("2 of 3 photos are masked; 25.0 % of their pixels train"));
   EXPECT_THAT(said_of_masks(pictures, Level::warning),
-              AllOf(HasSubstr("1 masks leave less than 5 %"), HasSubstr("c.jpg")));
+              AllOf(HasSubstr("1 mask leaves less than 5 %"), HasSubstr("c.jpg")));
   for (const char* name : {"masks/b.png", "masks/d.png"}) write_mask(name, left_mask(0));
   EXPECT_FALSE(diagnosis_of(dataset(), true).can_train());
   write_mask("masks/b.png", left_mask(2, 8, 12));

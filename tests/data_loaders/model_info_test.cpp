@@ -156,6 +156,13 @@ TEST(ModelInfo, OneGaussianIsNotSuspicious) {
   EXPECT_TRUE(inspect(sound_model(1, 1)).suspicions.empty());
 }
 
+TEST(ModelInfo, AFilterThatWasAppliedIsNamed) {
+  ModelInfo info = inspect(sound_model());
+  EXPECT_THAT(describe(info), Not(HasSubstr("filter_3D")));
+  info.had_filter_3d = true;
+  EXPECT_THAT(describe(info), HasSubstr("filter_3D, applied to scales and opacities"));
+}
+
 TEST(ModelInfo, JsonHoldsTheSameNumbers) {
   GaussianModel model = sound_model();
   model.gaussians.rotation[5] = {0, 0, 0, 0};
@@ -165,6 +172,7 @@ TEST(ModelInfo, JsonHoldsTheSameNumbers) {
   EXPECT_EQ(json["count"], 1000);
   EXPECT_EQ(json["sh_degree"], 1);
   EXPECT_EQ(json["antialiased"], false);
+  EXPECT_EQ(json["had_filter_3d"], false);
   EXPECT_EQ(json["max"][2].get<float>(), info.max.z);
   EXPECT_EQ(json["median_scale"].get<float>(), info.median_scale);
   EXPECT_EQ(json["suspicions"]["zero_quaternions"], 1);

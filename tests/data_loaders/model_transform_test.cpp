@@ -33,7 +33,7 @@ TEST(ModelTransform, ColorsTurnWithTheModelAtEveryDegree) {
   for (int degree = 0; degree <= kMaxShDegree; ++degree) {
     const GaussianModel before = random_model(4, degree);
     GaussianModel after = random_model(4, degree);
-    place(after, some_transform());
+    transform_model(after, some_transform());
     const Mat3<double> R = rotation_matrix(some_transform().turn);
     for (std::size_t i = 0; i < 4; ++i) {
       const Vec3f d = unit(before.gaussians.mean[(i + 1) % 4]);
@@ -51,7 +51,7 @@ TEST(ModelTransform, MeansScalesAndAxesGoAlong) {
   const GaussianModel before = random_model(5, 0);
   GaussianModel after = random_model(5, 0);
   const ModelTransform transform = some_transform();
-  place(after, transform);
+  transform_model(after, transform);
   const Mat3<double> R = rotation_matrix(transform.turn);
   for (std::size_t i = 0; i < 5; ++i) {
     const Vec3d expected =
@@ -70,8 +70,8 @@ TEST(ModelTransform, MeansScalesAndAxesGoAlong) {
 TEST(ModelTransform, TheInverseTakesTheModelBack) {
   const GaussianModel before = random_model(5, 3);
   GaussianModel after = random_model(5, 3);
-  place(after, some_transform());
-  place(after, inverse_of(some_transform()));
+  transform_model(after, some_transform());
+  transform_model(after, inverse_of(some_transform()));
   for (std::size_t i = 0; i < 5; ++i)
     for (int k = 0; k < 3; ++k) {
       EXPECT_NEAR(after.gaussians.mean[i][k], before.gaussians.mean[i][k], kFloat);
@@ -85,7 +85,7 @@ TEST(ModelTransform, MatricesSayTheSameAndInvert) {
   const Mat4d both = multiply(inverse_of(there), there);
   GaussianModel model = random_model(1, 0);
   const Vec3d before(model.gaussians.mean[0]);
-  place(model, some_transform());
+  transform_model(model, some_transform());
   for (int i = 0; i < 4; ++i)
     for (int j = 0; j < 4; ++j) EXPECT_NEAR(both.m[i][j], i == j, 1e-12);
   for (int i = 0; i < 3; ++i) {
@@ -99,11 +99,23 @@ TEST(ModelTransform, AShiftKeepsTheWorldOffsetTrue) {
   GaussianModel model = random_model(3, 0);
   model.world_offset = {500'000, 0, 7};
   const Vec3d input = Vec3d(model.gaussians.mean[1]) + model.world_offset;
-  place(model, {median_mean(model), {1, 0, 0, 0}, 1});
+  transform_model(model, {median_mean(model), {1, 0, 0, 0}, 1});
   EXPECT_NEAR((Vec3d(model.gaussians.mean[1]) + model.world_offset).z, input.z, 1e-6);
   EXPECT_EQ(median_mean(model), Vec3d(0.0));
-  place(model, {{0, 0, 0}, {1, 0, 0, 0}, 3});
+  transform_model(model, {{0, 0, 0}, {1, 0, 0, 0}, 3});
   EXPECT_EQ(model.world_offset, Vec3d(0.0));
+}
+
+TEST(ModelTransform, ALowerShDegreeClearsTheCoefficientsBeyondIt) {
+  const GaussianModel before = random_model(2, 3);
+  GaussianModel after = random_model(2, 3);
+  limit_sh_degree(after, 3);
+  EXPECT_EQ(after.sh_degree, 3);
+  limit_sh_degree(after, 1);
+  EXPECT_EQ(after.sh_degree, 1);
+  for (int k = 0; k < kShRestCount; ++k)
+    EXPECT_EQ(after.gaussians.sh_rest[1].coefficient[k],
+              k < 3 ? before.gaussians.sh_rest[1].coefficient[k] : Vec3f(0));
 }
 
 // Half turns by signs alone are the same as by the general rule.
@@ -112,7 +124,7 @@ TEST(ModelTransform, SignsOfHalfTurnsAreThoseOfTheRotation) {
                                     std::pair(kHalfTurnZ, Quat<double>{0, 0, 0, 1})}) {
     const GaussianModel before = random_model(2, 3);
     GaussianModel after = random_model(2, 3);
-    place(after, {{0, 0, 0}, turn, 1});
+    transform_model(after, {{0, 0, 0}, turn, 1});
     for (int k = 0; k < kShRestCount; ++k)
       EXPECT_NEAR(after.gaussians.sh_rest[1].coefficient[k].x,
                   sh_sign(k, signs) * before.gaussians.sh_rest[1].coefficient[k].x, 1e-6)

@@ -13,6 +13,8 @@
 #include <cstring>
 #include <sstream>
 
+#include "data_loaders/formats/model_info.h"
+#include "data_loaders/formats/ply/mip_filter.h"
 #include "gs_core/version.h"
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"
@@ -441,10 +443,50 @@ TEST_F(Ply, CommentsSayWhetherItIsAntialiased) {
   };
   EXPECT_TRUE(antialiased("SplatRenderMode: mip"));
   EXPECT_TRUE(antialiased("antialiased 1"));
+  EXPECT_TRUE(antialiased("postshot.anti_aliasing=1"));
+  EXPECT_FALSE(antialiased("postshot.anti_aliasing=0"));
   EXPECT_FALSE(antialiased("SplatRenderMode: default"));
   EXPECT_FALSE(antialiased("antialiased 0"));
   EXPECT_FALSE(antialiased(""));
   EXPECT_FALSE(antialiased("antialiased"));
+}
+
+// add_rows() writes 77 for each name that it does not know: the filter's standard deviation.
+TEST_F(Ply, AMipSplattingFilterIsBakedIntoScalesAndOpacities) {
+  const GaussianModel model = random_model(3, 1);
+  std::vector<std::string> names = properties_of_degree(1);
+  names.push_back("filter_3D");
+  const GaussianModel back = read(ply_of(model, names));
+  EXPECT_TRUE(is_ply_with_filter_3d(file()));
+  EXPECT_TRUE(back.antialiased);
+  for (std::size_t i = 0; i < 3; ++i) {
+    double share = 1;  // of the opacity
+    for (int axis = 0; axis < 3; ++axis) {
+      const double s2 = std::exp(2.0 * model.gaussians.log_scale[i][axis]), f2 = 77.0 * 77.0;
+      EXPECT_NEAR(back.gaussians.log_scale[i][axis], 0.5 * std::log(s2 + f2), 1e-6);
+      share *= std::sqrt(s2 / (s2 + f2));
+    }
+    const double opacity = share / (1 + std::exp(-double(model.gaussians.logit_opacity[i])));
+    EXPECT_NEAR(back.gaussians.logit_opacity[i], std::log(opacity / (1 - opacity)), 1e-4);
+    EXPECT_EQ(back.gaussians.mean[i], model.gaussians.mean[i]);
+  }
+  write_gaussian_ply(file(), back);
+  EXPECT_FALSE(is_ply_with_filter_3d(file()));  // it is in the numbers now
+  const std::string plain = ply_of(model, names);
+  EXPECT_FALSE(read("ply\ncomment SplatRenderMode: default" + plain.substr(3)).antialiased);
+}
+
+TEST_F(Ply, AFilterOfZeroChangesNothingAndATinyGaussianStaysFinite) {
+  const GaussianModel model = random_model(3, 0);
+  bake_filter_3d(model.gaussians, {0, 0, 0});
+  EXPECT_TRUE(same_bits(model.gaussians, random_model(3, 0).gaussians));
+  model.gaussians.logit_opacity[0] = 60;  // 1 in float and in double
+  model.gaussians.log_scale[1] = Vec3f(-300);
+  bake_filter_3d(model.gaussians, {1e-6f, 1, 1});
+  EXPECT_GT(model.gaussians.logit_opacity[0], 20);
+  EXPECT_TRUE(std::isfinite(model.gaussians.logit_opacity[0]));
+  EXPECT_EQ(model.gaussians.log_scale[1], Vec3f(0));
+  EXPECT_EQ(model.gaussians.logit_opacity[1], -80);
 }
 
 TEST_F(Ply, ACommentSaysWhetherItIsOurs) {

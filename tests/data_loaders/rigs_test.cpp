@@ -4,7 +4,7 @@
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/scene/load_scene.h"
-#include "data_loaders/scene/split.h"
+#include "data_loaders/scene/scene_model.h"
 #include "gs_core/error.h"
 #include "tests/support/colmap_writer.h"
 

@@ -252,7 +252,30 @@ TEST_F(FakeColmap, MissingProgramNamesPackageAndFlag) {
   ColmapJob without = job();
   without.settings.colmap = "no-such-colmap";
   EXPECT_THAT(error_of(without), AllOf(HasSubstr("no-such-colmap"), HasSubstr("apt install colmap"),
-                                       HasSubstr("--colmap")));
+                                       HasSubstr("--set reconstruct.colmap=PATH")));
+  without.has_short_flags = true;
+  EXPECT_THAT(error_of(without), HasSubstr("name it with --colmap PATH"));
+}
+
+TEST_F(FakeColmap, AdviceOnMatchingNamesAFlagThatTheVerbHas) {
+  install(
+      "#!/bin/sh\n[ $1 != mapper ] || { echo 'ERROR: failed to create sparse model'; exit 1; }\n");
+  ColmapJob neighbors = job();
+  neighbors.settings.matching = Matching::sequential;
+  EXPECT_THAT(error_of(neighbors), HasSubstr("or try --set reconstruct.matching=exhaustive"));
+  neighbors.has_short_flags = true;
+  EXPECT_THAT(error_of(neighbors), HasSubstr("or try --matching exhaustive"));
+}
+
+TEST_F(FakeColmap, TheCheckThrowsBeforeAnythingIsWritten) {
+  check_reconstruction(job());
+  EXPECT_FALSE(fs::exists(scene()));
+  ColmapJob without = job();
+  without.settings.colmap = "no-such-colmap";
+  EXPECT_THROW(check_reconstruction(without), Error);
+  fs::remove(photos() / "a.png");
+  fs::remove(photos() / "b.png");
+  EXPECT_THROW(check_reconstruction(job()), Error);  // two photos
 }
 
 TEST_F(FakeColmap, SignalEndsTheProgramAndKeepsWhatIsComplete) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // transforms.json of nerfstudio and instant-ngp, and the three files of Blender's scenes.
-#include "data_loaders/scene/transforms_json.h"
+#include "data_loaders/transforms/transforms_json.h"
 
 #include <gmock/gmock.h>
 
@@ -104,6 +104,27 @@ TEST_F(Transforms, FolderIsKnownByEitherFile) {
   std::filesystem::remove(folder() / "transforms_train.json");
   write(small_file());
   EXPECT_TRUE(has_transforms(folder()));
+}
+
+// --- Time
+
+TEST_F(Transforms, TimesOfFramesAreCounted) {
+  EXPECT_EQ(read(small_file()).time_count, 0u);
+  EXPECT_EQ(read(small_file("{}", R"({"time": 0.5})")).time_count, 1u);
+  json moving = small_file("{}", R"({"time": 0.5})");
+  moving["frames"][0]["time"] = 0;
+  EXPECT_EQ(read(moving).time_count, 2u);
+  moving["frames"][0]["time"] = "noon";  // a note of another program
+  EXPECT_EQ(read(moving).time_count, 1u);
+}
+
+TEST_F(Transforms, TimesOfBlendersFilesAreCountedTogether) {
+  json train = small_file("{}", R"({"time": 0.5})"), test = small_file("{}", R"({"time": 1.0})");
+  test["frames"].erase(0);
+  test["frames"][0]["file_path"] = "test/r_0";
+  write(train, "transforms_train.json");
+  write(test, "transforms_test.json");
+  EXPECT_EQ(read_transforms(folder()).time_count, 2u);
 }
 
 // --- Poses
@@ -388,7 +409,7 @@ TEST_F(Transforms, APhotoInBothListsIsForTestingWithAWarning) {
       "train_filenames": ["images/a.png", "images/b.png"], "test_filenames": ["images/b.png"]})"));
   EXPECT_THAT(
       testing::internal::GetCapturedStdout(),
-      AllOf(HasSubstr("1 photos are for training and for testing"), HasSubstr("transforms.json")));
+      AllOf(HasSubstr("1 photo is for training and for testing"), HasSubstr("transforms.json")));
   EXPECT_THAT(scene.test_names, ElementsAre("images/b.png"));
   EXPECT_EQ(scene.model.images.size(), 2u);
 }
@@ -568,7 +589,7 @@ TEST_F(Transforms, WhatIsNoJsonIsAnErrorThatNamesTheByte) {
   for (std::size_t length = 0; length < text.size(); ++length) {
     write_bytes(folder() / "transforms.json", text.substr(0, length));
     ASSERT_THAT(error(), AllOf(StartsWith("cannot read " + folder().string()),
-                               HasSubstr("no JSON from byte"), HasSubstr("write it again")));
+                               HasSubstr("not JSON from byte"), HasSubstr("write it again")));
   }
 }
 
@@ -602,7 +623,7 @@ TEST_F(Transforms, DeepNestingIsNoTrouble) {
   write_bytes(folder() / "transforms.json", text);
   EXPECT_THAT(error(), HasSubstr("a value of type array as fl_x"));
   write_bytes(folder() / "transforms.json", nest.substr(0, depth));
-  EXPECT_THAT(error(), HasSubstr("no JSON"));
+  EXPECT_THAT(error(), HasSubstr("not JSON"));
 }
 
 TEST_F(Transforms, ChangedBytesNeverLeadToAnythingButAnError) {

@@ -166,7 +166,7 @@ class Files(TestCase):
 
     def test_trouble_with_files_is_an_error_with_the_text_of_the_program(self):
         model = gemsplat.Model(**random_arrays())
-        self.assert_refused("says no format by its ending; there are ply", model.save, self.folder / "model.txt")
+        self.assert_refused("gemsplat does not write .txt; it writes .ply", model.save, self.folder / "model.txt")
         with self.assertRaisesRegex(gemsplat.Error, "missing.ply"):
             gemsplat.load(self.folder / "missing.ply")
         (self.folder / "broken.ply").write_bytes(b"ply\nformat binary_little_endian 1.0\n")

@@ -18,9 +18,9 @@
 namespace gs {
 namespace {
 
-[[maybe_unused]] constexpr int kGzip = 15 + 16;  // zlib's word for a window of 2^15 bytes and gzip's header
-[[maybe_unused]] constexpr int kZstdLevel = 12;  // beyond it, files get slower to write and hardly smaller
-[[maybe_unused]] constexpr std::size_t kMostUnpacked = 1032;  // bytes from one, of what deflate can do
+[[maybe_unused]] constexpr int kGzip = 15 + 16;  // zlib: a window of 2^15 bytes, gzip's header
+[[maybe_unused]] constexpr int kZstdLevel = 12;  // higher ones are slower and hardly smaller
+[[maybe_unused]] constexpr std::size_t kMostUnpacked = 1032;  // bytes from one, by deflate
 [[maybe_unused]] constexpr std::size_t kZlibRoom = std::size_t(1) << 30;  // zlib counts in 32 bits
 
 [[maybe_unused]] [[noreturn]] void fail_without(const char* library, const char* package) {

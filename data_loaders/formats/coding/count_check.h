@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How many Gaussians a compressed file can hold.
+// Refuses a compressed file that promises more Gaussians than its size can hold.
 #pragma once
 
 #include <spdlog/fmt/fmt.h>
@@ -8,11 +8,12 @@
 
 namespace gs {
 
-/// Most Gaussians for each byte of a compressed file. Real ones hold one in 5 bytes or more; what promises over a thousand times
-/// that is damaged, or made to exhaust memory.
+/// Most Gaussians for each byte of a compressed file. Real files take 5 bytes or more for one; a
+/// file that promises a thousand times as many is damaged, or made to exhaust memory.
 inline constexpr std::uint64_t kMostPerByte = 256;
 
-/// Throws Error where a file of so many bytes cannot hold `count` Gaussians. To be asked before memory is.
+/// Throws Error where a file of `bytes` bytes cannot hold `count` Gaussians. Call it before memory
+/// is allocated.
 inline void check_count(const std::filesystem::path& path, std::uint64_t count,
                         std::uint64_t bytes) {
   if (count > kMostPerByte * bytes)

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every writer of trained Gaussians sees to: no row with NaN or infinity, rotations of length 1.
+// What every writer of trained Gaussians ensures: no row with NaN or infinity, rotations of length
+// 1.
 #pragma once
 
 #include <cstddef>
@@ -25,7 +26,7 @@ void normalize(float* wxyz);
 /// The finite rows of a model, with rotations of length 1; coefficients beyond its degree are zero.
 GaussianModel finite_model(const GaussianModel& model);
 
-/// Rows `source` of a model, in that order; everything else as it is.
+/// The rows source[0], source[1], ... of a model, with everything else that it says.
 GaussianModel rows_of(const GaussianModel& model, const std::vector<std::uint32_t>& source);
 
 }  // namespace gs

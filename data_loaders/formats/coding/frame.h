@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Half turns about an axis: how Gaussians get from COLMAP's axes (x right, y down, z forward) to those of formats that
-// have y up. Exact: signs change, and nothing else.
+// Half turns about an axis: they take Gaussians from COLMAP's axes (x right, y down, z forward) to
+// those of formats with y up. They are exact, since only signs change.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,8 @@ using AxisSigns = Vec3f;
 inline const AxisSigns kHalfTurnX{1, -1, -1};
 inline const AxisSigns kHalfTurnZ{-1, -1, 1};
 
-/// The sign that SH coefficient k of ShRest takes when the axes do. Each basis function of math/sh.h is even or odd in
-/// each of x, y and z, and odd in just those of the product noted here.
+/// The sign that SH coefficient k of ShRest gets under these signs of the axes. Each basis function
+/// of math/sh.h is even or odd in each of x, y and z; the table lists the axes in which it is odd.
 inline float sh_sign(int k, const AxisSigns& signs) {
   constexpr int x = 1, y = 2, z = 4;
   constexpr std::uint8_t kOdd[kShRestCount] = {y,         z,     x,  //

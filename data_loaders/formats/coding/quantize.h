@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers as small whole numbers: what the packed formats share. Whatever does not fit becomes the nearest
-// that does.
+// Numbers as small integers, for the packed formats. A number out of range becomes the nearest in
+// range.
 #pragma once
 
 #include <algorithm>
@@ -36,8 +36,8 @@ inline float from_unorm(std::uint32_t value, int bits) {
   return float(value & most) / float(most);
 }
 
-/// Opacity as a byte, and back as a logit. Of 0 and 255, which stand for half an interval, the middle of that: so
-/// that the logit is finite, and the opacity still below 1/255 or near 1.
+/// Opacity as a byte, and back as a logit. The bytes 0 and 255 stand for half an interval each and
+/// are read as its middle: the logit is finite, and the opacity still below 1/255 or near 1.
 inline std::uint32_t opacity_byte(float logit_opacity) {
   return to_unorm(sigmoid(logit_opacity), 8);
 }
@@ -49,8 +49,8 @@ inline float logit_of_byte(std::uint32_t byte) {
 inline float color_of_sh0(float f) { return kColorOffset + float(kSh0) * f; }
 inline float sh0_of_color(float c) { return (c - kColorOffset) / float(kSh0); }
 
-/// A quaternion of length 1 by the three of its components that are not the largest: these lie within +-1/sqrt(2).
-/// The signs are such that the largest is not negative, which is the same rotation.
+/// A quaternion of length 1 without its largest component: the other three lie within +-1/sqrt(2).
+/// Its sign is chosen so that the largest component is not negative, which is the same rotation.
 struct SmallestThree {
   int largest;                 // its index
   std::array<float, 3> others;  // in their order
@@ -73,6 +73,6 @@ inline std::array<float, 4> quaternion_of(const SmallestThree& parts) {
   return q;
 }
 
-inline constexpr float kSqrtHalf = 0.70710678f;  // the most that the second-largest component can be
+inline constexpr float kSqrtHalf = 0.70710678f;  // the second-largest component is no larger
 
 }  // namespace gs

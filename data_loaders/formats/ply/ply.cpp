@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading trained Gaussians from PLY. Most of it finds out, before memory is asked for, whether the
-// file holds Gaussians at all; ply_file.cpp does the reading.
+// Reading trained Gaussians from PLY. Most of this file checks, before it asks for memory, whether
+// the PLY holds Gaussians at all; ply_file.cpp reads the rows.
 #include "data_loaders/formats/ply/ply.h"
 
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
 #include <locale>
+#include <optional>
 #include <sstream>
 
 #include "data_loaders/formats/ply/compressed_ply.h"
+#include "data_loaders/formats/ply/mip_filter.h"
 #include "data_loaders/formats/ply/ply_file.h"
 #include "data_loaders/formats/ply/ply_layout.h"
+#include "gs_core/log.h"
 
 namespace gs {
 namespace {
@@ -27,7 +30,8 @@ void append_columns(std::vector<PlyColumn>& columns, const Buffer<T>& buffer,
   }
 }
 
-/// Says what a file without `missing` is, as far as its header tells.
+/// Throws an Error that says what a file without the properties `missing` is, as far as its header
+/// tells.
 [[noreturn]] void fail_without(const std::vector<std::string>& missing, const PlyElement& vertex,
                                const PlyFile& file) {
   const PlyElement* face = file.header().find("face");
@@ -65,20 +69,22 @@ bool is_ours(const PlyHeader& header) {
                      [](const std::string& comment) { return comment.starts_with("gemsplat "); });
 }
 
-bool is_antialiased(const PlyHeader& header) {
+/// "SplatRenderMode: mip" (Brush, gemsplat), "antialiased 1" or "postshot.anti_aliasing=1"
+/// (Postshot); nothing where no comment speaks of it.
+std::optional<bool> antialiased_comment(const PlyHeader& header) {
+  constexpr const char* kSeparators = ":= ";
   for (const std::string& comment : header.comments) {
-    const std::size_t colon = comment.find_first_of(": ");
-    if (colon == comment.npos) continue;
-    const std::size_t value = comment.find_first_not_of(": ", colon);
+    const std::size_t key_end = comment.find_first_of(kSeparators);
+    const std::size_t value = comment.find_first_not_of(kSeparators, key_end);
     if (value == comment.npos) continue;
-    const std::string key = comment.substr(0, colon), word = comment.substr(value);
+    const std::string key = comment.substr(0, key_end), word = comment.substr(value);
     if (key == "SplatRenderMode") return word.starts_with("mip");
-    if (key == "antialiased") return word.starts_with("1");
+    if (key == "antialiased" || key == "postshot.anti_aliasing") return word.starts_with("1");
   }
-  return false;
+  return std::nullopt;
 }
 
-/// Of the comment "world_offset X Y Z"; 0 without it, or where it is damaged.
+/// The numbers of the comment "world_offset X Y Z"; 0 without it, or where it is damaged.
 Vec3d world_offset_in(const PlyHeader& header) {
   constexpr std::string_view kWord = "world_offset ";
   for (const std::string& comment : header.comments) {
@@ -89,6 +95,17 @@ Vec3d world_offset_in(const PlyHeader& header) {
     if (numbers >> offset.x >> offset.y >> offset.z && is_finite(offset)) return offset;
   }
   return Vec3d(0.0);
+}
+
+/// Trainers with a 3D filter have an antialiased 2D one, too, unless a comment denies it.
+void apply_filter_3d(const std::vector<float>& filter, const PlyFile& file, GaussianModel& model) {
+  bake_filter_3d(model.gaussians, filter);
+  model.antialiased = antialiased_comment(file.header()).value_or(true);
+  log_info(
+      "{}: its 3D filter (filter_3D, of Mip-Splatting) is applied to scales and opacities, and it "
+      "is taken for {}",
+      file.path().string(),
+      model.antialiased ? "an antialiased model" : "one without antialiasing");
 }
 
 }  // namespace
@@ -117,7 +134,7 @@ int sh_degree_of(const PlyElement& element, const std::filesystem::path& path) {
 }
 
 void take_comments(const PlyHeader& header, GaussianModel& model) {
-  model.antialiased = is_antialiased(header);
+  model.antialiased = antialiased_comment(header).value_or(false);
   model.is_ours = is_ours(header);
   model.world_offset = world_offset_in(header);
 }
@@ -150,7 +167,14 @@ GaussianModel read_gaussian_ply(const std::filesystem::path& path) {
   take_comments(file.header(), model);
   model.gaussians.resize(vertex->count);
   if (model.sh_degree < kMaxShDegree) model.gaussians.sh_rest.fill_zero();
-  file.read_columns(*vertex, gaussian_columns(model.gaussians, model.sh_degree));
+  std::vector<PlyColumn> columns = gaussian_columns(model.gaussians, model.sh_degree);
+  std::vector<float> filter;  // (N), where the file has one
+  if (has_filter_3d(file.header())) {
+    filter.resize(vertex->count);
+    columns.push_back({kFilter3dProperty, filter.data(), 0, 1});
+  }
+  file.read_columns(*vertex, columns);
+  if (!filter.empty()) apply_filter_3d(filter, file, model);
   return model;
 }
 

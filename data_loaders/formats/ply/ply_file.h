@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads columns of numbers out of a PLY file, by name and whatever their type, order and byte
-// order.
+// Reads columns of numbers from a PLY file, by name. Types, order and byte order do not matter.
 #pragma once
 
 #include <filesystem>
@@ -17,10 +16,10 @@ struct PlyColumn {
   std::string property;
   float* array = nullptr;
   std::size_t offset = 0, stride = 1;  // floats
-  bool is_word = false;  // packed bits, of a property of type uint32: a std::uint32_t in the place of each float
+  bool is_word = false;  // a property of type uint32 goes bit by bit into the place of each float
 };
 
-/// What is wanted of an element: some of its columns.
+/// The columns to read of an element.
 struct PlyTable {
   const PlyElement* element = nullptr;
   std::vector<PlyColumn> columns;
@@ -30,18 +29,18 @@ struct PlyTable {
 /// Every function throws Error, naming the file and the place in it, for a file that is damaged.
 class PlyFile {
  public:
-  /// Reads the header, and checks that the file is as long as the header promises: whoever
-  /// allocates `count` rows afterwards asks for no more than a small multiple of the file's size.
+  /// Reads the header, and checks that the file is as long as the header promises, so that memory
+  /// for `count` rows is no more than a small multiple of the file's size.
   explicit PlyFile(const std::filesystem::path& path);
 
   const PlyHeader& header() const { return header_; }
   const std::filesystem::path& path() const { return reader_.path(); }
-  /// Reads all rows of `element`, one of header(), into the columns; everything else is passed
-  /// over. The columns must be properties of it (element.find() >= 0).
+  /// Reads all rows of `element`, one of header(), into the columns; everything else is skipped.
+  /// The columns must be properties of it (element.find() >= 0).
   void read_columns(const PlyElement& element, const std::vector<PlyColumn>& columns) {
     read_tables({{&element, columns}});
   }
-  /// The same of several elements, in whatever order.
+  /// The same for several elements, in any order.
   void read_tables(const std::vector<PlyTable>& tables);
 
  private:

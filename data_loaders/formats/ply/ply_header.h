@@ -12,7 +12,7 @@
 
 namespace gs {
 
-inline constexpr std::size_t kLongestPlyHeader = std::size_t(1) << 20;  // bytes; longer ones are damaged
+inline constexpr std::size_t kLongestPlyHeader = std::size_t(1) << 20;  // bytes; else damaged
 
 enum class PlyFormat { ascii, little_endian, big_endian };
 enum class PlyType { int8, uint8, int16, uint16, int32, uint32, float32, float64 };
@@ -22,7 +22,7 @@ std::size_t size_of(PlyType type);  // bytes
 struct PlyProperty {
   std::string name;
   PlyType type{};
-  std::optional<PlyType> count_type;  // lists only: the type of the length that stands before the values
+  std::optional<PlyType> count_type;  // lists only: type of the length before the values
 };
 
 struct PlyElement {

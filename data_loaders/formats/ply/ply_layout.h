@@ -21,15 +21,16 @@ namespace gs {
 ///   rot_0..3                           rotation                 w x y z
 std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degree);
 
-/// The SH degree that belongs to the number of f_rest_ properties. Throws Error, naming `path`, where none does.
+/// The SH degree that has this number of f_rest_ properties. Throws Error that names `path` where
+/// no degree has.
 int sh_degree_of(const PlyElement& element, const std::filesystem::path& path);
 
 /// "a, b, c"
 std::string list_of(const std::vector<std::string>& names);
 
-/// What the comments of a header say of the model: who made it, how to render it, where it lies.
+/// Sets what the comments say of the model: `is_ours`, `antialiased`, `world_offset`.
 void take_comments(const PlyHeader& header, GaussianModel& model);
-/// The comment lines that say so; take_comments() reads them.
+/// The comment lines for take_comments().
 std::string comments_of(const GaussianModel& model);
 
 }  // namespace gs

@@ -12,8 +12,8 @@ namespace gs {
 namespace {
 
 constexpr int kCodebookRounds = 60;  // of Lloyd; few values move after 30
-constexpr int kPaletteRounds = 8;    // at each level; each one after these gains less than 1 % of the error
-constexpr std::size_t kCoarseSample = std::size_t(1) << 16;  // points that choose the coarse clusters
+constexpr int kPaletteRounds = 8;    // at each level; further ones gain less than 1 % of the error
+constexpr std::size_t kCoarseSample = std::size_t(1) << 16;  // points for the coarse clusters
 
 using Rows = std::vector<std::uint32_t>;
 
@@ -87,7 +87,8 @@ Rows sample_rows(std::size_t count, std::size_t most) {
   return rows;
 }
 
-// How many of `size` centroids each cluster gets: by its share of the points, at least 1 and at most one a point.
+// The number of centroids for each cluster, `size` in all: by its share of the points, at least 1
+// and at most one for each point.
 std::vector<std::size_t> shares_of(const std::vector<Rows>& clusters, std::size_t points,
                                    std::size_t size) {
   std::vector<std::size_t> shares;
@@ -100,13 +101,13 @@ std::vector<std::size_t> shares_of(const std::vector<Rows>& clusters, std::size_
     shares.push_back(share);
     given += share;
   }
-  for (std::size_t c = shares.size(); given > size && c-- > 0;)  // those that got 1 for less than one
+  for (std::size_t c = shares.size(); given > size && c-- > 0;)  // small ones were rounded up
     while (given > size && shares[c] > 1) --shares[c], --given;
   return shares;
 }
 
-// Where an optimal codebook begins: as dense as the cube root of the density of the values (Panter & Dite 1951), of which a
-// histogram tells. `values` ascend.
+// Where an optimal codebook begins: as dense as the cube root of the density of the values (Panter
+// & Dite 1951), of which a histogram tells. `values` ascend.
 std::vector<float> spread_entries(const std::vector<float>& values, std::size_t size) {
   const std::size_t bins = std::clamp<std::size_t>(values.size() / 16, 16, 1024);
   const double low = values.front(), width = double(values.back()) - low;

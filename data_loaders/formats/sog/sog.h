@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// .sog, version 2 (PlayCanvas): a zip archive of lossless WebP pictures, one pixel for each Gaussian, and meta.json, which says
-// what their bytes mean. The axes and units are the PLY's.
+// .sog, version 2 (PlayCanvas): a zip archive of lossless WebP pictures, one pixel for each
+// Gaussian, and meta.json, which says what their bytes mean. Axes and units are the PLY's.
 //
-//   means_l, means_u   r g b: low and high byte of 16 bits between mins and maxs, of sign(x) ln(1 + |x|)
-//   quats              r g b: three of w x y z as (0.5 + v / sqrt(2)) * 255; a: 252 + which of them, the largest, is left out
+//   means_l, means_u   r g b: low and high byte of sign(x) ln(1 + |x|) in 16 bits from mins to maxs
+//   quats              r g b: three of w x y z as (0.5 + v / sqrt(2)) * 255
+//                      a: 252 + which of them is left out, the largest
 //   scales             r g b: indices into a codebook of log scales
 //   sh0                r g b: indices into a codebook of sh0; a: 255 times the opacity
 //   shN_labels         r g: low and high byte of the number of a palette entry
-//   shN_centroids      the palette, 64 entries a row, a pixel for each coefficient; r g b: indices into a codebook
+//   shN_centroids      the palette, 64 entries a row, a pixel for each coefficient
+//                      r g b: indices into a codebook
 #pragma once
 
 #include <filesystem>
@@ -16,11 +18,13 @@
 
 namespace gs {
 
-/// Throws Error, with the file and a remedy, for damaged files, other versions, and where this build lacks libwebp.
+/// Throws Error, with the file and a remedy, for damaged files, other versions, and where this
+/// build lacks libwebp.
 GaussianModel read_sog(const std::filesystem::path& path);
 
-/// Writes rows in Morton order; the same model gives the same bytes. The model is finite_model()'s. Throws Error for a model
-/// without Gaussians, where this build lacks libwebp, and where the file cannot be written.
+/// Writes a model that finite_model() made, rows in Morton order. The same model gives the same
+/// bytes. Throws Error for a model without Gaussians, where this build lacks libwebp, and where the
+/// file cannot be written.
 void write_sog(const std::filesystem::path& path, const GaussianModel& model);
 
 }  // namespace gs

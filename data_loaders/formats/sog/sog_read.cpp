@@ -70,7 +70,7 @@ class Sog {
     const std::string name = (*files)[index].get<std::string>();
     const auto entry = entries_.find(name);
     if (entry == entries_.end()) fail("lacks " + name);
-    constexpr std::size_t kPadding = 4096;  // pixels beyond twice what is needed: sides are rounded up
+    constexpr std::size_t kPadding = 4096;  // pixels allowed beyond twice the count
     Image8 picture = read_webp(path_, name, entry->second, 2 * pixels + kPadding);
     if (picture.pixels.size() < 4 * pixels) fail(fmt::format("has too small a picture {}", name));
     return picture;

@@ -105,7 +105,8 @@ void add_coded(const std::string& name, const Buffer<Vec3f>& rows, Alpha&& alpha
   archive.meta[name] = {{"codebook", book}, {"files", Json::array({name + ".webp"})}};
 }
 
-// As many entries as other writers choose: a power of two of at least half a Gaussian each, 65,536 at most.
+// The palette's size, as other writers choose it: a power of two, at most two entries for each
+// Gaussian, 65,536 at most.
 std::size_t palette_size(std::size_t count) {
   std::size_t size = 1;
   while (2 * size <= count && size < kSogLargestPalette) size *= 2;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Zip archives whose entries are stored as they are: what .sog is. Format: PKWARE's APPNOTE.
+// Zip archives with uncompressed entries, as .sog files are. Format: PKWARE's APPNOTE.
 #pragma once
 
 #include <cstdint>
@@ -15,11 +15,12 @@ struct ZipEntry {
   std::string name, bytes;
 };
 
-/// The archive of these entries, in that order; the same entries give the same bytes. An archive ends at 4 GiB: Error.
+/// The archive of these entries, in that order. The same entries give the same bytes. Throws Error
+/// beyond 4 GiB.
 std::string zip_of(const std::vector<ZipEntry>& entries);
 
-/// The entries of an archive in memory, by name; they point into it. Throws Error "cannot read PATH: ..." where it is damaged (its
-/// checksums are checked) or its entries are compressed or encrypted.
+/// The entries of an archive in memory, by name; they point into it. Checksums are checked. Throws
+/// Error "cannot read PATH: ..." where it is damaged, or where entries are compressed or encrypted.
 std::map<std::string, std::string_view> zip_entries(const std::filesystem::path& path,
                                                     std::string_view archive);
 

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// .spz (Niantic): six arrays of small whole numbers, gzip over everything (versions 2, 3) or zstd over each (4).
+// .spz (Niantic): six arrays of small whole numbers. Versions 2 and 3 are one gzip file of them
+// all; version 4 has a zstd stream for each array that is not empty, so five at SH degree 0.
 //
-//   header     magic "NGSP", u32 version, u32 count, u8 SH degree, u8 fractional bits, u8 flags (1: antialiased,
-//              2: extensions), u8 0; in version 4 that is u8 number of streams, and u32 where their table stands, 12 bytes 0 follow
+//   header     magic "NGSP", u32 version, u32 count, u8 SH degree, u8 fractional bits,
+//              u8 flags (1: antialiased, 2: extensions), u8 0
+//              in version 4 the last byte is the number of streams; then follow u32 where their
+//              table stands, and 12 bytes 0
 //   positions  3 x 24 bits, signed, in units of 2^-(fractional bits) world units
 //   alphas     u8   255 times the opacity
 //   colors     u8   127.5 + 0.15 * 255 sh0
 //   scales     u8   16 (10 + log scale)
 //   rotations  version 2: x y z as 127.5 + 127.5 v, w >= 0
-//              from 3: u32; which of x y z w is the largest in bits 30-31, the others as sign and 9 bits of size, the
-//              last of them in the lowest bits; 511 is 1/sqrt(2)
+//              from 3: u32; which of x y z w is the largest in bits 30-31, the others as sign
+//              and 9 bits of size, the last of them in the lowest bits; 511 is 1/sqrt(2)
 //   sh         u8   128 + 128 c, coefficient by coefficient, R G B each
 //
 // The axes are x right, y up, z backwards: half a turn about x from the PLY's.
@@ -21,13 +24,14 @@
 
 namespace gs {
 
-/// Reads versions 2, 3 and 4. Of degree 4, the coefficients beyond 3 are left out, with a warning. Throws Error, with the
-/// file and a remedy, for other versions, damaged files, and where this build lacks zlib or zstd.
+/// Reads versions 2, 3 and 4. A file of SH degree 4 loses the coefficients of that degree, with a
+/// warning. Throws Error, with the file and a remedy, for other versions, for damaged files, and
+/// where this build lacks zlib or zstd.
 GaussianModel read_spz(const std::filesystem::path& path);
 
-/// Writes version 3 or 4. The model is finite_model()'s. Positions beyond +-2048 units are written with fewer fractional
-/// bits, as far as it takes, with a warning of the step that this leaves; beyond 2^23 units Error advises what to do.
-/// Throws Error where the file cannot be written.
+/// Writes version 3 or 4 of a model that finite_model() made. Positions beyond +-2048 units take
+/// fewer fractional bits in the whole file; a warning says how large the steps then are. Throws
+/// Error for positions beyond 2^23 units, and where the file cannot be written.
 void write_spz(const std::filesystem::path& path, const GaussianModel& model, int version);
 
 }  // namespace gs

@@ -11,11 +11,11 @@ namespace gs {
 
 inline constexpr std::uint32_t kSpzMagic = 0x5053474E;  // "NGSP"
 inline constexpr std::size_t kSpzHeaderBytes = 16;      // versions 2 and 3
-inline constexpr std::size_t kSpzStreams = 6;
+inline constexpr std::size_t kSpzArrays = 6;  // positions, alphas, colors, scales, rotations, sh
 inline constexpr std::uint8_t kSpzAntialiased = 1, kSpzExtensions = 2;
 inline constexpr int kSpzMaxDegree = 4;
 
-/// The first 16 bytes; in version 4 `last` is the number of streams.
+/// The first 16 bytes. In version 4 `last` is the number of streams.
 struct SpzHeader {
   std::uint32_t magic = kSpzMagic, version = 3, count = 0;
   std::uint8_t sh_degree = 0, fractional_bits = 12, flags = 0, last = 0;
@@ -33,7 +33,7 @@ struct SpzStream {
 };
 
 /// Bytes of a Gaussian in positions, alphas, colors, scales, rotations, sh.
-inline std::array<std::size_t, kSpzStreams> spz_row_bytes(std::uint32_t version, int sh_degree) {
+inline std::array<std::size_t, kSpzArrays> spz_row_bytes(std::uint32_t version, int sh_degree) {
   return {9, 1, 3, 3, version == 2 ? 3u : 4u, 3 * std::size_t(sh_rest_count(sh_degree))};
 }
 

@@ -19,17 +19,20 @@ namespace gs {
 namespace {
 
 using Path = std::filesystem::path;
-using Streams = std::array<std::string, kSpzStreams>;
+using Arrays = std::array<std::string, kSpzArrays>;
 
 void check_header(const SpzHeader& header, const Path& path, std::uint64_t file_bytes) {
   if (header.magic != kSpzMagic)
-    cannot_read(path, "this is no .spz: it does not begin as one; check what it is");
+    cannot_read(
+        path,
+        "this is not an .spz file: it does not begin with \"NGSP\" or as gzip; check what it is");
   if (header.version < 2 || header.version > 4)
-    cannot_read(path, fmt::format("it is an .spz of version {}, and 2 to 4 are known; export it "
-                                  "again as version 3",
-                                  header.version));
+    cannot_read(path,
+                fmt::format("it is an .spz of version {}, and gemsplat reads 2 to 4; export it "
+                            "again as version 3",
+                            header.version));
   if (header.sh_degree > kSpzMaxDegree)
-    cannot_read(path, fmt::format("its SH degree is {}, which is none; the file is damaged, "
+    cannot_read(path, fmt::format("its SH degree is {}, and .spz ends at 4; the file is damaged, "
                                   "export it again",
                                   header.sh_degree));
   if (header.fractional_bits > 23)
@@ -40,42 +43,51 @@ void check_header(const SpzHeader& header, const Path& path, std::uint64_t file_
 }
 
 // Versions 2 and 3: one gzip file of header and arrays.
-Streams unpack_gzip(const Path& path, std::string_view file, SpzHeader& header) {
+Arrays unpack_gzip(const Path& path, std::string_view file, SpzHeader& header) {
   header = load_little<SpzHeader>(gunzip(path, file, kSpzHeaderBytes, false).data());
   check_header(header, path, file.size());
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   std::size_t total = kSpzHeaderBytes;
   for (const std::size_t bytes : row_bytes) total += bytes * header.count;
   const std::string all = gunzip(path, file, total, true);
-  Streams streams;
+  Arrays arrays;
   std::size_t at = kSpzHeaderBytes;
-  for (std::size_t s = 0; s < kSpzStreams; at += row_bytes[s++] * header.count)
-    streams[s] = all.substr(at, row_bytes[s] * header.count);
-  return streams;
+  for (std::size_t s = 0; s < kSpzArrays; at += row_bytes[s++] * header.count)
+    arrays[s] = all.substr(at, row_bytes[s] * header.count);
+  return arrays;
 }
 
-// Version 4: a header in the clear, a table of streams, a zstd frame for each.
-Streams unpack_zstd_streams(const Path& path, std::string_view file, SpzHeader& header) {
-  const auto damaged = [&] {
-    cannot_read(path, "its table of streams does not fit; the file is damaged, export it again");
-  };
+[[noreturn]] void fail_at_streams(const Path& path) {
+  cannot_read(path, "its table of streams does not fit; the file is damaged, export it again");
+}
+
+// Version 4: a header in the clear, a table of streams, and a zstd frame for each. An empty array
+// (SH at degree 0) has no stream; some writers give it one of 0 bytes.
+Arrays unpack_zstd_streams(const Path& path, std::string_view file, SpzHeader& header) {
   header = load_little<SpzHeader>(file.data());
   check_header(header, path, file.size());
-  if (header.version != 4 || file.size() < kSpzHeaderBytes + sizeof(SpzStreamTable)) damaged();
+  if (header.version != 4 || file.size() < kSpzHeaderBytes + sizeof(SpzStreamTable))
+    fail_at_streams(path);
   const std::size_t table = load_little<SpzStreamTable>(file.data() + kSpzHeaderBytes).offset;
   const std::size_t table_bytes = header.last * sizeof(SpzStream);
-  if (header.last < kSpzStreams || table > file.size() || table_bytes > file.size() - table)
-    damaged();
+  if (table > file.size() || table_bytes > file.size() - table) fail_at_streams(path);
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
-  Streams streams;
-  std::size_t at = table + table_bytes;
-  for (std::size_t s = 0; s < kSpzStreams; ++s) {
-    const auto stream = load_little<SpzStream>(file.data() + table + s * sizeof(SpzStream));
-    if (stream.raw != row_bytes[s] * header.count || stream.packed > file.size() - at) damaged();
-    if (stream.raw > 0) streams[s] = unpack_zstd(path, file.substr(at, stream.packed), stream.raw);
-    at += stream.packed;
+  Arrays arrays;
+  std::size_t at = table + table_bytes, next = 0;
+  for (std::size_t s = 0; s < kSpzArrays; ++s) {
+    const std::size_t wanted = row_bytes[s] * header.count;
+    if (wanted == 0) continue;
+    SpzStream stream;
+    do {
+      if (next == header.last) fail_at_streams(path);
+      stream = load_little<SpzStream>(file.data() + table + next++ * sizeof(SpzStream));
+      if (stream.packed > file.size() - at) fail_at_streams(path);
+      at += stream.packed;
+    } while (stream.raw == 0);
+    if (stream.raw != wanted) fail_at_streams(path);
+    arrays[s] = unpack_zstd(path, file.substr(at - stream.packed, stream.packed), wanted);
   }
-  return streams;
+  return arrays;
 }
 
 float fixed24(const std::uint8_t* bytes, float step) {
@@ -99,11 +111,10 @@ std::array<float, 4> rotation_of(const std::uint8_t* bytes, std::uint32_t versio
   return quaternion_of(parts);
 }
 
-void unpack_row(const SpzHeader& header, const Streams& streams, const Gaussians& g,
-                std::size_t i) {
+void unpack_row(const SpzHeader& header, const Arrays& arrays, const Gaussians& g, std::size_t i) {
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   const auto row = [&](std::size_t s) {
-    return reinterpret_cast<const std::uint8_t*>(streams[s].data()) + i * row_bytes[s];
+    return reinterpret_cast<const std::uint8_t*>(arrays[s].data()) + i * row_bytes[s];
   };
   const AxisSigns& signs = kHalfTurnX;
   const float step = std::ldexp(1.0f, -int(header.fractional_bits));
@@ -131,16 +142,17 @@ GaussianModel read_spz(const std::filesystem::path& path) {
   SpzHeader header;
   const bool is_plain =
       file.size() >= kSpzHeaderBytes && load_little<std::uint32_t>(file.data()) == kSpzMagic;
-  const Streams streams =
+  const Arrays arrays =
       is_plain ? unpack_zstd_streams(path, file, header) : unpack_gzip(path, file, header);
   if (header.sh_degree > kMaxShDegree)
-    log_warning("{}: its SH coefficients of degree 4 are left out", path.string());
+    log_warning("{}: SH coefficients of degree 4 are left out; gemsplat renders degrees 0 to 3",
+                path.string());
   GaussianModel model{Gaussians(header.count, host_memory()),
                       std::min<int>(header.sh_degree, kMaxShDegree), false,
                       (header.flags & kSpzAntialiased) != 0};
   model.gaussians.sh_rest.fill_zero();
   parallel_for(header.count, 4096,
-               [&](std::size_t i) { unpack_row(header, streams, model.gaussians, i); });
+               [&](std::size_t i) { unpack_row(header, arrays, model.gaussians, i); });
   return model;
 }
 

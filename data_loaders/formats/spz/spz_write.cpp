@@ -18,13 +18,13 @@ namespace gs {
 namespace {
 
 using Path = std::filesystem::path;
-using Streams = std::array<std::string, kSpzStreams>;
+using Arrays = std::array<std::string, kSpzArrays>;
 
 constexpr int kUsualFractionalBits = 12;  // those of other writers
 constexpr int kLargestPosition = (1 << 23) - 1;
 
-// Coefficients are rounded to 5 bits at degree 1 and 4 bits beyond, as other writers do: the eye does not miss the rest, and
-// the file shrinks.
+// Coefficients are rounded to 5 bits at degree 1 and to 4 bits beyond, as other writers do: the
+// difference is hard to see, and the file gets smaller.
 constexpr std::uint32_t sh_step(int k) { return k < 3 ? 8 : 16; }
 
 float largest_position(const Gaussians& g) {
@@ -45,8 +45,8 @@ int fractional_bits_for(const Gaussians& g, const Path& path) {
                     path.string(), largest, kLargestPosition));
   if (bits < kUsualFractionalBits)
     log_warning(
-        "{}: positions reach {:.5g} world units, so that .spz holds them in steps of 1/{} "
-        "of one; --recenter may make these finer",
+        "{}: positions reach {:.5g} world units, so .spz holds them in steps of 1/{} of a unit; "
+        "--recenter may make these finer",
         path.string(), largest, 1 << bits);
   return bits;
 }
@@ -58,8 +58,8 @@ void warn_of_clamped_scales(const Gaussians& g, const Path& path) {
     large += std::max({s.x, s.y, s.z}) > kMost + 0.5f / kSpzScaleSteps;
   if (large > 0)
     log_warning(
-        "{}: {} Gaussians are larger than the {:.0f} world units that .spz can hold, and "
-        "are made that large; --scale may help",
+        "{}: {} Gaussians are larger than the {:.0f} world units that .spz can hold and were cut "
+        "down to that size; --scale may help",
         path.string(), large, std::exp(kMost));
 }
 
@@ -80,10 +80,10 @@ std::uint8_t packed_sh(int k, float value) {
   return std::uint8_t(std::min<std::uint32_t>((byte + step / 2) / step * step, 255));
 }
 
-void pack_row(const SpzHeader& header, const Gaussians& g, std::size_t i, Streams& streams) {
+void pack_row(const SpzHeader& header, const Gaussians& g, std::size_t i, Arrays& arrays) {
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   const auto row = [&](std::size_t s) {
-    return reinterpret_cast<std::uint8_t*>(streams[s].data()) + i * row_bytes[s];
+    return reinterpret_cast<std::uint8_t*>(arrays[s].data()) + i * row_bytes[s];
   };
   const AxisSigns& signs = kHalfTurnX;
   for (int axis = 0; axis < 3; ++axis) {
@@ -104,24 +104,27 @@ void pack_row(const SpzHeader& header, const Gaussians& g, std::size_t i, Stream
 }
 
 // Header and arrays as version 3 has them, before gzip.
-std::string plain_file(const SpzHeader& header, const Streams& streams) {
+std::string plain_file(const SpzHeader& header, const Arrays& arrays) {
   std::string bytes;
   append_little(bytes, header);
-  for (const std::string& stream : streams) bytes += stream;
+  for (const std::string& array : arrays) bytes += array;
   return bytes;
 }
 
-std::string version4_file(SpzHeader header, const Streams& streams) {
-  header.last = kSpzStreams;
-  std::string bytes, frames;
+// Readers count the streams that the SH degree calls for: an empty array has none.
+std::string version4_file(SpzHeader header, const Arrays& arrays) {
+  std::string table, frames;
+  for (const std::string& array : arrays) {
+    if (array.empty()) continue;
+    const std::string frame = zstd_frame(array);
+    append_little(table, SpzStream{frame.size(), array.size()});
+    frames += frame;
+    ++header.last;
+  }
+  std::string bytes;
   append_little(bytes, header);
   append_little(bytes, SpzStreamTable{});
-  for (const std::string& stream : streams) {
-    const std::string frame = zstd_frame(stream);
-    append_little(bytes, SpzStream{frame.size(), stream.size()});
-    frames += frame;
-  }
-  return bytes + frames;
+  return bytes + table + frames;
 }
 
 }  // namespace
@@ -136,12 +139,12 @@ void write_spz(const std::filesystem::path& path, const GaussianModel& model, in
   header.fractional_bits = std::uint8_t(fractional_bits_for(g, path));
   header.flags = model.antialiased ? kSpzAntialiased : 0;
   warn_of_clamped_scales(g, path);
-  Streams streams;
+  Arrays arrays;
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
-  for (std::size_t s = 0; s < kSpzStreams; ++s) streams[s].resize(row_bytes[s] * g.count());
-  parallel_for(g.count(), 4096, [&](std::size_t i) { pack_row(header, g, i, streams); });
+  for (std::size_t s = 0; s < kSpzArrays; ++s) arrays[s].resize(row_bytes[s] * g.count());
+  parallel_for(g.count(), 4096, [&](std::size_t i) { pack_row(header, g, i, arrays); });
   const std::string bytes =
-      version == 4 ? version4_file(header, streams) : gzip(plain_file(header, streams));
+      version == 4 ? version4_file(header, arrays) : gzip(plain_file(header, arrays));
   AtomicFile file(path);
   file.write(bytes);
   file.commit();

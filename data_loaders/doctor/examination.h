@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// The state that the parts of an examination share; used by doctor/*.cpp only. Each part adds its
+// findings, and later parts use the files and sizes that earlier ones found.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "data_loaders/counted.h"
+#include "data_loaders/doctor/doctor.h"
+#include "data_loaders/photos/photos.h"
+#include "data_loaders/scene/scene_model.h"
+
+namespace gs {
+
+struct Examination {
+  using Level = Finding::Level;
+
+  const Config& config;
+  const ProgressFn& progress;
+  Diagnosis diagnosis = {};
+
+  SceneFolders folders = {};
+  SceneModel scene = {};                    // photos may be empty paths: missing files
+  std::vector<PhotoSize> photo_sizes = {};  // (images)   0 x 0 if unknown
+  std::vector<std::size_t> usable = {};     // images with a photo that can be trained on
+  double masked_share = 0;                  // of the photos
+
+  const ColmapModel& model() const { return scene.model; }
+  void add(Level level, std::string topic, std::string text, std::vector<std::string> names = {}) {
+    diagnosis.findings.push_back({level, std::move(topic), std::move(text), std::move(names)});
+  }
+  std::vector<std::string> names_of(const std::vector<std::size_t>& images) const {
+    std::vector<std::string> names;
+    for (const std::size_t i : images) names.push_back(model().images[i].name);
+    return names;
+  }
+};
+
+// examine_model.cpp, in this order. The first two return false if the rest makes no sense.
+bool find_folders(Examination& examination);
+bool read_model(Examination& examination);
+void examine_lenses(Examination& examination);
+void examine_cameras(Examination& examination);
+void examine_points(Examination& examination);
+
+// examine_photos.cpp, in this order.
+void match_photo_files(Examination& examination);
+void match_mask_files(Examination& examination);
+void examine_headers(Examination& examination);
+void examine_pictures(Examination& examination);
+
+}  // namespace gs

@@ -1,0 +1,275 @@
+// SPDX-License-Identifier: Apache-2.0
+// The parts of an examination that look at files: photos and masks, headers, pictures.
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <mutex>
+
+#include "data_loaders/doctor/examination.h"
+#include "data_loaders/photos/photo_fit.h"
+#include "data_loaders/photos/picture_quality.h"
+#include "data_loaders/scene/view_picture.h"
+#include "gs_core/error.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Level = Finding::Level;
+
+constexpr double kHardlyTrained = 0.05;  // of a photo's pixels: the mask may be inverted
+
+/// Pictures in the photos' folder that the model does not name. COLMAP may have failed to place
+/// them. Other programs write depth and normal maps, or validation photos, into the same folder.
+void report_unused(Examination& examination) {
+  const std::vector<std::string> unused =
+      pictures_besides(examination.scene.photos, examination.folders.images);
+  if (unused.empty()) return;
+  if (examination.folders.kind != SceneKind::colmap) {
+    const bool is_blender = examination.folders.kind == SceneKind::blender;
+    examination.add(
+        Level::note, "photos",
+        fmt::format("{} not used: {}",
+                    counted(unused.size(), "picture", "in the folder is", "in the folder are"),
+                    is_blender ? "neither transforms_train.json nor the file of the test photos "
+                                 "names them"
+                               : "transforms.json does not name them, or its lists leave them out"),
+        unused);
+    return;
+  }
+  examination.add(unused.size() > examination.model().images.size() ? Level::warning : Level::note,
+                  "photos",
+                  fmt::format("{} not in the model: COLMAP could not place them, or never saw them",
+                              counted(unused.size(), "photo", "there is", "there are")),
+                  unused);
+}
+
+/// `shares`: of the pixels that train, for each of the photos `readable`; 1 without a mask.
+void report_masks(Examination& examination, const std::vector<std::size_t>& readable,
+                  const std::vector<double>& shares) {
+  std::vector<std::size_t> masked, hardly;
+  double sum = 0;
+  for (std::size_t k = 0; k < readable.size(); ++k) {
+    if (shares[k] >= 1) continue;
+    masked.push_back(readable[k]);
+    sum += shares[k];
+    if (shares[k] < kHardlyTrained) hardly.push_back(readable[k]);
+  }
+  if (masked.empty()) return;
+  examination.masked_share = double(masked.size()) / double(readable.size());
+  const bool is_background = examination.scene.masks.over_background;
+  examination.add(
+      Level::good, "masks",
+      fmt::format("{} of {} are masked; {:.1f} % of their pixels {}", masked.size(),
+                  counted(readable.size(), "photo"), 100 * sum / double(masked.size()),
+                  is_background ? "show the scene, the others its background" : "train"));
+  if (!hardly.empty())
+    examination.add(
+        Level::warning, "masks",
+        fmt::format("{} less than {:.0f} % of the photo to train on; if black is meant "
+                    "to train, invert the masks with --invert-masks",
+                    counted(hardly.size(), "mask", "leaves", "leave"), 100 * kHardlyTrained),
+        examination.names_of(hardly));
+  if (!is_background && sum == 0 && masked.size() == examination.scene.photos.size())
+    examination.add(Level::fatal, "masks",
+                    "no photo has a pixel to train on; invert the masks with --invert-masks");
+}
+
+void report_quality(Examination& examination, const std::vector<std::size_t>& readable,
+                    const std::vector<PictureQuality>& qualities) {
+  const QualityOutliers outliers = outliers_of(qualities);
+  const auto named = [&](const std::vector<std::size_t>& which) {
+    std::vector<std::size_t> images;
+    for (const std::size_t k : which) images.push_back(readable[k]);
+    return examination.names_of(images);
+  };
+  if (outliers.blurred.empty() && outliers.odd_exposure.empty())
+    examination.add(Level::good, "pictures",
+                    "none is much less sharp or much darker or brighter than the others");
+  if (!outliers.blurred.empty())
+    examination.add(Level::warning, "pictures",
+                    fmt::format("{} far less sharp than the others; leaving them out may give a "
+                                "sharper scene",
+                                counted(outliers.blurred.size(), "photo", "is", "are")),
+                    named(outliers.blurred));
+  if (!outliers.odd_exposure.empty())
+    examination.add(Level::warning, "pictures",
+                    fmt::format("{} far darker or brighter than the others; colors there will be "
+                                "a compromise (--exposure may help)",
+                                counted(outliers.odd_exposure.size(), "photo", "is", "are")),
+                    named(outliers.odd_exposure));
+}
+
+/// What the header of one photo says.
+struct Header {
+  std::string error;  // empty if it could be read
+  int orientation = 1;
+};
+
+std::vector<Header> read_headers(Examination& examination) {
+  const std::vector<fs::path>& files = examination.scene.photos;
+  examination.photo_sizes.resize(files.size());
+  std::vector<Header> headers(files.size());
+  parallel_for(files.size(), 8, [&](std::size_t i) {
+    if (files[i].empty()) return;
+    try {
+      examination.photo_sizes[i] = read_photo_size(files[i]);
+      headers[i].orientation = read_photo_orientation(files[i]);
+    } catch (const Error& error) {
+      headers[i].error = error.what();
+    }
+  });
+  return headers;
+}
+
+}  // namespace
+
+void match_photo_files(Examination& examination) {
+  std::vector<std::string> names;
+  for (const ColmapImage& image : examination.model().images) names.push_back(image.name);
+  std::vector<fs::path>& photos = examination.scene.photos;
+  photos = match_photos(names, examination.folders.images);
+  std::vector<std::size_t> missing;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (photos[i].empty()) missing.push_back(i);
+  if (missing.empty())
+    examination.add(Level::good, "photos",
+                    fmt::format("all {} of the model are there", counted(names.size(), "photo")));
+  else
+    examination.add(Level::fatal, "photos",
+                    fmt::format("{} of the model's {} are not in {}; copy them there, or name "
+                                "another folder with --set dataset.images=FOLDER",
+                                missing.size(), counted(names.size(), "photo"),
+                                examination.folders.images.string()),
+                    examination.names_of(missing));
+  report_unused(examination);
+}
+
+void match_mask_files(Examination& examination) {
+  SceneModel& scene = examination.scene;
+  const std::size_t count = scene.photos.size();
+  scene.mask_files.resize(count);
+  std::vector<std::string> names;
+  std::vector<fs::path> of_model;
+  for (const ColmapImage& image : scene.model.images) {
+    names.push_back(image.name);
+    of_model.push_back(image.mask);
+  }
+  try {
+    scene.masks = find_masks(examination.config.dataset, examination.folders);
+    scene.mask_files = match_masks(scene.masks, names, scene.photos, of_model);
+  } catch (const Error& error) {
+    examination.add(Level::fatal, "masks", error.what());
+    return;
+  }
+  std::vector<std::size_t> missing;
+  for (std::size_t i = 0; i < count; ++i)
+    if (scene.mask_files[i].empty()) missing.push_back(i);
+  if (missing.size() == count) return;
+  const std::string place = scene.masks.folder.empty()
+                                ? std::string("the files that the model names")
+                                : scene.masks.folder.string();
+  examination.add(Level::good, "masks",
+                  fmt::format("{} of {} have a mask in {}", count - missing.size(),
+                              counted(count, "photo"), place));
+  if (!missing.empty())
+    examination.add(Level::warning, "masks",
+                    fmt::format("{} no mask there: every pixel trains, apart from alpha",
+                                counted(missing.size(), "photo", "has", "have")),
+                    examination.names_of(missing));
+}
+
+void examine_headers(Examination& examination) {
+  const std::vector<Header> headers = read_headers(examination);
+  std::vector<std::size_t> unreadable, turned, other, scaled, with_orientation;
+  for (std::size_t i = 0; i < headers.size(); ++i) {
+    if (examination.scene.photos[i].empty()) continue;
+    if (!headers[i].error.empty()) {
+      unreadable.push_back(i);
+      continue;
+    }
+    const ColmapModel& model = examination.model();
+    const ColmapCamera& camera = model.cameras.at(model.images[i].camera_id);
+    const PhotoFit fit = fit_of(examination.photo_sizes[i], {camera.width, camera.height});
+    if (fit == PhotoFit::turned) turned.push_back(i);
+    if (fit == PhotoFit::other) other.push_back(i);
+    if (fit == PhotoFit::fits && examination.photo_sizes[i].width != camera.width)
+      scaled.push_back(i);
+    if (headers[i].orientation != 1) with_orientation.push_back(i);
+    if (fit == PhotoFit::fits) examination.usable.push_back(i);
+  }
+  const auto add = [&](Level level, const char* topic, const std::vector<std::size_t>& photos,
+                       const char* one, const char* more, const char* text) {
+    if (!photos.empty())
+      examination.add(level, topic, counted(photos.size(), "photo", one, more) + text,
+                      examination.names_of(photos));
+  };
+  if (!unreadable.empty())
+    examination.add(
+        Level::fatal, "photos",
+        fmt::format("{} cannot be read ({}); fetch them again, or leave them out of "
+                    "the model",
+                    counted(unreadable.size(), "photo"), headers[unreadable.front()].error),
+        examination.names_of(unreadable));
+  add(Level::fatal, "orientation", turned, "lies", "lie",
+      " on the side compared with the model: the EXIF orientation was followed once and ignored "
+      "once; turn the pixels themselves (`mogrify -auto-orient` on copies) and give COLMAP and "
+      "gemsplat these same files");
+  if (turned.empty())
+    add(Level::note, "orientation", with_orientation, "asks", "ask",
+        " viewers to turn the picture (EXIF); COLMAP and gemsplat take the pixels as they are "
+        "stored, so the trained scene fits, but other programs may turn them");
+  add(Level::fatal, "photos", other, "has", "have",
+      " another shape than the camera in the model: these are not the photos that COLMAP saw; use "
+      "the same photos, or run COLMAP again");
+  if (!scaled.empty())
+    examination.add(Level::note, "photos",
+                    fmt::format("{} another size than the camera in the model; its intrinsics are "
+                                "scaled",
+                                counted(scaled.size(), "photo", "has", "have")));
+}
+
+void examine_pictures(Examination& examination) {
+  const std::vector<std::size_t>& usable = examination.usable;
+  const SceneModel& scene = examination.scene;
+  std::vector<PictureQuality> qualities(usable.size());
+  std::vector<double> shares(usable.size(), 1);
+  std::vector<char> is_damaged(usable.size(), false);
+  std::mutex mutex;
+  std::size_t done = 0;
+  parallel_for(usable.size(), 1, [&](std::size_t k) {
+    try {
+      const std::size_t i = usable[k];
+      const PhotoWithAlpha read = read_photo_with_alpha(scene.photos[i]);
+      qualities[k] = quality_of(read.photo);
+      shares[k] = trained_share(read_mask(scene.masks, scene.mask_files[i], read));
+    } catch (const Error&) {
+      is_damaged[k] = true;
+    }
+    const std::lock_guard lock(mutex);
+    if (examination.progress) examination.progress(++done, usable.size());
+  });
+  std::vector<std::size_t> damaged, readable;
+  std::vector<PictureQuality> readable_qualities;
+  std::vector<double> readable_shares;
+  for (std::size_t k = 0; k < usable.size(); ++k) {
+    if (is_damaged[k]) {
+      damaged.push_back(usable[k]);
+      continue;
+    }
+    readable.push_back(usable[k]);
+    readable_qualities.push_back(qualities[k]);
+    readable_shares.push_back(shares[k]);
+  }
+  if (!damaged.empty())
+    examination.add(Level::fatal, "photos",
+                    fmt::format("{} damaged, or the mask is; fetch the files again, or leave the "
+                                "photos out of the model",
+                                counted(damaged.size(), "photo", "is", "are")),
+                    examination.names_of(damaged));
+  report_masks(examination, readable, readable_shares);
+  report_quality(examination, readable, readable_qualities);
+}
+
+}  // namespace gs

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/formats/foreign_files.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cctype>
+#include <fstream>
+#include <string_view>
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kConvert = "convert it to .ply with SuperSplat or splat-transform";
+
+/// A kind of file, told by the end of its name or by its first bytes.
+struct Foreign {
+  std::string_view mark, kind, remedy;
+};
+
+constexpr Foreign kEndings[] = {
+    {".ksplat", "a .ksplat file of GaussianSplats3D", kConvert},
+    {".lcc", "an .lcc scene of XGRIDS", kConvert},
+    {".rad", "a .rad file of Spark", kConvert},
+    {".splatv", "a .splatv file of moving Gaussians", "train and name a .ply of one moment"},
+    {"lod-meta.json", "a streamed SOG scene", kConvert},
+    {".pth", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
+    {".pt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
+    {".ckpt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
+    {".usdz", "a USD file", "export a .ply from the program that wrote it"},
+    {".usda", "a USD file", "export a .ply from the program that wrote it"},
+    {".html", "a web page", "name the model that the page shows"}};
+
+constexpr Foreign kFirstBytes[] = {
+    {"NGSP", "an .spz file of version 4", "give it a name that ends in .spz"},
+    {"\x1f\x8b", "a gzip file, as .spz files are", "give it a name that ends in .spz"},
+    {"PK\x03\x04", "a zip file, as .sog files are", "give it a name that ends in .sog"},
+    {"glTF", "a .glb file, which gemsplat writes and does not read",
+     "name the model that it was made from"}};
+
+std::string text_of(const Foreign& foreign) {
+  return fmt::format("this is {}, not a PLY; {}", foreign.kind, foreign.remedy);
+}
+
+std::string lowercase_name(const fs::path& path) {
+  std::string name = path.filename().string();
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char c) { return char(std::tolower(c)); });
+  return name;
+}
+
+// PlayCanvas' tools write a .sog as one file, or as a folder of the same pictures with meta.json.
+std::string sog_folder(const fs::path& folder) {
+  return fmt::format(
+      "this is a SOG model unpacked into a folder, and gemsplat reads it as one file; pack it "
+      "with: "
+      "zip -0 -j model.sog {}/*",
+      folder.string());
+}
+
+}  // namespace
+
+std::string foreign_kind(const fs::path& path) {
+  std::error_code ignored;
+  if (fs::is_directory(path, ignored))
+    return fs::exists(path / "meta.json", ignored) ? sog_folder(path) : "";
+  std::ifstream file(path, std::ios::binary);
+  char first[4] = {};
+  if (!file || !fs::is_regular_file(path, ignored)) return "";
+  file.read(first, sizeof first);
+  const std::string_view beginning(first, std::size_t(file.gcount()));
+  if (beginning.starts_with("ply")) return "";
+  const std::string name = lowercase_name(path);
+  if (name == "meta.json") return sog_folder(path.parent_path());
+  for (const Foreign& foreign : kEndings)
+    if (name.ends_with(foreign.mark)) return text_of(foreign);
+  for (const Foreign& foreign : kFirstBytes)
+    if (beginning.starts_with(foreign.mark)) return text_of(foreign);
+  return "";
+}
+
+}  // namespace gs

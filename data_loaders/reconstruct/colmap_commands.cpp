@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/reconstruct/colmap_commands.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+#include "gs_core/io/atomic_file.h"
+#include "gs_core/io/subprocess.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+void write_photo_list(const ColmapPlan& plan, const fs::path& file) {
+  AtomicFile list(file);
+  for (const PhotoFile& photo : plan.photos) list.write(photo.name + "\n");
+  list.commit();
+}
+
+std::string text(bool value) { return value ? "1" : "0"; }
+std::string thread_text(const ColmapPlan& plan) {
+  return fmt::format("{}", plan.threads ? plan.threads : -1);
+}
+
+}  // namespace
+
+ColmapCommand::ColmapCommand(const std::string& program, const std::string& command)
+    : arguments_{program, command} {
+  run_process({program, command, "-h"}, {}, [this](std::string_view line) {
+    if (const std::size_t at = line.find("--"); at != line.npos)
+      known_.insert(std::string(line.substr(at, line.find_first_of(" =\r", at) - at)));
+  });
+}
+
+void ColmapCommand::add(const std::string& option, const std::string& value) {
+  arguments_.insert(arguments_.end(), {option, value});
+}
+
+void ColmapCommand::add_known(std::initializer_list<const char*> options,
+                              const std::string& value) {
+  const auto name = std::find_if(options.begin(), options.end(),
+                                 [&](const char* option) { return known_.contains(option); });
+  if (name != options.end()) add(*name, value);
+}
+
+ColmapCommand feature_command(const ColmapPlan& plan) {
+  ColmapCommand command(plan.program, "feature_extractor");
+  const fs::path list = plan.files.root / "photos.txt";
+  write_photo_list(plan, list);
+  command.add("--database_path", plan.files.database().string());
+  command.add("--image_path", plan.files.images().string());
+  command.add("--image_list_path", list.string());
+  command.add("--ImageReader.camera_model", plan.camera_model);
+  command.add("--ImageReader.single_camera", text(plan.single_camera));
+  command.add_known({"--SiftExtraction.max_num_features"}, fmt::format("{}", plan.max_features));
+  command.add_known({"--FeatureExtraction.use_gpu", "--SiftExtraction.use_gpu"},
+                    text(plan.use_gpu));
+  command.add_known({"--FeatureExtraction.num_threads", "--SiftExtraction.num_threads"},
+                    thread_text(plan));
+  return command;
+}
+
+ColmapCommand match_command(const ColmapPlan& plan) {
+  // Small blocks make COLMAP report its progress more often; they change nothing else.
+  const std::size_t block = std::clamp<std::size_t>(plan.photos.size() / 8, 5, 50);
+  ColmapCommand command(plan.program, fmt::format("{}_matcher", word_of(plan.matching)));
+  command.add("--database_path", plan.files.database().string());
+  if (plan.matching == Matching::exhaustive)
+    command.add_known({"--ExhaustiveMatching.block_size", "--ExhaustivePairing.block_size"},
+                      fmt::format("{}", block));
+  command.add_known({"--FeatureMatching.use_gpu", "--SiftMatching.use_gpu"}, text(plan.use_gpu));
+  command.add_known({"--FeatureMatching.num_threads", "--SiftMatching.num_threads"},
+                    thread_text(plan));
+  return command;
+}
+
+ColmapCommand model_command(const ColmapPlan& plan) {
+  ColmapCommand command(plan.program, "mapper");
+  command.add("--database_path", plan.files.database().string());
+  command.add("--image_path", plan.files.images().string());
+  command.add("--output_path", plan.files.attempt().string());
+  command.add_known({"--Mapper.num_threads"}, thread_text(plan));
+  return command;
+}
+
+}  // namespace gs

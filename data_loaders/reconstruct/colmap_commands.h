@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// The command lines of COLMAP's programs.
+#pragma once
+
+#include <initializer_list>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "data_loaders/reconstruct/colmap_plan.h"
+
+namespace gs {
+
+/// One command line. Options have other names in other versions of COLMAP: the constructor asks the
+/// command's own help which of them it knows.
+class ColmapCommand {
+ public:
+  ColmapCommand(const std::string& program, const std::string& command);
+
+  void add(const std::string& option, const std::string& value);
+  /// Adds the first of these names that the command knows; nothing if it knows none.
+  void add_known(std::initializer_list<const char*> options, const std::string& value);
+  const std::vector<std::string>& arguments() const { return arguments_; }
+
+ private:
+  std::vector<std::string> arguments_;
+  std::set<std::string> known_;
+};
+
+/// Writes the list of photos, photos.txt, too.
+ColmapCommand feature_command(const ColmapPlan& plan);
+ColmapCommand match_command(const ColmapPlan& plan);
+ColmapCommand model_command(const ColmapPlan& plan);
+
+}  // namespace gs

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/reconstruct/colmap_plan.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+#include "gs_core/error.h"
+#include "gs_core/io/fnv1a.h"
+#include "gs_core/io/subprocess.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kExhaustivePhotos = 200;  // with more, `auto` matches neighbors by name only
+
+std::string found_program(const ColmapPlan& plan, const std::string& name) {
+  const auto program = find_program(name);
+  if (!program)
+    throw Error(fmt::format(
+        "cannot find the program {}, which finds where photos were taken; install it (Debian, "
+        "Ubuntu: apt install colmap) or name it with {}",
+        name, plan.flag("colmap", "PATH")));
+  return program->string();
+}
+
+bool same_size(const std::vector<PhotoFile>& photos) {
+  return std::all_of(photos.begin(), photos.end(), [&](const PhotoFile& photo) {
+    return photo.size.width == photos[0].size.width && photo.size.height == photos[0].size.height;
+  });
+}
+
+}  // namespace
+
+std::string ColmapPlan::flag(std::string_view key, std::string_view value) const {
+  if (!has_short_flags) return fmt::format("--set reconstruct.{}={}", key, value);
+  std::string name(key);
+  std::replace(name.begin(), name.end(), '_', '-');
+  return fmt::format("--{} {}", name, value);
+}
+
+bool is_within(const fs::path& inner, const fs::path& outer) {
+  const fs::path relative =
+      fs::weakly_canonical(inner).lexically_relative(fs::weakly_canonical(outer));
+  return !relative.empty() && *relative.begin() != "..";
+}
+
+void complete_plan(ColmapPlan& plan, const fs::path& source) {
+  if (plan.photos.size() < kFewestPhotos)
+    throw Error(
+        fmt::format("{} has {} photo(s); a scene needs at least {}, and 30 or more to look well",
+                    source.string(), plan.photos.size(), kFewestPhotos));
+  if (plan.matching == Matching::automatic)
+    plan.matching = plan.videos.empty() && plan.photos.size() <= kExhaustivePhotos
+                        ? Matching::exhaustive
+                        : Matching::sequential;
+  plan.single_camera = plan.single_camera_setting == SingleCamera::automatic
+                           ? same_size(plan.photos)
+                           : plan.single_camera_setting == SingleCamera::yes;
+}
+
+ColmapPlan plan_of(const ColmapJob& job) {
+  const ReconstructConfig& settings = job.settings;
+  ColmapPlan plan;
+  plan.files.root = job.scene;
+  plan.matching = settings.matching;
+  plan.single_camera_setting = settings.single_camera;
+  plan.camera_model = settings.camera_model;
+  plan.max_features = settings.max_features;
+  plan.frames = settings.frames;
+  plan.use_gpu = settings.use_gpu;
+  plan.threads = job.threads;
+  plan.videos = find_videos(job.photos);
+  plan.has_short_flags = job.has_short_flags;
+  plan.program = found_program(plan, settings.colmap);
+  const bool same_folder = fs::weakly_canonical(job.photos) == fs::weakly_canonical(job.scene);
+  if (!plan.videos.empty()) {
+    if (same_folder)
+      throw UsageError("the videos and the scene are in the same folder, " + job.photos.string() +
+                       "; name another for the scene with -o");
+    return plan;
+  }
+  if (same_folder && !fs::is_directory(plan.files.images()))
+    throw UsageError("the photos and the scene are the same folder, " + job.photos.string() +
+                     "; name another for the scene with -o, or put the photos into its images/");
+  const fs::path photos = same_folder ? plan.files.images() : job.photos;
+  plan.photos = find_photos(photos, job.scene);
+  plan.photos_in_place = is_within(photos, plan.files.images());
+  if (plan.photos_in_place && !is_within(plan.files.images(), photos))
+    throw UsageError(fmt::format("{} lies inside the images of {}; choose another scene with -o",
+                                 photos.string(), job.scene.string()));
+  complete_plan(plan, job.photos);
+  return plan;
+}
+
+std::string made_of(const ColmapPlan& plan) {
+  Fnv1a hash;
+  for (const fs::path& video : plan.videos)
+    hash.add(fmt::format("{}\n{}\n", video.filename().string(), fs::file_size(video)));
+  if (!plan.videos.empty())
+    return fmt::format("{} frames of {} videos {:016x}, {}, {} camera(s), {} matching, {} features",
+                       plan.frames, plan.videos.size(), hash.value(), plan.camera_model,
+                       word_of(plan.single_camera_setting), word_of(plan.matching),
+                       plan.max_features);
+  for (const PhotoFile& photo : plan.photos)
+    hash.add(fmt::format("{}\n{}\n", photo.name, fs::file_size(photo.path)));
+  return fmt::format("{} photos {:016x}, {}, {} camera(s), {} matching, {} features",
+                     plan.photos.size(), hash.value(), plan.camera_model,
+                     plan.single_camera ? "one" : "own", word_of(plan.matching), plan.max_features);
+}
+
+}  // namespace gs

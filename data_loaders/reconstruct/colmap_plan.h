@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a reconstruction will do, decided before anything is written: which photos, which COLMAP
+// program, which options.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "data_loaders/reconstruct/photo_folder.h"
+#include "data_loaders/reconstruct/run_colmap.h"
+
+namespace gs {
+
+inline constexpr std::size_t kFewestPhotos = 3;  // of a scene to train on
+
+/// Paths inside the scene's folder.
+struct SceneFiles {
+  std::filesystem::path root;
+  std::filesystem::path images() const { return root / "images"; }
+  std::filesystem::path sparse() const { return root / "sparse"; }
+  std::filesystem::path attempt() const { return root / "mapping"; }  // unfinished models
+  std::filesystem::path database() const { return root / "database.db"; }
+  std::filesystem::path log() const { return root / "colmap.log"; }
+  std::filesystem::path state() const { return root / "reconstruct.json"; }
+};
+
+struct ColmapPlan {
+  SceneFiles files;
+  std::vector<std::filesystem::path> videos;  // where there are some, the photos are their frames
+  std::vector<PhotoFile> photos;              // of videos: empty until the frames are there
+  bool photos_in_place = false;               // the photos are in the scene's images/ already
+  std::string program, camera_model;
+  Matching matching = Matching::automatic;
+  bool single_camera = false, use_gpu = false;
+  int max_features = 0, frames = 0, threads = 0;
+  SingleCamera single_camera_setting = SingleCamera::automatic;
+  bool has_short_flags = false;       // as in ColmapJob
+
+  /// How to set a setting on the command line, for advice: "--matching exhaustive", or "--set
+  /// reconstruct.matching=exhaustive" in verbs without that flag.
+  std::string flag(std::string_view key, std::string_view value) const;
+};
+
+/// Decides everything that can be decided before the frames of videos are there. Throws Error and
+/// UsageError as run_colmap() does.
+ColmapPlan plan_of(const ColmapJob& job);
+
+/// Decides the rest once `plan.photos` are known. `source` is for messages.
+void complete_plan(ColmapPlan& plan, const std::filesystem::path& source);
+
+/// A text of the photos and settings that a result depends on: the same text, the same result.
+std::string made_of(const ColmapPlan& plan);
+
+/// Whether a path is a folder or lies in it.
+bool is_within(const std::filesystem::path& inner, const std::filesystem::path& outer);
+
+}  // namespace gs

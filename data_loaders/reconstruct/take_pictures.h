@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fills the scene's images/ with the photos, or with frames of the videos.
+#pragma once
+
+#include "data_loaders/reconstruct/colmap_plan.h"
+#include "data_loaders/reconstruct/scene_state.h"
+
+namespace gs {
+
+/// Hard links where the file system has them, else copies. The photos themselves stay as they are.
+void take_photos(const ColmapPlan& plan);
+
+/// The sharpest frames of each video; a video whose frames are complete in `state` is passed over.
+/// Completes the plan.
+void take_frames_of_videos(ColmapPlan& plan, SceneState& state, const ColmapProgress& progress);
+
+}  // namespace gs

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures of views by way of a cache on disk (photo_cache.h): a detour of view_picture.h.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "data_loaders/photos/photo_cache.h"
+#include "data_loaders/scene/view_picture.h"
+#include "gs_core/config/config.h"
+
+namespace gs {
+
+/// The pictures of one scene. Calls for different views may come from several threads at once.
+class CachedPictures {
+ public:
+  CachedPictures(const std::filesystem::path& folder, std::uint64_t most_bytes, std::size_t views)
+      : cache_(folder, most_bytes), keys_(views) {}
+
+  /// make_picture() from the cache, which is given the pictures that it lacks.
+  Picture picture(std::size_t view, const ViewPlan& plan);
+
+  const std::filesystem::path& folder() const { return cache_.folder(); }
+
+ private:
+  /// The name of a picture in the cache, and the state of its files when the name was found.
+  struct Key {
+    std::string name;
+    std::uintmax_t bytes = 0;
+    std::filesystem::file_time_type changed;
+  };
+  const std::string& key_of(std::size_t view, const ViewPlan& plan);
+
+  PhotoCache cache_;
+  std::vector<Key> keys_;  // of each view
+};
+
+/// The cache of dataset.photo_cache, or null if it would save no work: photos that are neither
+/// undistorted nor resized are only worth it if they are decoded again and again (not `all_fit`).
+std::shared_ptr<CachedPictures> cache_for(const DatasetConfig& dataset,
+                                          const std::vector<ViewPlan>& plans, bool all_fit);
+
+}  // namespace gs

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/scene/plan_views.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <map>
+#include <mutex>
+#include <tuple>
+
+#include "data_loaders/lenses/undistort.h"
+#include "data_loaders/photos/photo_fit.h"
+#include "data_loaders/photos/photo_names.h"
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+#include "gs_core/math/rotation.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Refuses a mask of another shape than its photo, from its header.
+void check_mask_size(const fs::path& mask, const fs::path& photo, const PhotoSize& photo_size) {
+  const PhotoSize size = read_photo_size(mask);
+  if (has_shape_of(size, photo_size)) return;
+  throw Error(fmt::format(
+      "mask {} has {} x {} pixels and its photo {} has {} x {}: the shapes differ, so the mask was "
+      "made for another picture; make it again from this photo, or take it away",
+      mask.string(), size.width, size.height, photo.string(), photo_size.width, photo_size.height));
+}
+
+/// The model's camera at the size of the photo file.
+LensCamera fitted_to_photo(LensCamera lens, const ViewPlan& plan) {
+  const PhotoSize model = {lens.pinhole.width, lens.pinhole.height}, photo = plan.photo_size;
+  const PhotoFit fit = fit_of(photo, model);
+  if (fit == PhotoFit::fits) {
+    lens.pinhole = resized(lens.pinhole, photo.width, photo.height);
+    return lens;
+  }
+  const std::string sizes =
+      fmt::format("photo {} has {} x {} pixels and its camera in the model {} x {}",
+                  plan.file.string(), photo.width, photo.height, model.width, model.height);
+  if (fit == PhotoFit::turned)
+    throw Error(
+        sizes +
+        ": width and height are swapped, so one of the two was turned by the photo's EXIF "
+        "orientation; turn the pixels themselves (`mogrify -auto-orient` on copies of the photos) "
+        "and give COLMAP and gemsplat these same files");
+  throw Error(
+      sizes +
+      ": the shapes differ, so this is not the photo that COLMAP saw; use the same photos, or run "
+      "COLMAP again on these");
+}
+
+/// Refuses a dataset.resolution other than 1, 2, 4, 8 or a width up to that of the photo.
+void check_resolution(int resolution, const PinholeCamera<double>& camera,
+                      const std::string& name) {
+  const bool divides = resolution == 1 || resolution == 2 || resolution == 4 || resolution == 8;
+  if (!divides && resolution <= 8)
+    throw UsageError(fmt::format(
+        "dataset.resolution is {}; give 1, 2, 4 or 8 to divide the photos' size, or a width "
+        "of at least 16 pixels",
+        resolution));
+  if (!divides && resolution > camera.width)
+    throw UsageError(fmt::format(
+        "dataset.resolution asks for {} pixels of width and photo '{}' has {}; give at most {}, "
+        "or 1 for the photos' own size",
+        resolution, name, camera.width, camera.width));
+}
+
+Camera single_precision_camera(const ViewPlan& plan, const ColmapImage& image) {
+  PinholeCamera<double> posed = plan.target;
+  posed.cam_from_world_rotation = rotation_matrix(image.cam_from_world_rotation);
+  posed.cam_from_world_translation = image.cam_from_world_translation;
+  const Camera camera = camera_as<float>(posed);
+  if (!is_finite(camera.position()) || !is_finite(Vec3f(camera.fx, camera.cx, 0)) ||
+      !is_finite(Vec3f(camera.fy, camera.cy, 0)))
+    throw Error(fmt::format(
+        "the camera of photo '{}' does not fit single precision; leave the photo out of the model, "
+        "or move the model nearer to its origin with `colmap model_aligner`",
+        image.name));
+  return camera;
+}
+
+/// JPEG has no alpha.
+bool may_be_masked(const ViewPlan& plan) {
+  const std::string ending = lowercase_ending(plan.file);
+  return !plan.mask_file.empty() || (plan.masks.use_alpha && ending != ".jpg" && ending != ".jpeg");
+}
+
+/// Bytes of the photo with its mask, and the most that make_picture() holds at a time.
+PhotoCost cost_of(const ViewPlan& plan) {
+  const std::size_t channels = plan.may_be_masked ? 4 : 3;
+  const auto bytes = [&](const auto& size) {
+    return channels * std::size_t(size.width) * size.height;
+  };
+  const std::size_t photo = bytes(plan.photo_size), undistorted = bytes(plan.undistorted),
+                    target = bytes(plan.target);
+  PhotoCost cost{target, channels == 4 ? 2 * photo : photo};  // as decoded, and then apart
+  if (plan.has_lens()) cost.decoding = std::max(cost.decoding, photo + undistorted);
+  if (plan.is_resized()) cost.decoding = std::max(cost.decoding, undistorted + target);
+  return cost;
+}
+
+/// Names, files and sizes.
+std::vector<ViewPlan> read_headers(const SceneModel& scene,
+                                   const std::function<void(std::size_t, std::size_t)>& progress) {
+  std::vector<ViewPlan> plans(scene.photos.size());
+  constexpr std::size_t kHeadersPerChunk = 8;
+  std::mutex mutex;
+  std::size_t done = 0;
+  parallel_for(plans.size(), kHeadersPerChunk, [&](std::size_t i) {
+    ViewPlan& plan = plans[i];
+    plan.name = scene.model.images[i].name;
+    plan.file = scene.photos[i];
+    plan.mask_file = scene.mask_files[i];
+    plan.masks = scene.masks;
+    plan.photo_size = read_photo_size(plan.file);
+    if (!plan.mask_file.empty()) check_mask_size(plan.mask_file, plan.file, plan.photo_size);
+    const std::lock_guard lock(mutex);
+    if (progress) progress(++done, plans.size());
+  });
+  return plans;
+}
+
+}  // namespace
+
+std::vector<ViewPlan> plan_views(
+    const SceneModel& scene, int resolution,
+    const std::function<void(std::size_t done, std::size_t total)>& progress) {
+  std::vector<ViewPlan> plans = read_headers(scene, progress);
+  std::size_t scaled = 0;
+  std::map<std::tuple<std::uint32_t, int, int>, PinholeCamera<double>> undistorted;
+  for (std::size_t i = 0; i < plans.size(); ++i) {
+    ViewPlan& plan = plans[i];
+    const ColmapImage& image = scene.model.images[i];
+    const ColmapCamera& camera = scene.model.cameras.at(image.camera_id);
+    plan.lens = fitted_to_photo(lens_camera(camera, plan.name), plan);
+    const auto [width, height] = plan.photo_size;
+    if (width != camera.width || height != camera.height) ++scaled;
+    const auto [found, is_new] = undistorted.try_emplace({camera.id, width, height});
+    if (is_new) found->second = undistorted_pinhole(plan.lens, plan.name);  // a search: once each
+    plan.undistorted = found->second;
+    check_resolution(resolution, plan.undistorted, plan.name);
+    plan.target = at_resolution(plan.undistorted, resolution);
+    plan.camera = single_precision_camera(plan, image);
+    plan.may_be_masked = may_be_masked(plan);
+    plan.cost = cost_of(plan);
+  }
+  if (scaled)
+    log_info(
+        "{} of {} photos differ in size from their cameras in the model: intrinsics scaled to the "
+        "photos",
+        scaled, plans.size());
+  return plans;
+}
+
+}  // namespace gs

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// What becomes of each photo, decided from its header: its lens, its sizes, its camera.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "data_loaders/lenses/lens.h"
+#include "data_loaders/photos/photo_pool.h"
+#include "data_loaders/photos/photos.h"
+#include "data_loaders/scene/scene_model.h"
+
+namespace gs {
+
+/// All that is known of a view before its photo is decoded.
+struct ViewPlan {
+  std::string name;
+  std::filesystem::path file;
+  std::filesystem::path mask_file;    // empty: none
+  MaskUse masks;
+  PhotoSize photo_size;
+  LensCamera lens;                    // at the photo's size
+  PinholeCamera<double> undistorted;  // the photo without its lens, at full resolution
+  PinholeCamera<double> target;       // at the resolution of training
+  Camera camera;                      // the target with its pose, in single precision
+  bool may_be_masked = false;         // by a file or by alpha; only decoding tells of alpha
+  PhotoCost cost;                     // bytes of the picture, and of making it
+
+  bool has_lens() const { return lens.lens != LensCamera::Lens::none; }
+  bool is_resized() const {
+    return target.width != undistorted.width || target.height != undistorted.height;
+  }
+};
+
+/// Reads the headers of all photos and masks and plans the views, in the order of the model's
+/// images. `progress` counts headers, from one thread at a time. Throws Error that names the photo
+/// and the remedy: a photo or mask of another shape than its camera, a lens that cannot become a
+/// pinhole, a pose beyond single precision. Throws UsageError for a resolution that is none.
+std::vector<ViewPlan> plan_views(
+    const SceneModel& scene, int resolution,
+    const std::function<void(std::size_t done, std::size_t total)>& progress);
+
+}  // namespace gs

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/transforms/transforms_file.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+#include "gs_core/io/byte_reader.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+// Bytes, some 100,000 frames. A parsed file takes up to 20 times its size in memory.
+constexpr std::uint64_t kLargestFile = std::uint64_t(128) << 20;
+
+bool is_file(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored);
+}
+
+Json parse_file(const fs::path& path) {
+  ByteReader reader(path);
+  if (reader.size() > kLargestFile)
+    cannot_read(path, fmt::format("it has {} bytes, too many for a list of cameras; cut the scene "
+                                  "into smaller ones",
+                                  reader.size()));
+  const auto size = std::size_t(reader.size());
+  const auto* text = reinterpret_cast<const char*>(reader.take(size));
+  try {
+    return Json::parse(text, text + size);
+  } catch (const Json::parse_error& error) {
+    cannot_read(path, fmt::format("it is not JSON from byte {} on (JSON has no NaN or Infinity); "
+                                  "the file is cut short or damaged, write it again",
+                                  error.byte));
+  } catch (const Json::exception&) {
+    cannot_read(path, "it holds a number that is not finite; mend it or write the file again");
+  }
+}
+
+}  // namespace
+
+void TransformsFile::fail(const std::string& what) const { cannot_read(path, what); }
+
+TransformsFile open_transforms_file(const fs::path& path) {
+  TransformsFile file{path, parse_file(path)};
+  const auto frames = file.top.is_object() ? file.top.find("frames") : file.top.end();
+  if (!file.top.is_object() || frames == file.top.end() || !frames->is_array() || frames->empty())
+    file.fail(
+        "it has no list \"frames\" with a frame in it; name a file that nerfstudio, instant-ngp or "
+        "Blender wrote");
+  return file;
+}
+
+std::optional<std::string> path_inside(std::string name) {
+  std::replace(name.begin(), name.end(), '\\', '/');  // written on Windows
+  const bool has_drive = name.size() > 2 && name[1] == ':' && name[2] == '/';
+  if (name.empty() || name.find('\0') != name.npos || has_drive) return std::nullopt;
+  const fs::path path = fs::path(name).lexically_normal();
+  const fs::path last = path.filename();
+  if (path.is_absolute() || *path.begin() == ".." || last.empty() || last == ".")
+    return std::nullopt;
+  return path.generic_string();
+}
+
+std::string with_extension(const fs::path& folder, const std::string& name) {
+  if (is_file(folder / name)) return name;
+  for (const char* extension : {".png", ".jpg", ".jpeg"})
+    if (is_file(folder / (name + extension))) return name + extension;
+  return name;
+}
+
+}  // namespace gs

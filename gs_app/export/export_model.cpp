@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/export/export_model.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+#include "data_loaders/colmap/world_offset.h"
+#include "gs_core/config/markdown.h"
+#include "gs_core/error.h"
+#include "gs_core/io/move_aside.h"
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The model as the file is to hold it.
+GaussianModel prepared(const GaussianModel& model, const ExportRequest& request,
+                       const ModelFormat& format) {
+  GaussianModel result{copy_of(model.gaussians), model.sh_degree, model.is_ours, model.antialiased,
+                       model.world_offset};
+  limit_sh_degree(result, request.sh_degree);
+  transform_model(result, request.transform);
+  // Adding the offset back would undo a transform that the user asked for.
+  if (format.adds_world_offset && !request.transform.is_identity())
+    result.world_offset = Vec3d(0.0);
+  return result;
+}
+
+/// Compares the file with the original where that stands: in the frame of training.
+Fidelity measure(const ExportedFile& exported, const ModelTransform& transform,
+                 const Vec3d& world_offset, const Viewpoints& viewpoints) {
+  GaussianModel kept = exported.format->read(exported.file);
+  if (exported.format->adds_world_offset) {  // reader and writer may have chosen different offsets
+    const Vec3d added = transform.is_identity() ? world_offset : Vec3d(0.0);
+    transform_model(kept, {added - kept.world_offset});
+  }
+  transform_model(kept, inverse_of(transform));
+  return fidelity_of(kept, viewpoints);
+}
+
+void say_where(const ExportedFile& exported, const Vec3d& world_offset) {
+  if (world_offset == Vec3d(0.0) || exported.format->adds_world_offset) return;
+  log_info(
+      "{} lies near the origin, because floats cannot hold coordinates about {}; {} has the matrix "
+      "back to the photos' coordinates, and a .csv file holds these themselves",
+      exported.file.string(), text_of_offset(world_offset),
+      sidecar_of(exported.file).filename().string());
+}
+
+std::string size_text(std::uint64_t bytes) {
+  return bytes < 100'000 ? fmt::format("{:.1f} kB", double(bytes) / 1e3)
+                         : fmt::format("{:.1f} MB", double(bytes) / 1e6);
+}
+
+}  // namespace
+
+void check_place(const fs::path& file, bool force) {
+  if (!fs::exists(file)) return;
+  if (!force)
+    throw UsageError(
+        fmt::format("{} is there already; choose another name, or add --force to "
+                    "keep it as {}.bak-N",
+                    file.string(), file.filename().string()));
+  if (!fs::is_regular_file(file))
+    throw UsageError(file.string() + " is not a file; choose another name");
+}
+
+void keep_older_aside(const fs::path& file) {
+  if (fs::exists(file))
+    log_info("the older {} is now {}", file.string(), keep_aside(file).string());
+}
+
+void check_export(const ExportRequest& request, bool force) {
+  format_to_write(request.file).require(request.options);
+  for (const fs::path& file : {request.file, sidecar_of(request.file)}) check_place(file, force);
+}
+
+bool is_lossy(const ExportRequest& request, int sh_degree) {
+  const ModelFormat& format = format_to_write(request.file);
+  return format.read && (!format.is_lossless || request.sh_degree < sh_degree);
+}
+
+ExportedFile export_model(const GaussianModel& model, const ExportRequest& request,
+                          const Viewpoints* viewpoints) {
+  const ModelFormat& format = format_to_write(request.file);
+  keep_older_aside(request.file);
+  keep_older_aside(sidecar_of(request.file));
+  ExportedFile exported{request.file, &format, frames_of(format, model, request.transform),
+                        std::min(request.sh_degree, model.sh_degree), model.antialiased};
+  const bool is_changed = !request.transform.is_identity() || request.sh_degree < model.sh_degree;
+  GaussianModel changed;
+  if (is_changed) changed = prepared(model, request, format);
+  exported.gaussians = write_model(request.file, is_changed ? changed : model, request.options);
+  exported.bytes = fs::file_size(request.file);
+  if (is_lossy(request, model.sh_degree) && viewpoints && !viewpoints->cameras.empty())
+    exported.fidelity = measure(exported, request.transform, model.world_offset, *viewpoints);
+  write_sidecar(exported);
+  if (!request.transform.turns_or_scales()) say_where(exported, model.world_offset);
+  return exported;
+}
+
+std::string summary(const ExportedFile& exported, const Viewpoints* viewpoints) {
+  std::string text = fmt::format("{}: {}, {:.1f} bytes per Gaussian", exported.file.string(),
+                                 size_text(exported.bytes), exported.bytes_per_gaussian());
+  if (const auto& fidelity = exported.fidelity)
+    text += fmt::format("; {:.2f} dB PSNR, {:.4f} SSIM against the model on {} {} views",
+                        fidelity->psnr, fidelity->ssim, fidelity->num_views, viewpoints->what);
+  return text;
+}
+
+std::string export_table(const std::vector<ExportedFile>& files) {
+  std::string table =
+      markdown_header({"format", "holds", "bytes", "bytes per Gaussian", "PSNR in dB", "SSIM"});
+  for (const ExportedFile& file : files) {
+    const auto& fidelity = file.fidelity;
+    table += markdown_row({std::string(file.format->name), std::string(file.format->holds),
+                           fmt::format("{}", file.bytes),
+                           fmt::format("{:.1f}", file.bytes_per_gaussian()),
+                           fidelity ? fmt::format("{:.2f}", fidelity->psnr) : "",
+                           fidelity ? fmt::format("{:.4f}", fidelity->ssim) : ""});
+  }
+  return table;
+}
+
+}  // namespace gs
