@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/log.h"
 
-#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <cstdlib>
 
 namespace gs {
 namespace {
 
 void write_with_spdlog(detail::LogLevel level, std::string_view line) {
-  const spdlog::string_view_t text(line.data(), line.size());
+  const std::string text = in_color(level, line, stderr_has_color());
   switch (level) {
     case detail::LogLevel::info: return spdlog::info(text);
     case detail::LogLevel::warning: return spdlog::warn(text);
@@ -20,10 +23,24 @@ void (*log_sink)(detail::LogLevel, std::string_view) = write_with_spdlog;
 
 }  // namespace
 
+bool stderr_has_color() {
+  const char* const no_color = std::getenv("NO_COLOR");
+  const char* const terminal = std::getenv("TERM");
+  return !(no_color && *no_color) && terminal && std::string_view(terminal) != "dumb" &&
+         ::isatty(STDERR_FILENO) == 1;
+}
+
+std::string in_color(detail::LogLevel level, std::string_view text, bool enabled) {
+  if (!enabled || level == detail::LogLevel::info) return std::string(text);
+  const char* const red = "\033[31m";
+  const char* const yellow = "\033[33m";
+  return fmt::format("{}{}\033[0m", level == detail::LogLevel::error ? red : yellow, text);
+}
+
 void setup_log(Verbosity verbosity) {
   auto logger = spdlog::get("gemsplat");
-  if (!logger) logger = spdlog::stderr_color_mt("gemsplat");
-  logger->set_pattern("%^%v%$");
+  if (!logger) logger = spdlog::stderr_logger_mt("gemsplat");
+  logger->set_pattern("%v");
   logger->set_level(verbosity == Verbosity::quiet     ? spdlog::level::warn
                     : verbosity == Verbosity::verbose ? spdlog::level::debug
                                                       : spdlog::level::info);

@@ -5,6 +5,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <string>
 #include <string_view>
 #include <utility>
 
@@ -24,6 +25,14 @@ void log_line(LogLevel level, std::string_view line);
 /// Sends the lines elsewhere: a module that is loaded at run time sends its own to the program's.
 void set_log_sink(void (*sink)(LogLevel, std::string_view));
 }  // namespace detail
+
+/// Whether messages get colors: standard error is a terminal that has colors, and NO_COLOR is unset
+/// or empty (no-color.org).
+bool stderr_has_color();
+
+/// The text in the color of its level: errors are red, warnings yellow. Other text, and all text
+/// if not `enabled`, is returned as it is.
+std::string in_color(detail::LogLevel level, std::string_view text, bool enabled);
 
 template <class... Args>
 void log_info(fmt::format_string<Args...> format, Args&&... args) {

@@ -3,12 +3,16 @@
 // of the program, and its exit codes.
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <memory>
 #include <new>
 
+#include "apps/cli/foreign_flags.h"
+#include "apps/cli/help_format.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
+#include "gs_core/log.h"
 #include "gs_core/version.h"
 
 namespace gs {
@@ -17,7 +21,8 @@ namespace {
 constexpr int kInternalError = 1;
 
 int fail(const std::string& message, int code) {
-  std::fprintf(stderr, "error: %s\n", message.c_str());
+  const std::string error = in_color(detail::LogLevel::error, "error:", stderr_has_color());
+  std::fprintf(stderr, "%s %s\n", error.c_str(), message.c_str());
   return code;
 }
 
@@ -41,8 +46,9 @@ int fail_to_parse(const CLI::App& program, const CLI::ParseError& error) {
   const CLI::App& app = active(program);
   std::string message = error.what();
   if (const std::vector<std::string> extra = program.remaining(true); !extra.empty()) {
+    const std::string own = own_flag(app.get_name(), extra.front());
     message = "there is no flag, verb or further argument " + extra.front() +
-              suggestion(app, extra.front());
+              (own.empty() ? suggestion(app, extra.front()) : "; here that is " + own);
   }
   return fail(message + "\n`" + (&app == &program ? "" : "gemsplat ") + app.get_name() +
                   " --help` shows what there is",
@@ -52,7 +58,8 @@ int fail_to_parse(const CLI::App& program, const CLI::ParseError& error) {
 int run(int argc, const char* const* argv) {
   CLI::App program("3D Gaussian Splatting: from photos with a COLMAP model to a trained scene",
                    "gemsplat");
-  program.set_version_flag("--version", std::string("gemsplat ") + kVersion);
+  program.formatter(std::make_shared<HelpFormat>(help_width()));  // verbs inherit it
+  program.set_version_flag("-V,--version", std::string("gemsplat ") + kVersion);
   program.require_subcommand(1);
   add_reconstruct(program);
   add_convert_cameras(program);
@@ -70,7 +77,7 @@ int run(int argc, const char* const* argv) {
   add_info(program);
   add_bench(program);
   add_selftest(program);
-  std::vector<std::string> arguments = normalized_arguments(argc, argv);
+  std::vector<std::string> arguments = without_foreign_habits(normalized_arguments(argc, argv));
   std::reverse(arguments.begin(), arguments.end());  // as CLI11 wants them
   try {
     program.parse(arguments);

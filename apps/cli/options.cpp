@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 
+#include "apps/cli/foreign_flags.h"
 #include "gs_core/config/config_fields.h"
 #include "gs_core/error.h"
 
@@ -50,6 +51,20 @@ std::string joined(const std::vector<std::string>& words) {
   std::string result;
   for (const std::string& word : words) result += (result.empty() ? "" : ", ") + word;
   return result;
+}
+
+// The values of -r that other trainers take, 3 and -1 for example, get an answer of their own. The
+// reference trainer's -1 shrinks photos that are wider than 1600 pixels.
+void check_resolution_flag(int resolution, const SettingOrigins& origins) {
+  const auto origin = origins.find("dataset.resolution");
+  if (origin == origins.end() || origin->second != "flag") return;
+  for (const int divisor : {1, 2, 4, 8})
+    if (resolution == divisor) return;
+  if (resolution >= 16) return;
+  throw UsageError(fmt::format(
+      "-r {}: give 1, 2, 4 or 8 to divide the photos' size, or a width in pixels from 16 on{}",
+      resolution,
+      resolution == -1 ? "; for -1 of other trainers, give -r 1600 if the photos are wider" : ""));
 }
 
 }  // namespace
@@ -132,6 +147,7 @@ void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& s
   add_setting(verb, line, "--test-every", "dataset.test_every", "Scene");
   add_setting(verb, line, "--photo-ram", "dataset.photo_ram_gib", "Machine");
   add_setting(verb, line, "--photo-cache", "dataset.photo_cache", "Machine");
+  add_foreign_flags(verb, line, "dataset.");
 }
 
 void add_render_options(CLI::App& verb, CommandLine& line, const std::string& sh_degree_help) {
@@ -151,6 +167,7 @@ Config resolve(const CommandLine& line, Config start, SettingOrigins* origins) {
   for (const std::string& file : line.config_files) load_config(start, file, &known);
   for (const std::string& setting : line.settings) known[apply_setting(start, setting)] = "--set";
   for (const std::string& flag : line.flags) known[apply_setting(start, flag)] = "flag";
+  check_resolution_flag(start.dataset.resolution, known);
   validate(start, known);
   if (origins) *origins = std::move(known);
   return start;

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "apps/cli/devices.h"
+#include "apps/cli/foreign_flags.h"
 #include "apps/cli/options.h"
 #include "apps/cli/reconstruct.h"
 #include "apps/cli/verbs.h"
@@ -185,6 +186,8 @@ void add_train(CLI::App& program) {
   add_setting(verb, line, "--deterministic", "train.deterministic", "Training");
   add_render_options(verb, line);
   add_general_options(verb, line);
+  add_foreign_flags(verb, line, "model.");
+  add_foreign_flags(verb, line, "loss.");
   verb.add_flag("--print-config", command->print_config,
                 "print all settings as TOML, and do nothing")
       ->group("Settings");
