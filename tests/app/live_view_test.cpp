@@ -160,7 +160,7 @@ TEST_F(LiveRun, SendsTheLossesFromTheFirstStepOnAndEachOnce) {
   run([](int) {});
   const Json all = view_.state(-1).at("losses");  // of a page that is opened at the end
   ASSERT_EQ(all.size(), metrics_.losses().size());
-  ASSERT_GT(all.size(), 2u);
+  ASSERT_EQ(all.size(), 2u);  // of 250 steps, a row every 100
   EXPECT_EQ(all.at(0).at(0), config_.train.log_every);
   EXPECT_EQ(all.at(0).at(1), metrics_.losses()[0].loss);
   const int newest = all.back().at(0);
