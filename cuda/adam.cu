@@ -1,18 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8: Adam over every number of every learned quantity, from stored gradients; and the steps that the fused
-// update of preprocess_backward.cu takes.
+// Stage 8: Adam over every number of every learned quantity, from stored gradients. The fused
+// update of preprocess_backward.cu takes its steps from adam_steps() below.
 #include "cuda/stages.cuh"
 
 namespace gs::cuda {
 namespace {
 
 constexpr int kThreads = 256;  // numbers are independent: any size that fills a multiprocessor
-
-// The numbers of an array, whatever its rows are.
-template <class T>
-Span<float> numbers_of(const Buffer<T>& rows) {
-  return {reinterpret_cast<float*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
-}
 
 __global__ void adam_kernel(Span<float> parameters, Span<float> m, Span<float> v,
                             Span<const float> gradient, AdamStep step) {

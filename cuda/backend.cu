@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA backend. Its step is a fused sequence of launches that never waits and never asks the device anything:
+// The CUDA backend. Its step is a fused sequence of launches. The host neither waits nor reads
+// anything back:
 //
-//   A view's instances are as many as the device says, but buffers and sorts need a number before. It is guessed
-//   from the view's last visit, with room to spare. Where that is too little, the device raises a flag, and from then
-//   on no step changes the model, until the host sees the flag, makes room, and launches those steps again, in order.
-//   Nothing is lost, and the result is the same as if there had been room.
+//   Only the device knows how many instances a view has, but buffers and sorts need a number
+//   beforehand. The host forecasts it from the view's last visit and adds a margin. Where the
+//   forecast is too small, the device raises a flag, and no step changes the model from then on.
+//   When the host sees the flag, it enlarges the buffers and launches those steps again, in order.
+//   The result is the same as with a sufficient forecast.
 #include "cuda/backend.h"
 
 #include <algorithm>
@@ -16,16 +18,23 @@
 
 #include "cuda/renderer.cuh"
 #include "gs_core/math/density.h"
+#include "gs_train/named_row.h"
 
 namespace gs::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-constexpr std::size_t kMostPending = 64;            // steps that the host may be ahead of the device
-constexpr double kRoomForGrowth = 1.2;              // of the instances of a view's last visit
-constexpr double kRoomForUnseen = 1.5;              // of the most instances per Gaussian seen so far
-constexpr std::size_t kFirstRoom = std::size_t(1) << 20;  // instances, before any view was seen
-constexpr std::size_t kRoomStep = std::size_t(1) << 14;   // instances; room is a multiple of it
+constexpr std::size_t kMostPending = 64;  // steps that the host may be ahead of the device
+constexpr double kGrowthMargin = 1.2;     // times the instances of a view's last visit
+constexpr double kUnseenMargin = 1.5;     // times the most instances per Gaussian seen so far
+constexpr std::size_t kFirstCapacity = std::size_t(1) << 20;  // instances, before any view was seen
+constexpr std::size_t kCapacityStep = std::size_t(1) << 14;   // instances; capacities are multiples
+
+struct LossRow {
+  const char* name;  // a word of loss.kind
+  std::unique_ptr<Loss> (*make)(Context&, Memory&, PhotoStore&);
+};
+constexpr LossRow kLosses[] = {{"l1_ssim", make_loss}};
 
 __global__ void gather_kernel(Span<const std::uint32_t> tile_counts, const Vec2f* dL_dmean2d,
                               float* visits, float* gradient_norm, int width, int height) {
@@ -35,7 +44,7 @@ __global__ void gather_kernel(Span<const std::uint32_t> tile_counts, const Vec2f
   gradient_norm[i] += screen_gradient_norm(dL_dmean2d[i], width, height);
 }
 
-// Reports of steps, in memory of the host that the device writes into.
+// The reports of steps, in host memory that the device writes into.
 class Reports {
  public:
   Reports() {
@@ -51,7 +60,7 @@ class Reports {
 
   StepReport* of_step(std::uint32_t step) { return reports_ + step % kMostPending; }
   void clear(std::uint32_t step) { *of_step(step) = {}; }
-  /// True where the step's report has come; then `report` is it.
+  /// Returns true and fills `report` once the step's report has arrived.
   bool read(std::uint32_t step, StepReport& report) {
     const volatile StepReport* const from = of_step(step);
     if (from->step != step) return false;
@@ -64,7 +73,7 @@ class Reports {
   StepReport* reports_;
 };
 
-// How many instances a view will have.
+// Forecasts how many instances a view will have.
 class InstanceForecast {
  public:
   void note(const View& view, std::size_t instances, std::size_t gaussians) {
@@ -72,17 +81,17 @@ class InstanceForecast {
     visits_[&view] = {instances, gaussians};
     most_per_gaussian_ = std::max(most_per_gaussian_, double(instances) / double(gaussians));
   }
-  std::uint32_t room_for(const View& view, std::size_t gaussians) const {
-    double room = std::max<double>(kFirstRoom, 16.0 * double(gaussians));
+  std::uint32_t capacity_for(const View& view, std::size_t gaussians) const {
+    double capacity = std::max<double>(kFirstCapacity, 16.0 * double(gaussians));
     if (const auto visit = visits_.find(&view); visit != visits_.end()) {
       const double growth = double(gaussians) / double(visit->second.gaussians);
-      room = double(visit->second.instances) * std::max(growth, 1.0) * kRoomForGrowth;
+      capacity = double(visit->second.instances) * std::max(growth, 1.0) * kGrowthMargin;
     } else if (most_per_gaussian_ > 0) {
-      room = most_per_gaussian_ * double(gaussians) * kRoomForUnseen;
+      capacity = most_per_gaussian_ * double(gaussians) * kUnseenMargin;
     }
-    const double steps =
-        std::min(std::ceil(room / double(kRoomStep)), 0x7fffffff / double(kRoomStep) - 1);
-    return std::uint32_t((std::size_t(steps) + 1) * kRoomStep);
+    const double steps = std::min(std::ceil(capacity / double(kCapacityStep)),
+                                  0x7fffffff / double(kCapacityStep) - 1);
+    return std::uint32_t((std::size_t(steps) + 1) * kCapacityStep);
   }
   void forget() { *this = {}; }
 
@@ -94,7 +103,7 @@ class InstanceForecast {
   double most_per_gaussian_ = 0;
 };
 
-// Made before everything that lives on it, and destroyed after.
+// A base class, so that the device is created before all that uses it and destroyed afterwards.
 struct Device {
   explicit Device(int index) : context(index), device_memory(context) {}
   Context context;
@@ -116,6 +125,11 @@ class CudaBackend final : private Device, public Backend {
   Memory& memory() override { return device_memory; }
   Renderer& renderer() override { return renderer_; }
   Optimizer& optimizer() override { return *optimizer_; }
+  void use_loss(const std::string& kind) override {
+    finish_pending();
+    loss_ = row_named(kLosses, kind, "loss.kind", " on " + name())
+                .make(context, device_memory, photos_);
+  }
   Loss& loss() override {
     finish_pending();
     return *loss_;
@@ -136,7 +150,8 @@ class CudaBackend final : private Device, public Backend {
   void prefetch_next(const View& view) override { photos_.prefetch_next(view); }
 
   void step(TrainingModel& model, const View& view, const RenderSettings& settings,
-            float lambda_dssim, const LearningRates& rates, const DensityStep& density) override {
+            const LossSettings& loss_settings, const LearningRates& rates,
+            const DensityStep& density) override {
     if (model_ != &model) finish_pending();
     model_ = &model;
     read_reports();
@@ -144,11 +159,11 @@ class CudaBackend final : private Device, public Backend {
       std::this_thread::yield();
       read_reports();
     }
-    pending_.push_back({&view, settings, lambda_dssim, adam_steps(model.adam_steps + 1, rates),
+    pending_.push_back({&view, settings, loss_settings, adam_steps(model.adam_steps + 1, rates),
                         density, rates.mean, ++last_step_});
     try {
       launch_pending();
-    } catch (...) {  // say, memory ran out: as if it had not been asked for; those before are launched later
+    } catch (...) {  // for example, memory ran out: drop this step; earlier ones are launched later
       pending_.pop_back();
       --last_step_;
       throw;
@@ -178,27 +193,27 @@ class CudaBackend final : private Device, public Backend {
   }
 
  private:
-  // A step that was launched and may have to be launched again.
+  // A step that may have to be launched again.
   struct Step {
     const View* view;
     RenderSettings settings;
-    float lambda_dssim;
+    LossSettings loss_settings;
     AdamSteps adam;
     DensityStep density;
-    float position_rate;  // of Adam, which the noise is measured by
+    float position_rate;  // Adam's rate for the means, which scales the noise
     std::uint32_t number;
     bool is_launched = false;
   };
 
-  // Launches the steps that are not, in order. Where that fails the step at hand is cleared away, has changed nothing,
-  // and is launched with those after it by the next call.
+  // Launches the steps that are not launched yet, in order. A step that fails changes nothing; the
+  // next call launches it again, with those after it.
   void launch_pending() {
     for (Step& step : pending_) {
       if (step.is_launched) continue;
       try {
         enqueue(step);
       } catch (...) {
-        context.synchronize();  // so that no late report is taken for that of the next attempt
+        context.synchronize();  // a late report must not be mistaken for that of the next attempt
         renderer_.clear_gradients();
         throw;
       }
@@ -211,18 +226,19 @@ class CudaBackend final : private Device, public Backend {
     const Camera& camera = step.view->camera;
     renderer_.reserve_gradients(model_->count(), step.settings);
     renderer_.forward(model_->gaussians.span(), camera, step.settings, pass_,
-                      forecast_.room_for(*step.view, model_->count()),
+                      forecast_.capacity_for(*step.view, model_->count()),
                       reports_.of_step(step.number), step.number);
-    loss_->forward_backward(pass_, *step.view, step.lambda_dssim, dL_dimage_);
-    blend_backward(context, step.settings, dL_dimage_.span(), renderer_.room(), pass_);
+    loss_->forward_backward(pass_, *step.view, step.loss_settings, dL_dimage_);
+    blend_backward(context, step.settings, dL_dimage_.span(), renderer_.workspace(), pass_);
     preprocess_backward_and_update(context, *model_, camera, step.settings, step.adam, step.density,
-                                   renderer_.room(), pass_);
+                                   renderer_.workspace(), pass_);
     if (step.density.noise.scale > 0)
       add_position_noise(context, model_->gaussians.span(), step.density.noise, step.position_rate,
-                         renderer_.room().halted.data());
+                         renderer_.workspace().halted.data());
   }
 
-  // Forgets the steps that are known to have had room; repeats those that had not. Waits only for the latter.
+  // Removes the steps that fitted into their buffers, and repeats the others. Waits only where it
+  // repeats.
   void read_reports() {
     launch_pending();
     StepReport report;
@@ -241,7 +257,7 @@ class CudaBackend final : private Device, public Backend {
       check_can_be_sorted(report.instances);
       forecast_.note(*step.view, report.instances, model_->count());
     }
-    renderer_.room().halted.fill_zero();
+    renderer_.workspace().halted.fill_zero();
     for (Step& step : pending_) step.is_launched = false;
     launch_pending();
   }

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 6: gradients of blending, front to back again; see subtile.cuh for who does what.
+// Stage 6: the gradients of blending, front to back again. subtile.cuh describes the work of a
+// warp.
 //
-// A lane walks its pixel through the listed splats and finds two numbers for each: f = dL/dE, by the exponent, and
-// w = T alpha, the weight. All that a splat needs are sums of these over the pixels:
+// A lane goes through the listed splats for its pixel and computes two numbers for each: f = dL/dE,
+// the gradient by the exponent, and w = T alpha, the weight. The gradient of a splat follows from
+// sums of these over the pixels:
 //
-//   sum f {1, x, y, x^2, x y, y^2}   with x, y from the sub-tile's center: mean, conic and opacity follow
-//   sum w dL/d(pixel)                its color
+//   sum f {1, x, y, x^2, x y, y^2}   for mean, conic and opacity; x, y from the sub-tile's center
+//   sum w dL/d(pixel)                for its color
 //
-// Two matrix products, [splats x pixels] [pixels x 6] and [splats x pixels] [pixels x 3], made on tensor cores for 16
-// splats at a time. x and y are multiples of 1/2 below 4, so that TF32 holds the first right-hand side exactly, and
-// the left-hand sides are split in two, so that nothing is rounded but the sums.
+// These are two matrix products, [splats x pixels] [pixels x 6] and [splats x pixels] [pixels x 3],
+// on tensor cores for 16 splats at a time. x and y are multiples of 1/2 below 4, so that the first
+// right-hand side is exact in TF32. The left-hand sides are split into two TF32 parts, so that only
+// the sums are rounded.
 #include "cuda/mma.cuh"
 #include "cuda/stages.cuh"
 #include "cuda/subtile.cuh"
@@ -17,26 +20,26 @@
 namespace gs::cuda {
 namespace {
 
-constexpr int kBlocks = 7;                // of a multiprocessor: the compiler finds registers for so many
-constexpr int kBlocksAbsolute = 6;        // and for so many with absolute gradients
-constexpr int kRows = 16;                 // splats of one product
-constexpr int kRowStride = 2 * kWarp + 16;  // floats; neighboring rows lie 16 banks apart, for loads of 16 bytes
-constexpr int kProducts = kWarp / 8;      // of 8 pixels each
-constexpr int kSumStride = 20;            // floats from one splat's sums to the next, 16-byte aligned
+constexpr int kBlocks = 7;                  // per multiprocessor, as many as registers allow
+constexpr int kBlocksAbsolute = 6;          // the same with absolute gradients
+constexpr int kRows = 16;                   // splats of one product
+constexpr int kRowStride = 2 * kWarp + 16;  // floats; rows lie 16 banks apart, for 16-byte loads
+constexpr int kProducts = kWarp / 8;        // of 8 pixels each
+constexpr int kSumStride = 20;              // floats from one splat's sums to the next
 
-struct WarpRoom {
+struct WarpShared {
   ListedSplat list[kWarp];
   ListWalk::Ahead ahead;
-  alignas(16) float rows[kRows * kRowStride];  // f and w of each pixel in turn, one splat a row; then the sums
+  alignas(16) float rows[kRows * kRowStride];  // f and w of each pixel, one splat a row; then sums
   float2 colors[kProducts][kWarp];             // right-hand side of the colors: each lane's part
 };
 
-// This lane's part of the right-hand side of the moments, column l / 4: x^a y^b, a + b <= 2. Row t of product q is
-// pixel 8 q + 2 t of the sub-tile, and row t + 4 the one after it: a lane then finds both, with f and w, in 16
-// consecutive bytes.
+// This lane's part of the right-hand side of the moments, column l / 4: x^a y^b, a + b <= 2. Row t
+// of product q is pixel 8 q + 2 t of the sub-tile, and row t + 4 is the next pixel, so that a lane
+// reads f and w of both in 16 consecutive bytes.
 struct Monomials {
   float x[2];         // x^a of the columns 2 t and 2 t + 1
-  float y[2], sign;   // y^b of the first two rows; those of the last two are mirrored
+  float y[2], sign;   // y^b of the first two rows; times `sign`, mirrored, of the last two
 
   __device__ Monomials() {
     static_assert(kSubtileWidth == 8 && kSubtileHeight == kProducts && kProducts == 4);
@@ -57,9 +60,9 @@ struct Monomials {
   }
 };
 
-// The whole warp: the right-hand side of the colors: columns r, g, b of dL/d(pixel) as TF32 holds them, and then
-// what is left of each.
-__device__ void stage_colors(WarpRoom& room, const Vec3f& dL_dpixel) {
+// The whole warp: writes the right-hand side of the colors: columns r, g, b of dL/d(pixel) in TF32,
+// then the rest of each.
+__device__ void stage_colors(WarpShared& shared, const Vec3f& dL_dpixel) {
   const int lane = lane_of_thread(), column = lane / 4, t = lane % 4;
   for (int q = 0; q < kProducts; ++q) {
     float part[2];
@@ -72,11 +75,12 @@ __device__ void stage_colors(WarpRoom& room, const Vec3f& dL_dpixel) {
       const float high = tf32_part(channel);
       part[k] = column < 3 ? high : column < 6 ? channel - high : 0.0f;
     }
-    room.colors[q][lane] = {part[0], part[1]};
+    shared.colors[q][lane] = {part[0], part[1]};
   }
 }
 
-// dL/d(splat) from the sums over the pixels of one sub-tile; colors are not masked yet.
+// dL/d(splat) from the sums over the pixels of one sub-tile. preprocess_backward() masks the colors
+// later.
 __device__ SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f& center,
                                            const float* sums) {
   const float4 a = *reinterpret_cast<const float4*>(sums);
@@ -93,15 +97,17 @@ __device__ SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f
           splat.opacity > 0.0f ? f / splat.opacity : 0.0f, c.x + c.w,   c.y + d.x,   c.z + d.y};
 }
 
-// The whole warp: |dL/d(mean)| of a splat summed over its pixels, axis by axis, from each one's f at d = (dx, dy).
+// The whole warp: |dL/d(mean)| of a splat summed over its pixels, axis by axis, from each one's f
+// at d = (dx, dy).
 __device__ Vec2f absolute_gradient(const ListedSplat& splat, float dx, float dy, float f) {
   const Sym2<float> Q = conic_of(splat.L);
   return {warp_sum(fabsf(f * (Q.xx * dx + Q.xy * dy))),
           warp_sum(fabsf(f * (Q.xy * dx + Q.yy * dy)))};
 }
 
-// Where the gradients of all Gaussians are added up. add(): the whole warp; lane r has that of row r's splat, as long as
-// r < count, and numbers[r * kSumStride] are the room of that row.
+// The sums of the gradients of all Gaussians, in floating point or in fixed point. add() is called
+// by the whole warp: lane r < count has the gradient of row r's splat, and scratch memory from
+// numbers[r * kSumStride] on.
 template <bool kAbsolute_>
 struct FloatSums {
   static constexpr bool kAbsolute = kAbsolute_;
@@ -125,7 +131,7 @@ struct FixedSums {
   FineSums* fine;
   CoarseSums* coarse;
 
-  // Neighboring lanes add neighboring numbers: these share sectors of memory.
+  // Neighboring lanes add neighboring numbers, which share sectors of memory.
   __device__ void add(int count, std::uint32_t gaussian, const SplatGradientSum& sum,
                       float* numbers) const {
     constexpr int kNumbers = kAbsolute ? kAllGradientNumbers : kGradientNumbers;
@@ -142,27 +148,28 @@ struct FixedSums {
   }
 };
 
-// The whole warp: sums the first `count` rows over the pixels and adds each splat's gradient to its Gaussian's.
-// Row r belongs to splat `slot` of the list, as lane r says, which also has its absolute gradient.
+// The whole warp: sums the first `count` rows over the pixels and adds each splat's gradient to
+// that of its Gaussian. In lane r, `slot` is the place of row r's splat in the list, and `absolute`
+// is its absolute gradient.
 template <class Sums>
-__device__ void add_rows(WarpRoom& room, int count, int slot, const Vec2f& absolute,
+__device__ void add_rows(WarpShared& shared, int count, int slot, const Vec2f& absolute,
                          const Monomials& monomials, const Vec2f& center, const Sums& sums) {
   const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
   __syncwarp();
   float moments[4] = {}, colors[4] = {};
 #pragma unroll
   for (int q = 0; q < kProducts; ++q) {
-    const float* const at = room.rows + g * kRowStride + 16 * q + 4 * t;
+    const float* const at = shared.rows + g * kRowStride + 16 * q + 4 * t;
     const float4 top = *reinterpret_cast<const float4*>(at);
     const float4 bottom = *reinterpret_cast<const float4*>(at + 8 * kRowStride);
     const float y = monomials.y_of_row(q);
-    const float2 color = room.colors[q][lane];
+    const float2 color = shared.colors[q][lane];
     multiply_add_exactly(moments, {top.x, bottom.x, top.z, bottom.z},
                          {monomials.x[0] * y, monomials.x[1] * y});
     multiply_add_exactly(colors, {top.y, bottom.y, top.w, bottom.w}, {color.x, color.y});
   }
   __syncwarp();
-  float* const to = room.rows + g * kSumStride + 2 * t;
+  float* const to = shared.rows + g * kSumStride + 2 * t;
   *reinterpret_cast<float2*>(to) = {moments[0], moments[1]};
   *reinterpret_cast<float2*>(to + 8) = {colors[0], colors[1]};
   *reinterpret_cast<float2*>(to + 8 * kSumStride) = {moments[2], moments[3]};
@@ -171,17 +178,17 @@ __device__ void add_rows(WarpRoom& room, int count, int slot, const Vec2f& absol
   std::uint32_t gaussian = 0;
   SplatGradientSum sum;
   if (lane < count) {
-    const ListedSplat splat = room.list[slot];
+    const ListedSplat splat = shared.list[slot];
     gaussian = splat.gaussian;
-    sum = splat_gradient(splat, center, room.rows + lane * kSumStride);
+    sum = splat_gradient(splat, center, shared.rows + lane * kSumStride);
     if (Sums::kAbsolute) sum.absolute_x = absolute.x, sum.absolute_y = absolute.y;
   }
-  sums.add(count, gaussian, sum, room.rows);
+  sums.add(count, gaussian, sum, shared.rows);
   __syncwarp();
 }
 
-// One pixel on its way; gs_core/math/blend.h has the same in terms of the color behind. Only its product with
-// dL/d(pixel) is needed here.
+// The state of one pixel during the walk. gs_core/math/blend.h has the same formulas with the color
+// behind a fragment; here its inner product with dL/d(pixel) is enough.
 struct PixelWalk {
   Vec3f dL_dpixel{0, 0, 0};
   float behind = 0;     // <color behind without background, dL/dpixel> - background_term
@@ -200,13 +207,13 @@ struct PixelWalk {
     last = last_instance[at];
   }
 
-  /// From the first segment to one behind: (color, transmittance) before it.
+  /// Skips to a later segment; the checkpoint has (color, transmittance) before it.
   __device__ void skip_to(const Vec4f& checkpoint) {
     behind -= inner(dL_dpixel, Vec3f(checkpoint.x, checkpoint.y, checkpoint.z));
     transmittance = checkpoint.w;
   }
 
-  /// f and w of a fragment that is kept; advances past it.
+  /// Returns f and w of a fragment that is kept, and advances past it.
   template <BlendRule rule>
   __device__ float2 step(const ListedSplat& splat, float e) {
     const float gaussian = exp2_fragment(e);
@@ -223,7 +230,7 @@ struct PixelWalk {
   }
 };
 
-// What the forward pass left.
+// The results of the forward pass.
 struct Forward {
   const float* image;                      // (3, H, W)
   const float* transmittance;              // (H, W)
@@ -236,8 +243,8 @@ template <BlendRule rule, class Sums>
 __global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute ? kBlocksAbsolute : kBlocks)
     blend_backward_kernel(TileLists lists, const ListSegment* segments, Vec3f background,
                           Forward forward, const float* dL_dimage, Sums sums) {
-  __shared__ WarpRoom rooms[kBlendWarps];
-  WarpRoom& room = rooms[threadIdx.x / kWarp];
+  __shared__ WarpShared shared_of_warps[kBlendWarps];
+  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
   const int lane = lane_of_thread();
   const WarpWork work;
   const ListSegment segment = segments[work.item];
@@ -250,43 +257,44 @@ __global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute ? kBlocksAbsolu
   if (segment.number > 0)
     pixel.skip_to(forward.checkpoints[subtile.checkpoint(forward.first_checkpoints[segment.tile] +
                                                          segment.number - 1)]);
-  stage_colors(room, pixel.dL_dpixel);
+  stage_colors(shared, pixel.dL_dpixel);
   const Monomials monomials;
   const Vec2f center{float(subtile.x0) + 0.5f * kSubtileWidth,
                      float(subtile.y0) + 0.5f * kSubtileHeight};
 
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
-  for (ListWalk walk(room.ahead, lists, subtile.tile, subtile.pixels(), first,
+  for (ListWalk walk(shared.ahead, lists, subtile.tile, subtile.pixels(), first,
                      min(longest, first + kSegmentLength), false);
        !walk.is_done();) {
-    const int count = walk.list_next(room.list);
+    const int count = walk.list_next(shared.list);
     int rows = 0, slot = 0;
     Vec2f absolute(0.0f);
     for (int i = 0; i < count; ++i) {
-      const ListedSplat splat = room.list[i];
+      const ListedSplat splat = shared.list[i];
       const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
       const float e = base2_exponent(splat, dx, dy);
       const bool keep = e >= splat.lowest && splat.position < pixel.last;
       if (!__any_sync(kAllLanes, keep)) continue;
       float2 fragment{0.0f, 0.0f};
       if (keep) fragment = pixel.step<rule>(splat, e);
-      *reinterpret_cast<float2*>(room.rows + rows * kRowStride + 2 * lane) = fragment;
+      *reinterpret_cast<float2*>(shared.rows + rows * kRowStride + 2 * lane) = fragment;
       if (Sums::kAbsolute) {
         const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
         if (lane == rows) absolute = sum;
       }
       if (lane == rows) slot = i;
       if (++rows == kRows) {
-        add_rows(room, rows, slot, absolute, monomials, center, sums);
+        add_rows(shared, rows, slot, absolute, monomials, center, sums);
         rows = 0;
       }
     }
-    if (rows) add_rows(room, rows, slot, absolute, monomials, center, sums);
+    if (rows) add_rows(shared, rows, slot, absolute, monomials, center, sums);
     __syncwarp();
   }
 }
 
-// From the sums in fixed point of the visible to those that preprocess_backward() reads; leaves zeros behind.
+// Converts the fixed-point sums of visible Gaussians to the floats that preprocess_backward()
+// reads, and clears them.
 __global__ void __launch_bounds__(kBlendThreads)
     collect_sums_kernel(std::size_t count, const std::uint32_t* tile_counts, FineSums* all_fine,
                         CoarseSums* all_coarse, SplatGradientSum* gradients) {
@@ -312,16 +320,17 @@ __global__ void __launch_bounds__(kBlendThreads)
 }  // namespace
 
 void blend_backward(Context& context, const RenderSettings& settings, Span<const float> dL_dimage,
-                    WorkingRoom& room, RenderPass& pass) {
+                    Workspace& workspace, RenderPass& pass) {
   const StageScope scope(context, "blend backward");
   GS_CHECK(dL_dimage.size == 3 * pass.pixel_count());
+  const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Forward forward{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
-                        pass.first_checkpoints.data(), pass.checkpoints.data()};
+                        scratch.first_checkpoints.data(), scratch.checkpoints.data()};
   const auto launch = [&](auto rule, const auto& sums) {
     context.launch("blend backward",
                    blend_backward_kernel<rule(), std::remove_cvref_t<decltype(sums)>>,
-                   blend_blocks(pass.segments.size()), kBlendThreads, tile_lists(pass),
-                   pass.segments.data(), settings.background, forward, dL_dimage.data, sums);
+                   blend_blocks(scratch.segments.size()), kBlendThreads, tile_lists(pass),
+                   scratch.segments.data(), settings.background, forward, dL_dimage.data, sums);
   };
   const auto launch_with = [&](const auto& sums) {
     if (settings.blend_rule == BlendRule::classic)
@@ -331,12 +340,12 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
   };
   const auto launch_as_asked = [&](auto absolute) {
     if (!settings.deterministic)
-      return launch_with(FloatSums<absolute()>{room.splat_gradients.data()});
-    launch_with(FixedSums<absolute()>{room.fine_sums.data(), room.coarse_sums.data()});
+      return launch_with(FloatSums<absolute()>{workspace.splat_gradients.data()});
+    launch_with(FixedSums<absolute()>{workspace.fine_sums.data(), workspace.coarse_sums.data()});
     const std::size_t count = pass.tile_counts.size();
     context.launch("collect sums", collect_sums_kernel, blocks_for(count, kBlendThreads),
-                   kBlendThreads, count, pass.tile_counts.data(), room.fine_sums.data(),
-                   room.coarse_sums.data(), room.splat_gradients.data());
+                   kBlendThreads, count, pass.tile_counts.data(), workspace.fine_sums.data(),
+                   workspace.coarse_sums.data(), workspace.splat_gradients.data());
   };
   if (settings.absolute_gradient)
     launch_as_asked(std::true_type());

@@ -1,31 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 4 on tensor cores (GEMM-GS): log2(255 alpha) of 32 splats at the pixels of a sub-tile is one matrix product, and what
-// they add to the pixels' colors is another; splat_queue.cuh has their right-hand sides.
+// Stage 4 on tensor cores (GEMM-GS). One matrix product computes log2(255 alpha) of 32 splats at
+// the pixels of a sub-tile, and a second one adds their colors to the pixels. splat_queue.cuh has
+// the right-hand sides of both.
 //
-// A warp owns 8 x 8 or 8 x 4 pixels and walks its tile's list as subtile.cuh says. A batch of 32 splats is blended into two
-// rows of the picture at a time: 16 pixels are the rows of the products. The layout of the exponents (mma.cuh, D) gives each
-// pixel to four lanes: lane 4 g + t has column g of the picture and splats 8 t to 8 t + 7. The four composite theirs as if
-// nothing were before them, learn from each other how much light reaches each (two shuffles), and weigh. The weights lie as
-// the left-hand side of the colors must.
+// A warp owns 8 x 8 or 8 x 4 pixels and walks its tile's list as subtile.cuh describes. It blends a
+// batch of 32 splats into two rows of the sub-tile at a time:
 //
-// Exponents are as good as fp32's: the monomials of a pixel fit half precision, a coefficient is split into two halves that
-// fill the 16 places of one product, sums are fp32. Weights are split in two, too, unless half precision is asked for.
+//   exponents  The 16 pixels of two rows are the rows of the product. Its layout (mma.cuh, D) gives
+//              each pixel to four lanes: lane 4 g + t has column g of the sub-tile and splats 8 t
+//              to 8 t + 7 of the batch.
+//   weights    Each lane composites its own eight splats as if they were the first. The four lanes
+//              then exchange how much light their splats let through, in two shuffles, and scale
+//              their weights by the light that reaches them.
+//   colors     The weights already have the layout of the left-hand side of the second product.
+//
+// Exponents are as exact as in fp32: the monomials of a pixel are exact in fp16, a coefficient is
+// the sum of two fp16 numbers (together they fill the 16 columns of one product), and sums are
+// fp32. Weights are split into two TF32 parts, unless settings.half_precision is set.
 #include "cuda/splat_queue.cuh"
 #include "cuda/stages.cuh"
 
 namespace gs::cuda {
 namespace {
 
-constexpr int kBlocks = 7;         // of a multiprocessor: the compiler finds registers for so many
-constexpr int kHistoryBlocks = 5;
-constexpr int kSmallPicture = 3;   // in warps of 8 x 8 pixels, over as many as the GPU runs at a time
+constexpr int kBlocks = 7;         // per multiprocessor, as many as registers allow
+constexpr int kHistoryBlocks = 5;  // the same with history
+constexpr int kSmallPicture = 3;   // warps of 8 x 8 pixels, in multiples of those that run at a time
 
-// A fragment is dropped where 255 alpha < 1. Times the least number that does not flush to zero it becomes 0 there,
-// without a comparison; light that is larger by the inverse of both brings alphas back.
+// A fragment is dropped where 255 alpha < 1. The product (255 alpha) kLeast flushes to zero exactly
+// there, since kLeast is the smallest normal number, so that no comparison is needed. Light is
+// scaled by kLight = 1 / (255 kLeast) to make up for both factors.
 constexpr float kLeast = 0x1p-126f;
 constexpr float kLight = float(kMinAlpha) / kLeast;
 
-constexpr float kClosed = 0.0f;
+constexpr float kClosed = 0.0f;  // transmittance of a pixel that takes no more fragments
 
 struct Output {
   float* image;                            // (3, H, W)
@@ -35,7 +43,7 @@ struct Output {
   float* checkpoints;                      // (.., pixels of a tile, 4)
 };
 
-// What the variants of the kernel differ in.
+// The parameters of a variant of the kernel.
 template <BlendRule rule_, bool with_history_, bool half_precision_, int height_>
 struct Variant {
   static constexpr BlendRule rule = rule_;
@@ -48,23 +56,23 @@ struct Variant {
   static constexpr int blocks = with_history ? kHistoryBlocks : kBlocks;
 };
 
-// The pixels of one warp between batches, row by row of the sub-tile.
+// The pixels of one warp between batches, row by row of the sub-tile. In shared memory.
 template <int height, bool with_history>
-struct PixelRoom {
-  float2 transmittance[height / 2][kWarp];  // of two rows, for each lane: what reaches the next batch; kClosed: the pixel takes no more
-  float4 sums[height / 2][kWarp];                   // of the second product: a lane's part of two rows
-  std::uint32_t last[height][kWarp];                // 1 + position of a lane's last blended splat; 0: none
+struct PixelShared {
+  float2 transmittance[height / 2][kWarp];  // of two rows, before the next batch, or kClosed
+  float4 sums[height / 2][kWarp];           // of the second product: a lane's part of two rows
+  std::uint32_t last[height][kWarp];        // 1 + position of a lane's last blended splat; 0: none
 };
 template <int height>
-struct PixelRoom<height, false> {
+struct PixelShared<height, false> {
   float2 transmittance[height / 2][kWarp];
   float4 sums[height / 2][kWarp];
 };
 
 template <class Kind>
-struct WarpRoom {
-  typename Kind::Queue::Room queue;
-  PixelRoom<Kind::height, Kind::with_history> pixels;
+struct WarpShared {
+  typename Kind::Queue::Shared queue;
+  PixelShared<Kind::height, Kind::with_history> pixels;
   typename Kind::Walk::Ahead ahead;
 };
 
@@ -80,10 +88,11 @@ template <class Kind>
 class SubtilePixels {
  public:
   using Queue = typename Kind::Queue;
-  using Room = PixelRoom<Kind::height, Kind::with_history>;
+  using Shared = PixelShared<Kind::height, Kind::with_history>;
   static constexpr int kPairs = Kind::height / 2;  // of rows
 
-  __device__ SubtilePixels(Room& room, const TileLists& lists, int x0, int y0) : room_(room) {
+  __device__ SubtilePixels(Shared& shared, const TileLists& lists, int x0, int y0)
+      : shared_(shared) {
     const int t = owner();
     const float x = float(column()) - 0.5f * float(kSubtileWidth - 1);
     if (t == 0 || t == 3) monomials_[0] = __floats2half2_rn(1.0f, x);
@@ -93,19 +102,19 @@ class SubtilePixels {
     if (t == 2) monomials_[2] = __floats2half2_rn(0.0f, 1.0f);
     const int rows = x0 + column() < lists.width ? lists.height - y0 : 0;  // inside the picture
     for (int pair = 0; pair < kPairs; ++pair) {
-      room_.transmittance[pair][lane_of_thread()] = {2 * pair < rows ? 1.0f : kClosed,
-                                                     2 * pair + 1 < rows ? 1.0f : kClosed};
-      room_.sums[pair][lane_of_thread()] = {0, 0, 0, 0};
+      shared_.transmittance[pair][lane_of_thread()] = {2 * pair < rows ? 1.0f : kClosed,
+                                                       2 * pair + 1 < rows ? 1.0f : kClosed};
+      shared_.sums[pair][lane_of_thread()] = {0, 0, 0, 0};
     }
     if constexpr (Kind::with_history)
-      for (int y = 0; y < Kind::height; ++y) room_.last[y][lane_of_thread()] = 0;
+      for (int y = 0; y < Kind::height; ++y) shared_.last[y][lane_of_thread()] = 0;
     __syncwarp();
   }
 
   /// The whole warp: false where no pixel takes further fragments.
   __device__ bool any_open() const { return any_open_; }
 
-  /// The whole warp: blends the next batch of the queue, or the last half.
+  /// The whole warp: blends the next batch of the queue, or the last half batch.
   template <int batch>
   __device__ void blend(Queue& queue) {
     constexpr int products = products_of(batch);
@@ -120,7 +129,7 @@ class SubtilePixels {
     for (int pair = 0; pair < kPairs; ++pair) {
       const unsigned top = left_hand_side(y), bottom = left_hand_side(__hadd2(y, one));
       y = __hadd2(__hadd2(y, one), one);
-      const float2 open = room_.transmittance[pair][lane_of_thread()];
+      const float2 open = shared_.transmittance[pair][lane_of_thread()];
       if (!__any_sync(kAllLanes, fmaxf(open.x, open.y) > 0)) continue;
       float exponents[products][4] = {};
 #pragma unroll
@@ -133,43 +142,46 @@ class SubtilePixels {
     queue.pop(batch);
   }
 
-  /// The column of the picture that this lane has, and which of its four lanes it is.
+  /// The column of the sub-tile that this lane has, and its number among the four lanes of that
+  /// column.
   __device__ int column() const { return lane_of_thread() / kOwners; }
   __device__ int owner() const { return lane_of_thread() % kOwners; }
   /// This lane's part of the pixel in a row: red, green, blue, transmittance.
   __device__ float part(int row) const {
-    const float4 sums = room_.sums[row / 2][lane_of_thread()];
+    const float4 sums = shared_.sums[row / 2][lane_of_thread()];
     const float sum = row % 2 == 0 ? sums.x + sums.y : sums.z + sums.w;
     if (owner() < 3) return sum;
-    const float2 reaching = room_.transmittance[row / 2][lane_of_thread()];
+    const float2 reaching = shared_.transmittance[row / 2][lane_of_thread()];
     const float left = row % 2 == 0 ? reaching.x : reaching.y;
     return left > 0 ? left : transmittance_at_the_end(1.0f - sum);
   }
-  /// The whole warp: 1 + position of a pixel's last blended splat; 0: none.
+  /// The whole warp: returns 1 + position of a pixel's last blended splat; 0: none.
   __device__ std::uint32_t last(int row) const {
-    return greatest_of_owners(room_.last[row][lane_of_thread()]);
+    return greatest_of_owners(shared_.last[row][lane_of_thread()]);
   }
 
  private:
-  // Of a closed pixel, from the sum of its weights.
+  // The transmittance of a closed pixel from 1 - sum of its weights.
   __device__ static float transmittance_at_the_end(float left) {
     return Kind::rule == BlendRule::classic ? fmaxf(left, float(kMinTransmittance))
                                             : clamp_to(left, 0.0f, float(kMinTransmittance));
   }
 
-  // This lane's part of a row of the exponents' left-hand side: two of 1, x, y, x^2, x y, y^2, 1, x.
+  // This lane's part of a row of the exponents' left-hand side: two of 1, x, y, x^2, x y, y^2, 1,
+  // x.
   __device__ unsigned left_hand_side(const __half2& y) const {
     const __half2 part = __hfma2(y, __hfma2(y, monomials_[2], monomials_[1]), monomials_[0]);
     return *reinterpret_cast<const unsigned*>(&part);
   }
 
-  // Blends a batch into two pixels, one above the other; what is left of what was open.
+  // Blends a batch into two pixels, one above the other. `open_` is the transmittance before the
+  // batch; returns that after.
   template <int products>
   __device__ float2 blend_rows(int pair, const float (&exponents)[products][4], const float2& open_,
                                const float (&color_columns)[products][2], const Queue& queue) {
     constexpr int batch = 8 * products, owned = owned_of(batch);
     const float open[2] = {open_.x, open_.y};
-    // This lane's fragments by themselves: their weights, and what they let through.
+    // This lane's fragments on their own: their weights, and the light that they let through.
     float weights[owned][2], light[2] = {kLight, kLight};
     int last[2] = {-1, -1};
 #pragma unroll
@@ -182,7 +194,7 @@ class SubtilePixels {
         weights[i][r] = kept * light[r];
         light[r] = fmaf(-kLight, weights[i][r], light[r]);
       }
-    // What reaches them, and what the whole batch leaves.
+    // The light that reaches them, and the light behind the whole batch.
     float reaching[2], left[2];
     bool ends[2];
 #pragma unroll
@@ -206,17 +218,18 @@ class SubtilePixels {
 #pragma unroll
         for (int r = 0; r < 2; ++r) weights[i][r] *= reaching[r];
     }
-    add_colors(room_.sums[pair][lane_of_thread()], weights, color_columns);
-    room_.transmittance[pair][lane_of_thread()] = {left[0], left[1]};
+    add_colors(shared_.sums[pair][lane_of_thread()], weights, color_columns);
+    shared_.transmittance[pair][lane_of_thread()] = {left[0], left[1]};
     if constexpr (Kind::with_history)
 #pragma unroll
       for (int r = 0; r < 2; ++r)
         if (last[r] >= 0 && open[r] > 0)
-          room_.last[2 * pair + r][lane_of_thread()] = queue.position(batch, last[r]) + 1;
+          shared_.last[2 * pair + r][lane_of_thread()] = queue.position(batch, last[r]) + 1;
     return {left[0], left[1]};
   }
 
-  // The same weights where the pixel may end within them: what comes behind the end has none.
+  // The same weights where the pixel may become opaque among them: fragments behind that point get
+  // weight 0.
   template <int owned>
   __device__ static void weigh_to_the_end(float (&weights)[owned][2], int r, float reaching,
                                           int& last) {
@@ -253,13 +266,14 @@ class SubtilePixels {
     sums = {high[0] + low[0], high[1] + low[1], high[2] + low[2], high[3] + low[3]};
   }
 
-  Room& room_;
-  // This lane's part of the exponents' left-hand side as a polynomial of y; half precision rounds nothing.
+  Shared& shared_;
+  // This lane's part of the exponents' left-hand side as a polynomial of y, exact in fp16.
   __half2 monomials_[3] = {};
   bool any_open_ = true;
 };
 
-// The whole warp: blends a batch, or what there is, filled up to half a batch or a whole one.
+// The whole warp: blends a batch. A queue with fewer splats is filled up to half a batch or a whole
+// one.
 template <class Queue, class Pixels>
 __device__ void blend_next(Queue& queue, Pixels& pixels) {
   if (queue.count() <= kHalfBatch) {
@@ -277,8 +291,8 @@ __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
                       Output out) {
   constexpr int kPerRow = kTileWidth / kSubtileWidth;
   constexpr int kPerTile = kPerRow * kTileHeight / Kind::height;
-  __shared__ WarpRoom<Kind> rooms[kBlendWarps];
-  WarpRoom<Kind>& room = rooms[threadIdx.x / kWarp];
+  __shared__ WarpShared<Kind> shared_of_warps[kBlendWarps];
+  WarpShared<Kind>& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::uint32_t warp = blockIdx.x * kBlendWarps + threadIdx.x / kWarp;
   const std::uint32_t tile = tile_order[warp / kPerTile];
   const int number = int(warp % kPerTile);
@@ -288,14 +302,16 @@ __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
   const int y0 = int(tile) / lists.tiles_x * kTileHeight + y_in_tile;
   if (x0 >= lists.width || y0 >= lists.height) return;  // the whole warp
 
-  SubtilePixels<Kind> pixels(room.pixels, lists, x0, y0);
-  typename Kind::Queue queue(room.queue,
+  SubtilePixels<Kind> pixels(shared.pixels, lists, x0, y0);
+  typename Kind::Queue queue(shared.queue,
                              {float(x0) + 0.5f * kSubtileWidth, float(y0) + 0.5f * Kind::height});
   const std::uint32_t length = lists.ranges[tile + 1] - lists.ranges[tile];
-  typename Kind::Walk walk(room.ahead, lists, tile, PixelRange(x0, y0, kSubtileWidth, Kind::height),
-                           0, length, Kind::with_history);
+  typename Kind::Walk walk(shared.ahead, lists, tile,
+                           PixelRange(x0, y0, kSubtileWidth, Kind::height), 0, length,
+                           Kind::with_history);
   while (pixels.any_open()) {
-    // Segments begin with an empty queue: what the pixels have then is what the list before them comes to.
+    // A segment begins with an empty queue, so that the pixels then have the result of the list
+    // before it.
     if (queue.count() >= kBatch || (queue.count() > 0 && walk.segment_is_done())) {
       blend_next(queue, pixels);
       continue;
@@ -314,7 +330,7 @@ __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
     queue.take(walk);
   }
 
-  // Each lane writes one plane: red, green, blue, or what is left for the background.
+  // Each lane writes one plane: red, green, blue, or transmittance.
   const int x = x0 + pixels.column(), channel = pixels.owner();
   const std::size_t plane = std::size_t(lists.width) * lists.height;
   float* const to = channel == 3 ? out.transmittance : out.image + channel * plane;
@@ -347,18 +363,19 @@ void with_constant(bool value, F&& f) {
 }  // namespace
 
 void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pass) {
+  const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
-                   pass.first_checkpoints.data(),
-                   reinterpret_cast<float*>(pass.checkpoints.data())};
+                   scratch.first_checkpoints.data(),
+                   reinterpret_cast<float*>(scratch.checkpoints.data())};
   const auto launch = [&](auto kind) {
     using Kind = decltype(kind);
     constexpr int kPerTile = kTileWidth / kSubtileWidth * kTileHeight / Kind::height;
     static_assert(kPerTile % kBlendWarps == 0);
     context.launch("blend", blend_gemm_kernel<Kind>, pass.tile_count() * kPerTile / kBlendWarps,
-                   kBlendThreads, tile_lists(pass), pass.tile_order.data(), settings.background,
+                   kBlendThreads, tile_lists(pass), scratch.tile_order.data(), settings.background,
                    out);
   };
-  // Sub-tiles of twice the size need less for each pixel, but only half as many warps share the work.
+  // Sub-tiles of 8 x 8 pixels cost less for each pixel, but only half as many warps share the work.
   const bool is_small =
       pass.tile_count() * kTileWidth * kTileHeight / 64 <
       std::size_t(kSmallPicture * kBlocks * kBlendWarps * context.multiprocessors());

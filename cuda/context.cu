@@ -5,7 +5,32 @@
 
 #include <algorithm>
 
+#include "cuda/unserved_card.h"
+
 namespace gs::cuda {
+namespace {
+
+// Every file of the backend is compiled for the same GPUs, so this kernel stands for all of them.
+__global__ void probe_kernel() {}
+
+// What the build has for the current GPU. Throws Error where it has nothing that the GPU and its
+// driver can run.
+cudaFuncAttributes code_for(const cudaDeviceProp& properties) {
+  cudaFuncAttributes code;
+  const cudaError_t error = cudaFuncGetAttributes(&code, probe_kernel);
+  if (error == cudaErrorNoKernelImageForDevice || error == cudaErrorUnsupportedPtxVersion ||
+      error == cudaErrorJitCompilerNotFound) {
+    cudaGetLastError();  // the next call starts clean
+    std::vector<Capability> built_for{__CUDA_ARCH_LIST__};  // 900 is 9.0
+    for (Capability& capability : built_for) capability /= 10;
+    throw Error(unserved_card(properties.name, 10 * properties.major + properties.minor, built_for),
+                ExitCode::bad_data);
+  }
+  check(error, "loading its kernels");
+  return code;
+}
+
+}  // namespace
 
 void check(cudaError_t error, const char* what) {
   if (error == cudaSuccess) return;
@@ -23,7 +48,9 @@ Context::Context(int device) : device_(device) {
   check(cudaGetDeviceProperties(&properties, device), "asking for the GPU's properties");
   device_name_ = properties.name;
   multiprocessors_ = properties.multiProcessorCount;
-  has_tensor_cores_ = properties.major >= 8;
+  // PTX of an older GPU runs on a newer one, but has not the instructions of tensor cores.
+  const cudaFuncAttributes code = code_for(properties);
+  has_tensor_cores_ = properties.major >= 8 && code.ptxVersion >= 80;
   check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
 }
 

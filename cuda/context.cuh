@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One GPU and its compute stream: every kernel of a backend is launched here, in order, and nothing waits but
-// synchronize().
+// One GPU and its compute stream. Every kernel of a backend is launched here, in order. Only
+// synchronize() waits.
 #pragma once
 
 #include <cuda_runtime.h>
@@ -19,7 +19,7 @@ namespace gs::cuda {
 /// Throws Error where a CUDA call failed; `what` names the stage or the call.
 void check(cudaError_t error, const char* what);
 
-/// A GPU, its compute stream, and the times of its stages while somebody profiles.
+/// A GPU, its compute stream, and the times of its stages while profiling is on.
 class Context {
  public:
   explicit Context(int device);
@@ -31,13 +31,13 @@ class Context {
   cudaStream_t stream() const { return stream_; }
   const std::string& device_name() const { return device_name_; }
   int multiprocessors() const { return multiprocessors_; }
-  /// For halves and TF32 with fp32 sums: compute capability 8 and later.
+  /// True for compute capability 8 and later: tensor cores take fp16 and TF32 and sum in fp32.
   bool has_tensor_cores() const { return has_tensor_cores_; }
 
-  /// Waits until all that was launched has run. Never called by a step of training.
+  /// Waits until every launched kernel has run. A step of training never calls it.
   void synchronize();
 
-  /// Launches a kernel of `blocks` blocks; none where there is nothing to do. The error, if any, names the stage.
+  /// Launches a kernel of `blocks` blocks, and nothing for 0 blocks. An error names the stage.
   template <class... Parameters, class... Arguments>
   void launch(const char* stage, void (*kernel)(Parameters...), std::size_t blocks, int threads,
               Arguments&&... arguments) {
@@ -48,7 +48,7 @@ class Context {
   }
 
   void set_profiling(bool on);
-  /// Milliseconds of each stage that has run since profiling was set on, in the order of first use. Waits.
+  /// Milliseconds of each stage since profiling was switched on, in the order of first use. Waits.
   std::vector<StageTime> stage_times();
 
  private:
@@ -69,7 +69,7 @@ class Context {
   std::vector<cudaEvent_t> free_events_;
 };
 
-/// The launches of one stage: named in profilers (NVTX), and timed while the context profiles.
+/// Marks the launches of one stage: named in profilers (NVTX), and timed while profiling is on.
 class StageScope {
  public:
   StageScope(Context& context, const char* stage);
@@ -80,7 +80,8 @@ class StageScope {
   std::size_t lap_ = 0;
 };
 
-/// Memory of the context's GPU. Allocates with cudaMalloc: Buffers only grow, so that steady work never asks.
+/// Memory of the context's GPU. Allocates with cudaMalloc, which is slow but rare: Buffers only
+/// grow.
 class DeviceMemory final : public Memory {
  public:
   explicit DeviceMemory(Context& context) : context_(context) {}

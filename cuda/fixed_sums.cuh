@@ -1,27 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
-// What blend_backward() adds up for each Gaussian, and the same sums in fixed point, for deterministic steps: additions of
-// integers have one result, whatever their order, and floating-point ones do not.
+// The sums that blend_backward() makes for each Gaussian, and the same sums in fixed point for
+// deterministic steps. The result of integer additions does not depend on their order; that of
+// floating-point additions does.
 #pragma once
 
 #include "gs_core/types.h"
 
 namespace gs::cuda {
 
-/// dL/d(splat) of one Gaussian, as blend_backward() adds it up: three vectors of four floats, so that a warp's
-/// share is three atomic additions.
+/// dL/d(splat) of one Gaussian: three vectors of four floats, so that a warp adds its share with
+/// three atomic additions.
 struct alignas(16) SplatGradientSum {
   Vec2f mean2d;
   float conic_xx, conic_xy;
   float conic_yy, opacity, red, green;
-  float blue, absolute_x, absolute_y, unused;  // absolute: by the mean, only with RenderSettings::absolute_gradient
+  float blue, absolute_x, absolute_y, unused;  // absolute: |dL/d(mean2d)|, where asked for
 };
 
-/// Numbers of a SplatGradientSum, in its order: without the absolute gradient, and with it.
+/// Count of numbers in a SplatGradientSum: without the absolute gradient, and with it.
 inline constexpr int kGradientNumbers = 9, kAllGradientNumbers = 11;
 
-/// The sums as multiples of kFine. A share x is added as two integers: what of it is a multiple of kCoarse to CoarseSums,
-/// which is rarely anything, the rest here. That rest is below 2^42 kFine, so that 2^21 shares can be added; a Gaussian
-/// has at most one of each sub-tile. What rounds off, 2^-57, lies far below what Adam's epsilon lets pass.
+/// The sums as integer multiples of kFine. A share x is split into a multiple of kCoarse, which is
+/// rarely not zero and goes to CoarseSums, and the rest, which goes here. The rest is below 2^42
+/// kFine, so that 2^21 shares can be added; a Gaussian gets at most one share from each sub-tile.
+/// The rounding error, 2^-57, is far below Adam's epsilon.
 struct alignas(16) FineSums {
   static constexpr float kFine = 0x1p-56f, kCoarse = 0x1p-14f;
   static constexpr float kMost = 0x1p40f;  // of a share; larger ones, and NaN, make the sum NaN
@@ -52,7 +54,7 @@ __device__ inline void add_to(FineSums* fine, CoarseSums* coarse, int number, fl
   if (rest != 0.0f) add(fine->numbers, rest * (1 / FineSums::kFine));
 }
 
-/// The sum of one number; `coarse` is looked at only where `fine` says that something is there.
+/// The sum of one number. `coarse` is read only where fine.has_coarse is set.
 __device__ inline float sum_of(const FineSums& fine, const CoarseSums* coarse, int number) {
   if (fine.is_broken) return __int_as_float(0x7fffffff);
   double sum = double(fine.numbers[number]) * double(FineSums::kFine);

@@ -1,27 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which entry of a matrix product each lane of a warp holds, as mma.cuh draws it, and in which column blend_gemm.cu puts
-// which splat. Also for the CPU, where tests/stages/gemm_layout_test.cpp plays a warp.
+// The entries of a matrix product that each lane of a warp holds, as mma.cuh draws them, and the
+// columns in which blend_gemm.cu puts splats. The header also compiles for the CPU:
+// tests/stages/gemm_layout_test.cpp simulates a warp.
 #pragma once
 
 #include "gs_core/types.h"
 
 namespace gs::cuda {
 
-inline constexpr int kBatch = 32;      // splats blended at a time; the last of a list are half as many where that is enough
-inline constexpr int kHalfBatch = 16;
+inline constexpr int kBatch = 32;      // splats blended at a time
+inline constexpr int kHalfBatch = 16;  // for the last splats of a list, where they are no more
 inline constexpr int kOwners = 4;      // lanes that share a pixel
 
-/// Products of a batch's exponents, eight columns each.
+/// Number of products for the exponents of a batch; each has eight columns.
 constexpr int products_of(int batch) { return batch / 8; }
-/// Consecutive splats that one of a pixel's lanes has.
+/// Number of consecutive splats that one of a pixel's lanes has.
 constexpr int owned_of(int batch) { return batch / kOwners; }
 
-/// Which of a batch's splats is column c of product j. A lane has columns 2 t and 2 t + 1 of each, t = lane % 4; they are
-/// its consecutive splats.
+/// The splat of a batch that is column c of product j. A lane has columns 2 t and 2 t + 1 of each
+/// product, t = lane % 4; together they are its consecutive splats.
 GS_HD constexpr unsigned splat_of_column(int batch, unsigned j, unsigned c) {
   return c / 2 * owned_of(batch) + 2 * j + c % 2;
 }
-/// Where that column lies in memory: in the order of a whole batch's products.
+/// The place of a splat's column in memory: columns lie in the order of a whole batch's products.
 GS_HD constexpr unsigned place_of_splat(unsigned splat) {
   const unsigned owner = splat / owned_of(kBatch), own = splat % owned_of(kBatch);
   return own / 2 * 8 + 2 * owner + own % 2;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 2: one instance for each tile that a visible Gaussian hits, in depth order. Work is dealt out by places of
-// the list and not by Gaussians: a warp fills so many places in a row, whether they belong to many small splats or to
-// a piece of one that covers the picture.
+// Stage 2: write one instance for each tile that a visible Gaussian hits, in depth order. A warp
+// fills kPlacesPerWarp consecutive places of the list. They may belong to many small splats or to a
+// part of one that covers the picture, so that the work is balanced.
 #include "cuda/row_spans.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/error.h"
@@ -10,13 +10,13 @@ namespace gs::cuda {
 namespace {
 
 constexpr int kThreads = 128;
-constexpr std::uint32_t kPlacesPerWarp = 128;  // so few that short lists, too, occupy the GPU
+constexpr std::uint32_t kPlacesPerWarp = 128;  // few enough that short lists also occupy the GPU
 
 struct Input {
   std::uint32_t count;                  // of Gaussians
   const std::uint32_t* depth_order;     // (N)
   const std::uint32_t* first_of_order;  // (N)
-  const std::uint32_t* tile_counts;     // (N) by Gaussian, as all that follow
+  const std::uint32_t* tile_counts;     // (N) by Gaussian, like the arrays that follow
   const Rect* pixel_rects;
   const Splat* splats;
   TileBounds bounds;
@@ -38,18 +38,18 @@ struct Output {
   std::uint32_t step;
 };
 
-// One warp's room: the rows of 32 splats, and the spans of 32 rows.
-struct WarpRoom {
+// Shared memory of one warp: the tile rows of 32 splats, and the spans of 32 rows.
+struct WarpShared {
   TileRows rows;
   std::uint32_t gaussian_of_splat[kWarp];
   std::uint32_t first[kWarp];  // number of the span's first instance among those of the 32
-  std::uint32_t gaussian[kWarp], tile[kWarp];  // whose it is, and its first tile
+  std::uint32_t gaussian[kWarp], tile[kWarp];  // the span's Gaussian, and its first tile
   int tile_x[kWarp];                           // that tile's column
   QuarterSpans quarters[kWarp];
 };
 
-// The whole warp: the last place in depth order whose instances begin at `place` or before. Each round asks 32 of the
-// places that are left.
+// The whole warp: finds the last Gaussian in depth order whose instances begin at `place` or
+// before, by a search that probes 32 candidates in each round.
 __device__ std::uint32_t order_of_place(const Input& in, std::uint32_t place) {
   std::uint32_t begin = 0, count = in.count;
   while (count > 1) {
@@ -57,49 +57,50 @@ __device__ std::uint32_t order_of_place(const Input& in, std::uint32_t place) {
     const std::uint32_t at = lane_of_thread() * step;
     const bool is_before = at < count && in.first_of_order[begin + at] <= place;
     const std::uint32_t passed = __popc(__ballot_sync(kAllLanes, is_before));
-    const std::uint32_t skipped = (passed - 1) * step;  // the first of all begins at 0: some lane has passed
+    const std::uint32_t skipped = (passed - 1) * step;  // passed > 0
     begin += skipped;
     count = min(step, count - skipped);
   }
   return begin;
 }
 
-// The whole warp: the spans of rows row .. row + 31, which begin at `place`, as far as they lie in [begin, end).
-// Returns where the next ones begin.
+// The whole warp: writes the instances of rows row .. row + 31, which begin at `place`, as far as
+// they lie in [begin, end). Returns where the instances of the next rows begin.
 template <class Key>
-__device__ std::uint32_t write_spans(WarpRoom& room, const Input& in, const Output<Key>& out,
+__device__ std::uint32_t write_spans(WarpShared& shared, const Input& in, const Output<Key>& out,
                                      std::uint32_t row, std::uint32_t rows, std::uint32_t place,
                                      std::uint32_t begin, std::uint32_t end) {
   const int lane = lane_of_thread();
   std::uint32_t length = 0;
   if (row + lane < rows) {
-    const int owner = owner_of(row + lane, room.rows.first);
-    const TileSpan span = room.rows.span(row + lane, owner);
+    const int owner = owner_of(row + lane, shared.rows.first);
+    const TileSpan span = shared.rows.span(row + lane, owner);
     length = max(span.end - span.begin, 0);
-    room.gaussian[lane] = room.gaussian_of_splat[owner];
-    room.tile[lane] = room.rows.tile_y(row + lane, owner) * in.tiles_x + span.begin;
-    room.tile_x[lane] = span.begin;
-    room.quarters[lane] = room.rows.quarters(row + lane, owner);
+    shared.gaussian[lane] = shared.gaussian_of_splat[owner];
+    shared.tile[lane] = shared.rows.tile_y(row + lane, owner) * in.tiles_x + span.begin;
+    shared.tile_x[lane] = span.begin;
+    shared.quarters[lane] = shared.rows.quarters(row + lane, owner);
   }
   const std::uint32_t first = warp_exclusive_sum(length);
-  room.first[lane] = first;
+  shared.first[lane] = first;
   const std::uint32_t total = __shfl_sync(kAllLanes, first + length, kWarp - 1);
   __syncwarp();
   const std::uint32_t last = min(total, end - min(place, end));
   for (std::uint32_t k = (begin > place ? begin - place : 0) + lane; k < last; k += kWarp) {
-    const int owner = owner_of(k, room.first);
-    const std::uint32_t number = k - room.first[owner];
-    out.keys[place + k] = Key(room.tile[owner] + number);
-    out.splats[place + k] = instance_of(
-        room.gaussian[owner], room.quarters[owner].quarters_of(room.tile_x[owner] + int(number)));
+    const int owner = owner_of(k, shared.first);
+    const std::uint32_t number = k - shared.first[owner];
+    out.keys[place + k] = Key(shared.tile[owner] + number);
+    out.splats[place + k] =
+        instance_of(shared.gaussian[owner],
+                    shared.quarters[owner].quarters_of(shared.tile_x[owner] + int(number)));
   }
   __syncwarp();
   return place + total;
 }
 
-// The whole warp: the instances of places [begin, end).
+// The whole warp: writes the instances of places [begin, end).
 template <class Key>
-__device__ void write_places(WarpRoom& room, const Input& in, const Output<Key>& out,
+__device__ void write_places(WarpShared& shared, const Input& in, const Output<Key>& out,
                              std::uint32_t begin, std::uint32_t end) {
   const int lane = lane_of_thread();
   std::uint32_t order = order_of_place(in, begin);
@@ -111,20 +112,20 @@ __device__ void write_places(WarpRoom& room, const Input& in, const Output<Key>&
       if (in.tile_counts[gaussian]) {
         splat = load_in_vectors(in.splats + gaussian);
         pixels = in.pixel_rects[gaussian];
-        room.gaussian_of_splat[lane] = gaussian;
+        shared.gaussian_of_splat[lane] = gaussian;
       }
     }
-    const std::uint32_t rows = room.rows.take(splat, pixels, in.bounds);
+    const std::uint32_t rows = shared.rows.take(splat, pixels, in.bounds);
     for (std::uint32_t row = 0; row < rows && place < end; row += kWarp)
-      place = write_spans(room, in, out, row, rows, place, begin, end);
-    if (rows == 0) return;  // cannot be, unless count and spans disagree
+      place = write_spans(shared, in, out, row, rows, place, begin, end);
+    if (rows == 0) return;  // happens only if counts and spans disagree
     __syncwarp();
   }
 }
 
 template <class Key>
 __global__ void __launch_bounds__(kThreads) create_instances_kernel(Input in, Output<Key> out) {
-  __shared__ WarpRoom rooms[kThreads / kWarp];
+  __shared__ WarpShared shared_of_warps[kThreads / kWarp];
   const std::uint32_t warp = (blockIdx.x * kThreads + threadIdx.x) / kWarp;
   const std::uint32_t begin = min(warp * kPlacesPerWarp, out.capacity);
   const std::uint32_t end = min(begin + kPlacesPerWarp, out.capacity), total = in.instances();
@@ -138,8 +139,8 @@ __global__ void __launch_bounds__(kThreads) create_instances_kernel(Input in, Ou
     }
   }
   if (begin < min(end, total))
-    write_places(rooms[threadIdx.x / kWarp], in, out, begin, min(end, total));
-  // The places behind the last instance are given to no tile.
+    write_places(shared_of_warps[threadIdx.x / kWarp], in, out, begin, min(end, total));
+  // The places behind the last instance belong to no tile.
   for (std::uint32_t place = max(begin, total) + lane_of_thread(); place < end; place += kWarp) {
     out.keys[place] = Key(in.tiles);
     out.splats[place] = 0;
@@ -148,7 +149,7 @@ __global__ void __launch_bounds__(kThreads) create_instances_kernel(Input in, Ou
 
 }  // namespace
 
-void create_instances(Context& context, const RenderSettings& settings, WorkingRoom& room,
+void create_instances(Context& context, const RenderSettings& settings, Workspace& workspace,
                       RenderPass& pass, std::uint32_t capacity, StepReport* report,
                       std::uint32_t step) {
   const StageScope scope(context, "instances");
@@ -156,11 +157,11 @@ void create_instances(Context& context, const RenderSettings& settings, WorkingR
     throw Error(
         "a GPU renders at most 268 million Gaussians; prune the model or set "
         "density.max_gaussians");
-  room.keys.resize_discard(capacity);
-  room.instance_splats.resize_discard(capacity);
+  workspace.keys.resize_discard(capacity);
+  workspace.instance_splats.resize_discard(capacity);
   const Input in{std::uint32_t(pass.tile_counts.size()),
                  pass.depth_order.data(),
-                 room.first_of_order.data(),
+                 workspace.first_of_order.data(),
                  pass.tile_counts.data(),
                  pass.pixel_rects.data(),
                  pass.splats.data(),
@@ -169,15 +170,15 @@ void create_instances(Context& context, const RenderSettings& settings, WorkingR
                  std::uint32_t(pass.tile_count())};
   const auto launch = [&](auto* keys) {
     using Key = std::remove_pointer_t<decltype(keys)>;
-    const Output<Key> out{keys, room.instance_splats.data(), capacity, room.halted.data(), report,
-                          step};
+    const Output<Key> out{
+        keys, workspace.instance_splats.data(), capacity, workspace.halted.data(), report, step};
     context.launch("instances", create_instances_kernel<Key>,
                    blocks_for(capacity, kPlacesPerWarp * (kThreads / kWarp)), kThreads, in, out);
   };
   if (uses_short_keys(pass))
-    launch(reinterpret_cast<std::uint16_t*>(room.keys.data()));
+    launch(reinterpret_cast<std::uint16_t*>(workspace.keys.data()));
   else
-    launch(room.keys.data());
+    launch(workspace.keys.data());
 }
 
 }  // namespace gs::cuda

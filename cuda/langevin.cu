@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8, what the MCMC strategy adds to it: the regularizers' gradients before Adam, where gradients are stored (the
-// fused update of preprocess_backward.cu adds them itself), and noise on the means after.
+// Additions of the MCMC strategy to stage 8: the regularizers' gradients before Adam, where
+// gradients are stored, and noise on the means after Adam. The fused update of
+// preprocess_backward.cu adds the regularizers' gradients itself.
 #include "cuda/stages.cuh"
 
 namespace gs::cuda {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The GPU's memory, and the count of what was taken of it.
+// Memory of the GPU, and a count of the bytes allocated.
 #include <atomic>
 
 #include "cuda/backend.h"
@@ -18,7 +18,7 @@ void* DeviceMemory::allocate(std::size_t bytes) {
   const cudaError_t error = cudaMalloc(&pointer, bytes);
   if (error == cudaErrorMemoryAllocation) {
     cudaGetLastError();  // the next call starts clean
-    throw Error("the GPU has no room for another " + std::to_string(bytes >> 20) +
+    throw Error("the GPU has too little free memory for another " + std::to_string(bytes >> 20) +
                     " MiB beside the " + std::to_string(allocated >> 20) +
                     " MiB in use; lower the resolution (-r), the number of Gaussians "
                     "(--max-gaussians) or the photos kept on the GPU (train.photo_gib)",

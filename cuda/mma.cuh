@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// Matrix products of a warp on tensor cores, with their layouts, and what feeds them: the only inline PTX of the
-// project.
+// Matrix products of a warp on tensor cores, their layouts, and the loads that feed them. This is
+// the only inline PTX of the project.
 #pragma once
 
 #include "cuda/warp.cuh"
 
 namespace gs::cuda {
 
-/// The part of a number that TF32 holds; the rest, number - part, is exact.
+/// The number cut off to TF32; the rest, number - part, is exact.
 __device__ inline float tf32_part(float number) {
   return __uint_as_float(__float_as_uint(number) & 0xffffe000u);
 }
 
-/// The nearest number that TF32 holds.
+/// The number rounded to TF32.
 __device__ inline float tf32_rounded(float number) {
   return tf32_part(__uint_as_float(__float_as_uint(number) + 0x1000u));
 }
 
-/// D += A B for one warp: A is 16 x 8, B is 8 x 8, D is 16 x 8. Inputs are read as TF32 (their lowest 13 bits
-/// count as zero), sums are float. Lane l = 4 g + t, g = 0..7, t = 0..3, holds
+/// D += A B for one warp: A is 16 x 8, B is 8 x 8, D is 16 x 8. Inputs are read as TF32 (their
+/// lowest 13 bits count as zero), sums are float. Lane l = 4 g + t, g = 0..7, t = 0..3, holds
 ///
 ///        column t    column t + 4              column g                column 2t   column 2t + 1
 ///      +-----------+-----------+            +-----------+            +-----------+-----------+
@@ -27,7 +27,8 @@ __device__ inline float tf32_rounded(float number) {
 ///      +-----------+-----------+            +-----------+            +-----------+-----------+
 ///              A, by rows                         B                            D
 ///
-/// PTX ISA, mma.m16n8k8 for .tf32. Before compute capability 8 the same sums are made lane by lane.
+/// PTX ISA, mma.m16n8k8 for .tf32. Before compute capability 8 each lane makes the same sums with
+/// fmaf.
 __device__ inline void multiply_add_16x8x8(float (&d)[4], const float (&a)[4],
                                            const float (&b)[2]) {
 #if __CUDA_ARCH__ >= 800
@@ -50,8 +51,8 @@ __device__ inline void multiply_add_16x8x8(float (&d)[4], const float (&a)[4],
 #endif
 }
 
-/// D += A B for one warp: A is 16 x 16, B is 16 x 8, D is 16 x 8. Inputs are halves, two to a word, sums are float.
-/// Lane l = 4 g + t holds
+/// D += A B for one warp: A is 16 x 16, B is 16 x 8, D is 16 x 8. Inputs are halves, two to a word,
+/// sums are float. Lane l = 4 g + t holds
 ///
 ///        columns 2t, 2t+1   2t+8, 2t+9               column g                column 2t   column 2t + 1
 ///      +------------------+------------+            +---------+            +-----------+-----------+
@@ -60,7 +61,8 @@ __device__ inline void multiply_add_16x8x8(float (&d)[4], const float (&a)[4],
 ///      +------------------+------------+            +---------+            +-----------+-----------+
 ///                A, by rows                            B                            D
 ///
-/// PTX ISA, mma.m16n8k16 for .f16. Compute capability 8 and later; before it the kernel that asks is not launched.
+/// PTX ISA, mma.m16n8k16 for .f16. Compute capability 8 and later; its kernel is not launched on
+/// older GPUs.
 __device__ inline void multiply_add_16x8x16(float (&d)[4], const unsigned (&a)[4],
                                             const unsigned (&b)[2]) {
 #if __CUDA_ARCH__ >= 800
@@ -74,9 +76,9 @@ __device__ inline void multiply_add_16x8x16(float (&d)[4], const unsigned (&a)[4
 #endif
 }
 
-/// Four matrices of 8 rows of 16 bytes out of shared memory, each given as a right-hand side B above: its columns are the
-/// rows in memory, and lane 4 g + t gets halves 2t and 2t + 1 of row g. Lane l says where row l % 8 of matrix l / 8
-/// lies.   PTX ISA, ldmatrix
+/// Loads four matrices of 8 rows of 16 bytes from shared memory, each as a right-hand side B above:
+/// the rows in memory become columns, and lane 4 g + t gets halves 2t and 2t + 1 of row g. Lane l
+/// passes the address of row l % 8 of matrix l / 8.   PTX ISA, ldmatrix
 __device__ inline void load_four_matrices(unsigned (&words)[4], const void* row) {
 #if __CUDA_ARCH__ >= 800
   asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0, %1, %2, %3}, [%4];"
@@ -88,7 +90,8 @@ __device__ inline void load_four_matrices(unsigned (&words)[4], const void* row)
 #endif
 }
 
-/// A B with A to float's precision, in two products added to two sums; B holds what TF32 can hold.
+/// A B with A in full fp32 precision: A is split into two TF32 parts, whose products are added to
+/// two sums. B must be exact in TF32.
 __device__ inline void multiply_add_in_parts(float (&high_sum)[4], float (&low_sum)[4],
                                              const float (&a)[4], const float (&b)[2]) {
   float low[4];
@@ -96,7 +99,7 @@ __device__ inline void multiply_add_in_parts(float (&high_sum)[4], float (&low_s
   multiply_add_16x8x8(high_sum, a, b);
   multiply_add_16x8x8(low_sum, low, b);
 }
-/// D += A B in that way.
+/// D += A B with the same split and one sum.
 __device__ inline void multiply_add_exactly(float (&d)[4], const float (&a)[4],
                                             const float (&b)[2]) {
   multiply_add_in_parts(d, d, a, b);

@@ -1,21 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 10: rows along the Morton curve, so that neighbors in space are neighbors in memory.   Faster-GS
+// Stage 10: order the rows along the Morton curve, so that neighbors in space are neighbors in
+// memory.   Faster-GS
 #include "gs_core/math/morton.h"
+
+#include <thrust/iterator/transform_iterator.h>
 
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_reduce.cuh>
 #include <limits>
 
-#include "cuda/cub_room.cuh"
+#include "cuda/cub_scratch.cuh"
 #include "cuda/rows.cuh"
 
 namespace gs::cuda {
 namespace {
 
 constexpr int kThreads = 256;  // rows are independent: any size that fills a multiprocessor
-constexpr float kFar = 1e30f;  // world units; where the corners start, as in the scalar twin
+constexpr float kFar = 1e30f;  // world units; corners of an empty box, as in the scalar twin
 
-/// The box of one point; an axis where the point is not finite stays empty.
+/// The box of one point. An axis on which the point is not finite stays empty.
 struct BoundsOf {
   __device__ Bounds operator()(const Vec3f& point) const {
     Bounds bounds{Vec3f(kFar), Vec3f(-kFar)};
@@ -41,6 +44,21 @@ struct JoinBounds {
   }
 };
 
+/// Writes the box around all finite points to *bounds. DeviceReduce::TransformReduce came with CUB
+/// 2.4 (CUDA 12.5); before it, Reduce reads the same boxes through an iterator.
+cudaError_t reduce_to_bounds(void* scratch, std::size_t& bytes, Span<const Vec3f> means,
+                             Bounds* bounds, cudaStream_t stream) {
+  const Bounds empty{Vec3f(kFar), Vec3f(-kFar)};
+#if CUB_VERSION >= 200400 && !defined(GS_FORCE_PORTABLE_CUB)
+  return cub::DeviceReduce::TransformReduce(scratch, bytes, means.data, bounds, int(means.size),
+                                            JoinBounds{}, BoundsOf{}, empty, stream);
+#else
+  return cub::DeviceReduce::Reduce(scratch, bytes,
+                                   thrust::make_transform_iterator(means.data, BoundsOf{}), bounds,
+                                   int(means.size), JoinBounds{}, empty, stream);
+#endif
+}
+
 __global__ void morton_kernel(Span<const Vec3f> means, const Bounds* bounds,
                               Span<std::uint64_t> codes) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
@@ -58,38 +76,35 @@ __global__ void row_numbers_kernel(Span<std::uint32_t> row_numbers) {
 
 }  // namespace
 
-Span<const std::uint32_t> sort_rows(Context& context, const char* stage, RowOrderRoom& room,
-                                    int bits) {
-  const std::size_t count = room.keys.size();
+Span<const std::uint32_t> sort_rows(Context& context, const char* stage,
+                                    RowOrderWorkspace& workspace, int bits) {
+  const std::size_t count = workspace.keys.size();
   if (count == 0) return {};
-  room.other_keys.resize_discard(count);
-  room.row_numbers.resize_discard(count);
-  room.other_rows.resize_discard(count);
+  workspace.other_keys.resize_discard(count);
+  workspace.row_numbers.resize_discard(count);
+  workspace.other_rows.resize_discard(count);
   context.launch(stage, row_numbers_kernel, blocks_for(count, kThreads), kThreads,
-                 room.row_numbers.span());
-  cub::DoubleBuffer<std::uint64_t> keys(room.keys.data(), room.other_keys.data());
-  cub::DoubleBuffer<std::uint32_t> rows(room.row_numbers.data(), room.other_rows.data());
-  with_cub_room(room.cub, stage, [&](void* cub_room, std::size_t& bytes) {
-    return cub::DeviceRadixSort::SortPairs(cub_room, bytes, keys, rows, int(count), 0, bits,
+                 workspace.row_numbers.span());
+  cub::DoubleBuffer<std::uint64_t> keys(workspace.keys.data(), workspace.other_keys.data());
+  cub::DoubleBuffer<std::uint32_t> rows(workspace.row_numbers.data(), workspace.other_rows.data());
+  with_cub_scratch(workspace.cub, stage, [&](void* scratch, std::size_t& bytes) {
+    return cub::DeviceRadixSort::SortPairs(scratch, bytes, keys, rows, int(count), 0, bits,
                                            context.stream());
   });
   return {rows.Current(), count};
 }
 
-Span<const std::uint32_t> morton_order(Context& context, RowOrderRoom& room,
+Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& workspace,
                                        Span<const Vec3f> means) {
-  room.keys.resize_discard(means.size);
+  workspace.keys.resize_discard(means.size);
   if (means.empty()) return {};
-  room.bounds.resize_discard(1);
-  const Bounds empty{Vec3f(kFar), Vec3f(-kFar)};
-  with_cub_room(room.cub, "morton", [&](void* cub_room, std::size_t& bytes) {
-    return cub::DeviceReduce::TransformReduce(cub_room, bytes, means.data, room.bounds.data(),
-                                              int(means.size), JoinBounds{}, BoundsOf{}, empty,
-                                              context.stream());
+  workspace.bounds.resize_discard(1);
+  with_cub_scratch(workspace.cub, "morton", [&](void* scratch, std::size_t& bytes) {
+    return reduce_to_bounds(scratch, bytes, means, workspace.bounds.data(), context.stream());
   });
   context.launch("morton", morton_kernel, blocks_for(means.size, kThreads), kThreads, means,
-                 room.bounds.data(), room.keys.span());
-  return sort_rows(context, "morton", room, 3 * kMortonBits);
+                 workspace.bounds.data(), workspace.keys.span());
+  return sort_rows(context, "morton", workspace, 3 * kMortonBits);
 }
 
 }  // namespace gs::cuda

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The photos that stage 5 compares with: resident ones in one piece of memory, the others by way of page-locked
-// memory into slots.
+// The photos that stage 5 compares with. Resident ones lie in one buffer; the others are copied
+// into slots through page-locked memory.
 //
-// Of the slots, two may be in use by launched work (see photo()), one holds the photo announced for the next step
-// and one takes the photo that is announced meanwhile.
+// There are four slots: two may be in use by launched work (see photo()), one holds the photo of
+// the next step, and one receives the photo that is prefetched meanwhile.
 #include "cuda/photos.cuh"
 
 #include <cstring>
@@ -12,7 +12,7 @@ namespace gs::cuda {
 namespace {
 
 constexpr std::size_t kSlots = 4;
-constexpr std::size_t kAlignment = 16;  // bytes: of each resident photo's start
+constexpr std::size_t kAlignment = 16;  // bytes; of the start of each resident photo
 
 constexpr std::size_t aligned(std::size_t bytes) {
   return (bytes + kAlignment - 1) / kAlignment * kAlignment;
@@ -56,7 +56,8 @@ void PhotoStore::upload_views(const std::vector<View>& views, std::size_t budget
     if (end > budget_bytes) break;
     bytes = end;
   }
-  // A Buffer that grows takes half more than there was, and holds both for a while: not with the budget.
+  // A growing Buffer allocates half as much again and holds old and new for a while, which would
+  // exceed the budget.
   if (bytes > resident_.capacity()) resident_ = Buffer<std::uint8_t>(memory_);
   resident_.resize_discard(bytes);
   std::size_t at = 0;
@@ -72,7 +73,7 @@ void PhotoStore::upload_views(const std::vector<View>& views, std::size_t budget
 }
 
 void PhotoStore::prefetch_next(const View& view) {
-  if (!is_resident(view) && !announced(view)) fetch(view);
+  if (!is_resident(view) && !prefetched(view)) fetch(view);
 }
 
 PhotoBytes PhotoStore::photo(const View& view) {
@@ -81,16 +82,16 @@ PhotoBytes PhotoStore::photo(const View& view) {
     hand_out(nullptr);
     return photo_at(resident_.data() + resident->second.begin, view, resident->second.is_masked);
   }
-  Slot* slot = announced(view);
+  Slot* slot = prefetched(view);
   if (!slot) slot = &fetch(view);
   check(cudaStreamWaitEvent(context_.stream(), slot->arrived), "waiting for a photo");
-  // An announcement holds for one call: later the view may be gone, and another one have its address.
+  // A prefetch is for one call: later the view may be gone, and another view may have its address.
   slot->view = nullptr;
   hand_out(slot);
   return photo_at(slot->on_device.data(), view, slot->is_masked);
 }
 
-PhotoStore::Slot* PhotoStore::announced(const View& view) {
+PhotoStore::Slot* PhotoStore::prefetched(const View& view) {
   for (Slot& slot : slots_)
     if (slot.view == &view) return &slot;
   return nullptr;
@@ -110,15 +111,16 @@ PhotoStore::Slot& PhotoStore::oldest_free_slot() {
   return *oldest;
 }
 
-// Copies the bytes on the host at once; the GPU's copy begins when all that was launched until now has run.
+// Copies the bytes into page-locked memory at once. The copy to the GPU begins when all work
+// launched so far has run.
 PhotoStore::Slot& PhotoStore::fetch(const View& view) {
-  const std::shared_ptr<const View> decoded = with_photo(view);  // waits for the decoder, if at all
+  const std::shared_ptr<const View> decoded = with_photo(view);  // may wait for the decoder
   const std::vector<std::uint8_t>&photo = decoded->photo.pixels, &mask = decoded->mask.pixels;
   const std::size_t bytes = photo.size() + mask.size();
   Slot& slot = oldest_free_slot();
   slot.view = nullptr;                                            // if anything throws
   check(cudaEventSynchronize(slot.arrived), "fetching a photo");  // the pinned bytes are free again
-  make_room(slot, bytes);
+  reserve(slot, bytes);
   std::memcpy(slot.pinned, photo.data(), photo.size());
   if (!mask.empty()) std::memcpy(slot.pinned + photo.size(), mask.data(), mask.size());
   check(cudaEventRecord(slot.used, context_.stream()), "fetching a photo");
@@ -133,12 +135,12 @@ PhotoStore::Slot& PhotoStore::fetch(const View& view) {
   return slot;
 }
 
-void PhotoStore::make_room(Slot& slot, std::size_t bytes) {
+void PhotoStore::reserve(Slot& slot, std::size_t bytes) {
   slot.on_device.resize_discard(bytes);
   if (bytes <= slot.pinned_bytes) return;
   cudaFreeHost(slot.pinned);
   slot.pinned = nullptr, slot.pinned_bytes = 0;
-  check(cudaMallocHost(&slot.pinned, bytes), "making room for a photo");
+  check(cudaMallocHost(&slot.pinned, bytes), "allocating memory for a photo");
   slot.pinned_bytes = bytes;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The photos on the GPU with their masks, as bytes: all of them while they fit into a budget; the others are fetched one view
-// ahead on a stream of their own. Photos that are no longer, or not yet, in host memory come from their PhotoSource.
+// The photos and masks on the GPU, as bytes. As many as fit into a budget are resident. The others
+// are copied one view ahead, on a stream of their own. Photos that are not in host memory come from
+// their PhotoSource.
 #pragma once
 
 #include <unordered_map>
@@ -17,7 +18,8 @@ struct PhotoBytes {
   const std::uint8_t* mask;   // (height, width); null: every pixel trains
 };
 
-/// "Photo" stands for photo and mask: they lie one after the other, and travel together.
+/// Owns the photos. Below, "photo" means photo and mask, which lie one after the other and are
+/// copied together.
 class PhotoStore {
  public:
   PhotoStore(Context& context, Memory& memory);
@@ -25,49 +27,50 @@ class PhotoStore {
   PhotoStore(const PhotoStore&) = delete;
   PhotoStore& operator=(const PhotoStore&) = delete;
 
-  /// Uploads the photos of these views, in order, up to so many bytes of the GPU's memory; forgets all others.
-  /// The views outlive the next call or this store.
+  /// Uploads the photos of these views, in order, up to so many bytes of GPU memory, and forgets
+  /// all others. The views must exist until the next call or the end of this store.
   void upload_views(const std::vector<View>& views, std::size_t budget_bytes);
-  /// Whether the photo was prepared.
+  /// True where upload_views() has uploaded the photo.
   bool is_resident(const View& view) const { return resident_at_.contains(&view); }
-  /// Starts to fetch the photo of a view that photo() will be asked for soon. Does not wait for the GPU but
-  /// where it is several photos behind; waits for a photo that is still being decoded.
+  /// Starts to copy the photo of a view that photo() will soon be called with. Waits for the GPU
+  /// only where the GPU is several photos behind, and for the decoder where the photo is still
+  /// being decoded.
   void prefetch_next(const View& view);
-  /// The photo and its mask, valid for work on the compute stream that is launched
-  /// before the next two calls of photo(). Does not wait for a photo that was prepared or announced.
+  /// The photo and its mask, valid for work that is launched on the compute stream before the
+  /// second next call of photo(). Does not wait for a photo that is resident or was prefetched.
   PhotoBytes photo(const View& view);
 
  private:
-  // A place for one photo that does not fit the budget, and its way there.
+  // A buffer for one photo beyond the budget, with what its copy needs.
   struct Slot {
-    const View* view = nullptr;      // announced and not yet asked for
+    const View* view = nullptr;      // prefetched and not yet asked for
     bool is_masked = false;
     Buffer<std::uint8_t> on_device;
-    std::uint8_t* pinned = nullptr;  // the bytes on their way, in page-locked host memory
+    std::uint8_t* pinned = nullptr;  // the bytes to copy, in page-locked host memory
     std::size_t pinned_bytes = 0;
     cudaEvent_t arrived = nullptr;   // on the copy stream
-    cudaEvent_t used = nullptr;      // on the compute stream: the last work that was launched before the slot is refilled
-    std::uint64_t filled = 0;        // number of the fetch
+    cudaEvent_t used = nullptr;      // on the compute stream: all work before the refill
+    std::uint64_t filled = 0;        // number of the fetch that filled it
     explicit Slot(Memory& memory) : on_device(memory) {}
   };
-  // Where a resident photo begins.
+  // The place of a resident photo in resident_.
   struct Place {
     std::size_t begin;
     bool is_masked;
   };
   Slot& fetch(const View& view);
   Slot& oldest_free_slot();
-  Slot* announced(const View& view);
-  void make_room(Slot& slot, std::size_t bytes);
+  Slot* prefetched(const View& view);
+  void reserve(Slot& slot, std::size_t bytes);
   void hand_out(const Slot* slot);
 
   Context& context_;
   Memory& memory_;
   cudaStream_t copy_stream_ = nullptr;
-  Buffer<std::uint8_t> resident_;                              // all resident photos, one after another
+  Buffer<std::uint8_t> resident_;                   // all resident photos, one after another
   std::unordered_map<const View*, Place> resident_at_;
   std::vector<Slot> slots_;
-  const Slot* handed_out_[2] = {nullptr, nullptr};             // by the last two calls of photo(), null if resident
+  const Slot* handed_out_[2] = {nullptr, nullptr};  // by the last two photo(); null: resident
   std::uint64_t fetches_ = 0;
 };
 

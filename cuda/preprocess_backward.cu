@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 7 and 8: from dL/d(splat) to the stored parameters, and in training straight on to their update, so that no
-// gradient of a parameter is ever stored. A thread pulls the gradient of one Gaussian back; what becomes of the
-// gradients is done by the whole warp, number after number of its 32 rows, so that it reads and writes whole cache
-// lines; all is asked for at the start, so that it waits for the memory once.   Faster-GS, backward fused with Adam
+// Stages 7 and 8: from dL/d(splat) to the gradients of the parameters. In training the update
+// follows at once, so that no gradient of a parameter is stored. A thread pulls the gradient of one
+// Gaussian back. The whole warp then writes the gradients or updates the parameters, one number of
+// its 32 rows after another, in whole cache lines. All loads are issued at the start, so that the
+// warp waits for memory only once.   Faster-GS, backward fused with Adam
 #include <algorithm>
 
 #include "cuda/row_updates.cuh"
@@ -12,10 +13,11 @@
 namespace gs::cuda {
 namespace {
 
-constexpr int kThreads = 64;  // two warps, each with its own room: ten fit a multiprocessor, with registers to spare
-constexpr int kBasisStride = kShBasisCount + 1;  // odd: lanes that read one row each hit different banks
+// Two warps, each with shared memory of its own: ten fit a multiprocessor, with registers to spare.
+constexpr int kThreads = 64;
+constexpr int kBasisStride = kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
 
-struct alignas(16) WarpRoom {
+struct alignas(16) WarpShared {
   float sh_rows[kMostArrays][kWarp * kShRowNumbers];  // parameters and moments
   union {
     RowNumbers numbers;                 // parameters at first, gradients in the end
@@ -24,7 +26,7 @@ struct alignas(16) WarpRoom {
   float dL_dcolor[kWarp * 3];           // zero where a Gaussian is not visible
 };
 
-// dL/d(splat) of a visible Gaussian, with colors masked where blending clamped them.
+// dL/d(splat) of a visible Gaussian. Color gradients are zero where blending clamped the color.
 __device__ SplatGradient masked(const SplatGradientSum& sum, const Vec3f& color) {
   return {sum.mean2d,
           {sum.conic_xx, sum.conic_xy, sum.conic_yy},
@@ -34,58 +36,60 @@ __device__ SplatGradient masked(const SplatGradientSum& sum, const Vec3f& color)
 }
 
 // dL/d(number `number` of SH row `row` of the warp).
-__device__ float sh_gradient(const WarpRoom& room, int row, int number) {
-  return room.basis[row * kBasisStride + 1 + number / 3] * room.dL_dcolor[row * 3 + number % 3];
+__device__ float sh_gradient(const WarpShared& shared, int row, int number) {
+  return shared.basis[row * kBasisStride + 1 + number / 3] * shared.dL_dcolor[row * 3 + number % 3];
 }
 
-// The whole warp: starts to copy its SH rows into its room, so that they come while other work is done.
+// The whole warp: starts to copy its SH rows into shared memory, so that they arrive during other
+// work.
 template <int degree, class Numbers>
-__device__ void start_sh_rows(WarpRoom& room, const Numbers& numbers, std::size_t first, int rows) {
+__device__ void start_sh_rows(WarpShared& shared, const Numbers& numbers, std::size_t first,
+                              int rows) {
   for (int a = 0; a < Numbers::kArrays; ++a)
-    start_sh_copy<degree>(room.sh_rows[a], numbers.arrays[a] + first * kShRowNumbers, rows);
+    start_sh_copy<degree>(shared.sh_rows[a], numbers.arrays[a] + first * kShRowNumbers, rows);
   __pipeline_commit();
 }
 
-// The whole warp: what the gradients do to its SH rows, one number at a time.
+// The whole warp: applies the gradients to its SH rows, one number at a time.
 template <int degree, class Numbers>
-__device__ void finish_sh_numbers(WarpRoom& room, const Numbers& numbers, std::size_t first,
+__device__ void finish_sh_numbers(WarpShared& shared, const Numbers& numbers, std::size_t first,
                                   int rows) {
   constexpr int kInUse = std::max(kShNumbersInUse<degree>, 1);
   for (int item = lane_of_thread(); item < rows * kInUse; item += kWarp) {
     const int row = item / kInUse, number = item % kInUse, at = row * kShRowNumbers + number;
     float loaded[Numbers::kArrays];
-    for (int a = 0; a < Numbers::kArrays; ++a) loaded[a] = room.sh_rows[a][at];
-    numbers.finish(first * kShRowNumbers + at, loaded, sh_gradient(room, row, number));
+    for (int a = 0; a < Numbers::kArrays; ++a) loaded[a] = shared.sh_rows[a][at];
+    numbers.finish(first * kShRowNumbers + at, loaded, sh_gradient(shared, row, number));
   }
 }
 
 // The same for 32 whole rows, four numbers at a time.
 template <class Numbers>
-__device__ void finish_sh_vectors(WarpRoom& room, const Numbers& numbers, std::size_t first) {
+__device__ void finish_sh_vectors(WarpShared& shared, const Numbers& numbers, std::size_t first) {
   const std::size_t base = first / 4 * kShRowNumbers;  // `first` is a multiple of 32
   for (int item = lane_of_thread(); item < kWarp * kShRowNumbers / 4; item += kWarp) {
     const int row = 4 * item / kShRowNumbers, number = 4 * item % kShRowNumbers;
     float gradient[4];
     for (int k = 0; k < 4; ++k) {
       const bool is_next = number + k >= kShRowNumbers;
-      gradient[k] = sh_gradient(room, row + is_next, number + k - (is_next ? kShRowNumbers : 0));
+      gradient[k] = sh_gradient(shared, row + is_next, number + k - (is_next ? kShRowNumbers : 0));
     }
     float4 loaded[Numbers::kArrays];
     for (int a = 0; a < Numbers::kArrays; ++a)
-      loaded[a] = reinterpret_cast<const float4*>(room.sh_rows[a])[item];
+      loaded[a] = reinterpret_cast<const float4*>(shared.sh_rows[a])[item];
     numbers.finish(base + item, loaded, float4{gradient[0], gradient[1], gradient[2], gradient[3]});
   }
 }
 
-// The whole warp: through color to the SH coefficients of its `rows` rows; returns dL/d(mean) by way of the viewing
-// direction.
+// The whole warp: pulls the color gradients back to the SH coefficients of its `rows` rows. Returns
+// the part of dL/d(mean) that comes from the viewing direction.
 template <int degree, class Numbers>
-__device__ Vec3f color_backward(WarpRoom& room, const Vec3f& mean, const Camera& camera,
+__device__ Vec3f color_backward(WarpShared& shared, const Vec3f& mean, const Camera& camera,
                                 std::size_t first, int rows, bool is_visible,
                                 const Vec3f& dL_dcolor, const Numbers& numbers) {
   if constexpr (degree == 0) return Vec3f(0.0f);
   const int lane = lane_of_thread();
-  float* const basis = room.basis + lane * kBasisStride;
+  float* const basis = shared.basis + lane * kBasisStride;
   Vec3f direction(0.0f);
   if (is_visible) {
     direction = unit_direction(camera.position(), mean);
@@ -93,15 +97,15 @@ __device__ Vec3f color_backward(WarpRoom& room, const Vec3f& mean, const Camera&
   } else {
     for (int k = 0; k < kShBasisCount; ++k) basis[k] = 0.0f;
   }
-  for (int c = 0; c < 3; ++c) room.dL_dcolor[3 * lane + c] = dL_dcolor[c];
+  for (int c = 0; c < 3; ++c) shared.dL_dcolor[3 * lane + c] = dL_dcolor[c];
   __pipeline_wait_prior(0);
   __syncwarp();
   if (degree == kMaxShDegree && rows == kWarp)
-    finish_sh_vectors(room, numbers, first);
+    finish_sh_vectors(shared, numbers, first);
   else
-    finish_sh_numbers<degree>(room, numbers, first, rows);
+    finish_sh_numbers<degree>(shared, numbers, first, rows);
   if (!is_visible) return Vec3f(0.0f);
-  const Vec3f* const row = reinterpret_cast<const Vec3f*>(room.sh_rows[0] + lane * kShRowNumbers);
+  const Vec3f* const row = reinterpret_cast<const Vec3f*>(shared.sh_rows[0] + lane * kShRowNumbers);
   float dL_dbasis[kShBasisCount];
   for (int k = 1; k < (degree + 1) * (degree + 1); ++k) dL_dbasis[k] = inner(row[k - 1], dL_dcolor);
   return unit_direction_vjp(camera.position(), mean, sh_basis_vjp(degree, direction, dL_dbasis));
@@ -112,14 +116,14 @@ __global__ void __launch_bounds__(kThreads)
     preprocess_backward_kernel(std::size_t count, Camera camera, SplatSettings settings,
                                const std::uint32_t* tile_counts, const Splat* splats,
                                SplatGradientSum* sums, Sink sink) {
-  __shared__ WarpRoom rooms[kThreads / kWarp];
-  WarpRoom& room = rooms[threadIdx.x / kWarp];
+  __shared__ WarpShared shared_of_warps[kThreads / kWarp];
+  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   const std::size_t first = i - lane_of_thread();
   if (first >= count) return;  // the whole warp
   const int rows = int(min(count - first, std::size_t(kWarp)));
-  // First all that comes from memory, so that it is waited for once; no store comes before.
-  if (degree > 0) start_sh_rows<degree>(room, sink.sh_rest, first, rows);
+  // All loads come first, before any store, so that the warp waits for memory only once.
+  if (degree > 0) start_sh_rows<degree>(shared, sink.sh_rest, first, rows);
   const bool is_halted = sink.is_halted(), is_row = i < count;
   Shares<Sink> shares(sink, first, rows);
   const typename Sink::Statistics statistics =
@@ -130,7 +134,7 @@ __global__ void __launch_bounds__(kThreads)
   if (is_visible) store_in_vectors(sums + i, SplatGradientSum{});  // clear for the next step
   if (is_halted) return;
 
-  const Shape shape = shares.row(room.numbers, rows);
+  const Shape shape = shares.row(shared.numbers, rows);
   SplatGradient dL_dsplat{};
   GaussianGradient<float> gradient{};
   Vec2f by_mean2d(0.0f);
@@ -141,31 +145,32 @@ __global__ void __launch_bounds__(kThreads)
                                  shape.logit_opacity, settings, dL_dsplat);
     gradient.sh0 = float(kSh0) * dL_dsplat.color;
   }
-  gradient.mean += color_backward<degree>(room, shape.mean, camera, first, rows, is_visible,
+  gradient.mean += color_backward<degree>(shared, shape.mean, camera, first, rows, is_visible,
                                           dL_dsplat.color, sink.sh_rest);
   sink.regularize(shape, gradient);
   if (is_row) sink.note(i, statistics, by_mean2d, is_visible);
   __syncwarp();
-  stage(room.numbers, gradient);
+  stage(shared.numbers, gradient);
   __syncwarp();
-  shares.finish(sink, first, rows, room.numbers);
+  shares.finish(sink, first, rows, shared.numbers);
 }
 
 template <class Sink>
 void launch(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
-            const RenderSettings& settings, WorkingRoom& room, RenderPass& pass, const Sink& sink) {
+            const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
+            const Sink& sink) {
   with_sh_degree(settings.sh_degree, [&](auto degree) {
     context.launch("preprocess backward", preprocess_backward_kernel<degree(), Sink>,
                    blocks_for(gaussians.mean.size, kThreads), kThreads, gaussians.mean.size, camera,
                    settings, pass.tile_counts.data(), pass.splats.data(),
-                   room.splat_gradients.data(), sink);
+                   workspace.splat_gradients.data(), sink);
   });
 }
 
 }  // namespace
 
 void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
-                         const RenderSettings& settings, WorkingRoom& room, RenderPass& pass,
+                         const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) {
   const StageScope scope(context, "preprocess backward");
   if (settings.sh_degree < kMaxShDegree && gradients.sh_rest.size)  // degrees not in use have none
@@ -183,12 +188,12 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
                             numbers(gaussians.sh_rest, gradients.sh_rest),
                             dL_dmean2d.data,
                             settings.absolute_gradient};
-  launch(context, gaussians, camera, settings, room, pass, sink);
+  launch(context, gaussians, camera, settings, workspace, pass, sink);
 }
 
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
                                     const RenderSettings& settings, const AdamSteps& steps,
-                                    const DensityStep& density, WorkingRoom& room,
+                                    const DensityStep& density, Workspace& workspace,
                                     RenderPass& pass) {
   const StageScope scope(context, "preprocess backward, Adam");
   const GaussiansSpan rows = model.gaussians.span(), m = model.first_moment.span(),
@@ -207,13 +212,13 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
       model.statistics.gradient_norm.data(),
       pass.width,
       pass.height,
-      room.halted.data()};
+      workspace.halted.data()};
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
   if (is_absolute || density.regularizers.any())
-    launch(context, rows, camera, settings, room, pass,
+    launch(context, rows, camera, settings, workspace, pass,
            UpdateByAdamAsAsked{sink, is_absolute, density.regularizers.of_each(model.count())});
   else
-    launch(context, rows, camera, settings, room, pass, sink);
+    launch(context, rows, camera, settings, workspace, pass, sink);
 }
 
 }  // namespace gs::cuda

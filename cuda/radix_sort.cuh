@@ -1,20 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// CUB's radix sort of key-value pairs, stable, with blocks cut to the size of our lists: those of a view are mostly
-// below a million, where CUB's own choice of some nine thousand items a block leaves most of a large GPU idle
-// (docs/benchmarks.md).
+// CUB's stable radix sort of key-value pairs, with blocks that suit the lists of a view. These
+// mostly have less than a million pairs. CUB gives a block some nine thousand, so that most of a
+// large GPU would be idle (docs/benchmarks.md).
 #pragma once
 
 #include <cub/device/device_radix_sort.cuh>
 
-#include "cuda/cub_room.cuh"
+#include "cuda/cub_scratch.cuh"
 
 namespace gs::cuda {
 
-/// Lists from here on are sorted in blocks of CUB's choice.
+/// Pairs from which on a list is sorted in blocks of CUB's own size.
 inline constexpr std::uint32_t kLongList = 1500000;
 
-#if defined(CCCL_MAJOR_VERSION) && CCCL_MAJOR_VERSION >= 3
-/// CUB's policies, but for the size of the blocks that sort by one digit.
+// The size of CUB's blocks can be chosen from outside in CUB 3.0 to 3.2 (CUDA 13.0 to 13.2). Other
+// versions take their own size for lists of every length: the result is the same, and short lists
+// take longer.
+#if CUB_VERSION >= 300000 && CUB_VERSION < 300300 && !defined(GS_FORCE_PORTABLE_CUB)
+#define GS_CUB_TAKES_BLOCK_SIZE
+#endif
+
+#ifdef GS_CUB_TAKES_BLOCK_SIZE
+/// CUB's policies, except for the size of the blocks that sort by one digit.
 template <class Key>
 struct ShortBlocks {
   using Standard =
@@ -40,13 +47,13 @@ struct ShortBlocks {
 };
 #endif
 
-/// Sorts `count` pairs by the lowest `bits` bits of their keys, from one pair of arrays into another.
+/// Sorts `count` pairs by the lowest `bits` bits of their keys, from two arrays into two others.
 template <class Key>
-void sort_pairs(Context& context, Buffer<std::uint8_t>& room, const char* what, const Key* keys,
+void sort_pairs(Context& context, Buffer<std::uint8_t>& scratch, const char* what, const Key* keys,
                 Key* sorted_keys, const std::uint32_t* values, std::uint32_t* sorted_values,
                 std::uint32_t count, int bits) {
-  with_cub_room(room, what, [&](void* temporary, std::size_t& bytes) {
-#if defined(CCCL_MAJOR_VERSION) && CCCL_MAJOR_VERSION >= 3
+  with_cub_scratch(scratch, what, [&](void* temporary, std::size_t& bytes) {
+#ifdef GS_CUB_TAKES_BLOCK_SIZE
     if (count < kLongList) {
       cub::DoubleBuffer<Key> both_keys(const_cast<Key*>(keys), sorted_keys);
       cub::DoubleBuffer<std::uint32_t> both_values(const_cast<std::uint32_t*>(values),

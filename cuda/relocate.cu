@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9 under the MCMC strategy: dead rows become copies of live ones, and copies are added up to a count. Weights are
-// whole numbers, so that their sums are the scalar twin's however they are added up; a draw is a binary search in them.
+// Stage 9 under the MCMC strategy: dead rows become copies of live ones, and copies are added up to
+// a count. Weights are integers, so that their sums do not depend on the order of additions and
+// equal those of the scalar twin. A draw is a binary search in the sums.
 #include "cuda/relocate.cuh"
 
 #include <thrust/iterator/counting_iterator.h>
@@ -8,14 +9,14 @@
 #include <cub/device/device_scan.cuh>
 #include <cub/device/device_select.cuh>
 
-#include "cuda/cub_room.cuh"
+#include "cuda/cub_scratch.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/math/mcmc.h"
 
 namespace gs::cuda {
 namespace {
 
-constexpr int kThreads = 256;  // rows, or their words, are independent: any size that fills a multiprocessor
+constexpr int kThreads = 256;  // rows and words are independent: any size that fills the GPU
 
 __device__ std::size_t thread_number() { return std::size_t(blockIdx.x) * kThreads + threadIdx.x; }
 
@@ -35,7 +36,7 @@ struct IsDead {
 
 /// The first row whose sum is above `at`.
 __device__ std::uint32_t row_of(Span<const std::uint64_t> sums, std::uint64_t at) {
-  std::size_t low = 0, high = sums.size - 1;  // it is there: `at` is below the last sum
+  std::size_t low = 0, high = sums.size - 1;  // the row exists, since `at` is below the last sum
   while (low < high) {
     const std::size_t middle = (low + high) / 2;
     if (sums[middle] > at)
@@ -56,7 +57,7 @@ __global__ void draw_kernel(Span<const std::uint64_t> sums, Random random, int s
   atomicAdd(&drawn[source[k]], 1u);
 }
 
-// Each row that was drawn becomes one of its copies.
+// Each row that was drawn becomes one of its copies: opacity and scale are shared among them.
 __global__ void share_kernel(GaussiansSpan rows, Span<const std::uint32_t> drawn,
                              float least_opacity) {
   const std::size_t i = thread_number();
@@ -111,8 +112,8 @@ std::uint64_t Relocation::sum_weights(const TrainingModel& model, float dead_opa
   sums_.resize_discard(count);
   if (count == 0) return 0;
   launch(weights_kernel, count, model.gaussians.span(), dead_opacity, sums_.span());
-  with_cub_room(cub_, "relocate", [&](void* room, std::size_t& bytes) {
-    return cub::DeviceScan::InclusiveSum(room, bytes, sums_.data(), sums_.data(), int(count),
+  with_cub_scratch(cub_, "relocate", [&](void* scratch, std::size_t& bytes) {
+    return cub::DeviceScan::InclusiveSum(scratch, bytes, sums_.data(), sums_.data(), int(count),
                                          context_.stream());
   });
   std::uint64_t total = 0;
@@ -124,8 +125,8 @@ std::uint64_t Relocation::sum_weights(const TrainingModel& model, float dead_opa
 std::size_t Relocation::find_dead() {
   const std::size_t count = sums_.size();
   dead_.resize_discard(count);
-  with_cub_room(cub_, "relocate", [&](void* room, std::size_t& bytes) {
-    return cub::DeviceSelect::If(room, bytes, thrust::counting_iterator<std::uint32_t>(0),
+  with_cub_scratch(cub_, "relocate", [&](void* scratch, std::size_t& bytes) {
+    return cub::DeviceSelect::If(scratch, bytes, thrust::counting_iterator<std::uint32_t>(0),
                                  dead_.data(), dead_count_.data(), int(count), IsDead{sums_.data()},
                                  context_.stream());
   });
@@ -146,29 +147,27 @@ void Relocation::draw(std::size_t count, const Random& random, int step) {
 void Relocation::share_sources(TrainingModel& model, float least_opacity) {
   launch(share_kernel, drawn_.size(), model.gaussians.span(),
          Span<const std::uint32_t>(drawn_.span()), least_opacity);
-  const auto clear = [&]<class T>(const char*, Buffer<T>& rows) {
-    launch(clear_rows_kernel<kWordsOf<T>>, source_.size() * kWordsOf<T>, words_of(rows),
-           source_.size(), static_cast<const std::uint32_t*>(source_.data()), std::size_t(0));
-  };
-  for_each_array(clear, model.first_moment);
-  for_each_array(clear, model.second_moment);
+  for_each_row_array(
+      [&]<class T>(const RowArray& which, Buffer<T>& rows) {
+        if (which.role == RowRole::moment)
+          launch(clear_rows_kernel<kWordsOf<T>>, source_.size() * kWordsOf<T>, words_of(rows),
+                 source_.size(), static_cast<const std::uint32_t*>(source_.data()), std::size_t(0));
+      },
+      model);
 }
 
 // Row to[k], or first + k where `to` is null, becomes a copy of its source, with zero moments.
 void Relocation::copy_rows(TrainingModel& model, const std::uint32_t* to, std::size_t first) {
   const Span<const std::uint32_t> source = source_.span();
-  for_each_array(
-      [&]<class T>(const char*, Buffer<T>& rows) {
-        launch(copy_rows_kernel<kWordsOf<T>>, source.size * kWordsOf<T>, words_of(rows), source, to,
-               first);
+  for_each_row_array(
+      [&]<class T>(const RowArray& which, Buffer<T>& rows) {
+        const std::size_t words = source.size * kWordsOf<T>;
+        if (which.role == RowRole::parameter)
+          launch(copy_rows_kernel<kWordsOf<T>>, words, words_of(rows), source, to, first);
+        if (which.role == RowRole::moment)
+          launch(clear_rows_kernel<kWordsOf<T>>, words, words_of(rows), source.size, to, first);
       },
-      model.gaussians);
-  const auto clear = [&]<class T>(const char*, Buffer<T>& rows) {
-    launch(clear_rows_kernel<kWordsOf<T>>, source.size * kWordsOf<T>, words_of(rows), source.size,
-           to, first);
-  };
-  for_each_array(clear, model.first_moment);
-  for_each_array(clear, model.second_moment);
+      model);
 }
 
 std::size_t Relocation::move_dead_rows(TrainingModel& model, const RelocationRules& rules,
@@ -199,8 +198,11 @@ RefineReport Relocation::run(TrainingModel& model, const RelocationRules& rules,
   RefineReport report;
   report.moved = move_dead_rows(model, rules, {seed, RandomStream::relocate}, step);
   report.cloned = add_copies(model, rules, {seed, RandomStream::grow}, step);
-  model.statistics.visits.fill_zero();
-  model.statistics.gradient_norm.fill_zero();
+  for_each_row_array(
+      [](const RowArray& which, auto& rows) {
+        if (which.role == RowRole::statistic) rows.fill_zero();
+      },
+      model);
   return report;
 }
 

@@ -7,14 +7,14 @@
 
 namespace gs::cuda {
 
-/// RowOps::relocate(), with the same draws as the scalar twin, and its working room.
+/// RowOps::relocate() with its buffers. The draws are those of the scalar twin.
 class Relocation {
  public:
   Relocation(Context& context, Memory& memory)
       : context_(context), sums_(memory), dead_(memory), source_(memory), drawn_(memory),
         dead_count_(1, memory), cub_(memory) {}
 
-  /// Waits where it must know how many rows are dead, and whether any lives: twice.
+  /// Waits twice: to learn whether any row is alive, and how many are dead.
   RefineReport run(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
                    int step);
 
@@ -32,9 +32,9 @@ class Relocation {
                          int step);
 
   Context& context_;
-  Buffer<std::uint64_t> sums_;        // (N) of the weights up to and with each row
+  Buffer<std::uint64_t> sums_;        // (N) inclusive prefix sums of the weights
   Buffer<std::uint32_t> dead_;        // row numbers
-  Buffer<std::uint32_t> source_;      // the row that each copy is made of
+  Buffer<std::uint32_t> source_;      // the row that each copy is made from
   Buffer<std::uint32_t> drawn_;       // (N) how often each row was drawn
   Buffer<std::uint32_t> dead_count_;  // (1)
   Buffer<std::uint8_t> cub_;

@@ -20,30 +20,30 @@ void check_can_be_sorted(std::uint64_t instances) {
 }
 
 CudaRenderer::CudaRenderer(Context& context, Memory& memory)
-    : context_(context), memory_(memory), room_(memory) {
-  room_.halted.resize(1);
-  room_.halted.fill_zero();
+    : context_(context), memory_(memory), workspace_(memory) {
+  workspace_.halted.resize(1);
+  workspace_.halted.fill_zero();
 }
 
 void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            const RenderSettings& settings, RenderPass& pass, std::uint32_t capacity,
                            StepReport* report, std::uint32_t step) {
   pass.background = settings.background;
-  preprocess(context_, gaussians, camera, settings, room_, pass);
-  order_by_depth(context_, room_, pass);
-  create_instances(context_, settings, room_, pass, capacity, report, step);
-  sort_by_tile(context_, room_, pass, capacity);
+  preprocess(context_, gaussians, camera, settings, workspace_, pass);
+  order_by_depth(context_, workspace_, pass);
+  create_instances(context_, settings, workspace_, pass, capacity, report, step);
+  sort_by_tile(context_, workspace_, pass, capacity);
   blend(context_, settings, pass);
 }
 
 void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            const RenderSettings& settings, RenderPass& pass) {
   pass.background = settings.background;
-  preprocess(context_, gaussians, camera, settings, room_, pass);
-  order_by_depth(context_, room_, pass);
+  preprocess(context_, gaussians, camera, settings, workspace_, pass);
+  order_by_depth(context_, workspace_, pass);
   const std::uint32_t capacity = std::max(instance_count(pass), 1u);
-  create_instances(context_, settings, room_, pass, capacity, nullptr, 0);
-  sort_by_tile(context_, room_, pass, capacity);
+  create_instances(context_, settings, workspace_, pass, capacity, nullptr, 0);
+  sort_by_tile(context_, workspace_, pass, capacity);
   blend(context_, settings, pass);
 }
 
@@ -53,22 +53,22 @@ std::uint32_t CudaRenderer::instance_count(const RenderPass& pass) {
   const std::size_t last = pass.depth_order.size() - 1;
   std::uint32_t gaussian = 0, first = 0, count = 0;
   memory_.download(&gaussian, pass.depth_order.data() + last, sizeof gaussian);
-  memory_.download(&first, room_.first_of_order.data() + last, sizeof first);
+  memory_.download(&first, workspace_.first_of_order.data() + last, sizeof first);
   memory_.download(&count, pass.tile_counts.data() + gaussian, sizeof count);
   check_can_be_sorted(std::uint64_t(first) + count);
   return first + count;
 }
 
 void CudaRenderer::release_caches() {
-  WorkingRoom fresh(memory_);
-  fresh.halted.swap(room_.halted);
-  room_ = std::move(fresh);
+  Workspace fresh(memory_);
+  fresh.halted.swap(workspace_.halted);
+  workspace_ = std::move(fresh);
 }
 
 void CudaRenderer::clear_gradients() {
-  room_.splat_gradients.fill_zero();
-  room_.fine_sums.fill_zero();
-  room_.coarse_sums.fill_zero();
+  workspace_.splat_gradients.fill_zero();
+  workspace_.fine_sums.fill_zero();
+  workspace_.coarse_sums.fill_zero();
 }
 
 void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& settings) {
@@ -77,10 +77,10 @@ void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& se
     sums.resize_discard(count);
     sums.fill_zero();
   };
-  reserve(room_.splat_gradients);
+  reserve(workspace_.splat_gradients);
   if (!settings.deterministic) return;
-  reserve(room_.fine_sums);
-  reserve(room_.coarse_sums);
+  reserve(workspace_.fine_sums);
+  reserve(workspace_.coarse_sums);
 }
 
 void CudaRenderer::backward(const GaussiansSpan& gaussians, const Camera& camera,
@@ -88,8 +88,9 @@ void CudaRenderer::backward(const GaussiansSpan& gaussians, const Camera& camera
                             Span<const float> dL_dimage, const GaussiansSpan& gradients,
                             Span<Vec2f> dL_dmean2d) {
   reserve_gradients(gaussians.mean.size, settings);
-  blend_backward(context_, settings, dL_dimage, room_, pass);
-  preprocess_backward(context_, gaussians, camera, settings, room_, pass, gradients, dL_dmean2d);
+  blend_backward(context_, settings, dL_dimage, workspace_, pass);
+  preprocess_backward(context_, gaussians, camera, settings, workspace_, pass, gradients,
+                      dL_dmean2d);
 }
 
 }  // namespace gs::cuda

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA renderer: the stages in order. Outside of training it asks for the number of instances, and waits for it.
+// The CUDA renderer runs the stages in order. Outside of training it reads back the number of
+// instances, which waits.
 #pragma once
 
 #include "cuda/stages.cuh"
@@ -19,15 +20,15 @@ class CudaRenderer final : public Renderer {
                 const RenderSettings& settings, RenderPass& pass, Span<const float> dL_dimage,
                 const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) override;
 
-  /// forward() with room for so many instances and no more, without waiting; see create_instances().
+  /// forward() for at most `capacity` instances, without waiting; see create_instances().
   void forward(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
                RenderPass& pass, std::uint32_t capacity, StepReport* report, std::uint32_t step);
-  /// Room for dL/d(splat) of so many Gaussians, zero where it is new.
+  /// Reserves dL/d(splat) of so many Gaussians. New entries are zero.
   void reserve_gradients(std::size_t count, const RenderSettings& settings);
-  /// Back to zero, after a step that broke off.
+  /// Sets the gradients back to zero after a step that failed.
   void clear_gradients();
-  WorkingRoom& room() { return room_; }
-  /// Gives back all working room but what says whether steps are halted.
+  Workspace& workspace() { return workspace_; }
+  /// Frees the workspace, except the flag that says whether steps are halted.
   void release_caches();
 
  private:
@@ -35,7 +36,7 @@ class CudaRenderer final : public Renderer {
 
   Context& context_;
   Memory& memory_;
-  WorkingRoom room_;
+  Workspace workspace_;
 };
 
 }  // namespace gs::cuda

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tiles that splats hit, as spans of tile rows: the unit of work that both counting (preprocess.cu) and emitting
-// (instances.cu) share among the lanes of a warp, whoever the rows belong to. Both ask hit_tiles_of_row(), and both
-// files are compiled without contraction of products and sums, so that they cannot disagree.
+// The tiles that splats hit, as spans of tile rows. A row is the unit of work that the lanes of a
+// warp share evenly, both when tiles are counted (preprocess.cu) and when instances are written
+// (instances.cu). Both call hit_tiles_of_row(), and both files are compiled without contraction of
+// products and sums, so that their results are the same.
 #pragma once
 
 #include "cuda/warp.cuh"
@@ -9,8 +10,8 @@
 
 namespace gs::cuda {
 
-/// Of 32 owners of consecutive items, the one of `item`; first[k] is the first item of owner k, and owners
-/// without items have the first item of the next.
+/// 32 owners have consecutive items; returns the owner of `item`. first[k] is the first item of
+/// owner k. An owner without items has the first item of the next owner.
 __device__ inline int owner_of(std::uint32_t item, const std::uint32_t* first) {
   int owner = 0;
 #pragma unroll
@@ -19,13 +20,13 @@ __device__ inline int owner_of(std::uint32_t item, const std::uint32_t* first) {
   return owner;
 }
 
-// What quarters of a tile are found with: their slack is far above its errors.
+// Fast division and root, for the quarters of a tile: their slack is far above the errors.
 struct FastArithmetic {
   __device__ static float quotient(float a, float b) { return __fdividef(a, b); }
   __device__ static float root(float x) { return x * rsqrtf(fmaxf(x, 1e-30f)); }
 };
 
-/// The tile rows of a warp's 32 splats, numbered through. In shared memory.
+/// The tile rows of a warp's 32 splats, numbered consecutively. In shared memory.
 struct TileRows {
   Vec2f mean2d[kWarp];
   Sym2<float> conic[kWarp];
@@ -33,7 +34,8 @@ struct TileRows {
   Rect tiles[kWarp];
   std::uint32_t first[kWarp];  // number of the splat's first row
 
-  /// The whole warp: takes each lane's splat, or none where `pixels` is empty, and returns the number of rows.
+  /// The whole warp: takes each lane's splat, or none where `pixels` is empty, and returns the
+  /// number of rows.
   __device__ std::uint32_t take(const Splat& splat, const Rect& pixels, TileBounds bounds) {
     const int lane = lane_of_thread();
     const Rect rect = tile_rect(pixels);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What becomes of the gradients of a warp's 32 rows (stages 7 and 8): they are written to arrays, or Adam moves the
-// parameters at once. Either way the whole warp does it, number after number of a quantity's array, so that it reads
-// and writes whole cache lines; a lane's numbers are mostly those of other lanes' Gaussians.
+// The last step of stages 7 and 8 for the 32 rows of a warp: the gradients are written to arrays,
+// or Adam updates the parameters with them. The whole warp takes the numbers of a quantity in the
+// order of its array, so that it reads and writes whole cache lines. A lane therefore mostly
+// handles numbers of other lanes' Gaussians.
 #pragma once
 
 #include "cuda/stages.cuh"
@@ -13,14 +14,15 @@ namespace gs::cuda {
 
 inline constexpr int kMostArrays = 3;  // of a quantity: the parameters and both moments
 
-/// Parameters or gradients of a warp's rows, but for SH: each quantity row after row, as it lies in its array.
+/// Parameters or gradients of a warp's rows without SH: each quantity row after row, as it lies in
+/// its array.
 struct RowNumbers {
   float mean[3 * kWarp], log_scale[3 * kWarp], rotation[4 * kWarp], logit_opacity[kWarp],
       sh0[3 * kWarp];
 };
 
-/// The numbers of one quantity and what a gradient does to them, first way: it is written to an array. Vector is float
-/// or float4.
+/// The numbers of one quantity, for WriteGradients: finish() writes the gradient to an array.
+/// Vector is float or float4.
 struct GradientNumbers {
   static constexpr int kArrays = 1;
   float* arrays[kArrays];
@@ -32,7 +34,7 @@ struct GradientNumbers {
   }
 };
 
-/// Second way: Adam moves the parameter.
+/// The numbers of one quantity, for UpdateByAdam: finish() updates the parameter and its moments.
 struct AdamNumbers {
   static constexpr int kArrays = 3;
   float* arrays[kArrays];  // parameters, first and second moments
@@ -49,14 +51,15 @@ struct AdamNumbers {
   }
 };
 
-/// The parameters of one Gaussian but for color.
+/// The parameters of one Gaussian without color.
 struct Shape {
   Vec3f mean, log_scale;
   Quatf rotation;
   float logit_opacity;
 };
 
-/// All quantities, and what else a row's gradient is good for.
+/// A sink for the gradients of all quantities: writes them to arrays, and dL/d(mean2d) to another
+/// one.
 struct WriteGradients {
   using Numbers = GradientNumbers;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
@@ -74,6 +77,7 @@ struct WriteGradients {
   }
   __device__ void regularize(const Shape&, GaussianGradient<float>&) const {}
 };
+/// A sink that updates all parameters, and gathers the statistics of density control.
 struct UpdateByAdam {
   using Numbers = AdamNumbers;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
@@ -99,10 +103,11 @@ struct UpdateByAdam {
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const { return sum.mean2d; }
   __device__ void regularize(const Shape&, GaussianGradient<float>&) const {}
 };
-/// The same with all that density control may ask. A kernel of its own: others do not pay for it.
+/// The same with absolute gradients and regularizers. It has a kernel of its own, so that other
+/// runs do not pay for it.
 struct UpdateByAdamAsAsked : UpdateByAdam {
-  bool is_absolute;        // the statistic
-  Regularizers of_each;    // weights for one row
+  bool is_absolute;      // the statistic
+  Regularizers of_each;  // weights for one row
 
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
     return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
@@ -115,7 +120,7 @@ struct UpdateByAdamAsAsked : UpdateByAdam {
   }
 };
 
-/// A quantity with kInRow numbers a row: this lane's share of the numbers of a warp's rows.
+/// This lane's share of one quantity of a warp's rows, which have kInRow numbers each.
 template <int kInRow, class Numbers>
 struct Share {
   float loaded[kInRow][Numbers::kArrays];
@@ -127,7 +132,7 @@ struct Share {
         if (item < rows * kInRow) loaded[k][a] = numbers.arrays[a][first * kInRow + item];
     }
   }
-  /// Lays the parameters out in the rows' order.
+  /// Writes the parameters to `to`, row after row.
   __device__ void lay_out(int rows, float* to) const {
     for (int k = 0; k < kInRow; ++k) {
       const int item = lane_of_thread() + k * kWarp;
@@ -143,7 +148,7 @@ struct Share {
   }
 };
 
-/// All quantities but SH: this lane's shares.
+/// This lane's shares of all quantities without SH.
 template <class Sink>
 struct Shares {
   using Numbers = typename Sink::Numbers;
@@ -155,22 +160,23 @@ struct Shares {
       : mean(sink.mean, first, rows), log_scale(sink.log_scale, first, rows),
         sh0(sink.sh0, first, rows), rotation(sink.rotation, first, rows),
         logit_opacity(sink.logit_opacity, first, rows) {}
-  /// The whole warp: this lane's row of parameters, by way of the room.
-  __device__ Shape row(RowNumbers& room, int rows) const {
-    mean.lay_out(rows, room.mean);
-    log_scale.lay_out(rows, room.log_scale);
-    rotation.lay_out(rows, room.rotation);
-    logit_opacity.lay_out(rows, room.logit_opacity);
+  /// The whole warp: returns this lane's row of parameters; the lanes exchange them through shared
+  /// memory.
+  __device__ Shape row(RowNumbers& shared, int rows) const {
+    mean.lay_out(rows, shared.mean);
+    log_scale.lay_out(rows, shared.log_scale);
+    rotation.lay_out(rows, shared.rotation);
+    logit_opacity.lay_out(rows, shared.logit_opacity);
     __syncwarp();
     const int lane = lane_of_thread();
     const auto vector = [&](const float* of) {
       return Vec3f(of[3 * lane], of[3 * lane + 1], of[3 * lane + 2]);
     };
-    const float* const q = room.rotation + 4 * lane;
-    const Shape shape{vector(room.mean),
-                      vector(room.log_scale),
+    const float* const q = shared.rotation + 4 * lane;
+    const Shape shape{vector(shared.mean),
+                      vector(shared.log_scale),
                       {q[0], q[1], q[2], q[3]},
-                      room.logit_opacity[lane]};
+                      shared.logit_opacity[lane]};
     __syncwarp();
     return shape;
   }
@@ -184,7 +190,7 @@ struct Shares {
   }
 };
 
-/// This lane's row of gradients, in the room.
+/// Writes this lane's row of gradients to shared memory.
 __device__ inline void stage(RowNumbers& to, const GaussianGradient<float>& gradient) {
   const int lane = lane_of_thread();
   for (int c = 0; c < 3; ++c) {
@@ -199,7 +205,7 @@ __device__ inline void stage(RowNumbers& to, const GaussianGradient<float>& grad
   to.logit_opacity[lane] = gradient.logit_opacity;
 }
 
-/// The numbers of an array, whatever its rows are.
+/// An array as plain numbers.
 template <class T>
 float* numbers_of(const Span<T>& rows) {
   return reinterpret_cast<float*>(rows.data);

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9: operations on whole rows: clone, split, prune, opacity reset; with the same results as the scalar twin.
-// The host waits where it must know how many rows there will be: twice in a refinement, once in a pruning.
+// Stage 9: operations on whole rows: clone, split, prune, opacity reset; with the same results as
+// the scalar twin. The host waits where it must know how many rows there will be: twice in a
+// refinement, once in a pruning.
 #include "cuda/rows.cuh"
 
 #include <thrust/iterator/counting_iterator.h>
 
 #include <cub/device/device_select.cuh>
 
-#include "cuda/cub_room.cuh"
+#include "cuda/cub_scratch.cuh"
 #include "cuda/relocate.cuh"
 #include "cuda/stages.cuh"
 
@@ -31,7 +32,7 @@ struct HasRowAction {
   }
 };
 
-/// What counts of rows the host reads back.
+/// Counts of rows, which the host reads back.
 struct Counts {
   std::uint32_t survivors, clones, parents, halves;
   std::uint32_t pruned;  // before the cap
@@ -44,7 +45,7 @@ __device__ bool row_is_pruned(const GaussiansSpan& rows, std::size_t i,
   return is_pruned(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], rules);
 }
 
-// What the statistics and the rules ask of each row, pruning included.
+// Decides the action of each row by statistics and rules, pruning included.
 __global__ void row_actions_kernel(GaussiansSpan rows, Span<const float> visits,
                                    Span<const float> gradient_norm, AdaptiveRules rules,
                                    Span<RowAction> action) {
@@ -60,15 +61,15 @@ __global__ void row_actions_kernel(GaussiansSpan rows, Span<const float> visits,
                               : RowAction::keep;
 }
 
-// A number that is the smaller, the larger the row's mean gradient is. The quotient of two floats, in double, tells
-// apart any two that differ; and as positive doubles, so their bits.
+// A key that is smaller for a larger mean gradient. In double, quotients of floats that differ stay
+// different. Bits of positive doubles are ordered like the doubles.
 __device__ std::uint64_t growth_key(float visits, float gradient_norm) {
   const double mean = double(gradient_norm) / double(max_of(visits, 1.0f));
   return kInfinityBits - std::uint64_t(__double_as_longlong(mean));
 }
 
-// The rows' keys, for those with the largest mean gradients to come first, and those that do not grow last. A block
-// adds up its pruned rows.
+// The sort keys of the rows: the largest mean gradients come first, rows that do not grow last.
+// Each block counts its pruned rows.
 __global__ void growth_keys_kernel(Span<const RowAction> action, Span<const float> visits,
                                    Span<const float> gradient_norm, Span<std::uint64_t> keys,
                                    Counts* counts) {
@@ -81,7 +82,7 @@ __global__ void growth_keys_kernel(Span<const RowAction> action, Span<const floa
   keys[i] = grows ? growth_key(visits[i], gradient_norm[i]) : kGrowsNever;
 }
 
-// Rows that come after as many as there is room for do not grow.
+// Rows that would exceed the cap do not grow: those after the first so many in `order`.
 __global__ void limit_growth_kernel(GaussiansSpan rows, AdaptiveRules rules,
                                     Span<const std::uint32_t> order, const Counts* counts,
                                     Span<RowAction> action) {
@@ -94,12 +95,13 @@ __global__ void limit_growth_kernel(GaussiansSpan rows, AdaptiveRules rules,
   action[i] = row_is_pruned(rows, i, rules) ? RowAction::prune : RowAction::keep;
 }
 
-/// What splitting changes of a row.
+/// The values of a row that splitting changes.
 struct Half {
   Vec3f mean, log_scale;
 };
 
-// Half `number` of all halves of a step, from a row with its parent's values: at its own draw, and shrunk.
+// Half `number` of all halves of a step, from a row that has its parent's values: moved by a draw
+// of its own, and shrunk.
 __device__ Half half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t number,
                         const Random& random, int step) {
   const Vec4f normal = random.normal4(std::uint64_t(step), number);
@@ -108,7 +110,7 @@ __device__ Half half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t 
           split_log_scale(log_scale)};
 }
 
-// Whether each half, two of each parent in turn, is kept or pruned.
+// Decides for each half whether it is kept or pruned. Halves 2k and 2k + 1 are those of parent k.
 __global__ void half_row_actions_kernel(GaussiansSpan rows, Span<const std::uint32_t> parents,
                                         AdaptiveRules rules, Random random, int step,
                                         Span<RowAction> action) {
@@ -128,7 +130,7 @@ __global__ void half_sources_kernel(Span<const std::uint32_t> halves,
   if (k < halves.size) source[k] = parents[halves[k] / 2];
 }
 
-// Makes halves of the rows from `first` on, which are their parents' copies.
+// Turns the rows from `first` on, which are copies of the parents, into halves.
 __global__ void move_halves_kernel(GaussiansSpan rows, std::size_t first,
                                    Span<const std::uint32_t> halves, Random random, int step) {
   const std::size_t k = thread_number();
@@ -152,14 +154,15 @@ __global__ void reset_opacity_kernel(Span<float> logit_opacity, float highest) {
   if (i < logit_opacity.size) logit_opacity[i] = min_of(logit_opacity[i], highest);
 }
 
-// Marks the rows with a number that is infinite or none, of an array with `width` numbers in a row. A thread per number.
+// Marks the rows that have an infinite number or NaN, of an array with `width` numbers in a row. A
+// thread per number.
 __global__ void mark_not_finite_kernel(Span<const float> numbers, std::size_t width,
                                        RowAction* action) {
   const std::size_t k = thread_number();
   if (k < numbers.size && numbers[k] - numbers[k] != 0.0f) action[k / width] = RowAction::prune;
 }
 
-// A block adds up its marked rows.
+// Each block counts its marked rows.
 __global__ void count_marked_kernel(Span<const RowAction> action, Counts* counts) {
   const std::size_t i = thread_number();
   const int marked = __syncthreads_count(i < action.size && action[i] == RowAction::prune);
@@ -170,8 +173,8 @@ class CudaRowOps final : public RowOps {
  public:
   CudaRowOps(Context& context, Memory& memory)
       : context_(context), rows_(context, memory), relocation_(context, memory),
-        order_room_(memory), action_(memory), source_(memory), clones_(memory), parents_(memory),
-        halves_(memory), counts_(1, memory) {}
+        order_workspace_(memory), action_(memory), source_(memory), clones_(memory),
+        parents_(memory), halves_(memory), counts_(1, memory) {}
 
   RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
                       int step) override {
@@ -240,14 +243,14 @@ class CudaRowOps final : public RowOps {
 
   void release_caches() override {
     rows_.release();
-    order_room_ = RowOrderRoom(action_.memory());
+    order_workspace_ = RowOrderWorkspace(action_.memory());
     action_.release();
     for (Buffer<std::uint32_t>* rows : {&source_, &clones_, &parents_, &halves_}) rows->release();
   }
 
   void sort_by_morton(TrainingModel& model) override {
     StageScope scope(context_, "morton");
-    gather_all(model, morton_order(context_, order_room_, model.gaussians.mean.span()));
+    gather_all(model, morton_order(context_, order_workspace_, model.gaussians.mean.span()));
   }
 
  private:
@@ -258,7 +261,8 @@ class CudaRowOps final : public RowOps {
                     std::forward<Arguments>(arguments)...);
   }
 
-  // The action of each row; where growth would pass the cap, only the rows with the largest mean gradients grow.
+  // The action of each row; where growth would pass the cap, only the rows with the largest mean
+  // gradients grow.
   void decide(const TrainingModel& model, const AdaptiveRules& rules) {
     const std::size_t count = model.count();
     const GaussiansSpan rows = model.gaussians.span();
@@ -268,26 +272,29 @@ class CudaRowOps final : public RowOps {
     launch(row_actions_kernel, count, rows, visits, gradient_norm, rules, action_.span());
     if (rules.max_gaussians <= 0 || std::int64_t(2 * count) <= rules.max_gaussians) return;
     counts_.fill_zero();
-    order_room_.keys.resize_discard(count);
+    order_workspace_.keys.resize_discard(count);
     launch(growth_keys_kernel, count, action_.span(), visits, gradient_norm,
-           order_room_.keys.span(), counts_.data());
+           order_workspace_.keys.span(), counts_.data());
     const Span<const std::uint32_t> order =
-        sort_rows(context_, "row operations", order_room_, kGrowthKeyBits);
+        sort_rows(context_, "row operations", order_workspace_, kGrowthKeyBits);
     launch(limit_growth_kernel, count, rows, rules, order, counts_.data(), action_.span());
   }
 
-  // The numbers of the rows, or halves, whose action is one or the other, in order; and how many there are.
+  // The numbers of the rows, or halves, whose action is one or the other, in order; and how many
+  // there are.
   void select(RowAction one, RowAction other, Buffer<std::uint32_t>& chosen, std::uint32_t* found) {
     const std::size_t count = action_.size();
     chosen.resize_discard(count);
-    with_cub_room(order_room_.cub, "row operations", [&](void* room, std::size_t& bytes) {
-      return cub::DeviceSelect::If(room, bytes, thrust::counting_iterator<std::uint32_t>(0),
-                                   chosen.data(), found, int(count),
-                                   HasRowAction{action_.data(), one, other}, context_.stream());
-    });
+    with_cub_scratch(
+        order_workspace_.cub, "row operations", [&](void* scratch, std::size_t& bytes) {
+          return cub::DeviceSelect::If(scratch, bytes, thrust::counting_iterator<std::uint32_t>(0),
+                                       chosen.data(), found, int(count),
+                                       HasRowAction{action_.data(), one, other}, context_.stream());
+        });
   }
 
-  // Lists the survivors, in source_, those of them that are cloned, and the parents of halves. Waits.
+  // Lists the survivors, in source_, those of them that are cloned, and the parents of halves.
+  // Waits.
   Counts choose_rows(std::size_t count) {
     Counts* const counts = counts_.data();
     select(RowAction::keep, RowAction::clone, source_, &counts->survivors);
@@ -323,48 +330,38 @@ class CudaRowOps final : public RowOps {
            source_.data() + first_half);
   }
 
-  // Gathers by source_; the rows after the survivors are new: their moments start at zero, as all statistics do.
+  // Gathers by source_; the rows after the survivors are new: their moments start at zero, as all
+  // statistics do.
   void gather_refined(TrainingModel& model, std::size_t survivors) {
     const Span<const std::uint32_t> source = source_.span();
     reserve_rows(model, source.size);  // from here on nothing can fail
-    const auto gather = [&](const char*, auto& array) { rows_.gather(array, source); };
-    const auto gather_moment = [&](const char*, auto& array) {
-      rows_.gather(array, {source.data, survivors}, source.size);
-    };
-    for_each_array(gather, model.gaussians);
-    for_each_array(gather_moment, model.first_moment);
-    for_each_array(gather_moment, model.second_moment);
-    for (Buffer<float>* statistic : {&model.statistics.visits, &model.statistics.gradient_norm}) {
-      statistic->resize_discard(source.size);
-      statistic->fill_zero();
-    }
+    for_each_row_array(
+        [&](const RowArray& which, auto& array) {
+          switch (which.role) {
+            case RowRole::parameter: return rows_.gather(array, source);
+            case RowRole::moment: return rows_.gather(array, {source.data, survivors}, source.size);
+            case RowRole::statistic: array.resize_discard(source.size); array.fill_zero();
+          }
+        },
+        model);
   }
 
-  // Room to gather so many rows of every array: all is asked for before anything is changed.
+  // Reserves memory to gather so many rows of every array. A failure comes before anything is
+  // changed.
   void reserve_rows(TrainingModel& model, std::size_t count) {
-    const auto reserve = [&](const char*, auto& array) { rows_.reserve(array, count); };
-    for_each_array(reserve, model.gaussians);
-    for_each_array(reserve, model.first_moment);
-    for_each_array(reserve, model.second_moment);
-    rows_.reserve(model.statistics.visits, count);
-    rows_.reserve(model.statistics.gradient_norm, count);
+    for_each_row_array([&](const RowArray&, auto& array) { rows_.reserve(array, count); }, model);
   }
 
   void gather_all(TrainingModel& model, Span<const std::uint32_t> source) {
     reserve_rows(model, source.size);
-    const auto gather = [&](const char*, auto& array) { rows_.gather(array, source); };
-    for_each_array(gather, model.gaussians);
-    for_each_array(gather, model.first_moment);
-    for_each_array(gather, model.second_moment);
-    rows_.gather(model.statistics.visits, source);
-    rows_.gather(model.statistics.gradient_norm, source);
+    for_each_row_array([&](const RowArray&, auto& array) { rows_.gather(array, source); }, model);
   }
 
   Context& context_;
   RowGather rows_;
   Relocation relocation_;
-  RowOrderRoom order_room_;
-  Buffer<RowAction> action_;                                // (N) of the rows, then of the halves
+  RowOrderWorkspace order_workspace_;
+  Buffer<RowAction> action_;                         // (N) of the rows, then of the halves
   Buffer<std::uint32_t> source_, clones_, parents_;  // row numbers
   Buffer<std::uint32_t> halves_;                     // numbers of those halves that are kept
   Buffer<Counts> counts_;                            // (1)

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the row operations, stages 9 and 10, share: the gather of whole rows, and the order of rows by keys.
+// Shared by the row operations, stages 9 and 10: the gather of whole rows, and the order of rows by
+// keys.
 #pragma once
 
 #include "cuda/context.cuh"
@@ -7,37 +8,39 @@
 
 namespace gs::cuda {
 
-/// The smallest box around some points; its low corner is above its high one where there is none.
+/// The smallest box around some points. An empty box has its low corner above its high corner.
 struct Bounds {
   Vec3f low, high;
 };
 
-/// Working room of sort_rows() and morton_order().
-struct RowOrderRoom {
+/// Buffers of sort_rows() and morton_order().
+struct RowOrderWorkspace {
   Buffer<std::uint64_t> keys, other_keys;         // (N)
   Buffer<std::uint32_t> row_numbers, other_rows;  // (N)
   Buffer<Bounds> bounds;                          // (1)
   Buffer<std::uint8_t> cub;
 
-  explicit RowOrderRoom(Memory& memory)
+  explicit RowOrderWorkspace(Memory& memory)
       : keys(memory), other_keys(memory), row_numbers(memory), other_rows(memory), bounds(memory),
         cub(memory) {}
 };
 
-/// morton.cu: the numbers of all rows by the lowest `bits` bits of room.keys, ascending, equal keys by row number.
-/// Uses up the keys. What it returns lies in `room`, and holds until the next call.
-Span<const std::uint32_t> sort_rows(Context& context, const char* stage, RowOrderRoom& room,
-                                    int bits);
+/// morton.cu: the numbers of all rows, sorted by the lowest `bits` bits of workspace.keys,
+/// ascending; equal keys by row number. Overwrites the keys. The result lies in `workspace` and is
+/// valid until the next call.
+Span<const std::uint32_t> sort_rows(Context& context, const char* stage,
+                                    RowOrderWorkspace& workspace, int bits);
 
-/// 10  morton.cu: the numbers of all rows along the Morton curve of the means, in their bounding cube, equal codes
-/// by row number. Lies in `room` like that of sort_rows().
-Span<const std::uint32_t> morton_order(Context& context, RowOrderRoom& room,
+/// 10  morton.cu: the numbers of all rows along the Morton curve of the means, in their bounding
+/// cube, equal codes by row number. The result lies in `workspace` like that of sort_rows().
+Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& workspace,
                                        Span<const Vec3f> means);
 
-inline constexpr int kGatherThreads = 256;  // of a block, and its rows
+inline constexpr int kGatherThreads = 256;  // threads of a block, and rows that it gathers
 
-/// Row i of `to` becomes row source[i] of `from`, rows of kWords words. A block takes kGatherThreads rows, its
-/// threads one word after another, so that neighbors read and write neighboring words.
+/// Row i of `to` becomes row source[i] of `from`; a row has kWords words. A block takes
+/// kGatherThreads rows. Its threads take one word after another, so that neighboring threads read
+/// and write neighboring words.
 template <int kWords>
 __global__ void gather_kernel(const std::uint32_t* from, Span<const std::uint32_t> source,
                               std::uint32_t* to) {
@@ -53,14 +56,15 @@ class RowGather {
  public:
   RowGather(Context& context, Memory& memory) : context_(context), scratch_(memory) {}
 
-  /// Room to gather up to so many rows of the array: gather() cannot fail then.
+  /// Reserves memory to gather up to so many rows of the array, after which gather() cannot fail.
   template <class T>
   void reserve(Buffer<T>& array, std::size_t count) {
     array.reserve(count);
     scratch_.reserve(count * (sizeof(T) / sizeof(std::uint32_t)));
   }
   void release() { scratch_.release(); }
-  /// The array becomes `count` >= source.size rows: array[source[i]] for each i, then rows of zeros.
+  /// The array becomes `count` >= source.size rows: array[source[i]] for each i, then rows of
+  /// zeros.
   template <class T>
   void gather(Buffer<T>& array, Span<const std::uint32_t> source, std::size_t count) {
     constexpr int kWords = sizeof(T) / sizeof(std::uint32_t);

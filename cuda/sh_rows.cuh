@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a warp reads and updates the SH rows of its 32 Gaussians: number after number, so that it touches whole
-// cache lines, through a copy in shared memory that each lane then reads its own row of.
+// A warp reads and updates the SH rows of its 32 Gaussians one number after another, in whole cache
+// lines. The rows are copied into shared memory, where each lane reads its own row.
 #pragma once
 
 #include <cuda_pipeline.h>
@@ -13,15 +13,17 @@
 
 namespace gs::cuda {
 
-/// Numbers of an SH row. Odd, so that 32 lanes that read one row each read from 32 different banks.
+/// Count of numbers in an SH row. It is odd, so that 32 lanes that read one row each use 32
+/// different banks.
 inline constexpr int kShRowNumbers = 3 * kShRestCount;
 static_assert(kShRowNumbers % 2 == 1 && sizeof(ShRest) == kShRowNumbers * sizeof(float));
 
-/// Numbers of an SH row that a degree uses.
+/// Count of numbers in an SH row that a degree uses.
 template <int degree>
 inline constexpr int kShNumbersInUse = 3 * sh_rest_count(degree);
 
-/// The whole warp: starts to copy `rows` rows of kInRow numbers into shared memory, past the registers.
+/// The whole warp: starts to copy `rows` rows of kInRow numbers into shared memory, without
+/// registers in between.
 template <int kInRow>
 __device__ void start_copy(float* to, const float* from, int rows) {
   if (rows == kWarp) {
@@ -33,7 +35,7 @@ __device__ void start_copy(float* to, const float* from, int rows) {
   }
 }
 
-/// The same for SH rows: of each row, the numbers that a degree uses.
+/// The same for SH rows: copies the numbers of each row that a degree uses.
 template <int degree>
 __device__ void start_sh_copy(float* to, const float* from, int rows) {
   if constexpr (degree == kMaxShDegree) {

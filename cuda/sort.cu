@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 2 and 3: the two sorts of the tile lists: all Gaussians by depth, then all instances by tile; the second is
-// stable, so that each tile's list keeps the depth order.   Faster-GS, two-stage radix sort
+// Stages 2 and 3: the two sorts that make the tile lists. The first sorts all Gaussians by depth,
+// the second all instances by tile. The second is stable, so that each tile's list keeps the depth
+// order.   Faster-GS, two-stage radix sort
 #include <thrust/iterator/transform_iterator.h>
 
 #include <bit>
@@ -20,7 +21,7 @@ __global__ void number_rows_kernel(std::uint32_t* numbers, std::uint32_t count) 
   if (i < count) numbers[i] = i;
 }
 
-// The tile count of a Gaussian, as an iterator over the depth order asks for it.
+// The tile count of a Gaussian, for an iterator over the depth order.
 struct TileCount {
   const std::uint32_t* tile_counts;
   __device__ std::uint32_t operator()(std::uint32_t gaussian) const {
@@ -41,7 +42,7 @@ __global__ void tile_ranges_kernel(const Key* keys, std::uint32_t capacity, std:
 }
 
 constexpr int kOrderThreads = 1024;  // one block: there are few tiles
-constexpr int kLengthClasses = 128;  // four to a doubling of the length, the longest first
+constexpr int kLengthClasses = 128;  // four for each doubling of the length, the longest first
 
 // The class of a length: the exponent and two bits of its mantissa.
 __device__ int length_class(std::uint32_t length) {
@@ -49,7 +50,7 @@ __device__ int length_class(std::uint32_t length) {
   return length ? max(kLengthClasses - 2 - quarter_octaves, 0) : kLengthClasses - 1;
 }
 
-// A counting sort by class, of one block.
+// A counting sort by class, within one block.
 struct ClassSort {
   std::uint32_t next[kLengthClasses];
 
@@ -57,7 +58,7 @@ struct ClassSort {
     if (threadIdx.x < kLengthClasses) next[threadIdx.x] = 0;
   }
   __device__ void count(std::uint32_t length) { atomicAdd(&next[length_class(length)], 1u); }
-  /// One warp: from counts to the first place of each class; returns the number of all.
+  /// One warp: turns the counts into the first place of each class. Returns the total.
   __device__ std::uint32_t sum() {
     std::uint32_t before = 0;
     for (int base = 0; base < kLengthClasses; base += kWarp) {
@@ -76,8 +77,8 @@ struct ClassSort {
 struct BlendOrder {
   std::uint32_t* tiles;              // (tiles)
   std::uint32_t* first_checkpoints;  // (tiles)
-  ListSegment* segments;             // (room)
-  std::uint32_t room;
+  ListSegment* segments;             // (capacity)
+  std::uint32_t capacity;
 };
 
 // Calls visit(number, length) for each segment of a list; an empty list is one segment.
@@ -90,7 +91,8 @@ __device__ void for_each_segment(std::uint32_t length, Visit&& visit) {
   } while (number * kSegmentLength < length);
 }
 
-// All tiles, and all segments of their lists, the longest first, so that blending does not end with a few long ones.
+// Orders all tiles, and all segments of their lists, the longest first, so that blending does not
+// end with a few long ones.
 __global__ void __launch_bounds__(kOrderThreads)
     blend_order_kernel(const std::uint32_t* ranges, std::uint32_t tiles, BlendOrder order) {
   __shared__ ClassSort by_list, by_segment;
@@ -121,76 +123,78 @@ __global__ void __launch_bounds__(kOrderThreads)
       order.segments[by_segment.place(part)] = {tile, number};
     });
   }
-  for (std::uint32_t k = segments + threadIdx.x; k < order.room; k += kOrderThreads)
+  for (std::uint32_t k = segments + threadIdx.x; k < order.capacity; k += kOrderThreads)
     order.segments[k] = {kNoTile, 0};
 }
 
-// As many segments as lists of so many instances can have.
+// An upper bound of the number of segments of lists with so many instances.
 std::size_t most_segments(std::size_t tiles, std::uint32_t instances) {
   return tiles + instances / kSegmentLength;
 }
 
 void order_for_blending(Context& context, RenderPass& pass, std::uint32_t capacity) {
   const std::size_t tiles = pass.tile_count(), segments = most_segments(tiles, capacity);
-  pass.tile_order.resize_discard(tiles);
-  pass.first_checkpoints.resize_discard(tiles);
-  pass.segments.resize_discard(segments);
-  pass.checkpoints.resize_discard((segments - tiles) * kTileWidth * kTileHeight);
-  const BlendOrder order{pass.tile_order.data(), pass.first_checkpoints.data(),
-                         pass.segments.data(), std::uint32_t(segments)};
+  CudaScratch& scratch = pass.scratch<CudaScratch>();
+  scratch.tile_order.resize_discard(tiles);
+  scratch.first_checkpoints.resize_discard(tiles);
+  scratch.segments.resize_discard(segments);
+  scratch.checkpoints.resize_discard((segments - tiles) * kTileWidth * kTileHeight);
+  const BlendOrder order{scratch.tile_order.data(), scratch.first_checkpoints.data(),
+                         scratch.segments.data(), std::uint32_t(segments)};
   context.launch("blend order", blend_order_kernel, 1, kOrderThreads, pass.tile_ranges.data(),
                  std::uint32_t(tiles), order);
 }
 
 template <class Key>
-void sort_keys(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity) {
-  const auto* const keys = reinterpret_cast<const Key*>(room.keys.data());
-  auto* const sorted = reinterpret_cast<Key*>(room.sorted_keys.data());
-  const int bits = int(std::bit_width(pass.tile_count()));  // the key of no tile included
-  sort_pairs(context, room.sort_room, "the tile sort", keys, sorted,
-             static_cast<const std::uint32_t*>(room.instance_splats.data()),
+void sort_keys(Context& context, Workspace& workspace, RenderPass& pass, std::uint32_t capacity) {
+  const auto* const keys = reinterpret_cast<const Key*>(workspace.keys.data());
+  auto* const sorted = reinterpret_cast<Key*>(workspace.sorted_keys.data());
+  const int bits = int(std::bit_width(pass.tile_count()));  // with the key that means "no tile"
+  sort_pairs(context, workspace.sort_scratch, "the tile sort", keys, sorted,
+             static_cast<const std::uint32_t*>(workspace.instance_splats.data()),
              pass.tile_splats.data(), capacity, bits);
 }
 
 }  // namespace
 
-void order_by_depth(Context& context, WorkingRoom& room, RenderPass& pass) {
+void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass) {
   const StageScope scope(context, "depth sort");
   const std::size_t count = pass.tile_counts.size();
   pass.depth_order.resize_discard(count);
-  room.sorted_depth_keys.resize_discard(count);
-  room.first_of_order.resize_discard(count);
+  workspace.sorted_depth_keys.resize_discard(count);
+  workspace.first_of_order.resize_discard(count);
   if (count == 0) return;
-  if (room.row_numbers.size() < count) {
-    room.row_numbers.resize_discard(count);
+  if (workspace.row_numbers.size() < count) {
+    workspace.row_numbers.resize_discard(count);
     context.launch("row numbers", number_rows_kernel, blocks_for(count, kThreads), kThreads,
-                   room.row_numbers.data(), std::uint32_t(count));
+                   workspace.row_numbers.data(), std::uint32_t(count));
   }
-  sort_pairs(context, room.sort_room, "the depth sort",
-             static_cast<const std::uint32_t*>(room.depth_keys.data()),
-             room.sorted_depth_keys.data(),
-             static_cast<const std::uint32_t*>(room.row_numbers.data()), pass.depth_order.data(),
-             std::uint32_t(count), kDepthKeyBits);
-  with_cub_room(room.sort_room, "the sum of the tile counts",
-                [&](void* temporary, std::size_t& bytes) {
-                  return cub::DeviceScan::ExclusiveSum(
-                      temporary, bytes,
-                      thrust::make_transform_iterator(pass.depth_order.data(),
-                                                      TileCount{pass.tile_counts.data()}),
-                      room.first_of_order.data(), int(count), context.stream());
-                });
+  sort_pairs(context, workspace.sort_scratch, "the depth sort",
+             static_cast<const std::uint32_t*>(workspace.depth_keys.data()),
+             workspace.sorted_depth_keys.data(),
+             static_cast<const std::uint32_t*>(workspace.row_numbers.data()),
+             pass.depth_order.data(), std::uint32_t(count), kDepthKeyBits);
+  with_cub_scratch(workspace.sort_scratch, "the sum of the tile counts",
+                   [&](void* temporary, std::size_t& bytes) {
+                     return cub::DeviceScan::ExclusiveSum(
+                         temporary, bytes,
+                         thrust::make_transform_iterator(pass.depth_order.data(),
+                                                         TileCount{pass.tile_counts.data()}),
+                         workspace.first_of_order.data(), int(count), context.stream());
+                   });
 }
 
-void sort_by_tile(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity) {
+void sort_by_tile(Context& context, Workspace& workspace, RenderPass& pass,
+                  std::uint32_t capacity) {
   const StageScope scope(context, "tile sort");
-  room.sorted_keys.resize_discard(capacity);
+  workspace.sorted_keys.resize_discard(capacity);
   pass.tile_splats.resize_discard(capacity);
   pass.tile_ranges.resize_discard(pass.tile_count() + 1);
   const auto run = [&](auto key) {
     using Key = decltype(key);
-    sort_keys<Key>(context, room, pass, capacity);
+    sort_keys<Key>(context, workspace, pass, capacity);
     context.launch("tile ranges", tile_ranges_kernel<Key>, blocks_for(capacity, kThreads), kThreads,
-                   reinterpret_cast<const Key*>(room.sorted_keys.data()), capacity,
+                   reinterpret_cast<const Key*>(workspace.sorted_keys.data()), capacity,
                    std::uint32_t(pass.tile_count()), pass.tile_ranges.data());
   };
   if (uses_short_keys(pass))

@@ -1,34 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 5: the photometric loss and its gradient by the picture; twin of gs_train/ssim.cpp.
+// Stage 5: the photometric loss and its gradient by the picture. Twin of gs_train/ssim.cpp.
 //
-//   L = (1 - lambda) mean|X - Y| + lambda (1 - mean SSIM(X, Y))   over 3 H W values; Kerbl et al. 2023, Eq. 7
+//   L = (1 - lambda) mean|X - Y| + lambda (1 - mean SSIM(X, Y))   over 3 H W values
+//                                                                      Kerbl et al. 2023, Eq. 7
 //
-// Two kernels: similarity_kernel makes the moments of both pictures and, from them, the sums and d_x, d_xx, d_xy;
-// image_gradient_kernel makes the windowed means of those and adds the shares up (see the scalar twin).
-// In both, a block owns kBlockRows x kBlockColumns pixels of one channel, and works in two passes:
-//   down    each thread walks down one column, halo rows included, and holds the unfinished sums of the window in
-//           registers; finished ones go to shared memory
-//   across  each warp takes whole rows of those; a thread makes four neighboring means from sixteen values
-// All is fp32. SSIM needs xx and yy only as their sum. With p = X + Y and q = X - Y the moments are those of
-// p, q, pp, qq: four windows instead of five, and two multiplications a pixel.
+// There are two kernels. similarity_kernel computes the moments of both pictures and, from them,
+// the sums and d_x, d_xx, d_xy. image_gradient_kernel computes the windowed means of those and adds
+// them up (see the scalar twin). In both, a block owns kBlockRows x kBlockColumns pixels of one
+// channel, and works in two passes:
+//   down    Each thread walks down one column, halo rows included. It keeps the unfinished sums of
+//           the window in registers and writes finished ones to shared memory.
+//   across  Each warp takes whole rows of those. A thread computes four neighboring means from
+//           sixteen values.
+// All arithmetic is fp32. SSIM needs xx and yy only as their sum. With p = X + Y and q = X - Y the
+// moments are those of p, q, pp, qq: four windows instead of five, and two multiplications a pixel.
 //
-// Views with a mask or an exposure have instances of both kernels of their own, in which X and Y are what
-// photo_weight.h makes of the two pictures; the others are not slowed down by them.
+// Views with a mask or an exposure use kernels of their own, in which photo_weight.h computes X and
+// Y from the two pictures, so that other views are not slowed down.
 #include <cstdint>
 
 #include "cuda/stages.cuh"
 #include "cuda/warp.cuh"
+#include "gs_core/image.h"
 #include "gs_core/math/photo_weight.h"
 #include "gs_core/math/ssim.h"
 
 namespace gs::cuda {
 namespace {
 
-constexpr int kThreads = 128;  // columns that a block reads; fewer would read more halo, more leave small pictures' GPU idle
+// Columns that a block reads. Fewer would read more halo; more would leave the GPU idle on small
+// pictures.
+constexpr int kThreads = 128;
 constexpr int kWarps = kThreads / kWarp;
-constexpr int kGroup = 4;  // neighboring means that a thread makes: 16 bytes
+constexpr int kGroup = 4;  // neighboring means that a thread computes: 16 bytes
 constexpr int kBlockColumns = (kThreads - 2 * kSsimRadius) / kGroup * kGroup;
-constexpr int kBlockRows = 16;  // sums in flight do not depend on it; shared memory and code do
+constexpr int kBlockRows = 16;  // sets shared memory and code size, not the number of open sums
 
 /// Both pictures, and how blocks cover them.
 struct Pictures {
@@ -43,20 +49,22 @@ struct Pictures {
   float white;
 };
 
-/// d_x, d_xx, d_xy: (3 channels, H, row_floats / 96, 3 maps, 32 columns), so that one address leads to all three.
+/// d_x, d_xx, d_xy: (3 channels, H, row_floats / 96, 3 maps, 32 columns), so that one address leads
+/// to all three.
 struct Derivatives {
   float* data;
   std::int64_t row_floats;
 
-  /// Where d_x of a pixel lies; d_xx follows kColumns floats later, then d_xy. Reads of neighboring columns are
-  /// contiguous, and four columns from a multiple of four are 16 bytes in a row.
+  /// Where d_x of a pixel lies; d_xx follows kColumns floats later, then d_xy. Reads of neighboring
+  /// columns are contiguous, and four columns from a multiple of four are 16 bytes in a row.
   static constexpr int kColumns = kWarp;
   __device__ float* at(int row, int x) const {
     return data + (std::int64_t(row) * row_floats + (x / kColumns * 3 * kColumns + x % kColumns));
   }
 };
 
-/// The pixels of one block. The channels of an area come one after another: they share the photo's bytes.
+/// The pixels of one block. The channels of an area come one after another: they share the photo's
+/// bytes.
 struct Area {
   int channel, x0, y0;
 };
@@ -78,18 +86,17 @@ __device__ constexpr float weight(int offset) {
   return half[offset < 0 ? -offset : offset];
 }
 
-/// The value in 0..1 of a photo's byte, rounded as in the scalar twin: equal pictures differ by exactly 0.
-__device__ inline float photo_value(std::uint8_t byte) {
-  return __fmul_rn(float(byte), 1.0f / 255.0f);
-}
+/// The value in 0..1 of a photo's byte, rounded as in the scalar twin: equal pictures differ by
+/// exactly 0.
+__device__ inline float photo_value(std::uint8_t byte) { return __fmul_rn(float(byte), kPerByte); }
 
 /// X' and what it is compared with, at one value, and dX'/dX.
 struct ComparedValue {
   float X, Y, gain;
 };
 
-/// X and Y as they are compared. Of the products and the sum nothing is fused with what follows: both kernels must see the
-/// same X' - Y'.
+/// X and Y as they are compared. Products and sum are rounded one by one (no fused operations),
+/// since both kernels must compute the same X' - Y'.
 template <bool kIsWeighted>
 __device__ inline ComparedValue compared(const Pictures& pictures, int channel, float X, float Y,
                                          const std::uint8_t* mask) {
@@ -102,8 +109,8 @@ __device__ inline ComparedValue compared(const Pictures& pictures, int channel, 
   return {x_weighted, compared_photo(x_weighted, y_weighted, Y, pictures.white), weight.gain};
 }
 
-/// The pass down, of one thread: read(i, values) gives the maps at row i of the area with its halo. At most eleven
-/// rows' sums are unfinished at a time.
+/// The pass down, of one thread: read(i, values) gives the maps at row i of the area with its halo.
+/// At most eleven rows' sums are unfinished at a time.
 template <int kMaps, class Read>
 __device__ void means_down(Read&& read, ColumnMeans<kMaps>& means) {
   float sums[kBlockRows][kMaps];
@@ -126,8 +133,8 @@ __device__ void means_down(Read&& read, ColumnMeans<kMaps>& means) {
   }
 }
 
-/// The pass across, of one thread: means[j] of the window around column[kSsimRadius + j]. `column` is aligned to
-/// 16 bytes.
+/// The pass across, of one thread: means[j] of the window around column[kSsimRadius + j]. `column`
+/// is aligned to 16 bytes.
 __device__ inline void means_across(const float* column, float (&means)[kGroup]) {
   float values[16];
 #pragma unroll
@@ -205,8 +212,8 @@ __device__ inline float similarity_of_four(const Pictures& pictures, const Area&
   return ssim_sum;
 }
 
-/// Moments of both pictures, then SSIM and its derivatives. `sums` gets sum |X - Y| and sum SSIM of each warp: the
-/// host adds them up when somebody asks, always in the same order.
+/// Moments of both pictures, then SSIM and its derivatives. `sums` receives sum |X - Y| and sum
+/// SSIM of each warp. The host adds them up when the loss is read, always in the same order.
 template <bool kIsWeighted>
 __global__ void __launch_bounds__(kThreads, 5)
     similarity_kernel(Pictures pictures, float dL_dssim, Derivatives derivatives, float2* sums) {
@@ -246,8 +253,9 @@ __device__ inline void column_derivatives(const Pictures& pictures, const Area& 
   means_down<3>(read, means);
 }
 
-/// The pass across for one row, by a warp that the row belongs to: its means take the place of those down, so that
-/// each lane can go on with other columns than it made. The lanes too many repeat the last group.
+/// The pass across for one row, by the warp that has the row. The means across replace the means
+/// down in shared memory, so that a lane can continue with columns of other lanes. Surplus lanes
+/// repeat the last group.
 __device__ inline void replace_by_means_across(float (&row)[3][kThreads]) {
   const int column = min(kGroup * lane_of_thread(), kBlockColumns - kGroup);
   float across[3][kGroup];
@@ -259,14 +267,14 @@ __device__ inline void replace_by_means_across(float (&row)[3][kThreads]) {
   __syncwarp();
 }
 
-/// Where a row of an area begins in the pictures.
+/// The first pixel of a row of an area.
 struct RowPlace {
   int channel;
   std::int64_t pixel, value;  // of its first pixel; of that pixel's value in (3, H, W)
 };
 
-/// One row of the gradient, by a warp: lane l makes columns l, l + 32, ... of `columns`, so that the pictures are
-/// read and written in one piece.
+/// One row of the gradient, by a warp: lane l computes columns l, l + 32, ... of `columns`, so that
+/// the warp reads and writes consecutive memory.
 ///
 ///   dL/dX = l1 sign(X - Y) + G * d_x + 2 X (G * d_xx) + Y (G * d_xy)
 template <bool kIsWeighted>
@@ -319,7 +327,7 @@ class CudaLoss final : public Loss {
   CudaLoss(Context& context, Memory& memory, PhotoStore& photos)
       : context_(context), photos_(photos), derivatives_(memory), sums_(memory) {}
 
-  void forward_backward(const RenderPass& pass, const View& view, float lambda_dssim,
+  void forward_backward(const RenderPass& pass, const View& view, const LossSettings& settings,
                         Buffer<float>& dL_dimage) override {
     GS_CHECK(std::size_t(view.camera.width) * std::size_t(view.camera.height) ==
              pass.pixel_count());
@@ -335,7 +343,7 @@ class CudaLoss final : public Loss {
                             pass.background,
                             view.over_background,
                             view.white()};
-    lambda_dssim_ = lambda_dssim;
+    lambda_dssim_ = settings.lambda_dssim;
     values_ = 3 * pass.pixel_count();
     dL_dimage.resize_discard(values_);
     if (bytes.mask || view.has_exposure())

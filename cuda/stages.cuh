@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA stages in pipeline order: the table of contents, as gs_render/stages.h and gs_train/scalar_stages.h
-// are the scalar ones'. Each only launches; none waits, none allocates once its buffers have grown.
+// The CUDA stages in pipeline order: the table of contents, like gs_render/stages.h and
+// gs_train/scalar_stages.h for the scalar stages. Each function only launches kernels. None waits,
+// and none allocates once its buffers have grown.
 #pragma once
 
 #include <memory>
@@ -13,70 +14,97 @@
 
 namespace gs::cuda {
 
-/// What the device tells the host of one step: written by create_instances(), read when somebody asks.
+/// The device's message to the host about one step. create_instances() writes it; the host reads it
+/// later.
 struct StepReport {
-  std::uint32_t instances;  // that the view has
-  std::uint32_t halted;     // 1: this step or one before it had more instances than room
+  std::uint32_t instances;  // of the view
+  std::uint32_t halted;     // 1: this step or an earlier one had more instances than capacity
   std::uint32_t unused;
   std::uint32_t step;       // number of the step, written last
 };
 
-/// What one render needs besides the RenderPass: working room of the sorts, and what only the GPU's stages hand
-/// to each other.
-struct WorkingRoom {
+/// A piece of a tile's list.
+struct ListSegment {
+  std::uint32_t tile;    // kNoTile: none
+  std::uint32_t number;  // within the list: 0, 1, ...
+};
+inline constexpr std::uint32_t kNoTile = 0xffffffffu;
+
+/// What stages 3 and 4 leave with a RenderPass for blending: the order of the tiles, and the lists
+/// in segments that the backward pass can walk independently.
+struct CudaScratch final : BackendScratch {
+  Buffer<std::uint32_t> tile_order;         // (tiles) those with the longest lists first
+  Buffer<std::uint32_t> first_checkpoints;  // (tiles) a tile's first checkpoint; one per segment but the first
+  Buffer<ListSegment> segments;             // (capacity S) the longest first, then empty ones
+  Buffer<Vec4f> checkpoints;                // (S - tiles, pixels of a tile) color and transmittance before a segment
+
+  explicit CudaScratch(Memory& memory)
+      : tile_order(memory), first_checkpoints(memory), segments(memory), checkpoints(memory) {}
+};
+
+/// The buffers that one render needs besides the RenderPass: scratch of the sorts, and what the
+/// GPU's stages pass to each other.
+struct Workspace {
   Buffer<std::uint32_t> depth_keys, sorted_depth_keys;  // (N)  culled ones behind all others
   Buffer<std::uint32_t> row_numbers;      // (N)   0, 1, 2, ...
   Buffer<std::uint32_t> first_of_order;   // (N)   first instance of each Gaussian in depth order
-  Buffer<std::uint32_t> keys, sorted_keys;  // (room for instances) their tiles, in 16 or 32 bits
-  Buffer<std::uint32_t> instance_splats;  // (room for instances) their Gaussians, in depth order
-  Buffer<std::uint8_t> sort_room;         // CUB's
+  Buffer<std::uint32_t> keys, sorted_keys;  // (capacity) tiles of the instances, in 16 or 32 bits
+  Buffer<std::uint32_t> instance_splats;  // (capacity) Gaussians of the instances, in depth order
+  Buffer<std::uint8_t> sort_scratch;      // of CUB
   Buffer<SplatGradientSum> splat_gradients;  // (N)  zero between steps
-  Buffer<FineSums> fine_sums;             // (N)  zero between steps; of deterministic steps only, as the next
-  Buffer<CoarseSums> coarse_sums;         // (N)  zero between steps
-  Buffer<std::uint32_t> halted;           // (1)   1: a view had more instances than room; nothing is updated until cleared
+  Buffer<FineSums> fine_sums;             // (N)  zero between steps, if deterministic
+  Buffer<CoarseSums> coarse_sums;         // (N)  zero between steps, if deterministic
+  Buffer<std::uint32_t> halted;           // (1)  1: too many instances; no update until cleared
 
-  explicit WorkingRoom(Memory& memory)
+  explicit Workspace(Memory& memory)
       : depth_keys(memory), sorted_depth_keys(memory), row_numbers(memory), first_of_order(memory),
-        keys(memory), sorted_keys(memory), instance_splats(memory), sort_room(memory),
+        keys(memory), sorted_keys(memory), instance_splats(memory), sort_scratch(memory),
         splat_gradients(memory), fine_sums(memory), coarse_sums(memory), halted(memory) {}
 };
 
-/// Instances of a list that one warp walks back; a checkpoint of each pixel lies between two segments.
+/// Instances of a list that one warp takes in the backward pass. Each pixel has a checkpoint
+/// between two segments.
 inline constexpr std::uint32_t kSegmentLength = 512;
 
-/// True where the tiles of a pass, and the number that stands for no tile, fit keys of 16 bits.
+/// True where the tile numbers of a pass fit keys of 16 bits, with the number for "no tile".
 inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < 65536; }
 
-/// 1  preprocess.cu: activate, cull, project, color; one splat per Gaussian, and which tiles it hits.
+/// 1  preprocess.cu: activate, cull, project, color; one splat per Gaussian, and which tiles it
+/// hits.
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
-                const RenderSettings& settings, WorkingRoom& room, RenderPass& pass);
+                const RenderSettings& settings, Workspace& workspace, RenderPass& pass);
 
-/// 2, 3  sort.cu: all Gaussians near to far, the culled ones last; and where each one's instances begin.
-void order_by_depth(Context& context, WorkingRoom& room, RenderPass& pass);
+/// 2, 3  sort.cu: sort all Gaussians from near to far, the culled ones last, and find where each
+/// one's instances begin.
+void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass);
 
-/// 2  instances.cu: one instance for each tile hit, in that order; the places up to `capacity` that are left are
-/// given to no tile. More instances than that raise room.halted. `report` may be null, or lies in memory that
-/// both sides see.
-void create_instances(Context& context, const RenderSettings& settings, WorkingRoom& room,
+/// 2  instances.cu: write one instance for each tile hit, in that order. Places that are left up to
+/// `capacity` belong to no tile. More instances than `capacity` raise workspace.halted. `report`
+/// may be null; else it lies in memory that host and device share.
+void create_instances(Context& context, const RenderSettings& settings, Workspace& workspace,
                       RenderPass& pass, std::uint32_t capacity, StepReport* report,
                       std::uint32_t step);
 
-/// 3  sort.cu: order the instances by tile, stably, find each tile's list, and put the longest first.
-void sort_by_tile(Context& context, WorkingRoom& room, RenderPass& pass, std::uint32_t capacity);
+/// 3  sort.cu: order the instances by tile, stably, find each tile's list, and put the longest
+/// first.
+void sort_by_tile(Context& context, Workspace& workspace, RenderPass& pass, std::uint32_t capacity);
 
 /// 4  blend.cu: blend each tile's list front to back over the background.
 void blend(Context& context, const RenderSettings& settings, RenderPass& pass);
 
-/// 4  blend_gemm.cu: the same on tensor cores; the images are sized already. Compute capability 8 and later.
+/// 4  blend_gemm.cu: the same on tensor cores, compute capability 8 and later. blend() has sized
+/// the images.
 void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pass);
 
-/// 6  blend_backward.cu: from dL/d(image), (3, H, W), to dL/d(splat), added to room.splat_gradients.
+/// 6  blend_backward.cu: from dL/d(image), (3, H, W), to dL/d(splat), added to
+/// workspace.splat_gradients.
 void blend_backward(Context& context, const RenderSettings& settings, Span<const float> dL_dimage,
-                    WorkingRoom& room, RenderPass& pass);
+                    Workspace& workspace, RenderPass& pass);
 
-/// 7  preprocess_backward.cu: from dL/d(splat) to the gradients of the parameters. Clears room.splat_gradients.
+/// 7  preprocess_backward.cu: from dL/d(splat) to the gradients of the parameters. Clears
+/// workspace.splat_gradients.
 void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
-                         const RenderSettings& settings, WorkingRoom& room, RenderPass& pass,
+                         const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d);
 
 /// The Adam step of each learned quantity.
@@ -85,25 +113,27 @@ using AdamStepOf = AdamStep;
 using AdamSteps = GaussianArrays<AdamStepOf>;
 AdamSteps adam_steps(int t, const LearningRates& rates);
 
-/// 7 and 8 in one  preprocess_backward.cu: pulls the gradients back and updates the parameters at once, so that
-/// no gradient of a parameter is ever stored. Rows that are not visible are updated, too. While room.halted is
-/// raised, nothing is updated. Of `density` the noise is left to add_position_noise().
+/// 7 and 8 in one  preprocess_backward.cu: pull the gradients back and update the parameters at
+/// once, so that no gradient of a parameter is stored. Invisible rows are updated, too. Nothing is
+/// updated while workspace.halted is raised. add_position_noise() adds the noise that `density`
+/// asks for.
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
                                     const RenderSettings& settings, const AdamSteps& steps,
-                                    const DensityStep& density, WorkingRoom& room,
+                                    const DensityStep& density, Workspace& workspace,
                                     RenderPass& pass);
 
-/// What the MCMC strategy adds to 8  langevin.cu: the regularizers' gradients before Adam, where gradients are stored;
-/// and noise on the means after it, unless `halted` is raised (or null).
+/// Additions of the MCMC strategy to 8  langevin.cu: the regularizers' gradients before Adam, where
+/// gradients are stored, and noise on the means after Adam. No noise is added while `halted` is
+/// raised; `halted` may be null.
 void add_regularizer_gradients(Context& context, const GaussiansSpan& gaussians,
                                const Regularizers& regularizers, const GaussiansSpan& gradients);
 void add_position_noise(Context& context, const GaussiansSpan& gaussians,
                         const PositionNoise& noise, float position_rate,
                         const std::uint32_t* halted);
 
-/// The other stages, behind the contracts of gs_train.
+/// The other stages, behind the interfaces of gs_train.
 std::unique_ptr<Loss> make_loss(Context& context, Memory& memory, PhotoStore& photos);  // 5 ssim.cu
 std::unique_ptr<Optimizer> make_optimizer(Context& context);                            // 8 adam.cu
-std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory);                 // 9 rows.cu, 10 morton.cu
+std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory);  // 9 rows.cu, 10 morton.cu
 
 }  // namespace gs::cuda

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the blend kernels share: a warp owns 8 x 4 or 8 x 8 pixels of a tile and walks the tile's list by itself. The list
-// says which quarters of the tile a splat hits; 32 of those that hit the warp's are fetched at a time, tested against its
-// pixels if these are less than a quarter, and then blended. No block ever waits for another warp.
-// Sub-tiles of a warp: Yang et al. 2026 (warp-level culling); the exact test: Radl et al. 2024.
+// Shared by the blend kernels. A warp owns a sub-tile, 8 x 4 or 8 x 8 pixels of a tile, and walks
+// the tile's list on its own. The list tells which quarters of the tile a splat hits. The warp
+// fetches 32 splats of its quarter at a time, tests them against its pixels where these are less
+// than a quarter, and blends them. No warp waits for another one. Sub-tiles of a warp: Yang et al.
+// 2026 (warp-level culling); the exact test: Radl et al. 2024.
 #pragma once
 
 #include <cuda_pipeline.h>
@@ -15,27 +16,27 @@
 
 namespace gs::cuda {
 
-inline constexpr int kSubtileWidth = 8, kSubtileHeight = 4;  // pixels; a row of one is a sector of memory
+inline constexpr int kSubtileWidth = 8, kSubtileHeight = 4;  // pixels; a row is one sector of memory
 static_assert(kSubtileWidth * kSubtileHeight == kWarp);
 inline constexpr int kSubtilesPerRow = kTileWidth / kSubtileWidth;
 inline constexpr int kSubtilesPerTile = kSubtilesPerRow * kTileHeight / kSubtileHeight;
 
-inline constexpr int kBlendThreads = 128;  // four warps: half a tile, whose warps find each other's splats in L1
+inline constexpr int kBlendThreads = 128;  // four warps: half a tile; they share splats in L1
 inline constexpr int kBlendWarps = kBlendThreads / kWarp;
 static_assert(kSubtilesPerTile % kBlendWarps == 0);
 
-// The sub-tile's test may not lose a fragment that the pixel's own test keeps: so much of the quadratic is
-// granted to rounding, also that of needles, whose terms cancel.
+// Relative slack of the sub-tile's test for rounding: the test must not drop a fragment that the
+// pixel's own test keeps. Rounding is worst for needle-like splats, whose terms cancel.
 inline constexpr float kSubtileSlack = 4e-6f;
 
 /// A picture and its tiles' lists.
 struct TileLists {
   int width, height, tiles_x;
   const std::uint32_t* ranges;  // (tiles + 1)
-  const std::uint32_t* splats;  // (I) Gaussian of each place, and the quarters that it hits (instance_of)
+  const std::uint32_t* splats;  // (I) Gaussian and quarters of each place (instance_of)
   const Splat* of_gaussian;     // (N)
 
-  /// What a place before `end` holds; behind, no splat.
+  /// The instance at a place before `end`; behind it 0, which hits no quarter.
   __device__ std::uint32_t instance_at(std::uint32_t place, std::uint32_t end) const {
     return place < end ? splats[place] : 0;
   }
@@ -48,12 +49,12 @@ inline TileLists tile_lists(const RenderPass& pass) {
           pass.tile_splats.data(),
           pass.splats.data()};
 }
-/// Blocks of kBlendThreads that have a warp for each sub-tile of so many tiles, or segments.
+/// Number of blocks that give each sub-tile of so many tiles, or segments, a warp.
 inline std::size_t blend_blocks(std::size_t tiles) {
   return tiles * kSubtilesPerTile / kBlendWarps;
 }
 
-/// Which tile, or segment, and which of its sub-tiles this warp has.
+/// The tile, or segment, of this warp, and which of its sub-tiles.
 struct WarpWork {
   std::uint32_t item;
   int subtile;
@@ -107,14 +108,15 @@ struct Subtile {
   }
 };
 
-/// A splat as the pixels of a sub-tile read it. Exponents are to base 2: e = -|u|^2 with u = L^T d, d = pixel - mean.
+/// A splat in the form that the pixels of a sub-tile read. Exponents have base 2: e = -|u|^2 with u
+/// = L^T d and d = pixel - mean.
 struct alignas(16) ListedSplat {
   Vec2f mean2d;
   ConicFactors<float> L;
-  float lowest;             // a fragment is kept iff e >= lowest
-  float opacity, red;       // colors are not below 0
+  float lowest;        // a fragment is kept if and only if e >= lowest
+  float opacity, red;  // colors are clamped to 0 from below
   float green, blue;
-  std::uint32_t position;   // in the tile's list
+  std::uint32_t position;  // in the tile's list
   std::uint32_t gaussian;
 };
 
@@ -131,7 +133,8 @@ __device__ inline ListedSplat listed(const Splat& splat, std::uint32_t position,
           gaussian};
 }
 
-/// The exponent e of a fragment. Forward and backward both ask here, so that they keep the same fragments.
+/// The exponent e of a fragment. Forward and backward pass both call this, so that they keep the
+/// same fragments.
 __device__ inline float base2_exponent(const ListedSplat& splat, float dx, float dy) {
   const float u_x = fmaf(splat.L.xx, dx, splat.L.xy * dy), u_y = splat.L.yy * dy;
   return -fmaf(u_x, u_x, u_y * u_y);
@@ -145,13 +148,15 @@ __device__ inline void copy_ahead(Splat& to, const Splat& from) {
                             reinterpret_cast<const float4*>(&from) + k, sizeof(float4));
 }
 
-/// One warp's way through positions [first, last) of a tile's list, segment by segment and 32 places at a time: finds the
-/// splats that hit its pixels and fetches the next ones ahead, into shared memory.
+/// One warp's walk through positions [first, last) of a tile's list, segment by segment and 32
+/// places at a time. It finds the splats that hit the warp's pixels, and prefetches the next ones
+/// into shared memory.
 class ListWalk {
  public:
-  using Ahead = Splat[kWarp];  // shared memory, one of each warp
+  using Ahead = Splat[kWarp];  // prefetched splats: shared memory, one for each warp
 
-  /// `first` is the beginning of a segment. Without `stops_at_segments` all is one.
+  /// `first` is the beginning of a segment. Without `stops_at_segments` the whole range is one
+  /// segment.
   __device__ ListWalk(Ahead& ahead, const TileLists& lists, std::uint32_t tile,
                       const PixelRange& pixels, std::uint32_t first, std::uint32_t last,
                       bool stops_at_segments)
@@ -163,15 +168,16 @@ class ListWalk {
   }
   __device__ bool segment_is_done() const { return next_ >= stop_; }
   __device__ bool is_done() const { return next_ >= end_; }
-  /// After a segment that is done: the number of the one that follows, and on to it.
+  /// Goes on to the segment after one that is done, and returns its number.
   __device__ std::uint32_t next_segment() {
     const std::uint32_t number = (next_ - begin_) / kSegmentLength;
     stop_ = min(stop_ + kSegmentLength, end_);
     return number;
   }
 
-  /// The whole warp: finds those of the next 32 splats that hit the pixels, calls
-  /// take(k, splat, position, gaussian) for the k-th of them in a lane of its own, and returns how many they are.
+  /// The whole warp: finds those of the next 32 splats that hit the pixels, and returns their
+  /// number. Calls take(k, splat, position, gaussian) for the k-th of them, each in a lane of its
+  /// own.
   template <class Take>
   __device__ int take_next(const Take& take) {
     __pipeline_wait_prior(0);
@@ -188,14 +194,15 @@ class ListWalk {
     __syncwarp();
     return __popc(hits);
   }
-  /// The same into a list.
+  /// The same; writes the splats to a list.
   __device__ int list_next(ListedSplat* list) {
     return take_next([&](int k, const Splat& splat, std::uint32_t position,
                          std::uint32_t gaussian) { list[k] = listed(splat, position, gaussian); });
   }
 
  private:
-  // Starts to copy this lane's splat of the next 32 where it hits the quarter, and to load the instance of the one after.
+  // Starts to copy this lane's splat of the next 32 if it hits the quarter, and to load the
+  // instance after it.
   __device__ void fetch() {
     instance_ = instance_ahead_;
     if (instance_ & quarter_) copy_ahead(splat_, lists_.of_gaussian[gaussian_of(instance_)]);
@@ -203,7 +210,7 @@ class ListWalk {
     instance_ahead_ = lists_.instance_at(next_ + kWarp + lane_of_thread(), end_);
   }
 
-  Splat& splat_;  // this lane's of the next 32
+  Splat& splat_;  // this lane's splat of the next 32
   const TileLists& lists_;
   const PixelRange pixels_;
   const std::uint32_t quarter_;
@@ -211,13 +218,14 @@ class ListWalk {
   std::uint32_t instance_ = 0, instance_ahead_ = 0;
 };
 
-/// The same for a warp that has a whole quarter of the tile: of the list it fetches only what hits it, 32 splats at a time.
+/// The same for a warp that owns a whole quarter of the tile. It fetches only splats that hit the
+/// quarter, 32 at a time.
 class QuarterWalk {
  public:
-  /// Shared memory, one of each warp.
+  /// Shared memory, one for each warp.
   struct Ahead {
     Splat splats[kWarp];
-    std::uint32_t gaussians[2 * kWarp], positions[2 * kWarp];  // of those that were found, in a ring
+    std::uint32_t gaussians[2 * kWarp], positions[2 * kWarp];  // of the splats found, in a ring
   };
 
   __device__ QuarterWalk(Ahead& ahead, const TileLists& lists, std::uint32_t tile,
@@ -257,7 +265,7 @@ class QuarterWalk {
   }
 
  private:
-  // Finds 32 splats, or the rest of the segment's, and starts to copy them.
+  // Finds 32 splats, or what is left of the segment, and starts to copy them.
   __device__ void look_ahead() {
     const int lane = lane_of_thread();
     while (found_ < kWarp && next_ < stop_) {
@@ -284,8 +292,8 @@ class QuarterWalk {
   const TileLists& lists_;
   const std::uint32_t quarter_;
   std::uint32_t begin_, end_, next_, stop_;          // places in the list
-  std::uint32_t instance_ = 0, instance_after_ = 0;  // this lane's of the next two times 32
-  unsigned taken_ = 0, found_ = 0;                   // splats: so far, and since then
+  std::uint32_t instance_ = 0, instance_after_ = 0;  // this lane's, of the next 32 and after
+  unsigned taken_ = 0, found_ = 0;                   // splats taken so far, and found beyond those
 };
 
 }  // namespace gs::cuda

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the threads of a warp do together.
+// Operations that the threads of a warp do together.
 #pragma once
 
 #include <cuda_runtime.h>
@@ -67,7 +67,8 @@ __device__ inline void store_in_vectors(T* to, const T& value) {
   for (int k = 0; k < copy.kVectors; ++k) reinterpret_cast<float4*>(to)[k] = copy.vectors[k];
 }
 
-/// *to += value, four floats at once where the GPU can (compute capability 9), without an answer.
+/// *to += value, atomically for each float: one instruction from compute capability 9 on, four
+/// before.
 __device__ inline void add_to(float4* to, const float4& value) {
 #if __CUDA_ARCH__ >= 900
   atomicAdd(to, value);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Buffer owns, Span travels: the two forms in which an array of plain values goes through the program.
+// The two forms of an array of plain values: a Buffer owns it, a Span is a view that is passed by
+// value.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +14,7 @@
 
 namespace gs {
 
-/// A view of an array that somebody else owns; goes to stages and kernels by value.
+/// A view of an array that somebody else owns. Stages and kernels take it by value.
 template <class T>
 struct Span {
   T* data = nullptr;
@@ -27,7 +28,8 @@ struct Span {
 };
 
 /// An array of plain values in one Memory. Its capacity only grows, so that steady work allocates
-/// nothing. A Buffer only moves. Constness is that of a pointer: a const Buffer's elements can be changed.
+/// nothing. A Buffer can be moved and not copied. It is const as a pointer is: the elements of a
+/// const Buffer can be changed.
 template <class T>
 class Buffer {
   static_assert(std::is_trivially_copyable_v<T>);
@@ -65,7 +67,7 @@ class Buffer {
     size_ = 0;
     resize(size);
   }
-  /// Makes room for `capacity` elements; grows by at least half of what there is.
+  /// Makes the capacity at least `capacity`; if it grows, it grows by half or more.
   void reserve(std::size_t capacity) {
     if (capacity <= capacity_) return;
     const std::size_t grown = std::max(capacity, capacity_ + capacity_ / 2);
@@ -77,7 +79,8 @@ class Buffer {
   }
   /// Gives all memory back; the Buffer is empty then.
   void release() noexcept { *this = Buffer(*memory_); }
-  /// Gives spare capacity back. Throws Error where there is no room for the copy, and then changes nothing.
+  /// Gives spare capacity back. Throws Error if there is no memory for the copy, and then changes
+  /// nothing.
   void shrink() {
     if (size_ == capacity_) return;
     Buffer fitting(size_, *memory_);
@@ -110,5 +113,11 @@ class Buffer {
   std::size_t size_ = 0;
   std::size_t capacity_ = 0;
 };
+
+/// The numbers of an array one after another, whatever its rows are: float, Vec3f or Quatf.
+template <class T>
+Span<float> numbers_of(const Buffer<T>& rows) {
+  return {reinterpret_cast<float*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
+}
 
 }  // namespace gs

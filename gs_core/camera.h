@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one camera that training and rendering know: an undistorted pinhole with a pose.
+// The camera of training and rendering: an undistorted pinhole with a pose.
 #pragma once
 
 #include <algorithm>
@@ -9,8 +9,9 @@
 
 namespace gs {
 
-/// Undistorted pinhole camera. Pixel (i, j) has its center at (i + 0.5, j + 0.5), as in COLMAP; camera
-/// axes are x right, y down, z forward. Loaders convert every other camera model to this one.
+/// Undistorted pinhole camera. Pixel (i, j) has its center at (i + 0.5, j + 0.5), as in COLMAP;
+/// camera axes are x right, y down, z forward. Loaders convert every other camera model to this
+/// one.
 template <class T>
 struct PinholeCamera {
   int width = 0, height = 0;   // pixels
@@ -25,8 +26,8 @@ struct PinholeCamera {
 };
 using Camera = PinholeCamera<float>;
 
-/// The camera of the same view at another picture size: focal lengths and center scale with the true
-/// ratio of each axis.
+/// The camera of the same view at another picture size: focal lengths and center scale with the
+/// true ratio of each axis.
 template <class T>
 PinholeCamera<T> resized(PinholeCamera<T> camera, int width, int height) {
   const T sx = T(width) / T(camera.width), sy = T(height) / T(camera.height);
@@ -39,8 +40,8 @@ PinholeCamera<T> resized(PinholeCamera<T> camera, int width, int height) {
   return camera;
 }
 
-/// The same view at a -r/--resolution: 1 to 8 divides the picture's size, more is its new width in pixels; sides
-/// are rounded to the nearest pixel, at least 1.
+/// The same view at a -r/--resolution: 1 to 8 divides the image's size, a larger number is its new
+/// width in pixels. Sides are rounded to the nearest pixel, and are at least 1.
 template <class T>
 PinholeCamera<T> at_resolution(const PinholeCamera<T>& camera, int resolution) {
   const double scale = resolution <= 8 ? 1.0 / resolution : double(resolution) / camera.width;

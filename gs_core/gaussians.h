@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The learned quantities: one array per quantity, one row per Gaussian. Parameters, gradients and both
-// Adam moments are all of this one type.
+// The learned quantities: one array per quantity, one row per Gaussian. Parameters, gradients and
+// both Adam moments are all of this one type.
 #pragma once
 
 #include "gs_core/buffer.h"
@@ -28,8 +28,9 @@ struct GaussianArrays {
   Array<ShRest> sh_rest;       // (N, 15, 3)  zero beyond the degree in use
 };
 
-/// Calls f(name, a.array, b.array, ...) for each learned quantity, in a fixed order: so that Adam, gather,
-/// prune, files and checkpoints are one loop each, and a new quantity is a few lines in this file.
+/// Calls f(name, a.array, b.array, ...) for each learned quantity, in a fixed order. Adam, gather,
+/// prune, files and checkpoints are one such loop each, so that a new quantity is a few lines in
+/// this file.
 template <class F, class First, class... Rest>
 void for_each_array(F&& f, First&& first, Rest&&... rest) {
   f("mean", first.mean, rest.mean...);
@@ -42,7 +43,7 @@ void for_each_array(F&& f, First&& first, Rest&&... rest) {
 
 using GaussiansSpan = GaussianArrays<Span>;
 
-/// Owns the arrays of N Gaussians. Moves; copies are made on purpose with copy_of().
+/// Owns the arrays of N Gaussians. It can be moved; copy_of() makes a copy.
 struct Gaussians : GaussianArrays<Buffer> {
   explicit Gaussians(Memory& memory = host_memory())
       : GaussianArrays<Buffer>{Buffer<Vec3f>(memory), Buffer<Vec3f>(memory),
@@ -89,16 +90,16 @@ inline Gaussians rows_of(const Gaussians& from, const std::vector<std::uint32_t>
   return rows;
 }
 
-/// Trained Gaussians as files carry them: in host memory, with the SH degree they use.
+/// Trained Gaussians as files hold them: in host memory, with the SH degree that they use.
 struct GaussianModel {
   Gaussians gaussians;
   int sh_degree = kMaxShDegree;  // 0..3; coefficients beyond it are zero
   bool is_ours = true;           // false: read from a file that another trainer wrote
   bool antialiased = false;      // trained with the antialiased projection (math/projection.h)
-  Vec3d world_offset{0.0, 0.0, 0.0};  // as in Scene: add it to the means to have the photos' own coordinates
+  Vec3d world_offset{0.0, 0.0, 0.0};  // as in Scene; add it to have the photos' coordinates
 };
 
-/// The Gaussians as files carry them: downloaded from whatever memory they lie in.
+/// Downloads Gaussians from the memory in which they lie.
 inline GaussianModel host_copy(const Gaussians& from, int sh_degree, bool antialiased) {
   GaussianModel model{Gaussians(from.count(), host_memory()), sh_degree, true, antialiased};
   for_each_array(
@@ -110,7 +111,7 @@ inline GaussianModel host_copy(const Gaussians& from, int sh_degree, bool antial
   return model;
 }
 
-/// The Gaussians of a file in a backend's memory, ready to render.
+/// Uploads the Gaussians of a file to a backend's memory, ready to render.
 inline Gaussians copy_to(Memory& memory, const GaussianModel& from) {
   Gaussians copy(from.gaussians.count(), memory);
   for_each_array(

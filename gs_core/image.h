@@ -30,6 +30,10 @@ struct Image {
 using Image8 = Image<std::uint8_t>;  // 0..255, display sRGB as stored in the file
 using ImageF = Image<float>;         // 0..1, display sRGB unless said otherwise
 
+/// byte * kPerByte is the value in 0..1 of a photo's byte. It is rounded once, on the CPU as on the
+/// GPU, so that both have the same bits.
+inline constexpr float kPerByte = 1.0f / 255.0f;
+
 /// 0..1 to 0..255, rounded; values outside are clamped, NaN becomes 0.
 inline Image8 to_image8(const ImageF& image) {
   Image8 result(image.width, image.height, image.channels);

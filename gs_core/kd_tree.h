@@ -8,14 +8,15 @@
 
 namespace gs {
 
-/// A balanced k-d tree (Bentley 1975) over points that somebody else owns and that must not be moved;
-/// all of them finite.
+/// A balanced k-d tree (Bentley 1975) over finite points. The caller owns the points, which must
+/// stay in place while the tree lives.
 class KdTree {
  public:
   explicit KdTree(Span<const Vec3f> points);
 
-  /// Mean squared distance from point `i` to its `k` nearest other points (fewer where there are fewer);
-  /// 0 where it has none.   world units^2, 1 <= k <= 8
+  /// Mean squared distance from point `i` to its `k` nearest other points, or to all of them if
+  /// there are fewer;
+  /// 0 if there are none.   world units^2, 1 <= k <= 8
   float mean_squared_distance(std::size_t i, int k) const;
 
  private:

@@ -1,28 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the program says while it works, on standard error, through spdlog. Results go to standard output.
+// Messages while the program works, on standard error, through spdlog. Results go to standard
+// output.
 #pragma once
 
-#include <spdlog/spdlog.h>
+#include <spdlog/fmt/fmt.h>
+
+#include <string_view>
+#include <utility>
 
 namespace gs {
 
-/// Log levels that a user chooses between: quiet shows warnings and errors only.
+/// The log levels of the command line: quiet shows warnings and errors only.
 enum class Verbosity { quiet, normal, verbose };
 
-/// Sends the log to standard error in the program's plain form. Call from main(), and again where it is to say more or less.
+/// Sends the log to standard error, one plain line per message. Call it in main(), and again to
+/// change the level.
 void setup_log(Verbosity verbosity);
+
+namespace detail {
+enum class LogLevel { info, warning, error };
+/// Writes one line. Only log.cpp sees spdlog, whose headers would take seconds in every file.
+void log_line(LogLevel level, std::string_view line);
+/// Sends the lines elsewhere: a module that is loaded at run time sends its own to the program's.
+void set_log_sink(void (*sink)(LogLevel, std::string_view));
+}  // namespace detail
 
 template <class... Args>
 void log_info(fmt::format_string<Args...> format, Args&&... args) {
-  spdlog::info(fmt::runtime(fmt::string_view(format)), std::forward<Args>(args)...);
+  detail::log_line(detail::LogLevel::info, fmt::format(format, std::forward<Args>(args)...));
 }
 template <class... Args>
 void log_warning(fmt::format_string<Args...> format, Args&&... args) {
-  spdlog::warn(fmt::runtime(fmt::string_view(format)), std::forward<Args>(args)...);
+  detail::log_line(detail::LogLevel::warning, fmt::format(format, std::forward<Args>(args)...));
 }
 template <class... Args>
 void log_error(fmt::format_string<Args...> format, Args&&... args) {
-  spdlog::error(fmt::runtime(fmt::string_view(format)), std::forward<Args>(args)...);
+  detail::log_line(detail::LogLevel::error, fmt::format(format, std::forward<Args>(args)...));
 }
 
 }  // namespace gs

@@ -19,7 +19,7 @@ namespace {
 constexpr std::align_val_t kAlignment{128};
 constexpr std::size_t kAnyAmount = std::numeric_limits<std::size_t>::max();
 
-// What the kernel says can be had without swapping.
+// Bytes that the kernel can give without swapping.
 std::size_t available_ram() {
   std::ifstream file("/proc/meminfo");
   std::string name, unit;
@@ -29,11 +29,11 @@ std::size_t available_ram() {
   return std::size_t(::sysconf(_SC_AVPHYS_PAGES)) * std::size_t(::sysconf(_SC_PAGE_SIZE));
 }
 
-// What is left of the limit of a container or a batch job; what its file cache holds counts as taken.
+// Bytes left below the limit of a container or a batch job. Its file cache counts as used.
 std::size_t left_to_control_group() {
   std::size_t most = 0, taken = 0;
   const char* const folder = "/sys/fs/cgroup/";
-  if (!(std::ifstream(std::string(folder) + "memory.max") >> most)) return kAnyAmount;  // or it says "max"
+  if (!(std::ifstream(std::string(folder) + "memory.max") >> most)) return kAnyAmount;  // "max"
   if (!(std::ifstream(std::string(folder) + "memory.current") >> taken)) return kAnyAmount;
   return most > taken ? most - taken : 0;
 }

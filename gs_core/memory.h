@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where bytes live. A Buffer asks its Memory for room; that is all a container needs to know of a device.
+// Where bytes live: on the host, or on a device. A Buffer needs nothing else of a device than its
+// Memory.
 #pragma once
 
 #include <cstddef>
 
 namespace gs {
 
-/// One kind of memory: the host's, or a device's pool. Owned by its backend, outlives every Buffer in it.
+/// One kind of memory: the host's, or a device's pool. Its backend owns it, and it outlives every
+/// Buffer in it.
 class Memory {
  public:
   virtual ~Memory() = default;
-  /// Room for `bytes` bytes, aligned to 128. Throws Error (out_of_memory) where there is none.
+  /// `bytes` bytes, aligned to 128. Throws Error (out_of_memory) if there is not enough memory.
   virtual void* allocate(std::size_t bytes) = 0;
   virtual void deallocate(void* pointer, std::size_t bytes) noexcept = 0;
   /// Copies within this memory; the ranges do not overlap.
@@ -19,18 +21,20 @@ class Memory {
   /// Copies in from, and out to, host memory.
   virtual void upload(void* to, const void* from_host, std::size_t bytes) = 0;
   virtual void download(void* to_host, const void* from, std::size_t bytes) = 0;
-  /// Bytes that may still be had, by and large: others take of it, too.
+  /// About how many bytes are still free. Other programs use the same memory, so it may be less a
+  /// moment later.
   virtual std::size_t free_bytes() const = 0;
 };
 
 /// The host's own memory.
 Memory& host_memory();
 
-/// For tests of what happens when memory runs out: asked before each allocation of any Memory, it may throw what
-/// that would throw. One for the whole program; null, as at the start, allows everything.
+/// A hook for tests that let memory run out. It is called before each allocation of any Memory and
+/// may throw as the allocation would. There is one for the whole program; null, the initial value,
+/// allows everything.
 using AllocationHook = void (*)(std::size_t bytes);
 void set_allocation_hook(AllocationHook hook);
-/// Each Memory calls it before it allocates.
+/// Calls the hook. Each Memory does so before it allocates.
 void ask_allocation_hook(std::size_t bytes);
 
 }  // namespace gs

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small pool of threads. The calling thread takes chunks like every other one and waits only for chunks
-// that another thread has begun, so a loop also ends in good time where the machine is busy with other work;
-// OpenMP's barriers made training several times slower there.
+// A small pool of threads. The calling thread takes chunks like every other one, and waits only for
+// chunks that another thread has begun. So a loop ends in good time also on a machine that is busy
+// with other work; OpenMP's barriers made training several times slower there.
 #include "gs_core/parallel.h"
 
 #include <atomic>
@@ -69,7 +69,7 @@ class Pool {
     wake_.notify_all();
     loop.work();
     std::unique_lock lock(mutex_);
-    loop_ = nullptr;  // late risers find nothing
+    loop_ = nullptr;  // threads that wake up late find no work
     done_.wait(lock, [&] { return active_ == 0; });
   }
 
@@ -103,7 +103,8 @@ class Pool {
 };
 
 int g_thread_count = 0;  // 0: all cores
-Pool* g_pool = nullptr;  // never ended at exit: threads may be in it, and after a fork there are none to join
+// Not destroyed at exit: threads may be in it, and after a fork there are none to join.
+Pool* g_pool = nullptr;
 std::once_flag g_pool_made;
 
 }  // namespace

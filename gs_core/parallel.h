@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loops over all cores. What a loop computes must not depend on how its range is cut or on the number of
-// threads: each index writes only what belongs to it, and sums are taken in a fixed order afterwards.
+// Loops over all cores. The result of a loop must not depend on the chunks or on the number of
+// threads: each index writes only its own elements, and sums are taken in a fixed order afterwards.
 #pragma once
 
 #include <algorithm>
@@ -18,8 +18,8 @@ using ChunkBody = void (*)(void* context, std::size_t begin, std::size_t end);
 void run_chunks(std::size_t count, std::size_t grain, ChunkBody body, void* context);
 }  // namespace detail
 
-/// Calls body(begin, end) for consecutive chunks of at most `grain` that cover [0, count), on all threads.
-/// An exception thrown by a body is thrown again here, after the loop.
+/// Calls body(begin, end) for consecutive chunks of at most `grain` that cover [0, count), on all
+/// threads. An exception thrown by a body is thrown again here, after the loop.
 template <class Body>
 void parallel_chunks(std::size_t count, std::size_t grain, Body&& body) {
   detail::run_chunks(
@@ -38,8 +38,8 @@ void parallel_for(std::size_t count, std::size_t grain, Body&& body) {
   });
 }
 
-/// While it lives, loops of the thread that made it run on that thread alone: for threads that work beside the pool
-/// and shall not hold it up.
+/// While it lives, loops of the thread that made it run on that thread alone. It is for threads
+/// that work beside the pool and must not delay it, such as the viewer's.
 class SerialLoops {
  public:
   SerialLoops();

@@ -8,8 +8,9 @@
 
 namespace gs {
 
-/// Sorts `indices` by key(index), an unsigned integer, ascending; equal keys keep their order. Digits that are
-/// the same everywhere cost one count and no move. `scratch` is grown to the same size as needed.
+/// Sorts `indices` by key(index), an unsigned integer, ascending; equal keys keep their order. A
+/// digit that is the same in all keys costs one count and no move. `scratch` is resized to the size
+/// of `indices`.
 template <class Key>
 void radix_sort_by_key(Span<std::uint32_t> indices, Buffer<std::uint32_t>& scratch, Key&& key) {
   using KeyType = decltype(key(std::uint32_t(0)));

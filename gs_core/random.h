@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Counter-based random numbers: Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as
-// 1, 2, 3"). A value depends on (seed, stream, counter) alone, never on the order of calls or on threads,
-// so that a resumed or parallel run draws the same numbers.
+// Counter-based random numbers: Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as
+// easy as 1, 2, 3"). A value depends on (seed, stream, counter) alone, never on the order of calls
+// or on threads, so that a resumed or parallel run draws the same numbers.
 #pragma once
 
 #include "gs_core/types.h"
 
 namespace gs {
 
-/// What the numbers are for; one stream never repeats another's.
+/// The use of the numbers. Streams are independent of each other.
 enum class RandomStream : std::uint32_t {
   view_order,
   background,
@@ -37,7 +37,7 @@ GS_HD RandomBits philox(RandomBits counter, std::uint32_t key0, std::uint32_t ke
   return counter;
 }
 
-/// The upper 64 bits of a product of 128.
+/// The upper 64 of the 128 bits of a product.
 GS_HD std::uint64_t high_product(std::uint64_t a, std::uint64_t b) {
   const std::uint64_t a0 = std::uint32_t(a), a1 = a >> 32, b0 = std::uint32_t(b), b1 = b >> 32;
   const std::uint64_t middle = a1 * b0 + (a0 * b0 >> 32);

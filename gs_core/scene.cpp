@@ -2,15 +2,13 @@
 #include "gs_core/scene.h"
 
 #include <algorithm>
-#include <cmath>
 
+#include "gs_core/geometry.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/outliers.h"
 
 namespace gs {
 namespace {
-
-double distance(const Vec3d& a, const Vec3d& b) { return std::sqrt(inner(a - b, a - b)); }
 
 bool is_elsewhere(const View& view) { return view.source && view.photo.empty(); }
 
@@ -20,7 +18,7 @@ std::shared_ptr<const View> with_photo(const View& view) {
   if (is_elsewhere(view)) {
     const std::shared_ptr<const View> decoded = view.source->view(view.index);
     if (decoded->exposure == view.exposure) return decoded;
-    const auto exposed = std::make_shared<View>(*decoded);  // found after the source was made
+    const auto exposed = std::make_shared<View>(*decoded);  // solved for after the source was made
     exposed->exposure = view.exposure;
     return exposed;
   }
@@ -57,7 +55,7 @@ float camera_extent(const std::vector<View>& views) {
   for (const Vec3d& position : positions) mean += position;
   mean /= double(std::max<std::size_t>(positions.size(), 1));
   double farthest = 0;
-  for (const Vec3d& position : positions) farthest = std::max(farthest, distance(position, mean));
+  for (const Vec3d& position : positions) farthest = std::max(farthest, length(position - mean));
   return farthest > 0 ? kExtentMargin * float(farthest) : 1.0f;
 }
 

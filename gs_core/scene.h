@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What training starts from: posed photos and sparse points, const once loaded. The photos of a large scene stay
-// where they are until they are asked for.
+// A scene to train on: posed photos and sparse points, const once loaded. The photos of a large
+// scene are decoded when they are needed.
 #pragma once
 
 #include <algorithm>
@@ -18,52 +18,61 @@ namespace gs {
 
 class PhotoSource;
 
-/// One posed photo. math/photo_weight.h has what the loss makes of mask and exposure.
+/// One posed photo. math/photo_weight.h says how the loss uses mask and exposure.
 struct View {
   std::string name;  // path of the photo relative to the images folder, as in the COLMAP model
   Camera camera;
-  Image8 photo;      // (height, width, 3) of the camera's size; empty where `source` has it: with_photo()
-  Image8 mask = {};  // (height, width, 1) of that size: 255 trains, 0 does not; empty: every pixel trains, or `source` has it
-  bool over_background = false;  // the mask says what the photo covers: the background is behind it, and every pixel trains
+  Image8 photo;  // (height, width, 3) of the camera's size; empty if `source` has it: with_photo()
+  // (height, width, 1) of that size: 255 trains, 0 does not; empty: all train, or `source` has it
+  Image8 mask = {};
+  bool over_background = false;  // the mask is the photo's alpha; every pixel trains
   Vec3f exposure{1};  // per channel: the photo shows exposure * the scene's colors (display sRGB)
   std::shared_ptr<PhotoSource> source = {};
   std::size_t index = 0;       // in `source`
-  bool may_be_masked = false;  // whether what `source` gives may have a mask
+  bool may_be_masked = false;  // whether the view from `source` may have a mask
 
-  /// Whether the photo, once it is there, stands for more than itself in the loss.
+  /// Whether the loss weights the photo's pixels, for its mask or its exposure. Ask when the photo
+  /// is there.
   bool is_weighted() const { return !mask.empty() || has_exposure(); }
   bool has_exposure() const { return exposure.x != 1 || exposure.y != 1 || exposure.z != 1; }
-  /// The photo's value from which on it says no more than how bright the scene is at least (compared_photo()).
+  /// From this value on the photo is saturated: it gives only a lower bound of the brightness
+  /// (compared_photo()).
   float white() const { return has_exposure() ? kPhotoWhite : 2.0f; }
-  /// Whether there are pixels that do not train, or less than others.
+  /// Whether some pixels do not train, or train with less weight than others.
   bool has_untrained_pixels() const { return !mask.empty() && !over_background; }
 };
 
-/// Brings the photos of a scene that is not held in memory as a whole. All calls may come from any thread.
+/// Decodes the photos of a scene that is not held in memory as a whole. All functions may be called
+/// by any thread.
 class PhotoSource {
  public:
   virtual ~PhotoSource() = default;
-  /// The view with its photo, which stays while the pointer lives. Waits until it is decoded; throws Error where it cannot be.
+  /// The view with its photo, which stays in memory while the pointer lives. Waits until the photo
+  /// is decoded. Throws Error if it cannot be decoded.
   virtual std::shared_ptr<const View> view(std::size_t index) = 0;
-  /// Tells that view(index) will be asked for after all that were expected before, so that it can be decoded meanwhile.
+  /// Announces a call of view(index), after those announced before, so that the photo can be
+  /// decoded meanwhile.
   virtual void prefetch_decode(std::size_t index) = 0;
-  /// Tells that nobody will ask for it soon: its bytes are the first to go.
+  /// Says that the photo is not needed soon: its memory is the first to be reused.
   virtual void release(std::size_t index) = 0;
 };
 
-/// The view with its photo: itself, or what its source gives. Hold it no longer than the photo is looked at.
+/// The view with its photo: the view itself, or a copy from its source. Keep it only while the
+/// photo is used.
 std::shared_ptr<const View> with_photo(const View& view);
-/// PhotoSource::prefetch_decode() and release(); nothing for a view whose photo is there.
+/// PhotoSource::prefetch_decode() and release(). They do nothing for a view that has its photo.
 void prefetch_photo(const View& view);
 void release_photo(const View& view);
-/// Of the view's photo and mask once they are decoded; at most, where it is not known whether there will be a mask.
+/// Bytes of the view's photo and mask once they are decoded. If it is not known whether there is a
+/// mask, it counts.
 std::size_t photo_bytes(const View& view);
 
-/// How long before it is asked for a photo is best expected: a decoder takes some tenths of a second, a step on a fast
-/// GPU some milliseconds.
+/// How many photos ahead to call prefetch_decode(): decoding takes some tenths of a second, a step
+/// on a fast GPU some milliseconds.
 inline constexpr std::size_t kPhotosAhead = 64;
 
-/// Calls f(i, view with its photo) for the first `count` views, in order, each expected beforehand.
+/// Calls f(i, view with its photo) for the first `count` views, in order, and prefetches the next
+/// ones.
 template <class F>
 void for_each_with_photo(const std::vector<View>& views, std::size_t count, F&& f) {
   for (std::size_t i = 0; i < std::min(count, kPhotosAhead); ++i) prefetch_photo(views[i]);
@@ -79,16 +88,16 @@ struct ScenePoint {
   std::array<std::uint8_t, 3> color;  // sRGB
 };
 
-/// How well the views' exposures explain their colors: the spread of a point's colors over photos, relative, with
-/// exposures 1 and with those solved.
+/// How well the views' exposures explain their colors: the relative spread of a point's colors over
+/// photos, with all exposures 1 and with the solved ones.
 struct ExposureSummary {
   std::size_t samples = 0;
   double spread_before = 0, spread_after = 0;
 };
 
-/// What refining the cameras came to. Errors are lengths in pixels between where points are seen and where they land.
+/// The result of refining the cameras. Errors are reprojection errors in pixels.
 struct CameraRefinement {
-  std::size_t observations = 0, images = 0, points = 0;  // that took part
+  std::size_t observations = 0, images = 0, points = 0;  // used by the solver
   double mean_error_before = 0, mean_error_after = 0;
   double median_error_before = 0, median_error_after = 0;
   int steps = 0;  // of the solver
@@ -101,18 +110,20 @@ struct Scene {
   std::vector<View> train_views, test_views;
   std::vector<ScenePoint> points;
   std::string source;  // the folder it was loaded from
-  float extent = 1;    // 1.1 * the largest distance of a training camera from their mean, outliers left out; world units
-  Vec3d world_offset{0.0, 0.0, 0.0};  // was taken off all coordinates: add it to have the model's own; 0 for most
-  std::optional<CameraRefinement> refinement;  // where cameras were refined
-  std::optional<ExposureSummary> exposure;  // where exposures were solved for
+  // 1.1 * the largest distance of a training camera from their mean, without outliers; world units
+  float extent = 1;
+  // Subtracted from all coordinates; add it to have those of the COLMAP model. Mostly 0.
+  Vec3d world_offset{0.0, 0.0, 0.0};
+  std::optional<CameraRefinement> refinement;  // if cameras were refined
+  std::optional<ExposureSummary> exposure;  // if exposures were solved for
 };
 
-/// Cameras that stand far away from all others, mostly by a wrong pose: more than ten times as far from the median
-/// position as nine in ten of the cameras. Indices, ascending; at most a tenth of all.
+/// Cameras far away from all others (outlier_positions), mostly because of a wrong pose. Indices,
+/// ascending; at most a tenth of all.
 std::vector<std::size_t> outlier_cameras(const std::vector<View>& views);
 
-/// Extent of a set of cameras, as the position learning rate and the density rules use it
-/// (Kerbl et al. 2023), outlier cameras left out. Returns 1 for fewer than two distinct positions.
+/// Extent of a set of cameras without its outliers, for the position learning rate and the density
+/// rules (Kerbl et al. 2023). 1 for fewer than two distinct positions.
 float camera_extent(const std::vector<View>& views);
 
 }  // namespace gs

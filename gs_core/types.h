@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The small value types that every formula is written in: vectors (GLM), matrices by rows, symmetric
-// matrices by their distinct entries, quaternions. All are templated on the scalar, so that the same
-// formula runs in float on the CPU and the GPU, in double in tests, and on ceres::Jet as its own
-// gradient check.
+// The small value types that every formula is written in: vectors (GLM), matrices by rows,
+// symmetric matrices by their distinct entries, quaternions. All are templated on the scalar, so
+// that the same formula runs in float on the CPU and the GPU, in double in tests, and on ceres::Jet
+// as its own gradient check.
 #pragma once
 
 #define GLM_FORCE_XYZW_ONLY  // no unions in glm::vec, so that it may hold a ceres::Jet
@@ -101,8 +101,8 @@ GS_HD Vec3<T> multiply(const Sym3<T>& S, const Vec3<T>& v) {
           S.xz * v.x + S.yz * v.y + S.zz * v.z};
 }
 
-/// The smaller and the larger of two values: comparisons only, so that they work on Jets and in kernels; by
-/// value, so that compilers can vectorize loops around them.
+/// The smaller and the larger of two values: comparisons only, so that they work on Jets and in
+/// kernels; by value, so that compilers can vectorize loops around them.
 template <class T>
 GS_HD T min_of(T a, T b) {
   return b < a ? b : a;
@@ -116,7 +116,7 @@ GS_HD T clamp_to(T value, T low, T high) {
   return min_of(max_of(value, low), high);
 }
 
-/// a * b + c, in one rounding where the target has the instruction for it. Written out wherever two
+/// a * b + c, with one rounding if the target has the instruction for it. Written out wherever two
 /// places must compute the very same bits (forward and backward, count and emit).
 template <class T>
 GS_HD T multiply_add(const T& a, const T& b, const T& c) {
@@ -129,8 +129,8 @@ GS_HD double multiply_add(const double& a, const double& b, const double& c) {
 }
 #endif
 
-/// a * b + c * d. Of products that cancel little is left, and that little is as good as the factors: what the rounding of one
-/// of them took away is given back (Kahan).
+/// a * b + c * d, accurate also where the two products cancel: the rounding error of c * d is
+/// computed and added back (Kahan).
 template <class T>
 GS_HD T sum_of_products(const T& a, const T& b, const T& c, const T& d) {
   const T second = c * d;

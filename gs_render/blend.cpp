@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 4: blends each tile's list of splats front to back. Splat by splat, and within a splat row by row of
-// eight pixels at a time, so that compilers turn the innermost loop into vector instructions.
+// Stage 4: blends each tile's list of splats front to back. The loops go over splats, over the
+// pixel rows of a splat, and over eight pixels at a time, so that compilers vectorize the innermost
+// one.
 #include "gs_core/math/blend.h"
 
 #include "gs_core/parallel.h"

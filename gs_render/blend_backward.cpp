@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 6: gradients of blending, per Gaussian and front to back: each instance sums the gradients of its
-// fragments over the tile's pixels and writes them to a slot of its own, so that no two threads ever add to
-// the same number and the sum of a splat has a fixed order.
+// Stage 6: gradients of blending, per Gaussian and front to back. Each instance sums the gradients
+// of its fragments over the tile's pixels and writes them to a slot of its own. No two threads add
+// to the same number, and the sum of a splat has a fixed order.
 #include "gs_core/math/blend.h"
 
 #include <cmath>
@@ -14,7 +14,7 @@
 namespace gs {
 namespace {
 
-// The pixels of one tile on their way back: PixelBackwardState, one array per member.
+// The pixels of one tile in the backward pass: PixelBackwardState, one array per member.
 struct TilePixels {
   float red[kTilePixels], green[kTilePixels], blue[kTilePixels];  // color behind
   float transmittance[kTilePixels];
@@ -47,7 +47,7 @@ struct TilePixels {
   }
 };
 
-// A SplatGradient per lane; the lanes are summed once, at the end, in a fixed order.
+// A SplatGradient per lane. The lanes are summed once, at the end, in a fixed order.
 template <bool kAbsolute>
 struct LaneSums {
   float mean_x[kLanes] = {}, mean_y[kLanes] = {};
@@ -114,12 +114,13 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
 
 template <BlendRule rule, bool kAbsolute>
 void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_dimage,
-                         RenderPass& pass, std::size_t tile_index) {
+                         const RenderPass& pass, std::size_t tile_index) {
   const Tile tile(pass, tile_index);
+  const ScalarScratch& scratch = pass.scratch<ScalarScratch>();
   TilePixels pixels(pass, tile, settings.background, dL_dimage);
   for (std::uint32_t k = tile.begin; k < tile.end; ++k) {
     LaneSums<kAbsolute> sums;
-    const std::uint32_t instance = pass.tile_instances[k], position = k - tile.begin;
+    const std::uint32_t instance = scratch.tile_instances[k], position = k - tile.begin;
     if (position < pixels.largest_last) {
       const std::uint32_t gaussian = pass.tile_splats[k];
       const Splat& splat = pass.splats[gaussian];
@@ -128,8 +129,8 @@ void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_di
             blend_backward_lanes<rule, kAbsolute>(splat, dx, dy, position, first, pixels, sums);
           });
     }
-    pass.instance_gradients[instance] = sums.total();
-    if constexpr (kAbsolute) pass.absolute_gradients[instance] = sums.absolute_total();
+    scratch.instance_gradients[instance] = sums.total();
+    if constexpr (kAbsolute) scratch.absolute_gradients[instance] = sums.absolute_total();
   }
 }
 
@@ -145,9 +146,10 @@ void blend_backward_tiles(const RenderSettings& settings, Span<const float> dL_d
 
 void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage, RenderPass& pass) {
   const HostStage stage("blend backward");
-  const std::size_t instances = pass.instance_splats.size();
-  pass.instance_gradients.resize_discard(instances);
-  pass.absolute_gradients.resize_discard(settings.absolute_gradient ? instances : 0);
+  ScalarScratch& scratch = pass.scratch<ScalarScratch>();
+  const std::size_t instances = scratch.instance_splats.size();
+  scratch.instance_gradients.resize_discard(instances);
+  scratch.absolute_gradients.resize_discard(settings.absolute_gradient ? instances : 0);
   const bool is_classic = settings.blend_rule == BlendRule::classic;
   const auto tiles = settings.absolute_gradient
                          ? is_classic ? blend_backward_tiles<BlendRule::classic, true>

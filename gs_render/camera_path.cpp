@@ -6,7 +6,7 @@
 #include <numbers>
 #include <numeric>
 
-#include "gs_core/error.h"
+#include "gs_core/geometry.h"
 #include "gs_core/math/quaternion.h"
 #include "gs_core/outliers.h"
 
@@ -14,48 +14,12 @@ namespace gs {
 namespace {
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
-// Of what is known of a direction without asking all cameras, against what all of them say: it decides only where they are
-// silent.
-constexpr double kPriorWeight = 1e-2;
 constexpr int kMostRegroupings = 10;
-
-double length(const Vec3d& v) { return std::sqrt(inner(v, v)); }
-Vec3d unit(const Vec3d& v) { return v / length(v); }
-Vec3d cross(const Vec3d& a, const Vec3d& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
 
 /// Some direction at right angles to another.
 Vec3d across(const Vec3d& v) {
   return unit(std::abs(v.x) < 0.5 * length(v) ? cross(v, {1.0, 0.0, 0.0})
                                               : cross(v, {0.0, 1.0, 0.0}));
-}
-
-/// The sum of w (I - d d^T), and of what it is multiplied with.
-struct LeastSquares {
-  Sym3<double> matrix{0, 0, 0, 0, 0, 0};
-  Vec3d right_side{0.0, 0.0, 0.0};
-
-  void add(double weight, const Sym3<double>& m, const Vec3d& at) {
-    matrix = {matrix.xx + weight * m.xx, matrix.xy + weight * m.xy, matrix.xz + weight * m.xz,
-              matrix.yy + weight * m.yy, matrix.yz + weight * m.yz, matrix.zz + weight * m.zz};
-    right_side += weight * multiply(m, at);
-  }
-  /// By Cramer's rule: the prior keeps the matrix far from singular.
-  Vec3d solution() const {
-    const Vec3d a{matrix.xx, matrix.xy, matrix.xz}, b{matrix.xy, matrix.yy, matrix.yz},
-        c{matrix.xz, matrix.yz, matrix.zz};
-    const Vec3d bc = cross(b, c), ca = cross(c, a), ab = cross(a, b);
-    return (right_side.x * bc + right_side.y * ca + right_side.z * ab) / inner(a, bc);
-  }
-};
-
-constexpr Sym3<double> kIdentity{1, 0, 0, 1, 0, 1};
-Sym3<double> outer(const Vec3d& d) {
-  return {d.x * d.x, d.x * d.y, d.x * d.z, d.y * d.y, d.y * d.z, d.z * d.z};
-}
-Sym3<double> projector_across(const Vec3d& d) {
-  return {1 - d.x * d.x, -d.x * d.y, -d.x * d.z, 1 - d.y * d.y, -d.y * d.z, 1 - d.z * d.z};
 }
 
 /// Indices of the poses that stand where others do.
@@ -67,42 +31,6 @@ std::vector<std::size_t> ordinary(const std::vector<CameraPose>& poses) {
   for (std::size_t i = 0; i < poses.size(); ++i)
     if (!std::binary_search(outliers.begin(), outliers.end(), i)) indices.push_back(i);
   return indices;
-}
-
-std::vector<PinholeCamera<double>> without_outliers(const std::vector<Camera>& cameras) {
-  GS_CHECK(!cameras.empty());
-  std::vector<CameraPose> poses;
-  for (const Camera& camera : cameras) poses.push_back(pose_of(camera));
-  std::vector<PinholeCamera<double>> kept;
-  for (const std::size_t i : ordinary(poses)) kept.push_back(camera_as<double>(cameras[i]));
-  return kept;
-}
-
-Vec3d up_of(const std::vector<PinholeCamera<double>>& cameras) {
-  Vec3d mean(0.0);
-  for (const auto& camera : cameras) mean -= camera.cam_from_world_rotation.row1;
-  if (length(mean) < 1e-6 * double(cameras.size()))  // every way up: the first one's
-    mean = -cameras.front().cam_from_world_rotation.row1;
-  LeastSquares sum;
-  for (const auto& camera : cameras) {
-    const Sym3<double> row = outer(camera.cam_from_world_rotation.row0);
-    sum.add(1, row, Vec3d(0.0));  // up . row = 0
-  }
-  sum.add(kPriorWeight * double(cameras.size()), kIdentity, unit(mean));
-  const Vec3d up = sum.solution();
-  return length(up) > 0 ? unit(up) : unit(mean);
-}
-
-Vec3d center_of(const std::vector<PinholeCamera<double>>& cameras, double focus) {
-  LeastSquares sum;
-  Vec3d seen(0.0);
-  for (const auto& camera : cameras) {
-    const Vec3d axis = camera.cam_from_world_rotation.row2;
-    sum.add(1, projector_across(axis), camera.position());
-    seen += camera.position() + focus * axis;
-  }
-  sum.add(kPriorWeight * double(cameras.size()), kIdentity, seen / double(cameras.size()));
-  return sum.solution();
 }
 
 /// How far apart poses are, with turns as long as where they stand says.
@@ -131,7 +59,7 @@ class Nearness {
   double turn_length_;
 };
 
-/// Of a group the pose that has the smallest sum of distances to the others.
+/// The pose of a group with the smallest sum of distances to the others.
 std::size_t middle_of(const std::vector<std::size_t>& group, const Nearness& nearness) {
   std::size_t best = group.front();
   double least = INFINITY;
@@ -143,7 +71,7 @@ std::size_t middle_of(const std::vector<std::size_t>& group, const Nearness& nea
   return best;
 }
 
-/// Each time the pose that is farthest from all taken so far.
+/// Farthest-point sampling: each next pose is the one farthest from all taken so far.
 std::vector<std::size_t> spread_out(const std::vector<std::size_t>& all, std::size_t count,
                                     const Nearness& nearness) {
   std::vector<std::size_t> taken = {all.front()};
@@ -159,28 +87,6 @@ std::vector<std::size_t> spread_out(const std::vector<std::size_t>& all, std::si
 }
 
 }  // namespace
-
-SceneFrame scene_frame(const std::vector<Camera>& cameras, double focus) {
-  return scene_frame_about(center_of(without_outliers(cameras), focus), cameras);
-}
-
-SceneFrame scene_frame_about(const Vec3d& center, const std::vector<Camera>& cameras) {
-  const std::vector<PinholeCamera<double>> kept = without_outliers(cameras);
-  SceneFrame frame{up_of(kept), center};
-  std::vector<double> distances;
-  double heights = 0;
-  for (const auto& camera : kept) {
-    const Vec3d from_center = camera.position() - center;
-    distances.push_back(length(from_center));
-    if (distances.back() > 0)
-      heights += std::asin(std::clamp(inner(from_center, frame.up) / distances.back(), -1.0, 1.0));
-  }
-  const auto middle = distances.begin() + std::ptrdiff_t(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  if (*middle > 0) frame.radius = *middle;
-  frame.elevation = heights / double(kept.size()) / kRadiansPerDegree;
-  return frame;
-}
 
 Quat<double> looking_at(const Vec3d& from, const Vec3d& to, const Vec3d& up) {
   const Vec3d z = unit(to - from), level = cross(z, up);
@@ -246,7 +152,7 @@ std::vector<std::size_t> short_tour(const std::vector<CameraPose>& poses) {
   const auto leg = [&](std::size_t i, std::size_t j) {
     return nearness.between(tour[i], tour[j % n]);
   };
-  constexpr double kRounding = 1e-9;  // a gain below this share of the legs is none
+  constexpr double kRounding = 1e-9;  // a smaller relative gain is rounding
   for (bool is_shorter = true; is_shorter;) {
     is_shorter = false;
     for (std::size_t i = 0; i + 2 < n; ++i)

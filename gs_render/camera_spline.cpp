@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "gs_core/error.h"
+#include "gs_core/geometry.h"
 #include "gs_core/math/quaternion.h"
 #include "gs_core/math/rotation.h"
 
@@ -13,9 +14,7 @@ namespace {
 
 using Vec4d = Vec4<double>;
 
-constexpr int kChordsPerKey = 128;  // that measure the length of the curve between two keys
-
-double length(const Vec3d& v) { return std::sqrt(inner(v, v)); }
+constexpr int kChordsPerKey = 128;  // chords that approximate the curve between two keys
 
 double dot(const Quat<double>& a, const Quat<double>& b) {
   return a.w * b.w + a.x * b.x + a.y * b.y + a.z * b.z;
@@ -23,7 +22,7 @@ double dot(const Quat<double>& a, const Quat<double>& b) {
 
 Vec4d vector_of(const Quat<double>& q) { return {q.x, q.y, q.z, q.w}; }
 
-/// The same rotation, as that of the two quaternions which lies on the side of `reference`.
+/// The same rotation: q or -q, whichever is in the hemisphere of `reference`.
 Quat<double> on_side_of(const Quat<double>& reference, const Quat<double>& q) {
   return dot(reference, q) < 0 ? Quat<double>{-q.w, -q.x, -q.y, -q.z} : q;
 }
@@ -33,13 +32,14 @@ double distance(const CameraPose& a, const CameraPose& b, double turn_length) {
                     turn_length * angle_between(a.world_from_cam, b.world_from_cam));
 }
 
-/// A key with its neighbors, and the intervals between them; 0: there is no such neighbor.
+/// A key with its neighbors and the intervals to them; an interval of 0 means that there is no
+/// neighbor.
 template <class V>
 struct Knot {
   V before, here, after;
   double interval_before, interval_after;
 
-  /// Of the Catmull-Rom spline; at an end that of the chord.
+  /// The slope of the Catmull-Rom spline; at an end that of the chord.
   V slope() const {
     const double b = interval_before, a = interval_after;
     if (b == 0) return (after - here) / a;
@@ -56,7 +56,7 @@ V between(const Knot<V>& from, const Knot<V>& to, double h, double u) {
          h * u * v * (v * from.slope() - u * to.slope());
 }
 
-/// Without poses that repeat the one before them.
+/// The keys without those that repeat the one before.
 std::vector<CameraPose> distinct(const std::vector<CameraPose>& keys, bool is_closed) {
   std::vector<CameraPose> result;
   for (const CameraPose& key : keys)
@@ -66,7 +66,7 @@ std::vector<CameraPose> distinct(const std::vector<CameraPose>& keys, bool is_cl
   return result;
 }
 
-/// So long that moving and turning have the same share in the length of the way from key to key.
+/// Chosen so that translation and rotation have the same share of the path through the keys.
 double turn_length_of(const std::vector<CameraPose>& keys) {
   double moved = 0, turned = 0;
   for (std::size_t i = 1; i < keys.size(); ++i) {
@@ -76,7 +76,7 @@ double turn_length_of(const std::vector<CameraPose>& keys) {
   return moved > 0 && turned > 0 ? moved / turned : 1;
 }
 
-/// Times at which the curve has gone 0, 1/n, 2/n, ... of its length.
+/// The times at which the curve has covered these shares of its length.
 std::vector<double> evenly_paced(const CameraSpline& spline, const std::vector<double>& shares) {
   std::vector<double> times, lengths;
   for (std::size_t k = 0; k + 1 < spline.knots().size(); ++k)

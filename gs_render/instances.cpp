@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 2: the visible Gaussians near to far, and one instance for each tile that each of them hits.
+// Stage 2: the visible Gaussians near to far, and one instance for each pair of a Gaussian and a
+// tile that it hits.
 #include <limits>
 
 #include "gs_core/error.h"
@@ -22,7 +23,7 @@ void order_by_depth(const RenderSettings& settings, RenderPass& pass) {
     if (pass.tile_counts[i]) pass.depth_order[visible++] = std::uint32_t(i);
   pass.depth_order.resize(visible);
   const DepthKeys keys = depth_keys(settings.near_plane, settings.far_plane);
-  radix_sort_by_key(pass.depth_order.span(), pass.sort_scratch,
+  radix_sort_by_key(pass.depth_order.span(), pass.scratch<ScalarScratch>().sort_scratch,
                     [&](std::uint32_t i) { return depth_key(keys, pass.depths[i]); });
 }
 
@@ -31,10 +32,11 @@ void order_by_depth(const RenderSettings& settings, RenderPass& pass) {
 void create_instances(const RenderSettings& settings, RenderPass& pass) {
   order_by_depth(settings, pass);
   const HostStage stage("instances");
-  pass.first_instance.resize_discard(pass.tile_counts.size());
+  ScalarScratch& scratch = pass.scratch<ScalarScratch>();
+  scratch.first_instance.resize_discard(pass.tile_counts.size());
   std::uint64_t total = 0;
   for (const std::uint32_t gaussian : pass.depth_order) {
-    pass.first_instance[gaussian] = std::uint32_t(total);
+    scratch.first_instance[gaussian] = std::uint32_t(total);
     total += pass.tile_counts[gaussian];
   }
   if (total > std::numeric_limits<std::uint32_t>::max())
@@ -42,17 +44,17 @@ void create_instances(const RenderSettings& settings, RenderPass& pass) {
         "a view has more than 2^32 splats in tiles; lower the resolution (-r) or the number of "
         "Gaussians (--max-gaussians)",
         ExitCode::out_of_memory);
-  pass.instance_tiles.resize_discard(total);
-  pass.instance_splats.resize_discard(total);
+  scratch.instance_tiles.resize_discard(total);
+  scratch.instance_splats.resize_discard(total);
 
   parallel_for(pass.depth_order.size(), 512, [&](std::size_t k) {
     const std::uint32_t gaussian = pass.depth_order[k];
     const Splat& splat = pass.splats[gaussian];
-    std::uint32_t instance = pass.first_instance[gaussian];
+    std::uint32_t instance = scratch.first_instance[gaussian];
     for_each_hit_tile(splat.mean2d, splat.conic, tile_cutoff(settings.bounds, splat.cutoff),
                       pass.pixel_rects[gaussian], [&](int x, int y) {
-                        pass.instance_tiles[instance] = std::uint32_t(y * pass.tiles_x + x);
-                        pass.instance_splats[instance] = gaussian;
+                        scratch.instance_tiles[instance] = std::uint32_t(y * pass.tiles_x + x);
+                        scratch.instance_splats[instance] = gaussian;
                         ++instance;
                       });
   });

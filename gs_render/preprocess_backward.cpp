@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 7: each visible Gaussian sums the gradients of its instances and pulls them back to its parameters.
+// Stage 7: each visible Gaussian sums the gradients of its instances and pulls the sum back to its
+// parameters.
 #include "gs_core/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
@@ -16,11 +17,12 @@ void write_row(const GaussiansSpan& gradients, std::size_t i,
   gradients.sh0[i] = gradient.sh0;
 }
 
-SplatGradient sum_of_instances(const RenderPass& pass, std::size_t i) {
+SplatGradient sum_of_instances(const RenderPass& pass, const ScalarScratch& scratch,
+                               std::size_t i) {
   SplatGradient sum{};
-  const std::uint32_t begin = pass.first_instance[i], end = begin + pass.tile_counts[i];
+  const std::uint32_t begin = scratch.first_instance[i], end = begin + pass.tile_counts[i];
   for (std::uint32_t instance = begin; instance < end; ++instance) {
-    const SplatGradient& part = pass.instance_gradients[instance];
+    const SplatGradient& part = scratch.instance_gradients[instance];
     sum.mean2d += part.mean2d;
     sum.conic = {sum.conic.xx + part.conic.xx, sum.conic.xy + part.conic.xy,
                  sum.conic.yy + part.conic.yy};
@@ -30,12 +32,13 @@ SplatGradient sum_of_instances(const RenderPass& pass, std::size_t i) {
   return sum;
 }
 
-// The same of the absolute values.
-Vec2f absolute_sum_of_instances(const RenderPass& pass, std::size_t i) {
+// The same for the absolute values.
+Vec2f absolute_sum_of_instances(const RenderPass& pass, const ScalarScratch& scratch,
+                                std::size_t i) {
   Vec2f sum(0.0f);
-  const std::uint32_t begin = pass.first_instance[i], end = begin + pass.tile_counts[i];
+  const std::uint32_t begin = scratch.first_instance[i], end = begin + pass.tile_counts[i];
   for (std::uint32_t instance = begin; instance < end; ++instance)
-    sum += pass.absolute_gradients[instance];
+    sum += scratch.absolute_gradients[instance];
   return sum;
 }
 
@@ -45,19 +48,20 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
                          const RenderSettings& settings, const RenderPass& pass,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) {
   const HostStage stage("preprocess backward");
+  const ScalarScratch& scratch = pass.scratch<ScalarScratch>();
   parallel_for(gaussians.mean.size, 512, [&](std::size_t i) {
     if (!pass.tile_counts[i]) {
       for_each_array([&](const char*, auto& rows) { rows[i] = {}; }, gradients);
       dL_dmean2d[i] = {};
       return;
     }
-    const SplatGradient dL_dsplat = sum_of_instances(pass, i);
-    gradients.sh_rest[i] = {};  // degrees that are not in use have no gradient
+    const SplatGradient dL_dsplat = sum_of_instances(pass, scratch, i);
+    gradients.sh_rest[i] = {};  // degrees that are not in use have gradient 0
     write_row(gradients, i,
               project_gaussian_vjp(camera, parameters_of(gaussians, i), settings, dL_dsplat,
                                    gradients.sh_rest[i].coefficient));
     dL_dmean2d[i] =
-        settings.absolute_gradient ? absolute_sum_of_instances(pass, i) : dL_dsplat.mean2d;
+        settings.absolute_gradient ? absolute_sum_of_instances(pass, scratch, i) : dL_dsplat.mean2d;
   });
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long the stages take: what a backend tells, and the clock of those that run on the host.
+// How long the stages take: the times of a backend, and the clock of stages on the host.
 #pragma once
 
 #include <chrono>
@@ -8,17 +8,17 @@
 
 namespace gs {
 
-/// How long the runs of one stage took.
+/// The durations of one stage.
 struct StageTime {
   std::string stage;
   std::vector<float> milliseconds;  // one per run
 };
 
-/// The times of the scalar stages while somebody profiles. One for the process, whose cores they share; stages run one
-/// after the other, on one thread.
+/// Times the scalar stages while it is on. The process has one clock, since its stages share the
+/// cores. Stages run one after the other, on one thread.
 class StageClock {
  public:
-  /// On: forgets what was measured and goes on anew. Off: measures no more, and forgets nothing.
+  /// On: discards earlier times and starts to measure. Off: stops and keeps the times.
   void set_on(bool on);
   bool is_on() const { return is_on_; }
   void add(const char* stage, float milliseconds);

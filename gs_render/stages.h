@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scalar stages in pipeline order: the table of contents. Each stage reads what the ones before it left
-// in the RenderPass and fills its own fields. Stages 5 (loss), 8 (Adam), 9 (rows) and 10 (Morton order) are
-// training's, in gs_train.
+// The scalar stages in pipeline order: the table of contents. Each stage reads what the earlier
+// ones left in the RenderPass and in ScalarScratch, and fills its own fields. Stages 5 (loss), 8
+// (Adam), 9 (rows) and 10 (Morton order) are training's, in gs_train.
 #pragma once
 
 #include "gs_core/camera.h"
@@ -9,6 +9,27 @@
 #include "gs_render/render_pass.h"
 
 namespace gs {
+
+/// What the scalar stages hand to each other besides the RenderPass.
+struct ScalarScratch final : BackendScratch {
+  // 2 instances                        in depth order of their Gaussians
+  Buffer<std::uint32_t> first_instance;   // (N)  where a visible Gaussian's instances begin; it has tile_counts of them
+  Buffer<std::uint32_t> instance_tiles;   // (I)  tile of each instance
+  Buffer<std::uint32_t> instance_splats;  // (I)  its Gaussian
+  Buffer<std::uint32_t> sort_scratch;     // (V)  of the depth sort
+
+  // 3 tile order
+  Buffer<std::uint32_t> tile_instances;   // (I)  the instances' numbers, in the order of RenderPass::tile_splats
+
+  // 6 blend backward
+  Buffer<SplatGradient> instance_gradients;  // (I)  each instance's share, summed per splat in a fixed order
+  Buffer<Vec2f> absolute_gradients;          // (I)  by the mean, absolute values; only with absolute_gradient
+
+  explicit ScalarScratch(Memory& memory)
+      : first_instance(memory), instance_tiles(memory), instance_splats(memory),
+        sort_scratch(memory), tile_instances(memory), instance_gradients(memory),
+        absolute_gradients(memory) {}
+};
 
 /// 1  Activate, cull, project, color: one splat per Gaussian, and how many tiles it hits.
 void preprocess(const GaussiansSpan& gaussians, const Camera& camera,

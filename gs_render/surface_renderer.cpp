@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "gs_core/geometry.h"
 #include "gs_core/math/projection.h"
 #include "gs_core/parallel.h"
 
@@ -10,10 +11,6 @@ namespace gs {
 namespace {
 
 constexpr std::size_t kRowsPerChunk = 4096;
-
-Vec3f cross(const Vec3f& a, const Vec3f& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
 
 /// The points that a depth picture shows, in the frame of its camera.
 class SeenPoints {
@@ -28,8 +25,8 @@ class SeenPoints {
     return {(float(x) + 0.5f - camera_.cx) / camera_.fx * z,
             (float(y) + 0.5f - camera_.cy) / camera_.fy * z, z};
   }
-  /// From the neighbor before a pixel to the one behind it, in steps of (dx, dy); from or to the pixel itself where one of
-  /// them shows nothing, 0 where both do.
+  /// From the neighbor before a pixel to the one behind it, in steps of (dx, dy). The pixel itself
+  /// replaces a neighbor without depth; the difference is 0 where both have none.
   Vec3f difference(int x, int y, int dx, int dy) const {
     const int before = has(x - dx, y - dy), behind = has(x + dx, y + dy);
     return at(x + behind * dx, y + behind * dy) - at(x - before * dx, y - before * dy);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the scalar blend stages walk a tile: which pixels it has, and which of them a splat may touch.
+// How the scalar blend stages go through a tile: its pixels, and those of them that a splat may
+// touch.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +11,7 @@ namespace gs {
 
 inline constexpr int kTilePixels = kTileWidth * kTileHeight;
 inline constexpr int kLanes = 8;                  // pixels of a row that are computed together
-inline constexpr int kClosedCheckInterval = 16;   // splats between looks whether a whole tile is opaque
+inline constexpr int kClosedCheckInterval = 16;   // splats between checks whether the whole tile is opaque
 static_assert(kTileWidth % kLanes == 0);
 
 /// One tile of a pass: its place in the picture and its list of instances.
@@ -22,7 +23,7 @@ struct Tile {
       : x(int(index % pass.tiles_x) * kTileWidth), y(int(index / pass.tiles_x) * kTileHeight),
         begin(pass.tile_ranges[index]), end(pass.tile_ranges[index + 1]) {}
 
-  /// True where the pixel of this number in the tile, row by row, lies in the picture.
+  /// True where pixel number `pixel` of the tile, counted row by row, is inside the picture.
   bool contains(const RenderPass& pass, int pixel) const {
     return x + pixel % kTileWidth < pass.width && y + pixel / kTileWidth < pass.height;
   }
@@ -31,8 +32,9 @@ struct Tile {
   }
 };
 
-/// Calls visit(first, dx, dy) for each group of kLanes pixels of the tile that meets the splat's rectangle:
-/// the group's first pixel in the tile, and its offset from the splat's mean.
+/// Calls visit(first, dx, dy) for each group of kLanes pixels of the tile that intersects the
+/// splat's rectangle. `first` is the group's first pixel in the tile, (dx, dy) its offset from the
+/// splat's mean.
 template <class Visit>
 inline void for_each_lane_group(const Tile& tile, const Rect& rect, const Vec2f& mean2d,
                                 Visit&& visit) {

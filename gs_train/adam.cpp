@@ -10,12 +10,6 @@
 namespace gs {
 namespace {
 
-// The numbers of an array, whatever its rows are.
-template <class T>
-Span<float> numbers_of(const Buffer<T>& rows) {
-  return {reinterpret_cast<float*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
-}
-
 class ScalarOptimizer final : public Optimizer {
  public:
   void regularize(const TrainingModel& model, const Regularizers& regularizers,

@@ -4,13 +4,14 @@
 namespace gs {
 
 void Backend::step(TrainingModel& model, const View& view, const RenderSettings& settings,
-                   float lambda_dssim, const LearningRates& rates, const DensityStep& density) {
+                   const LossSettings& loss_settings, const LearningRates& rates,
+                   const DensityStep& density) {
   gradients_.resize(model.count());
   dL_dmean2d_.resize(model.count());
   const GaussiansSpan gaussians = model.gaussians.span();
 
   renderer().forward(gaussians, view.camera, settings, pass_);
-  loss().forward_backward(pass_, *with_photo(view), lambda_dssim, dL_dimage_);
+  loss().forward_backward(pass_, *with_photo(view), loss_settings, dL_dimage_);
   renderer().backward(gaussians, view.camera, settings, pass_, dL_dimage_.span(), gradients_.span(),
                       dL_dmean2d_.span());
   if (density.regularizers.any()) optimizer().regularize(model, density.regularizers, gradients_);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A backend: one device's renderer, loss, optimizer and row operations, and the coarse verb step().
+// A backend: the renderer, loss, optimizer and row operations of one device, and the coarse verb
+// step().
 #pragma once
 
 #include <memory>
@@ -14,57 +15,67 @@
 
 namespace gs {
 
-/// What density control asks of one step besides the update by the photo's gradients.
+/// What density control adds to one step, besides the update by the photo's gradients.
 struct DensityStep {
   bool gather_statistics = false;  // of visibility and image-plane gradients
   Regularizers regularizers = {};  // in the loss
   PositionNoise noise = {};        // on the means, after the update
 };
 
-/// Everything that the trainer needs of a device. Made by the program, outlives the trainer.
+/// Everything that the trainer needs from a device. The program makes it; it outlives the trainer.
 class Backend {
  public:
   explicit Backend(Memory& memory)
       : pass_(memory), dL_dimage_(memory), dL_dmean2d_(memory), gradients_(memory) {}
   virtual ~Backend() = default;
   virtual std::string name() const = 0;  // as in results.json: "cpu", "cuda:0 (NVIDIA H200)"
-  /// Makes its device the calling thread's: before work on a thread that may have used another GPU since.
+  /// Makes its device the current one of the calling thread. A thread that may have used another
+  /// GPU calls it before it works with this backend.
   virtual void make_current() {}
   virtual Memory& memory() = 0;
   virtual Renderer& renderer() = 0;
+  /// Takes the loss of this name, a word of loss.kind, from now on; at first it is l1_ssim. Throws
+  /// UsageError where the backend lacks it.
+  virtual void use_loss(const std::string& kind) = 0;
   virtual Loss& loss() = 0;
   virtual Optimizer& optimizer() = 0;
   virtual RowOps& rows() = 0;
 
-  /// Tells of the views that steps will ask for, so that a device can fetch their photos beforehand, up to so
-  /// many bytes of its memory. The views outlive the next upload_views() or the backend.
+  /// Announces the views that steps will use, so that a device can upload their photos, up to
+  /// `photo_bytes` of its memory. The views live until the next upload_views(), or as long as the
+  /// backend.
   virtual void upload_views(const std::vector<View>&, [[maybe_unused]] std::size_t photo_bytes) {}
-  /// Tells of the views in the order in which steps will take them, some kPhotosAhead steps before: photos that are still
-  /// files can be decoded meanwhile.
+  /// Announces a view about kPhotosAhead steps before its step, so that its photo can be decoded in
+  /// the background. Called in the order of the steps.
   virtual void prefetch_decode(const View& view) { prefetch_photo(view); }
-  /// Tells which view the step after the next one will take.
+  /// Announces the view of the step after the next one, so that its photo can be uploaded during
+  /// the next one.
   virtual void prefetch_next(const View&) {}
 
-  /// One training step: render, compare, differentiate, update, and do what density control asks. The body given here is the algorithm in plain words; a backend may override it with a
-  /// fused sequence that computes the same.
+  /// One training step: render, compare, differentiate, update, and what density control adds. The
+  /// body in backend.cpp is the algorithm, stage by stage; a backend may override it with a fused
+  /// sequence that computes the same. Where memory runs out it throws Error (out of memory) and has
+  /// changed nothing, so that the step can be repeated.
   virtual void step(TrainingModel& model, const View& view, const RenderSettings& settings,
-                    float lambda_dssim, const LearningRates& rates, const DensityStep& density);
+                    const LossSettings& loss_settings, const LearningRates& rates,
+                    const DensityStep& density);
 
-  /// Waits until the model is what all steps so far make of it. Steps of a device run behind the host's back:
-  /// whoever looks at a model calls this first; row operations do so themselves.
+  /// Waits until all steps so far have updated the model. A device runs steps asynchronously, so
+  /// call this before you read a model. Row operations do it themselves.
   virtual void synchronize(TrainingModel&) {}
 
-  /// Gives back the memory that is held to be quick: what a step needs is asked for again. A step that failed for want
-  /// of memory has changed nothing, and can be taken again.
+  /// Releases buffers that are kept from step to step. The next step allocates them again.
   virtual void release_caches();
 
-  /// While on, each stage's run is timed. On forgets what was timed before, and may wait for the device; off does neither.
+  /// Starts or stops timing the stages. Starting discards earlier times and may wait for the
+  /// device.
   virtual void set_profiling(bool) {}
-  /// The stages' times since it was last set on, in pipeline order; may wait for the device. Empty where the backend does not time stages.
+  /// The times of the stages since timing was last started, in pipeline order. May wait for the
+  /// device. Empty where the backend does not time stages.
   virtual std::vector<StageTime> stage_times() { return {}; }
 
  protected:
-  /// The part of release_caches() that concerns what follows below.
+  /// The part of release_caches() for the members below.
   void release_pass();
   /// statistics += this step's visibility and image-plane gradients.
   virtual void gather(TrainingModel& model, const RenderPass& pass,
@@ -76,7 +87,7 @@ class Backend {
   Gaussians gradients_;
 };
 
-/// The scalar CPU backend: it defines what every other one must compute.
+/// The scalar CPU backend. It is the reference: every other backend must compute the same.
 std::unique_ptr<Backend> make_scalar_backend();
 
 }  // namespace gs

@@ -7,8 +7,8 @@
 
 namespace gs {
 
-/// As train.checkpoint_every says: every N steps; or, for 0, once a minute and at most 1 % of the time; or, for -1,
-/// never by itself. Tell it of each one that was written.
+/// Follows train.checkpoint_every. N: every N steps. 0: once a minute, or less often where writing
+/// would take more than 1 % of the time. -1: never. Call note_written() after each checkpoint.
 class CheckpointTimer {
  public:
   using Clock = std::chrono::steady_clock;
@@ -24,8 +24,8 @@ class CheckpointTimer {
   }
 
  private:
-  static constexpr std::chrono::seconds kInterval{60};  // as much work may be lost
-  static constexpr int kOneIn = 100;                    // of the time at most
+  static constexpr std::chrono::seconds kInterval{60};  // so much work may be lost
+  static constexpr int kOneIn = 100;                    // at most 1 / 100 of the time is spent on checkpoints
 
   int every_;
   Clock::time_point next_ = Clock::now() + kInterval;

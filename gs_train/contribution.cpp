@@ -14,7 +14,7 @@ ContributionMeter::ContributionMeter(Renderer& renderer, const GaussiansSpan& ga
       dL_dmean2d_(gaussians.mean.size, renderer.memory()),
       gradients_(gaussians.mean.size, renderer.memory()), pass_(renderer.memory()),
       shares_(gaussians.mean.size) {
-  sh0_.fill_zero();  // gray: no channel is clamped
+  sh0_.fill_zero();  // gray, so that no channel is clamped
   gaussians_.sh0 = sh0_.span();
   settings_.sh_degree = 0;
   settings_.background = Vec3f(0);

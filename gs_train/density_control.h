@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Density control: where Gaussians are added, moved and removed while training. docs/extending.md shows how to add a
-// strategy.
+// Density control: where Gaussians are added, moved and removed while training. docs/extending.md
+// shows how to add a strategy.
 #pragma once
 
 #include <algorithm>
@@ -14,24 +14,25 @@
 
 namespace gs {
 
-/// A strategy of density control. What it draws depends on seed and step alone, and what it remembers lies in the
-/// TrainingModel, so that a resumed run goes on as if it had never stopped.
+/// A strategy of density control. Its random draws depend on seed and step alone, and its memory is
+/// in the TrainingModel, so that a resumed run continues as if it had never stopped.
 class DensityControl {
  public:
-  /// `config_cap`: no growth beyond so many Gaussians; 0: no cap.
+  /// `config_cap`: the number of Gaussians at which growth ends; 0: no cap.
   explicit DensityControl(std::int64_t config_cap) : config_cap_(config_cap) {}
   virtual ~DensityControl() = default;
-  /// What it asks of step `step`.
+  /// What it adds to step `step`.
   virtual DensityStep of_step(int step) const = 0;
-  /// Adds, moves and removes Gaussians after step `step`, in the steps in which there is something to do.
+  /// Adds, moves and removes Gaussians after step `step`. It is called after every step and acts in
+  /// some of them.
   virtual RefineReport after_step(TrainingModel& model, Backend& backend, int step) = 0;
 
-  /// From now on no growth beyond so many, nor beyond the config's cap; 0: as the config says.
+  /// Lowers the cap to `most` Gaussians from now on; 0: the cap is that of the config.
   void set_growth_cap(std::int64_t most) { growth_cap_ = most; }
   std::int64_t growth_cap() const { return growth_cap_; }
 
  protected:
-  /// Which number no growth may pass; 0: none.
+  /// The lower one of both caps; 0: none.
   std::int64_t most_gaussians() const {
     return config_cap_ > 0 && growth_cap_ > 0 ? std::min(config_cap_, growth_cap_)
                                               : std::max(config_cap_, growth_cap_);
@@ -41,11 +42,12 @@ class DensityControl {
   std::int64_t config_cap_, growth_cap_ = 0;  // Gaussians; 0: none
 };
 
-/// The strategy that config.density.strategy names; config.density.max_gaussians is a number. Throws UsageError.
+/// The strategy that config.density.strategy names. config.density.max_gaussians is not kAutoCount
+/// any more. Throws UsageError.
 std::unique_ptr<DensityControl> make_density_control(const Config& config, const Schedule& schedule,
                                                      float scene_extent);
 
-/// Their names.
+/// The names of all strategies.
 std::vector<std::string> density_strategies();
 
 /// The strategies, one file each.

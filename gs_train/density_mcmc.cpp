@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The strategy "mcmc": Gaussians as samples. Noise lets faint ones wander, regularizers fade those that nobody needs,
-// dead ones are moved onto live ones, and their number grows by a share up to the cap.   Kheradmand et al. 2024
+// The strategy "mcmc" treats Gaussians as samples. Noise moves faint ones around, regularizers fade
+// the superfluous ones, dead ones are moved onto live ones, and the number grows by a share up to
+// the cap.   Kheradmand et al. 2024
 #include <algorithm>
 #include <cmath>
 
@@ -17,7 +18,7 @@ class McmcControl final : public DensityControl {
         seed_(config.train.seed) {
     if (density_.max_gaussians <= 0)
       throw UsageError(
-          "density.strategy = \"mcmc\" grows up to a cap and has none: give it with "
+          "density.strategy = \"mcmc\" needs a cap on the number of Gaussians; give it with "
           "--max-gaussians N or --max-gaussians auto");
   }
 

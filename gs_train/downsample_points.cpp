@@ -10,7 +10,7 @@ namespace gs {
 namespace {
 
 struct Cell {
-  std::uint64_t code;  // along the Morton curve: its leading 3 n bits are the cube of level n
+  std::uint64_t code;  // Morton code; its leading 3 n bits number the cube of level n
   std::uint32_t point;
 };
 
@@ -49,7 +49,7 @@ std::vector<std::uint32_t> first_points(const std::vector<Cell>& cells, int leve
 
 }  // namespace
 
-std::vector<ScenePoint> thinned(const std::vector<ScenePoint>& points, std::size_t budget) {
+std::vector<ScenePoint> downsampled(const std::vector<ScenePoint>& points, std::size_t budget) {
   if (points.size() <= budget) return points;
   const std::vector<Cell> cells = cells_of(points);
   std::vector<std::uint32_t> kept;

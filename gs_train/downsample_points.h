@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Dense point clouds, thinned to what training can start from.
+// Downsampling of point clouds that are too dense to start training from.
 #pragma once
 
 #include <vector>
@@ -8,9 +8,13 @@
 
 namespace gs {
 
-/// One point of each occupied cell of the finest grid of halved cubes that leaves at most `budget` points: the one that
-/// comes first. The points keep their order; all of them stay where they are no more than `budget`, and non-finite
-/// ones, which have no cell, go first.
-std::vector<ScenePoint> thinned(const std::vector<ScenePoint>& points, std::size_t budget);
+/// At most `budget` of the points, in their order; all of them where they are no more than that.
+/// Otherwise the points' bounding cube is halved along each axis, again and again, and the first
+/// point of each occupied cell stays, of the finest grid that leaves at most `budget` points.
+/// Non-finite points have no cell and are dropped.
+///
+/// For example, 5,000 points on a plane and a budget of 1,000 leave between 250 and 1,000 points,
+/// evenly spaced.
+std::vector<ScenePoint> downsampled(const std::vector<ScenePoint>& points, std::size_t budget);
 
 }  // namespace gs

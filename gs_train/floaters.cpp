@@ -13,10 +13,10 @@
 namespace gs {
 namespace {
 
-constexpr std::size_t kFewestPoints = 100;   // that say where the scene begins
-constexpr std::size_t kWrongPoints = 100;    // one in so many
-constexpr float kSeenShare = 1;              // pixels
-constexpr float kHiddenLogit = -30;          // of an opacity of 1e-13
+constexpr std::size_t kFewestPoints = 100;   // in a picture; from fewer, no distance is estimated
+constexpr std::size_t kWrongPoints = 100;    // the nearest 1 / 100 of the points may be wrong
+constexpr float kSeenShare = 1;              // pixels; a view with at least this contribution is a witness
+constexpr float kHiddenLogit = -30;          // logit of an opacity of 1e-13
 
 float squared_distance(const Vec3f& a, const Vec3f& b) {
   const Vec3f d = a - b;
@@ -30,7 +30,7 @@ bool is_in_picture(const Camera& camera, const Vec3f& point) {
   return at.x >= 0 && at.y >= 0 && at.x < float(camera.width) && at.y < float(camera.height);
 }
 
-float nearest_thing(const Camera& camera, const std::vector<ScenePoint>& points) {
+float nearest_points(const Camera& camera, const std::vector<ScenePoint>& points) {
   const Vec3f center = camera.position();
   std::vector<float> distances;
   for (const ScenePoint& point : points)
@@ -48,7 +48,7 @@ std::vector<float> clear_distances(const std::vector<View>& views,
                                    const std::vector<ScenePoint>& points, float clearance) {
   std::vector<float> distances(views.size());
   parallel_for(views.size(), 1, [&](std::size_t v) {
-    distances[v] = clearance * nearest_thing(views[v].camera, points);
+    distances[v] = clearance * nearest_points(views[v].camera, points);
   });
   return distances;
 }
@@ -114,7 +114,7 @@ HiddenFloaters::HiddenFloaters(TrainingModel& model, const ClearSpace& space) : 
 HiddenFloaters::~HiddenFloaters() {
   try {
     if (!opacities_.empty()) set(opacities_);
-  } catch (const Error& error) {  // a device that does not take them takes nothing else either, and says so to others
+  } catch (const Error& error) {  // the device is broken; the next call to it throws
     log_warning("{}", error.what());
   }
 }

@@ -3,23 +3,24 @@
 
 #include <algorithm>
 
+#include "gs_core/bytes.h"
 #include "gs_core/log.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {
 namespace {
 
-constexpr double kShareOfFree = 0.85;        // the rest is for what others take meanwhile, and for fragments
-constexpr double kBytesOfGaussian = 2048;    // some 1,700 in a run (gemsplat doctor), and room to grow into
+constexpr double kShareOfFree = 0.85;        // the rest is for other programs and for fragmentation
+constexpr double kBytesOfGaussian = 2048;    // some 1,700 in a run (gemsplat doctor), and a reserve
 constexpr double kBytesOfPixel = 256;
 constexpr double kBytesOfPresent = 3 * 236;  // parameters and moments, which are no longer free
 
 }  // namespace
 
 std::int64_t gaussians_for(std::size_t free_bytes, std::size_t pixels, std::size_t present) {
-  const double room = kShareOfFree * double(free_bytes) - kBytesOfPixel * double(pixels) +
-                      kBytesOfPresent * double(present);
-  return std::int64_t(std::clamp(room / kBytesOfGaussian, std::max(double(present), 1.0),
+  const double usable = kShareOfFree * double(free_bytes) - kBytesOfPixel * double(pixels) +
+                        kBytesOfPresent * double(present);
+  return std::int64_t(std::clamp(usable / kBytesOfGaussian, std::max(double(present), 1.0),
                                  double(kMostGaussians - 1)));
 }
 
@@ -31,7 +32,7 @@ std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model
   const std::size_t free = memory.free_bytes();
   const std::int64_t count = gaussians_for(free, pixels, model.count());
   log_info("there is memory for {:.2f} million Gaussians at most ({:.1f} GiB are free)",
-           1e-6 * double(count), double(free) / (1024.0 * 1024.0 * 1024.0));
+           1e-6 * double(count), double(free) / kBytesPerGib);
   return count;
 }
 

@@ -22,7 +22,7 @@ bool sees(const Camera& camera, const Vec3f& point, float near_plane) {
          pixel.y < float(camera.height);
 }
 
-// Uniform in a box around the training cameras, kept where some training camera sees them.
+// Uniform in a box around the training cameras; only points that some training camera sees.
 std::vector<ScenePoint> random_points(const Scene& scene, const Config& config) {
   const Random random{config.train.seed, RandomStream::initialize};
   Vec3f center(0.0f);
@@ -43,19 +43,39 @@ std::vector<ScenePoint> random_points(const Scene& scene, const Config& config) 
   return points;
 }
 
-}  // namespace
+struct Limit {
+  std::int64_t count;
+  const char* setting;
+};
 
-TrainingModel initial_model(const Scene& scene, const Config& config, Memory& memory) {
+// How many points may become Gaussians.
+Limit most_points(const Scene& scene, const Config& config) {
+  Limit limit{config.model.most_points, "model.most_points"};
+  if (scene.points.empty()) limit = {config.model.random_points, "model.random_points"};
+  const std::int64_t cap = config.density.max_gaussians;
+  if (cap > 0 && cap < limit.count) limit = {cap, "density.max_gaussians"};
+  return limit;
+}
+
+std::vector<ScenePoint> starting_points(const Scene& scene, const Config& config) {
   const std::vector<ScenePoint> points =
-      scene.points.empty() ? random_points(scene, config)
-                           : thinned(scene.points, std::size_t(config.model.most_points));
-  if (!scene.points.empty() && points.size() < scene.points.size())
-    log_info("of {} points, {} are taken to start from (model.most_points)", scene.points.size(),
-             points.size());
+      scene.points.empty() ? random_points(scene, config) : scene.points;
   if (points.empty())
     throw Error("there is nothing to start from in " + scene.source +
                 ": the model has no points and no training camera sees a random one; check the "
                 "reconstruction");
+  const Limit limit = most_points(scene, config);
+  std::vector<ScenePoint> kept = downsampled(points, std::size_t(limit.count));
+  if (kept.size() < points.size())
+    log_info("training starts from {} of {} points ({} = {})", kept.size(), points.size(),
+             limit.setting, limit.count);
+  return kept;
+}
+
+}  // namespace
+
+TrainingModel initial_model(const Scene& scene, const Config& config, Memory& memory) {
+  const std::vector<ScenePoint> points = starting_points(scene, config);
   std::vector<Vec3f> means(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) means[i] = points[i].position;
   const KdTree tree({means.data(), means.size()});

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8, what the MCMC strategy adds to it: the regularizers' gradients before Adam, noise on the means after.
+// The MCMC strategy's additions to stage 8: gradients of the regularizers before Adam, noise on the
+// means after it.
 #include "gs_core/parallel.h"
 #include "gs_train/scalar_stages.h"
 

@@ -1,5 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The photometric loss' contract: L = (1 - lambda) mean|X - Y| + lambda (1 - SSIM(X, Y))   Kerbl et al. 2023, Eq. 7
+// The contract of a loss: how a rendered picture is compared with a photo.
+//
+// To add a loss, for example "charbonnier":
+//   1. The formula goes into gs_core/math. The class (derived from Loss) and the function that makes
+//      it go into a file of gs_train; scalar_stages.h declares the function.
+//   2. It becomes a row of kLosses in scalar_backend.cpp and a word of loss.kind in
+//      gs_core/config/config_fields.h.
+//   3. Weights of its own are members of LossSettings and LossConfig, copied by loss_settings().
+//   4. Its GPU twin is a row of kLosses in cuda/backend.cu. Without a twin, training on a GPU with
+//      this loss is refused when the run starts.
 #pragma once
 
 #include "gs_core/buffer.h"
@@ -8,12 +17,20 @@
 
 namespace gs {
 
+/// The weights of a loss, given with each call. One struct serves all losses; each reads its own
+/// members.
+struct LossSettings {
+  float lambda_dssim;  // l1_ssim: weight of 1 - SSIM; L1 has the rest
+};
+
+/// A backend has one at a time, the one that Backend::use_loss() named.
 class Loss {
  public:
   virtual ~Loss() = default;
-  /// Compares the pass's picture with the view's photo and writes dL/d(image), (3, H, W), into dL_dimage.
-  virtual void forward_backward(const RenderPass& pass, const View& view, float lambda_dssim,
-                                Buffer<float>& dL_dimage) = 0;
+  /// Compares the pass's picture with the view's photo and writes dL/d(image), (3, H, W), into
+  /// dL_dimage.
+  virtual void forward_backward(const RenderPass& pass, const View& view,
+                                const LossSettings& settings, Buffer<float>& dL_dimage) = 0;
   /// The loss of the last call. On a device this waits for it; the trainer asks only when it logs.
   virtual double value() = 0;
 };

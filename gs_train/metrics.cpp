@@ -12,7 +12,7 @@
 namespace gs {
 namespace {
 
-constexpr double kIdenticalPsnr = 100;  // dB, stated for pictures without any difference
+constexpr double kIdenticalPsnr = 100;  // dB; the value for identical pictures
 
 void check_sizes(const ImageF& render, const Image8& photo) {
   GS_CHECK(render.width == photo.width && render.height == photo.height && render.channels == 3 &&

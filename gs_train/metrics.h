@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// PSNR and SSIM against photos, as the papers compute them: on pictures clamped to [0, 1], mean over pixels
-// and channels, SSIM with the 11x11 Gaussian window of sigma 1.5 and zero padding.
+// PSNR and SSIM against photos as the papers compute them: on pictures clamped to [0, 1], as a mean
+// over pixels and channels; SSIM with the 11x11 Gaussian window of sigma 1.5 and zero padding.
 #pragma once
 
 #include <functional>
@@ -13,22 +13,26 @@
 
 namespace gs {
 
-/// Peak signal-to-noise ratio in dB; `render` in [0, 1], same size. Identical pictures: 100 dB.
+/// Peak signal-to-noise ratio in dB of pictures of the same size, `render` in [0, 1]. Identical
+/// pictures have 100 dB.
 double psnr(const ImageF& render, const Image8& photo);
 
 /// Mean structural similarity (Wang et al. 2004).
 double ssim(const ImageF& render, const Image8& photo);
 
-/// The same of a view with a mask or an exposure: of pictures on this background. Its exposure is given to the render
-/// first, which is clamped after it. Where the mask says what trains, nothing else counts:
+/// The same for a view with a mask or an exposure, in front of this background. The render is
+/// multiplied by the view's exposure and clamped again. A mask of pixels that train removes all
+/// others from the metrics:
 ///   psnr  the mean of the squared error is weighted by the mask
-///   ssim  the mean is that over pixels with a mask above 0, of both pictures multiplied by the mask, as in the loss
-/// Where it says what the photo covers, the photo is put over the background, and every pixel counts. The view has a pixel
-/// that trains.
+///   ssim  both pictures are multiplied by the mask, as in the loss; the mean is over pixels with
+///         a mask above 0
+/// A mask of what the photo covers composes the photo over the background, and every pixel counts.
+/// At least one pixel of the view trains.
 double psnr(const ImageF& render, const View& view, const Vec3f& background);
 double ssim(const ImageF& render, const View& view, const Vec3f& background);
 
-/// The photo to show beside renders: over the background, where its mask says what it covers.
+/// The photo to show beside renders. With a mask of what it covers, it is composed over the
+/// background.
 Image8 shown_photo(const View& view, const Vec3f& background);
 
 struct ViewMetrics {
@@ -37,17 +41,17 @@ struct ViewMetrics {
   double psnr_exposure = psnr, ssim_exposure = ssim;  // of the picture under the view's exposure
 };
 
-/// Means over views, and each view's own figures.
+/// Means over views, and the metrics of each view.
 struct Evaluation {
   double psnr = 0, ssim = 0;  // 0 when there are no views
   double psnr_exposure = 0, ssim_exposure = 0;  // of pictures under their views' exposures
-  bool has_exposures = false;                   // some view's exposure is not 1
+  bool has_exposures = false;                   // true where the exposure of any view is not 1
   std::vector<ViewMetrics> views;
 };
 
-/// Renders each view and compares it with its photo: as it is, and under the view's exposure. Views that are masked
-/// everywhere count nowhere. `on_view` (may be empty) sees each picture, without exposure, and the view with its photo,
-/// in order.
+/// Renders each view and compares it with its photo, without and with the view's exposure. Views
+/// that are masked everywhere are not counted. `on_view` (may be empty) is called in order with
+/// each picture, without exposure, and its view with the photo loaded.
 Evaluation evaluate(
     Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
     const RenderSettings& settings,

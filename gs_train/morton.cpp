@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 10: rows along the Morton curve, so that neighbors in space are neighbors in memory.   Faster-GS
+// Stage 10: the order of rows along the Morton curve, so that neighbors in space are neighbors in
+// memory.   Faster-GS
 #include "gs_core/math/morton.h"
 
 #include <numeric>

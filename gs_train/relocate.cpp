@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9 under the MCMC strategy: dead rows become copies of live ones, and copies are added up to a count. A live
-// row is drawn with a probability proportional to its opacity, and it and its copies share what it was.
+// Stage 9 of the MCMC strategy: dead rows become copies of live ones, and copies are added up to a
+// count. A live row is drawn with a probability proportional to its opacity. It and its copies
+// together look like the row before.
 #include <algorithm>
 
 #include "gs_core/math/mcmc.h"
@@ -10,12 +11,15 @@
 namespace gs {
 namespace {
 
-template <class Rows>
-void clear_row(Rows& moments, std::size_t i) {
-  for_each_array([&](const char*, auto& array) { array[i] = {}; }, moments);
+void clear_moments(TrainingModel& model, std::size_t i) {
+  for_each_row_array(
+      [i](const RowArray& which, auto& array) {
+        if (which.role == RowRole::moment) array[i] = {};
+      },
+      model);
 }
 
-/// Sums of the weights up to and with each row.
+/// Prefix sums of the rows' weights, each row's own included.
 std::vector<std::uint64_t> weight_sums(const TrainingModel& model, float dead_opacity) {
   const GaussiansSpan rows = model.gaussians.span();
   std::vector<std::uint64_t> sums(model.count());
@@ -34,7 +38,7 @@ std::vector<std::uint32_t> dead_rows(const std::vector<std::uint64_t>& sums) {
   return dead;
 }
 
-/// The row that each of `count` copies is made of.
+/// Draws the source row of each of `count` copies.
 std::vector<std::uint32_t> draw(const std::vector<std::uint64_t>& sums, std::size_t count,
                                 const Random& random, int step) {
   std::vector<std::uint32_t> source(count);
@@ -45,7 +49,8 @@ std::vector<std::uint32_t> draw(const std::vector<std::uint64_t>& sums, std::siz
   return source;
 }
 
-/// Each row that was drawn becomes one of its copies; all of them start with zero moments.
+/// Gives each row that was drawn the opacity and scale that it shares with its copies, and zero
+/// moments.
 void share_sources(TrainingModel& model, const std::vector<std::uint32_t>& source,
                    float least_opacity) {
   std::vector<int> drawn(model.count());
@@ -57,8 +62,7 @@ void share_sources(TrainingModel& model, const std::vector<std::uint32_t>& sourc
         shared_gaussian(rows.logit_opacity[i], rows.log_scale[i], drawn[i] + 1, least_opacity);
     rows.logit_opacity[i] = shared.logit_opacity;
     rows.log_scale[i] = shared.log_scale;
-    clear_row(model.first_moment, i);
-    clear_row(model.second_moment, i);
+    clear_moments(model, i);
   });
 }
 
@@ -66,10 +70,12 @@ void share_sources(TrainingModel& model, const std::vector<std::uint32_t>& sourc
 template <class To>
 void copy_rows(TrainingModel& model, const std::vector<std::uint32_t>& source, const To& to) {
   parallel_for(source.size(), 1024, [&](std::size_t k) {
-    for_each_array([&](const char*, auto& array) { array[to(k)] = array[source[k]]; },
-                   model.gaussians);
-    clear_row(model.first_moment, to(k));
-    clear_row(model.second_moment, to(k));
+    for_each_row_array(
+        [&](const RowArray& which, auto& array) {
+          if (which.role == RowRole::parameter) array[to(k)] = array[source[k]];
+        },
+        model);
+    clear_moments(model, to(k));
   });
 }
 
@@ -104,8 +110,11 @@ RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::u
   RefineReport report;
   report.moved = move_dead_rows(model, rules, {seed, RandomStream::relocate}, step);
   report.cloned = add_copies(model, rules, {seed, RandomStream::grow}, step);
-  model.statistics.visits.fill_zero();
-  model.statistics.gradient_norm.fill_zero();
+  for_each_row_array(
+      [](const RowArray& which, auto& array) {
+        if (which.role == RowRole::statistic) array.fill_zero();
+      },
+      model);
   return report;
 }
 

@@ -13,8 +13,8 @@ namespace {
 
 enum class RowAction : std::uint8_t { keep, clone, split, prune };
 
-// Row i of an array becomes what row source[i] was. There is room in the array, and in the scratch for all its rows:
-// nothing can fail.
+// Row i of an array becomes what row source[i] was. The array and the scratch have the capacity for
+// all rows, so that nothing can fail.
 template <class T>
 void gather_array(Buffer<T>& array, Span<const std::uint32_t> source, Buffer<std::byte>& scratch) {
   T* const gathered = reinterpret_cast<T*>(scratch.data());
@@ -23,23 +23,12 @@ void gather_array(Buffer<T>& array, Span<const std::uint32_t> source, Buffer<std
   std::copy(gathered, gathered + source.size, array.begin());
 }
 
-// Calls f(array) for each array of a model that has a row per Gaussian.
-template <class F>
-void for_each_row_array(TrainingModel& model, F&& f) {
-  const auto visit = [&](const char*, auto& array) { f(array); };
-  for_each_array(visit, model.gaussians);
-  for_each_array(visit, model.first_moment);
-  for_each_array(visit, model.second_moment);
-  f(model.statistics.visits);
-  f(model.statistics.gradient_norm);
-}
-
 template <class T>
 void zero_rows_from(Buffer<T>& array, std::size_t first) {
   std::fill(array.begin() + first, array.end(), T{});
 }
 
-// Whether all numbers of a row are.
+// True where every number of the row is finite.
 template <class T>
 bool all_finite(const T& row) {
   const float* const numbers = reinterpret_cast<const float*>(&row);
@@ -51,7 +40,7 @@ bool row_is_pruned(const GaussiansSpan& rows, std::size_t i, const AdaptiveRules
   return is_pruned(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], rules);
 }
 
-// What the statistics and the rules ask of each row, pruning included.
+// What happens to each row by its statistics and the rules, pruning included.
 std::vector<RowAction> actions(const TrainingModel& model, const AdaptiveRules& rules) {
   const GaussiansSpan rows = model.gaussians.span();
   std::vector<RowAction> action(model.count());
@@ -69,7 +58,7 @@ std::vector<RowAction> actions(const TrainingModel& model, const AdaptiveRules& 
   return action;
 }
 
-// Where growth would pass the cap, only the rows with the largest mean gradients grow.
+// Where growth would exceed the cap, only the rows with the largest mean gradients grow.
 void limit_growth(std::vector<RowAction>& action, const TrainingModel& model,
                   const AdaptiveRules& rules) {
   if (rules.max_gaussians <= 0) return;
@@ -80,13 +69,13 @@ void limit_growth(std::vector<RowAction>& action, const TrainingModel& model,
     if (action[i] == RowAction::clone || action[i] == RowAction::split) growing.push_back(i);
     staying += action[i] != RowAction::prune;
   }
-  const std::int64_t room = std::max<std::int64_t>(rules.max_gaussians - staying, 0);
-  if (std::int64_t(growing.size()) <= room) return;
+  const std::int64_t allowed = std::max<std::int64_t>(rules.max_gaussians - staying, 0);
+  if (std::int64_t(growing.size()) <= allowed) return;
   std::stable_sort(growing.begin(), growing.end(), [&](std::uint32_t a, std::uint32_t b) {
     return statistics.gradient_norm[a] * std::max(statistics.visits[b], 1.0f) >
            statistics.gradient_norm[b] * std::max(statistics.visits[a], 1.0f);
   });
-  for (std::size_t k = std::size_t(room); k < growing.size(); ++k)
+  for (std::size_t k = std::size_t(allowed); k < growing.size(); ++k)
     action[growing[k]] = row_is_pruned(model.gaussians.span(), growing[k], rules) ? RowAction::prune
                                                                                   : RowAction::keep;
 }
@@ -116,10 +105,8 @@ class ScalarRowOps final : public RowOps {
     source.insert(source.end(), clones.begin(), clones.end());
     for (const std::uint32_t half : halves) source.push_back(parents[half / 2]);
     gather_rows(model, {source.data(), source.size()});  // from here on nothing can fail
-    start_afresh(model, survivors.size());
+    start_new_rows(model, survivors.size());
     move_halves(model.gaussians.span(), survivors.size() + clones.size(), halves, random, step);
-    model.statistics.visits.fill_zero();
-    model.statistics.gradient_norm.fill_zero();
     return report;
   }
 
@@ -163,17 +150,19 @@ class ScalarRowOps final : public RowOps {
   }
 
  private:
-  // Rows from `first` on are new: their moments start at zero.
-  static void start_afresh(TrainingModel& model, std::size_t first) {
-    for_each_array(
-        [&](const char*, auto& m, auto& v) {
-          zero_rows_from(m, first);
-          zero_rows_from(v, first);
+  // After a refinement: the moments of the rows from `first` on, which are new, and all statistics
+  // are zero.
+  static void start_new_rows(TrainingModel& model, std::size_t first) {
+    for_each_row_array(
+        [first](const RowArray& which, auto& array) {
+          if (which.role == RowRole::moment) zero_rows_from(array, first);
+          if (which.role == RowRole::statistic) array.fill_zero();
         },
-        model.first_moment, model.second_moment);
+        model);
   }
 
-  // Makes half `number` of all halves of a step of a row with its parent's values: at its own draw, and shrunk.
+  // Turns a row with its parent's values into half `number` of all halves of this step: moved by
+  // its own draw, and shrunk.
   static void make_half(Vec3f& mean, Vec3f& log_scale, const Quatf& rotation, std::uint32_t number,
                         const Random& random, int step) {
     const Vec4f normal = random.normal4(std::uint64_t(step), number);
@@ -181,7 +170,8 @@ class ScalarRowOps final : public RowOps {
     log_scale = split_log_scale(log_scale);
   }
 
-  // The numbers of those halves, two of each parent in turn, that are not pruned at once.
+  // The numbers of the halves that are not pruned at once. Halves 2 k and 2 k + 1 are those of
+  // parent k.
   static std::vector<std::uint32_t> kept_halves(const GaussiansSpan& rows,
                                                 const AdaptiveRules& rules, const Random& random,
                                                 int step,
@@ -199,7 +189,7 @@ class ScalarRowOps final : public RowOps {
     return kept;
   }
 
-  // Makes halves of the rows from `first` on, which are their parents' copies.
+  // Turns the rows from `first` on, which are copies of their parents, into halves.
   static void move_halves(const GaussiansSpan& rows, std::size_t first,
                           const std::vector<std::uint32_t>& halves, const Random& random,
                           int step) {
@@ -225,12 +215,15 @@ class ScalarRowOps final : public RowOps {
 
 void gather_rows(TrainingModel& model, Span<const std::uint32_t> source) {
   std::size_t widest = 0;  // bytes of a row
-  for_each_row_array(model, [&](auto& array) {
-    array.reserve(source.size);
-    widest = std::max(widest, sizeof(*array.data()));
-  });
+  for_each_row_array(
+      [&](const RowArray&, auto& array) {
+        array.reserve(source.size);
+        widest = std::max(widest, sizeof(*array.data()));
+      },
+      model);
   Buffer<std::byte> scratch(source.size * widest, host_memory());
-  for_each_row_array(model, [&](auto& array) { gather_array(array, source, scratch); });
+  for_each_row_array([&](const RowArray&, auto& array) { gather_array(array, source, scratch); },
+                     model);
 }
 
 std::unique_ptr<RowOps> make_scalar_row_ops() { return std::make_unique<ScalarRowOps>(); }

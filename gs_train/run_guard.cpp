@@ -10,7 +10,7 @@
 namespace gs {
 namespace {
 
-constexpr int kMostBreakdowns = 20;  // of a run; more are no accidents
+constexpr int kMostBreakdowns = 20;  // in a run; more are not accidents
 
 }  // namespace
 
@@ -34,16 +34,15 @@ std::string RunGuard::note_breakdown(int step, const std::string& what, bool bla
   if (!blames_view) last_collapse_ = step;
   if (++breakdowns_ > kMostBreakdowns || is_repeated)
     throw Error(event +
-                ", again: training cannot go on like this; try lower learning rates "
-                "(optimizer.*), a lower density.prune_opacity, or `gemsplat doctor` on the "
-                "scene");
+                ", again: training cannot go on; try lower learning rates (optimizer.*), a lower "
+                "density.prune_opacity, or `gemsplat doctor` on the scene");
   if (!blames_view || !was_watching) return event;
   const int strike = ++strikes_[view];
   if (std::all_of(strikes_.begin(), strikes_.end(), [](int n) { return n >= kMostStrikes; }))
-    throw Error(event + ": every view breaks the model; look at the scene with `gemsplat doctor`");
-  return event + fmt::format(", by the view {}, {}", view_name,
+    throw Error(event + ": every view breaks the model; check the scene with `gemsplat doctor`");
+  return event + fmt::format("; the view {} caused it {}", view_name,
                              strike < kMostStrikes ? "for the first time"
-                                                   : "again: it is skipped from now on");
+                                                   : "again and is skipped from now on");
 }
 
 }  // namespace gs

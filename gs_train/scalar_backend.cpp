@@ -1,10 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scalar CPU backend: the contracts in their plainest form.
+// The scalar CPU backend: the contracts in their simplest form.
 #include "gs_core/parallel.h"
+#include "gs_train/named_row.h"
 #include "gs_train/scalar_stages.h"
 
 namespace gs {
 namespace {
+
+struct LossRow {
+  const char* name;  // a word of loss.kind
+  std::unique_ptr<Loss> (*make)();
+};
+constexpr LossRow kLosses[] = {{"l1_ssim", make_l1_ssim_loss}};
 
 class ScalarBackend final : public Backend {
  public:
@@ -12,6 +19,9 @@ class ScalarBackend final : public Backend {
   std::string name() const override { return "cpu"; }
   Memory& memory() override { return host_memory(); }
   Renderer& renderer() override { return *renderer_; }
+  void use_loss(const std::string& kind) override {
+    loss_ = row_named(kLosses, kind, "loss.kind", " on " + name()).make();
+  }
   Loss& loss() override { return *loss_; }
   Optimizer& optimizer() override { return *optimizer_; }
   RowOps& rows() override { return *rows_; }
@@ -30,12 +40,14 @@ class ScalarBackend final : public Backend {
 
  private:
   std::unique_ptr<Renderer> renderer_ = make_scalar_renderer();
-  std::unique_ptr<Loss> loss_ = make_scalar_loss();
+  std::unique_ptr<Loss> loss_ = kLosses[0].make();
   std::unique_ptr<Optimizer> optimizer_ = make_scalar_optimizer();
   std::unique_ptr<RowOps> rows_ = make_scalar_row_ops();
 };
 
 }  // namespace
+
+std::vector<std::string> scalar_losses() { return names_of(kLosses); }
 
 std::unique_ptr<Backend> make_scalar_backend() { return std::make_unique<ScalarBackend>(); }
 

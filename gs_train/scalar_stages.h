@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scalar training stages, one file each, as the scalar backend puts them together.
+// The scalar training stages, one file each. The scalar backend combines them.
 #pragma once
 
 #include <memory>
@@ -8,9 +8,12 @@
 
 namespace gs {
 
-std::unique_ptr<Loss> make_scalar_loss();            // 5  ssim.cpp
+std::unique_ptr<Loss> make_l1_ssim_loss();           // 5  ssim.cpp
 std::unique_ptr<Optimizer> make_scalar_optimizer();  // 8  adam.cpp
 std::unique_ptr<RowOps> make_scalar_row_ops();       // 9  rows.cpp, 10 morton.cpp
+
+/// The losses of the scalar backend: the words of loss.kind.
+std::vector<std::string> scalar_losses();
 
 /// langevin.cpp, behind Optimizer: what the MCMC strategy adds to stage 8.
 void add_regularizer_gradients(const GaussiansSpan& gaussians, const Regularizers& regularizers,
@@ -22,11 +25,12 @@ void add_position_noise(const GaussiansSpan& gaussians, const PositionNoise& noi
 RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
                       int step);
 
-/// Rows of `model` in a new order, or some of them: row i becomes what row source[i] was; parameters, moments
-/// and statistics alike.
+/// Puts rows of `model` into a new order, or keeps some of them: row i becomes what row source[i]
+/// was, in every array.
 void gather_rows(TrainingModel& model, Span<const std::uint32_t> source);
 
-/// Row numbers along the Morton curve of the means, in their bounding cube; equal codes by row number.
+/// Row numbers along the Morton curve of the means in their bounding cube. Rows of equal codes keep
+/// their order.
 Buffer<std::uint32_t> morton_order(Span<const Vec3f> means);
 
 }  // namespace gs

@@ -7,10 +7,10 @@
 namespace gs {
 namespace {
 
-constexpr double kStandardSteps = 30000;  // the run that the config's steps speak of
-constexpr int kMinRefineFrom = 300;       // steps; before, the statistics say little: docs/schedule.md
+constexpr double kStandardSteps = 30000;  // length of the run that the steps in the config refer to
+constexpr int kMinRefineFrom = 300;       // steps; earlier statistics are unreliable: docs/schedule.md
 constexpr int kMinRefineInterval = 100;   // steps; shorter ones see each view too rarely: docs/schedule.md
-constexpr int kMinResetInterval = 1000;   // steps; a reset needs that long to heal
+constexpr int kMinResetInterval = 1000;   // steps; opacities need as many to recover from a reset
 constexpr int kExtraResetStep = 500;      // on a white background; Kerbl et al. 2023, code
 
 }  // namespace
@@ -27,8 +27,8 @@ Schedule::Schedule(const Config& config, float scene_extent)
   reset_every_ = std::max(scaled(density.reset_opacity_every),
                           std::min(density.reset_opacity_every, kMinResetInterval));
   reset_until_ = scaled(density.reset_opacity_until);
-  extra_reset_ = config.render.background == "white" ? scaled(kExtraResetStep) : 0;
-  if (extra_reset_ < kExtraResetStep / 2) extra_reset_ = 0;  // too short a run to heal from it
+  extra_reset_ = config.render.background == Background::white ? scaled(kExtraResetStep) : 0;
+  if (extra_reset_ < kExtraResetStep / 2) extra_reset_ = 0;  // the run is too short to recover from it
   sh_every_ = scaled(config.train.sh_degree_every);
   morton_every_ = scaled(config.train.morton_every);
   morton_until_ = scaled(config.train.morton_until);

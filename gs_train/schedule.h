@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which step does what: the standard 30,000-step schedule, and how it shrinks or grows with a run.
+// What happens in which step: the standard 30,000-step schedule, scaled to the length of a run.
 #pragma once
 
 #include "gs_core/config/config.h"
@@ -7,10 +7,11 @@
 
 namespace gs {
 
-/// The schedule of one run, resolved from the config. Steps count from 1 to steps(), train.extra_steps of them after
-/// the schedule's own last, at its final rates.
+/// The schedule of one run, computed from the config. Steps count from 1 to steps(). The last
+/// train.extra_steps of them come after the schedule proper, at its final learning rates.
 ///
-/// The config speaks of a run of 30,000 steps. A run of S steps scales every point in time by S / 30,000;
+/// The steps in the config are those of a run of 30,000 steps. A run of S steps multiplies each by
+/// S / 30,000. For example, a Morton order every 5,000 steps comes every 1,167 in a run of 7,000.
 /// docs/schedule.md has the rule for intervals and a table of common lengths.
 class Schedule {
  public:

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 5: the photometric loss and its gradient by the picture.
+// Stage 5: the loss "l1_ssim" and its gradient by the picture.
 //
 //   L = (1 - lambda) mean|X - Y| + lambda (1 - mean SSIM(X, Y))   over 3 H W values; Kerbl et al. 2023, Eq. 7
 //
 // With the moments m = G * (x, y, xx, yy, xy), G the window, and h = dL/dSSIM at each pixel:
 //   dL/dX = G * d_x + 2 X (G * d_xx) + Y (G * d_xy),  (d_x, d_xx, d_xy) = ssim_index_vjp(m, h)
 //
-// Of a view with a mask or an exposure, X and Y are what photo_weight.h makes of the two pictures.
+// Where a view has a mask or an exposure, X and Y are the two pictures after photo_weight.h.
 #include "gs_core/math/ssim.h"
 
 #include "gs_core/error.h"
+#include "gs_core/image.h"
 #include "gs_core/math/photo_weight.h"
 #include "gs_core/parallel.h"
 #include "gs_render/stage_clock.h"
@@ -21,9 +22,9 @@ namespace {
 
 constexpr std::size_t kRowsAtATime = 8;
 
-class ScalarLoss final : public Loss {
+class L1SsimLoss final : public Loss {
  public:
-  void forward_backward(const RenderPass& pass, const View& view, float lambda_dssim,
+  void forward_backward(const RenderPass& pass, const View& view, const LossSettings& settings,
                         Buffer<float>& dL_dimage) override {
     const HostStage stage("loss");
     GS_CHECK(view.photo.width == pass.width && view.photo.height == pass.height);
@@ -33,8 +34,8 @@ class ScalarLoss final : public Loss {
     read_photo(view.photo);
     if (view.is_weighted()) X = weighted(X, view, pass.background);
     windowed_moments(X);
-    similarity(lambda_dssim);
-    image_gradient(X, lambda_dssim, dL_dimage);
+    similarity(settings.lambda_dssim);
+    image_gradient(X, settings.lambda_dssim, dL_dimage);
     if (view.is_weighted()) pull_back_weights(dL_dimage);
   }
   double value() override { return value_; }
@@ -45,11 +46,12 @@ class ScalarLoss final : public Loss {
     photo_.resize_discard(values_);
     const std::size_t plane = values_ / 3;
     parallel_for(plane, 4096, [&](std::size_t i) {
-      for (int c = 0; c < 3; ++c) photo_[c * plane + i] = photo.pixels[3 * i + c] * (1.0f / 255.0f);
+      for (int c = 0; c < 3; ++c) photo_[c * plane + i] = photo.pixels[3 * i + c] * kPerByte;
     });
   }
 
-  // Replaces X and the photo by X' and what that is compared with; leaves dX'/dX in gains_.
+  // Returns the weighted picture X' and replaces the photo by what X' is compared with. Leaves
+  // dX'/dX in gains_.
   const float* weighted(const float* X, const View& view, const Vec3f& background) {
     const std::size_t plane = values_ / 3;
     GS_CHECK(view.mask.empty() || view.mask.pixels.size() == plane);
@@ -57,7 +59,7 @@ class ScalarLoss final : public Loss {
     gains_.resize_discard(values_);
     const float white = view.white();
     parallel_for(plane, 4096, [&](std::size_t i) {
-      const float m = view.mask.empty() ? 1.0f : view.mask.pixels[i] * (1.0f / 255.0f);
+      const float m = view.mask.empty() ? 1.0f : view.mask.pixels[i] * kPerByte;
       for (int c = 0; c < 3; ++c) {
         const std::size_t value = c * plane + i;
         const PhotoWeight<float> weight =
@@ -149,6 +151,6 @@ class ScalarLoss final : public Loss {
 
 }  // namespace
 
-std::unique_ptr<Loss> make_scalar_loss() { return std::make_unique<ScalarLoss>(); }
+std::unique_ptr<Loss> make_l1_ssim_loss() { return std::make_unique<L1SsimLoss>(); }
 
 }  // namespace gs

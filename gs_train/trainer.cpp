@@ -3,24 +3,16 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include <chrono>
-#include <cmath>
+#include <algorithm>
 
+#include "gs_core/bytes.h"
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
-#include "gs_train/floaters.h"
 #include "gs_train/gaussian_budget.h"
 #include "gs_train/initialize.h"
 
 namespace gs {
 namespace {
-
-constexpr double kGib = 1024.0 * 1024.0 * 1024.0;  // bytes
-
-double seconds_now() {
-  using Clock = std::chrono::steady_clock;
-  return std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
-}
 
 const Scene& with_views(const Scene& scene) {
   if (scene.train_views.empty())
@@ -29,11 +21,17 @@ const Scene& with_views(const Scene& scene) {
   return scene;
 }
 
-// What the run found out that there is memory for stays, whatever is free now.
+// The cap that the run found at its start stays, however much memory is free now.
 Config with_known_cap(Config config, const RunProgress& progress) {
   if (config.density.max_gaussians == kAutoCount && progress.growth_cap > 0)
     config.density.max_gaussians = progress.growth_cap;
   return config;
+}
+
+Vec3f random_background(const Config& config, int step) {
+  const Random random{config.train.seed, RandomStream::background};
+  const Vec4f u = random.uniform4(std::uint64_t(step));
+  return {u.x, u.y, u.z};
 }
 
 std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians) {
@@ -45,44 +43,19 @@ std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians) {
 
 }  // namespace
 
-RenderSettings render_settings(const Config& config) {
-  RenderSettings settings;
-  settings.sh_degree = config.model.sh_degree;
-  settings.truncation = config.render.truncation == "sigma2"   ? Truncation::sigma2
-                        : config.render.truncation == "sigma3" ? Truncation::sigma3
-                        : config.render.truncation == "sigma4" ? Truncation::sigma4
-                                                               : Truncation::alpha;
-  settings.bounds = config.render.bounds == "box"      ? TileBounds::box
-                    : config.render.bounds == "square" ? TileBounds::square
-                                                       : TileBounds::exact;
-  settings.use_tensor_cores = config.render.blend == "gemm";
-  settings.half_precision = config.render.precision == "half";
-  settings.deterministic = config.train.deterministic;
-  settings.blend_rule =
-      config.render.blend_rule == "classic" ? BlendRule::classic : BlendRule::faster_gs;
-  settings.antialias = config.render.antialias;
-  settings.antialias_detach = config.render.antialias_detach;
-  settings.absolute_gradient = config.density.absolute_gradient;
-  settings.near_plane = config.render.near_plane;
-  settings.far_plane = config.render.far_plane;
-  if (config.render.background == "white") settings.background = Vec3f(1.0f);
-  return settings;
-}
-
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingModel model)
-    : scene_(with_views(scene)), config_(config), backend_(backend),
-      schedule_(config, scene.extent), settings_(render_settings(config)),
-      views_(scene.train_views.size(), config.train.seed), views_ahead_(views_),
-      model_(std::move(model)), checkpoint_timer_(config.train.checkpoint_every),
-      guard_(scene.train_views.size()) {
-  settings_.sh_degree = 0;  // raised by the schedule
-  backend_.upload_views(scene.train_views, std::size_t(double(config.train.photo_gib) * kGib));
-  const bool is_found_out = config_.density.max_gaussians == kAutoCount;
-  if (is_found_out)
-    config_.density.max_gaussians = affordable_gaussians(scene, model_, backend_.memory());
-  density_ = make_density_control(config_, schedule_, scene.extent);
-  if (is_found_out)  // once and for all: checkpoints keep it
-    density_->set_growth_cap(config_.density.max_gaussians);
+    : run_{with_views(scene),       config,           backend, Schedule(config, scene.extent),
+           render_settings(config), std::move(model), nullptr},
+      recovery_(run_), views_(scene.train_views.size(), config.train.seed), views_ahead_(views_) {
+  backend.use_loss(config.loss.kind);
+  backend.upload_views(scene.train_views,
+                       std::size_t(double(config.train.photo_gib) * kBytesPerGib));
+  run_.settings.sh_degree = 0;  // raised by the schedule
+  std::int64_t& cap = run_.config.density.max_gaussians;
+  const bool is_auto = cap == kAutoCount;
+  if (is_auto) cap = affordable_gaussians(scene, run_.model, backend.memory());
+  run_.density = make_density_control(run_.config, run_.schedule, scene.extent);
+  if (is_auto) run_.density->set_growth_cap(cap);  // so that checkpoints keep it
 }
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
@@ -91,150 +64,127 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingState from)
     : Trainer(scene, with_known_cap(config, from.progress), backend,
               TrainingModel(backend.memory())) {
-  if (from.progress.strikes.size() != scene.train_views.size())
-    throw Error(scene.source +
-                " has another number of training views than the run had; train on "
-                "the scene of the run");
-  guard_.restore(from.progress.strikes);
-  restore(std::move(from));
-  first_step_ = step_ + 1;
+  recovery_.resume(std::move(from));
 }
 
-template <class F>
-auto Trainer::timed(F&& f) {
-  const double begin = seconds_now();
-  auto result = f();
-  train_seconds_ += seconds_now() - begin;
-  return result;
+// ---- the loop -------------------------------------------------------------------------------------------
+
+void Trainer::run() {
+  start();
+  for (bool is_stopped = false; !run_.is_over() && !is_stopped;) {
+    advance(run_.step + 1);
+    is_stopped = stop_requested_;
+    // Log, evaluate, save: never inside a step
+    if (recovery_.is_sound() && !run_.is_over())
+      notify([&](Observer& observer) { observer.after_step(run_.step, *this); });
+    if (recovery_.checkpoint_or_roll_back(is_stopped)) {
+      start();
+      for (Observer* observer : observers_) observer->after_rollback(run_.step, *this);
+    }
+  }
+  finish();
+  if (run_.is_over()) notify([&](Observer& observer) { observer.after_step(run_.step, *this); });
+  notify([&](Observer& observer) { observer.after_run(*this); });
+}
+
+void Trainer::advance(int step) {
+  const TrainingTime time(run_);
+  // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec.
+  // "Optimization"
+  recovery_.guarded(fmt::format("step {}", step), [&] { take_step(step); });
+  run_.step = step;
+  prefetch_decode(step + int(kPhotosAhead), step + int(kPhotosAhead));
+  recovery_.check_watched_step();
+  // Clone, split, prune, reset: 3DGS Sec. 5.2; or relocate and grow: MCMC
+  if (recovery_.is_sound()) control_density(step);
+  // Unlock SH bands; keep neighbors adjacent in memory
+  if (recovery_.is_sound()) maintain(step);
+}
+
+void Trainer::take_step(int step) {
+  const View& view = view_of(views_, step);
+  if (run_.config.render.background == Background::random)
+    run_.settings.background = random_background(run_.config, step);
+  run_.backend.prefetch_next(view_of(views_, step + 1));
+  run_.backend.step(run_.model, view, run_.settings, loss_settings(run_.config),
+                    run_.schedule.learning_rates(step), run_.density->of_step(step));
+}
+
+void Trainer::control_density(int step) {
+  const bool refines = run_.schedule.refine(step);
+  if (refines) recovery_.check_parameters();
+  if (!recovery_.is_sound()) return;
+  recovery_.guarded_or_skipped("density control",
+                               [&] { run_.density->after_step(run_.model, run_.backend, step); });
+  if (refines) recovery_.check_is_not_empty();
+}
+
+void Trainer::maintain(int step) {
+  if (run_.schedule.raise_sh_degree(step) && run_.settings.sh_degree < run_.config.model.sh_degree)
+    ++run_.settings.sh_degree;
+  if (run_.schedule.reorder(step)) sort_by_morton();
+}
+
+// ---- before and after it --------------------------------------------------------------------------------
+
+void Trainer::start() {
+  prefetch_decode(run_.step + 1, run_.step + int(kPhotosAhead));
+  if (run_.step == 0) sort_by_morton();
+}
+
+void Trainer::finish() {
+  const TrainingTime time(run_);
+  recovery_.begin_finish();
+  run_.backend.synchronize(run_.model);
+  recovery_.guarded_or_skipped("the final prune", [&] {
+    HiddenFloaters(run_.model, clear_space()).leave();
+    run_.backend.rows().prune(run_.model, kMinAlpha);
+  });
+  sort_by_morton();
+  recovery_.end_finish();
+}
+
+void Trainer::sort_by_morton() {
+  recovery_.guarded_or_skipped("the Morton order",
+                               [&] { run_.backend.rows().sort_by_morton(run_.model); });
+}
+
+const View& Trainer::view_of(ViewSampler& views, int step) {
+  return run_.scene.train_views[recovery_.instead_of(views.view_of(step))];
+}
+
+void Trainer::prefetch_decode(int first_step, int last_step) {
+  for (int step = first_step; step <= std::min(last_step, run_.schedule.steps()); ++step)
+    run_.backend.prefetch_decode(view_of(views_ahead_, step));
 }
 
 void Trainer::notify(const std::function<void(Observer&)>& f) {
   for (Observer* observer : observers_)
-    if (!with_room("looking on", [&] { f(*observer); }))
-      throw Error(memory_trouble_, ExitCode::out_of_memory);
+    recovery_.guarded("logging, evaluation or saving", [&] { f(*observer); });
 }
 
-const TrainingModel& Trainer::model() {
-  return *timed([&] {
-    backend_.synchronize(model_);
-    return &model_;
-  });
-}
-
-void Trainer::look_at_result(const std::function<void(const Gaussians&)>& f) {
-  model();
-  const HiddenFloaters hidden(model_, clear_space());
-  f(model_.gaussians);
-}
-
-const ClearSpace& Trainer::clear_space() {
-  if (!clear_space_) clear_space_.emplace(scene_, config_.density.camera_clearance);
-  return *clear_space_;
-}
+// ---- looking at it --------------------------------------------------------------------------------------
 
 double Trainer::loss() {
-  if (step_ < first_step_) return restored_loss_;
-  const double loss = timed([&] { return backend_.loss().value(); });
-  if (!std::isfinite(loss)) breakdown_ = "the loss is not a number";
+  const double loss = run_.loss();
+  recovery_.check_loss(loss);
   return loss;
 }
 
-void Trainer::run() {
-  begin();
-  for (bool is_over = step_ >= schedule_.steps(); !is_over;) {
-    timed([&] { return take_step(step_ + 1), 0; });
-    const bool is_last = step_ == schedule_.steps(), is_stopped = stop_requested_;
-    if (breakdown_.empty() && !is_last)
-      notify([&](Observer& observer) { observer.after_step(step_, *this); });
-    if (breakdown_.empty() && wants_checkpoint(is_last, is_stopped)) keep_checkpoint();
-    if (!breakdown_.empty()) roll_back();
-    is_over = step_ == schedule_.steps() || is_stopped;
-  }
-  timed([&] { return finish(), 0; });
-  if (step_ == schedule_.steps())
-    notify([&](Observer& observer) { observer.after_step(step_, *this); });
-  notify([&](Observer& observer) { observer.after_run(*this); });
+void Trainer::look_at_result(const std::function<void(const Gaussians&)>& f) {
+  TrainingModel& model = run_.synchronized_model();
+  const HiddenFloaters hidden(model, clear_space());
+  f(model.gaussians);
 }
 
-bool Trainer::wants_checkpoint(bool is_last, bool is_stopped) const {
-  return is_stopped || (is_last && config_.train.checkpoint_every >= 0) ||
-         checkpoint_timer_.due(step_);
-}
-
-void Trainer::begin() {
-  expect_views_from(step_ + 1, step_ + int(kPhotosAhead));
-  if (step_ == 0)
-    if_there_is_room("the Morton order", [&] { backend_.rows().sort_by_morton(model_); });
-}
-
-void Trainer::take_step(int step) {
-  if (!with_room("a step", [&] { one_step(step); }))
-    throw Error(fmt::format("{}; step {} cannot be taken even after all that can be given back",
-                            memory_trouble_, step),
-                ExitCode::out_of_memory);
-  step_ = step;
-  expect_views_from(step + int(kPhotosAhead), step + int(kPhotosAhead));
-  if (guard_.is_watching(step)) look_at_model();
-  if (breakdown_.empty()) control_density(step);
-  if (breakdown_.empty()) maintain(step);
-}
-
-void Trainer::one_step(int step) {
-  const View& view = view_of(views_, step);
-  if (config_.render.background == "random") settings_.background = random_background(step);
-  backend_.prefetch_next(view_of(views_, step + 1));
-  // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec. "Optimization"
-  backend_.step(model_, view, settings_, config_.loss.lambda_dssim, schedule_.learning_rates(step),
-                density_->of_step(step));
-}
-
-// Clone, split, prune, reset: 3DGS Sec. 5.2; or relocate and grow: MCMC
-void Trainer::control_density(int step) {
-  const bool refines = schedule_.refine(step);
-  if (refines && !is_sound()) return;
-  if_there_is_room("density control", [&] { density_->after_step(model_, backend_, step); });
-  if (refines && model_.count() == 0) {
-    breakdown_ = "no Gaussian is left";
-    blames_view_ = false;
-  }
-}
-
-// Unlock SH bands; keep neighbors adjacent in memory
-void Trainer::maintain(int step) {
-  if (schedule_.raise_sh_degree(step) && settings_.sh_degree < config_.model.sh_degree)
-    ++settings_.sh_degree;
-  if (schedule_.reorder(step))
-    if_there_is_room("the Morton order", [&] { backend_.rows().sort_by_morton(model_); });
-}
-
-const View& Trainer::view_of(ViewSampler& views, int step) {
-  return scene_.train_views[guard_.instead_of(views.view_of(step))];
-}
-
-void Trainer::expect_views_from(int first, int last) {
-  for (int step = first; step <= std::min(last, schedule_.steps()); ++step)
-    backend_.prefetch_decode(view_of(views_ahead_, step));
-}
-
-void Trainer::finish() {
-  is_finishing_ = true;  // from here on the model is a result, and no state to go on from
-  backend_.synchronize(model_);
-  if_there_is_room("the final prune", [&] {
-    HiddenFloaters(model_, clear_space()).leave();
-    backend_.rows().prune(model_, kMinAlpha);
-  });
-  if_there_is_room("the Morton order", [&] { backend_.rows().sort_by_morton(model_); });
-}
-
-Vec3f Trainer::random_background(int step) const {
-  const Vec4f u =
-      Random{config_.train.seed, RandomStream::background}.uniform4(std::uint64_t(step));
-  return {u.x, u.y, u.z};
+const ClearSpace& Trainer::clear_space() {
+  if (!clear_space_) clear_space_.emplace(run_.scene, run_.config.density.camera_clearance);
+  return *clear_space_;
 }
 
 RenderSettings Trainer::evaluation_settings() const {
-  RenderSettings settings = render_settings(config_);
-  settings.sh_degree = settings_.sh_degree;
+  RenderSettings settings = render_settings(run_.config);
+  settings.sh_degree = run_.settings.sh_degree;
   settings.for_backward = false;
   return settings;
 }
@@ -253,6 +203,10 @@ GaussianModel visible_part(const GaussianModel& model) {
           model.antialiased, model.world_offset};
 }
 
-GaussianModel trained_model(Trainer& trainer) { return visible_part(copied_model(trainer)); }
+GaussianModel trained_model(Trainer& trainer) {
+  GaussianModel model = copied_model(trainer);
+  const bool is_all_visible = visible_rows(model.gaussians).size() == model.gaussians.count();
+  return is_all_visible ? std::move(model) : visible_part(model);
+}
 
 }  // namespace gs

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <functional>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,133 +11,112 @@
 #include "gs_core/scene.h"
 #include "gs_train/backend.h"
 #include "gs_train/checkpoint.h"
-#include "gs_train/checkpoint_timer.h"
-#include "gs_train/density_control.h"
 #include "gs_train/floaters.h"
-#include "gs_train/run_guard.h"
+#include "gs_train/run_recovery.h"
 #include "gs_train/schedule.h"
+#include "gs_render/render_settings.h"
+#include "gs_train/loss_settings.h"
+#include "gs_train/training_run.h"
 #include "gs_train/view_sampler.h"
 
 namespace gs {
 
 class Trainer;
 
-/// Watches a run: logs, evaluates, saves. Never part of a step.
+/// Watches a run: logs, evaluates, saves. An observer is never part of a step.
 class Observer {
  public:
   virtual ~Observer() = default;
   virtual void after_step(int step, Trainer& trainer) = 0;
-  /// The run went back to the state after `step`: what was seen of later steps will be seen again.
+  /// The run went back to the state after `step`. The steps after it come again.
   virtual void after_rollback([[maybe_unused]] int step, Trainer&) {}
   virtual void after_run(Trainer&) {}
 };
 
-/// Trains Gaussians on a scene. Make it, add observers, run() once. The scene, the backend, the
-/// observers and the checkpoints outlive it.
+/// Trains Gaussians on a scene: construct it, add observers, call run() once. The scene, the
+/// backend, the observers and the checkpoints outlive it.
 ///
-/// With checkpoints a run outlives a kill, a breakdown (RunGuard) and, where giving back caches and an end of growth
-/// help, a lack of memory: docs/checkpoints.md.
+/// With checkpoints a run survives a kill, a breakdown of the model, and a lack of memory where
+/// releasing caches and an end of growth help: docs/checkpoints.md.
 class Trainer {
  public:
-  /// Initializes the Gaussians from the scene's points. Throws Error where there is nothing to train.
+  /// Initializes the Gaussians from the scene's points. Throws Error where there is nothing to
+  /// train, UsageError where the backend lacks what the config asks for.
   Trainer(const Scene& scene, const Config& config, Backend& backend);
-  /// Goes on from a state of a run on the same scene. Throws Error where it cannot be one of this scene and config.
+  /// Goes on from a state of a run on the same scene. Throws Error where it is of another scene or
+  /// config.
   Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingState from);
 
   void add_observer(Observer& observer) { observers_.push_back(&observer); }
-  void keep_checkpoints_in(CheckpointStore& checkpoints) { checkpoints_ = &checkpoints; }
+  void keep_checkpoints_in(CheckpointStore& checkpoints) {
+    recovery_.keep_checkpoints_in(checkpoints);
+  }
 
-  /// The whole run, or what is left of it, with final prune and Morton order. Throws Error (out of memory) where that is
-  /// short even after all that can be given back; the state is in the checkpoints then.
+  /// The whole run, or the rest of it, with final prune and Morton order. Throws Error (out of
+  /// memory) where memory is short even after all caches were released; the checkpoints have the
+  /// state then.
   void run();
-  /// Asks run() to end as if the next step were the last; safe to call from a signal handler.
+  /// Asks run() to end as if the next step were the last. Safe to call from a signal handler.
   void stop() { stop_requested_ = true; }
   bool stopped_early() const { return stop_requested_; }
+  /// Runs f() with a second attempt where memory runs out, as run() does with its own work. For
+  /// saving and evaluating the result; f() must be repeatable. `what` completes "out of memory in
+  /// ...". Throws Error (out of memory).
+  void guarded(const std::string& what, const std::function<void()>& f) {
+    recovery_.guarded(what, f);
+  }
 
   /// Steps done.
-  int step() const { return step_; }
-  /// The model after all steps so far; waits for the device.
-  const TrainingModel& model();
-  /// Calls f with it as the run would leave it if it ended here: what hangs before cameras (floaters.h) and what is too faint
-  /// cannot be seen. Waits for the device.
+  int step() const { return run_.step; }
+  /// The model after all steps so far. Waits for the device.
+  const TrainingModel& model() { return run_.synchronized_model(); }
+  /// Calls f with the Gaussians as the run would leave them if it ended here: those right in front
+  /// of cameras (floaters.h) have no opacity. Waits for the device.
   void look_at_result(const std::function<void(const Gaussians&)>& f);
-  /// Its number of Gaussians; does not wait.
-  std::size_t gaussian_count() const { return model_.count(); }
-  const RenderSettings& settings() const { return settings_; }
-  /// The settings for looking at the model: as trained, on the fixed background (black for "random").
+  /// The number of Gaussians. Does not wait.
+  std::size_t gaussian_count() const { return run_.model.count(); }
+  const RenderSettings& settings() const { return run_.settings; }
+  /// The settings for looking at the model: as trained, on the fixed background (black for
+  /// "random").
   RenderSettings evaluation_settings() const;
-  const Schedule& schedule() const { return schedule_; }
-  const Scene& scene() const { return scene_; }
-  /// As given, but for density.max_gaussians: where it was to be found out, it is the number found.
-  const Config& config() const { return config_; }
-  Backend& backend() { return backend_; }
-  /// The loss of the last step; waits for the device.
+  const Schedule& schedule() const { return run_.schedule; }
+  const Scene& scene() const { return run_.scene; }
+  /// As given. Where density.max_gaussians was auto, it is the number that was found.
+  const Config& config() const { return run_.config; }
+  Backend& backend() { return run_.backend; }
+  /// The loss of the last step. Waits for the device.
   double loss();
-  /// Seconds spent in steps and density control so far; observers are not counted.
-  double train_seconds() const { return train_seconds_; }
+  /// Seconds spent in steps and density control so far. Observers are not counted.
+  double train_seconds() const { return run_.train_seconds; }
 
  private:
   Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingModel model);
-  // Runs f() as a part of training, not of what observers do.
-  template <class F>
-  auto timed(F&& f);
-  void begin();
+  void start();
+  void advance(int step);
   void take_step(int step);
-  void one_step(int step);
   void control_density(int step);
   void maintain(int step);
-  void expect_views_from(int first, int last);
   void finish();
+  void sort_by_morton();
+  void prefetch_decode(int first_step, int last_step);
   const View& view_of(ViewSampler& views, int step);
-  Vec3f random_background(int step) const;
   void notify(const std::function<void(Observer&)>& f);
-  bool wants_checkpoint(bool is_last, bool is_stopped) const;
-
-  // trainer_recovery.cpp: what happens where not all goes well.
-  void look_at_model();
-  bool is_sound();
-  void keep_checkpoint();
-  bool save_state();
-  void roll_back();
-  void restore(TrainingState from);
-  RunProgress progress();
-  bool with_room(const char* what, const std::function<void()>& f);
-  void if_there_is_room(const char* what, const std::function<void()>& f);
-  void make_room(const char* what);
-
   const ClearSpace& clear_space();
 
-  const Scene& scene_;
-  Config config_;
-  Backend& backend_;
-  Schedule schedule_;
-  RenderSettings settings_;
+  TrainingRun run_;
+  RunRecovery recovery_;
   ViewSampler views_, views_ahead_;
-  TrainingModel model_;
-  std::unique_ptr<DensityControl> density_;
   std::vector<Observer*> observers_;
-  CheckpointStore* checkpoints_ = nullptr;
-  CheckpointTimer checkpoint_timer_;
-  RunGuard guard_;
-  std::string breakdown_;  // why the model is of no use any more; empty: it is
-  bool blames_view_ = true;
-  std::string memory_trouble_;  // the last time that memory ran out
-  int step_ = 0;  // steps done
-  int first_step_ = 1;  // of this process
-  double restored_loss_ = 0;
-  double train_seconds_ = 0;
-  bool is_finishing_ = false;
   std::optional<ClearSpace> clear_space_;  // found when the result is first looked at
   volatile bool stop_requested_ = false;
 };
 
-/// The model as it is now, as files carry it: what cannot be seen is left out. Waits for the device.
+/// The model as it is now, as files carry it: without Gaussians that cannot be seen. Waits for the
+/// device.
 GaussianModel trained_model(Trainer& trainer);
-/// The same in two steps: the copy, which waits for the device, and what of it can be seen.
+/// The same in two steps: the copy, which waits for the device, and the part of it that can be
+/// seen.
 GaussianModel copied_model(Trainer& trainer);
 GaussianModel visible_part(const GaussianModel& model);
-
-/// Render settings as the config states them, at the model's full SH degree.
-RenderSettings render_settings(const Config& config);
 
 }  // namespace gs

@@ -8,14 +8,14 @@
 
 namespace gs {
 
-/// Every view once per epoch, in an order shuffled anew each time. A step's view depends on the seed and the
-/// step alone, so that a resumed run sees the same views.
+/// Gives every view once per epoch; each epoch has its own shuffled order. The view of a step
+/// depends on the seed and the step alone, so that a resumed run sees the same views.
 class ViewSampler {
  public:
   ViewSampler(std::size_t views, std::uint64_t seed);
   /// Index of the view of step 1, 2, ...
   std::size_t view_of(int step);
-  /// The order of all views in the epoch of the step that was last asked for.
+  /// The order of all views in the epoch of the last call of view_of().
   const std::vector<std::size_t>& order() const { return order_; }
 
  private:

@@ -6,8 +6,8 @@
 
 namespace gs {
 
-/// Replaces each of the `planes` planes of `width` x `height` values by its windowed means; outside a plane
-/// there are zeros. `scratch` is grown to the same size.
+/// Replaces each of the `planes` planes of `width` x `height` values by its windowed means. Values
+/// outside a plane are 0. `scratch` grows to the same size.
 void window_means(Span<float> stack, int planes, int width, int height, Buffer<float>& scratch);
 
 }  // namespace gs

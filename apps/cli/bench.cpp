@@ -21,7 +21,7 @@
 #include "gs_core/math/constants.h"
 #include "gs_core/parallel.h"
 #include "gs_core/version.h"
-#include "gs_train/trainer.h"
+#include "gs_render/render_settings.h"
 
 namespace gs {
 namespace {

@@ -34,6 +34,7 @@ SettingHelp help_of(const std::string& key) {
     help.is_list = std::is_same_v<T, std::vector<int>>;
     if constexpr (std::is_arithmetic_v<T>) help.preset = fmt::format("{}", field.value);
     if constexpr (std::is_same_v<T, std::string>) help.preset = field.value;
+    if constexpr (std::is_enum_v<T>) help.preset = word_of(field.value);
     help.placeholder = field.unit.empty() ? "N" : upper(field.unit);
     if (!field.limits.words.empty()) {
       help.placeholder = field.limits.words;

@@ -14,8 +14,8 @@
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/provenance.h"
-#include "gs_app/run/stop_on_signal.h"
 #include "gs_core/error.h"
+#include "gs_core/io/signals.h"
 #include "gs_core/parallel.h"
 #include "gs_core/version.h"
 
@@ -74,12 +74,6 @@ std::vector<Camera> without_names(const std::vector<NamedCamera>& cameras) {
   return result;
 }
 
-/// The median of the depths that cameras see; 1 where they see nothing.
-double focus_of(ViewPictures& pictures, const std::vector<NamedCamera>& cameras) {
-  const std::vector<float> depths = pictures.sample_depths(without_names(cameras));
-  return depths.empty() ? 1 : double(depths[depths.size() / 2]);
-}
-
 bool has_depth_in_colors(const RenderCommand& command) {
   return command.shows(Quantity::depth) && (command.output.png || command.output.is_film());
 }
@@ -102,7 +96,7 @@ Json model_json(const OpenedModel& opened) {
 Json settings_json(const Config& config, const RenderSettings& settings) {
   return {{"background", {settings.background.x, settings.background.y, settings.background.z}},
           {"antialiased", config.render.antialias},
-          {"blend_rule", config.render.blend_rule},
+          {"blend_rule", std::string(word_of(config.render.blend_rule))},
           {"sh_degree", settings.sh_degree}};
 }
 
@@ -179,9 +173,8 @@ void render(const RenderCommand& command) {
                         command.normal_space == "camera");
   Json path;
   if (command.is_path()) {
-    FilmPath film = film_path(
-        command.path, cameras, [&] { return focus_of(pictures, cameras); },
-        opened.model.world_offset);
+    FilmPath film = film_path(command.path, cameras, opened.model.gaussians.mean.span(),
+                              opened.model.world_offset);
     cameras = std::move(film.cameras);
     path = std::move(film.description);
   }

@@ -1,9 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // gemsplat view: a trained model in the browser.
-#include <fcntl.h>
-#include <spawn.h>
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <iostream>
@@ -11,11 +7,11 @@
 
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
-#include "gs_app/run/stop_on_signal.h"
 #include "gs_app/run/text.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
-#include "gs_core/io/subprocess.h"
+#include "gs_core/io/process.h"
+#include "gs_core/io/signals.h"
 #include "gs_core/parallel.h"
 
 namespace gs {
@@ -37,31 +33,14 @@ bool has_desktop() {
   return is_set("DISPLAY") || is_set("WAYLAND_DISPLAY");
 }
 
-// In a session of its own, so that Ctrl-C ends us and not the browser. Nobody waits for it.
-bool start_detached(const std::string& program, const std::string& argument) {
-  posix_spawn_file_actions_t files;
-  posix_spawnattr_t attributes;
-  posix_spawn_file_actions_init(&files);
-  posix_spawnattr_init(&attributes);
-  for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
-    posix_spawn_file_actions_addopen(&files, file, "/dev/null", O_RDWR, 0);
-  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSID);
-  std::string words[] = {program, argument};
-  char* const arguments[] = {words[0].data(), words[1].data(), nullptr};
-  pid_t child = 0;
-  const int error = posix_spawn(&child, program.c_str(), &files, &attributes, arguments, environ);
-  posix_spawnattr_destroy(&attributes);
-  posix_spawn_file_actions_destroy(&files);
-  return error == 0;
-}
-
-// Where nobody said otherwise, only where a browser could show itself.
+// Without a wish, only on a desktop. The browser is detached, so that Ctrl-C ends this program alone.
 void open_browser(const std::string& url, std::optional<bool> wish) {
   if (!wish.value_or(has_desktop())) return;
-  const auto program = find_program("xdg-open");
-  const bool is_open = program && start_detached(program->string(), url);
-  if (!is_open && wish)
-    log_warning("no browser is opened: xdg-open is missing; open {} yourself", url);
+  try {
+    start_child({"xdg-open", url}, {.is_detached = true});
+  } catch (const Error& error) {
+    if (wish) log_warning("no browser is opened: {}; open {} yourself", error.what(), url);
+  }
 }
 
 std::unique_ptr<FileView> view_of(const ViewCommand& command, const OpenedModel& opened,

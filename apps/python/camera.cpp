@@ -9,25 +9,18 @@
 
 #include "apps/python/arrays.h"
 #include "gs_core/error.h"
+#include "gs_core/geometry.h"
 #include "gs_core/math/constants.h"
 
 namespace gs::python {
 namespace {
 
-constexpr double kRotationTolerance = 1e-3;  // of R R^T - 1 and of the determinant: single precision and rounded text
+constexpr double kRotationTolerance = 1e-3;  // of R R^T - 1: single precision and rounded text
 
 using Matrix = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 void check_rotation(const Mat3<double>& R) {
-  const Vec3d rows[3] = {R.row0, R.row1, R.row2};
-  double error = 0;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      error = std::max(error, std::abs(inner(rows[i], rows[j]) - (i == j ? 1 : 0)));
-  const Vec3d &a = R.row0, &b = R.row1, &c = R.row2;
-  const double determinant =
-      a.x * (b.y * c.z - b.z * c.y) - a.y * (b.x * c.z - b.z * c.x) + a.z * (b.x * c.y - b.y * c.x);
-  if (!(error < kRotationTolerance && determinant > 0))
+  if (!is_rotation(R, kRotationTolerance))
     throw UsageError(
         "cam_from_world must hold a rotation (orthonormal, determinant 1) in its first three "
         "columns");

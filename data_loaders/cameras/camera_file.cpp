@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "data_loaders/colmap/world_offset.h"
+#include "data_loaders/photos/photo_names.h"
+#include "gs_core/geometry.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/byte_reader.h"
 
@@ -24,10 +26,6 @@ constexpr float kRotationTolerance = 0.01f;  // files with three digits pass, sc
 // --- Writing
 
 FloatJson to_json(const Vec3f& v) { return FloatJson::array({v.x, v.y, v.z}); }
-
-std::string without_extension(const std::string& name) {
-  return std::filesystem::path(name).replace_extension().generic_string();
-}
 
 std::string camera_line(const std::string& name, const Camera& camera, std::size_t id) {
   const Mat3<float>& R = camera.cam_from_world_rotation;
@@ -120,18 +118,8 @@ class CameraReader {
     const Vec3f a(vector(rows[0], "rotation")), b(vector(rows[1], "rotation")),
         c(vector(rows[2], "rotation"));
     const Mat3<float> R{{a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z}};
-    if (!is_rotation(R)) fail("has a rotation that is no rotation matrix");
+    if (!is_rotation(R, kRotationTolerance)) fail("has a rotation that is no rotation matrix");
     return R;
-  }
-
-  static bool is_rotation(const Mat3<float>& R) {
-    const auto near = [](float a, float b) { return std::abs(a - b) < kRotationTolerance; };
-    const Vec3f cross{R.row0.y * R.row1.z - R.row0.z * R.row1.y,
-                      R.row0.z * R.row1.x - R.row0.x * R.row1.z,
-                      R.row0.x * R.row1.y - R.row0.y * R.row1.x};
-    return near(inner(R.row0, R.row0), 1) && near(inner(R.row1, R.row1), 1) &&
-           near(inner(R.row0, R.row1), 0) && near(cross.x, R.row2.x) && near(cross.y, R.row2.y) &&
-           near(cross.z, R.row2.z);
   }
 
   const Json& json_;

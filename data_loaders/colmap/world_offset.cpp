@@ -6,42 +6,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "gs_core/geometry.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/math/rotation.h"
+#include "gs_core/outliers.h"
 
 namespace gs {
 namespace {
 
 constexpr double kMostLost = 1e-4;             // of the spread
 constexpr double kSingleRounding = 0x1p-24;    // of a number, at most
-constexpr double kOrdinaryShare = 0.9;
-
-double length(const Vec3d& v) { return std::sqrt(inner(v, v)); }
-
-/// Component by component, so that a few outliers cannot move it. `positions` is not empty.
-Vec3d median_of(const std::vector<Vec3d>& positions) {
-  Vec3d median(0.0);
-  std::vector<double> values(positions.size());
-  for (int axis = 0; axis < 3; ++axis) {
-    for (std::size_t i = 0; i < positions.size(); ++i) values[i] = positions[i][axis];
-    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    median[axis] = *middle;
-  }
-  return median;
-}
-
-/// The distance from `center` that nine in ten keep; 0 where there are none.
-double spread_about(const Vec3d& center, const std::vector<Vec3d>& positions) {
-  std::vector<double> distances;
-  for (const Vec3d& position : positions) distances.push_back(length(position - center));
-  if (distances.empty()) return 0;
-  const auto ordinary =
-      distances.begin() + std::ptrdiff_t(kOrdinaryShare * double(distances.size() - 1));
-  std::nth_element(distances.begin(), ordinary, distances.end());
-  return *ordinary;
-}
-
 }  // namespace
 
 Vec3d center_of(const ColmapImage& image) {
@@ -60,11 +34,11 @@ Vec3d world_offset_of(const ColmapModel& model) {
   std::vector<Vec3d> centers, points;
   for (const ColmapImage& image : model.images) centers.push_back(center_of(image));
   if (centers.empty()) return Vec3d(0.0);
-  const Vec3d median = median_of(centers);
-  double spread = spread_about(median, centers);
+  const Vec3d median = median_position(centers);
+  double spread = ordinary_distance(median, centers);
   if (!(spread > 0)) {
     for (const ColmapPoint& point : model.points) points.push_back(point.position);
-    spread = spread_about(median, points);
+    spread = ordinary_distance(median, points);
   }
   const bool is_near = !(length(median) * kSingleRounding > kMostLost * spread);
   if (is_near || !(spread > 0) || !std::isfinite(length(median))) return Vec3d(0.0);

@@ -24,6 +24,7 @@
 #include "gs_core/io/host_ram.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/parallel.h"
+#include "gs_core/scene_frame.h"
 
 namespace gs {
 namespace {
@@ -35,7 +36,7 @@ constexpr std::size_t kFewPhotos = 20;          // fewer seldom show a scene fro
 constexpr std::size_t kFewObservations = 3;     // points seen in fewer photos are not to be relied on
 constexpr double kLargeError = 2;               // pixels, mean reprojection error
 constexpr double kHardlyTrained = 0.05;         // of a photo's pixels: less looks like a mask turned round
-constexpr double kUpSpread = 30;                // degrees between the cameras' up and their mean, in the mean
+constexpr double kUpSpread = 30;                // degrees (SceneFrame); more: nothing says which way is up
 
 // The scene as far as it could be read.
 struct FoundScene {
@@ -357,7 +358,7 @@ class Examination {
 
   void examine_cameras() {
     std::vector<View> views;
-    Vec3d up(0.0);
+    std::vector<Camera> cameras;
     for (const ColmapImage& image : scene_.model.images) {
       View view;
       PinholeCamera<double> camera;
@@ -366,7 +367,7 @@ class Examination {
       view.camera = camera_as<float>(camera);
       view.name = image.name;
       views.push_back(std::move(view));
-      up -= camera.cam_from_world_rotation.row1;  // down is the camera's y
+      cameras.push_back(views.back().camera);
     }
     std::vector<std::string> outliers;
     for (const std::size_t i : outlier_cameras(views)) outliers.push_back(views[i].name);
@@ -376,19 +377,13 @@ class Examination {
                       "leave these photos out",
                       outliers.size()),
           outliers);
-    const double extent = camera_extent(views);
-    double spread = 0;
-    const double length = std::sqrt(inner(up, up));
-    for (const View& view : views) {
-      const Vec3d own = -1.0 * Vec3d(view.camera.cam_from_world_rotation.row1);
-      if (length > 0) spread += std::acos(std::clamp(inner(own, up) / length, -1.0, 1.0));
-    }
-    spread *= 180 / std::acos(-1.0) / double(views.size());
-    add(Level::good, "place", fmt::format("the cameras span {:.3g} world units", extent));
-    if (length > 0 && spread < kUpSpread)
+    add(Level::good, "place",
+        fmt::format("the cameras span {:.3g} world units", camera_extent(views)));
+    const SceneFrame frame = scene_frame(cameras, {});
+    if (!cameras.empty() && frame.up_spread < kUpSpread)
       add(Level::good, "place",
-          fmt::format("up is about ({:.2f}, {:.2f}, {:.2f}), as most cameras are held",
-                      up.x / length, up.y / length, up.z / length));
+          fmt::format("up is about ({:.2f}, {:.2f}, {:.2f}), as most cameras are held", frame.up.x,
+                      frame.up.y, frame.up.z));
     else
       add(Level::note, "place",
           "the cameras are held in all directions: nothing says which way is up");

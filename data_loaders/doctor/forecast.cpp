@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "gs_core/bytes.h"
 #include "gs_core/io/host_ram.h"
 
 namespace gs {
@@ -19,8 +20,8 @@ constexpr double kForecastGaussians = 1e6;
 constexpr double kSecondsOfSteps = 6, kSecondsOfMillion = 35, kSecondsOfMegapixel = 13;
 
 std::string size_text(double bytes) {
-  return bytes < 0.1 * kGib ? fmt::format("{:.0f} MiB", bytes * 1024 / kGib)
-                            : fmt::format("{:.1f} GiB", bytes / kGib);
+  return bytes < 0.1 * kBytesPerGib ? fmt::format("{:.0f} MiB", bytes * 1024 / kBytesPerGib)
+                                    : fmt::format("{:.1f} GiB", bytes / kBytesPerGib);
 }
 
 }  // namespace
@@ -29,7 +30,7 @@ std::string forecast(const Config& config, double photo_bytes, double megapixels
   const double ram = double(photo_ram_bytes(config.dataset)),
                cap = double(config.density.max_gaussians);
   const double gaussians = cap > 0 ? cap : kForecastGaussians;
-  const double on_gpu = std::min(photo_bytes, double(config.train.photo_gib) * kGib);
+  const double on_gpu = std::min(photo_bytes, double(config.train.photo_gib) * kBytesPerGib);
   const double seconds =
       (kSecondsOfSteps + kSecondsOfMillion * gaussians * 1e-6 + kSecondsOfMegapixel * megapixels) *
       double(config.train.iterations) * config.train.steps_scaler / 30000;

@@ -21,15 +21,15 @@ namespace fs = std::filesystem;
 constexpr std::array<std::string_view, 17> kPictureExtensions = {
     ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".exr", ".hdr",
     ".tga", ".gif",  ".ppm", ".pgm", ".pnm",  ".jp2", ".heic", ".avif"};
+// Of photos that cannot be read here, but that a model may name: they are converted before training.
+constexpr std::array<std::string_view, 11> kRawExtensions = {
+    ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".raw", ".heif", ".jxl"};
 
 /// ASCII letters only, as case is told apart in other letters by rules that files do not share.
 std::string lower(std::string text) {
   for (char& c : text)
     if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
   return text;
-}
-std::string without_extension(const std::string& name) {
-  return fs::path(name).replace_extension().string();
 }
 std::string lower_without_extension(const std::string& name) {
   return lower(without_extension(name));
@@ -106,6 +106,13 @@ std::unordered_map<std::string, std::string> pair_off(std::set<std::string>& mis
 }  // namespace
 
 std::string lowercase_ending(const fs::path& file) { return lower(file.extension().string()); }
+
+std::string without_extension(const std::string& name) {
+  const std::string ending = lowercase_ending(name);
+  const bool is_raw =
+      std::find(kRawExtensions.begin(), kRawExtensions.end(), ending) != kRawExtensions.end();
+  return is_picture(name) || is_raw ? fs::path(name).replace_extension().generic_string() : name;
+}
 
 std::vector<std::string> picture_names_in(const fs::path& folder) {
   std::vector<std::string> names;

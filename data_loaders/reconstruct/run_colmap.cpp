@@ -19,6 +19,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/byte_reader.h"
+#include "gs_core/io/fnv1a.h"
 #include "gs_core/io/move_aside.h"
 #include "gs_core/io/subprocess.h"
 #include "gs_core/log.h"
@@ -61,10 +62,11 @@ struct Plan {
   std::vector<fs::path> videos;   // then the photos are their frames, once these are there
   std::vector<PhotoFile> photos;
   bool photos_in_place = false;  // they are the scene's images/ already
-  std::string program, matching, camera_model;
+  std::string program, camera_model;
+  Matching matching = Matching::automatic;
   bool single_camera = false, use_gpu = false;
   int max_features = 0, frames = 0, threads = 0;
-  std::string single_camera_setting;
+  SingleCamera single_camera_setting = SingleCamera::automatic;
 };
 
 /// reconstruct.json: for which photos and settings which stages are complete.
@@ -103,11 +105,13 @@ void complete_plan(Plan& plan, const fs::path& source) {
     throw Error(
         fmt::format("{} has {} photo(s); a scene needs at least {}, and 30 or more to look well",
                     source.string(), plan.photos.size(), kFewestPhotos));
-  if (plan.matching == "auto")
-    plan.matching = plan.videos.empty() && plan.photos.size() <= kExhaustivePhotos ? "exhaustive"
-                                                                                   : "sequential";
-  plan.single_camera = plan.single_camera_setting == "auto" ? same_size(plan.photos)
-                                                            : plan.single_camera_setting == "yes";
+  if (plan.matching == Matching::automatic)
+    plan.matching = plan.videos.empty() && plan.photos.size() <= kExhaustivePhotos
+                        ? Matching::exhaustive
+                        : Matching::sequential;
+  plan.single_camera = plan.single_camera_setting == SingleCamera::automatic
+                           ? same_size(plan.photos)
+                           : plan.single_camera_setting == SingleCamera::yes;
 }
 
 Plan plan_of(const ColmapJob& job) {
@@ -145,21 +149,19 @@ Plan plan_of(const ColmapJob& job) {
 
 /// Says by which photos and settings a result was made: another text, another result.
 std::string made_of(const Plan& plan) {
-  std::uint64_t hash = 14695981039346656037u;  // FNV-1a
-  const auto mix = [&hash](std::string_view text) {
-    for (const char c : text) hash = (hash ^ std::uint8_t(c)) * 1099511628211u;
-  };
+  Fnv1a hash;
   for (const fs::path& video : plan.videos)
-    mix(fmt::format("{}\n{}\n", video.filename().string(), fs::file_size(video)));
+    hash.add(fmt::format("{}\n{}\n", video.filename().string(), fs::file_size(video)));
   if (!plan.videos.empty())
     return fmt::format("{} frames of {} videos {:016x}, {}, {} camera(s), {} matching, {} features",
-                       plan.frames, plan.videos.size(), hash, plan.camera_model,
-                       plan.single_camera_setting, plan.matching, plan.max_features);
+                       plan.frames, plan.videos.size(), hash.value(), plan.camera_model,
+                       word_of(plan.single_camera_setting), word_of(plan.matching),
+                       plan.max_features);
   for (const PhotoFile& photo : plan.photos)
-    mix(fmt::format("{}\n{}\n", photo.name, fs::file_size(photo.path)));
+    hash.add(fmt::format("{}\n{}\n", photo.name, fs::file_size(photo.path)));
   return fmt::format("{} photos {:016x}, {}, {} camera(s), {} matching, {} features",
-                     plan.photos.size(), hash, plan.camera_model,
-                     plan.single_camera ? "one" : "own", plan.matching, plan.max_features);
+                     plan.photos.size(), hash.value(), plan.camera_model,
+                     plan.single_camera ? "one" : "own", word_of(plan.matching), plan.max_features);
 }
 
 // ---- the state
@@ -352,9 +354,9 @@ ColmapCommand feature_command(const Plan& plan) {
 ColmapCommand match_command(const Plan& plan) {
   // Small blocks, which change nothing but how often COLMAP says where it is.
   const std::size_t block = std::clamp<std::size_t>(plan.photos.size() / 8, 5, 50);
-  ColmapCommand command(plan.program, plan.matching + "_matcher");
+  ColmapCommand command(plan.program, fmt::format("{}_matcher", word_of(plan.matching)));
   command.add("--database_path", plan.files.database().string());
-  if (plan.matching == "exhaustive")
+  if (plan.matching == Matching::exhaustive)
     command.add_known({"--ExhaustiveMatching.block_size", "--ExhaustivePairing.block_size"},
                       fmt::format("{}", block));
   command.add_known({"--FeatureMatching.use_gpu", "--SiftMatching.use_gpu"}, text(plan.use_gpu));
@@ -379,7 +381,7 @@ ColmapCommand model_command(const Plan& plan) {
         "COLMAP could not place the cameras: no two photos share enough detail from places far "
         "enough apart; take more photos, each with two thirds of the one before in it{}. All that "
         "COLMAP said is in {}",
-        plan.matching == "sequential" ? ", or try --matching exhaustive" : "", log));
+        plan.matching == Matching::sequential ? ", or try --matching exhaustive" : "", log));
   throw Error(fmt::format(
       "COLMAP failed while {} ({}). The end of {}:\n{}\nThe same command continues from here",
       stage.headline,
@@ -520,7 +522,7 @@ Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress) 
   log_info("{} photos, {}, {} matching", plan.photos.size(),
            plan.single_camera ? "one " + plan.camera_model + " camera"
                               : "a " + plan.camera_model + " camera each",
-           plan.matching);
+           word_of(plan.matching));
   for (const Stage& stage : kStages) {
     if (state.complete.contains(stage.name)) {
       log_info("{}: done before", stage.headline);

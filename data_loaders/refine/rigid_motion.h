@@ -6,6 +6,7 @@
 #include <cmath>
 #include <vector>
 
+#include "gs_core/geometry.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/types.h"
 
@@ -39,7 +40,6 @@ inline Motion inverse(const Motion& a) {
   return {back, -rotated(back, a.translation)};
 }
 inline Vec3d center(const Motion& cam_from_world) { return inverse(cam_from_world).translation; }
-inline double length(const Vec3d& v) { return std::sqrt(inner(v, v)); }
 
 /// x_before = scale rotation x_after + translation
 struct Similarity {

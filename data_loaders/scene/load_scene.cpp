@@ -24,6 +24,7 @@
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/scene_model.h"
 #include "data_loaders/scene/view_picture.h"
+#include "gs_core/bytes.h"
 #include "gs_core/error.h"
 #include "gs_core/io/host_ram.h"
 #include "gs_core/log.h"
@@ -236,8 +237,8 @@ std::shared_ptr<PhotoCache> cache_for(const DatasetConfig& dataset,
   }
   const fs::path folder = is_named ? fs::path(dataset.photo_cache) : usual_photo_cache();
   if (folder.empty()) return nullptr;
-  return std::make_shared<PhotoCache>(folder,
-                                      std::uint64_t(double(dataset.photo_cache_gib) * kGib));
+  return std::make_shared<PhotoCache>(
+      folder, std::uint64_t(double(dataset.photo_cache_gib) * kBytesPerGib));
 }
 
 /// Views without photos, and a pool that brings them.
@@ -284,12 +285,12 @@ std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan>
     throw UsageError(fmt::format(
         "dataset.photo_ram_gib is {}, and one of these photos in use while another one is decoded "
         "takes {:.3g}; give at least that (--photo-ram), or 0 for half of the machine's memory",
-        dataset.photo_ram_gib, 1.01 * double(least) / kGib));
+        dataset.photo_ram_gib, 1.01 * double(least) / kBytesPerGib));
   budget = std::max(budget, least);
   log_info(
       "the photos take {:.3g} GiB when decoded, and {:.3g} GiB of memory are theirs (--photo-ram): "
       "they are decoded when it is their turn",
-      held / kGib, double(budget) / kGib);
+      held / kBytesPerGib, double(budget) / kBytesPerGib);
   return lazy_views(std::move(plans), masks, std::move(costs), budget, cache);
 }
 
@@ -384,7 +385,7 @@ void report_masks(const std::vector<View>& views, const DatasetConfig& dataset) 
     log_info("{} of {} photos are masked: {:.1f} % of their pixels {}", masked, views.size(),
              100 * share / double(masked),
              over_background ? "show the scene, the others its background" : "train");
-  else if (dataset.mask_mode == "background" && !views.empty() && !views.front().source)
+  else if (dataset.mask_mode == MaskMode::background && !views.empty() && !views.front().source)
     log_warning("dataset.mask_mode is background, but no photo has a mask or alpha");
 }
 

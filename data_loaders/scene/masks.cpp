@@ -26,9 +26,6 @@ bool is_folder(const fs::path& path) {
   std::error_code ignored;
   return fs::is_directory(path, ignored);
 }
-std::string without_extension(const std::string& name) {
-  return fs::path(name).replace_extension().generic_string();
-}
 
 /// The pictures of the masks' folder, by name and by name without extension.
 class MaskFiles {
@@ -114,9 +111,9 @@ MaskSource find_masks(const DatasetConfig& dataset, const SceneFolders& folders)
   MaskSource source;
   source.images = folders.images;
   source.invert = dataset.invert_masks;
-  source.over_background = dataset.mask_mode == "background" ||
-                           (dataset.mask_mode == "auto" && !is_colmap_model(folders.model) &&
-                            is_blender_scene(folders.model));
+  source.over_background = dataset.mask_mode == MaskMode::background ||
+                           (dataset.mask_mode == MaskMode::automatic &&
+                            !is_colmap_model(folders.model) && is_blender_scene(folders.model));
   if (dataset.masks == kNone) {
     source.use_alpha = false;
     return source;

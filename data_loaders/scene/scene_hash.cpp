@@ -13,24 +13,12 @@
 
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/find_scene.h"
+#include "gs_core/io/fnv1a.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-
-// Fowler, Noll, Vo: each byte is added by xor, then all bits are spread by a multiplication.
-class Fnv1a {
- public:
-  void add(std::string_view bytes) {
-    for (const char byte : bytes) value_ = (value_ ^ static_cast<unsigned char>(byte)) * kPrime;
-  }
-  std::uint64_t value() const { return value_; }
-
- private:
-  static constexpr std::uint64_t kStart = 0xcbf29ce484222325, kPrime = 0x100000001b3;
-  std::uint64_t value_ = kStart;
-};
 
 void add_file(Fnv1a& hash, const fs::path& file) {
   std::ifstream stream(file, std::ios::binary);

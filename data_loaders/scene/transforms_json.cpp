@@ -18,6 +18,7 @@
 #include "data_loaders/formats/ply/ply_file.h"
 #include "data_loaders/photos/photos.h"
 #include "gs_core/error.h"
+#include "gs_core/geometry.h"
 #include "gs_core/io/byte_reader.h"
 #include "gs_core/log.h"
 #include "gs_core/math/quaternion.h"
@@ -111,20 +112,17 @@ std::string with_extension(const fs::path& folder, const std::string& name) {
 
 // --- Rotations
 
-/// Why rows are no axes of a camera, "" where they are.
+/// What is wrong with the axes of a camera; "" if they are a rotation.
 std::string fault_of(const Mat3<double>& R) {
-  const auto near = [](double a, double b) { return std::abs(a - b) < kRotationTolerance; };
-  const Vec3d squares{inner(R.row0, R.row0), inner(R.row1, R.row1), inner(R.row2, R.row2)};
-  if (!near(squares.x, 1) || !near(squares.y, 1) || !near(squares.z, 1))
-    return fmt::format("scales the camera's axes by {:.4g}, {:.4g} and {:.4g}",
-                       std::sqrt(squares.x), std::sqrt(squares.y), std::sqrt(squares.z));
-  if (!near(inner(R.row0, R.row1), 0) || !near(inner(R.row0, R.row2), 0) ||
-      !near(inner(R.row1, R.row2), 0))
-    return "shears: the camera's axes are not at right angles";
-  const Vec3d cross{R.row0.y * R.row1.z - R.row0.z * R.row1.y,
-                    R.row0.z * R.row1.x - R.row0.x * R.row1.z,
-                    R.row0.x * R.row1.y - R.row0.y * R.row1.x};
-  return inner(cross, R.row2) > 0 ? "" : "mirrors: the camera's axes are left-handed";
+  switch (rotation_fault(R, kRotationTolerance)) {
+    case RotationFault::none: return "";
+    case RotationFault::scales:
+      return fmt::format("scales the camera's axes by {:.4g}, {:.4g} and {:.4g}", length(R.row0),
+                         length(R.row1), length(R.row2));
+    case RotationFault::shears: return "shears: the camera's axes are not at right angles";
+    case RotationFault::mirrors: return "mirrors: the camera's axes are left-handed";
+  }
+  return "";
 }
 
 // --- Frames

@@ -4,17 +4,11 @@
 #include <spdlog/fmt/fmt.h>
 #include <unistd.h>
 
+#include "data_loaders/video/film_encoder.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/log.h"
-
-#ifdef GS_HAVE_VIDEO
-#include <opencv2/core.hpp>
-#include <opencv2/core/utils/logger.hpp>
-#include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
-#endif
 
 namespace gs {
 
@@ -33,25 +27,19 @@ namespace {
 bool can_write_films() { return true; }
 std::string cannot_write_films() { return {}; }
 
-struct FilmWriter::Encoder {
-  cv::VideoWriter writer;
-  cv::Mat bgr;
-};
-
 FilmWriter::FilmWriter(fs::path path, int width, int height, double frames_per_second)
-    : path_(std::move(path)), width_(width), height_(height),
-      encoder_(std::make_unique<Encoder>()) {
+    : path_(std::move(path)), width_(width), height_(height), encoder_(make_film_encoder()) {
   GS_CHECK(width > 0 && height > 0 && width % 2 == 0 && height % 2 == 0 && frames_per_second > 0);
   { const AtomicFile is_writable(path_); }  // makes the folder; says why where it is not
-  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // we say it ourselves
-  temporary_ = fs::absolute(path_);  // ffmpeg would take "a:b.mp4" for a protocol
+  temporary_ = fs::absolute(path_);         // ffmpeg would take "a:b.mp4" for a protocol
   temporary_.replace_filename(fmt::format(".{}.{}.mp4", path_.filename().string(), ::getpid()));
-  encode_as("avc1", frames_per_second);
+  const auto opens = [&](const char* four_letters) {
+    return encoder_->open(temporary_, four_letters, width_, height_, frames_per_second);
+  };
   codec_ = "H.264";
-  if (encoder_->writer.isOpened()) return;
-  encode_as("mp4v", frames_per_second);
+  if (opens("avc1")) return;
   codec_ = "MPEG-4";
-  if (!encoder_->writer.isOpened())
+  if (!opens("mp4v"))
     cannot_write_film(path_,
                       "OpenCV has no encoder for MP4 here; install libopencv-videoio with ffmpeg's "
                       "libavcodec, or write pictures into a folder");
@@ -65,30 +53,20 @@ FilmWriter::FilmWriter(FilmWriter&&) noexcept = default;
 
 FilmWriter::~FilmWriter() {
   if (!encoder_) return;  // committed, or moved from
-  encoder_->writer.release();
+  encoder_->close();
   std::error_code ignored;
   fs::remove(temporary_, ignored);
-}
-
-void FilmWriter::encode_as(const char* f, double frames_per_second) {
-  encoder_->writer.open(temporary_.string(), cv::CAP_FFMPEG,
-                        cv::VideoWriter::fourcc(f[0], f[1], f[2], f[3]), frames_per_second,
-                        cv::Size(width_, height_), true);
 }
 
 void FilmWriter::write(const Image8& frame) {
   GS_CHECK(encoder_ && frame.width == width_ && frame.height == height_ &&
            (frame.channels == 1 || frame.channels == 3));
-  const cv::Mat picture(frame.height, frame.width, frame.channels == 1 ? CV_8UC1 : CV_8UC3,
-                        const_cast<std::uint8_t*>(frame.pixels.data()));
-  cv::cvtColor(picture, encoder_->bgr,
-               frame.channels == 1 ? cv::COLOR_GRAY2BGR : cv::COLOR_RGB2BGR);
-  encoder_->writer.write(encoder_->bgr);
+  encoder_->write(frame);
   ++frames_;
 }
 
 void FilmWriter::commit() {
-  encoder_->writer.release();
+  encoder_->close();
   // The encoder does not say where it fails: a film that lacks frames tells.
   std::int64_t kept = 0;
   try {
@@ -107,8 +85,6 @@ void FilmWriter::commit() {
 
 #else
 
-struct FilmWriter::Encoder {};
-
 bool can_write_films() { return false; }
 std::string cannot_write_films() {
   return "this build has no OpenCV with videoio; write pictures into a folder and make the film "
@@ -121,7 +97,6 @@ FilmWriter::FilmWriter(fs::path path, int, int, double) {
 }
 FilmWriter::FilmWriter(FilmWriter&&) noexcept = default;
 FilmWriter::~FilmWriter() = default;
-void FilmWriter::encode_as(const char*, double) {}
 void FilmWriter::write(const Image8&) {}
 void FilmWriter::commit() {}
 

@@ -11,6 +11,8 @@
 
 namespace gs {
 
+class FilmEncoder;
+
 bool can_write_films();
 /// What a build that cannot says, and what to do.
 std::string cannot_write_films();
@@ -35,15 +37,11 @@ class FilmWriter {
   const std::string& codec() const { return codec_; }
 
  private:
-  struct Encoder;
-
-  void encode_as(const char* four_letters, double frames_per_second);
-
   std::filesystem::path path_, temporary_;
   int width_, height_;
   std::int64_t frames_ = 0;
   std::string codec_;
-  std::unique_ptr<Encoder> encoder_;
+  std::unique_ptr<FilmEncoder> encoder_;
 };
 
 }  // namespace gs

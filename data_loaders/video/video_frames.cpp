@@ -23,7 +23,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr double kEndedEarly = 0.9;  // of the frames that the file states; containers are off by a few
+constexpr double kEndedEarly =
+    0.9;  // of the frames that the file states; containers are off by a few
 
 [[noreturn]] void cannot_read_video(const fs::path& video, const std::string& what) {
   throw Error(fmt::format(

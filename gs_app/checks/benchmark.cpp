@@ -6,9 +6,11 @@
 #include <cmath>
 
 #include "gs_app/checks/untrained.h"
+#include "gs_core/bytes.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/constants.h"
+#include "gs_train/loss_settings.h"
 
 namespace gs {
 namespace {
@@ -16,7 +18,6 @@ namespace {
 constexpr std::size_t kDeviceCopyBytes = std::size_t(1) << 30;  // far beyond the caches
 constexpr std::size_t kHostCopyBytes = std::size_t(1) << 28;    // beyond them too, and kind to small machines
 constexpr int kCopies = 8;
-constexpr double kBytesPerGib = 1024.0 * 1024.0 * 1024.0;
 const LearningRates kNoRates{};  // all zero
 
 double milliseconds_now() {
@@ -126,7 +127,7 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
     const double begin = milliseconds_now();
     for (int step = 0; step < steps; ++step, ++next) {
       backend.prefetch_next(views[(next + 1) % views.size()]);
-      backend.step(model, views[next % views.size()], training, config.loss.lambda_dssim, kNoRates,
+      backend.step(model, views[next % views.size()], training, loss_settings(config), kNoRates,
                    {.gather_statistics = true});
     }
     backend.synchronize(model);

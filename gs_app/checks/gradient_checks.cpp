@@ -111,7 +111,7 @@ void check_slopes(const SmallScene& scene, SelfCheckList& checks) {
   std::uint64_t seed = 100;
   for_each_array(
       [&](const char* name, const auto& array, const auto& gradient, const SlopeStep& step) {
-        const Numbers by_number = numbers_of(gradient);
+        const Numbers by_number = downloaded_numbers(gradient);
         Numbers expected, actual;
         for (std::uint64_t k = 0; k < kDirections; ++k) {
           const Numbers direction = random_normals(by_number.size(), ++seed);

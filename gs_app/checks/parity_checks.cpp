@@ -22,7 +22,7 @@ constexpr double kLossTolerance = 1e-3;
 constexpr double kGradientTolerance = 5e-3;
 constexpr double kStepTolerance = 2e-2;   // Adam divides tiny gradients by their own size
 constexpr int kStepsBefore = 20;          // so that the moments are those of a training under way
-constexpr float kLambdaDssim = 0.2f;
+constexpr LossSettings kLossSettings{.lambda_dssim = 0.2f};
 constexpr float kDeadLogit = -8;          // of an opacity of 0.0003
 constexpr std::size_t kPhotoBytes = std::size_t(1) << 28;
 
@@ -91,7 +91,7 @@ class ParityCheck {
   template <class T>
   void compare(const std::string& what, double tolerance, const Buffer<T>& actual,
                const Buffer<T>& expected) {
-    compare(what, tolerance, numbers_of(actual), numbers_of(expected));
+    compare(what, tolerance, downloaded_numbers(actual), downloaded_numbers(expected));
   }
 
   // Those that both see; which they see, the tile lists tell.
@@ -173,8 +173,8 @@ class ParityCheck {
     pass.height = cpu_pass_.height;
     pass.image.upload(cpu_pass_.image.download());
     Buffer<float> cpu_dL, device_dL(device_.memory());
-    cpu_.loss().forward_backward(cpu_pass_, view, kLambdaDssim, cpu_dL);
-    device_.loss().forward_backward(pass, view, kLambdaDssim, device_dL);
+    cpu_.loss().forward_backward(cpu_pass_, view, kLossSettings, cpu_dL);
+    device_.loss().forward_backward(pass, view, kLossSettings, device_dL);
     compare_loss_values(what);
     compare(what + ": dL_dimage", kLossTolerance, device_dL, cpu_dL);
   }
@@ -205,7 +205,7 @@ class ParityCheck {
 
   void step(Backend& backend, TrainingModel& model, const DensityStep& density, int index) {
     backend.step(model, scene_.views[std::size_t(index) % scene_.views.size()], settings_,
-                 kLambdaDssim, Schedule(Config{}, 1).learning_rates(1), density);
+                 kLossSettings, Schedule(Config{}, 1).learning_rates(1), density);
     backend.synchronize(model);
   }
   // After some steps on the CPU.
@@ -252,8 +252,8 @@ class ParityCheck {
                        const TrainingModel& actual, const TrainingModel& expected) {
     const auto compare_change = [&](const std::string& what, const auto& old, const auto& a,
                                     const auto& b) {
-      Numbers change = numbers_of(a), expected_change = numbers_of(b);
-      const Numbers start = numbers_of(old);
+      Numbers change = downloaded_numbers(a), expected_change = downloaded_numbers(b);
+      const Numbers start = downloaded_numbers(old);
       for (std::size_t i = 0; i < start.size(); ++i) {
         change[i] -= start[i];
         expected_change[i] -= start[i];

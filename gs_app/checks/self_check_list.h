@@ -32,7 +32,7 @@ class SelfCheckList {
 
 /// The numbers of an array of any Memory, one after another.
 template <class T>
-Numbers numbers_of(const Buffer<T>& array) {
+Numbers downloaded_numbers(const Buffer<T>& array) {
   const std::vector<T> rows = array.download();
   Numbers numbers(rows.size() * sizeof(T) / sizeof(float));
   if (!rows.empty()) std::memcpy(numbers.data(), rows.data(), rows.size() * sizeof(T));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "gs_train/optimizer.h"
+#include "gs_train/training_model.h"
 
 namespace gs {
 

@@ -1,46 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/experiment/experiment_pool.h"
 
-#include <signal.h>
-
 #include <chrono>
 #include <csignal>
 #include <map>
 #include <thread>
 
-#include "gs_app/experiment/child_process.h"
 #include "gs_core/error.h"
+#include "gs_core/io/process.h"
+#include "gs_core/io/signals.h"
 
 namespace gs {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 constexpr std::chrono::milliseconds kLookEvery{20};
-
-/// While it lives, SIGINT and SIGTERM are counted and do nothing else.
-class SignalCount {
- public:
-  SignalCount() {
-    count_ = 0;
-    struct sigaction action {};
-    action.sa_handler = [](int) { count_ = count_ + 1; };
-    action.sa_flags = SA_RESTART;
-    sigaction(SIGINT, &action, &old_interrupt_);
-    sigaction(SIGTERM, &action, &old_terminate_);
-  }
-  ~SignalCount() {
-    sigaction(SIGINT, &old_interrupt_, nullptr);
-    sigaction(SIGTERM, &old_terminate_, nullptr);
-  }
-  SignalCount(const SignalCount&) = delete;
-  SignalCount& operator=(const SignalCount&) = delete;
-  int value() const { return count_; }
-
- private:
-  static inline volatile std::sig_atomic_t count_ = 0;
-  struct sigaction old_interrupt_ {
-  }, old_terminate_{};
-};
 
 struct Running {
   const ExperimentRun* run;
@@ -73,7 +47,7 @@ class Pool {
     const RunSlot slot = free_.back();
     try {
       prepare(run);
-      const pid_t child = start_child(train_command(run, slot), run.log());
+      const pid_t child = start_child(train_command(run, slot), {.output = open_log(run.log())});
       running_[child] = {&run, slot, Clock::now()};
     } catch (const Error& error) {
       events_.ended(run, {int(error.code()), 0}, 0, error.what());

@@ -3,7 +3,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "gs_core/config/config_table.h"
+#include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
 #include "gs_core/io/move_aside.h"
 #include "gs_core/log.h"
@@ -15,18 +15,8 @@ namespace fs = std::filesystem;
 
 constexpr const char* kThisProgram = "/proc/self/exe";  // of the child, too; also where the file was replaced meanwhile
 
-// Without what changes no result.
-Config comparable(Config config) {
-  const Config usual;
-  config.train.threads = usual.train.threads;
-  config.train.photo_gib = usual.train.photo_gib;
-  config.dataset.photo_ram_gib = usual.dataset.photo_ram_gib;
-  config.dataset.photo_cache = usual.dataset.photo_cache;
-  config.dataset.photo_cache_gib = usual.dataset.photo_cache_gib;
-  return config;
-}
-
-// A file that is missing, or written by another version with other settings, is another run's.
+// Whether the folder holds a run that gives the result of this one. A settings file that is
+// missing, or that this version cannot read, belongs to another run.
 bool has_same_settings(const ExperimentRun& run) {
   if (!fs::exists(run.settings_file())) return false;
   Config written;
@@ -35,7 +25,7 @@ bool has_same_settings(const ExperimentRun& run) {
   } catch (const Error&) {
     return false;
   }
-  return difference(comparable(written), {}, comparable(run.settings), {}).empty();
+  return same_result(written, run.settings);
 }
 
 ExperimentRun make_run(const Experiment& experiment, const ExperimentScene& scene,

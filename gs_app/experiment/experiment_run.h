@@ -29,8 +29,8 @@ struct ExperimentRun {
 /// All runs, in order. Throws UsageError where the settings of one cannot be used.
 std::vector<ExperimentRun> runs_of(const Experiment& experiment);
 
-/// Whether the folder has the results of a run with these settings. Settings that change no result (threads, room for
-/// photos) may differ.
+/// Whether the folder has the results of a run with these settings. Settings that change no result
+/// may differ: train.threads, train.log_every and the like (OnChange::nothing in config_fields.h).
 bool is_finished(const ExperimentRun& run);
 
 /// Where a run is computed; what is empty or 0 is left to the settings.
@@ -39,8 +39,8 @@ struct RunSlot {
   int threads = 0;
 };
 
-/// Makes the folder ready for the run: another run that it holds, or one that broke off and cannot be resumed, is
-/// moved to FOLDER.bak-N; settings.toml is written. Throws Error.
+/// Makes the folder ready for the run: another run that it holds, or one that broke off and cannot
+/// be resumed, is moved to FOLDER.bak-N; settings.toml is written. Throws Error.
 void prepare(const ExperimentRun& run);
 
 /// `gemsplat train` with the run's settings, for start_child().

@@ -12,8 +12,7 @@
 #include "gs_app/run/csv.h"
 #include "gs_app/run/provenance.h"
 #include "gs_app/run/text.h"
-#include "gs_core/config/config_fields.h"
-#include "gs_core/config/config_text.h"
+#include "gs_core/config/config_diff.h"
 #include "gs_core/config/markdown.h"
 #include "gs_core/version.h"
 
@@ -156,22 +155,14 @@ std::string csv_text(const std::vector<Row>& rows) {
   return text;
 }
 
-// What differs from the defaults; the rest is in the run's config.toml.
+// The settings that are not at their default, by key. TOML text of a value is also JSON, unless it
+// has bytes that are not UTF-8, as paths may have.
 Json settings_json(const ExperimentRun& run) {
-  std::vector<std::string> usual;
-  const Config defaults;
-  visit_fields(defaults, [&](const auto& field) { usual.push_back(toml_text(field.value)); });
   Json json = Json::object();
-  std::size_t index = 0;
-  visit_fields(run.settings, [&](const auto& field) {
-    const std::string text = toml_text(field.value);
-    if (text == usual[index++]) return;
-    if constexpr (std::is_same_v<decltype(field.value), const float&>) {
-      json[std::string(field.key)] = std::stod(text);  // 0.1, not 0.10000000149
-    } else {
-      json[std::string(field.key)] = field.value;
-    }
-  });
+  for (const SettingChange& change : config_diff(Config{}, run.settings)) {
+    Json value = Json::parse(change.b, nullptr, false);
+    json[change.key] = value.is_discarded() ? Json(change.b) : std::move(value);
+  }
   return json;
 }
 

@@ -5,8 +5,8 @@
 
 #include <iostream>
 
-#include "gs_app/experiment/child_process.h"
 #include "gs_core/error.h"
+#include "gs_core/io/subprocess.h"
 
 namespace gs {
 namespace {

@@ -8,6 +8,7 @@
 
 #include "data_loaders/cameras/read_cameras.h"
 #include "data_loaders/colmap/world_offset.h"
+#include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/load_scene.h"
 
 namespace gs {
@@ -27,8 +28,7 @@ std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
             [](const NamedCamera& a, const NamedCamera& b) { return a.name < b.name; });
   if (split == "all") return cameras;
   std::set<std::string> wanted;  // names as in cameras.json
-  for (const std::string& name : split_names(run, split))
-    wanted.insert(std::filesystem::path(name).replace_extension().generic_string());
+  for (const std::string& name : split_names(run, split)) wanted.insert(without_extension(name));
   std::erase_if(cameras, [&](const NamedCamera& named) { return !wanted.contains(named.name); });
   return cameras;
 }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "data_loaders/photos/photo_names.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
@@ -15,11 +16,6 @@ namespace gs {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-/// The same for all names that one picture can have; "frame.7" has no extension.
-std::string without_extension(const std::string& name) {
-  return picture_path({}, name).generic_string();
-}
 
 /// The camera of that name, with or without extension, or else of that number.
 std::size_t find_camera(const std::string& word, const std::vector<NamedCamera>& cameras) {
@@ -93,12 +89,12 @@ PosedPath through_cameras(const PathRequest& request, const std::vector<NamedCam
 }
 
 PosedPath round_the_scene(const PathRequest& request, const std::vector<NamedCamera>& cameras,
-                          const std::function<double()>& focus, const Vec3d& world_offset) {
+                          Span<const Vec3f> points, const Vec3d& world_offset) {
   std::vector<Camera> all;
   for (const NamedCamera& named : cameras) all.push_back(named.camera);
   Orbit circle;
   circle.frame = request.center ? scene_frame_about(*request.center - world_offset, all)
-                                : scene_frame(all, focus());
+                                : scene_frame(all, points);
   circle.turns = request.turns;
   circle.start = Vec3d(cameras.front().camera.position());
   if (request.radius) circle.frame.radius = *request.radius;
@@ -117,8 +113,8 @@ PosedPath round_the_scene(const PathRequest& request, const std::vector<NamedCam
 }  // namespace
 
 FilmPath film_path(const PathRequest& request, const std::vector<NamedCamera>& cameras,
-                   const std::function<double()>& focus, const Vec3d& world_offset) {
-  PosedPath path = request.kind == "orbit" ? round_the_scene(request, cameras, focus, world_offset)
+                   Span<const Vec3f> points, const Vec3d& world_offset) {
+  PosedPath path = request.kind == "orbit" ? round_the_scene(request, cameras, points, world_offset)
                                            : through_cameras(request, cameras);
   FilmPath film{{}, std::move(path.description)};
   for (std::size_t i = 0; i < path.poses.size(); ++i)

@@ -2,13 +2,13 @@
 // gemsplat render --path: from a word and a few numbers to the camera of each frame.
 #pragma once
 
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "data_loaders/cameras/camera_file.h"
+#include "gs_core/buffer.h"
 
 namespace gs {
 
@@ -35,11 +35,11 @@ struct FilmPath {
 /// The path among `cameras`, of which there is one at least, in their frame, with the lens and size of the first one that it passes (of an orbit, of the
 /// first of all).
 ///
-/// focus          how far before the cameras the scene is, world units; asked where an orbit's center is to be found
+/// points         of the scene, such as the Gaussians' means; an orbit's center is found with them (scene_frame)
 /// world_offset   of that frame: positions in `request` and in the description have it added
 ///
 /// Throws UsageError for cameras that are none of these, or too few.
 FilmPath film_path(const PathRequest& request, const std::vector<NamedCamera>& cameras,
-                   const std::function<double()>& focus, const Vec3d& world_offset);
+                   Span<const Vec3f> points, const Vec3d& world_offset);
 
 }  // namespace gs

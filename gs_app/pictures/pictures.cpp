@@ -4,18 +4,10 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <iterator>
-#include <string_view>
 
 #include "data_loaders/photos/photo_names.h"
 
 namespace gs {
-namespace {
-
-constexpr std::string_view kPhotoExtensions[] = {".jpg",  ".jpeg", ".png",  ".tif",
-                                                 ".tiff", ".bmp",  ".webp", ".exr"};
-
-}  // namespace
 
 std::vector<std::size_t> evenly_chosen(std::size_t count, std::size_t wanted) {
   const std::size_t chosen = std::min(count, wanted);
@@ -30,12 +22,7 @@ std::filesystem::path picture_path(const std::filesystem::path& folder,
                                    const std::string& view_name) {
   std::filesystem::path name = std::filesystem::path(view_name).lexically_normal();
   if (name.is_absolute() || (!name.empty() && *name.begin() == "..")) name = name.filename();
-  const std::string extension = lowercase_ending(name);
-  // cameras.json has names without extension: the ".7" of "frame.7" is none.
-  if (std::find(std::begin(kPhotoExtensions), std::end(kPhotoExtensions), extension) !=
-      std::end(kPhotoExtensions))
-    name.replace_extension();
-  return folder / (name += ".png");
+  return folder / (without_extension(name.generic_string()) + ".png");
 }
 
 }  // namespace gs

@@ -11,8 +11,7 @@
 #include "gs_app/report/report_histograms.h"
 #include "gs_app/report/report_page.h"
 #include "gs_app/report/report_views.h"
-#include "gs_core/config/config_fields.h"
-#include "gs_core/config/config_text.h"
+#include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
@@ -25,18 +24,13 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMostRows = 3000;  // of each curve: more than a screen has pixels
 
-// [{"key", "value", "usual"}, ...] in the order of the settings; places are no settings of the method.
+// [{"key", "value", "usual"}, ...] for settings that are not at their default, without those that
+// only name a place.
 Json changed_settings(const Config& config) {
-  std::vector<std::string> usual;
-  const Config defaults;
-  visit_fields(defaults, [&](const auto& field) { usual.push_back(toml_text(field.value)); });
   Json changed = Json::array();
-  auto before = usual.begin();
-  visit_fields(config, [&](const auto& field) {
-    const std::string text = toml_text(field.value), &was = *before++;
-    if (text != was && field.key != "dataset.source" && field.key != "model.output")
-      changed.push_back({{"key", std::string(field.key)}, {"value", text}, {"usual", was}});
-  });
+  for (const SettingChange& change : config_diff(Config{}, config))
+    if (change.key != "dataset.source" && change.key != "model.output")
+      changed.push_back({{"key", change.key}, {"value", change.b}, {"usual", change.a}});
   return changed;
 }
 
@@ -45,7 +39,8 @@ std::string text_of(const fs::path& path) {
   return std::string(std::istreambuf_iterator<char>(file), {});
 }
 
-// Another version's config may have settings that this one does not know: the text is shown all the same.
+// Another version's config may have settings that this one does not know: the text is shown all the
+// same.
 void add_config(const RunFolder& folder, Json& report, std::vector<std::string>& notes) {
   report["config"] = text_of(folder.config());
   report["changed"] = Json::array();

@@ -142,27 +142,16 @@ void write_values(CheckedWriter& file, const std::string& name, const std::vecto
   file.write(values.data(), values.size() * sizeof(T));
 }
 
-// Calls f(name, array) for each array of a model.
-template <class Model, class F>
-void for_each_named_array(Model& model, F&& f) {
-  const auto visit = [&](const std::string& prefix, auto& gaussians) {
-    for_each_array([&](const char* name, auto& array) { f(prefix + name, array); }, gaussians);
-  };
-  visit("gaussians.", model.gaussians);
-  visit("first_moment.", model.first_moment);
-  visit("second_moment.", model.second_moment);
-  f("statistics.visits", model.statistics.visits);
-  f("statistics.gradient_norm", model.statistics.gradient_norm);
-}
-
 void read_model(CheckedReader& file, std::size_t count, TrainingModel& model) {
-  for_each_named_array(model, [&](const std::string& name, auto& array) {
-    const std::size_t row = sizeof(*array.data());
-    const std::uint64_t bytes = file.section(name);
-    if (bytes / row != count || bytes % row) file.damaged();
-    array.resize_discard(count);
-    file.read(array.data(), bytes);
-  });
+  for_each_row_array(
+      [&](const RowArray& which, auto& array) {
+        const std::size_t row = sizeof(*array.data());
+        const std::uint64_t bytes = file.section(which.key());
+        if (bytes / row != count || bytes % row) file.damaged();
+        array.resize_discard(count);
+        file.read(array.data(), bytes);
+      },
+      model);
 }
 
 // What a file says of itself, in doubt until its checksum is found right.
@@ -197,8 +186,8 @@ SceneRecord::SceneRecord(const Scene& scene)
 std::uint64_t checkpoint_bytes(std::size_t gaussians, std::size_t views) {
   std::uint64_t row = 0;
   const TrainingModel none;
-  for_each_named_array(
-      none, [&](const std::string&, const auto& array) { row += sizeof(*array.data()); });
+  for_each_row_array([&](const RowArray&, const auto& array) { row += sizeof(*array.data()); },
+                     none);
   return gaussians * row + views * 512;
 }
 
@@ -213,9 +202,11 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
   write_values(file, "view_order", progress.view_order);
   const std::uint64_t count = model.count();
   write_values(file, "gaussians", std::vector<std::uint64_t>{count});
-  for_each_named_array(model, [&](const std::string& name, const auto& array) {
-    write_array(file, name, array.data(), array.size(), array.memory());
-  });
+  for_each_row_array(
+      [&](const RowArray& which, const auto& array) {
+        write_array(file, which.key(), array.data(), array.size(), array.memory());
+      },
+      model);
   file.commit();
 }
 

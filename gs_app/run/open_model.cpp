@@ -13,7 +13,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
-#include "gs_train/trainer.h"
+#include "gs_render/render_settings.h"
 
 namespace gs {
 namespace {
@@ -75,7 +75,7 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
   take_sidecar(opened.ply, opened.model);
   opened.config.model.sh_degree = opened.model.sh_degree;
   opened.config.render.antialias = opened.model.antialiased;
-  if (!opened.model.is_ours) opened.config.render.blend_rule = "classic";  // as it was trained
+  if (!opened.model.is_ours) opened.config.render.blend_rule = BlendRule::classic;  // as it was trained
   return opened;
 }
 
@@ -90,7 +90,6 @@ Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_
 }
 
 RenderSettings view_settings(const OpenedModel& opened, Config config) {
-  if (config.render.background == "random") config.render.background = "black";
   config.model.sh_degree = std::min(config.model.sh_degree, opened.model.sh_degree);
   RenderSettings settings = render_settings(config);
   settings.for_backward = false;

@@ -4,14 +4,12 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "gs_app/run/checkpoint_folder.h"
-#include "gs_core/config/config_fields.h"
-#include "gs_core/config/config_text.h"
+#include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
@@ -23,33 +21,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Settings that a resumed run may change: where things are, the machine, what is written; and the length, see
-// keep_schedule(). A name that ends with a dot stands for its whole section.
-constexpr std::array kFree = {
-    "dataset.source",        "dataset.images",      "dataset.model",
-    "dataset.photo_ram_gib", "dataset.photo_cache", "dataset.photo_cache_gib",
-    "reconstruct.",          "model.output",        "density.max_gaussians",
-    "train.iterations",      "train.extra_steps",   "train.threads",
-    "train.device",          "train.photo_gib",     "train.log_every",
-    "train.save_steps",      "train.test_steps",    "train.checkpoint_every"};
-
-bool is_free(std::string_view key) {
-  return std::any_of(kFree.begin(), kFree.end(), [&](std::string_view name) {
-    return name.ends_with('.') ? key.starts_with(name) : key == name;
-  });
-}
-
 void check_kept_settings(const Config& ours, const Config& now, const fs::path& folder) {
-  std::vector<std::string> before;
-  visit_fields(ours, [&](const auto& field) { before.push_back(toml_text(field.value)); });
   std::string differing;
-  std::size_t i = 0;
-  visit_fields(now, [&](const auto& field) {
-    const std::string text = toml_text(field.value), &was = before[i++];
-    if (text == was || is_free(field.key)) return;
-    differing +=
-        fmt::format("{}{} = {} (now {})", differing.empty() ? "" : ", ", field.key, was, text);
-  });
+  for (const SettingChange& change : config_diff(ours, now))
+    if (!change.may_change_on_resume())
+      differing += fmt::format("{}{} = {} (now {})", differing.empty() ? "" : ", ", change.key,
+                               change.a, change.b);
   if (!differing.empty())
     throw UsageError(fmt::format(
         "the run in {} was trained with {}, and a resumed run keeps that: leave it out, or train "

@@ -41,8 +41,8 @@ std::string cfg_args(const Config& config, const fs::path& root) {
       config.model.sh_degree, python_text(config.dataset.source),
       python_text(fs::absolute(root).lexically_normal().string()),
       python_text(config.dataset.images), config.dataset.resolution,
-      truth(config.render.background == "white"), config.train.device == "cpu" ? "'cpu'" : "'cuda'",
-      truth(config.dataset.eval));
+      truth(config.render.background == Background::white),
+      config.train.device == "cpu" ? "'cpu'" : "'cuda'", truth(config.dataset.eval));
 }
 
 std::string split_json(const Config& config, const Scene& scene) {

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "data_loaders/colmap/world_offset.h"
+#include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_app/export/cameras.h"
 #include "gs_core/error.h"
@@ -17,10 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// As our cameras.json has it; some trainers' have the extension.
-std::string without_extension(const std::string& name) {
-  return fs::path(name).replace_extension().generic_string();
-}
+// Some trainers' cameras.json have names with extensions.
 template <class T>
 const T* find_camera(const std::map<std::string, T>& by_name, const std::string& name) {
   auto found = by_name.find(name);
@@ -118,7 +116,7 @@ ViewScene view_scene_of(const OpenedModel& opened, const Config& config, bool ha
   } else if (opened.run) {
     take_cameras_of_run(scene, opened, config);
   }
-  scene.framing = framing_of(scene.cameras, opened.model.gaussians.mean.span());
+  scene.frame = frame_of(scene.cameras, opened.model.gaussians.mean.span());
   return scene;
 }
 

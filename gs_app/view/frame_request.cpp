@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "gs_core/error.h"
+#include "gs_core/geometry.h"
 
 namespace gs {
 namespace {
@@ -73,15 +74,7 @@ Matrix matrix_of(std::string_view text) {
 void place(Camera& camera, const Matrix& matrix) {
   const double* m = matrix.m;
   const Mat3<double> R{{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}};
-  const Vec3d cross{R.row0.y * R.row1.z - R.row0.z * R.row1.y,
-                    R.row0.z * R.row1.x - R.row0.x * R.row1.z,
-                    R.row0.x * R.row1.y - R.row0.y * R.row1.x};
-  const Vec3d away = cross - R.row2;
-  const bool is_turned = std::abs(inner(R.row0, R.row0) - 1) < kRotationTolerance &&
-                         std::abs(inner(R.row1, R.row1) - 1) < kRotationTolerance &&
-                         std::abs(inner(R.row0, R.row1)) < kRotationTolerance &&
-                         inner(away, away) < kRotationTolerance * kRotationTolerance;
-  if (!is_turned || m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1)
+  if (!is_rotation(R, kRotationTolerance) || m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1)
     fail("m", "it is no rotation with a position");
   camera.cam_from_world_rotation = {Vec3f(R.row0), Vec3f(R.row1), Vec3f(R.row2)};
   camera.cam_from_world_translation = Vec3f(-multiply(R, Vec3d(m[3], m[7], m[11])));

@@ -10,11 +10,12 @@
 
 #include "data_loaders/formats/formats.h"
 #include "gs_app/view/low_priority.h"
-#include "gs_app/view/scratch_folder.h"
 #include "gs_app/view/served_model.h"
 #include "gs_core/error.h"
+#include "gs_core/io/scratch_folder.h"
 #include "gs_core/log.h"
 #include "gs_core/parallel.h"
+#include "gs_render/render_settings.h"
 
 namespace gs {
 namespace {
@@ -33,7 +34,7 @@ ViewScene live_scene(std::string title, const Scene& scene, const Config& config
   live.cameras = viewed_cameras(scene);
   std::vector<Vec3f> points;
   for (const ScenePoint& point : scene.points) points.push_back(point.position);
-  live.framing = framing_of(live.cameras, {points.data(), points.size()});
+  live.frame = frame_of(live.cameras, {points.data(), points.size()});
   return live;
 }
 

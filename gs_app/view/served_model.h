@@ -9,7 +9,7 @@
 
 #include "data_loaders/formats/formats.h"
 #include "gs_app/run/open_model.h"
-#include "gs_app/view/scratch_folder.h"
+#include "gs_core/io/scratch_folder.h"
 
 namespace gs {
 

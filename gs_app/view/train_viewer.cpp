@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/view/train_viewer.h"
 
-#include "gs_app/run/stop_on_signal.h"
+#include "gs_core/io/signals.h"
 #include "gs_core/log.h"
 
 namespace gs {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `gemsplat view` shows besides the Gaussians: cameras with their photos, and where a look around begins.
+// What `gemsplat view` shows besides the Gaussians: cameras with their photos, and where a look
+// around begins.
 #pragma once
 
 #include <memory>
@@ -10,6 +11,7 @@
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/scene.h"
+#include "gs_core/scene_frame.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {
@@ -22,25 +24,17 @@ struct ViewedCamera {
   const View* view = nullptr;
 };
 
-/// Where a look around begins, in world units.
-struct Framing {
-  Vec3d up{0, -1, 0};      // a direction of length 1
-  Vec3d center{0, 0, 0};   // what cameras look at
-  double radius = 1;       // of the cameras around it, or of the Gaussians where no camera is there
-};
+/// How the cameras stand around what they look at, or the points without cameras: a look around
+/// begins there.
+SceneFrame frame_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> points);
 
-/// Up is the mean of the cameras' own; the center is nearest to where they look, and near the middle of `points` where their
-/// directions do not say it. Without cameras both come from the points, whose y axis points down (COLMAP's habit). At most
-/// some 100,000 points, evenly chosen, are looked at; those with NaN or infinity are left out.
-Framing framing_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> points);
-
-/// Cameras and framing, and what keeps the photos.
+/// Cameras, where a look around begins, and the owner of the photos.
 struct ViewScene {
   std::string title;
   Vec3f background{0};
   float near_plane = 0.2f, far_plane = 10000;  // world units of depth: what is shown lies between
   std::vector<ViewedCamera> cameras;
-  Framing framing;
+  SceneFrame frame;
   std::vector<std::string> notes;            // what is missing, and why
   std::shared_ptr<const Scene> photos = {};  // owner of the views, unless they are somebody else's
 };

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading and checking a Config: visitors over the list in config_fields.h. config_text.cpp prints it.
+// Reading and checking a Config: visitors over the list in config_fields.h. config_text.cpp prints
+// it.
 #include "gs_core/config/config.h"
 
 #include <toml++/toml.h>
@@ -32,10 +33,11 @@ std::string text_of(const toml::node& node) {
                    " cannot be used: it must be " + must);
 }
 
-// ---- one value from TOML --------------------------------------------------------------------------------
+// ---- one value from TOML
 
+// What a value of T must look like; enums are words, in quotes as text is.
 template <class T>
-constexpr const char* kTypeName = "a whole number";
+constexpr const char* kTypeName = std::is_enum_v<T> ? "text in quotes" : "a whole number";
 template <>
 constexpr const char* kTypeName<bool> = "true or false";
 template <>
@@ -46,10 +48,16 @@ template <>
 constexpr const char* kTypeName<std::vector<int>> =
     "a list of whole numbers, such as [7000, 30000]";
 
-// Values as TOML has them, wide enough that a range is checked before a number is narrowed.
+// The type in which a value is read from TOML. Numbers are read in a wide type, so that their range
+// is checked before they are narrowed.
 template <class T>
 struct Wide {
   using type = std::conditional_t<std::is_floating_point_v<T>, double, std::int64_t>;
+};
+template <class T>
+requires std::is_enum_v<T>
+struct Wide<T> {
+  using type = std::string;
 };
 template <>
 struct Wide<bool> {
@@ -64,7 +72,7 @@ struct Wide<std::vector<int>> {
   using type = std::vector<std::int64_t>;
 };
 
-// The node's value, where it has the right type. Whole numbers are numbers too.
+// The node's value if it has the right type. A whole number is also a number.
 template <class T>
 std::optional<T> value_of(const toml::node& node) {
   if constexpr (std::is_same_v<T, double>) {
@@ -96,12 +104,14 @@ void assign(const Field<T>& field, const toml::node& node, std::string_view wher
   if (!fits(*value, field.limits)) refuse(where, field.key, text_of(node), field.limits.text());
   if constexpr (std::is_same_v<T, std::vector<int>>) {
     field.value.assign(value->begin(), value->end());
+  } else if constexpr (std::is_enum_v<T>) {
+    field.value = value_of_word<T>(*value).value();
   } else {
     field.value = T(*value);
   }
 }
 
-// ---- keys -----------------------------------------------------------------------------------------------
+// ---- keys
 
 std::string with_underscores(std::string key) {
   std::replace(key.begin(), key.end(), '-', '_');
@@ -120,7 +130,7 @@ void visit_field(Config& config, const std::string& key, std::string_view where,
   if (!found) refuse_key(where, key);
 }
 
-// ---- files ----------------------------------------------------------------------------------------------
+// ---- files
 
 std::string place_of(const ConfigSource& source, const toml::node& node) {
   return source.shown + ":" + std::to_string(node.source().begin.line);
@@ -146,7 +156,7 @@ void merge_section(Config& config, const ConfigSource& source, const std::string
   }
 }
 
-// `chain` holds those whose base is being read.
+// `chain` holds the files whose base is being read.
 void merge(Config& config, const std::string& name, ConfigChain& chain, SettingOrigins& origins) {
   chain.push_back(open_config(name, chain));
   const toml::table root = parse(chain.back());
@@ -167,7 +177,7 @@ void merge(Config& config, const std::string& name, ConfigChain& chain, SettingO
   }
 }
 
-// The value of `--set key=TEXT`: TOML if it is, else a bare word.
+// The value of `--set key=TEXT`: TOML if the text is valid TOML, else a bare word.
 toml::table parse_value(const std::string& text) {
   toml::table parsed;
   if (text.find('\n') == text.npos) {
@@ -215,8 +225,9 @@ std::string apply_setting(Config& config, const std::string& assignment) {
   const std::string text = trimmed(assignment.substr(equals + 1));
   visit_field(config, key, "", [&](const auto& field) {
     toml::table parsed = parse_value(text);
-    // Where text is wanted, 2024 and true are words like any other.
-    if constexpr (std::is_same_v<decltype(field.value), std::string&>) {
+    // For a setting that is text or a word, 2024 and true are words like any other.
+    using T = std::remove_reference_t<decltype(field.value)>;
+    if constexpr (std::is_same_v<T, std::string> || std::is_enum_v<T>) {
       if (!parsed.get("value")->is_string()) parsed.insert_or_assign("value", text);
     }
     assign(field, *parsed.get("value"), "");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything a run can be told. Defaults live here and nowhere else; config_fields.h lists each field once
-// with its unit, range and source, and parsing, --set, --help, validation and printing visit that list.
+// Everything that a run can be told. Defaults stand here and nowhere else. config_fields.h lists
+// each field once with its unit, range, meaning and source; parsing, --set, --help, validation and
+// printing visit that list.
 #pragma once
 
 #include <cstdint>
@@ -11,34 +12,36 @@
 #include <string_view>
 #include <vector>
 
+#include "gs_core/config/config_words.h"
+
 namespace gs {
 
-/// Which photos and cameras.
+/// Which photos and cameras to train on.
 struct DatasetConfig {
   std::string source;             // the scene's folder
-  std::string images = "images";  // the photos' folder inside it (or an absolute path)
-  std::string masks;   // the masks' folder; empty: `masks` in the scene, where there is one; none: no masks, no alpha
-  std::string mask_mode = "auto";  // auto, ignore, background
-  bool invert_masks = false;       // of mask files black trains and white does not
-  std::string model;   // the COLMAP model's folder; empty: sparse/0, sparse, the scene itself
-  int resolution = 1;  // 1, 2, 4, 8: photos divided by it; 16 and more: the width in pixels
-  bool eval = false;   // hold out every test_every-th view by sorted name
+  std::string images = "images";  // the photos' folder inside it, or an absolute path
+  std::string masks;   // the masks' folder; empty: `masks` in the scene; none: no masks, no alpha
+  MaskMode mask_mode = MaskMode::automatic;
+  bool invert_masks = false;  // in mask files, black trains and white does not
+  std::string model;   // the COLMAP model's folder; empty: sparse/0, sparse or the scene itself
+  int resolution = 1;  // 1, 2, 4, 8: divides the photos' size; 16 and more: the width in pixels
+  bool eval = false;   // hold out every test_every-th view, sorted by name
   int test_every = 8;
   float photo_ram_gib = 0;           // for decoded photos; 0: half of the machine's memory
   std::string photo_cache = "auto";  // folder of undistorted and resized photos; auto, none
-  float photo_cache_gib = 20;        // at most in that folder
-  bool refine_cameras = false;  // bundle adjustment before training
+  float photo_cache_gib = 20;        // most in that folder
+  bool refine_cameras = false;       // bundle adjustment before training
   bool exposure = false;  // solve for each photo's exposure and white balance before training
 };
 
 /// How the colmap program finds where photos were taken.
 struct ReconstructConfig {
   std::string colmap = "colmap";               // the program
-  std::string matching = "auto";               // auto, exhaustive, sequential
+  Matching matching = Matching::automatic;
   std::string camera_model = "SIMPLE_RADIAL";  // COLMAP's name
-  std::string single_camera = "auto";          // auto, yes, no
+  SingleCamera single_camera = SingleCamera::automatic;
   int max_features = 8192;                     // in one photo
-  int frames = 200;                            // taken out of videos
+  int frames = 200;                            // taken from all videos together
   bool use_gpu = false;
 };
 
@@ -47,18 +50,19 @@ struct ModelConfig {
   std::string output;  // the run's folder
   int sh_degree = 3;
   float initial_opacity = 0.1f;
-  float initial_scale = 1;     // of the distance to the nearest points
+  float initial_scale = 1;     // times the distance to the nearest points
   int random_points = 100000;  // used when the model has no points
-  int most_points = 2000000;   // to start from; denser clouds are thinned
+  int most_points = 2000000;   // to start from; denser clouds are downsampled
 };
 
+/// How Gaussians are drawn; gs_render/render_settings.h turns it into what the renderer takes.
 struct RenderConfig {
-  std::string background = "black";      // black, white, random
-  std::string blend_rule = "faster_gs";  // faster_gs, classic
-  std::string truncation = "alpha";      // alpha, sigma2, sigma3, sigma4
-  std::string bounds = "exact";          // exact, box, square
-  std::string blend = "gemm";            // gemm, simt
-  std::string precision = "full";        // full, half
+  Background background = Background::black;
+  BlendRule blend_rule = BlendRule::faster_gs;
+  Truncation truncation = Truncation::alpha;
+  TileBounds bounds = TileBounds::exact;
+  BlendKernel blend = BlendKernel::gemm;
+  Precision precision = Precision::full;
   bool antialias = false;
   bool antialias_detach = true;  // no gradient from the opacity compensation to the covariance
   float near_plane = 0.2f;
@@ -66,6 +70,7 @@ struct RenderConfig {
 };
 
 struct LossConfig {
+  std::string kind = "l1_ssim";  // l1_ssim
   float lambda_dssim = 0.2f;
 };
 
@@ -80,10 +85,10 @@ struct OptimizerConfig {
   float sh_rest_lr = 1.25e-4f;
 };
 
-inline constexpr std::int64_t kAutoCount = -1;  // a count that is found out; the word auto stands for it
+inline constexpr std::int64_t kAutoCount = -1;  // the word auto: the program finds the count itself
 
-/// Density control: adaptive (Kerbl et al. 2023, Sec. 5.2) or mcmc (Kheradmand et al. 2024). Steps are those of a
-/// 30,000-step run.
+/// Density control: adaptive (Kerbl et al. 2023, Sec. 5.2) or mcmc (Kheradmand et al. 2024). Steps
+/// are those of a 30,000-step run.
 struct DensityConfig {
   std::string strategy = "adaptive";  // adaptive, mcmc
   int from_step = 600;
@@ -93,16 +98,16 @@ struct DensityConfig {
   float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
   float prune_opacity = 0.005f;
   float prune_scale = 0.1f;  // of the extent, after the first opacity reset
-  float camera_clearance = 0.35f;  // of the way from a camera to what it sees; 0: none
+  float camera_clearance = 0.35f;  // of the distance from a camera to what it sees; 0: none
   int reset_opacity_every = 3000;
   int reset_opacity_until = 12000;
-  std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as there is memory for
+  std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as fit into memory
   bool absolute_gradient = false;  // the statistic sums absolute values over pixels (AbsGS)
-  // of mcmc alone
+  // for mcmc only
   float growth = 0.05f;              // of the count, in one refinement
-  float noise_scale = 5e5f;          // times the rate of the means
+  float noise_scale = 5e5f;          // times the learning rate of the means
   float opacity_regularizer = 0.01f;  // weight of the mean opacity in the loss
-  float scale_regularizer = 0.01f;    // and of the mean scale
+  float scale_regularizer = 0.01f;    // weight of the mean scale in the loss
 };
 
 struct TrainConfig {
@@ -113,11 +118,11 @@ struct TrainConfig {
   int morton_until = 15000;
   std::uint64_t seed = 42;
   int threads = 0;              // 0: all cores
-  bool deterministic = false;   // on a GPU, too: same seed, same bytes
+  bool deterministic = false;   // the same seed gives the same bytes on a GPU, too
   std::string device = "auto";  // cpu, cuda, cuda:N, auto
-  float photo_gib = 4;          // of GPU memory for photos; more are fetched as they are needed
-  int extra_steps = 0;          // after the schedule's last, at its final rates
-  int checkpoint_every = 0;     // 0: as often as costs little; -1: only when the run is stopped
+  float photo_gib = 4;          // GPU memory for photos; others are copied when they are needed
+  int extra_steps = 0;          // after the schedule's last step, at its final rates
+  int checkpoint_every = 0;     // steps; 0: about a minute; -1: only when the run is stopped
   int log_every = 100;
   std::vector<int> save_steps;  // besides the last one
   std::vector<int> test_steps;  // besides the last one
@@ -134,28 +139,32 @@ struct Config {
   TrainConfig train;
 };
 
-/// Where values come from, by key: "runs/a.toml:3", "preset fast:3", "--set", "flag". Settings at their defaults
-/// are not in it.
+/// Where values come from, by key: "runs/a.toml:3", "preset fast:3", "--set", "flag". Settings with
+/// their default value have no entry.
 using SettingOrigins = std::map<std::string, std::string, std::less<>>;
 
-/// Merges a config into `config`: a TOML file, a run's folder or a preset (config_source.h), its `base` first, and
-/// notes in `origins`, where given, what came from where. Throws UsageError that names file, line, key and the nearest
-/// known key; Error when something cannot be read.
+/// Merges a config into `config`. `name` is a TOML file, a run's folder or a preset
+/// (config_source.h); its `base` is merged first. `origins`, if given, notes where each value came
+/// from. Throws UsageError, which names file, line, key and the nearest known key, and Error for a
+/// file that cannot be read.
 void load_config(Config& config, const std::filesystem::path& name,
                  SettingOrigins* origins = nullptr);
 
-/// Applies one `section.key=value`, the value in TOML syntax; a bare word is taken as a string.
-/// Throws UsageError that names the key (and the nearest known one) or the value and its range. Returns the key.
+/// Applies one `section.key=value`. The value has TOML syntax; a bare word is a string. Returns the
+/// key. Throws UsageError, which names the key and the nearest known one, or the value and its
+/// range.
 std::string apply_setting(Config& config, const std::string& assignment);
 
-/// Checks every field against its range. Throws UsageError that names the field, value and range, and where the value
-/// comes from if `origins` says so.
+/// Checks every field against its range. Throws UsageError, which names the field, the value, the
+/// range and, if `origins` has it, where the value comes from.
 void validate(const Config& config, const SettingOrigins& origins = {});
 
-/// Throws the UsageError that says there is no such setting, and which is the nearest. `where`: "file:line: " or empty.
+/// Throws the UsageError for an unknown setting; the message names the nearest known one. `where`:
+/// "file:line: " or empty.
 [[noreturn]] void refuse_key(std::string_view where, const std::string& key);
 
-/// The whole config as TOML, each field with its unit and meaning as a comment; load_config reads it back.
+/// The whole config as TOML, each field with its unit and meaning as a comment. load_config() reads
+/// it back.
 std::string to_toml(const Config& config);
 
 }  // namespace gs

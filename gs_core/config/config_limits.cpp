@@ -14,7 +14,7 @@ bool Limits::allow(double value) const {
 
 bool Limits::allow(std::string_view word) const {
   if (words.empty()) return true;
-  // A word with a number behind its colon is looked up with an N there.
+  // "cuda:3" is looked up as "cuda:N".
   const std::size_t colon = word.find(':');
   const bool is_numbered = colon != word.npos && colon + 1 < word.size() &&
                            word.find_first_not_of("0123456789", colon + 1) == word.npos;

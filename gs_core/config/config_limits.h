@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What values a setting takes.
+// Which values a setting may have.
 #pragma once
 
 #include <cstdint>
@@ -8,14 +8,17 @@
 #include <string_view>
 #include <type_traits>
 
+#include "gs_core/config/config_words.h"
+
 namespace gs {
 
-/// Numbers in [low, high] (or (low, high] where `above_low`), or one of `words`. NaN is never allowed.
+/// A range of numbers, [low, high], or (low, high] if `above_low`; or a list of words. NaN is never
+/// allowed.
 struct Limits {
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
   bool above_low = false;
-  std::string_view words = {};  // separated by ", "; a word "cuda:N" stands for any whole number N
+  std::string_view words = {};  // separated by ", "; a word "cuda:N" stands for cuda:0, cuda:1, ...
 
   bool allow(double value) const;
   bool allow(std::string_view word) const;
@@ -30,6 +33,11 @@ inline constexpr double kLargestExact = 9007199254740992.0;  // 2^53: whole in e
 
 constexpr Limits any() { return {}; }
 constexpr Limits one_of(std::string_view words) { return {.words = words}; }
+/// One of the words of an enum (config_words.h).
+template <class E>
+Limits one_of() {
+  return {.words = joined_words<E>()};
+}
 constexpr Limits between(double low, double high) { return {.low = low, .high = high}; }
 constexpr Limits at_least(double low) { return {.low = low, .high = kLargestFloat}; }
 constexpr Limits above(double low) {
@@ -38,13 +46,15 @@ constexpr Limits above(double low) {
 constexpr Limits steps_from(double low) { return {.low = low, .high = kLargestInt}; }
 }  // namespace limits
 
-/// Whether the limits allow a field's value; of a list, each element.
+/// Whether the limits allow a field's value. A list fits if each of its elements does.
 template <class T>
 bool fits(const T& value, const Limits& limits) {
   if constexpr (std::is_same_v<T, bool>) {
     return true;
   } else if constexpr (std::is_arithmetic_v<T>) {
     return limits.allow(double(value));
+  } else if constexpr (std::is_enum_v<T>) {
+    return limits.allow(word_of(value));
   } else if constexpr (std::is_same_v<T, std::string>) {
     return limits.allow(std::string_view(value));
   } else {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The files of configs/ as the program carries them: CMake writes them into config_presets.cpp, so that a
-// preset is found by its name wherever the program lies.
+// The files of configs/. CMake writes them into config_presets.cpp, so that the program finds a
+// preset by its name wherever it is installed.
 #pragma once
 
 #include <string_view>
@@ -16,7 +16,7 @@ struct Preset {
 /// All presets, by name.
 const std::vector<Preset>& presets();
 
-/// What a preset is for: the first line of its text, a comment.
+/// The purpose of a preset: the first line of its text, a comment.
 inline std::string_view summary(const Preset& preset) {
   constexpr std::string_view kComment = "# ";
   const std::string_view line = preset.text.substr(0, preset.text.find('\n'));

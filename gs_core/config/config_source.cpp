@@ -27,7 +27,7 @@ const Preset* find_preset(std::string_view name) {
   return nullptr;
 }
 
-// The file that is meant, where there is one.
+// The file that a path names; for a folder, its config.toml.
 std::optional<fs::path> find_file(const fs::path& path) {
   std::error_code ignored;
   if (fs::is_directory(path, ignored)) {
@@ -44,7 +44,7 @@ std::string preset_names() {
   return names;
 }
 
-// ", base of a.toml (a.toml -> b.toml)", where something named it
+// ", base of a.toml (a.toml -> b.toml)"; "" for a config that is not a base
 std::string as_base_of(const ConfigChain& chain, const std::string& name) {
   if (chain.empty()) return "";
   return fmt::format(", base of {} ({} -> {})", chain.back().shown, text_of(chain), name);

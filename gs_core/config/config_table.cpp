@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Visitors over the list in config_fields.h that write what people read.
+// Visitors over the list in config_fields.h that write texts for people.
 #include "gs_core/config/config_table.h"
 
 #include <algorithm>
 #include <vector>
 
+#include "gs_core/config/config_diff.h"
 #include "gs_core/config/config_fields.h"
 #include "gs_core/config/config_presets.h"
 #include "gs_core/config/config_text.h"
@@ -29,8 +30,8 @@ constexpr std::string_view kIntroduction =
     "`--set section.key=value`, then from flags, each over the one before. A file may begin with "
     "`base = \"NAME\"`, a file "
     "beside it or a preset, which is read\n"
-    "first; a chain of bases is fine. What is not known or not in range is refused with file, "
-    "line, key and the nearest "
+    "first; a chain of bases is fine. An unknown key or a value out of range is refused, with "
+    "file, line, key and the nearest "
     "known key.\n"
     "```\n"
     "gemsplat config -c fast --set train.seed=7        # the resolved settings, as a file for -c\n"
@@ -43,7 +44,7 @@ constexpr std::string_view kIntroduction =
 
 std::string section_of(std::string_view key) { return std::string(key.substr(0, key.find('.'))); }
 
-// What a value must be, in words; empty where anything goes.
+// Which values a setting takes, in words; empty if it takes any.
 template <class T>
 std::string range_text(const Field<T>& field) {
   if constexpr (std::is_same_v<std::remove_const_t<T>, bool>) return "true or false";
@@ -55,17 +56,12 @@ std::string range_text(const Field<T>& field) {
   return is_open ? fmt::format("at least {}", limits.low) : limits.text();
 }
 
-// A setting as text.
-struct Printed {
-  std::string key, value;
-};
-
-std::vector<Printed> printed(const Config& config) {
-  std::vector<Printed> all;
-  visit_fields(config, [&](const auto& field) {
-    all.push_back({std::string(field.key), toml_text(field.value)});
-  });
-  return all;
+// The default values as text, in the order of the list.
+std::vector<std::string> default_values() {
+  std::vector<std::string> values;
+  const Config config;
+  visit_fields(config, [&](const auto& field) { values.push_back(toml_text(field.value)); });
+  return values;
 }
 
 std::string settings_tables() {
@@ -89,11 +85,9 @@ std::string settings_tables() {
 std::string changes_of(const Preset& preset) {
   Config config;
   load_config(config, std::string(preset.name));
-  const std::vector<Printed> usual = printed(Config{}), now = printed(config);
   std::vector<std::string> changes;
-  for (std::size_t i = 0; i < now.size(); ++i)
-    if (now[i].value != usual[i].value)
-      changes.push_back(fmt::format("`{}` = {} ({})", now[i].key, now[i].value, usual[i].value));
+  for (const SettingChange& change : config_diff(Config{}, config))
+    changes.push_back(fmt::format("`{}` = {} ({})", change.key, change.b, change.a));
   return fmt::format("{}", fmt::join(changes, ", "));
 }
 
@@ -125,11 +119,11 @@ std::string explain(const Config& config, const SettingOrigins& origins,
                     const std::string& wanted) {
   std::string key = wanted;
   std::replace(key.begin(), key.end(), '-', '_');
-  const std::vector<Printed> defaults = printed(Config{});
+  const std::vector<std::string> defaults = default_values();
   std::string text;
   std::size_t index = 0;
   visit_fields(config, [&](const auto& field) {
-    const std::string usual = defaults[index++].value, range = range_text(field);
+    const std::string usual = defaults[index++], range = range_text(field);
     if (!key.empty() && key != field.key && key != section_of(field.key)) return;
     text += fmt::format("{} = {}\n  from     {}\n  meaning  {}\n", field.key,
                         toml_text(field.value), origin_of(origins, field.key), field.meaning);
@@ -144,12 +138,10 @@ std::string explain(const Config& config, const SettingOrigins& origins,
 
 std::string difference(const Config& a, const SettingOrigins& a_origins, const Config& b,
                        const SettingOrigins& b_origins) {
-  const std::vector<Printed> of_a = printed(a), of_b = printed(b);
   std::string text;
-  for (std::size_t i = 0; i < of_a.size(); ++i)
-    if (of_a[i].value != of_b[i].value)
-      text += fmt::format("{} = {} -> {}  ({} -> {})\n", of_a[i].key, of_a[i].value, of_b[i].value,
-                          origin_of(a_origins, of_a[i].key), origin_of(b_origins, of_a[i].key));
+  for (const SettingChange& change : config_diff(a, b))
+    text += fmt::format("{} = {} -> {}  ({} -> {})\n", change.key, change.a, change.b,
+                        origin_of(a_origins, change.key), origin_of(b_origins, change.key));
   return text;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The settings as people read them: docs/configuration.md, and what `gemsplat config explain` says of one.
+// The settings as people read them: docs/configuration.md, and the texts of `gemsplat config
+// explain` and `diff`.
 #pragma once
 
 #include <string>
@@ -8,14 +9,17 @@
 
 namespace gs {
 
-/// docs/configuration.md: every setting in tables, and the presets. A test holds the file against it.
+/// docs/configuration.md: every setting in tables, and the presets. A test holds the file against
+/// it.
 std::string config_markdown();
 
-/// All there is to say of the settings that `wanted` names (a key, a section, or empty: all): value, origin, meaning, unit,
-/// range, default, source. Throws UsageError that names the nearest key where there is none.
+/// Value, origin, meaning, unit, range, default and source of the settings that `wanted` names: a
+/// key, a section, or all if it is empty. Throws UsageError, which names the nearest key, if there
+/// is no such setting.
 std::string explain(const Config& config, const SettingOrigins& origins, const std::string& wanted);
 
-/// A line "key = A -> B  (origin of A -> origin of B)" for each setting that differs; empty where none does.
+/// A line "key = A -> B  (origin of A -> origin of B)" for each setting that differs; empty if none
+/// does.
 std::string difference(const Config& a, const SettingOrigins& a_origins, const Config& b,
                        const SettingOrigins& b_origins);
 

@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kCommentColumn = 32;
 
-// What stands behind a field: "unit: meaning; one of words (source)".
+// The comment behind a field: "unit: meaning; one of words (source)".
 template <class T>
 std::string comment(const Field<T>& field) {
   std::string text;

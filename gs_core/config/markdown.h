@@ -7,7 +7,7 @@
 
 namespace gs {
 
-/// "| a | b |" and a line end; what would end a cell is escaped.
+/// "| a | b |" and a line end; a '|' in a cell is escaped.
 inline std::string markdown_row(const std::vector<std::string>& cells) {
   std::string line = "|";
   for (const std::string& cell : cells) {

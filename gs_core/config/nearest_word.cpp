@@ -14,7 +14,7 @@ std::string_view last_part(std::string_view word) {
 }  // namespace
 
 int edit_distance(std::string_view a, std::string_view b) {
-  std::vector<int> row(b.size() + 1);  // distances from the first i letters of a to each prefix of b
+  std::vector<int> row(b.size() + 1);  // from the first i letters of a to each prefix of b
   std::iota(row.begin(), row.end(), 0);
   for (std::size_t i = 1; i <= a.size(); ++i) {
     int diagonal = row[0];
@@ -29,7 +29,8 @@ int edit_distance(std::string_view a, std::string_view b) {
 }
 
 std::string nearest_word(std::string_view word, const std::vector<std::string>& known) {
-  // A third of the letters may be wrong (two in short words), and a wrong section costs as much as one.
+  // A third of the letters may be wrong (two in short words), and a wrong section costs as much as
+  // one.
   const auto allowed = [](std::string_view text) { return std::max(2, int(text.size()) / 3); };
   int best = std::max(allowed(word), allowed(last_part(word)) + 1) + 1;
   std::string nearest;

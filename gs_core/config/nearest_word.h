@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// "Did you mean ...?": the known word that a mistyped one is nearest to.
+// "Did you mean ...?": the known word nearest to a mistyped one.
 #pragma once
 
 #include <string>
@@ -12,8 +12,8 @@ namespace gs {
 /// (Levenshtein 1966).
 int edit_distance(std::string_view a, std::string_view b);
 
-/// The word of `known` nearest to `word`, the first of equals; empty where none is so near that it was
-/// probably meant. Words with dots ("section.name") are also compared by their last part alone.
+/// The word of `known` nearest to `word`, the first of equally near ones; empty if none is near
+/// enough to be meant. Words with dots ("section.name") are also compared by their last part alone.
 std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
 
 }  // namespace gs

@@ -39,7 +39,7 @@ void ask_hook(WritePoint point, const std::filesystem::path& file) {
   if (WriteHook* const hook = write_hook) hook->before(point, file);
 }
 
-// The process that ".NAME.PROCESS.NUMBER.tmp" says it belongs to; 0 for other names.
+// The process in the name ".NAME.PROCESS.NUMBER.tmp"; 0 for other names.
 pid_t owner_of(const std::string& name) {
   if (!name.starts_with('.') || !name.ends_with(".tmp")) return 0;
   const std::size_t end = name.rfind('.', name.size() - 5);
@@ -50,8 +50,8 @@ pid_t owner_of(const std::string& name) {
   return failure == std::errc() && rest == name.data() + end ? owner : 0;
 }
 
-// A rename is on disk only when its folder is; where folders cannot be synced it is good enough as
-// it is.
+// A rename is on disk only when its folder is. Some file systems cannot sync folders; an error is
+// ignored.
 void sync_folder(const std::filesystem::path& folder) {
   const int descriptor = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY);
   if (descriptor < 0) return;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes a file that is there whole or not at all: under a temporary name first, renamed when it is
-// on disk.
+// Writes a file either completely or not at all: under a temporary name first, which is changed
+// when everything is on disk.
 #pragma once
 
 #include <cstdio>
@@ -9,26 +9,27 @@
 
 namespace gs {
 
-/// Where an AtomicFile is on its way to the disk.
+/// The steps of an AtomicFile on its way to the disk.
 enum class WritePoint { create, write, sync, rename, sync_folder };
 
-/// For tests of what a kill or a full disk leaves behind: asked before each of these, it may end the process, or throw.
+/// A hook for tests that kill the program or fill the disk. It is called before each step and may
+/// end the process or throw.
 class WriteHook {
  public:
   virtual ~WriteHook() = default;
   virtual void before(WritePoint point, const std::filesystem::path& file) = 0;
 };
-/// One for the whole program; null, as at the start: none.
+/// There is one hook for the whole program; null, the initial value, means none.
 void set_write_hook(WriteHook* hook);
 
-/// Removes the temporary files that killed processes left in a folder, and nothing else: those of AtomicFile whose
-/// process is gone.
+/// Removes the temporary files of AtomicFile that killed processes left in a folder, and nothing
+/// else. Files of processes that still run stay.
 void remove_leftovers(const std::filesystem::path& folder);
 
-/// One file in the making. Order of calls: construct, write() any number of times, commit().
-/// Without commit() (say, an exception came between) nothing is left and an older file of that name
-/// is untouched.
-/// Every function throws Error with the path where the disk is full or may not be written to.
+/// A file that is being written. Order of calls: construct, write() any number of times, commit().
+/// Without commit(), say after an exception, nothing is left behind, and an older file of that name
+/// is untouched. Every function throws Error, which names the path, if the disk is full or the
+/// folder may not be written to.
 class AtomicFile {
  public:
   /// Creates the folder above `path` if it is not there, and a temporary file in it.
@@ -39,7 +40,8 @@ class AtomicFile {
 
   void write(const void* data, std::size_t bytes);
   void write(std::string_view text) { write(text.data(), text.size()); }
-  /// Whether what commit() wrote outlives a power cut. Where it need not, it costs less time.
+  /// synced: the file survives a power cut after commit(). unsynced: it may not, and commit() is
+  /// faster.
   enum class Durability { synced, unsynced };
   /// Brings everything to the disk and gives the file its name.
   void commit(Durability durability = Durability::synced);

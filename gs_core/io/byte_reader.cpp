@@ -13,7 +13,7 @@ namespace gs {
 namespace {
 
 constexpr std::size_t kBlockBytes = std::size_t(1) << 20;  // one read; larger ones are not faster
-constexpr std::size_t kLongestLineBytes = std::size_t(1) << 26;  // longer ones are no text
+constexpr std::size_t kLongestLineBytes = std::size_t(1) << 26;  // a longer line is not text
 
 }  // namespace
 
@@ -88,7 +88,7 @@ std::optional<std::string_view> ByteReader::take_line() {
   }
 }
 
-// Makes at least `bytes` bytes ready, more where the block has room for them.
+// Reads until at least `bytes` bytes are in the buffer, and more if they fit into the block.
 void ByteReader::fill(std::size_t bytes) {
   if (bytes > left()) {
     cannot_read(path_, fmt::format("{} bytes short at byte {}; the file is cut short, copy or "
@@ -99,9 +99,9 @@ void ByteReader::fill(std::size_t bytes) {
   if (held) std::memmove(buffer_.data(), buffer_.data() + begin_, held);
   begin_ = 0;
   end_ = held;
-  const auto room =
+  const auto wanted_size =
       std::max(bytes, std::size_t(std::min<std::uint64_t>(held + (size_ - read_), kBlockBytes)));
-  if (buffer_.size() < room) buffer_.resize(room);
+  if (buffer_.size() < wanted_size) buffer_.resize(wanted_size);
   const std::size_t wanted =
       std::size_t(std::min<std::uint64_t>(size_ - read_, buffer_.size() - held));
   const std::size_t got = std::fread(buffer_.data() + held, 1, wanted, file_.get());

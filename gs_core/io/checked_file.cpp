@@ -10,7 +10,7 @@
 
 #include "gs_core/error.h"
 
-// GCC 12 takes its own AVX-512 intrinsics, which leave lanes undefined on purpose, for a mistake of xxhash.
+// GCC 12 warns of its own AVX-512 intrinsics, which leave lanes undefined on purpose.
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #define XXH_INLINE_ALL
 #include <xxhash.h>
@@ -88,7 +88,7 @@ CheckedReader::CheckedReader(std::filesystem::path path, const FileKind& kind)
   left_ = sizeof name + sizeof numbers;
   read(name, sizeof name);
   if (std::string_view(name, sizeof name) != kind.name)
-    cannot_read(reader_.path(), "this is no file of that kind; name another");
+    cannot_read(reader_.path(), "it is not a file of this kind; name another one");
   read(numbers, sizeof numbers);
   if (numbers[0] != kind.version)
     cannot_read(reader_.path(),

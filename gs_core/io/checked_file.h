@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// A binary file of named sections with a checksum at its end: what was cut short or damaged is not taken for whole.
+// A binary file of named sections with a checksum at its end, so that a file that is cut short or
+// damaged is recognized.
 //
-//   8 bytes   what kind of file it is
+//   8 bytes   the kind of the file
 //   u32       version of that kind, u32 0
 //   sections  name (32 bytes, zeros behind it), u64 bytes, then so many bytes
 //   "end"     a section of 8 bytes: the XXH3 hash (64 bits) of all bytes before this section
@@ -20,7 +21,7 @@
 
 namespace gs {
 
-/// Of all bytes so far.
+/// The XXH3 hash of all bytes so far.
 class RunningHash {
  public:
   RunningHash();
@@ -40,34 +41,35 @@ struct FileKind {
   std::uint32_t version;
 };
 
-/// Writes such a file, whole or not at all. Order of calls: section(), write() of as many bytes as were announced, ...,
-/// commit(). Throws Error as AtomicFile does.
+/// Writes such a file, completely or not at all. Order of calls: section(), write() of as many
+/// bytes as section() announced, ..., commit(). Throws Error as AtomicFile does.
 class CheckedWriter {
  public:
   CheckedWriter(std::filesystem::path path, const FileKind& kind);
   void section(std::string_view name, std::uint64_t bytes);
   void write(const void* data, std::size_t bytes);
-  /// A section of its own.
+  /// A section that holds a text.
   void text(std::string_view name, std::string_view text);
   void commit();
 
  private:
   AtomicFile file_;
   RunningHash hash_;
-  std::uint64_t owed_ = 0;  // bytes of the section
+  std::uint64_t owed_ = 0;  // bytes of the section that were not written yet
 };
 
-/// Reads such a file, section by section in the order of writing. Everything that is read is in doubt until finish() has
-/// found the checksum right. Throws Error "cannot read PATH: ..." where anything is not as it was written.
+/// Reads such a file, section by section in the order of writing. Do not trust what was read before
+/// finish() has checked the checksum. Throws Error "cannot read PATH: ..." if the file is not as it
+/// was written.
 class CheckedReader {
  public:
   CheckedReader(std::filesystem::path path, const FileKind& kind);
-  /// The next section has to be this one; its bytes.
+  /// Begins the next section, which must have this name, and returns its size in bytes.
   std::uint64_t section(std::string_view name);
-  /// Some of its bytes.
+  /// Reads the next bytes of the section.
   void read(void* to, std::size_t bytes);
   std::string text(std::string_view name);
-  /// A section of plain values.
+  /// A section that holds plain values.
   template <class T>
   std::vector<T> values(std::string_view name) {
     static_assert(std::is_trivially_copyable_v<T>);
@@ -85,7 +87,7 @@ class CheckedReader {
 
   ByteReader reader_;
   RunningHash hash_;
-  std::uint64_t left_ = 0;  // bytes of the section
+  std::uint64_t left_ = 0;  // bytes of the section that were not read yet
 };
 
 }  // namespace gs

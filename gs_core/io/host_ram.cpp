@@ -6,8 +6,9 @@
 #include <algorithm>
 #include <fstream>
 
+#include "gs_core/bytes.h"
+
 namespace gs {
-namespace {}  // namespace
 
 std::size_t host_ram_bytes() {
   std::size_t bytes =
@@ -15,13 +16,13 @@ std::size_t host_ram_bytes() {
   for (const char* limit :
        {"/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"}) {
     std::size_t most = 0;
-    if (std::ifstream(limit) >> most && most > 0) bytes = std::min(bytes, most);  // or it says "max"
+    if (std::ifstream(limit) >> most && most > 0) bytes = std::min(bytes, most);  // not "max"
   }
   return bytes;
 }
 
 std::size_t photo_ram_bytes(const DatasetConfig& dataset) {
-  if (dataset.photo_ram_gib > 0) return std::size_t(double(dataset.photo_ram_gib) * kGib);
+  if (dataset.photo_ram_gib > 0) return std::size_t(double(dataset.photo_ram_gib) * kBytesPerGib);
   return host_ram_bytes() / 2;
 }
 

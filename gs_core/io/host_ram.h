@@ -8,12 +8,11 @@
 
 namespace gs {
 
-inline constexpr double kGib = 1024.0 * 1024.0 * 1024.0;  // bytes
-
-/// Bytes of the machine's memory, or of what its control group (a container, a batch job) may take of it.
+/// Bytes of the machine's memory, or the limit of its control group (a container, a batch job) if
+/// that is lower.
 std::size_t host_ram_bytes();
 
-/// dataset.photo_ram_gib in bytes; where it is 0, half of host_ram_bytes().
+/// dataset.photo_ram_gib in bytes; half of host_ram_bytes() if it is 0.
 std::size_t photo_ram_bytes(const DatasetConfig& dataset);
 
 }  // namespace gs

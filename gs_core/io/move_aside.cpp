@@ -27,7 +27,8 @@ fs::path free_backup(const fs::path& from) {
 
 fs::path keep_aside(const fs::path& file) {
   const fs::path backup = free_backup(fs::absolute(file).lexically_normal());
-  std::error_code no_links;  // of what a symbolic link leads to: AtomicFile replaces that
+  std::error_code no_links;
+  // The target of a symbolic link gets the second name, since AtomicFile replaces the target.
   fs::create_hard_link(fs::canonical(file), backup, no_links);
   return no_links ? move_aside(file) : backup;
 }

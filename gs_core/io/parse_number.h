@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Words of text as numbers, whatever the locale.
+// Words of text as numbers, independent of the locale.
 #pragma once
 
 #include <charconv>
@@ -7,7 +7,7 @@
 
 namespace gs {
 
-/// The whole word, with or without a plus; false where it is no T or one out of range.
+/// Reads the whole word, with or without a plus sign. False if it is not a T, or out of range.
 template <class T>
 bool parse_number(std::string_view word, T& value) {
   if (!word.empty() && word[0] == '+') word.remove_prefix(1);
@@ -16,7 +16,7 @@ bool parse_number(std::string_view word, T& value) {
   return error == std::errc() && rest == end;
 }
 
-/// The same for floats; numbers beyond their range become 0 or infinity, as doubles do.
+/// The same for floats. A number beyond the range of float becomes 0 or infinity.
 inline bool parse_float(std::string_view word, float& value) {
   if (parse_number(word, value)) return true;
   double wide;

@@ -7,7 +7,7 @@
 
 namespace gs {
 
-/// A JSON file of a run or an experiment. Throws Error where it cannot be read or is no object.
+/// A JSON file of a run or an experiment. Throws Error if it cannot be read or is not an object.
 nlohmann::ordered_json read_json(const std::filesystem::path& file);
 
 }  // namespace gs

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "gs_core/math/constants.h"
+#include "gs_core/math/render_rules.h"
 #include "gs_core/types.h"
 
 #ifndef __CUDA_ARCH__
@@ -11,11 +12,6 @@
 #endif
 
 namespace gs {
-
-/// Which of the two published rules blends the fragments of a pixel.
-///   faster_gs  no upper clamp of alpha; a pixel ends after the fragment that brings T below 1e-4
-///   classic    alpha at most 0.99; a pixel ends before that fragment (Kerbl et al. 2023, code)
-enum class BlendRule : int { faster_gs, classic };
 
 /// Exponent of a splat at offset d = pixel - mean: E = -1/2 d^T Q d, never above 0.
 template <class T>

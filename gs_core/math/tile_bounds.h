@@ -5,13 +5,10 @@
 #include <limits>
 
 #include "gs_core/math/constants.h"
+#include "gs_core/math/render_rules.h"
 #include "gs_core/types.h"
 
 namespace gs {
-
-/// Where a Gaussian ends. `alpha`: where alpha falls below 1/255, so that faint Gaussians are small. The
-/// others: at that many standard deviations, whatever the opacity.
-enum class Truncation : int { alpha, sigma2, sigma3, sigma4 };
 
 /// The exponent below which a fragment is dropped, negated: alpha = o exp(E) is kept iff E >= -cutoff.
 ///
@@ -26,10 +23,6 @@ GS_HD T cutoff_of(Truncation truncation, const T& opacity) {
   if (truncation == Truncation::sigma4) return T(8);
   return log(opacity / T(kMinAlpha));
 }
-
-/// Which tiles list a splat: those that it hits; all of its bounding box; or all of a square of three standard
-/// deviations along its longer axis, whatever the opacity (Kerbl et al. 2023, code), which cuts off a little.
-enum class TileBounds : int { exact, box, square };
 
 /// Half-open rectangle of pixels, or of tiles.
 struct Rect {

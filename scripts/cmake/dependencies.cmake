@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-# Finds what gemsplat can use. GLM, toml++, CLI11, spdlog and nlohmann-json are required (headers only);
-# everything else is optional, and its absence is named in the summary and by the program at run time.
+# Finds the libraries that gemsplat can use. The header-only ones below are required. Everything
+# else is optional: the summary names what is missing, and so does the program when it would need
+# it.
+include(nvcc)
+include(summary)
 
-# gs_header_library(target header): an interface target for headers in GS_DEPS_INCLUDE or on the system.
+# gs_header_library(target header): makes an interface target for headers in GS_DEPS_INCLUDE or on
+# the system.
 function(gs_header_library target header)
   find_path(${target}_DIR_FOUND ${header} HINTS ${GS_DEPS_INCLUDE})
   if(NOT ${target}_DIR_FOUND)
@@ -23,24 +27,24 @@ gs_header_library(gs_fmt fmt/format.h)
 gs_header_library(gs_spdlog spdlog/spdlog.h)
 gs_header_library(gs_xxhash xxhash.h)
 target_link_libraries(gs_spdlog INTERFACE gs_fmt)
-target_compile_definitions(gs_spdlog INTERFACE SPDLOG_FMT_EXTERNAL FMT_HEADER_ONLY)
+target_compile_definitions(gs_spdlog INTERFACE SPDLOG_FMT_EXTERNAL)
+# The compiled library of fmt halves the time that our files take to compile. Packed headers have none.
+set(GS_FMT_LIBRARY "")
+if(NOT GS_DEPS_INCLUDE)
+  find_library(GS_FMT_LIBRARY fmt)
+endif()
+if(GS_FMT_LIBRARY)
+  target_link_libraries(gs_fmt INTERFACE ${GS_FMT_LIBRARY})
+else()
+  target_compile_definitions(gs_fmt INTERFACE FMT_HEADER_ONLY)
+endif()
 find_package(Threads REQUIRED)
-
-# gs_report(name found purpose): remembers a line for the summary.
-function(gs_report name found purpose)
-  if(found)
-    set(line "${name}: yes")
-  else()
-    set(line "${name}: MISSING, without it: ${purpose}")
-  endif()
-  set_property(GLOBAL APPEND_STRING PROPERTY GS_SUMMARY "  ${line}\n")
-endfunction()
 
 if(GS_WITH_OPENIMAGEIO)
   find_package(OpenImageIO QUIET)
 endif()
 set(GS_HAVE_OPENIMAGEIO ${OpenImageIO_FOUND})
-gs_report("OpenImageIO" "${GS_HAVE_OPENIMAGEIO}" "photos are read as JPEG or PNG only, through stb_image, and no EXR is written")
+gs_report("OpenImageIO" GS_WITH_OPENIMAGEIO "${GS_HAVE_OPENIMAGEIO}" "photos are read as JPEG or PNG only, through stb_image, and no EXR is written")
 if(NOT GS_HAVE_OPENIMAGEIO)
   find_path(GS_STB_DIR stb_image.h HINTS ${GS_DEPS_INCLUDE} PATH_SUFFIXES stb REQUIRED)
 endif()
@@ -49,12 +53,12 @@ if(GS_WITH_OPENCV)
   find_package(OpenCV QUIET COMPONENTS core imgproc calib3d OPTIONAL_COMPONENTS videoio)
 endif()
 set(GS_HAVE_OPENCV ${OpenCV_FOUND})
-gs_report("OpenCV" "${GS_HAVE_OPENCV}" "only undistorted photos (PINHOLE, SIMPLE_PINHOLE) can be trained")
+gs_report("OpenCV" GS_WITH_OPENCV "${GS_HAVE_OPENCV}" "only undistorted photos (PINHOLE, SIMPLE_PINHOLE) can be trained")
 set(GS_HAVE_VIDEO FALSE)
 if(TARGET opencv_videoio)
   set(GS_HAVE_VIDEO TRUE)
 endif()
-gs_report("OpenCV videoio" "${GS_HAVE_VIDEO}" "no frames are taken out of videos, and no films written")
+gs_report("OpenCV videoio" GS_WITH_OPENCV "${GS_HAVE_VIDEO}" "no frames are taken out of videos, and no films written")
 
 if(GS_WITH_ZSTD)
   find_library(GS_ZSTD_LIBRARY zstd)
@@ -63,40 +67,41 @@ if(GS_WITH_ZSTD)
   find_path(GS_XXHASH_DIR xxhash.h)
 endif()
 set(GS_HAVE_PHOTO_CACHE FALSE)
-if(GS_ZSTD_LIBRARY AND GS_ZSTD_DIR AND GS_XXHASH_LIBRARY AND GS_XXHASH_DIR)
+if(GS_WITH_ZSTD AND GS_ZSTD_LIBRARY AND GS_ZSTD_DIR AND GS_XXHASH_LIBRARY AND GS_XXHASH_DIR)
   set(GS_HAVE_PHOTO_CACHE TRUE)
 endif()
-gs_report("zstd and xxhash" "${GS_HAVE_PHOTO_CACHE}" "undistorted and resized photos are made anew in every run")
+gs_report("zstd and xxhash" GS_WITH_ZSTD "${GS_HAVE_PHOTO_CACHE}" "undistorted and resized photos are made anew in every run")
 
 set(GS_HAVE_ZSTD FALSE)
-if(GS_ZSTD_LIBRARY AND GS_ZSTD_DIR)
+if(GS_WITH_ZSTD AND GS_ZSTD_LIBRARY AND GS_ZSTD_DIR)
   set(GS_HAVE_ZSTD TRUE)
 endif()
-gs_report("zstd" "${GS_HAVE_ZSTD}" "no .spz of version 4 is read or written")
+gs_report("zstd" GS_WITH_ZSTD "${GS_HAVE_ZSTD}" "no .spz of version 4 is read or written")
 
 if(GS_WITH_ZLIB)
   find_package(ZLIB QUIET)
 endif()
 set(GS_HAVE_ZLIB ${ZLIB_FOUND})
-gs_report("zlib" "${GS_HAVE_ZLIB}" "no .spz of versions 2 and 3 is read or written")
+gs_report("zlib" GS_WITH_ZLIB "${GS_HAVE_ZLIB}" "no .spz of versions 2 and 3 is read or written")
 
 if(GS_WITH_WEBP)
   find_library(GS_WEBP_LIBRARY webp)
   find_path(GS_WEBP_DIR webp/encode.h)
 endif()
 set(GS_HAVE_WEBP FALSE)
-if(GS_WEBP_LIBRARY AND GS_WEBP_DIR)
+if(GS_WITH_WEBP AND GS_WEBP_LIBRARY AND GS_WEBP_DIR)
   set(GS_HAVE_WEBP TRUE)
 endif()
-gs_report("libwebp" "${GS_HAVE_WEBP}" "no .sog is read or written")
+gs_report("libwebp" GS_WITH_WEBP "${GS_HAVE_WEBP}" "no .sog is read or written")
 
 if(GS_WITH_CERES)
   find_package(Ceres QUIET)
 endif()
 set(GS_HAVE_CERES ${Ceres_FOUND})
-gs_report("Ceres" "${GS_HAVE_CERES}" "no cameras are refined (--refine-cameras) and no exposures solved for (--exposure), and the gradient tests against ceres::Jet are left out")
+gs_report("Ceres" GS_WITH_CERES "${GS_HAVE_CERES}" "no cameras are refined (--refine-cameras) and no exposures solved for (--exposure), and the gradient tests against ceres::Jet are left out")
 
-# Some builds of the library are made of sources and a header that must agree on macros, which pkg-config knows.
+# Found through pkg-config, which knows the macros that the library was compiled with: its header
+# must see the same ones.
 if(GS_WITH_HTTPLIB)
   find_package(PkgConfig QUIET)
   if(PkgConfig_FOUND)
@@ -107,7 +112,7 @@ set(GS_HAVE_HTTPLIB FALSE)
 if(TARGET PkgConfig::gs_httplib)
   set(GS_HAVE_HTTPLIB TRUE)
 endif()
-gs_report("cpp-httplib" "${GS_HAVE_HTTPLIB}" "there is no viewer (`gemsplat view`, `gemsplat train --viewer`)")
+gs_report("cpp-httplib" GS_WITH_HTTPLIB "${GS_HAVE_HTTPLIB}" "there is no viewer (`gemsplat view`, `gemsplat train --viewer`)")
 
 include(web)
 include(python)
@@ -117,9 +122,17 @@ if(GS_WITH_CUDA)
   include(CheckLanguage)
   check_language(CUDA)
   if(CMAKE_CUDA_COMPILER)
+    gs_refuse_old_nvcc(${CMAKE_CUDA_COMPILER})
+    if(NOT GS_CUDA_ARCHITECTURES)
+      gs_default_architectures(gs_architectures)
+      set_property(CACHE GS_CUDA_ARCHITECTURES PROPERTY VALUE "${gs_architectures}")
+    endif()
     set(CMAKE_CUDA_ARCHITECTURES ${GS_CUDA_ARCHITECTURES})
+    if(GS_CUDA_ARCHITECTURES STREQUAL "portable")
+      gs_portable_architectures(CMAKE_CUDA_ARCHITECTURES ${CMAKE_CUDA_COMPILER})
+    endif()
     enable_language(CUDA)
-    if(NOT CMAKE_CUDA20_STANDARD_COMPILE_OPTION)  # CMake 3.25 does not know that nvcc 12 and later take C++20
+    if(NOT CMAKE_CUDA20_STANDARD_COMPILE_OPTION)  # CMake 3.25 does not know this flag of nvcc 12
       set(CMAKE_CUDA20_STANDARD_COMPILE_OPTION -std=c++20)
       set(CMAKE_CUDA20_EXTENSION_COMPILE_OPTION -std=c++20)
     endif()
@@ -133,9 +146,13 @@ if(GS_REQUIRE_CUDA AND NOT GS_HAVE_CUDA)
   message(FATAL_ERROR "GS_REQUIRE_CUDA is on, and nvcc (or the folder cuda/) was not found. Put nvcc on the PATH, or name "
                       "it with -DCMAKE_CUDA_COMPILER=FILE; the preset `default` builds for the CPU without it.")
 endif()
-gs_report("CUDA" "${GS_HAVE_CUDA}" "training and rendering run on the CPU")
+gs_report("CUDA" GS_WITH_CUDA "${GS_HAVE_CUDA}" "training and rendering run on the CPU")
+if(GS_HAVE_CUDA)
+  gs_explain_architectures(gs_architectures "${CMAKE_CUDA_ARCHITECTURES}")
+  gs_report_value("CUDA architectures" "${gs_architectures}")
+endif()
 
-# GoogleTest: installed, or as the sources that scripts/pack_headers.sh put beside the headers.
+# GoogleTest is installed, or scripts/pack_headers.sh has put its sources beside the headers.
 set(GS_HAVE_GTEST FALSE)
 if(GS_BUILD_TESTS)
   cmake_path(GET GS_DEPS_INCLUDE PARENT_PATH gs_deps)
@@ -147,18 +164,7 @@ if(GS_BUILD_TESTS)
   if(TARGET GTest::gmock_main)
     set(GS_HAVE_GTEST TRUE)
   endif()
-  gs_report("GoogleTest" "${GS_HAVE_GTEST}" "no test is built")
 endif()
-
-# gs_leave_out(test library): a test that cannot be built here, for the summary.
-function(gs_leave_out test library)
-  set_property(GLOBAL APPEND_STRING PROPERTY GS_SUMMARY "  tests/${test}: left out, needs ${library}\n")
-endfunction()
+gs_report("GoogleTest" GS_BUILD_TESTS "${GS_HAVE_GTEST}" "no test is built")
 
 set(GS_BUILT_WITH_CUDA ${GS_HAVE_CUDA} CACHE INTERNAL "")  # read by scripts/demo.sh
-
-# A NOTICE, so that `--log-level=NOTICE` prints this and no more.
-function(gs_print_summary)
-  get_property(summary GLOBAL PROPERTY GS_SUMMARY)
-  message(NOTICE "gemsplat ${PROJECT_VERSION}, ${CMAKE_BUILD_TYPE}:\n${summary}")
-endfunction()

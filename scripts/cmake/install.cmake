@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-# What `cmake --install` writes: the program, libraries with their headers, an example, the Python module, and the package
-# that find_package(gemsplat) reads (docs/embedding.md).
+# `cmake --install` writes the program, the libraries with their headers, an example, the Python
+# module, and the package that find_package(gemsplat) reads (docs/embedding.md).
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 set(GS_INSTALL_INCLUDE_DIR ${CMAKE_INSTALL_INCLUDEDIR}/gemsplat)  # headers name each other by their folders in here
 set(GS_INSTALL_PACKAGE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/gemsplat)
 
-# gs_install_library(target name): the library, the headers of its folder, and gemsplat::name for those who link it.
+# gs_install_library(target name): installs the library and the headers of its folder. Other
+# projects link it as gemsplat::name.
 function(gs_install_library target name)
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
   install(TARGETS ${target} EXPORT gemsplat ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})

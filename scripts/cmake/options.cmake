@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-# What to build, and for which machine.
+# Options: what to build, and for which machine.
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
-set(CMAKE_INSTALL_RPATH_USE_LINK_PATH ON)  # of libraries outside of the system's folders
-set(CMAKE_POSITION_INDEPENDENT_CODE ON)  # for the Python module, and shared libraries of those who embed
+set(CMAKE_INSTALL_RPATH_USE_LINK_PATH ON)  # finds libraries outside of the system's folders
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)  # for the Python module and shared libraries
 if(NOT CMAKE_BUILD_TYPE)
   set(CMAKE_BUILD_TYPE Release)
 endif()
@@ -22,18 +22,15 @@ option(GS_WITH_WEB "Bundle the pages of reports and of the viewer where npm is f
 option(GS_WITH_HTTPLIB "Serve the viewer with cpp-httplib" ON)
 option(GS_REQUIRE_CUDA "Stop when nvcc is not found, instead of building for the CPU alone" OFF)
 option(GS_NATIVE "Compile for the instruction set of this machine" ON)
-option(GS_SANITIZE "Build with AddressSanitizer and UndefinedBehaviorSanitizer" OFF)
+set(GS_SANITIZE "" CACHE STRING "Sanitizers to build with: address (with undefined behavior), thread, or none where empty")
+set_property(CACHE GS_SANITIZE PROPERTY STRINGS "" address thread)
+if(GS_SANITIZE AND NOT GS_SANITIZE MATCHES "^(address|thread)$")
+  message(FATAL_ERROR "GS_SANITIZE is '${GS_SANITIZE}'; it takes `address` (with undefined behavior), `thread`, or nothing.")
+endif()
 option(GS_BUILD_TESTS "Build the tests" ON)
 option(GS_BUILD_BENCHMARKS "Build the benchmarks in tests/bench" ON)
 set(GS_PYTHON "" CACHE FILEPATH "The Python interpreter to build the module for; the first with NumPy where empty")
 set(GS_DEPS_INCLUDE "" CACHE PATH "Folder with the header-only dependencies, where no package has them")
-# For the GPU of this machine where it has one, else for Hopper.
-if(NOT DEFINED CACHE{GS_CUDA_ARCHITECTURES})
-  execute_process(COMMAND nvidia-smi -L RESULT_VARIABLE no_gpu OUTPUT_QUIET ERROR_QUIET)
-  if(no_gpu STREQUAL "0")
-    set(architectures native)
-  else()
-    set(architectures 90)
-  endif()
-  set(GS_CUDA_ARCHITECTURES ${architectures} CACHE STRING "GPU architectures to compile for")
-endif()
+# Empty: gs_default_architectures() of nvcc.cmake chooses. `portable`: gs_portable_architectures()
+# makes the list.
+set(GS_CUDA_ARCHITECTURES "" CACHE STRING "GPU architectures to compile for, as in CMAKE_CUDA_ARCHITECTURES, or `portable`")

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-# What the Python module is built with: an interpreter that has NumPy, its headers, and pybind11's.
+# Finds what the Python module needs: an interpreter that has NumPy, its headers, and pybind11.
 #
 # Sets GS_HAVE_PYTHON, Python3_EXECUTABLE, GS_PYBIND11_DIR, GS_PYTHON_INSTALL_DIR.
 set(GS_HAVE_PYTHON FALSE)
 
-# The first that has NumPy: the one on the PATH is often an environment without it.
+# gs_find_python(result): the first interpreter that has NumPy. The one on the PATH is often an
+# environment without it.
 function(gs_find_python result)
   foreach(python IN ITEMS "${GS_PYTHON}" python3 /usr/bin/python3)
     if(python STREQUAL "")
@@ -34,4 +35,4 @@ if(GS_HAVE_PYTHON)
     set(GS_PYTHON_INSTALL_DIR lib/python${Python3_VERSION_MAJOR}.${Python3_VERSION_MINOR}/site-packages)
   endif()
 endif()
-gs_report("Python, NumPy and pybind11" "${GS_HAVE_PYTHON}" "no Python module is built")
+gs_report("Python, NumPy and pybind11" GS_WITH_PYTHON "${GS_HAVE_PYTHON}" "no Python module is built")

@@ -1,32 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-# gs_library(), gs_test() and gs_benchmark(): one line per target elsewhere. What is installed: install.cmake.
+# gs_library(), gs_test() and gs_benchmark() make a target in one call. install.cmake installs them.
 
 # Warnings, sanitizers and the arithmetic that all our own targets share.
 add_library(gs_flags INTERFACE)
 target_include_directories(gs_flags INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:${GS_INSTALL_INCLUDE_DIR}>)
 target_compile_features(gs_flags INTERFACE cxx_std_20)
 set(gs_cxx "$<$<COMPILE_LANGUAGE:CXX>:")
-# A product and a sum are one rounding only where multiply_add() says so: forward and backward, and two
-# compilers, then agree on every bit. Programs that link the installed libraries take this over, since a linker keeps
-# one copy of an inline function, be it theirs or ours.
+# Products and sums are fused only in multiply_add(), so that forward and backward pass, and two
+# compilers, agree on every bit. Programs that link the installed libraries inherit the flags: the
+# linker keeps one copy of an inline function, which may be theirs.
 target_compile_options(gs_flags INTERFACE "${gs_cxx}-ffp-contract=off;-fno-math-errno>")
-# Libraries are position independent, so that a shared one can hold them; calls within a file are inlined all the same.
+# The libraries are position independent, so that a shared library can contain them. The last flag
+# lets calls within a file be inlined nevertheless.
 target_compile_options(gs_flags INTERFACE "$<BUILD_INTERFACE:${gs_cxx}-Wall;-Wextra;-fno-semantic-interposition>>")
 if(GS_NATIVE)
   target_compile_options(gs_flags INTERFACE "$<BUILD_INTERFACE:${gs_cxx}-march=native>>")
 endif()
-if(GS_SANITIZE)
+if(GS_SANITIZE STREQUAL "address")
   target_compile_options(gs_flags INTERFACE "${gs_cxx}-fsanitize=address,undefined;-fno-omit-frame-pointer;-fno-sanitize-recover=undefined>")
   target_link_options(gs_flags INTERFACE -fsanitize=address,undefined)
+elseif(GS_SANITIZE STREQUAL "thread")
+  target_compile_options(gs_flags INTERFACE "${gs_cxx}-fsanitize=thread;-fno-omit-frame-pointer>")
+  target_link_options(gs_flags INTERFACE -fsanitize=thread)
 endif()
 
-# gs_library(name [EXPORT name] SOURCES ... PUBLIC ... PRIVATE ...); EXPORT: installed, as gemsplat::name.
+# gs_library(name [EXPORT name] SOURCES ... PUBLIC ... PRIVATE ...): makes a static library. With
+# EXPORT it is installed as gemsplat::name.
 function(gs_library name)
   cmake_parse_arguments(arg "" "EXPORT" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
   add_library(${name} STATIC ${arg_SOURCES})
   target_link_libraries(${name} PUBLIC gs_flags ${arg_PUBLIC})
   foreach(library IN LISTS arg_PRIVATE)
-    if(library IN_LIST GS_HEADER_LIBRARIES)  # is compiled in: nothing is left of it to link
+    if(library IN_LIST GS_HEADER_LIBRARIES)  # headers only: users do not link it
       set(library $<BUILD_INTERFACE:${library}>)
     endif()
     target_link_libraries(${name} PRIVATE ${library})
@@ -36,8 +41,14 @@ function(gs_library name)
   endif()
 endfunction()
 
-# gs_test(path [LINK ...]): tests/<path>.cpp, with everything linked; left out by name where a library under
-# LINK is missing. For tests/data_loaders/: the target data_tests builds them all, `ctest -L data` runs them; and so on.
+# gs_compile_quickly(target): for code that is compiled often and whose speed does not matter.
+function(gs_compile_quickly target)
+  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
+endfunction()
+
+# gs_test(path [LINK ...]): builds tests/<path>.cpp and links everything. If a library of LINK is
+# missing, the test is left out and named in the summary. The target data_tests builds all tests of
+# tests/data_loaders, and `ctest -L data` runs them; other folders likewise.
 function(gs_test path)
   cmake_parse_arguments(arg "" "" "LINK" ${ARGN})
   foreach(library IN LISTS arg_LINK)
@@ -49,6 +60,7 @@ function(gs_test path)
   string(REPLACE "/" "_" name ${path})
   add_executable(${name} ${path}.cpp)
   target_link_libraries(${name} PRIVATE gs_test_support GTest::gmock_main ${arg_LINK})
+  gs_compile_quickly(${name})
   get_filename_component(folder ${path} DIRECTORY)
   gtest_discover_tests(${name} TEST_PREFIX "${path}." PROPERTIES LABELS ${folder} TIMEOUT 600
                        ENVIRONMENT XDG_CACHE_HOME=${CMAKE_CURRENT_BINARY_DIR}/cache
@@ -59,7 +71,8 @@ function(gs_test path)
   add_dependencies(${folder}_tests ${name})
 endfunction()
 
-# gs_benchmark(path): tests/<path>.cpp with Google Benchmark; left out by name without it.
+# gs_benchmark(path): builds tests/<path>.cpp with Google Benchmark. Without it the benchmark is left
+# out and named in the summary.
 function(gs_benchmark path)
   if(NOT TARGET benchmark::benchmark_main)
     gs_leave_out(${path} benchmark::benchmark_main)

@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-# What the pages of apps/web are bundled with: node, and the packages of apps/web/package-lock.json, which npm puts into the
-# build folder once. Where npm or its registry cannot be reached the program is built without pages, or with those that
-# scripts/pack_headers.sh put beside the headers.
+# Finds what bundles the pages of apps/web: node, and the packages of package-lock.json, which npm
+# installs into the build folder once. If npm or its registry cannot be reached, the program is
+# built without pages, or with those that scripts/pack_headers.sh has put beside the headers.
 #
-# Sets GS_HAVE_WEB (the program has pages), GS_HAVE_NPM (the pages are bundled here), GS_NODE, GS_WEB_DIR.
+# Sets GS_HAVE_WEB (the program has pages), GS_HAVE_NPM (the pages are bundled here), GS_NODE,
+# GS_WEB_DIR.
 set(GS_HAVE_WEB FALSE)
 set(GS_HAVE_NPM FALSE)
 set(GS_WEB_DIR ${PROJECT_BINARY_DIR}/web)
 set(gs_web_missing "reports are written by `gemsplat report` of another build, on the same folders; there is no viewer")
 
-# gs_install_web_packages(result): npm ci where package-lock.json has changed since the last one.
+# gs_install_web_packages(result): runs npm ci if package-lock.json has changed since the last time.
 function(gs_install_web_packages result)
   set(source ${PROJECT_SOURCE_DIR}/apps/web)
   set_property(DIRECTORY ${PROJECT_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${source}/package-lock.json)
   set(stamp ${GS_WEB_DIR}/packages.stamp)
   set(which --omit=dev)
   if(GS_BUILD_TESTS)
-    set(which --include=dev)  # what drives the browser
+    set(which --include=dev)  # for the tests in a browser
   endif()
   file(SHA256 ${source}/package-lock.json wanted)
   string(APPEND wanted " ${which}")
@@ -60,4 +61,4 @@ if(NOT GS_HAVE_WEB AND GS_DEPS_INCLUDE)
     endif()
   endforeach()
 endif()
-gs_report("npm" "${GS_HAVE_WEB}" "${gs_web_missing}")
+gs_report("npm" GS_WITH_WEB "${GS_HAVE_WEB}" "${gs_web_missing}")

@@ -181,9 +181,9 @@ TEST_F(LiveRun, SaysThatItWentBack) {
   EXPECT_THAT(state.at("message").get<std::string>(), ::testing::HasSubstr("after step 100"));
 }
 
-// --- Framing
+// --- Frame
 
-TEST(Framing, IsAroundWhatCamerasLookAt) {
+TEST(ViewFrame, IsAroundWhatCamerasLookAt) {
   std::vector<ViewedCamera> cameras;
   for (int k = 0; k < 8; ++k) {
     Camera camera = orbit_camera(0.785f * float(k));
@@ -192,18 +192,18 @@ TEST(Framing, IsAroundWhatCamerasLookAt) {
     cameras.push_back({"", "", camera});
   }
   const Vec3f far{100, 100, 100};
-  const Framing framing = framing_of(cameras, {&far, 1});
-  EXPECT_NEAR(framing.center.x, 5, 4);  // drawn to the only point a little
-  EXPECT_NEAR(framing.up.y, -1, 1e-6);
+  const SceneFrame frame = frame_of(cameras, {&far, 1});
+  EXPECT_NEAR(frame.center.x, 5, 4);  // drawn to the only point a little
+  EXPECT_NEAR(frame.up.y, -1, 1e-6);
   const Vec3f near{5, 6, 7};
-  const Framing exact = framing_of(cameras, {&near, 1});
+  const SceneFrame exact = frame_of(cameras, {&near, 1});
   EXPECT_NEAR(exact.center.x, 5, 1e-4);
   EXPECT_NEAR(exact.center.y, 6, 1e-4);
   EXPECT_NEAR(exact.center.z, 7, 1e-4);
   EXPECT_NEAR(exact.radius, 3, 1e-3);
 }
 
-TEST(Framing, OfParallelCamerasIsWhereThePointsAre) {
+TEST(ViewFrame, OfParallelCamerasIsWhereThePointsAre) {
   std::vector<ViewedCamera> cameras;
   for (int k = 0; k < 5; ++k) {
     Camera camera = orbit_camera(0);
@@ -211,18 +211,18 @@ TEST(Framing, OfParallelCamerasIsWhereThePointsAre) {
     cameras.push_back({"", "", camera});
   }
   const std::vector<Vec3f> points{{0, 0, 3}, {0.2f, 0, 4}, {0.4f, 0, 5}, {NAN, 0, 0}};
-  const Framing framing = framing_of(cameras, {const_cast<Vec3f*>(points.data()), points.size()});
-  EXPECT_NEAR(framing.center.z, 4, 1e-3);
-  EXPECT_NEAR(framing.center.x, 0.2, 1e-3);
+  const SceneFrame frame = frame_of(cameras, {points.data(), points.size()});
+  EXPECT_NEAR(frame.center.z, 4, 1e-3);
+  EXPECT_NEAR(frame.center.x, 0.2, 1e-3);
 }
 
-TEST(Framing, WithoutCamerasIsThatOfThePoints) {
+TEST(ViewFrame, WithoutCamerasIsThatOfThePoints) {
   const std::vector<Vec3f> points{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}, {4, 0, 0}};
-  const Framing framing = framing_of({}, {points.data(), points.size()});
-  EXPECT_EQ(framing.center.x, 2);
-  EXPECT_NEAR(framing.radius, 2, 1);
-  EXPECT_EQ(framing.up.y, -1);
-  EXPECT_GT(framing_of({}, {}).radius, 0);
+  const SceneFrame frame = frame_of({}, {points.data(), points.size()});
+  EXPECT_EQ(frame.center.x, 2);
+  EXPECT_NEAR(frame.radius, 2, 1);
+  EXPECT_EQ(frame.up.y, -1);
+  EXPECT_GT(frame_of({}, {}).radius, 0);
 }
 
 }  // namespace

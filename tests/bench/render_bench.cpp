@@ -14,7 +14,7 @@ namespace {
 
 constexpr Recipe kSpread{.sigma_low = 0.5f, .sigma_high = 4, .stretch = 4, .reach = 1};
 constexpr LearningRates kRates{};  // at 0 the scene stays what it is
-constexpr float kLambdaDssim = 0.2f;
+constexpr LossSettings kLossSettings{.lambda_dssim = 0.2f};
 
 /// A scene of so many Gaussians in a picture of so many pixels, rendered and differentiated once.
 struct BenchScene {
@@ -31,13 +31,13 @@ struct BenchScene {
   void forward() {
     backend->renderer().forward(model.gaussians.span(), view.camera, settings, pass);
   }
-  void loss() { backend->loss().forward_backward(pass, view, kLambdaDssim, dL_dimage); }
+  void loss() { backend->loss().forward_backward(pass, view, kLossSettings, dL_dimage); }
   void backward() {
     backend->renderer().backward(model.gaussians.span(), view.camera, settings, pass,
                                  dL_dimage.span(), gradients.span(), dL_dmean2d.span());
   }
   void adam() { backend->optimizer().step(model, gradients, kRates); }
-  void step() { backend->step(model, view, settings, kLambdaDssim, kRates, {true}); }
+  void step() { backend->step(model, view, settings, kLossSettings, kRates, {true}); }
 
   std::unique_ptr<Backend> backend = make_scalar_backend();
   View view;
@@ -59,7 +59,7 @@ void measure(benchmark::State& state, void (BenchScene::*stage)()) {
   const double visible = double(scene.pass.depth_order.size());
   state.counters["per_MP"] = time_per(double(scene.pass.pixel_count()) / 1e6);
   state.counters["per_100k"] = time_per(visible / 1e5);
-  state.counters["tiles"] = double(scene.pass.instance_splats.size()) / visible;
+  state.counters["tiles"] = double(scene.pass.tile_splats.size()) / visible;
 }
 
 void sizes(benchmark::internal::Benchmark* benchmark) {

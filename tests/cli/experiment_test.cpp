@@ -146,6 +146,12 @@ TEST_F(Experiment, FinishedRunsAreNotRepeatedUnlessTheirSettingsChange) {
   EXPECT_EQ(fs::last_write_time(path("out/b/plain/seed1/results.json")), written);
 
   std::string file = read_bytes(path("e.toml"));
+  file.replace(file.find("log_every = 5"), 13, "log_every = 2");  // changes no result
+  write_bytes(path("e.toml"), file);
+  const Outcome logged = experiment();
+  EXPECT_EQ(logged.code, 0);
+  EXPECT_THAT(logged.err, HasSubstr("8 runs, 8 finished already"));
+
   file.replace(file.find("sh_degree\" = 0"), 14, "sh_degree\" = 1");
   write_bytes(path("e.toml"), file);
   const Outcome changed = experiment();

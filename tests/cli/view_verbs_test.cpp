@@ -11,8 +11,8 @@
 
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/ply/ply.h"
-#include "gs_app/experiment/child_process.h"
 #include "gs_app/view/view_server.h"
+#include "gs_core/io/process.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -26,7 +26,7 @@ using ::testing::HasSubstr;
 class Started {
  public:
   Started(const std::vector<std::string>& arguments, const fs::path& log) : log_(log) {
-    process_ = start_child(arguments, log);
+    process_ = start_child(arguments, {.output = open_log(log)});
     for (int i = 0; i < 600 && port_ == 0; ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
       const std::string said = read_bytes(log);

@@ -7,11 +7,13 @@
 
 #include <functional>
 #include <map>
-#include <sstream>
+#include <set>
 
+#include "gs_core/config/config_diff.h"
 #include "gs_core/config/config_fields.h"
 #include "gs_core/config/config_presets.h"
 #include "gs_core/config/config_table.h"
+#include "gs_core/config/config_text.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
 #include "tests/support/temp_folder.h"
@@ -41,16 +43,8 @@ constexpr std::size_t field_count() {
 // Every field as text, for comparison.
 std::map<std::string, std::string> fields_of(const Config& config) {
   std::map<std::string, std::string> result;
-  visit_fields(config, [&](const auto& field) {
-    std::ostringstream text;
-    text.precision(17);
-    if constexpr (requires { text << field.value; }) {
-      text << field.value;
-    } else {
-      for (const int value : field.value) text << value << ' ';
-    }
-    result[std::string(field.key)] = text.str();
-  });
+  visit_fields(config,
+               [&](const auto& field) { result[std::string(field.key)] = toml_text(field.value); });
   return result;
 }
 
@@ -65,6 +59,9 @@ Config everything_changed() {
       field.value *= 0.9371625f;
     } else if constexpr (std::is_integral_v<T>) {
       field.value = T(double(field.value) < field.limits.high ? field.value + 1 : field.value - 1);
+    } else if constexpr (std::is_enum_v<T>) {
+      for (const Word<T>& word : Words<T>::kTable)
+        if (word.value != T()) field.value = word.value;
     } else if constexpr (std::is_same_v<T, std::string>) {
       field.value = "a \"quoted\" path\\with\ttab # and \x01";
     } else {
@@ -72,20 +69,11 @@ Config everything_changed() {
     }
   });
   config.dataset.resolution = 640;
-  config.dataset.mask_mode = "background";
   config.dataset.photo_ram_gib = 6.5f;
   config.model.sh_degree = 1;
-  config.render.background = "white";
-  config.render.blend_rule = "classic";
-  config.render.truncation = "sigma3";
-  config.render.bounds = "box";
-  config.render.blend = "simt";
-  config.render.precision = "half";
   config.density.strategy = "mcmc";
   config.train.device = "cuda:12";
-  config.reconstruct.matching = "sequential";
   config.reconstruct.camera_model = "OPENCV";
-  config.reconstruct.single_camera = "no";
   return config;
 }
 
@@ -330,6 +318,75 @@ TEST(ConfigTable, DifferenceNamesBothValuesAndWhereTheyComeFrom) {
   EXPECT_EQ(difference(a, {}, a, {}), "");
 }
 
+TEST(ConfigDiff, NamesEachChangedSettingWithBothValuesInTheOrderOfTheList) {
+  Config a, b;
+  b.train.seed = 7;
+  b.render.background = Background::white;
+  b.loss.lambda_dssim = 0.25f;
+  const std::vector<SettingChange> changes = config_diff(a, b);
+  ASSERT_EQ(changes.size(), 3u);
+  EXPECT_EQ(changes[0].key, "render.background");
+  EXPECT_EQ(changes[0].a, "\"black\"");
+  EXPECT_EQ(changes[0].b, "\"white\"");
+  EXPECT_EQ(changes[1].key, "loss.lambda_dssim");
+  EXPECT_EQ(changes[1].b, "0.25");
+  EXPECT_EQ(changes[2].key, "train.seed");
+  EXPECT_TRUE(config_diff(b, b).empty());
+}
+
+TEST(ConfigDiff, KnowsWhichChangesTheResultAndWhichMayComeOnResume) {
+  const auto change_of = [](const std::string& assignment) {
+    Config changed;
+    apply_setting(changed, assignment);
+    return config_diff(Config{}, changed).at(0);
+  };
+  for (const char* same : {"train.log_every=7", "train.threads=3", "train.checkpoint_every=9",
+                           "dataset.photo_cache=none", "model.output=elsewhere"}) {
+    EXPECT_FALSE(change_of(same).affects_result()) << same;
+    EXPECT_TRUE(change_of(same).may_change_on_resume()) << same;
+  }
+  for (const char* later : {"train.iterations=9", "train.extra_steps=9", "density.max_gaussians=9",
+                            "train.test_steps=[9]"}) {
+    EXPECT_TRUE(change_of(later).affects_result()) << later;
+    EXPECT_TRUE(change_of(later).may_change_on_resume()) << later;
+  }
+  for (const char* other : {"train.seed=7", "render.bounds=box", "density.every=9"}) {
+    EXPECT_TRUE(change_of(other).affects_result()) << other;
+    EXPECT_FALSE(change_of(other).may_change_on_resume()) << other;
+  }
+  Config logged;
+  logged.train.log_every = 7;
+  EXPECT_TRUE(same_result(Config{}, logged));
+  logged.train.seed = 7;
+  EXPECT_FALSE(same_result(Config{}, logged));
+}
+
+// Every word is read as its own value and printed as itself; no other word is taken.
+TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
+  Config config;
+  std::size_t settings = 0;
+  visit_fields(config, [&](const auto& field) {
+    using T = std::remove_reference_t<decltype(field.value)>;
+    if constexpr (std::is_enum_v<T>) {
+      ++settings;
+      const std::string key(field.key);
+      std::set<T> values;
+      for (const Word<T>& word : Words<T>::kTable) {
+        apply_setting(config, key + "=" + std::string(word.text));
+        EXPECT_EQ(field.value, word.value) << key;
+        EXPECT_EQ(toml_text(field.value), '"' + std::string(word.text) + '"') << key;
+        EXPECT_TRUE(values.insert(word.value).second) << key << " = " << word.text;
+      }
+      EXPECT_EQ(values.size(), std::size(Words<T>::kTable)) << key;
+      EXPECT_FALSE(value_of_word<T>("nonsense").has_value());
+      EXPECT_THAT(message_of([&] { apply_setting(config, key + "=nonsense"); }),
+                  AllOf(HasSubstr(key + " = 'nonsense'"),
+                        HasSubstr("one of " + std::string(joined_words<T>()))));
+    }
+  });
+  EXPECT_EQ(settings, 9u);
+}
+
 TEST(Setting, TakesTomlValuesAndBareWords) {
   Config config;
   apply_setting(config, "render.background=white");
@@ -339,7 +396,7 @@ TEST(Setting, TakesTomlValuesAndBareWords) {
   apply_setting(config, "dataset.eval=true");
   apply_setting(config, "dataset.images=2024");
   apply_setting(config, "dataset.source=a=b # c");
-  EXPECT_EQ(config.render.background, "white");
+  EXPECT_EQ(config.render.background, Background::white);
   EXPECT_EQ(config.density.every, 50);
   EXPECT_EQ(config.train.save_steps, (std::vector<int>{1, 2}));
   EXPECT_EQ(config.loss.lambda_dssim, 0.2f);

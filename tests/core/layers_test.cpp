@@ -54,8 +54,8 @@ const std::map<std::string, std::set<std::string>> kLayers = {
 // own files (gs_core/types.h) are not in this table.
 const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_core/math", {}},
-    {"gs_core/config", {}},
-    {"gs_core/io", {"gs_core/config"}},
+    {"gs_core/config", {"gs_core/math"}},
+    {"gs_core/io", {"gs_core/config", "gs_core/math"}},
     {"data_loaders/colmap", {}},
     {"data_loaders/photos", {"data_loaders/colmap"}},
     {"data_loaders/lenses", {"data_loaders/colmap"}},
@@ -144,7 +144,7 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
     {"Ceres",
      {"ceres/"},
      {"Ceres::", "CERES_"},
-     {"data_loaders/refine/refine_", "tests/math/", "tests/support/jet_"},
+     {"data_loaders/refine/refine_", "tests/math/", "tests/recipes/lens_", "tests/support/jet_"},
      {"data_loaders/", "tests/"}},
 };
 

@@ -84,7 +84,7 @@ struct Answer {
 Answer answer_of(Backend& backend, const Pair& pair, float lambda) {
   const RenderPass pass = pair.pass(backend.memory());
   Buffer<float> dL_dimage(backend.memory());
-  backend.loss().forward_backward(pass, pair.view, lambda, dL_dimage);
+  backend.loss().forward_backward(pass, pair.view, {lambda}, dL_dimage);
   return {backend.loss().value(), dL_dimage.download()};
 }
 
@@ -219,7 +219,7 @@ class CudaPhotosTest : public CudaLossTest {
   }
   /// The loss of a view with its picture must be the scalar one; another view's photo would be far off.
   void expect_loss_of(std::size_t i) {
-    gpu().loss().forward_backward(passes_[i], views_[i], 0.2f, dL_dimage_);
+    gpu().loss().forward_backward(passes_[i], views_[i], {0.2f}, dL_dimage_);
     EXPECT_NEAR(gpu().loss().value(), expected_[i], kRounding.value * expected_[i]) << "view " << i;
   }
 
@@ -266,7 +266,7 @@ TEST_F(CudaPhotosTest, StayWhileTheHostRunsAhead) {
     if (step + 1 < std::size(kOrder)) gpu().prefetch_next(views_[kOrder[step + 1]]);
     Buffer<float>& dL_dimage = gradients.emplace_back(gpu().memory());
     const std::size_t i = kOrder[step];
-    gpu().loss().forward_backward(passes_[i], views_[i], 0.2f, dL_dimage);
+    gpu().loss().forward_backward(passes_[i], views_[i], {0.2f}, dL_dimage);
   }
   for (std::size_t step = 0; step < std::size(kOrder); ++step) {
     const Answer expected = answer_of(cpu(), pairs_[kOrder[step]], 0.2f);

@@ -83,10 +83,10 @@ class CudaMcmc : public CudaTest {
     for (int step = 1; step <= 3; ++step) {
       DensityStep density = asked;
       density.noise.step = step;
-      cpu().step(expected, view, settings, 0.2f, rates, density);
-      gpu().step(fused, view, settings, 0.2f, rates, density);
+      cpu().step(expected, view, settings, {0.2f}, rates, density);
+      gpu().step(fused, view, settings, {0.2f}, rates, density);
       gpu().synchronize(fused);
-      gpu().Backend::step(unfused, view, settings, 0.2f, rates, density);
+      gpu().Backend::step(unfused, view, settings, {0.2f}, rates, density);
     }
     for (const TrainingModel* actual : {&fused, &unfused}) {
       SCOPED_TRACE(actual == &fused ? "fused" : "unfused");

@@ -101,12 +101,12 @@ TEST_F(CudaStep, FusedStepIsTheScalarOne) {
           model_of(random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)));
       TrainingModel actual = on_gpu(expected), unfused = on_gpu(expected);
       for (const View& view : views) {
-        cpu().step(expected, view, settings, 0.2f, kRates, {true});
-        gpu().step(actual, view, settings, 0.2f, kRates, {true});
+        cpu().step(expected, view, settings, {0.2f}, kRates, {true});
+        gpu().step(actual, view, settings, {0.2f}, kRates, {true});
       }
       gpu().synchronize(actual);
       for (const View& view : views)
-        gpu().Backend::step(unfused, view, settings, 0.2f, kRates, {true});
+        gpu().Backend::step(unfused, view, settings, {0.2f}, kRates, {true});
       expect_same(on_host(actual), expected, 1e-2);   // Adam's first steps turn the sign of a tiny gradient into a whole step
       expect_same(on_host(actual), on_host(unfused), 1e-2);
       EXPECT_NEAR(gpu().loss().value(), cpu().loss().value(), 2e-3 * cpu().loss().value());
@@ -122,10 +122,10 @@ TEST_F(CudaStep, TooLittleRoomLosesNothing) {
   TrainingModel fused = on_gpu(start), plain = on_gpu(start);
   const RenderSettings settings;
   for (int step = 0; step < 12; ++step)
-    gpu().step(fused, views[step % 3], settings, 0.2f, kRates, {true});
+    gpu().step(fused, views[step % 3], settings, {0.2f}, kRates, {true});
   gpu().synchronize(fused);
   for (int step = 0; step < 12; ++step)
-    gpu().Backend::step(plain, views[step % 3], settings, 0.2f, kRates, {true});
+    gpu().Backend::step(plain, views[step % 3], settings, {0.2f}, kRates, {true});
   EXPECT_EQ(fused.adam_steps, 12);
   expect_same(on_host(fused), on_host(plain), 2e-2);
 }
@@ -143,7 +143,7 @@ TEST_F(CudaStep, DeterministicStepsGiveTheSameBytesEachTime) {
       settings.deterministic = deterministic;
       if (meets_views_anew) gpu().upload_views(views, 1 << 30);
       for (int step = 0; step < 30; ++step)
-        gpu().step(model, views[step % 3], settings, 0.2f, kRates, {true});
+        gpu().step(model, views[step % 3], settings, {0.2f}, kRates, {true});
       gpu().synchronize(model);
       return on_host(model);
     };
@@ -173,7 +173,7 @@ TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
   const auto run = [&](int steps) {
     for (int step = 0; step < steps; ++step) {
       gpu().prefetch_next(views[(step + 1) % views.size()]);
-      gpu().step(model, views[step % views.size()], settings, 0.2f, kRates, {true});
+      gpu().step(model, views[step % views.size()], settings, {0.2f}, kRates, {true});
     }
   };
   run(50);
@@ -197,7 +197,7 @@ TEST_F(CudaStep, StreamedPhotosGiveTheSameSteps) {
     gpu().upload_views(views, model == &streamed ? 0 : 1 << 30);
     for (int step = 0; step < 40; ++step) {
       gpu().prefetch_next(views[(step + 1) % views.size()]);
-      gpu().step(*model, views[step % views.size()], settings, 0.2f, kRates, {});
+      gpu().step(*model, views[step % views.size()], settings, {0.2f}, kRates, {});
     }
     gpu().synchronize(*model);
   }
@@ -226,7 +226,7 @@ TEST_F(CudaStep, PhotosOfAPoolGiveTheSameSteps) {
     for (int step = 0; step < 40; ++step) {
       gpu().prefetch_decode(views[(step + 3) % views.size()]);
       gpu().prefetch_next(views[(step + 1) % views.size()]);
-      gpu().step(model, views[step % views.size()], {}, 0.2f, kRates, {});
+      gpu().step(model, views[step % views.size()], {}, {0.2f}, kRates, {});
     }
     gpu().synchronize(model);
     return downloaded(model.gaussians.sh0);

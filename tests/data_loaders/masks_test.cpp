@@ -240,7 +240,7 @@ TEST_F(Masks, ThatLeaveNothingDropTheirViewOrAreRefused) {
   EXPECT_THAT(error_of(dataset()),
               AllOf(HasSubstr("no photo"), HasSubstr("--invert-masks"), HasSubstr("--masks none")));
   DatasetConfig background = dataset();
-  background.mask_mode = "background";  // a picture of nothing but the background
+  background.mask_mode = MaskMode::background;  // a picture of nothing but the background
   EXPECT_EQ(load_scene(background).train_views.size(), 2u);
 }
 
@@ -248,7 +248,7 @@ TEST_F(Masks, SaySoWhereThereIsNone) {
   write_photos({"b.jpg"});
   EXPECT_THAT(log_of(dataset()), Not(HasSubstr("mask")));
   DatasetConfig background = dataset();
-  background.mask_mode = "background";
+  background.mask_mode = MaskMode::background;
   EXPECT_THAT(log_of(background), HasSubstr("no photo has a mask or alpha"));
 }
 
@@ -273,7 +273,7 @@ TEST_F(Masks, ShowTheBackgroundInThatModeAlone) {
   write_photos({"b.jpg", "c.jpg"});
   write_mask("masks/b.png");
   DatasetConfig background = dataset();
-  background.mask_mode = "background";
+  background.mask_mode = MaskMode::background;
   EXPECT_TRUE(view(background).over_background);
   EXPECT_FALSE(view(background).has_untrained_pixels());
   EXPECT_FALSE(view(background, 1).over_background);  // it has none
@@ -289,7 +289,7 @@ TEST_F(Masks, OfBlenderScenesShowTheBackground) {
   EXPECT_TRUE(view(dataset()).over_background);
   EXPECT_EQ(view(dataset()).mask.pixels, left_mask(5).pixels);
   DatasetConfig ignore = dataset();
-  ignore.mask_mode = "ignore";
+  ignore.mask_mode = MaskMode::ignore;
   EXPECT_FALSE(view(ignore).over_background);
   std::filesystem::rename(folder() / "transforms_train.json", folder() / "transforms.json");
   EXPECT_FALSE(view(dataset()).over_background);

@@ -5,6 +5,7 @@
 
 #include <numeric>
 
+#include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 #include "tests/support/foreign_leaks.h"
@@ -47,6 +48,14 @@ Image8 noise(int width, int height, int channels) {
   for (std::uint8_t& value : image.pixels)
     value = std::uint8_t((state = state * 1664525u + 1013904223u) >> 24);
   return image;
+}
+
+TEST(PhotoNames, OnlyExtensionsOfPicturesAreExtensions) {
+  EXPECT_EQ(without_extension("a.b/left.001.JPG"), "a.b/left.001");
+  EXPECT_EQ(without_extension("left.001"), "left.001");
+  EXPECT_EQ(without_extension("frame.7"), "frame.7");
+  EXPECT_EQ(without_extension("IMG_1.dng"), "IMG_1");
+  EXPECT_EQ(without_extension("c"), "c");
 }
 
 TEST(Photos, GrayIsRepeatedInThreeChannels) {

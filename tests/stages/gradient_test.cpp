@@ -12,6 +12,7 @@
 #include "gs_core/math/ssim.h"
 #include "gs_core/parallel.h"
 #include "gs_render/renderer.h"
+#include "gs_render/stages.h"
 #include "gs_train/backend.h"
 #include "tests/support/brute_force.h"
 #include "tests/support/models.h"
@@ -271,7 +272,7 @@ TEST(Gradient, IsTheSlopeOfThePhotometricLoss) {
     forward(scene, result);
     const auto backend = make_scalar_backend();
     Buffer<float> dL_dimage;
-    backend->loss().forward_backward(result.pass, view, lambda, dL_dimage);
+    backend->loss().forward_backward(result.pass, view, {lambda}, dL_dimage);
     backward(scene, dL_dimage, result);
     const PictureLoss loss = [&](const std::vector<double>& planes, std::uint64_t& decisions) {
       return photometric_loss(planes, photo, lambda, decisions);
@@ -357,7 +358,7 @@ TEST(Gradient, ByTheImagePlaneMeanSumsAbsoluteSlopesOfPixelsWhereAsked) {
     Backward plain, absolute;
     forward(scene, plain);
     backward(scene, loss.dL_dimage(), plain);
-    EXPECT_TRUE(plain.pass.absolute_gradients.empty());
+    EXPECT_TRUE(plain.pass.scratch<ScalarScratch>().absolute_gradients.empty());
     scene.settings.absolute_gradient = true;
     forward(scene, absolute);
     backward(scene, loss.dL_dimage(), absolute);

@@ -32,7 +32,7 @@ std::uint32_t last_blended(const RenderPass& pass, int x, int y) {
   const std::uint32_t last = pass.last_instance[std::size_t(y) * pass.width + x];
   if (last == 0) return kNoGaussian;
   const int tile = y / kTileHeight * pass.tiles_x + x / kTileWidth;
-  return pass.instance_splats[pass.tile_instances[pass.tile_ranges[tile] + last - 1]];
+  return pass.tile_splats[pass.tile_ranges[tile] + last - 1];
 }
 
 Comparison compare(const RenderPass& pass, const ReferencePicture& reference) {
@@ -156,7 +156,7 @@ TEST(Render, OfNoGaussiansIsTheBackground) {
 TEST(Render, OfGaussiansBehindTheCameraIsTheBackground) {
   const Camera camera = random_camera(20, 10);
   const RenderPass pass = render(random_gaussians(kBehind, 50, camera, 8), camera, {});
-  EXPECT_EQ(pass.instance_splats.size(), 0u);
+  EXPECT_EQ(pass.tile_splats.size(), 0u);
   for (const float value : pass.image) EXPECT_EQ(value, 0.0f);
 }
 
@@ -264,7 +264,7 @@ TEST(Render, DrawsInTheRightPlaceAmongMoreThan65536Tiles) {
                  2.0f / 8192, 0.8f, {0.2f * float(i), 0.5f, 1});
   const RenderPass pass = render(gaussians, camera, {});
   ASSERT_GT(pass.tile_count(), 65536u);
-  EXPECT_EQ(pass.tile_ranges[pass.tile_count()], pass.instance_splats.size());
+  EXPECT_EQ(pass.tile_ranges[pass.tile_count()], pass.tile_splats.size());
   const ReferenceSplats splats = reference_splats<float>(in_double(gaussians), camera, {});
   double missing_there = 0, missing = 0;
   for (const auto& [px, py] : places)

@@ -33,6 +33,7 @@ class SortedPass : public ::testing::Test {
   const Camera camera_ = random_camera(150, 90);
   const Gaussians gaussians_ = gaussians_with_equal_depths(camera_);
   const RenderPass pass_ = sorted_pass(gaussians_, camera_);
+  const ScalarScratch& scratch_ = pass_.scratch<ScalarScratch>();
 };
 
 TEST_F(SortedPass, DepthOrderHoldsTheVisibleNearToFarAndEqualDepthsByIndex) {
@@ -46,25 +47,25 @@ TEST_F(SortedPass, DepthOrderHoldsTheVisibleNearToFarAndEqualDepthsByIndex) {
 }
 
 TEST_F(SortedPass, InstancesOfASplatAreTheTilesThatItHits) {
-  ASSERT_EQ(pass_.first_instance.size(), gaussians_.count());
+  ASSERT_EQ(scratch_.first_instance.size(), gaussians_.count());
   std::uint32_t instance = 0;
   for (const std::uint32_t i : pass_.depth_order) {
     const Splat& splat = pass_.splats[i];
     const Rect tiles = tile_rect(pass_.pixel_rects[i]);
-    ASSERT_EQ(pass_.first_instance[i], instance);
+    ASSERT_EQ(scratch_.first_instance[i], instance);
     for (int y = 0; y < pass_.tiles_y; ++y)
       for (int x = 0; x < pass_.tiles_x; ++x) {
         if (x < tiles.x_begin || x >= tiles.x_end || y < tiles.y_begin || y >= tiles.y_end)
           continue;
         if (!tile_is_hit(splat.mean2d, splat.conic, splat.cutoff, x, y)) continue;
-        ASSERT_LT(instance, pass_.first_instance[i] + pass_.tile_counts[i]);
-        EXPECT_EQ(pass_.instance_tiles[instance], std::uint32_t(y * pass_.tiles_x + x));
-        EXPECT_EQ(pass_.instance_splats[instance], i);
+        ASSERT_LT(instance, scratch_.first_instance[i] + pass_.tile_counts[i]);
+        EXPECT_EQ(scratch_.instance_tiles[instance], std::uint32_t(y * pass_.tiles_x + x));
+        EXPECT_EQ(scratch_.instance_splats[instance], i);
         ++instance;
       }
-    EXPECT_EQ(pass_.tile_counts[i], instance - pass_.first_instance[i]);
+    EXPECT_EQ(pass_.tile_counts[i], instance - scratch_.first_instance[i]);
   }
-  EXPECT_EQ(instance, pass_.instance_splats.size());
+  EXPECT_EQ(instance, scratch_.instance_splats.size());
 }
 
 TEST_F(SortedPass, EveryPixelOfASplatLiesInOneOfItsTiles) {
@@ -73,7 +74,7 @@ TEST_F(SortedPass, EveryPixelOfASplatLiesInOneOfItsTiles) {
     const Splat& s = pass_.splats[i];
     std::vector<bool> has_instance(pass_.tile_count());
     for (std::uint32_t n = 0; n < pass_.tile_counts[i]; ++n)
-      has_instance[pass_.instance_tiles[pass_.first_instance[i] + n]] = true;
+      has_instance[scratch_.instance_tiles[scratch_.first_instance[i] + n]] = true;
     for (int y = 0; y < pass_.height; ++y)
       for (int x = 0; x < pass_.width; ++x) {
         const double dx = x + 0.5 - s.mean2d.x, dy = y + 0.5 - s.mean2d.y;
@@ -91,11 +92,11 @@ TEST_F(SortedPass, EveryPixelOfASplatLiesInOneOfItsTiles) {
 TEST_F(SortedPass, RangesHoldEachInstanceOnceInTheListOfItsTile) {
   ASSERT_EQ(pass_.tile_ranges.size(), pass_.tile_count() + 1);
   EXPECT_EQ(pass_.tile_ranges[0], 0u);
-  EXPECT_EQ(pass_.tile_ranges[pass_.tile_count()], pass_.instance_tiles.size());
+  EXPECT_EQ(pass_.tile_ranges[pass_.tile_count()], scratch_.instance_tiles.size());
   for (std::uint32_t tile = 0; tile < pass_.tile_count(); ++tile)
     for (std::uint32_t k = pass_.tile_ranges[tile]; k < pass_.tile_ranges[tile + 1]; ++k)
-      EXPECT_EQ(pass_.instance_tiles[pass_.tile_instances[k]], tile);
-  std::vector<std::uint32_t> all = pass_.tile_instances.download();
+      EXPECT_EQ(scratch_.instance_tiles[scratch_.tile_instances[k]], tile);
+  std::vector<std::uint32_t> all = scratch_.tile_instances.download();
   std::sort(all.begin(), all.end());
   for (std::uint32_t i = 0; i < all.size(); ++i) EXPECT_EQ(all[i], i);
 }
@@ -104,8 +105,8 @@ TEST_F(SortedPass, EachTileListRunsNearToFarAndEqualDepthsByIndex) {
   std::size_t ties = 0;
   for (std::uint32_t tile = 0; tile < pass_.tile_count(); ++tile)
     for (std::uint32_t k = pass_.tile_ranges[tile] + 1; k < pass_.tile_ranges[tile + 1]; ++k) {
-      const std::uint32_t a = pass_.instance_splats[pass_.tile_instances[k - 1]];
-      const std::uint32_t b = pass_.instance_splats[pass_.tile_instances[k]];
+      const std::uint32_t a = scratch_.instance_splats[scratch_.tile_instances[k - 1]];
+      const std::uint32_t b = scratch_.instance_splats[scratch_.tile_instances[k]];
       EXPECT_LE(pass_.depths[a], pass_.depths[b]);
       EXPECT_TRUE(pass_.depths[a] < pass_.depths[b] || a < b);
       ties += pass_.depths[a] == pass_.depths[b];

@@ -4,7 +4,7 @@
 
 #include <cstring>
 
-#include "gs_train/optimizer.h"
+#include "gs_train/training_model.h"
 #include "tests/support/scenes.h"
 
 namespace gs {
@@ -31,12 +31,6 @@ inline TrainingModel model_of(const Gaussians& gaussians) {
   model.gaussians = copy_of(gaussians);
   clear_history(model);
   return model;
-}
-
-/// The numbers of an array one after another.
-template <class T>
-Span<float> numbers_of(const Buffer<T>& rows) {
-  return {reinterpret_cast<float*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
 }
 
 /// Fills an array with first, first + 1, ... over its rows, each number of a row the same.

@@ -2,37 +2,20 @@
 // A folder of its own for a test that writes files.
 #pragma once
 
-#include <stdlib.h>
-
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <stdexcept>
 #include <string>
+
+#include "gs_core/io/scratch_folder.h"
 
 namespace gs {
 
-/// An empty folder under the system's folder for temporary files; removed with all that it holds at
-/// the end.
-class TempFolder {
+/// An empty folder, removed with all that it holds at the end.
+class TempFolder : public ScratchFolder {
  public:
-  TempFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "gemsplat-test-XXXXXX").string();
-    if (!mkdtemp(name.data())) throw std::runtime_error("cannot make a temporary folder " + name);
-    path_ = name;
-  }
-  ~TempFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  TempFolder(const TempFolder&) = delete;
-  TempFolder& operator=(const TempFolder&) = delete;
-
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
+  TempFolder() : ScratchFolder("gemsplat-test-") {}
 };
 
 /// Writes `bytes` to a file, making the folders above it.

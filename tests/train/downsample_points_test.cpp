@@ -21,23 +21,23 @@ std::vector<ScenePoint> cloud(std::size_t count, std::uint64_t seed) {
 
 float distance2(const Vec3f& a, const Vec3f& b) { return inner(a - b, a - b); }
 
-TEST(Thinned, LeavesAFewPointsAsTheyAre) {
-  const std::vector<ScenePoint> points = cloud(100, 1), same = thinned(points, 100);
+TEST(Downsampled, LeavesAFewPointsAsTheyAre) {
+  const std::vector<ScenePoint> points = cloud(100, 1), same = downsampled(points, 100);
   ASSERT_EQ(same.size(), 100u);
   for (std::size_t i = 0; i < 100; ++i) EXPECT_EQ(same[i].position, points[i].position);
 }
 
 // Cubes halve, so that eight times as many points at most could have stayed.
-TEST(Thinned, KeepsTheBudgetAndUsesIt) {
+TEST(Downsampled, KeepsTheBudgetAndUsesIt) {
   for (const std::size_t budget : {10u, 500u, 3000u}) {
-    const std::size_t kept = thinned(cloud(20'000, 2), budget).size();
+    const std::size_t kept = downsampled(cloud(20'000, 2), budget).size();
     EXPECT_LE(kept, budget);
     EXPECT_GE(8 * kept, budget);
   }
 }
 
-TEST(Thinned, KeepsPointsInTheirOrderWithTheirColors) {
-  const std::vector<ScenePoint> points = cloud(5'000, 3), kept = thinned(points, 700);
+TEST(Downsampled, KeepsPointsInTheirOrderWithTheirColors) {
+  const std::vector<ScenePoint> points = cloud(5'000, 3), kept = downsampled(points, 700);
   std::size_t from = 0;
   for (const ScenePoint& point : kept) {
     while (from < points.size() && points[from].position != point.position) ++from;
@@ -46,14 +46,14 @@ TEST(Thinned, KeepsPointsInTheirOrderWithTheirColors) {
   }
 }
 
-// A dense corner is thinned to the density of the rest: every point has a kept one near by.
-TEST(Thinned, CoversWhatItThins) {
+// A dense corner is downsampled to the density of the rest: every point has a kept one near by.
+TEST(Downsampled, CoversWhatItLeavesOut) {
   std::vector<ScenePoint> points = cloud(2'000, 4);
   for (ScenePoint point : cloud(50'000, 5)) {
     point.position = Vec3f(4) + 0.01f * point.position;
     points.push_back(point);
   }
-  const std::vector<ScenePoint> kept = thinned(points, 1'500);
+  const std::vector<ScenePoint> kept = downsampled(points, 1'500);
   const auto in_corner = [](const ScenePoint& p) {
     return distance2(p.position, Vec3f(4)) < 0.01f;
   };
@@ -67,16 +67,16 @@ TEST(Thinned, CoversWhatItThins) {
   }
 }
 
-TEST(Thinned, DropsWhatIsNowhere) {
+TEST(Downsampled, DropsWhatIsNowhere) {
   std::vector<ScenePoint> points = cloud(50, 6);
   points[7].position.y = std::numeric_limits<float>::quiet_NaN();
   points[9].position.x = std::numeric_limits<float>::infinity();
-  for (const ScenePoint& point : thinned(points, 40)) EXPECT_TRUE(is_finite(point.position));
+  for (const ScenePoint& point : downsampled(points, 40)) EXPECT_TRUE(is_finite(point.position));
 }
 
-TEST(Thinned, OfManyPointsAtOnePlaceIsOne) {
+TEST(Downsampled, OfManyPointsAtOnePlaceIsOne) {
   const std::vector<ScenePoint> points(1'000, ScenePoint{{1, 2, 3}, {4, 5, 6}});
-  EXPECT_EQ(thinned(points, 10).size(), 1u);
+  EXPECT_EQ(downsampled(points, 10).size(), 1u);
 }
 
 }  // namespace

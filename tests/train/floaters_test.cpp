@@ -202,5 +202,23 @@ TEST_F(Floaters, AreNoPartOfWhatTrainingLeavesNorOfWhatObserversSee) {
   EXPECT_EQ(as_it_was.gaussian_count(), 5001u);
 }
 
+// Neither paper removes Gaussians in front of cameras.
+TEST_F(Floaters, StayUnderThePresetsOfPapers) {
+  Scene scene = scene_with_ball(5000);
+  scene.points.push_back({{0, 0, -2.5f}, {200, 200, 200}});  // as in the test before
+  const auto backend = make_scalar_backend();
+  for (const char* preset : {"paper_3dgs", "paper_faster_gs"}) {
+    Config config;
+    load_config(config, preset);
+    EXPECT_TRUE(ClearSpace(scene, config.density.camera_clearance)
+                    .marks({{0, 0, -2.5f}})
+                    .empty());
+    config.train.iterations = 3;
+    Trainer trainer(scene, config, *backend);
+    trainer.run();
+    EXPECT_EQ(trainer.gaussian_count(), 5001u) << preset;
+  }
+}
+
 }  // namespace
 }  // namespace gs

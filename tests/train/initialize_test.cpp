@@ -61,6 +61,20 @@ TEST(InitialModel, OfADenseCloudTakesNoMoreThanTheConfigSays) {
   EXPECT_GE(count, 13u);
 }
 
+TEST(InitialModel, StartsWithNoMoreGaussiansThanTheCap) {
+  Config config;
+  config.density.max_gaussians = 300;
+  for (const std::size_t points : {0u, 250u, 5'000u}) {  // 0: random ones
+    const Scene scene = scene_with(random_points(points, 7));
+    const std::size_t count = initial_model(scene, config, host_memory()).count();
+    EXPECT_LE(count, 300u) << points;
+    EXPECT_GE(count, 38u) << points;
+    if (points == 250) EXPECT_EQ(count, 250u);
+  }
+  config.density.max_gaussians = 0;  // no cap
+  EXPECT_EQ(initial_model(scene_with(random_points(900, 7)), config, host_memory()).count(), 900u);
+}
+
 TEST(InitialModel, ScalesAreTheDistanceToTheThreeNearestPoints) {
   const Scene scene = scene_with(random_points(500, 2));
   const TrainingModel model = initial_model(scene, {}, host_memory());

@@ -85,7 +85,7 @@ Config eventful_run() {
   config.density.from_step = 20;
   config.density.every = 20;
   config.density.gradient_threshold = 1e-5f;
-  config.render.background = "random";
+  config.render.background = Background::random;
   return config;
 }
 
@@ -337,6 +337,39 @@ TEST_F(Recovery, WhereMemoryRunsOutWhileTheRunFinishesTheStateBeforeIsKept) {
             1);
   EXPECT_EQ(store.kept.states.back().progress.growth_cap, 0);
   EXPECT_EQ(trainer.step(), 12);
+}
+
+// The result is saved and evaluated after the last step, where no step makes room any more.
+TEST_F(Recovery, SavingTheResultSurvivesTheFailureOfAnySingleAllocation) {
+  int failures = 0;
+  for (int k = 1;; ++k, ++failures) {
+    const auto backend = make_scalar_backend();
+    Trainer trainer(scene_, brief_run(), *backend);
+    trainer.run();
+    const Gaussians expected = copy_of(trainer.model().gaussians);
+    FailingMemory memory(k);
+    GaussianModel saved;
+    ASSERT_NO_THROW(trainer.guarded("saving", [&] { saved = trained_model(trainer); }));
+    if (!memory.has_failed()) break;
+    EXPECT_TRUE(same_bits(saved.gaussians, expected)) << "allocation " << k;
+  }
+  EXPECT_GT(failures, 3);
+}
+
+TEST_F(Recovery, AResultThatCannotBeSavedForLackOfMemoryIsStillInTheCheckpoint) {
+  KeptStates kept;
+  Trainer trainer(scene_, brief_run(), *backend_);
+  trainer.keep_checkpoints_in(kept);
+  trainer.run();
+  FailingMemory memory(1, true);
+  try {
+    trainer.guarded("saving the model", [&] { trained_model(trainer); });
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ExitCode::out_of_memory);
+    EXPECT_NE(std::string(error.what()).find("saving the model"), std::string::npos);
+  }
+  EXPECT_EQ(kept.states.back().progress.step, 12);
 }
 
 // Every checkpoint is a state that a run with memory enough goes on from.

@@ -45,7 +45,7 @@ TEST_F(StandardSchedule, ResetsOpacitiesFourTimes) {
 
 TEST_F(StandardSchedule, ResetsOpacitiesOnceMoreOnWhite) {
   Config config;
-  config.render.background = "white";
+  config.render.background = Background::white;
   const Schedule schedule(config, 2.0f);
   EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.reset_opacity(step); }),
               ElementsAre(500, 3000, 6000, 9000, 12'000));

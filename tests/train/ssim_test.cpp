@@ -124,7 +124,7 @@ struct Pair {
 
 class PhotometricLoss : public ::testing::TestWithParam<std::pair<int, int>> {
  protected:
-  const std::unique_ptr<Loss> loss_ = make_scalar_loss();
+  const std::unique_ptr<Loss> loss_ = make_l1_ssim_loss();
   Buffer<float> dL_dimage_;
 };
 INSTANTIATE_TEST_SUITE_P(Sizes, PhotometricLoss,
@@ -133,7 +133,7 @@ INSTANTIATE_TEST_SUITE_P(Sizes, PhotometricLoss,
 TEST_P(PhotometricLoss, HasTheValueOfItsDefinition) {
   const Pair pair(GetParam().first, GetParam().second, 2);
   for (const float lambda : {0.0f, 0.2f, 1.0f}) {
-    loss_->forward_backward(pair.pass, pair.view, lambda, dL_dimage_);
+    loss_->forward_backward(pair.pass, pair.view, {lambda}, dL_dimage_);
     EXPECT_NEAR(loss_->value(), pair.loss(pair.image(), lambda), 2e-6);  // float moments
   }
 }
@@ -160,7 +160,7 @@ double worst_slope(const Pair& pair, float lambda, const Buffer<float>& dL_dimag
 TEST_P(PhotometricLoss, HasTheGradientOfItsDefinition) {
   const Pair pair(GetParam().first, GetParam().second, 3);
   for (const float lambda : {0.2f, 1.0f}) {
-    loss_->forward_backward(pair.pass, pair.view, lambda, dL_dimage_);
+    loss_->forward_backward(pair.pass, pair.view, {lambda}, dL_dimage_);
     ASSERT_EQ(dL_dimage_.size(), pair.values());
     // Float rounds moments at 6e-8, their differences and quotients at some ten times that.
     EXPECT_LT(worst_slope(pair, lambda, dL_dimage_), 5e-6);
@@ -168,13 +168,13 @@ TEST_P(PhotometricLoss, HasTheGradientOfItsDefinition) {
 }
 
 TEST(WeightedLoss, HasTheValueAndTheGradientOfItsDefinition) {
-  const auto loss = make_scalar_loss();
+  const auto loss = make_l1_ssim_loss();
   Buffer<float> dL_dimage;
   for (const bool over_background : {false, true})
     for (const float lambda : {0.0f, 0.2f, 1.0f}) {
       Pair pair(23, 14, 8);
       pair.weigh(over_background, 9);
-      loss->forward_backward(pair.pass, pair.view, lambda, dL_dimage);
+      loss->forward_backward(pair.pass, pair.view, {lambda}, dL_dimage);
       EXPECT_NEAR(loss->value(), pair.loss(pair.image(), lambda), 2e-6);  // float moments
       EXPECT_LT(worst_slope(pair, lambda, dL_dimage), 5e-6) << over_background << " " << lambda;
     }
@@ -187,11 +187,11 @@ TEST(WeightedLoss, OfAnExposureAloneIsThatOfThePictureTimesIt) {
     for (std::uint8_t& value : p->view.photo.pixels) value /= 2;  // none is white
   for (std::size_t i = 0; i < pair.values(); ++i)
     multiplied.pass.image[i] *= pair.view.exposure[int(i / pair.pass.pixel_count())];
-  const auto loss = make_scalar_loss();
+  const auto loss = make_l1_ssim_loss();
   Buffer<float> of_exposed, of_multiplied;
-  loss->forward_backward(pair.pass, pair.view, 0.2f, of_exposed);
+  loss->forward_backward(pair.pass, pair.view, {0.2f}, of_exposed);
   const double value = loss->value();
-  loss->forward_backward(multiplied.pass, multiplied.view, 0.2f, of_multiplied);
+  loss->forward_backward(multiplied.pass, multiplied.view, {0.2f}, of_multiplied);
   EXPECT_EQ(value, loss->value());
   for (std::size_t i = 0; i < pair.values(); ++i)
     EXPECT_EQ(of_exposed[i],
@@ -205,9 +205,9 @@ TEST(WeightedLoss, UnderAnExposureAsksOfAWhitePhotoThatThePictureIsNoDarker) {
       if (is_exposed) pair.view.exposure = Vec3f(1.25f);
       std::fill(pair.view.photo.pixels.begin(), pair.view.photo.pixels.end(), std::uint8_t(240));
       for (float& value : pair.pass.image) value = picture / (is_exposed ? 1.25f : 1.0f);
-      const auto loss = make_scalar_loss();
+      const auto loss = make_l1_ssim_loss();
       Buffer<float> dL_dimage;
-      loss->forward_backward(pair.pass, pair.view, 0.2f, dL_dimage);
+      loss->forward_backward(pair.pass, pair.view, {0.2f}, dL_dimage);
       const bool is_free = is_exposed && picture > 240 / 255.0f;
       EXPECT_EQ(loss->value() < 1e-6, is_free) << picture << " " << is_exposed;
       for (const float g : dL_dimage)
@@ -223,11 +223,11 @@ TEST(WeightedLoss, OfAFullMaskIsThatWithoutOne) {
   const Pair plain(20, 15, 11);
   Pair masked(20, 15, 11);
   masked.view.mask = Image8(20, 15, 1, 255);
-  const auto loss = make_scalar_loss();
+  const auto loss = make_l1_ssim_loss();
   Buffer<float> a, b;
-  loss->forward_backward(plain.pass, plain.view, 0.2f, a);
+  loss->forward_backward(plain.pass, plain.view, {0.2f}, a);
   const double value = loss->value();
-  loss->forward_backward(masked.pass, masked.view, 0.2f, b);
+  loss->forward_backward(masked.pass, masked.view, {0.2f}, b);
   EXPECT_EQ(a.download(), b.download());
   EXPECT_EQ(value, loss->value());
 }
@@ -246,11 +246,11 @@ TEST(WeightedLoss, DoesNotSeeWhatTheMaskCovers) {
     }
   }
   ASSERT_GT(covered, 20u);
-  const auto loss = make_scalar_loss();
+  const auto loss = make_l1_ssim_loss();
   Buffer<float> a, b;
-  loss->forward_backward(pair.pass, pair.view, 0.2f, a);
+  loss->forward_backward(pair.pass, pair.view, {0.2f}, a);
   const double value = loss->value();
-  loss->forward_backward(garbage.pass, garbage.view, 0.2f, b);
+  loss->forward_backward(garbage.pass, garbage.view, {0.2f}, b);
   EXPECT_EQ(a.download(), b.download());
   EXPECT_EQ(value, loss->value());
   for (std::size_t i = 0; i < pair.pass.pixel_count(); ++i) {
@@ -267,9 +267,9 @@ TEST(WeightedLoss, OfThePhotoOverTheBackgroundIsZeroForThatPicture) {
     for (std::size_t i = 0; i < pair.pass.pixel_count(); ++i)
       pair.pass.image[c * pair.pass.pixel_count() + i] =
           float(pair.compared_photo(c, i) / pair.view.exposure[c]);
-  const auto loss = make_scalar_loss();
+  const auto loss = make_l1_ssim_loss();
   Buffer<float> dL_dimage;
-  loss->forward_backward(pair.pass, pair.view, 0.2f, dL_dimage);
+  loss->forward_backward(pair.pass, pair.view, {0.2f}, dL_dimage);
   EXPECT_NEAR(loss->value(), 0, 1e-6);
 }
 
@@ -279,9 +279,9 @@ TEST(PhotometricLossOfEqualPictures, IsZeroAndHasNoGradient) {
     for (std::size_t i = 0; i < pair.pass.pixel_count(); ++i)
       pair.pass.image[c * pair.pass.pixel_count() + i] =
           pair.view.photo.pixels[3 * i + c] * (1.0f / 255.0f);
-  const auto loss = make_scalar_loss();
+  const auto loss = make_l1_ssim_loss();
   Buffer<float> dL_dimage;
-  loss->forward_backward(pair.pass, pair.view, 0.2f, dL_dimage);
+  loss->forward_backward(pair.pass, pair.view, {0.2f}, dL_dimage);
   EXPECT_NEAR(loss->value(), 0, 1e-6);
   // sign(0) = 0, or a value would be 0.8 / 900; SSIM is at its maximum.
   for (const float g : dL_dimage) EXPECT_NEAR(g, 0, 1e-6);
@@ -291,9 +291,9 @@ TEST(L1, HasTheSignOfTheDifferenceAndZeroForNone) {
   Pair pair(3, 1, 5);
   pair.view.photo.pixels = {255, 255, 255, 0, 0, 0, 51, 51, 51};
   pair.pass.image.upload({1, 0.5f, 0.1f, 2, 0, 0.3f, 0, -1, 51 * (1.0f / 255.0f)});
-  const auto loss = make_scalar_loss();
+  const auto loss = make_l1_ssim_loss();
   Buffer<float> dL_dimage;
-  loss->forward_backward(pair.pass, pair.view, 0, dL_dimage);
+  loss->forward_backward(pair.pass, pair.view, {0}, dL_dimage);
   const float n = 1.0f / 9;
   const float expected[] = {0, n, -n, n, 0, n, -n, -n, 0};
   for (int i = 0; i < 9; ++i) EXPECT_FLOAT_EQ(dL_dimage[i], expected[i]) << i;
@@ -301,11 +301,11 @@ TEST(L1, HasTheSignOfTheDifferenceAndZeroForNone) {
 
 TEST(PhotometricLoss, OfALaterPictureDoesNotDependOnAnEarlierOne) {
   const Pair large(40, 30, 6), small(12, 9, 7);
-  const auto used = make_scalar_loss(), fresh = make_scalar_loss();
+  const auto used = make_l1_ssim_loss(), fresh = make_l1_ssim_loss();
   Buffer<float> a, b;
-  used->forward_backward(large.pass, large.view, 0.2f, a);
-  used->forward_backward(small.pass, small.view, 0.2f, a);
-  fresh->forward_backward(small.pass, small.view, 0.2f, b);
+  used->forward_backward(large.pass, large.view, {0.2f}, a);
+  used->forward_backward(small.pass, small.view, {0.2f}, a);
+  fresh->forward_backward(small.pass, small.view, {0.2f}, b);
   EXPECT_EQ(a.download(), b.download());
   EXPECT_EQ(used->value(), fresh->value());
 }

@@ -6,9 +6,11 @@
 
 #include <cmath>
 
+#include "gs_core/config/config_fields.h"
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 #include "gs_train/metrics.h"
+#include "gs_train/scalar_stages.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 
@@ -42,7 +44,7 @@ TEST_F(SmallRun, BringsThePicturesCloseToThePhotos) {
 
 TEST_F(SmallRun, GivesTheSameBitsForTheSameSeedAndAnyNumberOfThreads) {
   Config config = short_run();
-  config.render.background = "random";
+  config.render.background = Background::random;
   set_thread_count(1);
   const Gaussians one = trained(config);
   set_thread_count(2);
@@ -151,14 +153,14 @@ TEST_F(SmallRun, EndsWithTheStepAfterStopAndAsIfThatWereTheLast) {
 }
 
 TEST_F(SmallRun, TrainsUnderEverySettingOfTheRenderer) {
-  for (const char* background : {"white", "random"})
+  for (const Background background : {Background::white, Background::random})
     for (const bool antialias : {false, true}) {
       Config config = short_run();
       config.train.iterations = 60;
       config.render.background = background;
       config.render.antialias = antialias;
-      config.render.blend_rule = antialias ? "classic" : "faster_gs";
-      config.render.truncation = antialias ? "sigma3" : "alpha";
+      config.render.blend_rule = antialias ? BlendRule::classic : BlendRule::faster_gs;
+      config.render.truncation = antialias ? Truncation::sigma3 : Truncation::alpha;
       const Gaussians gaussians = trained(config);
       for (const float value : numbers_of(gaussians.mean)) EXPECT_TRUE(std::isfinite(value));
     }
@@ -223,7 +225,7 @@ Scene cut_out_scene(const Scene& scene, Renderer& renderer, const GaussiansSpan&
 // On one background alone, Gaussians of its color could stand for it.
 TEST_F(SmallRun, OnRandomBackgroundsLearnsWhatAlphaCovers) {
   Config config = short_run();
-  config.render.background = "random";
+  config.render.background = Background::random;
   const Scene cut_out = cut_out_scene(scene_, backend_->renderer(), small_truth().span());
   Trainer trainer(cut_out, config, *backend_);
   trainer.run();
@@ -248,6 +250,44 @@ TEST_F(SmallRun, KeepsShDegreesThatWereNotReachedAtZero) {
   const Gaussians gaussians = trained(config);
   for (std::size_t i = 0; i < gaussians.count(); ++i)
     EXPECT_TRUE(row_is(gaussians.sh_rest, i, 0.0f));
+}
+
+TEST(Trainer, ALossThatTheBackendLacksIsRefusedWhenARunIsMade) {
+  const auto backend = make_scalar_backend();
+  Config config;
+  config.loss.kind = "l2";
+  try {
+    const Trainer trainer(small_scene(), config, *backend);
+    FAIL();
+  } catch (const UsageError& error) {
+    EXPECT_NE(std::string(error.what()).find("no loss.kind l2 on cpu; it is one of l1_ssim"),
+              std::string::npos)
+        << error.what();
+  }
+}
+
+TEST(Losses, TheSettingTakesEveryLossOfTheTableAndNoOther) {
+  for (const std::string& name : scalar_losses()) {
+    Config config;
+    config.loss.kind = name;
+    validate(config);
+    make_scalar_backend()->use_loss(name);
+  }
+  std::size_t words = 0;
+  const Config config;
+  visit_fields(config, [&](const auto& field) {
+    if (field.key != "loss.kind") return;
+    words = 1 + std::size_t(std::count(field.limits.words.begin(), field.limits.words.end(), ','));
+  });
+  EXPECT_EQ(words, scalar_losses().size());
+}
+
+TEST(RenderSettings, AnUnknownWordIsAnErrorAndNoDefault) {
+  Config config;
+  config.render.truncation = "sigma9";
+  EXPECT_THROW(render_settings(config), UsageError);
+  config.render.truncation = "sigma3";
+  EXPECT_EQ(render_settings(config).truncation, Truncation::sigma3);
 }
 
 TEST(Trainer, WithoutViewsSaysSo) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A folder for files that nobody keeps.
+// A folder for files that are only needed for a while.
 #pragma once
 
 #include <stdlib.h>
@@ -13,16 +13,16 @@
 
 namespace gs {
 
-/// A new folder under the system's folder for temporary files ($TMPDIR), which only this user may enter; it goes with all
-/// that is in it.
+/// A new folder under the system's folder for temporary files ($TMPDIR), which only this user may
+/// enter. It is removed at the end with all that it holds.
 class ScratchFolder {
  public:
-  /// Throws Error where none can be made.
-  ScratchFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "gemsplat-XXXXXX").string();
+  /// Its name begins with `prefix`. Throws Error if it cannot be made.
+  explicit ScratchFolder(const std::string& prefix = "gemsplat-") {
+    std::string name = (std::filesystem::temp_directory_path() / (prefix + "XXXXXX")).string();
     if (!mkdtemp(name.data()))
       throw Error("cannot make a folder " + name + ": " + std::strerror(errno) +
-                  "; name one that may be written to with TMPDIR");
+                  "; set TMPDIR to a folder that you may write to");
     path_ = name;
   }
   ~ScratchFolder() {

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photos and EXR pictures, by way of gemsplat_photos.so; modules.h says why.
+#include "apps/cli/lazy/modules.h"
+#include "data_loaders/photos/exr.h"
+
+namespace gs {
+namespace {
+
+const PhotoModule& module() {
+  static const PhotoModule& table = []() -> const PhotoModule& {
+    const auto* loaded =
+        static_cast<const PhotoModule*>(load_module("gemsplat_photos.so", "gs_photo_module"));
+    loaded->set_log_sink(detail::log_line);
+    return *loaded;
+  }();
+  return table;
+}
+
+}  // namespace
+
+Image8 decode_photo(const std::filesystem::path& path) { return module().decode_photo(path); }
+PhotoSize decode_photo_size(const std::filesystem::path& path) {
+  return module().decode_photo_size(path);
+}
+int decode_photo_orientation(const std::filesystem::path& path) {
+  return module().decode_photo_orientation(path);
+}
+std::string codec_name() { return module().codec_name(); }
+std::vector<std::uint8_t> encode_png(const Image8& image) { return module().encode_png(image); }
+std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality) {
+  return module().encode_jpeg(image, quality);
+}
+
+bool can_write_exr() { return true; }
+std::string cannot_write_exr() { return {}; }
+void write_exr(const std::filesystem::path& path, const ImageF& image,
+               const std::vector<std::string>& channels) {
+  module().write_exr(path, image, channels);
+}
+ImageF read_exr(const std::filesystem::path& path, std::vector<std::string>* channels) {
+  return module().read_exr(path, channels);
+}
+
+}  // namespace gs

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// Videos, by way of gemsplat_video.so; modules.h says why.
+#include "apps/cli/lazy/modules.h"
+
+namespace gs {
+namespace {
+
+const VideoModule& module() {
+  static const VideoModule& table = []() -> const VideoModule& {
+    const auto* loaded =
+        static_cast<const VideoModule*>(load_module("gemsplat_video.so", "gs_video_module"));
+    loaded->set_log_sink(detail::log_line);
+    return *loaded;
+  }();
+  return table;
+}
+
+}  // namespace
+
+bool can_read_videos() { return true; }
+std::int64_t count_frames(const std::filesystem::path& video) {
+  return module().count_frames(video);
+}
+std::vector<std::string> take_frames(const std::filesystem::path& video, std::int64_t total,
+                                     std::int64_t wanted, const std::filesystem::path& folder,
+                                     const std::string& stem, const FrameProgress& progress) {
+  return module().take_frames(video, total, wanted, folder, stem, progress);
+}
+std::unique_ptr<FilmEncoder> make_film_encoder() { return module().make_film_encoder(); }
+
+}  // namespace gs

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a config to what the renderer takes.
+#pragma once
+
+#include "gs_core/config/config.h"
+#include "gs_render/render_pass.h"
+
+namespace gs {
+
+/// How `config` renders: its [render] section, the model's SH degree, train.deterministic and
+/// density.absolute_gradient. The background "random" is black here; the trainer draws another
+/// color for each step.
+RenderSettings render_settings(const Config& config);
+
+}  // namespace gs

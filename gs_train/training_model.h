@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// Everything that training changes, and the one list of its arrays.
+#pragma once
+
+#include <string>
+
+#include "gs_core/gaussians.h"
+
+namespace gs {
+
+/// What density control looks at, gathered over the steps since the last refinement.
+struct DensityStatistics {
+  Buffer<float> visits;         // (N) steps in which the Gaussian was visible
+  Buffer<float> gradient_norm;  // (N) sum of |(W/2, H/2) * dL/dmean2d| over those steps
+
+  explicit DensityStatistics(Memory& memory = host_memory())
+      : visits(memory), gradient_norm(memory) {}
+};
+
+/// The parameters, both Adam moments and the statistics of N Gaussians. A new array is a member
+/// here and a line in for_each_row_array(): row operations, checkpoints and copies then treat it
+/// like the others.
+struct TrainingModel {
+  Gaussians gaussians, first_moment, second_moment;
+  DensityStatistics statistics;
+  int adam_steps = 0;  // updates since the start; one count for all Gaussians, as in Kerbl et al. 2023
+
+  explicit TrainingModel(Memory& memory = host_memory())
+      : gaussians(memory), first_moment(memory), second_moment(memory), statistics(memory) {}
+  std::size_t count() const { return gaussians.count(); }
+};
+
+/// What an array holds. It decides what the row of a new Gaussian starts with.
+enum class RowRole {
+  parameter,  // learned; a new Gaussian has those of the Gaussian that it is made from
+  moment,     // of Adam; a new Gaussian starts with zeros
+  statistic,  // of density control; every Gaussian starts with zeros after a refinement
+};
+
+/// One array of a TrainingModel, for example {moment, "first_moment", "mean"}.
+struct RowArray {
+  RowRole role;
+  const char* group;
+  const char* name;
+
+  /// "first_moment.mean": checkpoint files name their sections like this.
+  std::string key() const { return std::string(group) + "." + name; }
+};
+
+/// Calls f(RowArray, a.array, b.array, ...) for every array that has one row per Gaussian, in a
+/// fixed order. The models may be const.
+template <class F, class First, class... Rest>
+void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
+  const auto visit = [&f](RowRole role, const char* group) {
+    return [&f, role, group](const char* name, auto&... arrays) {
+      f(RowArray{role, group, name}, arrays...);
+    };
+  };
+  for_each_array(visit(RowRole::parameter, "gaussians"), first.gaussians, rest.gaussians...);
+  for_each_array(visit(RowRole::moment, "first_moment"), first.first_moment, rest.first_moment...);
+  for_each_array(visit(RowRole::moment, "second_moment"), first.second_moment,
+                 rest.second_moment...);
+  const auto statistic = visit(RowRole::statistic, "statistics");
+  statistic("visits", first.statistics.visits, rest.statistics.visits...);
+  statistic("gradient_norm", first.statistics.gradient_norm, rest.statistics.gradient_norm...);
+}
+
+/// Gives a model whose parameters are set the moments and statistics of a model before its first
+/// step: zeros.
+inline void clear_history(TrainingModel& model) {
+  const std::size_t count = model.count();
+  for_each_row_array(
+      [count](const RowArray& which, auto& array) {
+        if (which.role == RowRole::parameter) return;
+        array.resize(count);
+        array.fill_zero();
+      },
+      model);
+  model.adam_steps = 0;
+}
+
+/// A copy of everything, in another memory.
+inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
+  TrainingModel model(memory);
+  for_each_row_array(
+      [](const RowArray&, auto& to, const auto& array) { to.upload(array.download()); }, model,
+      from);
+  model.adam_steps = from.adam_steps;
+  return model;
+}
+
+/// Gives the model `count` rows. The first ones stay as they are; new ones are undefined.
+inline void resize_rows(TrainingModel& model, std::size_t count) {
+  for_each_row_array([count](const RowArray&, auto& array) { array.resize(count); }, model);
+}
+
+}  // namespace gs
