@@ -38,8 +38,8 @@ struct WarpShared {
 // of product q is pixel 8 q + 2 t of the sub-tile, and row t + 4 is the next pixel, so that a lane
 // reads f and w of both in 16 consecutive bytes.
 struct Monomials {
-  float x[2];         // x^a of the columns 2 t and 2 t + 1
-  float y[2], sign;   // y^b of the first two rows; times `sign`, mirrored, of the last two
+  float x[2];        // x^a of the columns 2 t and 2 t + 1
+  float y[2], sign;  // y^b of the first two rows; times `sign`, mirrored, of the last two
 
   __device__ Monomials() {
     static_assert(kSubtileWidth == 8 && kSubtileHeight == kProducts && kProducts == 4);
@@ -191,7 +191,7 @@ __device__ void add_rows(WarpShared& shared, int count, int slot, const Vec2f& a
 // behind a fragment; here its inner product with dL/d(pixel) is enough.
 struct PixelWalk {
   Vec3f dL_dpixel{0, 0, 0};
-  float behind = 0;     // <color behind without background, dL/dpixel> - background_term
+  float behind = 0;       // <color behind without background, dL/dpixel> - background_term
   float last_behind = 0;  // the same behind the last fragment: -background_term
   float transmittance = 1;
   std::uint32_t last = 0;

@@ -25,7 +25,7 @@ namespace {
 
 constexpr int kBlocks = 7;         // per multiprocessor, as many as registers allow
 constexpr int kHistoryBlocks = 5;  // the same with history
-constexpr int kSmallPicture = 3;   // warps of 8 x 8 pixels, in multiples of those that run at a time
+constexpr int kSmallPicture = 3;  // warps of 8 x 8 pixels, in multiples of those that run at a time
 
 // A fragment is dropped where 255 alpha < 1. The product (255 alpha) kLeast flushes to zero exactly
 // there, since kLeast is the smallest normal number, so that no comparison is needed. Light is
@@ -47,7 +47,7 @@ struct Output {
 template <BlendRule rule_, bool with_history_, bool half_precision_, int height_>
 struct Variant {
   static constexpr BlendRule rule = rule_;
-  static constexpr bool with_history = with_history_;      // for the backward pass: last, checkpoints
+  static constexpr bool with_history = with_history_;  // for the backward pass: last, checkpoints
   static constexpr bool half_precision = half_precision_;  // weights as TF32 holds them
   static constexpr int height = height_;                   // pixels of a sub-tile
   static constexpr bool has_quarter = height == kTileHeight / 2;

@@ -20,7 +20,7 @@ cudaFuncAttributes code_for(const cudaDeviceProp& properties) {
   const cudaError_t error = cudaFuncGetAttributes(&code, probe_kernel);
   if (error == cudaErrorNoKernelImageForDevice || error == cudaErrorUnsupportedPtxVersion ||
       error == cudaErrorJitCompilerNotFound) {
-    cudaGetLastError();  // the next call starts clean
+    cudaGetLastError();                                     // the next call starts clean
     std::vector<Capability> built_for{__CUDA_ARCH_LIST__};  // 900 is 9.0
     for (Capability& capability : built_for) capability /= 10;
     throw Error(unserved_card(properties.name, 10 * properties.major + properties.minor, built_for),

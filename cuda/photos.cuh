@@ -43,14 +43,14 @@ class PhotoStore {
  private:
   // A buffer for one photo beyond the budget, with what its copy needs.
   struct Slot {
-    const View* view = nullptr;      // prefetched and not yet asked for
+    const View* view = nullptr;  // prefetched and not yet asked for
     bool is_masked = false;
     Buffer<std::uint8_t> on_device;
     std::uint8_t* pinned = nullptr;  // the bytes to copy, in page-locked host memory
     std::size_t pinned_bytes = 0;
-    cudaEvent_t arrived = nullptr;   // on the copy stream
-    cudaEvent_t used = nullptr;      // on the compute stream: all work before the refill
-    std::uint64_t filled = 0;        // number of the fetch that filled it
+    cudaEvent_t arrived = nullptr;  // on the copy stream
+    cudaEvent_t used = nullptr;     // on the compute stream: all work before the refill
+    std::uint64_t filled = 0;       // number of the fetch that filled it
     explicit Slot(Memory& memory) : on_device(memory) {}
   };
   // The place of a resident photo in resident_.
@@ -67,7 +67,7 @@ class PhotoStore {
   Context& context_;
   Memory& memory_;
   cudaStream_t copy_stream_ = nullptr;
-  Buffer<std::uint8_t> resident_;                   // all resident photos, one after another
+  Buffer<std::uint8_t> resident_;  // all resident photos, one after another
   std::unordered_map<const View*, Place> resident_at_;
   std::vector<Slot> slots_;
   const Slot* handed_out_[2] = {nullptr, nullptr};  // by the last two photo(); null: resident

@@ -23,7 +23,7 @@ struct alignas(16) WarpShared {
     RowNumbers numbers;                 // parameters at first, gradients in the end
     float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian, between
   };
-  float dL_dcolor[kWarp * 3];           // zero where a Gaussian is not visible
+  float dL_dcolor[kWarp * 3];  // zero where a Gaussian is not visible
 };
 
 // dL/d(splat) of a visible Gaussian. Color gradients are zero where blending clamped the color.

@@ -7,7 +7,8 @@
 namespace gs::cuda {
 namespace {
 
-constexpr std::uint32_t kMostInstances = std::numeric_limits<std::int32_t>::max();  // CUB counts in int
+// CUB counts in int
+constexpr std::uint32_t kMostInstances = std::numeric_limits<std::int32_t>::max();
 
 }  // namespace
 

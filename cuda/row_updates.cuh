@@ -81,7 +81,7 @@ struct WriteGradients {
 struct UpdateByAdam {
   using Numbers = AdamNumbers;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
-  float* visits;         // null: no statistics
+  float* visits;  // null: no statistics
   float* gradient_norm;
   int width, height;
   const std::uint32_t* halted;

@@ -43,7 +43,7 @@ struct Pictures {
   int width, height;          // pixels
   int blocks_x;               // in a row of blocks
   // Of weighted views only
-  const std::uint8_t* mask;   // (H, W); null: every pixel trains
+  const std::uint8_t* mask;  // (H, W); null: every pixel trains
   Vec3f exposure, background;
   bool over_background;
   float white;

@@ -20,7 +20,7 @@ struct StepReport {
   std::uint32_t instances;  // of the view
   std::uint32_t halted;     // 1: this step or an earlier one had more instances than capacity
   std::uint32_t unused;
-  std::uint32_t step;       // number of the step, written last
+  std::uint32_t step;  // number of the step, written last
 };
 
 /// A piece of a tile's list.
@@ -30,6 +30,7 @@ struct ListSegment {
 };
 inline constexpr std::uint32_t kNoTile = 0xffffffffu;
 
+// clang-format off
 /// What stages 3 and 4 leave with a RenderPass for blending: the order of the tiles, and the lists
 /// in segments that the backward pass can walk independently.
 struct CudaScratch final : BackendScratch {
@@ -41,7 +42,9 @@ struct CudaScratch final : BackendScratch {
   explicit CudaScratch(Memory& memory)
       : tile_order(memory), first_checkpoints(memory), segments(memory), checkpoints(memory) {}
 };
+// clang-format on
 
+// clang-format off
 /// The buffers that one render needs besides the RenderPass: scratch of the sorts, and what the
 /// GPU's stages pass to each other.
 struct Workspace {
@@ -61,6 +64,7 @@ struct Workspace {
         keys(memory), sorted_keys(memory), instance_splats(memory), sort_scratch(memory),
         splat_gradients(memory), fine_sums(memory), coarse_sums(memory), halted(memory) {}
 };
+// clang-format on
 
 /// Instances of a list that one warp takes in the backward pass. Each pixel has a checkpoint
 /// between two segments.

@@ -16,7 +16,8 @@
 
 namespace gs::cuda {
 
-inline constexpr int kSubtileWidth = 8, kSubtileHeight = 4;  // pixels; a row is one sector of memory
+// pixels; a row is one sector of memory
+inline constexpr int kSubtileWidth = 8, kSubtileHeight = 4;
 static_assert(kSubtileWidth * kSubtileHeight == kWarp);
 inline constexpr int kSubtilesPerRow = kTileWidth / kSubtileWidth;
 inline constexpr int kSubtilesPerTile = kSubtilesPerRow * kTileHeight / kSubtileHeight;

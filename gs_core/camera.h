@@ -14,8 +14,8 @@ namespace gs {
 /// one.
 template <class T>
 struct PinholeCamera {
-  int width = 0, height = 0;   // pixels
-  T fx{}, fy{}, cx{}, cy{};    // pixels
+  int width = 0, height = 0;  // pixels
+  T fx{}, fy{}, cx{}, cy{};   // pixels
   Mat3<T> cam_from_world_rotation{{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(0), T(0), T(1)}};
   Vec3<T> cam_from_world_translation{T(0), T(0), T(0)};  // world units
 

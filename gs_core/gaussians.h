@@ -93,9 +93,9 @@ inline Gaussians rows_of(const Gaussians& from, const std::vector<std::uint32_t>
 /// Trained Gaussians as files hold them: in host memory, with the SH degree that they use.
 struct GaussianModel {
   Gaussians gaussians;
-  int sh_degree = kMaxShDegree;  // 0..3; coefficients beyond it are zero
-  bool is_ours = true;           // false: read from a file that another trainer wrote
-  bool antialiased = false;      // trained with the antialiased projection (math/projection.h)
+  int sh_degree = kMaxShDegree;       // 0..3; coefficients beyond it are zero
+  bool is_ours = true;                // false: read from a file that another trainer wrote
+  bool antialiased = false;           // trained with the antialiased projection (math/projection.h)
   Vec3d world_offset{0.0, 0.0, 0.0};  // as in Scene; add it to have the photos' coordinates
 };
 

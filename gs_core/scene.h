@@ -84,7 +84,7 @@ void for_each_with_photo(const std::vector<View>& views, std::size_t count, F&& 
 
 /// A point of the sparse reconstruction.
 struct ScenePoint {
-  Vec3f position;                    // world units
+  Vec3f position;                     // world units
   std::array<std::uint8_t, 3> color;  // sRGB
 };
 
@@ -115,7 +115,7 @@ struct Scene {
   // Subtracted from all coordinates; add it to have those of the COLMAP model. Mostly 0.
   Vec3d world_offset{0.0, 0.0, 0.0};
   std::optional<CameraRefinement> refinement;  // if cameras were refined
-  std::optional<ExposureSummary> exposure;  // if exposures were solved for
+  std::optional<ExposureSummary> exposure;     // if exposures were solved for
 };
 
 /// Cameras far away from all others (outlier_positions), mostly because of a wrong pose. Indices,

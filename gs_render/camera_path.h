@@ -15,8 +15,8 @@ Quat<double> looking_at(const Vec3d& from, const Vec3d& to, const Vec3d& up);
 
 struct Orbit {
   SceneFrame frame;
-  double turns = 1;             // seen from above, counterclockwise; negative: clockwise
-  Vec3d start{0.0, 0.0, 0.0};   // the first pose is on this point's side of the center
+  double turns = 1;            // seen from above, counterclockwise; negative: clockwise
+  Vec3d start{0.0, 0.0, 0.0};  // the first pose is on this point's side of the center
 };
 
 /// `count` poses on a circle around the axis through the center, all looking at the center. With

@@ -14,21 +14,25 @@ namespace gs {
 
 /// How to render. It is a value, given with each call; there is no hidden global.
 struct RenderSettings : SplatSettings {
-  Vec3f background{0, 0, 0};                   // sRGB 0..1
+  Vec3f background{0, 0, 0};  // sRGB 0..1
   BlendRule blend_rule = BlendRule::faster_gs;
-  bool absolute_gradient = false;  // backward's dL_dmean2d sums absolute values over pixels (Ye et al. 2024, AbsGS)
+  // backward's dL_dmean2d sums absolute values over pixels (Ye et al. 2024, AbsGS)
+  bool absolute_gradient = false;
   // How the CUDA backend blends; the scalar one ignores these.
-  bool use_tensor_cores = true;   // where the GPU has them: exponents as matrix products, blend_gemm.cu
-  bool half_precision = false;    // with tensor cores: blending weights of 11 bits, for viewing
-  bool for_backward = true;       // false: what only the backward pass reads may be skipped
-  bool deterministic = false;     // sums that do not depend on their order, so that a step has one result
+  // where the GPU has them: exponents as matrix products, blend_gemm.cu
+  bool use_tensor_cores = true;
+  bool half_precision = false;  // with tensor cores: blending weights of 11 bits, for viewing
+  bool for_backward = true;     // false: what only the backward pass reads may be skipped
+  // sums that do not depend on their order, so that a step has one result
+  bool deterministic = false;
 };
 
 /// An entry of a tile's list holds a Gaussian in its lower bits. On the GPU the upper four say
 /// which quarters of the tile its splat hits (hit_quarters_of_row); the scalar backend leaves them
 /// 0.
 inline constexpr int kGaussianBits = 28;
-inline constexpr std::uint32_t kMostGaussians = 1u << kGaussianBits;  // more than any GPU of today has memory for
+// more than any GPU of today has memory for
+inline constexpr std::uint32_t kMostGaussians = 1u << kGaussianBits;
 GS_HD std::uint32_t instance_of(std::uint32_t gaussian, unsigned quarters) {
   return gaussian | quarters << kGaussianBits;
 }
@@ -42,6 +46,7 @@ struct BackendScratch {
   virtual ~BackendScratch() = default;
 };
 
+// clang-format off
 /// The output of every stage that backends have in common. Filled by forward, consumed by backward;
 /// reused from step to step, so that a steady run allocates nothing.
 struct RenderPass {
@@ -108,5 +113,6 @@ struct RenderPass {
  private:
   std::unique_ptr<BackendScratch> scratch_;
 };
+// clang-format on
 
 }  // namespace gs

@@ -13,17 +13,21 @@ namespace gs {
 /// What the scalar stages hand to each other besides the RenderPass.
 struct ScalarScratch final : BackendScratch {
   // 2 instances                        in depth order of their Gaussians
-  Buffer<std::uint32_t> first_instance;   // (N)  where a visible Gaussian's instances begin; it has tile_counts of them
+  // (N)  where a visible Gaussian's instances begin; it has tile_counts of them
+  Buffer<std::uint32_t> first_instance;
   Buffer<std::uint32_t> instance_tiles;   // (I)  tile of each instance
   Buffer<std::uint32_t> instance_splats;  // (I)  its Gaussian
   Buffer<std::uint32_t> sort_scratch;     // (V)  of the depth sort
 
   // 3 tile order
-  Buffer<std::uint32_t> tile_instances;   // (I)  the instances' numbers, in the order of RenderPass::tile_splats
+  // (I)  the instances' numbers, in the order of RenderPass::tile_splats
+  Buffer<std::uint32_t> tile_instances;
 
   // 6 blend backward
-  Buffer<SplatGradient> instance_gradients;  // (I)  each instance's share, summed per splat in a fixed order
-  Buffer<Vec2f> absolute_gradients;          // (I)  by the mean, absolute values; only with absolute_gradient
+  // (I)  each instance's share, summed per splat in a fixed order
+  Buffer<SplatGradient> instance_gradients;
+  // (I)  by the mean, absolute values; only with absolute_gradient
+  Buffer<Vec2f> absolute_gradients;
 
   explicit ScalarScratch(Memory& memory)
       : first_instance(memory), instance_tiles(memory), instance_splats(memory),

@@ -10,8 +10,9 @@
 namespace gs {
 
 inline constexpr int kTilePixels = kTileWidth * kTileHeight;
-inline constexpr int kLanes = 8;                  // pixels of a row that are computed together
-inline constexpr int kClosedCheckInterval = 16;   // splats between checks whether the whole tile is opaque
+inline constexpr int kLanes = 8;  // pixels of a row that are computed together
+// splats between checks whether the whole tile is opaque
+inline constexpr int kClosedCheckInterval = 16;
 static_assert(kTileWidth % kLanes == 0);
 
 /// One tile of a pass: its place in the picture and its list of instances.

@@ -13,13 +13,16 @@ namespace gs {
 
 /// How far a run is. Random numbers have no state: they are functions of the seed and the step.
 struct RunProgress {
-  int step = 0;                  // steps done; 0: before the first
-  int sh_degree = 0;             // in use
-  double loss = 0;               // of the last step
-  double train_seconds = 0;      // so far
-  std::int64_t growth_cap = 0;   // Gaussians; from max_gaussians = auto, or lowered where memory ran out; 0: as the config says
-  std::vector<int> strikes;      // (training views) how often each broke the model; at kMostStrikes it is skipped
-  std::vector<std::uint32_t> view_order;  // (training views) in the epoch of the last step; only checked, see ViewSampler
+  int step = 0;              // steps done; 0: before the first
+  int sh_degree = 0;         // in use
+  double loss = 0;           // of the last step
+  double train_seconds = 0;  // so far
+  // Gaussians; from max_gaussians = auto, or lowered where memory ran out; 0: as the config says
+  std::int64_t growth_cap = 0;
+  // (training views) how often each broke the model; at kMostStrikes it is skipped
+  std::vector<int> strikes;
+  // (training views) in the epoch of the last step; only checked, see ViewSampler
+  std::vector<std::uint32_t> view_order;
 };
 
 /// A run after some step.

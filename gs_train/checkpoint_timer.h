@@ -25,7 +25,7 @@ class CheckpointTimer {
 
  private:
   static constexpr std::chrono::seconds kInterval{60};  // so much work may be lost
-  static constexpr int kOneIn = 100;                    // at most 1 / 100 of the time is spent on checkpoints
+  static constexpr int kOneIn = 100;  // at most 1 / 100 of the time is spent on checkpoints
 
   int every_;
   Clock::time_point next_ = Clock::now() + kInterval;

@@ -13,10 +13,10 @@
 namespace gs {
 namespace {
 
-constexpr std::size_t kFewestPoints = 100;   // in a picture; from fewer, no distance is estimated
-constexpr std::size_t kWrongPoints = 100;    // the nearest 1 / 100 of the points may be wrong
-constexpr float kSeenShare = 1;              // pixels; a view with at least this contribution is a witness
-constexpr float kHiddenLogit = -30;          // logit of an opacity of 1e-13
+constexpr std::size_t kFewestPoints = 100;  // in a picture; from fewer, no distance is estimated
+constexpr std::size_t kWrongPoints = 100;   // the nearest 1 / 100 of the points may be wrong
+constexpr float kSeenShare = 1;      // pixels; a view with at least this contribution is a witness
+constexpr float kHiddenLogit = -30;  // logit of an opacity of 1e-13
 
 float squared_distance(const Vec3f& a, const Vec3f& b) {
   const Vec3f d = a - b;

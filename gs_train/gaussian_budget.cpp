@@ -10,8 +10,8 @@
 namespace gs {
 namespace {
 
-constexpr double kShareOfFree = 0.85;        // the rest is for other programs and for fragmentation
-constexpr double kBytesOfGaussian = 2048;    // some 1,700 in a run (gemsplat doctor), and a reserve
+constexpr double kShareOfFree = 0.85;      // the rest is for other programs and for fragmentation
+constexpr double kBytesOfGaussian = 2048;  // some 1,700 in a run (gemsplat doctor), and a reserve
 constexpr double kBytesOfPixel = 256;
 constexpr double kBytesOfPresent = 3 * 236;  // parameters and moments, which are no longer free
 

@@ -43,7 +43,7 @@ struct ViewMetrics {
 
 /// Means over views, and the metrics of each view.
 struct Evaluation {
-  double psnr = 0, ssim = 0;  // 0 when there are no views
+  double psnr = 0, ssim = 0;                    // 0 when there are no views
   double psnr_exposure = 0, ssim_exposure = 0;  // of pictures under their views' exposures
   bool has_exposures = false;                   // true where the exposure of any view is not 1
   std::vector<ViewMetrics> views;

@@ -17,8 +17,8 @@ struct RefineReport {
 
 /// The rules of one relocation (MCMC).
 struct RelocationRules {
-  float dead_opacity;     // a Gaussian of at most this opacity is dead
-  std::int64_t grow_to;   // number of rows in the end; no row is added where there are more already
+  float dead_opacity;    // a Gaussian of at most this opacity is dead
+  std::int64_t grow_to;  // number of rows in the end; no row is added where there are more already
 };
 
 /// Where memory runs out, every operation throws Error (out of memory) before it changes anything.

@@ -43,9 +43,9 @@ class RunGuard {
 
  private:
   std::vector<int> strikes_;
-  int watch_until_ = 0;     // the last step known to have broken the model
+  int watch_until_ = 0;  // the last step known to have broken the model
   int breakdowns_ = 0;
-  int last_collapse_ = 0;   // the step after which no Gaussian was left
+  int last_collapse_ = 0;  // the step after which no Gaussian was left
 };
 
 }  // namespace gs

@@ -8,10 +8,11 @@ namespace gs {
 namespace {
 
 constexpr double kStandardSteps = 30000;  // length of the run that the steps in the config refer to
-constexpr int kMinRefineFrom = 300;       // steps; earlier statistics are unreliable: docs/schedule.md
-constexpr int kMinRefineInterval = 100;   // steps; shorter ones see each view too rarely: docs/schedule.md
-constexpr int kMinResetInterval = 1000;   // steps; opacities need as many to recover from a reset
-constexpr int kExtraResetStep = 500;      // on a white background; Kerbl et al. 2023, code
+constexpr int kMinRefineFrom = 300;  // steps; earlier statistics are unreliable: docs/schedule.md
+// steps; shorter ones see each view too rarely: docs/schedule.md
+constexpr int kMinRefineInterval = 100;
+constexpr int kMinResetInterval = 1000;  // steps; opacities need as many to recover from a reset
+constexpr int kExtraResetStep = 500;     // on a white background; Kerbl et al. 2023, code
 
 }  // namespace
 
@@ -28,7 +29,8 @@ Schedule::Schedule(const Config& config, float scene_extent)
                           std::min(density.reset_opacity_every, kMinResetInterval));
   reset_until_ = scaled(density.reset_opacity_until);
   extra_reset_ = config.render.background == Background::white ? scaled(kExtraResetStep) : 0;
-  if (extra_reset_ < kExtraResetStep / 2) extra_reset_ = 0;  // the run is too short to recover from it
+  // the run is too short to recover from it
+  if (extra_reset_ < kExtraResetStep / 2) extra_reset_ = 0;
   sh_every_ = scaled(config.train.sh_degree_every);
   morton_every_ = scaled(config.train.morton_every);
   morton_until_ = scaled(config.train.morton_until);

@@ -20,12 +20,12 @@ class Schedule {
   int steps() const { return steps_ + extra_steps_; }
   int steps_without_extra() const { return steps_; }
   LearningRates learning_rates(int step) const;
-  bool refine(int step) const;           // clone, split, prune
+  bool refine(int step) const;  // clone, split, prune
   bool reset_opacity(int step) const;
   bool raise_sh_degree(int step) const;  // one degree more from this step on
   bool reorder(int step) const;          // Morton order
   bool gather_statistics(int step) const;
-  bool prune_large(int step) const;      // refinements after the first reset also drop huge Gaussians
+  bool prune_large(int step) const;  // refinements after the first reset also drop huge Gaussians
 
  private:
   int scaled(int step) const;

@@ -13,9 +13,9 @@
 #include "gs_train/backend.h"
 #include "gs_train/checkpoint.h"
 #include "gs_train/floaters.h"
+#include "gs_train/loss_settings.h"
 #include "gs_train/run_recovery.h"
 #include "gs_train/schedule.h"
-#include "gs_train/loss_settings.h"
 #include "gs_train/training_run.h"
 #include "gs_train/view_sampler.h"
 

@@ -23,7 +23,8 @@ struct DensityStatistics {
 struct TrainingModel {
   Gaussians gaussians, first_moment, second_moment;
   DensityStatistics statistics;
-  int adam_steps = 0;  // updates since the start; one count for all Gaussians, as in Kerbl et al. 2023
+  // updates since the start; one count for all Gaussians, as in Kerbl et al. 2023
+  int adam_steps = 0;
 
   explicit TrainingModel(Memory& memory = host_memory())
       : gaussians(memory), first_moment(memory), second_moment(memory), statistics(memory) {}

@@ -11,7 +11,8 @@ namespace gs {
 namespace {
 
 constexpr std::size_t kNarrowest = 50, kWidest = 100;  // columns
-constexpr std::size_t kNameIndent = 2, kMoreNames = 4;  // of an option's names, and of their further lines
+// of an option's names, and of their further lines
+constexpr std::size_t kNameIndent = 2, kMoreNames = 4;
 
 }  // namespace
 

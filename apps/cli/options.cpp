@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <charconv>
 
 #include "apps/cli/foreign_flags.h"
 #include "gs_core/config/config_fields.h"
@@ -55,9 +56,13 @@ std::string joined(const std::vector<std::string>& words) {
 
 // The values of -r that other trainers take, 3 and -1 for example, get an answer of their own. The
 // reference trainer's -1 shrinks photos that are wider than 1600 pixels.
-void check_resolution_flag(int resolution, const SettingOrigins& origins) {
-  const auto origin = origins.find("dataset.resolution");
-  if (origin == origins.end() || origin->second != "flag") return;
+void check_resolution_flag(const std::string& flag) {
+  constexpr std::string_view kStart = "dataset.resolution=";
+  if (!flag.starts_with(kStart)) return;
+  const char *first = flag.data() + kStart.size(), *last = flag.data() + flag.size();
+  int resolution = 0;
+  const auto [end, failure] = std::from_chars(first, last, resolution);
+  if (failure != std::errc() || end != last) return;  // apply_setting() refuses it
   for (const int divisor : {1, 2, 4, 8})
     if (resolution == divisor) return;
   if (resolution >= 16) return;
@@ -166,8 +171,10 @@ Config resolve(const CommandLine& line, Config start, SettingOrigins* origins) {
   SettingOrigins known;
   for (const std::string& file : line.config_files) load_config(start, file, &known);
   for (const std::string& setting : line.settings) known[apply_setting(start, setting)] = "--set";
-  for (const std::string& flag : line.flags) known[apply_setting(start, flag)] = "flag";
-  check_resolution_flag(start.dataset.resolution, known);
+  for (const std::string& flag : line.flags) {
+    check_resolution_flag(flag);
+    known[apply_setting(start, flag)] = "flag";
+  }
   validate(start, known);
   if (origins) *origins = std::move(known);
   return start;

@@ -16,8 +16,8 @@
 namespace gs {
 namespace {
 
-constexpr double kSeconds = 10;       // of a path, where nothing is said
-constexpr double kMostFrames = 1e6;   // more is a mistake
+constexpr double kSeconds = 10;      // of a path, where nothing is said
+constexpr double kMostFrames = 1e6;  // more is a mistake
 
 /// As CLI11 takes it; what has to be worked out goes into the command.
 struct RenderFlags {

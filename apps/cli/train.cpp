@@ -23,8 +23,8 @@ namespace {
 
 struct TrainCommand : CommandLine {
   bool print_config = false, force = false;
-  std::string resume;   // auto, or the folder or checkpoint of a run; empty: a new run
-  int added_steps = 0;  // --iterations +N
+  std::string resume;                // auto, or the folder or checkpoint of a run; empty: a new run
+  int added_steps = 0;               // --iterations +N
   std::vector<std::string> exports;  // names of formats
   ViewerOptions viewer;
 };

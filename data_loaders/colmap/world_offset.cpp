@@ -14,8 +14,8 @@
 namespace gs {
 namespace {
 
-constexpr double kMostLost = 1e-4;             // of the spread
-constexpr double kSingleRounding = 0x1p-24;    // of a number, at most
+constexpr double kMostLost = 1e-4;           // of the spread
+constexpr double kSingleRounding = 0x1p-24;  // of a number, at most
 
 /// The offset of things that stand about `median`; 0 where single precision keeps them apart.
 Vec3d offset_at(const Vec3d& median, double spread, double most_lost) {

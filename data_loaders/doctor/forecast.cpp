@@ -37,7 +37,7 @@ double steps_of(const Config& config) {
 
 std::string size_text(double bytes) {
   return bytes < 0.1 * kBytesPerGib ? fmt::format("{:.0f} MiB", bytes * 1024 / kBytesPerGib)
-                            : fmt::format("{:.1f} GiB", bytes / kBytesPerGib);
+                                    : fmt::format("{:.1f} GiB", bytes / kBytesPerGib);
 }
 
 std::string count_text(double gaussians) {
@@ -71,7 +71,8 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
   const double budget = double(photo_ram_bytes(config.dataset));
   const double gaussians = expected_gaussians(config, scene.points);
   const double photos_in_ram = std::min(scene.photo_bytes, budget);
-  const double photos_on_gpu = std::min(scene.photo_bytes, double(config.train.photo_gib) * kBytesPerGib);
+  const double photos_on_gpu =
+      std::min(scene.photo_bytes, double(config.train.photo_gib) * kBytesPerGib);
   const double on_gpu = photos_on_gpu + gaussians * kBytesOnGpu;
   const double on_cpu = gaussians * kBytesOnCpu;
   const double free_ram = double(host_memory().free_bytes());

@@ -28,12 +28,12 @@ struct ExportOptions {
 };
 
 struct ModelFormat {
-  std::string_view name;     // as in --export: "spz"
-  std::string_view ending;   // of file names: ".spz"
-  std::string_view holds;    // in a few words
-  bool is_lossless;          // reading gives the same bits again, SH degree included
-  bool adds_world_offset;    // positions are mean + world_offset, in double precision
-  AxisSigns signs;           // of the file's axes relative to the PLY's
+  std::string_view name;    // as in --export: "spz"
+  std::string_view ending;  // of file names: ".spz"
+  std::string_view holds;   // in a few words
+  bool is_lossless;         // reading gives the same bits again, SH degree included
+  bool adds_world_offset;   // positions are mean + world_offset, in double precision
+  AxisSigns signs;          // of the file's axes relative to the PLY's
   GaussianModel (*read)(const std::filesystem::path&);  // null: gemsplat only writes it
   void (*write)(const std::filesystem::path&, const GaussianModel&, const ExportOptions&);
   void (*require)(const ExportOptions&);  // throws Error where this build lacks a library for it

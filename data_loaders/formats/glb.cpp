@@ -21,7 +21,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kExtension = "KHR_gaussian_splatting";
-constexpr std::uint32_t kMagic = 0x46546C67, kVersion2 = 2;               // "glTF"
+constexpr std::uint32_t kMagic = 0x46546C67, kVersion2 = 2;                  // "glTF"
 constexpr std::uint32_t kJsonChunk = 0x4E4F534A, kBinaryChunk = 0x004E4942;  // "JSON", "BIN"
 // Numbers of glTF, which has them from OpenGL.
 constexpr int kFloat = 5126, kUnsignedByte = 5121, kPoints = 0, kVertexData = 34962;
@@ -30,7 +30,7 @@ constexpr int kFloat = 5126, kUnsignedByte = 5121, kPoints = 0, kVertexData = 34
 struct Attribute {
   std::string name;
   int component_type;
-  const char* type;        // SCALAR, VEC3, ...
+  const char* type;  // SCALAR, VEC3, ...
   std::size_t row_bytes;
   std::function<void(std::size_t i, std::uint8_t* row)> fill;
 };

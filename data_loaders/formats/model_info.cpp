@@ -23,8 +23,8 @@ constexpr float kFaintOpacity = 1.0f / 255, kThinOpacity = 0.05f, kSolidOpacity 
 constexpr float kNeedleRatio = 100;       // largest / smallest scale
 constexpr float kFarFactor = 10;          // half diagonals of the inner box, from its center
 constexpr float kLargeCoordinate = 1e5f;  // world units; float steps there are 0.0078 or more
-constexpr float kFineSteps = 10;  // float steps; smaller Gaussians are placed coarsely
-constexpr float kFewRows = 0.01f;  // needles below this share are normal
+constexpr float kFineSteps = 10;          // float steps; smaller Gaussians are placed coarsely
+constexpr float kFewRows = 0.01f;         // needles below this share are normal
 
 float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 float norm(const Vec3f& v) { return std::sqrt(inner(v, v)); }

@@ -9,9 +9,9 @@ namespace gs {
 
 /// x -> scale * R (x - center)
 struct ModelTransform {
-  Vec3d center{0.0, 0.0, 0.0};     // of the model, goes to the origin   world units
-  Quat<double> turn{1, 0, 0, 0};   // R, of length 1
-  double scale = 1;                // > 0
+  Vec3d center{0.0, 0.0, 0.0};    // of the model, goes to the origin   world units
+  Quat<double> turn{1, 0, 0, 0};  // R, of length 1
+  double scale = 1;               // > 0
 
   bool turns_or_scales() const { return turn.w != 1 || scale != 1; }
   bool is_identity() const { return !turns_or_scales() && center == Vec3d(0.0); }

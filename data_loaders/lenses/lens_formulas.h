@@ -22,9 +22,9 @@ struct LensCoefficients {
   Lens lens = Lens::none;
   // radial; fov: omega (radians); division: k; unified: alpha, beta
   T k[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
-  T d[3] = {T(0), T(0), T(0)};                    // radial, below the line
-  T p[2] = {T(0), T(0)};                          // tangential
-  T s[4] = {T(0), T(0), T(0), T(0)};              // thin prism: two for x, two for y
+  T d[3] = {T(0), T(0), T(0)};        // radial, below the line
+  T p[2] = {T(0), T(0)};              // tangential
+  T s[4] = {T(0), T(0), T(0), T(0)};  // thin prism: two for x, two for y
 };
 
 /// Focal lengths and principal point, pixels.

@@ -57,7 +57,7 @@ class PhotoCache {
   const std::filesystem::file_time_type opened_;
   std::mutex mutex_;
   bool has_taken_stock_ = false, is_closed_ = false;
-  std::uint64_t bytes_ = 0;         // of all entries
+  std::uint64_t bytes_ = 0;          // of all entries
   std::vector<OldEntry> removable_;  // the one used longest ago is last
 };
 

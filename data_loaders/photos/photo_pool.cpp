@@ -80,7 +80,7 @@ std::shared_ptr<const View> PhotoPool::view(std::size_t index) {
   entry.asked = ++calls_;
   entry.released = false;
   std::shared_ptr<const View> result = entry.view;  // in use from here on
-  free_bytes_for(0, true);  // if photos in use have exceeded the budget
+  free_bytes_for(0, true);                          // if photos in use have exceeded the budget
   changed_.notify_all();
   return result;
 }

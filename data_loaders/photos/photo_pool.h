@@ -59,7 +59,7 @@ class PhotoPool final : public PhotoSource {
     int expectations = 0;        // not yet fulfilled
     int waiting = 0;             // calls of view() that have not returned yet
     bool released = false;
-    bool has_failed = false;     // in a thread of ours: the next view() tries again, and says why
+    bool has_failed = false;  // in a thread of ours: the next view() tries again, and says why
   };
 
   void serve();

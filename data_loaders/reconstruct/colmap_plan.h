@@ -36,7 +36,7 @@ struct ColmapPlan {
   bool single_camera = false, use_gpu = false;
   int max_features = 0, frames = 0, threads = 0;
   SingleCamera single_camera_setting = SingleCamera::automatic;
-  bool has_short_flags = false;       // as in ColmapJob
+  bool has_short_flags = false;  // as in ColmapJob
 
   /// How to set a setting on the command line, for advice: "--matching exhaustive", or "--set
   /// reconstruct.matching=exhaustive" in verbs without that flag.

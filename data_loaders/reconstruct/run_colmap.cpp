@@ -49,7 +49,8 @@ std::set<std::string> stage_names() {
         "COLMAP could not place the cameras: no two photos share enough detail from places far "
         "enough apart; take more photos, each with two thirds of the one before in it{}. All that "
         "COLMAP said is in {}",
-        plan.matching == Matching::sequential ? ", or try " + plan.flag("matching", "exhaustive") : "",
+        plan.matching == Matching::sequential ? ", or try " + plan.flag("matching", "exhaustive")
+                                              : "",
         log));
   throw Error(fmt::format(
       "COLMAP failed while {} ({}). The end of {}:\n{}\nThe same command continues from here",

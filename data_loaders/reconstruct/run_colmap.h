@@ -24,8 +24,8 @@ struct ColmapJob {
   std::filesystem::path photos;  // a folder of photos or videos, or a video; never changed
   std::filesystem::path scene;   // images/, sparse/N, database.db, colmap.log, reconstruct.json
   ReconstructConfig settings;
-  int threads = 0;     // 0: all cores
-  bool force = false;  // move what is in `scene` to scene.bak-N first
+  int threads = 0;               // 0: all cores
+  bool force = false;            // move what is in `scene` to scene.bak-N first
   bool has_short_flags = false;  // errors advise --colmap and --matching, not --set reconstruct.*
 };
 

@@ -26,7 +26,7 @@ namespace {
 using namespace rigid;
 using namespace refinement;
 
-constexpr double kOutlier = 1;           // pixels: scale of the loss
+constexpr double kOutlier = 1;  // pixels: scale of the loss
 constexpr int kMostSteps = 50;
 constexpr std::size_t kFewestInFrame = 10;  // observations: six unknowns, and some are wrong
 

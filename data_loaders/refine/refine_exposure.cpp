@@ -26,9 +26,9 @@ struct LogSample {
 struct Channel {
   std::vector<double> log_exposure;  // (photos)
   std::vector<double> log_color;     // (points)
-  std::vector<double> weight;        // (points): display value / noise; turns log differences into those of
-                                     // displayed colors
-  std::vector<bool> is_known;        // (points): seen in two training photos
+  // (points): display value / noise; turns log differences into those of displayed colors
+  std::vector<double> weight;
+  std::vector<bool> is_known;  // (points): seen in two training photos
 };
 
 /// weight (log_color - log_exposure - point's log_color)

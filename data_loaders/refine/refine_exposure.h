@@ -11,7 +11,7 @@ namespace gs {
 
 /// The exposures of all photos, and how well they explain the samples.
 struct ExposureFit {
-  std::vector<Vec3f> exposures;  // (photos) per channel: photo = exposure * scene
+  std::vector<Vec3f> exposures;                // (photos) per channel: photo = exposure * scene
   double spread_before = 0, spread_after = 0;  // of a point's colors over photos; relative, robust
   std::size_t sample_count = 0;
   std::vector<std::size_t> unknown;  // photos with too few samples: 1 in every channel

@@ -18,10 +18,10 @@ namespace gs::refinement {
 
 using rigid::Motion;
 
-inline constexpr double kFocalSpread = 0.1;     // of the prior, of the focal length
-inline constexpr double kCenterSpread = 0.01;   // of the longer side
+inline constexpr double kFocalSpread = 0.1;    // of the prior, of the focal length
+inline constexpr double kCenterSpread = 0.01;  // of the longer side
 inline constexpr double kCoefficientSpread = 0.1;
-inline constexpr double kNearest = 1e-6;           // depth; nearer points get a huge error
+inline constexpr double kNearest = 1e-6;  // depth; nearer points get a huge error
 
 /// Where a point in camera space lands, pixels. A fisheye sees points beside and behind it, too.
 template <class T>

@@ -32,7 +32,8 @@ ExposureSummary solve_exposures(const std::vector<ScenePoint>& points,
                                 const std::vector<bool>& is_test, std::vector<View>& views) {
   std::size_t count = 0;
   for (const auto& of_view : seen) count += of_view.size();
-  const auto every = std::uint32_t(count / kMostColorSamples + 1);  // one point in so many is sampled
+  // one point in so many is sampled
+  const auto every = std::uint32_t(count / kMostColorSamples + 1);
   std::vector<std::vector<ColorSample>> by_view(views.size());
   const auto sample = [&](std::size_t i, const View& view) {
     std::vector<std::uint32_t> sampled;

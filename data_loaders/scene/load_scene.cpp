@@ -30,7 +30,7 @@
 namespace gs {
 namespace {
 
-constexpr int kMostDecoders = 16;                                // threads of a PhotoPool
+constexpr int kMostDecoders = 16;                               // threads of a PhotoPool
 constexpr std::size_t kBytesForLooking = std::size_t(1) << 30;  // of photos, with when_asked
 
 /// A scene before its photos are decoded.

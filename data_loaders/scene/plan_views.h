@@ -18,7 +18,7 @@ namespace gs {
 struct ViewPlan {
   std::string name;
   std::filesystem::path file;
-  std::filesystem::path mask_file;    // empty: none
+  std::filesystem::path mask_file;  // empty: none
   MaskUse masks;
   PhotoSize photo_size;
   LensCamera lens;                    // at the photo's size

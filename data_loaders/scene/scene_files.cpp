@@ -207,8 +207,9 @@ MaskSource find_masks(const DatasetConfig& dataset, const SceneFolders& folders)
   MaskSource source;
   source.images = folders.images;
   source.invert = dataset.invert_masks;
-  source.over_background = dataset.mask_mode == MaskMode::background ||
-                           (dataset.mask_mode == MaskMode::automatic && folders.kind == SceneKind::blender);
+  source.over_background =
+      dataset.mask_mode == MaskMode::background ||
+      (dataset.mask_mode == MaskMode::automatic && folders.kind == SceneKind::blender);
   if (dataset.masks == kNone) {
     source.use_alpha = false;
     return source;

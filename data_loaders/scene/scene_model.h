@@ -15,11 +15,11 @@
 namespace gs {
 
 struct SceneModel {
-  ColmapModel model;                   // images sorted by name
-  std::vector<bool> is_test;           // (images)   held out to measure on
-  bool is_split_by_files = false;      // transforms.json or Blender's files name the test photos
-  std::size_t time_count = 0;          // different times of the photos; 2 and more: it moves
-  Vec3d world_offset{0.0, 0.0, 0.0};   // taken off the model's coordinates (world_offset.h)
+  ColmapModel model;                  // images sorted by name
+  std::vector<bool> is_test;          // (images)   held out to measure on
+  bool is_split_by_files = false;     // transforms.json or Blender's files name the test photos
+  std::size_t time_count = 0;         // different times of the photos; 2 and more: it moves
+  Vec3d world_offset{0.0, 0.0, 0.0};  // taken off the model's coordinates (world_offset.h)
   MaskSource masks;
   std::vector<std::filesystem::path> photos;      // (images)
   std::vector<std::filesystem::path> mask_files;  // (images)   empty: none

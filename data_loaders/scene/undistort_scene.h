@@ -13,7 +13,7 @@ namespace gs {
 struct UndistortedScene {
   std::size_t undistorted = 0, copied = 0;  // photos
   std::size_t masks = 0;
-  double jpeg_psnr = 0;      // dB, mean over the JPEGs, against the undistorted pixels; 0 for PNG
+  double jpeg_psnr = 0;  // dB, mean over the JPEGs, against the undistorted pixels; 0 for PNG
   bool needs_background = false;  // the copy needs dataset.mask_mode = "background"
 };
 

@@ -18,7 +18,8 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kPrefix = "step_", kEnding = ".ckpt";
 constexpr std::size_t kKept = 2;
-constexpr std::uint64_t kSpareBytes = std::uint64_t(16) << 20;  // for the names of views, metrics, logs
+// for the names of views, metrics, logs
+constexpr std::uint64_t kSpareBytes = std::uint64_t(16) << 20;
 
 // The step in a checkpoint's name; -1 for other names.
 int step_of(const std::string& name) {

@@ -37,9 +37,9 @@ struct TrainingFigures {
 
 struct RenderingFigures {
   double scale = 1;
-  int width = 0, height = 0;         // pixels, of the first view
-  Workload mean;                     // over the views
-  double ms_per_frame = 0;           // median of each view's frames, mean over the views
+  int width = 0, height = 0;  // pixels, of the first view
+  Workload mean;              // over the views
+  double ms_per_frame = 0;    // median of each view's frames, mean over the views
   std::vector<StageFigures> stages;
 };
 

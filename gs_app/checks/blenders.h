@@ -16,16 +16,16 @@ struct BlenderFigures {
   std::string blender;  // simt, gemm, gemm half
   double scale = 1;
   int width = 0, height = 0;
-  double instances = 0;     // of a view, mean
+  double instances = 0;  // of a view, mean
   double ms_per_frame = 0, blend_ms = 0;
   // Compared with simt with the same bounds:
-  double psnr = 0;              // infinite if the pictures are equal
-  double largest = 0;           // largest difference of a channel
-  std::size_t pixels = 0;       // of all views
-  std::size_t apart = 0;        // pixels with a channel that differs by more than kBlendersAgree
+  double psnr = 0;         // infinite if the pictures are equal
+  double largest = 0;      // largest difference of a channel
+  std::size_t pixels = 0;  // of all views
+  std::size_t apart = 0;   // pixels with a channel that differs by more than kBlendersAgree
   // Of these, pixels whose difference rounding does not explain (kBorderline)
   std::size_t unexplained = 0;
-  double borderline = 0;        // the largest margin (see kBorderline) of these
+  double borderline = 0;  // the largest margin (see kBorderline) of these
 };
 
 inline constexpr double kBlendersAgree = 1e-4;

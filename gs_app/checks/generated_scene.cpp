@@ -14,10 +14,10 @@
 namespace gs {
 namespace {
 
-constexpr float kCameraDistance = 3;      // world units from the center of the ball
-constexpr float kFocalLength = 0.9f;      // in picture widths
-constexpr float kShRestRange = 0.1f;      // largest coefficient beyond degree 0
-constexpr std::uint32_t kShRestDraws = 8; // the first draw for a Gaussian's SH rest
+constexpr float kCameraDistance = 3;       // world units from the center of the ball
+constexpr float kFocalLength = 0.9f;       // in picture widths
+constexpr float kShRestRange = 0.1f;       // largest coefficient beyond degree 0
+constexpr std::uint32_t kShRestDraws = 8;  // the first draw for a Gaussian's SH rest
 
 Vec3f xyz(const Vec4f& v) { return {v.x, v.y, v.z}; }
 

@@ -15,7 +15,7 @@ namespace gs {
 /// The parameters of a generated scene.
 struct SceneRecipe {
   std::size_t gaussians = 1000;
-  int width = 320, height = 240;           // pixels
+  int width = 320, height = 240;  // pixels
   int views = 8;
   // Radius of the ball, as a fraction of the cameras' distance from its center.
   float reach = 0.8f;
@@ -26,7 +26,7 @@ struct SceneRecipe {
 };
 
 struct GeneratedScene {
-  GaussianModel model;      // with coefficients of every SH degree
+  GaussianModel model;  // with coefficients of every SH degree
   std::vector<View> views;
 };
 

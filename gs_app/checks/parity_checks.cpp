@@ -21,11 +21,11 @@ constexpr double kTileTolerance = 5e-3;   // share of the instances that differ
 constexpr double kPictureTolerance = 1e-3;
 constexpr double kLossTolerance = 1e-3;
 constexpr double kGradientTolerance = 5e-3;
-constexpr double kStepTolerance = 2e-2;   // Adam divides tiny gradients by their own size
+constexpr double kStepTolerance = 2e-2;  // Adam divides tiny gradients by their own size
 // So that the moments are like those in the middle of a run.
 constexpr int kStepsBefore = 20;
 constexpr LossSettings kLossSettings{.lambda_dssim = 0.2f};
-constexpr float kDeadLogit = -8;          // of an opacity of 0.0003
+constexpr float kDeadLogit = -8;  // of an opacity of 0.0003
 constexpr std::size_t kPhotoBytes = std::size_t(1) << 28;
 
 struct ParityScene {

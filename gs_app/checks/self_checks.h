@@ -18,8 +18,8 @@ struct SelfCheck {
   double largest = 0;       // largest difference
   // Root mean square of the differences; infinite if numbers are missing or not finite.
   double rms = 0;
-  double tolerance = 0;     // of rms
-  std::string scene;        // the scene with the largest rms
+  double tolerance = 0;  // of rms
+  std::string scene;     // the scene with the largest rms
 
   bool agrees() const { return rms <= tolerance; }
 };

@@ -11,7 +11,8 @@
 namespace gs {
 namespace {
 
-constexpr double kShape = sizeof(Vec3f) + sizeof(Vec3f) + sizeof(Quatf) + sizeof(float);  // bytes a Gaussian
+// bytes a Gaussian
+constexpr double kShape = sizeof(Vec3f) + sizeof(Vec3f) + sizeof(Quatf) + sizeof(float);
 constexpr double kCount = 4, kDepth = 4, kIndex = 4;  // bytes each
 constexpr double kGradientSum = 48;                   // bytes; dL/d(splat), padded
 constexpr double kDigit = 8;                          // bits per pass of a radix sort

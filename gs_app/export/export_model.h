@@ -19,7 +19,7 @@
 namespace gs {
 
 struct ExportRequest {
-  std::filesystem::path file;         // its ending is the format
+  std::filesystem::path file;  // its ending is the format
   ExportOptions options = {};
   ModelTransform transform = {};
   int sh_degree = kMaxShDegree;  // the file has no higher one

@@ -15,7 +15,7 @@ namespace gs {
 
 /// What the command line asks for.
 struct PathRequest {
-  std::string kind;                  // "orbit", "spline", "flythrough"; empty: none
+  std::string kind;  // "orbit", "spline", "flythrough"; empty: none
   std::size_t frames = 0;
   std::vector<std::string> through;  // spline: names or numbers of cameras; empty: `keys` of all
   int keys = 12;                     // cameras that a spline or flythrough passes

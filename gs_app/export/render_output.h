@@ -13,11 +13,11 @@
 namespace gs {
 
 struct OutputRequest {
-  std::filesystem::path output;            // a folder, or a file that ends in .mp4
-  std::vector<Quantity> quantities;        // none twice
-  bool png = true, exr = false;            // of a folder
-  double frames_per_second = 30;           // of a film
-  bool force = false;                      // move files that are in the way to FILE.bak-N
+  std::filesystem::path output;      // a folder, or a file that ends in .mp4
+  std::vector<Quantity> quantities;  // none twice
+  bool png = true, exr = false;      // of a folder
+  double frames_per_second = 30;     // of a film
+  bool force = false;                // move files that are in the way to FILE.bak-N
 
   bool is_film() const;
 };

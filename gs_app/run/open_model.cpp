@@ -46,7 +46,8 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
   take_sidecar(opened.ply, opened.model);
   opened.config.model.sh_degree = opened.model.sh_degree;
   opened.config.render.antialias = opened.model.antialiased;
-  if (!opened.model.is_ours) opened.config.render.blend_rule = BlendRule::classic;  // as it was trained
+  // as it was trained
+  if (!opened.model.is_ours) opened.config.render.blend_rule = BlendRule::classic;
   return opened;
 }
 

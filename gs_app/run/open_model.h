@@ -15,11 +15,12 @@
 namespace gs {
 
 struct OpenedModel {
-  std::filesystem::path ply;  // or a file of another format
+  std::filesystem::path ply;     // or a file of another format
   std::optional<RunFolder> run;  // where a folder was named
   GaussianModel model;
-  Config config;  // the run's, but its [train], or the defaults; SH degree, antialiasing and, where another
-                  // trainer wrote it, the classic blending rule of the PLY
+  // the run's, but its [train], or the defaults; SH degree, antialiasing and, where another trainer
+  // wrote it, the classic blending rule of the PLY
+  Config config;
 };
 
 /// Opens a file of any format that can be read (formats.h). In a run's folder this is the newest

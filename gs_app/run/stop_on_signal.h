@@ -17,7 +17,8 @@ class StopOnSignal {
   StopOnSignal& operator=(const StopOnSignal&) = delete;
 
  private:
-  static inline Trainer* volatile trainer_ = nullptr;  // set after the handlers, reset before they go
+  // set after the handlers, reset before they go
+  static inline Trainer* volatile trainer_ = nullptr;
   SignalHandlers handlers_{[](int) {
     if (Trainer* const trainer = trainer_) trainer->stop();
   }};

@@ -28,14 +28,14 @@ struct TrainRequest {
   /// Applies the settings over a start, and validates the result. The start is the defaults for a
   /// new run, and the run's own config for one that is resumed.
   SettingsOver settings;
-  std::string resume;              // "auto", a run's folder or a checkpoint; empty: a new run
-  int added_steps = 0;             // for a finished run, with `resume`
-  bool force = false;              // move a run that the output folder holds to FOLDER.bak-N
+  std::string resume;   // "auto", a run's folder or a checkpoint; empty: a new run
+  int added_steps = 0;  // for a finished run, with `resume`
+  bool force = false;   // move a run that the output folder holds to FOLDER.bak-N
   std::vector<std::string> exports = {};  // names of formats for the trained model, besides PLY
-  bool writes_report = true;       // report.html
-  bool shows_progress = true;      // the progress line of the steps, on standard error
-  bool stops_on_signal = true;     // SIGINT and SIGTERM end the run early, with its state saved
-  const Scene* scene = nullptr;    // null: load dataset.source. Outlives the session.
+  bool writes_report = true;              // report.html
+  bool shows_progress = true;             // the progress line of the steps, on standard error
+  bool stops_on_signal = true;   // SIGINT and SIGTERM end the run early, with its state saved
+  const Scene* scene = nullptr;  // null: load dataset.source. Outlives the session.
 };
 
 /// How run() ended.

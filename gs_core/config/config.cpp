@@ -6,6 +6,7 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <sstream>
 
@@ -118,6 +119,19 @@ std::string with_underscores(std::string key) {
   return key;
 }
 
+// Keys of 0.1.0 that are spelled differently now; configs and checkpoints of older runs have them.
+constexpr std::array<std::array<std::string_view, 2>, 2> kRenamedKeys = {
+    {{"density.opacity_regulariser", "density.opacity_regularizer"},
+     {"density.scale_regulariser", "density.scale_regularizer"}}};
+
+// A key as config_fields.h has it, of a key as a file or a flag has it.
+std::string current_key(const std::string& text) {
+  const std::string key = with_underscores(text);
+  for (const auto& [old_key, new_key] : kRenamedKeys)
+    if (key == old_key) return std::string(new_key);
+  return key;
+}
+
 // Calls visit(field) for the field of that key.
 template <class Visitor>
 void visit_field(Config& config, const std::string& key, std::string_view where, Visitor&& visit) {
@@ -149,7 +163,7 @@ void merge_section(Config& config, const ConfigSource& source, const std::string
                    const toml::table& table, SettingOrigins& origins) {
   for (const auto& [name, node] : table) {
     const std::string place = place_of(source, node), where = place + ": ";
-    const std::string key = section + "." + with_underscores(std::string(name.str()));
+    const std::string key = current_key(section + "." + std::string(name.str()));
     visit_field(config, key, where,
                 [&, &value = node](const auto& field) { assign(field, value, where); });
     origins[key] = place;
@@ -221,7 +235,7 @@ std::string apply_setting(Config& config, const std::string& assignment) {
     if (first == text.npos) return std::string();
     return text.substr(first, text.find_last_not_of(" \t") - first + 1);
   };
-  const std::string key = with_underscores(trimmed(assignment.substr(0, equals)));
+  const std::string key = current_key(trimmed(assignment.substr(0, equals)));
   const std::string text = trimmed(assignment.substr(equals + 1));
   visit_field(config, key, "", [&](const auto& field) {
     toml::table parsed = parse_value(text);

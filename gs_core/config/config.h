@@ -20,7 +20,7 @@ namespace gs {
 struct DatasetConfig {
   std::string source;             // the scene's folder
   std::string images = "images";  // the photos' folder inside it, or an absolute path
-  std::string masks;   // the masks' folder; empty: `masks` in the scene; none: no masks, no alpha
+  std::string masks;  // the masks' folder; empty: `masks` in the scene; none: no masks, no alpha
   MaskMode mask_mode = MaskMode::automatic;
   bool invert_masks = false;  // in mask files, black trains and white does not
   std::string model;   // the COLMAP model's folder; empty: sparse/0, sparse or the scene itself
@@ -36,19 +36,20 @@ struct DatasetConfig {
 
 /// How the colmap program finds where photos were taken.
 struct ReconstructConfig {
-  std::string colmap = "colmap";               // the program
+  std::string colmap = "colmap";  // the program
   Matching matching = Matching::automatic;
   std::string camera_model = "SIMPLE_RADIAL";  // COLMAP's name
   SingleCamera single_camera = SingleCamera::automatic;
-  int max_features = 8192;                     // in one photo
-  int frames = 200;                            // taken from all videos together
+  int max_features = 8192;  // in one photo
+  int frames = 200;         // taken from all videos together
   bool use_gpu = false;
 };
 
 /// What is learned, and where it starts.
 struct ModelConfig {
   std::string output;  // the run's folder
-  std::string start_from;  // a model to start from, a file or a run's folder; empty: the scene's points
+  // a model to start from, a file or a run's folder; empty: the scene's points
+  std::string start_from;
   int sh_degree = 3;
   float initial_opacity = 0.1f;
   float initial_scale = 1;     // times the distance to the nearest points
@@ -98,15 +99,15 @@ struct DensityConfig {
   float gradient_threshold = 2e-4f;  // of the mean NDC-scaled 2D position gradient
   float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
   float prune_opacity = 0.005f;
-  float prune_scale = 0.1f;  // of the extent, after the first opacity reset
+  float prune_scale = 0.1f;        // of the extent, after the first opacity reset
   float camera_clearance = 0.35f;  // of the distance from a camera to what it sees; 0: none
   int reset_opacity_every = 3000;
   int reset_opacity_until = 12000;
   std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as fit into memory
   bool absolute_gradient = false;  // the statistic sums absolute values over pixels (AbsGS)
   // for mcmc only
-  float growth = 0.05f;              // of the count, in one refinement
-  float noise_scale = 5e5f;          // times the learning rate of the means
+  float growth = 0.05f;               // of the count, in one refinement
+  float noise_scale = 5e5f;           // times the learning rate of the means
   float opacity_regularizer = 0.01f;  // weight of the mean opacity in the loss
   float scale_regularizer = 0.01f;    // weight of the mean scale in the loss
 };

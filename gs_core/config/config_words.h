@@ -91,7 +91,7 @@ struct Words<SingleCamera> {
 /// Lists of words that stay text, since other code gives them their meaning. "cuda:N" stands for
 /// any number N.
 inline constexpr std::string_view kStrategyWords = "adaptive, mcmc";  // density_control.cpp
-inline constexpr std::string_view kLossWords = "l1_ssim";              // scalar_backend.cpp
+inline constexpr std::string_view kLossWords = "l1_ssim";             // scalar_backend.cpp
 inline constexpr std::string_view kDeviceWords = "auto, cpu, cuda, cuda:N";
 inline constexpr std::string_view kLensWords =  // COLMAP's names
     "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, "

@@ -98,7 +98,8 @@ GS_HD T exp_fragment(const T& x) {
 #ifndef __CUDA_ARCH__
 inline float exp_fragment(const float& x) {
   const float t = x * float(kLog2E);
-  const float rounded = (t + 12582912.0f) - 12582912.0f;  // 1.5 * 2^23: rounds to the nearest integer
+  // 1.5 * 2^23: rounds to the nearest integer
+  const float rounded = (t + 12582912.0f) - 12582912.0f;
   const float f = x - rounded * 0.693359375f + rounded * 2.12194440e-4f;  // ln 2 in two parts
   float p = 1.0f / 720.0f;
   p = multiply_add(p, f, 1.0f / 120.0f);
@@ -158,10 +159,11 @@ GS_HD void composite(PixelState<T>& pixel, const Vec3<T>& color, const T& alpha)
 /// divided out of the transmittance (Faster-GS).
 template <class T>
 struct PixelBackwardState {
-  Vec3<T> color_behind{T(0), T(0), T(0)};  // color that the fragments from here on still contribute, without background
-  T transmittance{1};      // before this fragment
-  Vec3<T> dL_dcolor;       // of the pixel
-  T background_term;       // -T_final * <dL/dcolor, background>
+  // color that the fragments from here on still contribute, without background
+  Vec3<T> color_behind{T(0), T(0), T(0)};
+  T transmittance{1};  // before this fragment
+  Vec3<T> dL_dcolor;   // of the pixel
+  T background_term;   // -T_final * <dL/dcolor, background>
 };
 template <class T>
 struct CompositeGradient {

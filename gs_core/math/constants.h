@@ -4,6 +4,7 @@
 #pragma once
 
 namespace gs {
+// clang-format off
 
 // Tiles. Width and height are two names even where they are equal.
 inline constexpr int kTileWidth = 16;   // pixels [3DGS]
@@ -77,4 +78,5 @@ inline constexpr float kMinNeighborDistance2 = 1e-7f;  // world units^2 [3DGS]
 // Morton order.
 inline constexpr int kMortonBits = 21;                  // per axis, 63 in all [FGS]
 
+// clang-format on
 }  // namespace gs

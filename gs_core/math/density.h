@@ -11,11 +11,11 @@ namespace gs {
 
 /// The thresholds of one refinement.
 struct AdaptiveRules {
-  float gradient_threshold;   // of the mean NDC-scaled image-plane gradient
-  float small_scale;          // world units; a growing Gaussian up to it is cloned, a larger one split
-  float prune_opacity;        // below it a Gaussian goes
-  float prune_scale;          // world units; above it a Gaussian goes; infinity: none does
-  std::int64_t max_gaussians; // no growth beyond; 0: no cap
+  float gradient_threshold;  // of the mean NDC-scaled image-plane gradient
+  float small_scale;    // world units; a growing Gaussian up to it is cloned, a larger one split
+  float prune_opacity;  // below it a Gaussian goes
+  float prune_scale;    // world units; above it a Gaussian goes; infinity: none does
+  std::int64_t max_gaussians;  // no growth beyond; 0: no cap
 };
 
 /// The statistic that density control averages: the length of the image-plane gradient in units of half the

@@ -40,7 +40,8 @@ struct alignas(alignof(T) > 16 ? alignof(T) : 16) BasicSplat {
   T opacity;       // after the antialiasing factor
   T cutoff;        // a fragment is kept iff its exponent >= -cutoff
   Vec3<T> color;   // not clamped; blending takes max(color, 0)
-  T variance_y;    // image-plane covariance's yy, pixels^2: with it the conic is factored without cancellation
+  // image-plane covariance's yy, pixels^2: with it the conic is factored without cancellation
+  T variance_y;
 };
 using Splat = BasicSplat<float>;
 

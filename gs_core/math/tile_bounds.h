@@ -205,7 +205,8 @@ GS_HD QuarterSpans hit_quarters_of_row(const Vec2f& mean2d, const Sym2<float>& c
   constexpr float kRounding = 4e-7f;  // of the determinant's terms
   constexpr float kUnknown = 0.05f;   // of the determinant
   constexpr float kLeast = 0.02f;     // pixels
-  constexpr float kWidth = float(kQuarterWidth), kEnd = 16384.0f;  // columns: more than any picture has
+  // columns: more than any picture has
+  constexpr float kWidth = float(kQuarterWidth), kEnd = 16384.0f;
   const float det = band_determinant(conic);
   const float error = Arithmetic::quotient(kRounding * conic.xx * conic.yy, det);
   const float y_slack =

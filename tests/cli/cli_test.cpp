@@ -108,7 +108,8 @@ TEST_F(Program, SceneFarFromTheOriginKeepsItsOffsetBesideTheModel) {
   EXPECT_NEAR(nlohmann::json::parse(again.out).at("psnr"),
               json("out/results.json").at("test").at("psnr"), 1e-6);
 
-  nlohmann::json cameras = json("out/cameras.json");  // as a user has them, in the photos' own coordinates
+  // as a user has them, in the photos' own coordinates
+  nlohmann::json cameras = json("out/cameras.json");
   for (auto& camera : cameras)
     camera["position"][0] = camera["position"][0].get<double>() + offset[0].get<double>();
   write_bytes(path("own.json"), cameras.dump());

@@ -88,7 +88,8 @@ TEST_F(Export, APlacedModelIsMeasuredWhereItWasAndItsMatricesInvert) {
       export_run(text("a.compressed.ply") + " --recenter --scale 3 --up 0.1,0.2,-1");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const auto sidecar = json("a.compressed.ply.transforms.json");
-  EXPECT_GT(sidecar["fidelity"]["psnr"], 28);  // one chunk of 150 Gaussians; turned wrongly: below 20
+  EXPECT_GT(sidecar["fidelity"]["psnr"],
+            28);  // one chunk of 150 Gaussians; turned wrongly: below 20
   for (int i = 0; i < 4; ++i)
     for (int j = 0; j < 4; ++j)
       EXPECT_NEAR(entry(sidecar["input_from_file"], sidecar["file_from_input"], i, j), i == j,

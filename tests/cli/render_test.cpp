@@ -70,7 +70,7 @@ TEST_F(Render, EachQuantityHasAFileOfItsOwn) {
   EXPECT_FALSE(fs::exists(path("all/film.json")));
   expect_done("--split test --write depth -o " + text("alone"));  // has the plain name
   EXPECT_EQ(largest_difference(path("alone/view_0.png"), path("all/view_0.depth.png")), 0);
-  expect_refused("--write color -o " + text("none"), "color");
+  expect_refused("--write hue -o " + text("none"), "hue");
 }
 
 TEST_F(Render, ExrHoldsDepthInWorldUnitsAndNormalsOfLengthOne) {
@@ -152,7 +152,8 @@ TEST_F(Render, AFlythroughStaysAmongTheTrainingCameras) {
   }
   const auto through = json("tour/film.json").at("path").at("through");
   EXPECT_EQ(through.size(), 3u);
-  for (const auto& name : through) EXPECT_TRUE(name != "view_0" && name != "view_3") << name;  // those are for testing
+  // those are for testing
+  for (const auto& name : through) EXPECT_TRUE(name != "view_0" && name != "view_3") << name;
 }
 
 TEST_F(Render, AFilmHasAllFramesAndAFileBesideIt) {

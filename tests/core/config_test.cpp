@@ -443,5 +443,13 @@ TEST(NearestWord, CountsEditsAndKnowsWhenNothingIsNear) {
   EXPECT_EQ(nearest_word("zebra", {"images", "iterations"}), "");
 }
 
+TEST(Config, KeysOfOlderRunsAreTaken) {
+  Config config;
+  apply_setting(config, "density.opacity_regulariser=0.25");
+  apply_setting(config, "density.scale-regulariser=0.5");
+  EXPECT_EQ(config.density.opacity_regularizer, 0.25f);
+  EXPECT_EQ(config.density.scale_regularizer, 0.5f);
+}
+
 }  // namespace
 }  // namespace gs

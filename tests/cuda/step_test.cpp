@@ -107,7 +107,8 @@ TEST_F(CudaStep, FusedStepIsTheScalarOne) {
       gpu().synchronize(actual);
       for (const View& view : views)
         gpu().Backend::step(unfused, view, settings, {0.2f}, kRates, {true});
-      expect_same(on_host(actual), expected, 1e-2);   // Adam's first steps turn the sign of a tiny gradient into a whole step
+      // Adam's first steps turn the sign of a tiny gradient into a whole step
+      expect_same(on_host(actual), expected, 1e-2);
       expect_same(on_host(actual), on_host(unfused), 1e-2);
       EXPECT_NEAR(gpu().loss().value(), cpu().loss().value(), 2e-3 * cpu().loss().value());
     }

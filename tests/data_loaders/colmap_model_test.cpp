@@ -329,7 +329,8 @@ TEST(ColmapModel, FolderWithoutModelSaysWhatItNeeds) {
 TEST(ColmapModel, ObservationsAreReadWhereTheyAreAskedForFromBothEncodings) {
   ColmapModel model = small_model(3);
   model.images[0].observations = {{5, 1.25, 2.5}, {900000000000, 11.5, 7.75}};
-  model.images[2].observations = {{900000000000, 3.0, 0.5}, {5, NAN, 1.0}};  // the last has no place
+  // the last has no place
+  model.images[2].observations = {{900000000000, 3.0, 0.5}, {5, NAN, 1.0}};
   for (const bool binary : {true, false}) {
     const TempFolder temp;
     (binary ? write_binary_model : write_text_model)(temp.path(), model);

@@ -221,11 +221,11 @@ TEST(Doctor, WarnsOfASceneThatMoves) {
 
 TEST(Forecast, GrowsWithThePointsOfTheSceneUpToTheCap) {
   Config config;
-  EXPECT_NEAR(expected_gaussians(config, 9000), 215e3, 20e3);     // fox_640: 215,465
-  EXPECT_NEAR(expected_gaussians(config, 33485), 909e3, 100e3);   // south_building: 908,930
-  EXPECT_EQ(expected_gaussians(config, 1500000), 3000000);        // starts beyond a million
+  EXPECT_NEAR(expected_gaussians(config, 9000), 215e3, 20e3);    // fox_640: 215,465
+  EXPECT_NEAR(expected_gaussians(config, 33485), 909e3, 100e3);  // south_building: 908,930
+  EXPECT_EQ(expected_gaussians(config, 1500000), 3000000);       // starts beyond a million
   config.train.iterations = 200;
-  EXPECT_EQ(expected_gaussians(config, 9000), 9000);              // ends before the first growth
+  EXPECT_EQ(expected_gaussians(config, 9000), 9000);  // ends before the first growth
   config = Config();
   config.density.max_gaussians = 50000;
   EXPECT_EQ(expected_gaussians(config, 9000), 50000);

@@ -115,7 +115,8 @@ TEST_F(Formats, LosslessOnesComeBackBitByBit) {
     for (int degree = 0; degree <= kMaxShDegree; ++degree) {
       SCOPED_TRACE(std::string(format.name) + " " + std::to_string(degree));
       GaussianModel model = random_model(300, degree);
-      model.gaussians.mean[0] = {-0.0f, 1e-40f, 3.4e38f};  // a zero with a sign, a denormal, nearly the largest
+      // a zero with a sign, a denormal, nearly the largest
+      model.gaussians.mean[0] = {-0.0f, 1e-40f, 3.4e38f};
       model.gaussians.log_scale[1] = {-1e30f, 0.1f, 7};
       for (Quatf& q : model.gaussians.rotation) normalize(&q.w);
       const GaussianModel back = there_and_back(model, std::string(format.ending));
@@ -303,9 +304,10 @@ TEST_F(Formats, SogKeepsShThatFewKindsOfGaussiansShare) {
   for (std::size_t i = 0; i < 2000; ++i)
     for (std::size_t j = 0; j < 20; ++j) {
       bool is_near = true;
+      // of numbers up to 0.7
       for (int k = 0; k < kShRestCount; ++k)
         is_near &= largest(back.gaussians.sh_rest[i].coefficient[k] -
-                           model.gaussians.sh_rest[j].coefficient[k]) < 0.06f;  // of numbers up to 0.7
+                           model.gaussians.sh_rest[j].coefficient[k]) < 0.06f;
       if (is_near) {
         ++near;
         break;

@@ -40,19 +40,19 @@ std::string bytes_of(std::initializer_list<int> values) {
 
 // What versions 2 and 3 hold before gzip; x right, y up, z backwards.
 std::string spz_bytes(int version, const std::string& rotation) {
-  return bytes_of({'N', 'G', 'S', 'P', version, 0, 0, 0,   //
-                   1, 0, 0, 0,                             // count
-                   1, 12, 1, 0}) +                         // degree, fractional bits, antialiased
-         bytes_of({0x00, 0x18, 0x00,                       // 1.5 * 4096
-                   0x00, 0x24, 0x00,                       // 2.25 * 4096
-                   0x00, 0xF8, 0xFF}) +                    // -0.5 * 4096
-         bytes_of({0x80}) +                                // half opaque
-         bytes_of({0x80, 0xA6, 0x59}) +                    // 127.5 + 38.25 sh0
-         bytes_of({144, 160, 200}) +                       // 16 (10 + log scale)
-         rotation +                                        //
-         bytes_of({0x40, 0xC0, 0x80,                       // 128 + 128 c; basis -y: sign turns
-                   0x60, 0x80, 0x80,                       // basis z: sign turns
-                   0x80, 0x80, 0x60});                     // basis -x: sign stays
+  return bytes_of({'N', 'G', 'S', 'P', version, 0, 0, 0,  //
+                   1, 0, 0, 0,                            // count
+                   1, 12, 1, 0}) +                        // degree, fractional bits, antialiased
+         bytes_of({0x00, 0x18, 0x00,                      // 1.5 * 4096
+                   0x00, 0x24, 0x00,                      // 2.25 * 4096
+                   0x00, 0xF8, 0xFF}) +                   // -0.5 * 4096
+         bytes_of({0x80}) +                               // half opaque
+         bytes_of({0x80, 0xA6, 0x59}) +                   // 127.5 + 38.25 sh0
+         bytes_of({144, 160, 200}) +                      // 16 (10 + log scale)
+         rotation +                                       //
+         bytes_of({0x40, 0xC0, 0x80,                      // 128 + 128 c; basis -y: sign turns
+                   0x60, 0x80, 0x80,                      // basis z: sign turns
+                   0x80, 0x80, 0x60});                    // basis -x: sign stays
 }
 
 // Largest w (3), x 0, y -0.6 = 434/511 sqrt(1/2) with its sign bit, z 0: 3 << 30 | 0x3B2 << 10.

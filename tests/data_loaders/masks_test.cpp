@@ -306,7 +306,8 @@ TEST_F(Masks, ThatTransformsJsonNamesAreTakenWhateverTheirPlace) {
   EXPECT_THAT(error_of(dataset()), AllOf(HasSubstr("frame 0"), HasSubstr("of_a.png")));
   write_png(folder() / "cut/of_a.png", left_mask(5));
   EXPECT_EQ(view(dataset()).mask.pixels, left_mask(5).pixels);
-  write_png(folder() / "masks/photos/a.png", left_mask(2));  // only found: the file's own goes before it
+  // only found: the file's own goes before it
+  write_png(folder() / "masks/photos/a.png", left_mask(2));
   EXPECT_EQ(view(dataset()).mask.pixels, left_mask(5).pixels);
   DatasetConfig other = dataset();
   other.masks = "masks";

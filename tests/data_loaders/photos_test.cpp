@@ -173,7 +173,8 @@ TEST(Photos, TruncationAtEveryByteOfAJpegIsAnErrorNotAGrayPhoto) {
 }
 
 TEST(Photos, TruncatedPngIsAnError) {
-  const IgnoreForeignLeaks ignore;  // OpenImageIO 2.4's PNG reader jumps out of libpng past a string
+  // OpenImageIO 2.4's PNG reader jumps out of libpng past a string
+  const IgnoreForeignLeaks ignore;
   const TempFolder temp;
   write_png(temp.path() / "whole.png", noise(64, 64, 3));
   const std::string whole = read_bytes(temp.path() / "whole.png");

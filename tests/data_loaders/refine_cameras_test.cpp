@@ -55,7 +55,8 @@ TEST(RefineCameras, ModelThatIsOffByTensOfPixelsIsBroughtBackDespiteWrongMatches
   disturb(model, {.pose = 0.05, .point = 0.1, .focal = 0.05});
   const CameraRefinement refinement = refine_cameras(model);
   EXPECT_GT(refinement.median_error_before, 10);
-  EXPECT_LT(refinement.median_error_after, 0.01 * refinement.median_error_before);  // the wrong ones agree, and pull a little
+  // the wrong ones agree, and pull a little
+  EXPECT_LT(refinement.median_error_after, 0.01 * refinement.median_error_before);
 }
 
 TEST(RefineCameras, SceneKeepsItsPlaceScaleAndAxes) {

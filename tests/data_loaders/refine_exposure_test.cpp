@@ -71,9 +71,10 @@ TEST(RefineExposure, KnownGainsAreFoundWithinOnePercentDespiteOutliersAndSaturat
   std::vector<ColorSample> samples = samples_under(truth);
   for (std::size_t i = 0; i < samples.size(); ++i) {
     const Vec4f u = kRandom.uniform4(20000000 + i);
-    if (u.w < 0.1f)
-      samples[i].color = {0.05f + 0.9f * u.x, 0.05f + 0.9f * u.y, 0.05f + 0.9f * u.z};  // of something else
-    for (int c = 0; c < 3; ++c) samples[i].color[c] = std::min(samples[i].color[c], 0.7f);  // a soft end of the scale
+    // of something else
+    if (u.w < 0.1f) samples[i].color = {0.05f + 0.9f * u.x, 0.05f + 0.9f * u.y, 0.05f + 0.9f * u.z};
+    // a soft end of the scale
+    for (int c = 0; c < 3; ++c) samples[i].color[c] = std::min(samples[i].color[c], 0.7f);
   }
   const ExposureFit fit = fit_exposures(samples, is_test);
   EXPECT_LT(worst_error(fit, truth), 0.01);
@@ -198,8 +199,9 @@ TEST(RefineExposure, SamplesNearBlackOrWhiteOutsideThePictureOrBehindTheCameraAr
   view.camera.width = 40, view.camera.height = 10;
   view.camera.fx = view.camera.fy = 10, view.camera.cx = 20, view.camera.cy = 5;
   view.photo = Image8(40, 10, 3, 128);
+  // one channel is enough
   for (int y = 0; y < 10; ++y)
-    for (int x = 0; x < 20; ++x) view.photo.at(x, y, 1) = x < 10 ? 3 : 252;  // one channel is enough
+    for (int x = 0; x < 20; ++x) view.photo.at(x, y, 1) = x < 10 ? 3 : 252;
   const auto at_column = [](float x) { return ScenePoint{{(x - 20) / 10 * 2, 0, 2}, {}}; };
   const std::vector<ScenePoint> points = {at_column(5),  at_column(15),    at_column(30),
                                           at_column(41), {{0, 0, -2}, {}}, at_column(25)};

@@ -131,8 +131,8 @@ TEST_F(Transforms, TimesOfBlendersFilesAreCountedTogether) {
 
 TEST_F(Transforms, CameraAtTheOriginLooksAlongMinusZWithYUp) {
   const ColmapImage image = read(small_file()).model.images[0];
-  expect_near(in_camera(image, {0.0, 0.0, -5.0}), {0.0, 0.0, 5.0});  // in front
-  expect_near(in_camera(image, {1.0, 0.0, -5.0}), {1.0, 0.0, 5.0});  // to the right
+  expect_near(in_camera(image, {0.0, 0.0, -5.0}), {0.0, 0.0, 5.0});   // in front
+  expect_near(in_camera(image, {1.0, 0.0, -5.0}), {1.0, 0.0, 5.0});   // to the right
   expect_near(in_camera(image, {0.0, 1.0, -5.0}), {0.0, -1.0, 5.0});  // above: y points down
 }
 

@@ -177,10 +177,9 @@ TEST(Undistort, CoefficientsThatLeaveNoPictureAreAnError) {
 
 TEST(Undistort, BuildWithoutOpenCvSaysSo) {
   if (can_undistort()) GTEST_SKIP() << "built with OpenCV";
-  EXPECT_THAT(
-      error_of({1, CameraModel::simple_radial, 100, 80, {90, 50, 40, 0.1}}),
-      AllOf(HasSubstr("no OpenCV"), HasSubstr("gemsplat undistort SCENE -o NEW"),
-            HasSubstr("colmap image_undistorter"), HasSubstr("sub/a.jpg")));
+  EXPECT_THAT(error_of({1, CameraModel::simple_radial, 100, 80, {90, 50, 40, 0.1}}),
+              AllOf(HasSubstr("no OpenCV"), HasSubstr("gemsplat undistort SCENE -o NEW"),
+                    HasSubstr("colmap image_undistorter"), HasSubstr("sub/a.jpg")));
 }
 
 }  // namespace

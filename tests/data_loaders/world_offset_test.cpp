@@ -60,12 +60,13 @@ TEST(WorldOffset, IsRoundAndOnlyTakenWhereSinglePrecisionLosesDetail) {
     return world_offset_of(model);
   };
   EXPECT_EQ(offset_at({0, 0, 0}, 1), Vec3d(0.0));
-  EXPECT_EQ(offset_at({5000, 0, 0}, 1), Vec3d(0.0));       // steps of 0.0005: 1e-4 of 4
+  EXPECT_EQ(offset_at({5000, 0, 0}, 1), Vec3d(0.0));  // steps of 0.0005: 1e-4 of 4
   EXPECT_NE(offset_at({50000, 0, 0}, 1), Vec3d(0.0));
-  EXPECT_EQ(offset_at({50000, 0, 0}, 1000), Vec3d(0.0));   // large scenes bear more
+  EXPECT_EQ(offset_at({50000, 0, 0}, 1000), Vec3d(0.0));  // large scenes bear more
   for (const double size : {0.01, 1.0, 300.0}) {
     const Vec3d offset = offset_at(kUtm, size);
-    const double step = size < 0.1 ? 0.01 : size < 10 ? 1 : 100;  // at most the cameras' spread, some 3 times size
+    // at most the cameras' spread, some 3 times size
+    const double step = size < 0.1 ? 0.01 : size < 10 ? 1 : 100;
     for (int axis = 0; axis < 3; ++axis)
       EXPECT_NEAR(offset[axis] / step, std::round(offset[axis] / step), 1e-6) << size;
     EXPECT_LT(apart(offset, kUtm), 5 * size);

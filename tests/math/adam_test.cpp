@@ -22,7 +22,8 @@ TEST(Adam, FirstStepIsTheLearningRateAgainstTheSignOfTheGradient) {
   for (const float gradient : {1e-6f, -1e-3f, 0.5f, -1e4f}) {
     Parameter parameter;
     parameter.update(gradient, 1, 0.01f);
-    EXPECT_NEAR(parameter.value, gradient > 0.0f ? -0.01f : 0.01f, 1e-8f) << gradient;  // 1e-6 relative
+    // 1e-6 relative
+    EXPECT_NEAR(parameter.value, gradient > 0.0f ? -0.01f : 0.01f, 1e-8f) << gradient;
   }
 }
 

@@ -48,7 +48,8 @@ TEST(PositionNoise, IsTheCovarianceTimesTheDrawForAFaintGaussian) {
   const double gate = 1.0 / (1.0 + std::exp(-0.5));  // o = 0: sigmoid(100 * 0.005)
   const Vec3d expected =
       2.0 * gate * multiply(covariance(rotation_matrix(rotation), variance(log_scale)), normal);
-  for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(noise[axis], expected[axis], 1e-7);  // 0.005 is a float
+  // 0.005 is a float
+  for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(noise[axis], expected[axis], 1e-7);
 }
 
 TEST(PositionNoise, IsHalvedAtItsOpacityAndGoneForAnOpaqueGaussian) {

@@ -124,7 +124,7 @@ class Outputs(TestCase):
     def test_a_report_is_written_of_a_run_and_of_nothing_else(self):
         run = self.folder / "run"
         gemsplat.train(self.scene, QUICK, iterations=10, device="cpu", output=run, report=False)
-        self.assert_refused("no folder", gemsplat.report, self.folder / "absent")
+        self.assert_refused("not a folder", gemsplat.report, self.folder / "absent")
         try:
             page = gemsplat.report(run)
         except gemsplat.Error as error:

@@ -154,7 +154,8 @@ TEST(PosesAlong, AClosedCurveHasNoBreakAtItsEnd) {
     return std::hypot(norm(a.position - b.position),
                       spline.turn_length() * angle_between(a.world_from_cam, b.world_from_cam));
   };
-  for (std::size_t i = 0; i < poses.size(); ++i) EXPECT_NEAR(step(i) / step(0), 1, 0.05) << i;  // the last one leads back to the first
+  // the last one leads back to the first
+  for (std::size_t i = 0; i < poses.size(); ++i) EXPECT_NEAR(step(i) / step(0), 1, 0.05) << i;
 }
 
 TEST(CameraPose, IsThatOfTheCamera) {

@@ -398,7 +398,8 @@ TEST(Gradient, OfInvisibleGaussiansIsExactlyZeroWhateverWasThere) {
   std::size_t invisible = 0, moved = 0;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (result.pass.tile_counts[i]) {
-      moved += !is_zero(rows, i);  // some only touch the part of a tile that lies beside the picture
+      // some only touch the part of a tile that lies beside the picture
+      moved += !is_zero(rows, i);
       continue;
     }
     ++invisible;

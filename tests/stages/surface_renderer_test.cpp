@@ -52,7 +52,8 @@ TEST_F(Surface, AlphaIsOneMinusTheTransmittance) {
   renderer_->forward(one.span(), centered_camera(), {}, pass);
   const ImageF alpha = alpha_of(pass);
   EXPECT_EQ(alpha.channels, 1);
-  EXPECT_NEAR(alpha.at(kSide / 2, kSide / 2, 0), 0.75, 2e-3);  // half a pixel off a center of 12.8 pixels
+  // half a pixel off a center of 12.8 pixels
+  EXPECT_NEAR(alpha.at(kSide / 2, kSide / 2, 0), 0.75, 2e-3);
 }
 
 // The weights are those of the picture: of Gaussians of one depth each, whatever covers what.

@@ -92,10 +92,10 @@ ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians, c
 inline constexpr std::uint32_t kNoGaussian = ~0u;
 
 struct ReferencePixel {
-  Vec3d color{0.0};                     // with background
+  Vec3d color{0.0};  // with background
   double transmittance = 1;
-  std::uint32_t last = kNoGaussian;     // the last one blended
-  bool is_doubtful = false;             // in float, a decision may fall the other way
+  std::uint32_t last = kNoGaussian;                 // the last one blended
+  bool is_doubtful = false;                         // in float, a decision may fall the other way
   std::uint64_t decisions = 14695981039346656037u;  // FNV-1a hash of all decisions
 
   void decide(std::uint64_t what) { decisions = (decisions ^ what) * 1099511628211u; }
@@ -106,7 +106,7 @@ template <BlendRule rule>
 ReferencePixel reference_pixel(const ReferenceSplats& splats, const Vec3f& background, int x,
                                int y) {
   constexpr double kFloatRounding = 5e-7;  // eight roundings of 6e-8 on the terms of an exponent
-  constexpr double kDoubt = 1e-5;          // besides the rounding: of alpha and of transmittance, relative
+  constexpr double kDoubt = 1e-5;  // besides the rounding: of alpha and of transmittance, relative
   ReferencePixel pixel;
   PixelState<double> state;
   double transmittance_error = kDoubt;  // relative

@@ -20,7 +20,8 @@
 
 namespace {
 
-constexpr std::size_t kLargestAllocation = std::size_t(256) << 20;  // bytes; no file here has more than a few thousand
+// bytes; no file here has more than a few thousand
+constexpr std::size_t kLargestAllocation = std::size_t(256) << 20;
 std::atomic<std::size_t> largest_allocation{0};
 
 }  // namespace

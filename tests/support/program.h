@@ -20,7 +20,7 @@ namespace gs {
 
 inline constexpr int kWidth = 40, kHeight = 32;  // pixels; a focal length is 40 pixels
 inline constexpr int kPoints = 150;
-inline constexpr int kViews = 6;                // two of them are held out by --test-every 3
+inline constexpr int kViews = 6;  // two of them are held out by --test-every 3
 inline constexpr const char* kTrain =
     " --eval --test-every 3 --iterations 20 --device cpu --set train.log_every=5";
 

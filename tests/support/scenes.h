@@ -44,10 +44,10 @@ class Draws {
 
 /// A family of Gaussians, in terms of the picture that they are made for.
 struct Recipe {
-  float sigma_low, sigma_high;      // pixels, of the two thinner axes
-  float stretch = 1;                // the longest axis is up to so many times as long
+  float sigma_low, sigma_high;  // pixels, of the two thinner axes
+  float stretch = 1;            // the longest axis is up to so many times as long
   float opacity_low = 0.1f, opacity_high = 0.95f;
-  float reach = 1.1f;               // of the picture: means lie in a rectangle so many times as large
+  float reach = 1.1f;  // of the picture: means lie in a rectangle so many times as large
   float depth_low = 1, depth_high = 6;  // world units in front of the camera
   float color_low = 0, color_high = 1;  // seen without the view-dependent part
 };

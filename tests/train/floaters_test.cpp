@@ -32,7 +32,8 @@ void expect_all_of_the_picture(const Gaussians& gaussians, const Camera& camera)
 TEST(Contribution, OfAllGaussiansIsTheCoveredPicture) {
   const Camera camera = random_camera(64, 48);
   expect_all_of_the_picture(random_gaussians(kTypical, 200, camera, 1), camera);
-  expect_all_of_the_picture(random_gaussians(kNegativeColors, 200, camera, 2), camera);  // black too
+  // black too
+  expect_all_of_the_picture(random_gaussians(kNegativeColors, 200, camera, 2), camera);
   expect_all_of_the_picture(random_gaussians(kOpaque, 50, camera, 3), camera);
 }
 
@@ -98,7 +99,8 @@ TEST_F(Floaters, ClearanceIsAShareOfTheWayToTheNearestThing) {
 
 TEST_F(Floaters, OneWrongPointInAHundredMakesNoDifference) {
   Scene scene = scene_with_ball(5000);
-  for (int i = 0; i < 20; ++i) scene.points.push_back({{0, 0, -2.9f}, {}});  // before the first camera
+  // before the first camera
+  for (int i = 0; i < 20; ++i) scene.points.push_back({{0, 0, -2.9f}, {}});
   EXPECT_NEAR(clear_distances(scene.train_views, scene.points, 0.5f)[0], 1, 0.1);
 }
 
@@ -183,7 +185,8 @@ class Look : public Observer {
 
 TEST_F(Floaters, AreNoPartOfWhatTrainingLeavesNorOfWhatObserversSee) {
   Scene scene = scene_with_ball(5000);
-  scene.points.push_back({{0, 0, -2.5f}, {200, 200, 200}});  // a Gaussian begins here, before the first camera
+  // a Gaussian begins here, before the first camera
+  scene.points.push_back({{0, 0, -2.5f}, {200, 200, 200}});
   Config config;
   config.train.iterations = 5;
   config.density.camera_clearance = 0.5f;
@@ -210,9 +213,7 @@ TEST_F(Floaters, StayUnderThePresetsOfPapers) {
   for (const char* preset : {"paper_3dgs", "paper_faster_gs"}) {
     Config config;
     load_config(config, preset);
-    EXPECT_TRUE(ClearSpace(scene, config.density.camera_clearance)
-                    .marks({{0, 0, -2.5f}})
-                    .empty());
+    EXPECT_TRUE(ClearSpace(scene, config.density.camera_clearance).marks({{0, 0, -2.5f}}).empty());
     config.train.iterations = 3;
     Trainer trainer(scene, config, *backend);
     trainer.run();

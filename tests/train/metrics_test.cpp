@@ -93,7 +93,8 @@ TEST(Ssim, IsThatOfThePlainDefinitionInDouble) {
       for (std::size_t i = 0; i < picture.pixels.size(); ++i)
         picture.pixels[i] =
             std::clamp(picture.pixels[i] + noise * (random.pixels[i] / 255.0f - 0.5f), 0.0f, 1.0f);
-      EXPECT_NEAR(ssim(picture, photo), plain_ssim(picture, photo), 2e-5) << noise;  // float moments
+      // float moments
+      EXPECT_NEAR(ssim(picture, photo), plain_ssim(picture, photo), 2e-5) << noise;
     }
 }
 
@@ -204,7 +205,8 @@ TEST(Evaluate, ComparesPicturesUnderTheirExposuresToo) {
   evaluate(*renderer, gaussians.span(), views, {},
            [&](std::size_t i, const View&, const ImageF& picture) {
              if (i > 0) return;
-             for (std::size_t k = 0; k < picture.pixels.size(); ++k)  // what the exposures make of it
+             // what the exposures make of it
+             for (std::size_t k = 0; k < picture.pixels.size(); ++k)
                views[0].photo.pixels[k] = std::uint8_t(
                    std::lround(255 * picture.pixels[k] * views[0].exposure[int(k % 3)]));
            });

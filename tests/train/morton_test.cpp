@@ -88,7 +88,8 @@ TEST(MortonOrder, BringsNeighborsTogether) {
     const Vec3f offset = means[order[k]] - means[order[k - 1]];
     step += std::sqrt(inner(offset, offset)) / double(means.size());
   }
-  EXPECT_LT(step, 0.06);  // 0.66 between random points; 0.037 between grid neighbors at this density
+  // 0.66 between random points; 0.037 between grid neighbors at this density
+  EXPECT_LT(step, 0.06);
 }
 
 TEST(MortonOrder, TakesDegenerateSetsOfPoints) {

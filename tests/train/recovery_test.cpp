@@ -131,7 +131,8 @@ TEST_F(Recovery, EveryCheckpointLeadsToTheSameBits) {
   first.keep_checkpoints_in(kept);
   first.run();
   ASSERT_EQ(kept.states.size(), 12u);
-  EXPECT_EQ(kept.states.back().progress.step, 120);  // before the final prune: what an extension starts from
+  // before the final prune: what an extension starts from
+  EXPECT_EQ(kept.states.back().progress.step, 120);
   for (const TrainingState& state : kept.states) {
     Trainer second(scene_, config, *backend_, KeptStates::copy(state));
     second.run();

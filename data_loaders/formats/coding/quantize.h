@@ -52,7 +52,7 @@ inline float sh0_of_color(float c) { return (c - kColorOffset) / float(kSh0); }
 /// A quaternion of length 1 without its largest component: the other three lie within +-1/sqrt(2).
 /// Its sign is chosen so that the largest component is not negative, which is the same rotation.
 struct SmallestThree {
-  int largest;                 // its index
+  int largest;                  // its index
   std::array<float, 3> others;  // in their order
 };
 inline SmallestThree smallest_three(const std::array<float, 4>& q) {

@@ -17,8 +17,8 @@ namespace {
 
 constexpr std::size_t kChunkRows = 256;
 constexpr float kLargestLogScale = 20;
-constexpr float kNarrow = 1e-5f;      // a range that is narrower has no fractions
-constexpr float kShPerUnit = 32;      // steps of a coefficient: from -4 to 4
+constexpr float kNarrow = 1e-5f;  // a range that is narrower has no fractions
+constexpr float kShPerUnit = 32;  // steps of a coefficient: from -4 to 4
 
 constexpr const char* kVertexProperties[] = {"packed_position", "packed_rotation", "packed_scale",
                                              "packed_color"};
