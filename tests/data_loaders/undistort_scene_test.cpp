@@ -8,6 +8,7 @@
 #include "data_loaders/lenses/undistort.h"
 #include "gs_core/error.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/foreign_leaks.h"
 
 namespace gs {
 namespace {
