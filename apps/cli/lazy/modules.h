@@ -49,4 +49,12 @@ struct VideoModule {
 /// beside the program's folder bin. Throws Error where it is missing.
 const void* load_module(const std::string& file, const std::string& symbol);
 
+/// The same as a table of this type, whose module writes its log lines through the program.
+template <class Table>
+const Table& loaded_module(const std::string& file, const std::string& symbol) {
+  const auto* table = static_cast<const Table*>(load_module(file, symbol));
+  table->set_log_sink(detail::log_line);
+  return *table;
+}
+
 }  // namespace gs

@@ -7,12 +7,8 @@ namespace gs {
 namespace {
 
 const PhotoModule& module() {
-  static const PhotoModule& table = []() -> const PhotoModule& {
-    const auto* loaded =
-        static_cast<const PhotoModule*>(load_module("gemsplat_photos.so", "gs_photo_module"));
-    loaded->set_log_sink(detail::log_line);
-    return *loaded;
-  }();
+  static const PhotoModule& table =
+      loaded_module<PhotoModule>("gemsplat_photos.so", "gs_photo_module");
   return table;
 }
 

@@ -6,12 +6,8 @@ namespace gs {
 namespace {
 
 const VideoModule& module() {
-  static const VideoModule& table = []() -> const VideoModule& {
-    const auto* loaded =
-        static_cast<const VideoModule*>(load_module("gemsplat_video.so", "gs_video_module"));
-    loaded->set_log_sink(detail::log_line);
-    return *loaded;
-  }();
+  static const VideoModule& table =
+      loaded_module<VideoModule>("gemsplat_video.so", "gs_video_module");
   return table;
 }
 
