@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 5: the photometric loss and its gradient by the picture. Twin of gs_train/ssim.cpp.
+// Stage 5: the photometric loss and its gradient by the picture. Twin of gs_train/stages/ssim.cpp.
 //
 //   L = (1 - lambda) mean|X - Y| + lambda (1 - mean SSIM(X, Y))   over 3 H W values
 //                                                                      Kerbl et al. 2023, Eq. 7

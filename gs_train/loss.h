@@ -3,7 +3,7 @@
 //
 // To add a loss, for example "charbonnier":
 //   1. The formula goes into gs_core/math. The class (derived from Loss) and the function that makes
-//      it go into a file of gs_train; scalar_stages.h declares the function.
+//      it go into a file of gs_train/stages; scalar_stages.h declares the function.
 //   2. It becomes a row of kLosses in scalar_backend.cpp and a word of kLossWords in
 //      gs_core/config/config_words.h.
 //   3. Weights of its own are members of LossSettings and LossConfig, copied by loss_settings().
@@ -12,6 +12,7 @@
 #pragma once
 
 #include "gs_core/buffer.h"
+#include "gs_core/config/config.h"
 #include "gs_core/scene.h"
 #include "gs_render/render_pass.h"
 
@@ -22,6 +23,8 @@ namespace gs {
 struct LossSettings {
   float lambda_dssim;  // l1_ssim: weight of 1 - SSIM; L1 has the rest
 };
+
+inline LossSettings loss_settings(const Config& config) { return {config.loss.lambda_dssim}; }
 
 /// A backend has one at a time, the one that Backend::use_loss() named.
 class Loss {

@@ -23,8 +23,8 @@
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
 #include "gs_core/parallel.h"
-#include "gs_train/contribution.h"
-#include "gs_train/floaters.h"
+#include "gs_train/density/contribution.h"
+#include "gs_train/density/floaters.h"
 #include "gs_train/metrics.h"
 
 namespace gs {

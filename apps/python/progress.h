@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "apps/python/model.h"
-#include "gs_train/trainer.h"
+#include "gs_train/loop/trainer.h"
 
 namespace gs::python {
 

@@ -15,8 +15,8 @@
 #include "gs_app/run/make_backend.h"
 #include "gs_app/session/train_session.h"
 #include "gs_core/error.h"
+#include "gs_train/loop/trainer.h"
 #include "gs_train/metrics.h"
-#include "gs_train/trainer.h"
 
 namespace py = pybind11;
 

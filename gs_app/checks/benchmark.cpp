@@ -10,7 +10,7 @@
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/constants.h"
-#include "gs_train/loss_settings.h"
+#include "gs_train/loss.h"
 
 namespace gs {
 namespace {

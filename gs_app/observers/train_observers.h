@@ -10,8 +10,8 @@
 
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/run_folder.h"
+#include "gs_train/loop/trainer.h"
 #include "gs_train/metrics.h"
-#include "gs_train/trainer.h"
 
 namespace gs {
 

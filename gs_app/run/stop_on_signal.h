@@ -4,7 +4,7 @@
 #pragma once
 
 #include "gs_core/io/signals.h"
-#include "gs_train/trainer.h"
+#include "gs_train/loop/trainer.h"
 
 namespace gs {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "gs_app/run/run_folder.h"
-#include "gs_train/trainer.h"
+#include "gs_train/loop/trainer.h"
 
 namespace gs {
 

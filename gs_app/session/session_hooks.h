@@ -11,7 +11,7 @@
 #include "gs_core/config/config.h"
 #include "gs_core/parallel.h"
 #include "gs_core/scene.h"
-#include "gs_train/trainer.h"
+#include "gs_train/loop/trainer.h"
 
 namespace gs {
 

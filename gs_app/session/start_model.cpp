@@ -8,7 +8,7 @@
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
-#include "gs_train/view_sampler.h"
+#include "gs_train/loop/view_sampler.h"
 
 namespace gs {
 namespace {

@@ -19,7 +19,7 @@
 #include "gs_app/session/session_hooks.h"
 #include "gs_core/scene.h"
 #include "gs_train/backend.h"
-#include "gs_train/trainer.h"
+#include "gs_train/loop/trainer.h"
 
 namespace gs {
 

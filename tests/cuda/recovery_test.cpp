@@ -6,8 +6,8 @@
 #include <limits>
 
 #include "gs_core/error.h"
+#include "gs_train/loop/trainer.h"
 #include "gs_train/metrics.h"
-#include "gs_train/trainer.h"
 #include "tests/support/cuda.h"
 #include "tests/support/small_scene.h"
 

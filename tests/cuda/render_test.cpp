@@ -7,7 +7,7 @@
 #include <limits>
 #include <map>
 
-#include "gs_train/contribution.h"
+#include "gs_train/density/contribution.h"
 #include "tests/support/cuda.h"
 
 namespace gs {

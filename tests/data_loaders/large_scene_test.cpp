@@ -8,7 +8,7 @@
 #include "data_loaders/photos/photo_pool.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
-#include "gs_train/trainer.h"
+#include "gs_train/loop/trainer.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/models.h"

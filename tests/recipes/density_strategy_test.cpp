@@ -5,7 +5,7 @@
 #include "tests/support/models.h"
 
 // [recipe]
-#include "gs_train/density_control.h"
+#include "gs_train/density/density_control.h"
 
 namespace gs {
 namespace {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Strategies of density control: by name, and what they ask for when.
-#include "gs_train/density_control.h"
+#include "gs_train/density/density_control.h"
 
 #include <gtest/gtest.h>
 #include <spdlog/fmt/fmt.h>

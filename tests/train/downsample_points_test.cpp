@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/downsample_points.h"
+#include "gs_train/initialize/downsample_points.h"
 
 #include <gtest/gtest.h>
 

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // What each Gaussian gives to a view, and which ones hang in front of cameras.
-#include "gs_train/floaters.h"
+#include "gs_train/density/floaters.h"
 
 #include <gtest/gtest.h>
 
 #include <numeric>
 
 #include "gs_core/math/activations.h"
-#include "gs_train/contribution.h"
-#include "gs_train/trainer.h"
+#include "gs_train/density/contribution.h"
+#include "gs_train/loop/trainer.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 

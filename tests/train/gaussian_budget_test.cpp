@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/gaussian_budget.h"
+#include "gs_train/density/gaussian_budget.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/initialize.h"
+#include "gs_train/initialize/initialize.h"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 #include <limits>
 #include <numeric>
 
-#include "gs_train/scalar_stages.h"
+#include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"
 
 namespace gs {

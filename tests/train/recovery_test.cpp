@@ -8,8 +8,8 @@
 #include <memory>
 
 #include "gs_core/error.h"
-#include "gs_train/scalar_stages.h"
-#include "gs_train/trainer.h"
+#include "gs_train/loop/trainer.h"
+#include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 

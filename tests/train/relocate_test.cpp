@@ -8,7 +8,7 @@
 #include <map>
 
 #include "gs_core/parallel.h"
-#include "gs_train/scalar_stages.h"
+#include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"
 
 namespace gs {

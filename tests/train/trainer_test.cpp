@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole runs on a small scene that the test renders itself from Gaussians that it knows.
-#include "gs_train/trainer.h"
+#include "gs_train/loop/trainer.h"
 
 #include <gtest/gtest.h>
 #include <spdlog/fmt/fmt.h>
@@ -11,7 +11,7 @@
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 #include "gs_train/metrics.h"
-#include "gs_train/scalar_stages.h"
+#include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/view_sampler.h"
+#include "gs_train/loop/view_sampler.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/contribution.h"
+#include "gs_train/density/contribution.h"
 
 #include "gs_core/math/sh.h"
 #include "gs_core/parallel.h"

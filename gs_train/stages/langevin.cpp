@@ -2,7 +2,7 @@
 // The MCMC strategy's additions to stage 8: gradients of the regularizers before Adam, noise on the
 // means after it.
 #include "gs_core/parallel.h"
-#include "gs_train/scalar_stages.h"
+#include "gs_train/stages/scalar_stages.h"
 
 namespace gs {
 

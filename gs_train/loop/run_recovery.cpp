@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/run_recovery.h"
+#include "gs_train/loop/run_recovery.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -9,8 +9,8 @@
 
 #include "gs_core/error.h"
 #include "gs_core/log.h"
-#include "gs_train/initialize.h"
-#include "gs_train/view_sampler.h"
+#include "gs_train/initialize/initialize.h"
+#include "gs_train/loop/view_sampler.h"
 
 namespace gs {
 namespace {

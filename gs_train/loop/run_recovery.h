@@ -6,9 +6,9 @@
 #include <string>
 
 #include "gs_train/checkpoint.h"
-#include "gs_train/checkpoint_timer.h"
-#include "gs_train/run_guard.h"
-#include "gs_train/training_run.h"
+#include "gs_train/loop/checkpoint_timer.h"
+#include "gs_train/loop/run_guard.h"
+#include "gs_train/loop/training_run.h"
 
 namespace gs {
 

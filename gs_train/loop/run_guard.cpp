@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/run_guard.h"
+#include "gs_train/loop/run_guard.h"
 
 #include <spdlog/fmt/fmt.h>
 

@@ -12,12 +12,12 @@
 #include "gs_render/render_settings.h"
 #include "gs_train/backend.h"
 #include "gs_train/checkpoint.h"
-#include "gs_train/floaters.h"
-#include "gs_train/loss_settings.h"
-#include "gs_train/run_recovery.h"
+#include "gs_train/density/floaters.h"
+#include "gs_train/loop/run_recovery.h"
+#include "gs_train/loop/training_run.h"
+#include "gs_train/loop/view_sampler.h"
+#include "gs_train/loss.h"
 #include "gs_train/schedule.h"
-#include "gs_train/training_run.h"
-#include "gs_train/view_sampler.h"
 
 namespace gs {
 

@@ -2,7 +2,7 @@
 // The strategy "adaptive": clones, splits, prunes and opacity resets.   Kerbl et al. 2023, Sec. 5.2
 #include <limits>
 
-#include "gs_train/density_control.h"
+#include "gs_train/density/density_control.h"
 
 namespace gs {
 namespace {

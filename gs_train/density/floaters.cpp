@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/floaters.h"
+#include "gs_train/density/floaters.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include "gs_core/log.h"
 #include "gs_core/math/projection.h"
 #include "gs_core/parallel.h"
-#include "gs_train/contribution.h"
+#include "gs_train/density/contribution.h"
 
 namespace gs {
 namespace {

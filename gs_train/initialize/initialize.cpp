@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/initialize.h"
+#include "gs_train/initialize/initialize.h"
 
 #include "gs_core/error.h"
 #include "gs_core/kd_tree.h"
@@ -7,7 +7,7 @@
 #include "gs_core/math/splat.h"
 #include "gs_core/parallel.h"
 #include "gs_core/random.h"
-#include "gs_train/downsample_points.h"
+#include "gs_train/initialize/downsample_points.h"
 
 namespace gs {
 namespace {

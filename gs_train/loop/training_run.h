@@ -8,7 +8,7 @@
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
 #include "gs_train/backend.h"
-#include "gs_train/density_control.h"
+#include "gs_train/density/density_control.h"
 #include "gs_train/schedule.h"
 
 namespace gs {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/density_control.h"
+#include "gs_train/density/density_control.h"
 
 #include "gs_train/named_row.h"
 

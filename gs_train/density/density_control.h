@@ -53,7 +53,7 @@ std::vector<std::string> density_strategies();
 /// The strategies, one file each.
 using MakeDensityControl = std::unique_ptr<DensityControl>(const Config&, const Schedule&,
                                                            float scene_extent);
-MakeDensityControl make_adaptive_control;  // density_adaptive.cpp
-MakeDensityControl make_mcmc_control;      // density_mcmc.cpp
+MakeDensityControl make_adaptive_control;  // adaptive.cpp
+MakeDensityControl make_mcmc_control;      // mcmc.cpp
 
 }  // namespace gs

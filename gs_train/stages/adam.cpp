@@ -5,7 +5,7 @@
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
 #include "gs_render/stage_clock.h"
-#include "gs_train/scalar_stages.h"
+#include "gs_train/stages/scalar_stages.h"
 
 namespace gs {
 namespace {

@@ -2,7 +2,7 @@
 // The scalar CPU backend: the contracts in their simplest form.
 #include "gs_core/parallel.h"
 #include "gs_train/named_row.h"
-#include "gs_train/scalar_stages.h"
+#include "gs_train/stages/scalar_stages.h"
 
 namespace gs {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "gs_core/parallel.h"
 #include "gs_core/radix_sort.h"
-#include "gs_train/scalar_stages.h"
+#include "gs_train/stages/scalar_stages.h"
 
 namespace gs {
 

@@ -6,7 +6,7 @@
 
 #include "gs_core/math/mcmc.h"
 #include "gs_core/parallel.h"
-#include "gs_train/scalar_stages.h"
+#include "gs_train/stages/scalar_stages.h"
 
 namespace gs {
 namespace {

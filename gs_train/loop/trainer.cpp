@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/trainer.h"
+#include "gs_train/loop/trainer.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -9,9 +9,8 @@
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
 #include "gs_render/render_settings.h"
-#include "gs_train/gaussian_budget.h"
-#include "gs_train/initialize.h"
-#include "gs_train/loss_settings.h"
+#include "gs_train/density/gaussian_budget.h"
+#include "gs_train/initialize/initialize.h"
 
 namespace gs {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "gs_core/error.h"
-#include "gs_train/density_control.h"
+#include "gs_train/density/density_control.h"
 
 namespace gs {
 namespace {
