@@ -11,7 +11,9 @@
 #include "gs_core/error.h"
 
 // GCC 12 warns of its own AVX-512 intrinsics, which leave lanes undefined on purpose.
+#ifndef __clang__
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 

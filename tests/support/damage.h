@@ -16,6 +16,7 @@
 
 #include "gs_core/error.h"
 #include "tests/support/foreign_leaks.h"
+#include "tests/support/sanitizers.h"
 #include "tests/support/temp_folder.h"
 
 namespace {
@@ -26,7 +27,7 @@ std::atomic<std::size_t> largest_allocation{0};
 
 }  // namespace
 
-#ifdef __SANITIZE_ADDRESS__
+#ifdef GS_ADDRESS_SANITIZER
 extern "C" const char* __asan_default_options();
 const char* __asan_default_options() {
   return "max_allocation_size_mb=256:allocator_may_return_null=0";

@@ -3,7 +3,9 @@
 // OpenImageIO loses in whatever thread.
 #pragma once
 
-#ifdef __SANITIZE_ADDRESS__
+#include "tests/support/sanitizers.h"
+
+#ifdef GS_ADDRESS_SANITIZER
 #include <sanitizer/lsan_interface.h>
 
 extern "C" __attribute__((used, weak)) const char* __lsan_default_suppressions() {
@@ -20,7 +22,7 @@ class IgnoreForeignLeaks {
   IgnoreForeignLeaks(const IgnoreForeignLeaks&) = delete;
   ~IgnoreForeignLeaks() {}
 
-#ifdef __SANITIZE_ADDRESS__
+#ifdef GS_ADDRESS_SANITIZER
  private:
   __lsan::ScopedDisabler disabler_;
 #endif
