@@ -80,7 +80,7 @@ void check(const Arguments& arguments) {
                             : arguments.force            ? "force"
                                                          : nullptr;
   if (given)
-    throw UsageError(std::string(given) + " is for a run with a folder: give output=FOLDER");
+    throw UsageError(std::string(given) + " needs a run with a folder: give output=FOLDER");
 }
 
 // ---- without a folder -----------------------------------------------------------------------------------
@@ -104,7 +104,7 @@ Result result_of(Trainer& trainer, const CallbackObserver& observer) {
 
 Result run_in_memory(const Scene& scene, const Config& config, CallbackObserver& observer) {
   if (!config.model.start_from.empty())
-    throw UsageError("model.start_from is for a run with a folder: give output=FOLDER");
+    throw UsageError("model.start_from needs a run with a folder: give output=FOLDER");
   if (config.train.threads) set_threads(config.train.threads);
   const Work work;
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
@@ -229,16 +229,17 @@ void bind_result(py::module_& module) {
   py::class_<Result> result(module, "Result", "The outcome of train().");
   result.def_readonly("model", &Result::model, "The trained Model.");
   result.def_readonly("evaluation", &Result::evaluation,
-                      "Evaluation of the test views; None where none is held out, and for a run "
-                      "that was finished before.");
-  result.def_property_readonly("metrics", rows_of,
-                               "A dict every train.log_every steps and after the last: step, loss, "
-                               "gaussian_count, seconds. Only steps that this call took.");
-  result.def_readonly("steps", &Result::steps, "Steps done, those of a resumed run included.");
+                      "Evaluation of the test views; None if none is held out, and for a run that "
+                      "was finished before.");
+  result.def_property_readonly(
+      "metrics", rows_of,
+      "A list of dicts, one every train.log_every steps and after the last: step, loss, "
+      "gaussian_count, seconds. Holds only steps of this call.");
+  result.def_readonly("steps", &Result::steps, "Steps done, including those before a resume.");
   result.def_readonly("stopped_early", &Result::stopped_early,
                       "Whether a callback ended the run before its last step.");
   result.def_readonly("seconds", &Result::seconds, "Seconds of training, without callbacks.");
-  result.def_readonly("device", &Result::device, "As in results.json.");
+  result.def_readonly("device", &Result::device, "Name of the device, as in results.json.");
   result.def_readonly("config", &Result::config, "All settings, as TOML.");
   result.def_readonly("output", &Result::output,
                       "The run's folder, a pathlib.Path; None for a run without one.");

@@ -46,7 +46,7 @@ std::string kind(const Json& value) { return fmt::format("a value of type {}", v
 
 TransformsFrame::TransformsFrame(const TransformsFile& file, std::size_t index)
     : file_(file), frame_(file.frames()[index]), place_(fmt::format("frame {}", index)) {
-  if (!frame_.is_object()) fail("is no object");
+  if (!frame_.is_object()) fail("is not an object");
   const Json* path = value_of(frame_, "file_path");
   if (path && path->is_string())
     place_ += fmt::format(" ('{}')", path->get_ref<const std::string&>());

@@ -33,7 +33,7 @@ class TransformsFrame {
   using Json = nlohmann::json;
 
   [[noreturn]] void fail(const std::string& what,
-                         const char* remedy = "; mend the entry or write the file again") const;
+                         const char* remedy = "; correct the entry or write the file again") const;
   [[noreturn]] void fail_matrix() const;
   const Json* find(const char* key) const;
   const std::string& text(const Json& value, const char* key) const;

@@ -21,9 +21,8 @@ std::unique_ptr<Backend> make_cuda_backend(int index) {
 #else
 std::unique_ptr<Backend> make_cuda_backend(int) {
   throw Error(
-      "this build has no CUDA; configure again where nvcc is on the PATH (-DGS_REQUIRE_CUDA=ON "
-      "says what "
-      "is missing), or use --device cpu");
+      "this build has no CUDA; configure again with nvcc on the PATH (-DGS_REQUIRE_CUDA=ON says "
+      "what is missing), or use --device cpu");
 }
 #endif
 

@@ -40,7 +40,7 @@ GaussianModel read_start(const Config& config) {
   if (model.gaussians.count() == 0)
     throw Error("there is no Gaussian to start from in " + file.string() + "; name another model");
   if (model.antialiased != config.render.antialias)
-    log_warning("{} was trained {} antialiasing, and this run trains {} it (--antialiased)",
+    log_warning("{} was trained {} antialiasing, but this run trains {} it (--antialiased)",
                 file.string(), model.antialiased ? "with" : "without",
                 config.render.antialias ? "with" : "without");
   return model;

@@ -201,8 +201,7 @@ RunProgress RunRecovery::progress() {
 void RunRecovery::resume(TrainingState from) {
   if (from.progress.strikes.size() != run_.scene.train_views.size())
     throw Error(fmt::format(
-        "{} has {} training views and the run had {}; train on the scene of "
-        "the run",
+        "{} has {} training views, but the run had {}; train on the scene of the run",
         run_.scene.source, run_.scene.train_views.size(), from.progress.strikes.size()));
   guard_.restore(from.progress.strikes);
   restore(std::move(from));
@@ -212,8 +211,8 @@ void RunRecovery::restore(TrainingState from) {
   const RunProgress& progress = from.progress;
   if (progress.view_order != view_order(run_, progress.step))
     throw Error(
-        "the checkpoint has another order of views than this seed gives: it is of another "
-        "scene or version; train anew in another folder (-o)");
+        "the checkpoint has another order of views than this seed gives: it is of another scene or "
+        "version; start a new run in another folder (-o)");
   run_.backend.synchronize(run_.model);
   Memory& memory = run_.backend.memory();
   run_.model = &memory == &host_memory() ? std::move(from.model) : copy_to(memory, from.model);

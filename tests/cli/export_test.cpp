@@ -191,7 +191,7 @@ TEST_F(Export, RunsWithoutASplitOrCamerasAreExported) {
   fs::remove(path("run/cameras.json"));
   const Outcome none = export_run(text("b.spz"));
   EXPECT_EQ(none.code, 0) << none.err;
-  EXPECT_THAT(none.err, HasSubstr("no views to measure on"));
+  EXPECT_THAT(none.err, HasSubstr("there are no views"));
 }
 
 TEST_F(Export, WhatAFormatCannotSayIsReadFromItsSidecar) {

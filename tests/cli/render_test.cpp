@@ -219,8 +219,8 @@ TEST_F(Render, ViewsOfOneNameAreNotWrittenOverEachOther) {
 TEST_F(Render, FlagsThatDoNotFitAreUsageErrors) {
   const std::string out = " -o " + text("none");
   expect_refused("--frames 9" + out, "--path");
-  expect_refused("--turns 2 --path spline" + out, "--turns goes with --path orbit");
-  expect_refused("--path orbit --through 1,2" + out, "--through goes with --path spline");
+  expect_refused("--turns 2 --path spline" + out, "--turns works only with --path orbit");
+  expect_refused("--path orbit --through 1,2" + out, "--through works only with --path spline");
   expect_refused("--path orbit --turns 0" + out, "--turns");
   expect_refused("--path circle" + out, "circle");
   expect_refused("--size 12" + out, "1280x720");

@@ -284,7 +284,7 @@ TEST_F(Resume, WhatCannotBeResumedIsAnErrorThatSaysWhy) {
   const Outcome model = run(command("out", "--resume " + text("model.ply")));
   EXPECT_EQ(model.code, 2);
   EXPECT_THAT(model.err,
-              AllOf(HasSubstr("is a model and no checkpoint"), HasSubstr("--start-from")));
+              AllOf(HasSubstr("is a model, not a checkpoint"), HasSubstr("--start-from")));
   EXPECT_EQ(run(command("out", "--iterations +10")).code, 2);
   EXPECT_EQ(run(command("out", "--resume auto --iterations +10")).code, 2);
   EXPECT_EQ(run(command("out", "--resume auto --iterations +1x")).code, 2);
@@ -317,7 +317,7 @@ TEST_F(Resume, AnotherSceneIsRefused) {
   write_bytes(path("other/sparse/0/images.txt"), images);
   const Outcome moved = run("train " + text("other") + " --resume " + text("out"));
   EXPECT_EQ(moved.code, 3);
-  EXPECT_THAT(moved.err, HasSubstr("the camera of view_1.png is another"));
+  EXPECT_THAT(moved.err, HasSubstr("the camera of view_1.png differs"));
   fs::remove_all(path("other"));
   fs::rename(path("scene"), path("other"));  // the same one in another place is fine
   EXPECT_EQ(run("train " + text("other") + " --device cpu --resume " + text("out")).code, 0);

@@ -162,8 +162,8 @@ TEST_F(CameraFile, WrongValuesAreNamed) {
       {R"({"position": [1, 2]})", "three numbers in position"},
       {R"({"position": [1, 2, "3"]})", "position"},
       {R"({"rotation": [1, 2, 3]})", "three numbers in rotation"},
-      {R"({"rotation": [[2, 0, 0], [0, 2, 0], [0, 0, 2]]})", "no rotation matrix"},
-      {R"({"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]})", "no rotation matrix"},
+      {R"({"rotation": [[2, 0, 0], [0, 2, 0], [0, 0, 2]]})", "not a rotation matrix"},
+      {R"({"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]})", "not a rotation matrix"},
   };
   for (const auto& [change, expected] : cases) {
     EXPECT_THAT(error_reading(reference_text(change)), HasSubstr(expected)) << change;
@@ -173,7 +173,7 @@ TEST_F(CameraFile, WrongValuesAreNamed) {
 TEST_F(CameraFile, WhatIsNoListOfCamerasIsAnError) {
   EXPECT_THAT(error_reading(""), HasSubstr("not JSON"));
   EXPECT_THAT(error_reading("{}"), HasSubstr("not a list of cameras"));
-  EXPECT_THAT(error_reading("[3]"), HasSubstr("camera 0 of the list is no object"));
+  EXPECT_THAT(error_reading("[3]"), HasSubstr("camera 0 of the list is not an object"));
   EXPECT_THAT(error_reading("[1e999]"), HasSubstr("beyond the range of float"));
   EXPECT_THAT(error_reading(std::string(100'000, '[')), HasSubstr("not JSON"));
   const std::string text = reference_text();

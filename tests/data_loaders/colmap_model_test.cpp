@@ -301,10 +301,10 @@ TEST(ColmapText, WrongLinesAreNamedByNumber) {
   write_text_model(temp.path(), small_model(2));
   write_bytes(temp.path() / "cameras.txt", "# c\n7 PINHOLE 12 8 10 10 6\n");
   EXPECT_THAT(error_of(temp.path()),
-              AllOf(HasSubstr("has 4 parameters, and gives 3"), HasSubstr("line 2")));
+              AllOf(HasSubstr("has 4 parameters, but gives 3"), HasSubstr("line 2")));
   write_bytes(temp.path() / "cameras.txt", "# c\n\n7 PINHOLE 12 8 10 10 6 4 0.1 0.2\n");
   EXPECT_THAT(error_of(temp.path()),
-              AllOf(HasSubstr("camera 7 is PINHOLE, which has 4 parameters, and gives 6"),
+              AllOf(HasSubstr("camera 7 is PINHOLE, which has 4 parameters, but gives 6"),
                     HasSubstr("line 3")));
   write_bytes(temp.path() / "cameras.txt", "7 PINHOLE 12 8 10 10 6 four\n");
   EXPECT_THAT(error_of(temp.path()), AllOf(HasSubstr("'four'"), HasSubstr("line 1")));

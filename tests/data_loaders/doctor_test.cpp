@@ -62,10 +62,10 @@ TEST(Doctor, ForecastOfMemoryKeepsToTheBudgetOfPhotos) {
   Config config;
   config.dataset.source = temp.path().string();
   EXPECT_THAT(the(examine(config, false), Level::note, "forecast").text,
-              Not(HasSubstr("when it is their turn")));
+              Not(HasSubstr("just before their turn")));
   config.dataset.photo_ram_gib = 1e-6f;  // of 24 photos of 288 bytes
   EXPECT_THAT(the(examine(config, false), Level::note, "forecast").text,
-              HasSubstr("when it is their turn"));
+              HasSubstr("just before their turn"));
 }
 
 TEST(Doctor, SaysWhatIsMissingWhereThereIsNoModel) {
@@ -140,7 +140,7 @@ TEST(Doctor, WarnsOfPointsAndPlaces) {
   const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
   EXPECT_TRUE(diagnosis.can_train());
   EXPECT_THAT(the(diagnosis, Level::warning, "points").text, HasSubstr("no points"));
-  EXPECT_THAT(the(diagnosis, Level::note, "place").text, HasSubstr("0 -4000000 0 taken off"));
+  EXPECT_THAT(the(diagnosis, Level::note, "place").text, HasSubstr("0 -4000000 0 is subtracted"));
 }
 
 TEST(Doctor, RefusesWhatLoadingRefuses) {

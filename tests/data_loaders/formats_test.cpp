@@ -407,7 +407,8 @@ TEST_F(Formats, FilesOfAnotherKindAreRefusedWithAReason) {
                 AllOf(HasSubstr("cannot read"), HasSubstr(std::string("x").append(ending))));
   }
   write_bytes(file("x.splat"), "33 bytes are not a multiple of 32.");
-  EXPECT_THAT(error_of([&] { read_model(file("x.splat")); }), HasSubstr("no multiple of the 32"));
+  EXPECT_THAT(error_of([&] { read_model(file("x.splat")); }),
+              HasSubstr("not a multiple of the 32"));
 }
 
 TEST_F(Formats, CountsThatNoFileOfTheSizeHoldsAreRefusedBeforeMemoryIsAskedFor) {

@@ -549,9 +549,9 @@ TEST_F(Ply, PromisesAreCheckedAgainstTheSizeOfTheFile) {
     EXPECT_THAT(error_reading(bytes), AllOf(HasSubstr("promises 1000000000000000000 rows"),
                                             HasSubstr("only "), HasSubstr("cut short")));
     bytes.replace(bytes.find("vertex 1"), 26, "vertex 99999999999999999999999");
-    EXPECT_THAT(error_reading(bytes), HasSubstr("is no count of rows"));
+    EXPECT_THAT(error_reading(bytes), HasSubstr("is not a count of rows"));
     bytes.replace(bytes.find("vertex 9"), 30, "vertex -1");
-    EXPECT_THAT(error_reading(bytes), HasSubstr("is no count of rows"));
+    EXPECT_THAT(error_reading(bytes), HasSubstr("is not a count of rows"));
   }
 }
 
@@ -621,7 +621,7 @@ TEST_F(Ply, DamagedHeadersNameTheLine) {
   EXPECT_THAT(error("format ascii 1.0\nelement vertex"), HasSubstr("in line 3"));
   EXPECT_THAT(error("format ascii 1.0\nelement vertex 1\nproperty half x"), HasSubstr("\"half\""));
   EXPECT_THAT(error("format ascii 1.0\nelement vertex 1\nproperty list float int x"),
-              HasSubstr("no integer"));
+              HasSubstr("not an integer"));
   EXPECT_THAT(error("format ascii 1.0\nelement vertex 1\nproperty float x\nproperty int x"),
               HasSubstr("x is there twice, in line 5"));
   EXPECT_THAT(error("format ascii 1.0\nnonsense"), HasSubstr("\"nonsense\""));

@@ -490,7 +490,7 @@ TEST_F(Transforms, FaultsNameFileFrameKeyAndRemedy) {
       {R"({"frames": null})", none, {"no list \"frames\"", "name a file"}},
       {R"({"frames": {}})", none, {"no list \"frames\""}},
       {R"({"frames": []})", none, {"no list \"frames\""}},
-      {R"({"frames": [7]})", none, {"frame 0 is no object", "mend"}},
+      {R"({"frames": [7]})", none, {"frame 0 is not an object", "mend"}},
       // file_path
       {none, R"({"file_path": null})", {"frame 1 lacks file_path", "mend"}},
       {R"({"file_path": "c.png"})", R"({"file_path": null})", {"frame 1 lacks file_path"}},
@@ -506,7 +506,7 @@ TEST_F(Transforms, FaultsNameFileFrameKeyAndRemedy) {
       {none, R"({"file_path": "a.png\u0000b"})", {"frame 1 ('a.png?b')", "file_path"}},
       {none,
        R"({"file_path": "./images/a.png"})",
-       {"frame 1", "file_path", "'images/a.png'", "a frame before it", "leave one out"}},
+       {"frame 1", "file_path", "'images/a.png'", "an earlier frame", "leave one out"}},
       // transform_matrix
       {none, R"({"transform_matrix": null})", {"frame 1 ('images/b.png') lacks transform_matrix"}},
       {none, R"({"transform_matrix": 3})", {"frame 1", "transform_matrix", "4 rows of 4"}},
@@ -564,7 +564,7 @@ TEST_F(Transforms, FaultsNameFileFrameKeyAndRemedy) {
       {R"({"camera_model": "PINHOLE", "p1": 0.1})", none, {"0.1 as p1", "PINHOLE"}},
       {R"({"camera_model": "OPENCV_FISHEYE", "p2": 0.1})", none, {"0.1 as p2", "OPENCV_FISHEYE"}},
       // lists and points
-      {R"({"test_filenames": "a.png"})", none, {"test_filenames is no list"}},
+      {R"({"test_filenames": "a.png"})", none, {"test_filenames is not a list"}},
       {R"({"train_filenames": ["images/a.png", "images/c.png"]})",
        none,
        {"entry 1 of train_filenames", "'images/c.png'", "no frame", "mend"}},
