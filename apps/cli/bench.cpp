@@ -106,7 +106,7 @@ Subject subject_of(const BenchCommand& command) {
   const bool is_generated = command.gaussians > 0;
   if (is_generated == !command.model.empty())
     throw UsageError(
-        "there is nothing to time; give a run's folder, a PLY with --data SCENE, or --gaussians N "
+        "give one of these to time: a run's folder, a PLY with --data SCENE, or --gaussians N "
         "for a generated scene");
   if (is_generated && (command.has("dataset.source") || command.has("dataset.resolution")))
     throw UsageError(

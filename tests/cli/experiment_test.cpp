@@ -229,7 +229,7 @@ TEST_F(Experiment, TwoOnOneOutputAreRefused) {
   wait_until([&] { return fs::exists(path("out/scene_a/plain/seed1/config.toml")); });
   const Outcome second = experiment();
   EXPECT_EQ(second.code, 3);
-  EXPECT_THAT(second.err, AllOf(HasSubstr(std::to_string(first)), HasSubstr("at work on")));
+  EXPECT_THAT(second.err, AllOf(HasSubstr(std::to_string(first)), HasSubstr("is working on")));
   ::kill(first, SIGINT);
   wait_for(first);
 }

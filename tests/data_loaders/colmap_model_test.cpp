@@ -323,7 +323,7 @@ TEST(ColmapModel, FolderWithoutModelSaysWhatItNeeds) {
   EXPECT_THAT(error_of(temp.path()), HasSubstr("needs cameras.bin and images.bin"));
   write_bytes(temp.path() / "cameras.bin", "");
   write_bytes(temp.path() / "images.txt", "");
-  EXPECT_THAT(error_of(temp.path()), HasSubstr("is no COLMAP model"));
+  EXPECT_THAT(error_of(temp.path()), HasSubstr("is not a COLMAP model"));
 }
 
 TEST(ColmapModel, ObservationsAreReadWhereTheyAreAskedForFromBothEncodings) {

@@ -639,7 +639,7 @@ TEST_F(Ply, AsciiThatDoesNotParseNamesTheLine) {
   };
   const std::string place = "line " + std::to_string(line) + " ";
   EXPECT_THAT(error("1.2.3 "), AllOf(HasSubstr(place), HasSubstr("\"1.2.3\" as \"x\"")));
-  EXPECT_THAT(error("0x10 "), HasSubstr("is no number"));
+  EXPECT_THAT(error("0x10 "), HasSubstr("is not a number"));
   EXPECT_THAT(error("5 "), AllOf(HasSubstr(place), HasSubstr("more than 14 values")));
   EXPECT_THAT(error("5\n"), AllOf(HasSubstr(place), HasSubstr("no value for \"y\"")));
 }

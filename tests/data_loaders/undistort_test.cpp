@@ -163,7 +163,7 @@ TEST(Undistort, TooWideAFieldOfViewNamesModelPhotoFieldAndRemedy) {
   // 220 degrees across: twice the size at the same focal length ends 75.4 degrees from the axis.
   const std::string message = error_of({1, CameraModel::simple_fisheye, 384, 384, {100, 192, 192}});
   EXPECT_THAT(message, AllOf(HasSubstr("SIMPLE_FISHEYE"), HasSubstr("sub/a.jpg"),
-                             HasSubstr("151 x 151 degrees"), HasSubstr("crop the photos"),
+                             HasSubstr("151 x 151 degrees"), HasSubstr("Crop the photos"),
                              HasSubstr("colmap image_undistorter"), HasSubstr("--max_scale 1")));
 }
 
