@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// cameras.json: the form that the reference trainer's viewers read, and back.
+// cameras.json in the form that the viewers of the reference trainer read: writing and reading
+// back.
 #include "data_loaders/cameras/camera_file.h"
 
 #include <gmock/gmock.h>
@@ -101,7 +102,7 @@ TEST_F(CameraFile, RoundTripKeepsIntrinsicsAndPose) {
     EXPECT_EQ(got.cam_from_world_rotation.row0, expected.cam_from_world_rotation.row0);
     EXPECT_EQ(got.cam_from_world_rotation.row1, expected.cam_from_world_rotation.row1);
     EXPECT_EQ(got.cam_from_world_rotation.row2, expected.cam_from_world_rotation.row2);
-    // The center is rounded to float once, and a float rotation is orthonormal to a few 1e-7.
+    // The center is rounded to float once, and a float rotation is orthonormal up to a few 1e-7.
     expect_near(got.cam_from_world_translation, expected.cam_from_world_translation, 3e-6f);
   }
 }

@@ -161,7 +161,7 @@ TEST(ColmapModel, HugeInnerCountsAreRefused) {
   for (const char* name : {"images.bin", "points3D.bin"}) {
     write_binary_model(temp.path(), small_model(1));
     std::string bytes = read_bytes(temp.path() / name);
-    // The count of the one image, or of the first point, whose record ends there.
+    // The count of the one image, or of the first point, whose record ends here.
     const std::size_t at =
         std::string(name) == "images.bin" ? bytes.size() - 8 : 8 + 8 + 24 + 3 + 8;
     std::memcpy(bytes.data() + at, &huge, sizeof(huge));
@@ -183,7 +183,7 @@ TEST(ColmapModel, UnknownCameraModelIsNamed) {
   EXPECT_THAT(error_of(temp.path()), HasSubstr("unknown camera model 99"));
 }
 
-/// Each fault in both encodings, and a part of the complaint.
+/// Each fault in both encodings, and a part of the message.
 TEST(ColmapModel, FaultsAreNamed) {
   struct Fault {
     std::function<void(ColmapModel&)> apply;
@@ -329,7 +329,7 @@ TEST(ColmapModel, FolderWithoutModelSaysWhatItNeeds) {
 TEST(ColmapModel, ObservationsAreReadWhereTheyAreAskedForFromBothEncodings) {
   ColmapModel model = small_model(3);
   model.images[0].observations = {{5, 1.25, 2.5}, {900000000000, 11.5, 7.75}};
-  // the last has no place
+  // the last observation has no position
   model.images[2].observations = {{900000000000, 3.0, 0.5}, {5, NAN, 1.0}};
   for (const bool binary : {true, false}) {
     const TempFolder temp;

@@ -82,7 +82,7 @@ std::vector<std::string> names_of(const ColmapModel& model) {
   return names;
 }
 
-/// Where a point of the world lies in the camera of an image.
+/// The position of a world point in the camera of an image.
 Vec3d in_camera(const ColmapImage& image, const Vec3d& point) {
   return multiply(rotation_matrix(image.cam_from_world_rotation), point) +
          image.cam_from_world_translation;
@@ -145,7 +145,8 @@ TEST_F(Transforms, CameraOnTheXAxisLooksBackAtTheOrigin) {
   expect_near(in_camera(image, {0.0, 0.5, 0.25}), {0.5, -0.25, 4.0});
 }
 
-/// Random rotations reach all four ways to a quaternion, for each component is the largest in some.
+/// Random rotations cover all four branches of the conversion to a quaternion, because each
+/// component is the largest in some of them.
 TEST_F(Transforms, PoseIsTheInverseOfTheMatrixForAnyRotation) {
   json file = small_file();
   int largest_count[4] = {};
@@ -300,7 +301,7 @@ TEST_F(Transforms, AnAbsentExtensionIsThatOfTheFirstFileThatExists) {
 
 // --- Blender's files
 
-/// As Blender writes them for the NeRF synthetic scenes, with photos of 20 x 10 pixels.
+/// A file as Blender writes it for the NeRF synthetic scenes, with photos of 20 x 10 pixels.
 void write_blender_file(const std::filesystem::path& folder, const std::string& split, int count) {
   json file = {{"camera_angle_x", std::acos(-1) / 2}, {"frames", json::array()}};
   for (int i = 0; i < count; ++i) {
@@ -479,7 +480,7 @@ TEST_F(Transforms, AnUnreadablePlyIsAWarning) {
 
 TEST_F(Transforms, FaultsNameFileFrameKeyAndRemedy) {
   struct Fault {
-    const char *change, *frame_change;  // of the top and of the second frame
+    const char *change, *frame_change;  // at the top and in the second frame
     std::vector<const char*> words;
   };
   const char* none = "{}";
@@ -581,7 +582,7 @@ TEST_F(Transforms, FaultsNameFileFrameKeyAndRemedy) {
     for (const char* word : fault.words)
       EXPECT_THAT(message, HasSubstr(word)) << fault.change << fault.frame_change;
   }
-  EXPECT_NO_THROW(read(small_file()));  // the faults are all that is wrong with it
+  EXPECT_NO_THROW(read(small_file()));  // without the faults it is read
 }
 
 TEST_F(Transforms, WhatIsNoJsonIsAnErrorThatNamesTheByte) {
@@ -612,7 +613,7 @@ TEST_F(Transforms, OtherKindsOfJsonAreErrors) {
   }
 }
 
-/// What no field of ours may be lies in one.
+/// A key that we do not read may hold anything.
 TEST_F(Transforms, DeepNestingIsNoTrouble) {
   const std::size_t depth = 300'000;  // far more than frames on an 8 MiB stack
   const std::string nest = std::string(depth, '[') + std::string(depth, ']');

@@ -48,7 +48,7 @@ TEST(Rotation, DoesNotDependOnTheLengthOfTheQuaternion) {
 
 TEST(QuaternionOf, IsTheWayBackFromEveryRotation) {
   TestRandom random;
-  for (int i = 0; i < 1000; ++i) {  // each component is the largest of some
+  for (int i = 0; i < 1000; ++i) {  // each component is the largest one in some
     const Mat3<double> R = rotation_matrix(random.quaternion());
     const Quat<double> q = quaternion_of(R);
     EXPECT_NEAR(squared_norm(q), 1, 1e-14);

@@ -68,7 +68,8 @@ class SplatRandom {
 
 // ---- Tile bounds.
 
-// Of a splat with standard deviations 4 and 2 turned by 45 degrees: a square of 12 pixels around the mean, in whole tiles.
+// The square of a splat with standard deviations 4 and 2, turned by 45 degrees: 12 pixels around
+// the mean, in whole tiles.
 TEST(TileBounds, ASquareReachesThreeDeviationsOfTheLongerAxis) {
   const Sym2<float> cov2d{10, 6, 10};
   const Rect rect = pixels_of(TileBounds::square, {50, 40}, cov2d, 0.1f, 20, 20);
@@ -166,7 +167,7 @@ TEST(PixelRect, ContainsEveryPixelAboveTheCutoff) {
       for (int x = 0; x < kPaddedWidth; ++x) {
         const double dx = x + 0.5 - s.mean2d.x, dy = y + 0.5 - s.mean2d.y;
         const double E = -0.5 * (Q.xx * dx * dx + Q.yy * dy * dy) - Q.xy * dx * dy;
-        if (E < -s.cutoff * (1.0 - 1e-4)) continue;  // at the very edge, floats decide
+        if (E < -s.cutoff * (1.0 - 1e-4)) continue;  // at the very edge floats may decide otherwise
         ++pixels;
         outside += x < rect.x_begin || x >= rect.x_end || y < rect.y_begin || y >= rect.y_end;
       }
@@ -219,7 +220,7 @@ TEST(PixelRect, IsExactlyThePixelsWithTheirCenterInTheBox) {
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
-/// Calls visit(mean2d, cov2d, cutoff) with every combination of numbers good and bad.
+/// Calls visit(mean2d, cov2d, cutoff) with every combination of valid and invalid numbers.
 template <class Visit>
 void sweep_bad_numbers(const Visit& visit) {
   const std::vector<float> numbers = {kNan,   kInfinity, -kInfinity, 3e38f, -3e38f, 1e20f,
@@ -275,8 +276,8 @@ TEST(TileRect, OfNoPixelsIsEmpty) { EXPECT_TRUE(tile_rect({0, 0, 0, 0}).empty())
 
 // ---- The exact tile test.
 
-/// Smallest 1/2 d^T Q d over a rectangle of pixel centers: 0 with the mean inside, else the smallest of the minima of
-/// four parabolas, one along each edge.
+/// The smallest 1/2 d^T Q d over a rectangle of pixel centers: 0 if the mean is inside, else the
+/// smallest of the minima of four parabolas, one along each edge.
 double smallest_over(const Splat& s, int x_begin, int y_begin, int width, int height) {
   const double x0 = x_begin + 0.5 - s.mean2d.x, x1 = x0 + width - 1;
   const double y0 = y_begin + 0.5 - s.mean2d.y, y1 = y0 + height - 1;
@@ -299,7 +300,7 @@ double smallest_over_tile(const Splat& s, int tile_x, int tile_y) {
   return smallest_over(s, tile_x * kTileWidth, tile_y * kTileHeight, kTileWidth, kTileHeight);
 }
 
-/// True where a pixel center of the tile has an exponent above the cutoff.
+/// True if a pixel center of the tile has an exponent above the cutoff.
 bool holds_a_pixel(const Splat& s, int tile_x, int tile_y) {
   for (int y = tile_y * kTileHeight; y < (tile_y + 1) * kTileHeight; ++y) {
     for (int x = tile_x * kTileWidth; x < (tile_x + 1) * kTileWidth; ++x) {
@@ -312,7 +313,7 @@ bool holds_a_pixel(const Splat& s, int tile_x, int tile_y) {
   return false;
 }
 
-/// A tile of the splat's neighborhood.
+/// A tile near the splat.
 std::pair<int, int> draw_tile(SplatRandom& random, const Splat& s) {
   const double reach_x = 3.0 * std::sqrt(s.cov2d.xx) + kTileWidth;
   const double reach_y = 3.0 * std::sqrt(s.cov2d.yy) + kTileHeight;
@@ -320,7 +321,8 @@ std::pair<int, int> draw_tile(SplatRandom& random, const Splat& s) {
           int(std::floor((s.mean2d.y + random.uniform(-reach_y, reach_y)) / kTileHeight))};
 }
 
-// Needles of 100 by 0.55 pixels included. The float quadratic of longer ones cancels more than four digits.
+// Includes needles of 100 by 0.55 pixels. The float quadratic form of longer ones cancels more than
+// four digits.
 TEST(TileIsHit, AgreesWithAMinimiserOverTheTile) {
   SplatRandom random(100.0);
   int hits = 0, misses = 0, wrong = 0;
@@ -337,8 +339,8 @@ TEST(TileIsHit, AgreesWithAMinimiserOverTheTile) {
   EXPECT_GT(misses, 20'000);
 }
 
-// The cutoff placed just above and just below the smallest value, for splats of up to 10 by 0.55 pixels, whose
-// quadratic keeps four digits in float.
+// The cutoff lies just above and just below the smallest value, for splats of up to 10 by 0.55
+// pixels, whose quadratic form keeps four digits in float.
 TEST(TileIsHit, TurnsAtTheSmallestValueOverTheTile) {
   SplatRandom random(10.0);
   int tested = 0, wrong = 0;
@@ -365,7 +367,7 @@ TEST(TileIsHit, HoldsForAMeanExactlyOnAnyPixelCenterOfTheTile) {
   }
 }
 
-// Between the last pixel center of a tile and the first of the next, a tiny splat meets neither.
+// A tiny splat between the last pixel center of a tile and the first of the next one hits neither.
 TEST(TileIsHit, IsFalseForASplatBetweenTheCentersOfTwoTiles) {
   const Sym2<float> tiny{100.0f, 0.0f, 100.0f};
   EXPECT_FALSE(tile_is_hit({16.0f, 8.5f}, tiny, 1.0f, 0, 0));
@@ -396,7 +398,8 @@ TEST(HitTiles, LoseNoPixelOfTheSplatAndAddNoTileBesideIt) {
   EXPECT_GT(hits, 10'000);
 }
 
-// The row's span, solved, against the minimizer over each of its tiles; needles of 100 by 0.55 pixels included.
+// The solved span of a row, compared with the minimizer over each of its tiles; includes needles of
+// 100 by 0.55 pixels.
 TEST(HitTilesOfRow, AreThoseThatAMinimiserFinds) {
   SplatRandom random(100.0);
   const Rect grid{0, kTilesX, 0, kTilesY};
@@ -426,8 +429,8 @@ TEST(HitTilesOfRow, HoldTheTileOfAMeanOnAPixelCenterAtCutoffZero) {
   }
 }
 
-// Needles of 1000 by 0.55 pixels included: what is left of their float conics is another ellipse, but none of a quarter's
-// fragments may be lost. Few quarters are listed for nothing.
+// Includes needles of 1000 by 0.55 pixels. Their float conics describe a slightly different
+// ellipse, but no fragment of a quarter may be lost. Few quarters may be listed in vain.
 TEST(HitQuartersOfRow, HoldAllFragmentsAndLittleElse) {
   for (const double sigma : {3.0, 30.0, 1000.0}) {
     SplatRandom random(sigma);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes a video that needs no encoder: an AVI file of uncompressed frames.
+// Writes a video without an encoder: an AVI file of uncompressed frames.
 #pragma once
 
 #include "tests/support/colmap_writer.h"
