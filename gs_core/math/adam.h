@@ -13,8 +13,8 @@ struct AdamStep {
   float inverse_sqrt_bias2;  // 1 / sqrt(1 - beta2^t)
 };
 
-/// Step t = 1, 2, ... at the given learning rate. t counts for the whole model: a Gaussian that joins late
-/// starts with zero moments at the common t, as in the original.
+/// Step t = 1, 2, ... at the given learning rate. t counts for the whole model: a Gaussian that
+/// joins late starts with zero moments at the common t, as in the original.
 inline AdamStep adam_step(int t, float learning_rate) {
   return {float(learning_rate / (1.0 - std::pow(kAdamBeta1, t))),
           float(1.0 / std::sqrt(1.0 - std::pow(kAdamBeta2, t)))};

@@ -21,9 +21,10 @@ GS_HD std::uint32_t bits_of(float x) {
   return bits;
 }
 
-/// Keys for depths in near .. far: positive floats are ordered as their bits are, and of these as many are taken as
-/// fit kDepthKeyBits, which tells apart depths that differ by some 1e-6 (Faster-GS sorts all 32 bits). The largest
-/// value of so many bits is no depth's key: it is left for what is not drawn.
+/// Keys for depths in near .. far: positive floats are ordered as their bits are, and of these as
+/// many are taken as fit kDepthKeyBits, which tells apart depths that differ by some 1e-6
+/// (Faster-GS sorts all 32 bits). The largest value of so many bits is no depth's key: it is left
+/// for what is not drawn.
 inline DepthKeys depth_keys(float near_plane, float far_plane) {
   DepthKeys keys{bits_of(near_plane), 0};
   const std::uint32_t range = bits_of(far_plane) - keys.near_bits;

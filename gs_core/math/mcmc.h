@@ -66,9 +66,9 @@ GS_HD Vec3<T> position_noise(const Vec3<T>& log_scale, const Quat<T>& rotation,
   return rate * gate * multiply(covariance(rotation_matrix(rotation), variance(log_scale)), normal);
 }
 
-/// A Gaussian's weight in the draw of those that are copied: its opacity in units of 2^-24; 0 where it is dead, up to
-/// `dead_opacity`, and cannot be drawn. A whole number, so that sums do not depend on their order; found in double, so
-/// that the CPU and the GPU find the same.
+/// A Gaussian's weight in the draw of those that are copied: its opacity in units of 2^-24; 0 where
+/// it is dead, up to `dead_opacity`, and cannot be drawn. A whole number, so that sums do not
+/// depend on their order; found in double, so that the CPU and the GPU find the same.
 GS_HD std::uint32_t draw_weight(float logit_opacity, float dead_opacity) {
   const double opacity = sigmoid(double(logit_opacity));
   return opacity > double(dead_opacity) ? std::uint32_t(opacity * 0x1p24 + 0.5) : 0;
@@ -80,7 +80,8 @@ GS_HD std::uint32_t draw_weight(const Vec3f& mean, const Vec3f& log_scale, const
   return draw_weight(logit_opacity, dead_opacity);
 }
 
-/// The opacity of each of `copies` equal Gaussians in one place that together cover what one covers.
+/// The opacity of each of `copies` equal Gaussians in one place that together cover what one
+/// covers.
 ///
 ///   1 - (1 - o_new)^N = o                                                    Kheradmand et al. 2024
 template <class T>
@@ -89,7 +90,8 @@ GS_HD T shared_opacity(const T& opacity, int copies) {
   return T(1) - pow(T(1) - opacity, T(1) / T(copies));
 }
 
-/// What the scales of such copies are multiplied by, for the blended light to stay the same over a line through them.
+/// What the scales of such copies are multiplied by, for the blended light to stay the same over a
+/// line through them.
 ///
 ///   o / sum_{i=1..N} sum_{k=0..i-1} (i-1 over k) (-1)^k o_new^(k+1) / sqrt(k+1)       Kheradmand et al. 2024
 /// and since sum_{i=k+1..N} (i-1 over k) = (N over k+1), in one sum:
@@ -112,8 +114,8 @@ struct SharedGaussian {
   float logit_opacity;
   Vec3f log_scale;
 };
-/// The parameters of each of `copies` Gaussians in place of one, at most kMostCopies; opacities are kept between
-/// `least_opacity` and what a logit can say.
+/// The parameters of each of `copies` Gaussians in place of one, at most kMostCopies; opacities are
+/// kept between `least_opacity` and what a logit can say.
 GS_HD SharedGaussian shared_gaussian(float logit_opacity, const Vec3f& log_scale, int copies,
                                      float least_opacity) {
   using std::log;

@@ -93,7 +93,8 @@ struct ProjectCovarianceGradient {
   Mat23<T> A;
   Sym3<T> sigma;
 };
-/// Gradients of project_covariance(): dL/dA = 2 G A Sigma, dL/dSigma = A^T G A, with G = dL/dSigma'.
+/// Gradients of project_covariance(): dL/dA = 2 G A Sigma, dL/dSigma = A^T G A, with G =
+/// dL/dSigma'.
 template <class T>
 GS_HD ProjectCovarianceGradient<T> project_covariance_vjp(const Mat23<T>& A, const Sym3<T>& sigma,
                                                           const Sym2<T>& dL_dcov2d) {

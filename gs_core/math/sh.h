@@ -28,7 +28,8 @@ GS_HD Vec3<T> unit_direction_vjp(const Vec3<T>& from, const Vec3<T>& to,
   return (dL_ddirection - d * inner(d, dL_ddirection)) * inverse;
 }
 
-/// Values of the basis functions of degrees 0..degree at the unit vector d; the others stay untouched.
+/// Values of the basis functions of degrees 0..degree at the unit vector d; the others stay
+/// untouched.
 template <class T>
 GS_HD void sh_basis(int degree, const Vec3<T>& d, T* basis) {
   basis[0] = T(kSh0);

@@ -72,8 +72,9 @@ GS_HD T blur_of(const SplatSettings& settings) {
 /// Projects one Gaussian into a view: everything but its color.   Kerbl et al. 2023, Sec. 4; Faster-GS,
 /// fused activations
 ///
-/// Not visible: degenerate rotation, depth outside [near, far], image covariance singular or beyond the
-/// scalar's range, opacity under the truncation rule's threshold, or any value that is not finite.
+/// Not visible: degenerate rotation, depth outside [near, far], image covariance singular or beyond
+/// the scalar's range, opacity under the truncation rule's threshold, or any value that is not
+/// finite.
 template <class T>
 GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const Vec3<T>& mean,
                                          const Vec3<T>& log_scale, const Quat<T>& rotation,
@@ -104,7 +105,8 @@ GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const V
   return result;
 }
 
-/// Projects one Gaussian into a view: project_shape() and its color. Not visible where that is not finite.
+/// Projects one Gaussian into a view: project_shape() and its color. Not visible where that is not
+/// finite.
 template <class T>
 GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
                                             const GaussianParameters<T>& gaussian,
@@ -127,8 +129,8 @@ struct GaussianGradient {
   T logit_opacity;
   Vec3<T> sh0;
 };
-/// Gradients of project_shape(), for a Gaussian that was visible; sh0 and the color's part of the mean are
-/// left out. Everything but the parameters is computed again.
+/// Gradients of project_shape(), for a Gaussian that was visible; sh0 and the color's part of the
+/// mean are left out. Everything but the parameters is computed again.
 template <class T>
 GS_HD GaussianGradient<T> project_shape_vjp(const PinholeCamera<T>& camera, const Vec3<T>& mean,
                                             const Vec3<T>& log_scale, const Quat<T>& rotation,

@@ -6,7 +6,8 @@
 //
 // Within gs_core, data_loaders and gs_app the subfolders have an order, too.
 //
-// This test reads the source tree. The rules are the two tables below; docs/developing.md explains them.
+// This test reads the source tree. The rules are the two tables below; docs/developing.md explains
+// them.
 #include <gmock/gmock.h>
 
 #include <algorithm>

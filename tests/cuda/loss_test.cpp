@@ -93,8 +93,9 @@ Answer answer_of(Backend& backend, const Pair& pair, float lambda) {
 struct Tolerance {
   double value, gradient;
 };
-// The sums are rounded at 6e-8 some twenty times, in another order than in the twin, and so are the moments; local
-// variances of such pictures are of the order of the moments themselves, so that little cancels.
+// The sums are rounded at 6e-8 some twenty times, in another order than in the twin, and so are the
+// moments; local variances of such pictures are of the order of the moments themselves, so that
+// little cancels.
 constexpr Tolerance kRounding{1e-5, 2e-5};
 // In smooth pictures s_xx = E[xx] - E[x]^2 cancels. An error of some 1e-7 remains; divided by B =
 // s_xx + s_yy + C2, some 1e-3, this is 1e-4. The parts of dL/dX, with factors 2 X and Y, cancel

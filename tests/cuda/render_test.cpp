@@ -235,7 +235,8 @@ TEST_F(CudaRender, NeedlesAgreeRoughly) {
   EXPECT_LT(norm_difference(r.gpu.image.download(), r.cpu.image.download()), 0.02);
 }
 
-// Edge cases --------------------------------------------------------------------------------------------------------
+// Edge cases
+// --------------------------------------------------------------------------------------------------------
 
 class CudaEdge : public CudaRender {
  protected:

@@ -439,7 +439,8 @@ TEST(LoadScene, ProgressCountsEveryPhotoInOrder) {
   EXPECT_THAT(photos, ElementsAre(1, 2, 3, 4));
 }
 
-// Two cameras of transforms.json, at the origin and one unit to the right of it, both looking along -z of OpenGL.
+// Two cameras of transforms.json, at the origin and one unit to the right of it, both looking along
+// -z of OpenGL.
 std::string transforms_of(const std::vector<std::string>& files) {
   std::string frames;
   for (std::size_t i = 0; i < files.size(); ++i)

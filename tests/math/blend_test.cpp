@@ -52,7 +52,8 @@ TEST(FragmentExponent, GradientMatchesJet) {
 
 // ---- log2(alpha) as a product.
 
-/// A covariance with standard deviations of 0.55 to 400 pixels: round ones and needles, and its conic.
+/// A covariance with standard deviations of 0.55 to 400 pixels: round ones and needles, and its
+/// conic.
 struct Shape {
   Sym2<double> cov2d, conic;
 };

@@ -282,7 +282,8 @@ std::array<double, 59> draw_gaussian(TestRandom& random, const PinholeCamera<dou
                  random.uniform3(-2.0, 2.0), sh_rest);
 }
 
-/// The worst error of the whole chain under `settings`; a detached antialiasing factor is a constant.
+/// The worst error of the whole chain under `settings`; a detached antialiasing factor is a
+/// constant.
 double worst_chain_error(const SplatSettings& settings, FrustumVisits& visits) {
   PinholeCamera<double> camera;
   int invisible = 0;

@@ -38,8 +38,8 @@ class SplatRandom {
   double uniform(double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(engine_);
   }
-  /// A mean in the padded picture or up to `margin` pixels beyond it; every fourth lies exactly on a pixel
-  /// center or a pixel's edge.
+  /// A mean in the padded picture or up to `margin` pixels beyond it; every fourth lies exactly on
+  /// a pixel center or a pixel's edge.
   Splat splat(double margin) {
     const double a = variance(), b = variance();
     const double angle = uniform(0.0, 3.2), c = std::cos(angle), s = std::sin(angle);
@@ -122,7 +122,8 @@ TEST(Cutoff, InSigmaModesIsHalfTheSquareWhateverTheOpacity) {
 Rect pixel_rect_of(const Splat& s) {
   return pixel_rect(s.mean2d, s.cov2d, s.cutoff, kTilesX, kTilesY);
 }
-/// The pixels of a box that reaches `extent` pixels around (x, x): a cutoff of 1/2 is one standard deviation.
+/// The pixels of a box that reaches `extent` pixels around (x, x): a cutoff of 1/2 is one standard
+/// deviation.
 Rect rect_of_box(float x, float extent) {
   return pixel_rect({x, x}, {extent * extent, 0.0f, extent * extent}, 0.5f, kTilesX, kTilesY);
 }
@@ -177,8 +178,8 @@ TEST(PixelRect, ContainsEveryPixelAboveTheCutoff) {
   EXPECT_GT(pixels, 100'000);
 }
 
-/// Pixels [begin, end) with their center in [low, high], and whether one is so close to an edge that floats may
-/// decide otherwise: pixel coordinates of up to 1000 have steps of 6e-5.
+/// Pixels [begin, end) with their center in [low, high], and whether one is so close to an edge
+/// that floats may decide otherwise: pixel coordinates of up to 1000 have steps of 6e-5.
 struct PixelRange {
   int begin, end;
   bool is_close;
@@ -388,7 +389,8 @@ TEST(HitTiles, LoseNoPixelOfTheSplatAndAddNoTileBesideIt) {
       if (is_hit[tile]) {
         wrong += smallest > s.cutoff * (1.0 + 1e-4);
       } else {
-        // Outside the pixel rectangle, a tile may hold a point of the ellipse between pixel centers.
+        // Outside the pixel rectangle, a tile may hold a point of the ellipse between pixel
+        // centers.
         wrong +=
             smallest < s.cutoff * (1.0 - 1e-4) && holds_a_pixel(s, tile % kTilesX, tile / kTilesX);
       }

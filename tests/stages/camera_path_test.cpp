@@ -27,7 +27,8 @@ Camera looking(const Vec3d& from, const Vec3d& to) {
   return with_pose(camera, {from, looking_at(from, to, kUp)});
 }
 
-/// Cameras on a part of a circle of radius 4 at height 3 about (5, 6, 7), looking at its middle from 5 units away.
+/// Cameras on a part of a circle of radius 4 at height 3 about (5, 6, 7), looking at its middle
+/// from 5 units away.
 std::vector<Camera> arc(int count, double part) {
   std::vector<Camera> cameras;
   for (int i = 0; i < count; ++i) {

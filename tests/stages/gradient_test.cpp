@@ -79,7 +79,8 @@ double reference_loss(const std::vector<DoubleGaussian>& gaussians, const SmallS
   return loss(picture.planes(), decisions);
 }
 
-/// Central differences. Their own error is h^2 times third derivatives and 1e-16 / h: some 1e-9 of the largest.
+/// Central differences. Their own error is h^2 times third derivatives and 1e-16 / h: some 1e-9 of
+/// the largest.
 Slopes slopes_of(const SmallScene& scene, const PictureLoss& loss) {
   constexpr double h = 2e-5;
   std::vector<DoubleGaussian> gaussians = in_double(scene.gaussians);

@@ -254,7 +254,8 @@ TEST(Render, EndsAnOpaquePixelAfterOrBeforeTheFragmentThatClosesIt) {
   EXPECT_EQ(before.last_instance[middle], 3u);
 }
 
-/// 256 x 257 tiles: tile numbers do not fit in 16 bits. One small Gaussian in each corner and in the middle.
+/// 256 x 257 tiles: tile numbers do not fit in 16 bits. One small Gaussian in each corner and in
+/// the middle.
 TEST(Render, DrawsInTheRightPlaceAmongMoreThan65536Tiles) {
   Camera camera = plain_camera(4096, 4112);
   camera.fx = camera.fy = 8192;

@@ -6,7 +6,8 @@
 
 namespace gs {
 
-/// The frames' bytes as AVI has them: bottom row first, blue before red. `frame` has a width that is a multiple of 4.
+/// The frames' bytes as AVI has them: bottom row first, blue before red. `frame` has a width that
+/// is a multiple of 4.
 inline std::string avi_frame(const Image8& frame) {
   std::string bytes;
   for (int y = frame.height; y-- > 0;)

@@ -16,7 +16,8 @@
 
 namespace gs {
 
-/// The parameters of one Gaussian in double; number(k) addresses them one by one, in the order of gaussians.h.
+/// The parameters of one Gaussian in double; number(k) addresses them one by one, in the order of
+/// gaussians.h.
 struct DoubleGaussian {
   Vec3d mean, log_scale;
   Quat<double> rotation;

@@ -134,7 +134,8 @@ class Unflatten {
   const T* next_;
 };
 
-// Gradients of symmetric matrices hold half of the derivative by the stored off-diagonal entry (Sym2).
+// Gradients of symmetric matrices hold half of the derivative by the stored off-diagonal entry
+// (Sym2).
 template <class T>
 Sym2<T> gradient_matrix(const Sym2<T>& by_stored_entry) {
   const Sym2<T>& D = by_stored_entry;

@@ -87,7 +87,8 @@ inline Camera random_camera(int width, int height, std::uint64_t seed = 1) {
   return camera;
 }
 
-/// A camera at the origin that looks along z, with exact pixel positions: fx = fy = 64, center (0, 0).
+/// A camera at the origin that looks along z, with exact pixel positions: fx = fy = 64, center (0,
+/// 0).
 inline Camera plain_camera(int width, int height) {
   Camera camera;
   camera.width = width;

@@ -68,7 +68,8 @@ inline void observe(ColmapModel& model) {
   }
 }
 
-/// `images` cameras at distance 4 from the origin, spread over 100 degrees, and `points` points in a cube of side 2.
+/// `images` cameras at distance 4 from the origin, spread over 100 degrees, and `points` points in
+/// a cube of side 2.
 inline ColmapModel tracked_model(const ColmapCamera& camera, int images, int points) {
   const Random random{5, RandomStream::test};
   ColmapModel model;

@@ -140,7 +140,8 @@ TEST_P(PhotometricLoss, HasTheValueOfItsDefinition) {
   }
 }
 
-/// The largest difference between the gradient and the slope of the definition, over the largest slope.
+/// The largest difference between the gradient and the slope of the definition, over the largest
+/// slope.
 double worst_slope(const Pair& pair, float lambda, const Buffer<float>& dL_dimage) {
   constexpr double h = 1e-5;
   std::vector<double> X = pair.image();
