@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA stages in pipeline order: the table of contents, like gs_render/stages.h and
-// gs_train/stages/scalar_stages.h for the scalar stages. Each function only launches kernels. None waits,
-// and none allocates once its buffers have grown.
+// gs_train/stages/scalar_stages.h for the scalar stages. Each function only launches kernels. None
+// waits, and none allocates once its buffers have grown.
 #pragma once
 
 #include <memory>

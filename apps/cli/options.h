@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The flags that verbs share, and how they become a Config: defaults, then config files, then --set, then
-// flags, each over the one before. A flag is a short name of a setting; its help is the setting's own.
+// The flags that verbs share, and how they become a Config: defaults, then config files, then
+// --set, then flags; a later one wins. A flag is a short name of a setting, and shows its help text.
 #pragma once
 
 #include <optional>
@@ -41,8 +41,8 @@ void add_general_options(CLI::App& verb, CommandLine& line);
 /// --test-every.
 void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names);
 
-/// --background, -w, --antialiased, --blend-rule, --sh-degree. Verbs in which the SH degree is that of
-/// a file to write say so in `sh_degree_help`.
+/// --background, -w, --antialiased, --blend-rule, --sh-degree. If the SH degree is that of a file to
+/// write, `sh_degree_help` says so.
 void add_render_options(CLI::App& verb, CommandLine& line, const std::string& sh_degree_help = {});
 
 /// Where a server listens: HOST and PORT, behind `prefix` ("--viewer-").

@@ -31,7 +31,7 @@ ModelPointer copied(const Model& from) {
   return model;
 }
 
-// ---- to arrays ------------------------------------------------------------------------------------------
+// ---- to arrays ---------------------------------------------------------------------------------
 
 py::object view_of(const py::object& self, const void* data, const Shape& shape,
                    const Shape& strides = {}) {
@@ -75,7 +75,7 @@ std::string description(const Model& model) {
                      model.model.antialiased ? ", antialiased" : "");
 }
 
-// ---- files ----------------------------------------------------------------------------------------------
+// ---- files -------------------------------------------------------------------------------------
 
 ModelPointer load(const std::filesystem::path& path, std::optional<int> step) {
   const Work work;

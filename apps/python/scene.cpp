@@ -54,7 +54,7 @@ std::vector<SceneView> views_of(const ScenePointer& scene, const std::vector<Vie
   return result;
 }
 
-// ---- from a folder --------------------------------------------------------------------------------------
+// ---- from a folder -----------------------------------------------------------------------------
 
 ScenePointer load_from(const std::filesystem::path& path, const py::kwargs& settings) {
   Config config;
@@ -64,7 +64,7 @@ ScenePointer load_from(const std::filesystem::path& path, const py::kwargs& sett
   return load(config.dataset);
 }
 
-// ---- from arrays ----------------------------------------------------------------------------------------
+// ---- from arrays -------------------------------------------------------------------------------
 
 View view_from(const py::handle& pair) {
   if (!py::isinstance<py::tuple>(pair) || py::len(pair) != 2)

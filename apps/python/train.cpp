@@ -51,7 +51,7 @@ struct Result {
   std::optional<fs::path> output;
 };
 
-// ---- settings -------------------------------------------------------------------------------------------
+// ---- settings ----------------------------------------------------------------------------------
 
 std::string absolute_path(const fs::path& path) {
   return fs::absolute(path).lexically_normal().string();
@@ -83,7 +83,7 @@ void check(const Arguments& arguments) {
     throw UsageError(std::string(given) + " needs a run with a folder: give output=FOLDER");
 }
 
-// ---- without a folder -----------------------------------------------------------------------------------
+// ---- without a folder --------------------------------------------------------------------------
 
 Evaluation evaluation_of(Trainer& trainer) {
   return evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
@@ -116,7 +116,7 @@ Result run_in_memory(const Scene& scene, const Config& config, CallbackObserver&
   return result;
 }
 
-// ---- with a folder --------------------------------------------------------------------------------------
+// ---- with a folder -----------------------------------------------------------------------------
 
 class PythonHooks final : public SessionHooks {
  public:
@@ -174,7 +174,7 @@ Result run_in_folder(TrainRequest request, CallbackObserver& observer) {
   return result;
 }
 
-// ---- gemsplat.train -------------------------------------------------------------------------------------
+// ---- gemsplat.train ----------------------------------------------------------------------------
 
 Result run(const py::object& scene, const Arguments& arguments, CallbackObserver& observer) {
   ScenePointer loaded;

@@ -105,7 +105,7 @@ SessionEnd TrainSession::run() {
   return SessionEnd::finished;
 }
 
-// ---- before the first step ------------------------------------------------------------------------------
+// ---- before the first step ---------------------------------------------------------------------
 
 void TrainSession::choose_run() {
   resumed_.reset();  // one checkpoint in memory at a time
@@ -184,7 +184,7 @@ void TrainSession::add_observers() {
   hooks_.before_training(*trainer_, observers_->metrics, observers_->evaluations);
 }
 
-// ---- from there on --------------------------------------------------------------------------------------
+// ---- from there on -----------------------------------------------------------------------------
 
 void TrainSession::train() {
   std::optional<StopOnSignal> stop_on_signal;

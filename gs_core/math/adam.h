@@ -7,7 +7,8 @@
 
 namespace gs {
 
-/// What all parameters of one quantity share in one step; the bias corrections are folded in.
+/// The values that all parameters of one quantity share in one step, including the bias
+/// corrections.
 struct AdamStep {
   float rate;                // learning rate / (1 - beta1^t)
   float inverse_sqrt_bias2;  // 1 / sqrt(1 - beta2^t)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 1 and 7: one Gaussian becomes a splat, the chain of activations, covariance, projection and color;
-// and the gradient of a splat goes all the way back to the stored parameters.
+// Stages 1 and 7: one Gaussian becomes a splat by a chain of activations, covariance, projection
+// and color. The gradient of a splat is pulled back through the same chain to the stored
+// parameters.
 #pragma once
 
 #include "gs_core/math/activations.h"
@@ -69,8 +70,8 @@ GS_HD T blur_of(const SplatSettings& settings) {
   return T(settings.antialias ? kBlurAntialias : kBlur);
 }
 
-/// Projects one Gaussian into a view: everything but its color.   Kerbl et al. 2023, Sec. 4; Faster-GS,
-/// fused activations
+/// Projects one Gaussian into a view: everything but its color.
+///                                       Kerbl et al. 2023, Sec. 4; Faster-GS, fused activations
 ///
 /// Not visible: degenerate rotation, depth outside [near, far], image covariance singular or beyond
 /// the scalar's range, opacity under the truncation rule's threshold, or any value that is not

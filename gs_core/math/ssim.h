@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 5: structural similarity at one pixel of one channel, from the local moments of both pictures.
+// Stage 5: structural similarity at one pixel of one channel, from the local moments of both
+// pictures.
 #pragma once
 
 #include "gs_core/math/constants.h"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 1 and 2: where a splat ends: its cutoff, its bounding rectangle, and the tiles that it really hits.
+// Stages 1 and 2: where a splat ends: its cutoff, its bounding rectangle, and the tiles that it
+// really hits.
 #pragma once
 
 #include <limits>
@@ -32,11 +33,13 @@ struct Rect {
 };
 
 /// The pixels whose centers lie in the splat's axis-aligned bounding box: half extents
-/// sqrt(2 cutoff Sigma'_xx) and sqrt(2 cutoff Sigma'_yy) around the mean.   Faster-GS, opacity-aware bounds
+/// sqrt(2 cutoff Sigma'_xx) and sqrt(2 cutoff Sigma'_yy) around the mean.
+///                                                            Faster-GS, opacity-aware bounds
 ///
 /// mean2d   pixels           cov2d  pixels^2           cutoff  >= 0
-/// tiles_x, tiles_y  size of the tile grid, at most 65535 pixels along each axis; the rectangle is clamped to
-///                   the grid and not to the picture, so that splats beyond the edge do not crowd the last tiles
+/// tiles_x, tiles_y  size of the tile grid, at most 65535 pixels along each axis; the rectangle is
+///                   clamped to the grid and not to the picture, so that splats beyond the edge do
+///                   not crowd the last tiles
 /// Returns an empty rectangle where nothing is hit, an input is NaN or the mean is infinite.
 GS_HD Rect pixel_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, float cutoff, int tiles_x,
                       int tiles_y) {
@@ -88,7 +91,7 @@ GS_HD Rect tile_rect(const Rect& pixels) {
 /// of Radl et al. 2024 (StopThePop), for the quadratic 1/2 d^T Q d.
 ///
 /// x_min .. y_max  the outermost pixel centers   pixels
-/// slack           relative rounding error of the quadratic that still counts as a hit; 0: the plain test
+/// slack           relative rounding error of the quadratic that still counts as a hit; 0: none
 ///
 /// The smallest value over the rectangle lies at the mean if that is inside, else on one of the two
 /// edges nearest to it; along an edge the minimum of the parabola is clamped to the edge. Edges

@@ -70,7 +70,7 @@ bool fits_into_memory(const std::function<void()>& f, std::string& error) {
 RunRecovery::RunRecovery(TrainingRun& run)
     : run_(run), timer_(run.config.train.checkpoint_every), guard_(run.scene.train_views.size()) {}
 
-// ---- memory ---------------------------------------------------------------------------------------------
+// ---- memory ------------------------------------------------------------------------------------
 
 void RunRecovery::guarded(const std::string& what, const std::function<void()>& f) {
   if (!fits(what, f))
@@ -107,7 +107,7 @@ void RunRecovery::release_memory(const std::string& what) {
                   : "");
 }
 
-// ---- breakdowns -----------------------------------------------------------------------------------------
+// ---- breakdowns --------------------------------------------------------------------------------
 
 void RunRecovery::check_watched_step() {
   if (!guard_.is_watching(run_.step)) return;
@@ -155,7 +155,7 @@ void RunRecovery::roll_back() {
   restore(std::move(*state));
 }
 
-// ---- checkpoints ----------------------------------------------------------------------------------------
+// ---- checkpoints -------------------------------------------------------------------------------
 
 bool RunRecovery::checkpoint_or_roll_back(bool is_stopped) {
   if (is_sound() && checkpoint_is_due(is_stopped)) keep_checkpoint();

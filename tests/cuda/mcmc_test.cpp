@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The MCMC strategy and absolute gradients on the GPU: the same draws, copies, noise and steps as the scalar twin.
+// The MCMC strategy and absolute gradients on the GPU: draws, copies, noise and steps are those of
+// the scalar twin.
 #include <gtest/gtest.h>
 
 #include <algorithm>

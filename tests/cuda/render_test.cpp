@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 1 to 4, 6 and 7: the CUDA renderer against the scalar one, field by field of the RenderPass.
+// Stages 1 to 4, 6 and 7: the CUDA renderer compared with the scalar one, field by field of the
+// RenderPass.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -235,8 +236,7 @@ TEST_F(CudaRender, NeedlesAgreeRoughly) {
   EXPECT_LT(norm_difference(r.gpu.image.download(), r.cpu.image.download()), 0.02);
 }
 
-// Edge cases
-// --------------------------------------------------------------------------------------------------------
+// ---- Edge cases
 
 class CudaEdge : public CudaRender {
  protected:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The oracle of the hand-written gradients: the plain forward formula runs on ceres::Jet, which carries its
-// exact derivatives along, and the `_vjp` beside it has to say the same.
+// Checks hand-written gradients: the forward formula runs on ceres::Jet, which computes its exact
+// derivatives, and the `_vjp` must give the same.
 //
 //   EXPECT_LT(worst_gradient_error(forward, vjp, draw), kJetTolerance);
 //

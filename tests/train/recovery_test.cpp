@@ -19,7 +19,7 @@ namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
-// ---- memory that runs out when it is told to -------------------------------------------------------------
+// ---- memory that runs out when it is told to ---------------------------------------------------
 
 int allocations = 0;          // since the last count_from_here()
 int first_failure = 0;        // which fails; 0: none
@@ -104,7 +104,7 @@ class Recovery : public ::testing::Test {
   const std::unique_ptr<Backend> backend_ = make_scalar_backend();
 };
 
-// ---- stop and resume ------------------------------------------------------------------------------------
+// ---- stop and resume ---------------------------------------------------------------------------
 
 TEST_F(Recovery, ARunThatIsStoppedAnywhereAndResumedEndsWithTheSameBits) {
   const Config config = eventful_run();
@@ -191,7 +191,7 @@ TEST_F(Recovery, AStateOfAnotherSceneOrSeedIsRefused) {
   EXPECT_THROW(Trainer(scene_, config, *backend_, *kept.newest()), Error);
 }
 
-// ---- breakdowns -----------------------------------------------------------------------------------------
+// ---- breakdowns --------------------------------------------------------------------------------
 
 TEST_F(Recovery, ParametersThatBreakOnceAreMendedByTheLastCheckpoint) {
   const Config config = eventful_run();
@@ -274,7 +274,7 @@ TEST_F(Recovery, ASceneOnWhichEveryViewBreaksIsRefused) {
   EXPECT_THROW(trainer.run(), Error);
 }
 
-// ---- a lack of memory -----------------------------------------------------------------------------------
+// ---- a lack of memory --------------------------------------------------------------------------
 
 /// A few steps in which everything happens.
 Config brief_run() {
