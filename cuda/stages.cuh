@@ -70,6 +70,12 @@ struct Workspace {
 /// between two segments.
 inline constexpr std::uint32_t kSegmentLength = 512;
 
+/// a + b, but at most 2^32 - 1: a count of instances that wrapped would look small enough to sort.
+GS_HD std::uint32_t saturating_sum(std::uint32_t a, std::uint32_t b) {
+  const std::uint32_t sum = a + b;
+  return sum < a ? 0xffffffffu : sum;
+}
+
 /// True where the tile numbers of a pass fit keys of 16 bits, with the number for "no tile".
 inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < 65536; }
 
