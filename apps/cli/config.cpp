@@ -33,7 +33,7 @@ void explain_settings(const ConfigCommand& command) {
   for (const std::string& key : command.explained) std::cout << explain(config, origins, key);
 }
 
-// With one config alone: the defaults against it. -c and --set lie under both.
+// Compares two configs, or one with the defaults. -c and --set apply to both.
 void compare(const ConfigCommand& command) {
   SettingOrigins a_origins, b_origins;
   Config a = resolve(command, {}, &a_origins), b = resolve(command, {}, &b_origins);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat doctor: what is right and wrong with a scene, in plain words.
+// gemsplat doctor: reports the faults of a scene in plain words.
 #include "data_loaders/doctor/doctor.h"
 
 #include <spdlog/fmt/fmt.h>

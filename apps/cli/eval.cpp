@@ -40,7 +40,7 @@ std::vector<View> views_of(Scene scene, const std::string& split) {
 void eval(const EvalCommand& command) {
   setup_log(command.verbosity());
   OpenedModel opened = open_model(command.model, command.step);
-  // A bare model says nothing of what was held out: the usual rule then.
+  // A single file does not say which views were held out, so the usual rule applies.
   if (!opened.run) opened.config.dataset.eval = true;
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);

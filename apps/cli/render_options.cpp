@@ -19,7 +19,7 @@ namespace {
 constexpr double kSeconds = 10;      // of a path, where nothing is said
 constexpr double kMostFrames = 1e6;  // more is a mistake
 
-/// As CLI11 takes it; what has to be worked out goes into the command.
+/// Flags as CLI11 reads them; values that have to be parsed further go into the command.
 struct RenderFlags {
   RenderCommand command;
   std::string output, size;

@@ -150,7 +150,7 @@ TrainRequest request_of(const Arguments& arguments, const py::object& scene) {
   return request;
 }
 
-// Of a run that was finished before: what its folder holds.
+// The result of a run that was finished before, read from its folder.
 Result result_of_finished(const fs::path& folder) {
   Result result;
   result.model = std::make_shared<Model>(open_model(folder, std::nullopt));

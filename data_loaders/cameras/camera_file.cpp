@@ -111,7 +111,7 @@ class CameraReader {
   }
   Vec3d position() const { return vector(at("position"), "position"); }
 
-  /// Of cam_from_world, from the rows of world_from_cam.
+  /// The rotation of cam_from_world, from the rows of world_from_cam.
   Mat3<float> rotation() const {
     const Json& rows = at("rotation");
     if (!rows.is_array() || rows.size() != 3) fail("has no three rows in rotation");

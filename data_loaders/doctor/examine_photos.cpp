@@ -101,7 +101,7 @@ void report_quality(Examination& examination, const std::vector<std::size_t>& re
                     named(outliers.odd_exposure));
 }
 
-/// What the header of one photo says.
+/// The contents of one photo's header.
 struct Header {
   std::string error;  // empty if it could be read
   int orientation = 1;

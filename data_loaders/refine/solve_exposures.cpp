@@ -10,7 +10,8 @@
 namespace gs {
 namespace {
 
-/// In all photos together: more would tell nothing new about three numbers per photo.
+/// The largest number of samples in all photos together: more would add nothing to three numbers
+/// per photo.
 constexpr std::size_t kMostColorSamples = 1000000;
 
 void log_exposures(const ExposureFit& fit) {

@@ -26,7 +26,7 @@ std::unique_ptr<Backend> make_cuda_backend(int) {
 }
 #endif
 
-// Of "cuda" and "cuda:N".
+// The number N of "cuda:N"; 0 for "cuda".
 int cuda_index(const std::string& device) {
   if (device == "cuda") return 0;
   constexpr std::string_view kPrefix = "cuda:";

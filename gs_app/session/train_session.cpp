@@ -114,7 +114,8 @@ void TrainSession::choose_run() {
   config_ = resumed_ ? resumed_->config : config_of_new_run();
 }
 
-// With absolute paths, so that the run's folder can be used from anywhere.
+// The settings of a new run. Paths are made absolute, so that the run's folder can be used from
+// anywhere.
 Config TrainSession::config_of_new_run() const {
   Config config = request_.settings({});
   if (!request_.scene && config.dataset.source.empty())
@@ -214,7 +215,7 @@ void TrainSession::finish() {
   if (request_.writes_report) write_final_report(*folder_, results_text);
   write_text(folder_->results(), results_text);  // last: it says that the run is finished
   checkpoints_->keep_only_newest();
-  // Nothing can be lost any more.
+  // From here on the run is saved, and nothing can be lost.
   guarded("an export", [&] { export_run(request_.exports, *folder_, *trainer_); });
 }
 

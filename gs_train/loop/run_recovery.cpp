@@ -84,7 +84,7 @@ void RunRecovery::guarded_or_skipped(const std::string& what, const std::functio
     log_warning("step {}: {} is skipped for lack of memory: {}", run_.step, what, memory_error_);
 }
 
-// At the first attempt, or at the second with less memory in use.
+// Runs the work. If memory runs out, releases memory and runs it again. Returns whether that fitted.
 bool RunRecovery::fits(const std::string& what, const std::function<void()>& f) {
   if (fits_into_memory(f, memory_error_)) return true;
   release_memory(what);
@@ -169,7 +169,7 @@ bool RunRecovery::checkpoint_is_due(bool is_stopped) const {
   return is_stopped || (run_.is_over() && is_kept_at_the_end) || timer_.due(run_.step);
 }
 
-// Only of a sound model: from another one a run could not go on.
+// Keeps a checkpoint only of a valid model, because a run could not go on from another one.
 void RunRecovery::keep_checkpoint() {
   if (!store_) return;
   check_parameters();
