@@ -87,7 +87,7 @@ Subject trained_subject(const BenchCommand& command) {
   subject.config = resolve(command, opened.config);
   const DatasetConfig& dataset = subject.config.dataset;
   if (dataset.source.empty())
-    throw UsageError("the model has no views to be timed on; give its scene with --data SCENE");
+    throw UsageError("the model has no views to time; give its scene with --data SCENE");
   set_thread_count(subject.config.train.threads);
   subject.model = opened.ply.string();
   subject.scene = dataset.source;
@@ -106,7 +106,7 @@ Subject subject_of(const BenchCommand& command) {
   const bool is_generated = command.gaussians > 0;
   if (is_generated == !command.model.empty())
     throw UsageError(
-        "give one of these to be timed: a run's folder, a PLY with --data SCENE, or --gaussians N "
+        "give one of these to time: a run's folder, a PLY with --data SCENE, or --gaussians N "
         "for a generated scene");
   if (is_generated && (command.has("dataset.source") || command.has("dataset.resolution")))
     throw UsageError(
@@ -315,7 +315,7 @@ void add_generator_options(CLI::App& verb, BenchCommand& command) {
         ->group("Generated scene");
   };
   add("--gaussians", command.gaussians, kMostGaussians,
-      "generate a scene with so many random Gaussians");
+      "time a generated scene with this many random Gaussians");
   add("--width", command.width, kMaxPictureSide, "width of its views in pixels [1280]");
   add("--height", command.height, kMaxPictureSide, "height of its views in pixels [720]");
   add("--views", command.views, kMostViews, "number of its views [8]");
@@ -330,7 +330,7 @@ void add_plan_options(CLI::App& verb, BenchmarkPlan& plan) {
   };
   add("--steps", plan.steps, 1, "timed training steps [200]");
   add("--warmup", plan.warmup, 0, "untimed training steps before them [50]");
-  add("--frames", plan.frames, 1, "timed frames of each view, after an untimed one [5]");
+  add("--frames", plan.frames, 1, "timed frames of each view, after one untimed frame [5]");
   verb.add_option("--scales", plan.scales,
                   "sizes of rendered pictures, as multiples of the views' size [1]")
       ->check(CLI::Range(0.01, 100.0))

@@ -93,7 +93,7 @@ class Progress {
 
   void started(const ExperimentRun& run, const RunSlot& slot) {
     bar_.clear();
-    log_info("{} begins{}; log: {}", run.name(), slot.device.empty() ? "" : " on " + slot.device,
+    log_info("{} starts{}; log: {}", run.name(), slot.device.empty() ? "" : " on " + slot.device,
              run.log().string());
   }
 
@@ -200,8 +200,8 @@ void run_all(const ExperimentCommand& command, const Experiment& experiment,
 void run_only(const ExperimentCommand& command, const Experiment& experiment,
               const std::vector<ExperimentRun>& runs) {
   if (std::size_t(command.only) >= runs.size())
-    throw UsageError(fmt::format("--only {}: {} has the runs 0 to {}", command.only, command.file,
-                                 runs.size() - 1));
+    throw UsageError(fmt::format("--only {}: the runs of {} have the numbers 0 to {}", command.only,
+                                 command.file, runs.size() - 1));
   const ExperimentRun& run = runs[std::size_t(command.only)];
   const FolderLock lock(lock_file(experiment), experiment.output, FolderLock::Kind::shared);
   const FolderLock run_lock(run.lock(), run.folder.root(), FolderLock::Kind::alone);
@@ -262,7 +262,7 @@ void add_experiment(CLI::App& program) {
       ->type_name("FILE.toml")
       ->required();
   verb.add_option("--devices", command->devices,
-                  "spread the runs over these devices [train.device of each run]")
+                  "distribute the runs over these devices [train.device of each run]")
       ->type_name("cuda:0,cuda:1,...")
       ->delimiter(',');
   verb.add_option("--jobs", command->jobs, "runs at a time on each device [1]")

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat VERB: reads the command line, runs one verb, and tells the user what went wrong: the one catch
-// of the program, and its exit codes.
+// gemsplat VERB: reads the command line, runs one verb, and tells the user what went wrong. This is
+// the only place that catches errors.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>

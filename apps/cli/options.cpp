@@ -67,7 +67,7 @@ void check_resolution_flag(const std::string& flag) {
     if (resolution == divisor) return;
   if (resolution >= 16) return;
   throw UsageError(fmt::format(
-      "-r {}: give 1, 2, 4 or 8 to divide the photos' size, or a width in pixels from 16 on{}",
+      "-r {}: give 1, 2, 4 or 8 to divide the photos' size, or a width of at least 16 pixels{}",
       resolution,
       resolution == -1 ? "; for -1 of other trainers, give -r 1600 if the photos are wider" : ""));
 }
@@ -113,12 +113,12 @@ void add_setting(CLI::App& verb, CommandLine& line, const std::string& names,
 
 void add_general_options(CLI::App& verb, CommandLine& line) {
   verb.add_option("-c,--config", line.config_files,
-                  "settings: a TOML file, a run's folder or a preset; may be given again")
+                  "take settings from a TOML file, a run's folder or a preset; may be repeated")
       ->type_name("FILE|RUN|PRESET")
       ->expected(1)
       ->take_all()
       ->group("Settings");
-  verb.add_option("--set", line.settings, "one setting, over the files; may be given again")
+  verb.add_option("--set", line.settings, "change one setting; wins over -c; may be repeated")
       ->type_name("SECTION.KEY=VALUE")
       ->expected(1)
       ->take_all()
@@ -132,11 +132,11 @@ void add_general_options(CLI::App& verb, CommandLine& line) {
 void add_http_place(CLI::App& verb, HttpPlace& place, const std::string& prefix,
                     const std::string& group) {
   verb.add_option(prefix + "host", place.host,
-                  "address to listen at [127.0.0.1: for this machine alone]")
+                  "address to listen at [127.0.0.1: this machine only]")
       ->type_name("ADDRESS")
       ->group(group);
   verb.add_option(prefix + "port", place.port,
-                  "port to listen at [the first free one from 7070 on]; 0: any")
+                  "port to listen at; 0: any free port [the first free one from 7070 on]")
       ->check(CLI::Range(0, 65535))
       ->type_name("N")
       ->group(group);

@@ -31,7 +31,7 @@ ModelPointer copied(const Model& from) {
   return model;
 }
 
-// ---- to arrays ------------------------------------------------------------------------------------------
+// ---- to arrays ---------------------------------------------------------------------------------
 
 py::object view_of(const py::object& self, const void* data, const Shape& shape,
                    const Shape& strides = {}) {
@@ -75,7 +75,7 @@ std::string description(const Model& model) {
                      model.model.antialiased ? ", antialiased" : "");
 }
 
-// ---- files ----------------------------------------------------------------------------------------------
+// ---- files -------------------------------------------------------------------------------------
 
 ModelPointer load(const std::filesystem::path& path, std::optional<int> step) {
   const Work work;
@@ -85,7 +85,7 @@ ModelPointer load(const std::filesystem::path& path, std::optional<int> step) {
 std::size_t save(const Model& model, const std::filesystem::path& path, bool replace,
                  int spz_version) {
   if (spz_version != 3 && spz_version != 4)
-    throw UsageError(fmt::format("spz_version must be 3 or 4, and is {}", spz_version));
+    throw UsageError(fmt::format("spz_version must be 3 or 4, but is {}", spz_version));
   const std::filesystem::path sidecar = sidecar_of(path);  // it speaks of an older file
   for (const std::filesystem::path& file : {path, sidecar})
     if (std::filesystem::exists(file) && !replace)
@@ -198,15 +198,14 @@ are left out, with a warning. A file that is there is kept (UsageError), unless 
       "sh_degree", [](const Model& self) { return self.model.sh_degree; }, "0 to 3.");
   model.def_property_readonly(
       "antialiased", [](const Model& self) { return self.model.antialiased; },
-      "Trained, and so rendered, with the antialiased projection.");
+      "Whether it was trained, and is rendered, with the antialiased projection.");
   model.def_property_readonly(
       "world_offset",
       [](const Model& self) {
         const Vec3d& offset = self.model.world_offset;
         return py::make_tuple(offset.x, offset.y, offset.z);
       },
-      "Three floats: add them to the means to have the photos' own coordinates; 0 for most "
-      "scenes.");
+      "Three floats: add them to the means to get the photos' own coordinates; 0 for most scenes.");
   module.def(
       "load", load, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
       py::arg("step") = py::none(),

@@ -80,7 +80,7 @@ class BinaryFile {
     bytes_.skip(bytes);
   }
 
-  /// After the last record: nothing may follow.
+  /// Checks that nothing follows the last record.
   void expect_end() const {
     if (bytes_.left()) fail(fmt::format("{} bytes follow its last record", bytes_.left()));
   }

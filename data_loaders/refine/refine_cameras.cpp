@@ -160,7 +160,7 @@ class Adjustment {
     return lens.lens;
   }
 
-  /// By the image's pose, pixels.
+  /// The reprojection error of an observation with the current pose of its image, in pixels.
   Vec2d error_of(const Observation& observation) const {
     const ColmapImage& image = model_.images[observation.image];
     const ColmapCamera& camera = model_.cameras.at(image.camera_id);

@@ -143,7 +143,7 @@ void CheckedReader::finish() {
 }
 
 void CheckedReader::damaged() {
-  cannot_read(reader_.path(), "it is cut short or damaged: its checksum does not fit");
+  cannot_read(reader_.path(), "it is cut short or damaged: its checksum does not match");
 }
 
 }  // namespace gs

@@ -68,7 +68,7 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   recovery_.resume(std::move(from));
 }
 
-// ---- the loop -------------------------------------------------------------------------------------------
+// ---- the loop ----------------------------------------------------------------------------------
 
 void Trainer::run() {
   start();
@@ -126,7 +126,7 @@ void Trainer::maintain(int step) {
   if (run_.schedule.reorder(step)) sort_by_morton();
 }
 
-// ---- before and after it --------------------------------------------------------------------------------
+// ---- before and after it -----------------------------------------------------------------------
 
 void Trainer::start() {
   prefetch_decode(run_.step + 1, run_.step + int(kPhotosAhead));
@@ -164,7 +164,7 @@ void Trainer::notify(const std::function<void(Observer&)>& f) {
     recovery_.guarded("logging, evaluation or saving", [&] { f(*observer); });
 }
 
-// ---- looking at it --------------------------------------------------------------------------------------
+// ---- looking at it -----------------------------------------------------------------------------
 
 double Trainer::loss() {
   const double loss = run_.loss();

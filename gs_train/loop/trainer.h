@@ -81,7 +81,7 @@ class Trainer {
   RenderSettings evaluation_settings() const;
   const Schedule& schedule() const { return run_.schedule; }
   const Scene& scene() const { return run_.scene; }
-  /// As given. Where density.max_gaussians was auto, it is the number that was found.
+  /// The config as it was given, except that density.max_gaussians is a number if it was auto.
   const Config& config() const { return run_.config; }
   Backend& backend() { return run_.backend; }
   /// The loss of the last step. Waits for the device.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tables of an experiment, from run folders that the test writes. Experiments that really train:
-// tests/cli/experiment_test.cpp.
+// The tables of an experiment, from run folders that the test writes. tests/cli/experiment_test.cpp
+// has experiments that really train.
 #include "gs_app/experiment/experiment_tables.h"
 
 #include <gmock/gmock.h>
@@ -36,7 +36,8 @@ class ExperimentTables : public ::testing::Test {
 
   fs::path path(const std::string& name) const { return temp_.path() / name; }
 
-  /// Writes what the tables read of a finished run: settings, results, and views of this width.
+  /// Writes the files of a finished run that the tables read: settings, results, and views of this
+  /// width.
   void finish(const ExperimentRun& run, int width, double psnr = 25) {
     prepare(run);
     const Json results = {{"test", {{"psnr", psnr}}}, {"scene_hash", "hash of " + run.scene}};

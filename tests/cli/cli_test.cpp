@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The program as users run it: what it prints, writes and returns, on the scene of tests/support/program.h.
+// The program as users run it: its output, files and exit codes, on the scene of
+// tests/support/program.h.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -86,7 +87,7 @@ TEST_F(Program, ExposuresAndRefinedCamerasAreReportedAndAppliedAgain) {
 TEST_F(Program, SceneFarFromTheOriginKeepsItsOffsetBesideTheModel) {
   write_scene(path("scene"));
   std::istringstream images(read_bytes(path("scene/sparse/0/images.txt")));
-  std::ostringstream moved;  // 500,000 along x: rotations are none
+  std::ostringstream moved;  // moved by 500,000 along x; no camera is rotated
   moved.precision(12);
   for (std::string line; std::getline(images, line);) {
     std::istringstream words(line);
@@ -202,7 +203,7 @@ TEST_F(Program, TrainingSaysHowLongItTakesHereAndThatItEvaluates) {
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.err,
               AllOf(HasSubstr("50 steps took "), HasSubstr(" s here: the other 150 take "),
-                    HasSubstr("it is evaluated now")));
+                    HasSubstr("now it is evaluated")));
   EXPECT_THAT(train("brief").err, Not(HasSubstr("steps took")));
 }
 
@@ -314,7 +315,7 @@ TEST_F(Program, EvalOfARunFindsTheFiguresOfItsTraining) {
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const nlohmann::json figures = nlohmann::json::parse(outcome.out);
   const nlohmann::json expected = json("out/results.json").at("test");
-  // The PLY holds rotations of length 1, so that pictures agree to rounding only.
+  // The PLY holds rotations of length 1, so pictures agree up to rounding only.
   EXPECT_NEAR(figures.at("psnr").get<double>(), expected.at("psnr").get<double>(), 0.01);
   EXPECT_NEAR(figures.at("ssim").get<double>(), expected.at("ssim").get<double>(), 0.001);
   EXPECT_EQ(figures.at("views").size(), 2u);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat export and train --export as users run them, and other verbs on what they wrote.
+// gemsplat export and train --export as users run them, and other verbs on the files that they
+// write.
 #include <gmock/gmock.h>
 
 #include "tests/support/program.h"
@@ -22,7 +23,7 @@ class Export : public Program {
   Outcome export_run(const std::string& more) {
     return run("export " + text("run") + " " + more + " --device cpu");
   }
-  // The product of two matrices of a sidecar.
+  // An entry of the product of two matrices of a sidecar.
   static double entry(const nlohmann::json& a, const nlohmann::json& b, int i, int j) {
     double sum = 0;
     for (int k = 0; k < 4; ++k) sum += a[i][k].get<double>() * b[k][j].get<double>();
@@ -153,7 +154,7 @@ TEST_F(Export, AFarSceneIsShiftedBackInCsvAndItsOffsetIsNamedElsewhere) {
   ASSERT_EQ(export_run(text("b.csv") + " --recenter").code, 0);
   EXPECT_LT(std::abs(std::stod(
                 read_bytes(path("b.csv")).substr(read_bytes(path("b.csv")).find('\n') + 1))),
-            100);  // it was asked to lie at the origin
+            100);  // --recenter moved it to the origin
 }
 
 TEST_F(Export, TheTableHasEveryFormat) {
@@ -181,7 +182,7 @@ TEST_F(Export, OneFileNamedTwiceIsAnError) {
   EXPECT_FALSE(fs::exists(path("a.spz")));
 }
 
-// As runs of the reference trainer are.
+// Runs of the reference trainer are like this.
 TEST_F(Export, RunsWithoutASplitOrCamerasAreExported) {
   train("run");
   fs::remove(path("run/split.json"));
@@ -191,7 +192,7 @@ TEST_F(Export, RunsWithoutASplitOrCamerasAreExported) {
   fs::remove(path("run/cameras.json"));
   const Outcome none = export_run(text("b.spz"));
   EXPECT_EQ(none.code, 0) << none.err;
-  EXPECT_THAT(none.err, HasSubstr("no views to measure on"));
+  EXPECT_THAT(none.err, HasSubstr("there are no views"));
 }
 
 TEST_F(Export, WhatAFormatCannotSayIsReadFromItsSidecar) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flags as users of other trainers type them.
+// Flags of other trainers, as their users type them.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <unistd.h>
@@ -44,7 +44,7 @@ TEST_F(Flags, TheModelOfEvalAndRenderMayBeNamedByItsFlag) {
   for (const std::string flags : {"eval --json -m ", "eval --model_path=", "render -o x -m ",
                                   "render -o x --write color --model-path "}) {
     const Outcome outcome = run(flags + text("nowhere"));
-    EXPECT_EQ(outcome.code, 3) << flags << outcome.err;  // it is looked for
+    EXPECT_EQ(outcome.code, 3) << flags << outcome.err;  // the flag was read: it looks for the file
     EXPECT_THAT(outcome.err, HasSubstr(text("nowhere"))) << flags;
   }
 }

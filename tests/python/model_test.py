@@ -85,10 +85,10 @@ class Refusals(TestCase):
         self.refuse("0, 3, 8 or 15 coefficients .*, and has 4", sh_rest=np.zeros((50, 4, 3)))
 
     def test_wrong_types(self):
-        self.refuse("means must hold real numbers, and is of dtype complex128", means=np.zeros((50, 3), complex))
-        self.refuse("means must hold real numbers, and is of dtype bool", means=np.zeros((50, 3), bool))
-        self.refuse("means must hold real numbers, and is of dtype <U1", means=[["a", "b", "c"]] * 50)
-        self.refuse("means must hold real numbers, and is of dtype object", means=None)
+        self.refuse("means must hold real numbers, but is of dtype complex128", means=np.zeros((50, 3), complex))
+        self.refuse("means must hold real numbers, but is of dtype bool", means=np.zeros((50, 3), bool))
+        self.refuse("means must hold real numbers, but is of dtype <U1", means=[["a", "b", "c"]] * 50)
+        self.refuse("means must hold real numbers, but is of dtype object", means=None)
 
     def test_values_that_are_not_finite(self):
         means = random_arrays()["means"]

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// For tests that drive a library into an error in which it loses memory of its own. Includes of this file overlook what
-// OpenImageIO loses in whatever thread.
+// For tests that provoke an error in a library that then leaks memory of its own. Including this
+// header also suppresses reports of OpenImageIO's leaks in all threads.
 #pragma once
 
 #include "tests/support/sanitizers.h"
@@ -15,7 +15,8 @@ extern "C" __attribute__((used, weak)) const char* __lsan_default_suppressions()
 
 namespace gs {
 
-/// While it lives, LeakSanitizer overlooks what this thread allocates; nothing in other builds.
+/// While it lives, LeakSanitizer ignores allocations of this thread. It does nothing in other
+/// builds.
 class IgnoreForeignLeaks {
  public:
   IgnoreForeignLeaks() = default;

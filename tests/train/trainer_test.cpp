@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whole runs on a small scene that the test renders itself from Gaussians that it knows.
+// Whole runs on a small scene that the test renders from known Gaussians.
 #include "gs_train/loop/trainer.h"
 
 #include <gtest/gtest.h>
@@ -62,7 +62,8 @@ TEST_F(SmallRun, DependsOnTheSeed) {
   EXPECT_FALSE(same_bits(trained(config), one));
 }
 
-/// A short run under MCMC, from the points' own size; half of its Gaussians are there at the start.
+/// A short run under MCMC, with initial scales from the points; it starts with half of its
+/// Gaussians.
 Config short_mcmc_run() {
   Config config = short_run();
   config.density.strategy = "mcmc";
@@ -109,7 +110,7 @@ TEST_F(SmallRun, FindsOutHowManyGaussiansThereIsMemoryFor) {
   EXPECT_GT(trainer.config().density.max_gaussians, 100);
 }
 
-/// Notes what it sees; asks for the end after one step.
+/// Records what it sees, and asks for the end after one step.
 class Watcher : public Observer {
  public:
   explicit Watcher(int stop_after = 0) : stop_after_(stop_after) {}
@@ -167,7 +168,8 @@ TEST_F(SmallRun, TrainsUnderEverySettingOfTheRenderer) {
     }
 }
 
-/// The scene with a mask of a disc in each photo, and where it is black, `garbage` xor'ed into the photo.
+/// The scene with a disc as mask in each photo; where the mask is black, `garbage` is xor'ed into
+/// the photo.
 Scene masked_scene(const Scene& scene, std::uint8_t garbage) {
   Scene masked;
   masked.points = scene.points;
@@ -197,10 +199,10 @@ TEST_F(SmallRun, DoesNotSeeWhatMasksIgnore) {
   EXPECT_FALSE(same_bits(trained(short_run()), of_clean));  // masks do matter
   const Evaluation evaluation = evaluate(backend_->renderer(), on_dirty.model().gaussians.span(),
                                          dirty.train_views, on_dirty.evaluation_settings());
-  EXPECT_GT(evaluation.psnr, 22);  // of what trains
+  EXPECT_GT(evaluation.psnr, 22);  // measured on trained pixels
 }
 
-/// The scene's Gaussians without background: color and what it covers.
+/// The Gaussians of the scene without background: color, and alpha as mask.
 Scene cut_out_scene(const Scene& scene, Renderer& renderer, const GaussiansSpan& truth) {
   Scene cut_out;
   cut_out.points = scene.points;
@@ -223,7 +225,7 @@ Scene cut_out_scene(const Scene& scene, Renderer& renderer, const GaussiansSpan&
   return cut_out;
 }
 
-// On one background alone, Gaussians of its color could stand for it.
+// On a single background, Gaussians of its color could replace it.
 TEST_F(SmallRun, OnRandomBackgroundsLearnsWhatAlphaCovers) {
   Config config = short_run();
   config.render.background = Background::random;
