@@ -9,6 +9,7 @@ install_packages
 build default installed
 say "Ready: build/default/bin/gemsplat --help"
 if compgen -G 'build/default/python/gemsplat/_gemsplat*.so' >/dev/null; then
-  say "For Python: export PYTHONPATH=$PWD/build/default/python"
+  python=$(sed -n 's/^_Python3_EXECUTABLE:INTERNAL=//p' build/default/CMakeCache.txt)
+  say "For Python: export PYTHONPATH=$PWD/build/default/python; the module is built for ${python:-python3}"
 fi
 say "To install it: cmake --install build/default --prefix FOLDER"

@@ -3,6 +3,7 @@
 
 import gc
 import multiprocessing
+import subprocess
 import sys
 import unittest
 
@@ -174,6 +175,14 @@ class Files(TestCase):
             gemsplat.load(self.folder / "broken.ply")
         with self.assertRaisesRegex(gemsplat.Error, "holds no point_cloud"):
             gemsplat.load(self.folder)
+
+
+class WithoutNumPy(TestCase):
+    def test_the_import_names_the_python_that_lacks_it(self):
+        script = "import sys; sys.modules['numpy'] = None; import gemsplat"
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn(f"gemsplat needs NumPy, and {sys.executable} lacks it", done.stderr)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,14 @@ docs/embedding.md explains all of it; __init__.pyi has the signatures.
 """
 
 try:
+    import numpy as _numpy  # what the arrays of a model and the pictures are
+except ModuleNotFoundError as error:
+    import sys
+
+    error.msg = f"gemsplat needs NumPy, and {sys.executable} lacks it: install NumPy there, or use the Python that scripts/setup.sh names"
+    raise
+
+try:
     from ._gemsplat import (
         Camera,
         Error,
