@@ -123,7 +123,8 @@ void add_general_options(CLI::App& verb, CommandLine& line) {
       ->expected(1)
       ->take_all()
       ->group("Settings");
-  add_setting(verb, line, "--device", "train.device", "Machine");
+  add_setting(verb, line, "--device", "train.device", "Machine",
+              "where to compute; cuda:N is the GPU with that number");
   add_setting(verb, line, "--threads", "train.threads", "Machine");
   verb.add_flag("-q,--quiet", line.quiet, "print warnings and errors only")->group("Messages");
   verb.add_flag("-v,--verbose", line.verbose, "print more")->group("Messages");
