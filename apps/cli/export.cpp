@@ -186,7 +186,7 @@ void add_export(CLI::App& program) {
       ->group("Frame");
   verb.add_flag("--no-measure", command->unmeasured,
                 "do not measure what lossy files lose: no rendering");
-  add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
+  add_camera_options(verb, *command, "-d,--data,-s,--source-path");
   add_render_options(verb, *command, "of the files, if the model has more");
   add_general_options(verb, *command);
   verb.callback([command] { run_export(*command); });

@@ -142,17 +142,25 @@ void add_http_place(CLI::App& verb, HttpPlace& place, const std::string& prefix,
       ->group(group);
 }
 
-void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
+void add_camera_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
   add_setting(verb, line, scene_names, "dataset.source", "Scene");
   add_setting(verb, line, "--images", "dataset.images", "Scene");
+  add_setting(verb, line, "-r,--resolution", "dataset.resolution", "Scene");
+  add_setting(verb, line, "--test-every", "dataset.test_every", "Scene");
+  add_foreign_flags(verb, line, "dataset.");
+}
+
+void add_mask_options(CLI::App& verb, CommandLine& line) {
   add_setting(verb, line, "--masks", "dataset.masks", "Scene");
   add_setting(verb, line, "--mask-mode", "dataset.mask_mode", "Scene");
   add_setting(verb, line, "--invert-masks", "dataset.invert_masks", "Scene");
-  add_setting(verb, line, "-r,--resolution", "dataset.resolution", "Scene");
-  add_setting(verb, line, "--test-every", "dataset.test_every", "Scene");
+}
+
+void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
+  add_camera_options(verb, line, scene_names);
+  add_mask_options(verb, line);
   add_setting(verb, line, "--photo-ram", "dataset.photo_ram_gib", "Machine");
   add_setting(verb, line, "--photo-cache", "dataset.photo_cache", "Machine");
-  add_foreign_flags(verb, line, "dataset.");
 }
 
 void add_render_options(CLI::App& verb, CommandLine& line, const std::string& sh_degree_help) {
