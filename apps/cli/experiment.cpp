@@ -218,16 +218,17 @@ void run_only(const ExperimentCommand& command, const Experiment& experiment,
   if (is_finished(run)) return log_info("{} is finished already", run.name());
   std::string why;
   StatusLog status(command.status_every);
-  const PoolEvents events = {
-      [&](const auto& started, const auto&) {
-        log_info("{} begins; log: {}", started.name(), started.log().string());
-        status.started(started);
-      },
-      [&](const auto& ended, const auto& end, double, const auto& error) {
-        status.ended(ended);
-        if (!error.empty() || !end.good() || !is_finished(ended)) why = describe(end, error);
-      },
-      [&](std::size_t) { status.waiting(); }};
+  const PoolEvents events = {[&](const auto& started, const auto&) {
+                               log_info("{} begins; log: {}", started.name(),
+                                        started.log().string());
+                               status.started(started);
+                             },
+                             [&](const auto& ended, const auto& end, double, const auto& error) {
+                               status.ended(ended);
+                               if (!error.empty() || !end.good() || !is_finished(ended))
+                                 why = describe(end, error);
+                             },
+                             [&](std::size_t) { status.waiting(); }};
   if (!run_pool({&run}, {slots_of(command).front()}, events)) throw_stopped(command);
   if (!why.empty())
     throw Error(fmt::format("{} failed: {}; log: {}", run.name(), why, run.log().string()));

@@ -22,9 +22,9 @@ using ::testing::Not;
 
 TEST_F(Program, PrintsItsVersionAndHelp) {
   const Outcome version = run("--version");
-  EXPECT_TRUE(std::regex_match(
-      version.out, std::regex(R"(gemsplat \d+\.\d+\.\d+(, commit [0-9A-Za-z._-]+)?, )"
-                              R"((without CUDA|CUDA \d+[.\d]* for [0-9a-z, -]+)\n)")))
+  EXPECT_TRUE(std::regex_match(version.out,
+                               std::regex(R"(gemsplat \d+\.\d+\.\d+(, commit [0-9A-Za-z._-]+)?, )"
+                                          R"((without CUDA|CUDA \d+[.\d]* for [0-9a-z, -]+)\n)")))
       << version.out;
   EXPECT_TRUE(run("info").out.starts_with(version.out)) << "both describe the build alike";
   const Outcome help = run("train --help");

@@ -168,8 +168,9 @@ TEST_F(Experiment, WithoutATerminalItSaysHowFarTheRunsAre) {
   write_experiment(150);
   const Outcome outcome = experiment("--jobs 2 --status-every 0.001");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_THAT(outcome.err, ContainsRegex("0 of 8 runs done; .*scene_a/plain/seed1 at step "
-                                         "[0-9]+ of 150, scene_a/plain/seed2 at step [0-9]+ of 150"));
+  EXPECT_THAT(outcome.err,
+              ContainsRegex("0 of 8 runs done; .*scene_a/plain/seed1 at step "
+                            "[0-9]+ of 150, scene_a/plain/seed2 at step [0-9]+ of 150"));
 }
 
 TEST_F(Experiment, SurvivesKill9OfAChild) {

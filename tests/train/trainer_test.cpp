@@ -58,9 +58,9 @@ TEST_F(SmallRun, RefusesAModelToStartFromThatItCannotRead) {
   Config config = short_run();
   config.model.start_from = "trained.ply";
   const auto make = [&] { Trainer(scene_, config, *backend_); };
-  EXPECT_THAT(make, testing::ThrowsMessage<UsageError>(testing::AllOf(
-                        testing::HasSubstr("model.start_from is \"trained.ply\""),
-                        testing::HasSubstr("state_from_model"))));
+  EXPECT_THAT(make, testing::ThrowsMessage<UsageError>(
+                        testing::AllOf(testing::HasSubstr("model.start_from is \"trained.ply\""),
+                                       testing::HasSubstr("state_from_model"))));
 }
 
 TEST_F(SmallRun, DependsOnTheSeed) {
