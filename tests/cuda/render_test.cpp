@@ -332,5 +332,17 @@ TEST_F(CudaEdge, NotANumberAnywhere) {
   expect_same_picture(mixed, camera);
 }
 
+// A sum of 32 bits would wrap to 65,536 here, which looks like a view that can be sorted.
+TEST_F(CudaEdge, MoreThan2To32InstancesAreRefused) {
+  const Gaussians many = copy_to(gpu().memory(), model_of_file(gaussians_over_every_tile(65537)));
+  RenderPass pass(gpu().memory());
+  try {
+    gpu().renderer().forward(many.span(), camera_of_65536_tiles(), {}, pass);
+    ADD_FAILURE() << "nothing was refused";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ExitCode::out_of_memory);
+  }
+}
+
 }  // namespace
 }  // namespace gs

@@ -131,6 +131,58 @@ TEST_F(CudaStep, TooLittleRoomLosesNothing) {
   expect_same(on_host(fused), on_host(plain), 2e-2);
 }
 
+TEST_F(CudaStep, MoreThan2To32InstancesAreRefused) {
+  std::vector<View> views = some_views(16, 16, 1);
+  views[0].camera = camera_of_65536_tiles();
+  views[0].photo = random_photo(4096, 4096, 1);
+  TrainingModel model = on_gpu(model_of(gaussians_over_every_tile(65537)));
+  const auto train = [&] {
+    gpu().step(model, views[0], {}, {0.2f}, kRates, {true});
+    gpu().synchronize(model);
+  };
+  EXPECT_THROW(train(), Error);
+}
+
+// Compute-sanitizer finds an illegal access here (scripts/gpu_check.sh).
+TEST_F(CudaStep, ModelsOfAnyNumbersAreTrained) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const float infinity = std::numeric_limits<float>::infinity();
+  for (const float value : {nan, infinity, -infinity, 1e30f, -1e30f, 1e-38f}) {
+    SCOPED_TRACE(value);
+    Gaussians odd = random_gaussians(kTypical, 600, views[0].camera, 1);
+    for (std::size_t i = 0; i < odd.count(); i += 2) {
+      switch (i / 2 % 6) {
+        case 0: odd.mean[i].x = value; break;
+        case 1: odd.mean[i].z = value; break;
+        case 2: odd.log_scale[i].y = value; break;
+        case 3: odd.rotation[i].w = value; break;
+        case 4: odd.logit_opacity[i] = value; break;
+        default: odd.sh0[i].y = value;
+      }
+    }
+    TrainingModel model = on_gpu(model_of(odd));
+    for (int step = 0; step < 6; ++step)
+      gpu().step(model, views[step % 3], {}, {0.2f}, kRates, {true});
+    gpu().synchronize(model);
+    EXPECT_EQ(model.adam_steps, 6);
+  }
+}
+
+// All of a view's Gaussians lie on one tile.
+TEST_F(CudaStep, AMillionGaussiansOnOneTileAreTrained) {
+  std::vector<View> views = some_views(160, 120, 1);
+  views[0].camera = plain_camera(160, 120);
+  Gaussians pile(1'000'000, host_memory());
+  for (std::size_t i = 0; i < pile.count(); ++i)
+    set_gaussian(pile, i, behind_pixel(views[0].camera, 24, 24, 2), 0.01f, 0.01f);
+  TrainingModel model = on_gpu(model_of(pile));
+  for (int step = 0; step < 3; ++step) gpu().step(model, views[0], {}, {0.2f}, kRates, {true});
+  gpu().synchronize(model);
+  EXPECT_EQ(model.adam_steps, 3);
+  for (const float number : downloaded(model.gaussians.mean)) EXPECT_TRUE(std::isfinite(number));
+}
+
 // Also where steps find too little room and are repeated.
 TEST_F(CudaStep, DeterministicStepsGiveTheSameBytesEachTime) {
   const std::vector<View> views = some_views(320, 240, 3);

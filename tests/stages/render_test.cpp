@@ -343,6 +343,17 @@ TEST(Render, StaysFiniteWithOddValuesAndDropsGaussiansThatAreNot) {
       }
 }
 
+TEST(Render, RefusesMoreThan2To32InstancesInAView) {
+  const Gaussians many = gaussians_over_every_tile(65537);
+  RenderPass pass;
+  try {
+    make_scalar_renderer()->forward(many.span(), camera_of_65536_tiles(), RenderSettings(), pass);
+    ADD_FAILURE() << "nothing was refused";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ExitCode::out_of_memory);
+  }
+}
+
 TEST(Render, LeavesTheSamePictureInAUsedPass) {
   const Camera large = random_camera(75, 50), small = random_camera(20, 30, 2);
   const Gaussians many = mixed_gaussians(30, large, 13),

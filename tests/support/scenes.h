@@ -113,6 +113,16 @@ inline void set_gaussian(const Gaussians& gaussians, std::size_t i, const Vec3f&
   gaussians.sh_rest[i] = {};
 }
 
+/// A camera of 4096 x 4096 pixels, and Gaussians that each hit all of its 65,536 tiles: `count` of
+/// 65,537 makes 2^32 + 65,536 instances.
+inline Camera camera_of_65536_tiles() { return plain_camera(4096, 4096); }
+inline Gaussians gaussians_over_every_tile(std::size_t count) {
+  Gaussians all(count, host_memory());
+  const Vec3f center = behind_pixel(camera_of_65536_tiles(), 2048, 2048, 2);
+  for (std::size_t i = 0; i < count; ++i) set_gaussian(all, i, center, 1000, 0.05f);
+  return all;
+}
+
 /// `count` Gaussians of a family for a camera, with coefficients of all SH degrees.
 inline Gaussians random_gaussians(const Recipe& recipe, std::size_t count, const Camera& camera,
                                   std::uint64_t seed) {
