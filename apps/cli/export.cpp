@@ -188,7 +188,7 @@ void add_export(CLI::App& program) {
       ->group("Frame");
   verb.add_flag("--no-measure", command->unmeasured,
                 "do not render pictures to measure the loss of lossy files");
-  add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
+  add_camera_options(verb, *command, "-d,--data,-s,--source-path");
   add_render_options(verb, *command, "highest SH degree in the files");
   add_general_options(verb, *command);
   verb.callback([command] { run_export(*command); });

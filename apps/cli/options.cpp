@@ -3,7 +3,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <charconv>
 
 #include "apps/cli/foreign_flags.h"
 #include "gs_core/config/config_fields.h"
@@ -54,22 +53,14 @@ std::string joined(const std::vector<std::string>& words) {
   return result;
 }
 
-// The values of -r that other trainers take, 3 and -1 for example, get an answer of their own. The
-// reference trainer's -1 shrinks photos that are wider than 1600 pixels.
-void check_resolution_flag(const std::string& flag) {
-  constexpr std::string_view kStart = "dataset.resolution=";
-  if (!flag.starts_with(kStart)) return;
-  const char *first = flag.data() + kStart.size(), *last = flag.data() + flag.size();
-  int resolution = 0;
-  const auto [end, failure] = std::from_chars(first, last, resolution);
-  if (failure != std::errc() || end != last) return;  // apply_setting() refuses it
-  for (const int divisor : {1, 2, 4, 8})
-    if (resolution == divisor) return;
-  if (resolution >= 16) return;
-  throw UsageError(fmt::format(
-      "-r {}: give 1, 2, 4 or 8 to divide the photos' size, or a width of at least 16 pixels{}",
-      resolution,
-      resolution == -1 ? "; for -1 of other trainers, give -r 1600 if the photos are wider" : ""));
+// Applies a flag. Where its value means something to other trainers, the refusal says what to give here.
+std::string apply_flag(Config& config, const std::string& flag) {
+  try {
+    return apply_setting(config, flag);
+  } catch (const UsageError& error) {
+    const std::string own = own_value(flag);
+    throw UsageError(error.what() + (own.empty() ? "" : "; here that is " + own));
+  }
 }
 
 }  // namespace
@@ -143,17 +134,25 @@ void add_http_place(CLI::App& verb, HttpPlace& place, const std::string& prefix,
       ->group(group);
 }
 
-void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
+void add_camera_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
   add_setting(verb, line, scene_names, "dataset.source", "Scene");
   add_setting(verb, line, "--images", "dataset.images", "Scene");
+  add_setting(verb, line, "-r,--resolution", "dataset.resolution", "Scene");
+  add_setting(verb, line, "--test-every", "dataset.test_every", "Scene");
+  add_foreign_flags(verb, line, "dataset.");
+}
+
+void add_mask_options(CLI::App& verb, CommandLine& line) {
   add_setting(verb, line, "--masks", "dataset.masks", "Scene");
   add_setting(verb, line, "--mask-mode", "dataset.mask_mode", "Scene");
   add_setting(verb, line, "--invert-masks", "dataset.invert_masks", "Scene");
-  add_setting(verb, line, "-r,--resolution", "dataset.resolution", "Scene");
-  add_setting(verb, line, "--test-every", "dataset.test_every", "Scene");
+}
+
+void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
+  add_camera_options(verb, line, scene_names);
+  add_mask_options(verb, line);
   add_setting(verb, line, "--photo-ram", "dataset.photo_ram_gib", "Machine");
   add_setting(verb, line, "--photo-cache", "dataset.photo_cache", "Machine");
-  add_foreign_flags(verb, line, "dataset.");
 }
 
 void add_render_options(CLI::App& verb, CommandLine& line, const std::string& sh_degree_help) {
@@ -172,10 +171,7 @@ Config resolve(const CommandLine& line, Config start, SettingOrigins* origins) {
   SettingOrigins known;
   for (const std::string& file : line.config_files) load_config(start, file, &known);
   for (const std::string& setting : line.settings) known[apply_setting(start, setting)] = "--set";
-  for (const std::string& flag : line.flags) {
-    check_resolution_flag(flag);
-    known[apply_setting(start, flag)] = "flag";
-  }
+  for (const std::string& flag : line.flags) known[apply_flag(start, flag)] = "flag";
   validate(start, known);
   if (origins) *origins = std::move(known);
   return start;

@@ -37,8 +37,12 @@ void add_setting(CLI::App& verb, CommandLine& line, const std::string& names,
 /// -c, --set, -q, -v, --threads, --device: what every verb that computes takes.
 void add_general_options(CLI::App& verb, CommandLine& line);
 
-/// The scene (`scene_names`: its flag's names), --images, --masks, --mask-mode, --invert-masks, -r,
-/// --test-every.
+/// The scene (`scene_names`: its flag's names), --images, -r, --test-every: all that poses and sizes of its cameras
+/// depend on.
+void add_camera_options(CLI::App& verb, CommandLine& line, const std::string& scene_names);
+/// --masks, --mask-mode, --invert-masks.
+void add_mask_options(CLI::App& verb, CommandLine& line);
+/// Both, and where decoded photos are kept: for verbs that use all photos.
 void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names);
 
 /// --background, -w, --antialiased, --blend-rule, --sh-degree. If the SH degree is that of a file to

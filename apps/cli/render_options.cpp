@@ -218,7 +218,7 @@ void add_render(CLI::App& program) {
           "cameras.json, transforms.json or the folder of a COLMAP model [those of the run]")
       ->type_name("FILE|FOLDER")
       ->group("Scene");
-  add_dataset_options(verb, command, "-d,--data,-s,--source-path");
+  add_camera_options(verb, command, "-d,--data,-s,--source-path");
   verb.get_option("--data")->excludes("--cameras");
   verb.add_option("--split", command.split,
                   "which views of the run or of --data [all; train for a --path]")

@@ -95,9 +95,8 @@ void add_view(CLI::App& program) {
   verb.add_option("--cameras", command->cameras, "cameras.json [that of the run]")
       ->type_name("FILE")
       ->group("Scene");
-  add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
-  for (const char* unused : {"--photo-ram", "--photo-cache"})  // photos are decoded one by one
-    verb.remove_option(verb.get_option(unused));
+  add_camera_options(verb, *command, "-d,--data,-s,--source-path");
+  add_mask_options(verb, *command);
   verb.get_option("--data")->excludes("--cameras");
   add_render_options(verb, *command);
   add_general_options(verb, *command);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The residuals of refine_cameras.cpp, the only user of this file: the distance between the pixel
-// where a point lands and the one where it was seen, and the change of each lens.
+// The residuals of refine_cameras.cpp: the distance between the pixel where a point lands and the one
+// where it was seen, and the change of each lens. refine_problem.cpp measures the same distance.
 #pragma once
 
 #include <ceres/ceres.h>

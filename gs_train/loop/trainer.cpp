@@ -22,6 +22,15 @@ const Scene& with_views(const Scene& scene) {
   return scene;
 }
 
+// Files of Gaussians are read above this library.
+const Config& without_file(const Config& config) {
+  if (config.model.start_from.empty()) return config;
+  throw UsageError(
+      "model.start_from is \"" + config.model.start_from +
+      "\", and a Trainer by itself reads no file: train with a TrainSession, or give the Trainer "
+      "state_from_model(config, scene), both of gs_app/session; or leave model.start_from empty");
+}
+
 // The cap that the run found at its start stays, however much memory is free now.
 Config with_known_cap(Config config, const RunProgress& progress) {
   if (config.density.max_gaussians == kAutoCount && progress.growth_cap > 0)
@@ -60,7 +69,8 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
 }
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
-    : Trainer(scene, config, backend, initial_model(with_views(scene), config, backend.memory())) {}
+    : Trainer(scene, config, backend,
+              initial_model(with_views(scene), without_file(config), backend.memory())) {}
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingState from)
     : Trainer(scene, with_known_cap(config, from.progress), backend,

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "gs_app/experiment/experiment_status.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -61,6 +62,25 @@ class ExperimentTables : public ::testing::Test {
   Experiment experiment_;
   std::vector<ExperimentRun> runs_;
 };
+
+TEST_F(ExperimentTables, AModelToStartFromIsRelativeToTheFile) {
+  experiment_.settings.push_back({"model.start_from=models/./first.ply", ""});
+  EXPECT_EQ(runs_of(experiment_).front().settings.model.start_from, path("models/first.ply"));
+  experiment_.settings.back().assignment = "model.start_from=/models/first.ply";
+  EXPECT_EQ(runs_of(experiment_).front().settings.model.start_from, "/models/first.ply");
+}
+
+using ExperimentStatus = ExperimentTables;
+
+TEST_F(ExperimentStatus, IsTheLastWholeRowOfTheMetrics) {
+  ExperimentRun& run = runs_.front();
+  run.settings.train.iterations = 7000;
+  run.settings.train.extra_steps = 500;
+  EXPECT_EQ(status_of(run), "a/plain/seed1 at step 0 of 7,500");
+  prepare(run);
+  write_text(run.folder.metrics(), "step,loss\n100,0.5\n2200,0.4\n23");  // it is being written
+  EXPECT_EQ(status_of(run), "a/plain/seed1 at step 2,200 of 7,500");
+}
 
 TEST_F(ExperimentTables, ShowSettingsOfOneSceneWithThatScene) {
   finish_all();

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <sstream>
 
 #include "data_loaders/photos/photos.h"
@@ -21,11 +22,28 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 TEST_F(Program, PrintsItsVersionAndHelp) {
-  EXPECT_THAT(run("--version").out, HasSubstr("gemsplat "));
+  const Outcome version = run("--version");
+  EXPECT_TRUE(std::regex_match(version.out,
+                               std::regex(R"(gemsplat \d+\.\d+\.\d+(, commit [0-9A-Za-z._-]+)?, )"
+                                          R"((without CUDA|CUDA \d+[.\d]* for [0-9a-z, -]+)\n)")))
+      << version.out;
+  EXPECT_TRUE(run("info").out.starts_with(version.out)) << "both describe the build alike";
   const Outcome help = run("train --help");
   EXPECT_EQ(help.code, 0);
   EXPECT_THAT(help.out,
               AllOf(HasSubstr("--iterations"), HasSubstr("--max-steps"), HasSubstr("30000")));
+}
+
+// results.json of a run, `info` and `--version` take the commit from one place.
+TEST_F(Program, TheVersionNamesTheCommitOfTheRunsProvenance) {
+  ASSERT_EQ(train("out", "-q").code, 0);
+  const std::string commit = json("out/results.json").at("commit");
+  EXPECT_EQ(nlohmann::json::parse(run("info --json").out).at("commit"), commit);
+  const std::string version = run("--version").out;
+  if (commit == "unknown")  // built from a tree without .git
+    EXPECT_THAT(version, Not(HasSubstr("commit")));
+  else
+    EXPECT_THAT(version, HasSubstr(", commit " + commit + ", "));
 }
 
 TEST_F(Program, PrintsTheResolvedConfigWithoutAScene) {

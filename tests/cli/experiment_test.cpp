@@ -18,6 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -161,6 +162,15 @@ TEST_F(Experiment, FinishedRunsAreNotRepeatedUnlessTheirSettingsChange) {
   EXPECT_TRUE(fs::exists(path("out/b/flat/seed1.bak-1/results.json")));  // nothing is lost
   EXPECT_EQ(fs::last_write_time(path("out/b/plain/seed1/results.json")), written);
   expect_complete_tables();
+}
+
+TEST_F(Experiment, WithoutATerminalItSaysHowFarTheRunsAre) {
+  write_experiment(150);
+  const Outcome outcome = experiment("--jobs 2 --status-every 0.001");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err,
+              ContainsRegex("0 of 8 runs done; .*scene_a/plain/seed1 at step "
+                            "[0-9]+ of 150, scene_a/plain/seed2 at step [0-9]+ of 150"));
 }
 
 TEST_F(Experiment, SurvivesKill9OfAChild) {

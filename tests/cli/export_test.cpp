@@ -98,6 +98,14 @@ TEST_F(Export, APlacedModelIsMeasuredWhereItWasAndItsMatricesInvert) {
   EXPECT_NEAR(sidecar["input_from_file"][3][3], 1, 1e-12);
 }
 
+TEST_F(Export, LossesAreMeasuredAtTheCamerasOfASceneWithoutDecodingItsPhotos) {
+  train("run");
+  damage_photos(path("scene/images"));
+  const Outcome outcome = export_run("--data " + text("scene") + " " + text("a.compressed.ply"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("dB PSNR"));
+}
+
 TEST_F(Export, ALowerShDegreeIsInTheFileAndItsLossIsMeasured) {
   train("run", "--iterations 60 --set train.sh_degree_every=5");
   const Outcome outcome =

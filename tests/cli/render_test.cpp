@@ -60,6 +60,15 @@ TEST_F(Render, TheColmapModelOfTheSceneGivesThePicturesOfTheRun) {
     EXPECT_LE(largest_difference(path("a") / name, path("b") / name), 1);
 }
 
+TEST_F(Render, TheCamerasOfASceneAreTakenWithoutDecodingItsPhotos) {
+  expect_done("--split test -o " + text("a"));
+  damage_photos(path("scene/images"));
+  ASSERT_EQ(run("eval " + text("run") + " --device cpu").code, 3) << "the photos can be decoded";
+  expect_done("--data " + text("scene") + " --test-every 3 --split test -o " + text("b"));
+  EXPECT_EQ(largest_difference(path("a/view_3.png"), path("b/view_3.png")), 0);
+  expect_refused("--masks none --data " + text("scene") + " -o " + text("c"), "--masks");
+}
+
 TEST_F(Render, EachQuantityHasAFileOfItsOwn) {
   expect_done("--split test --write color,normal,depth,alpha -o " + text("all"));
   for (const char* file : {"view_0.png", "view_0.depth.png", "view_0.alpha.png",

@@ -416,6 +416,8 @@ TEST(Setting, RefusesWhatItCannotUse) {
   EXPECT_THAT(refusal("train.sed=1"), HasSubstr("did you mean train.seed?"));
   EXPECT_THAT(refusal("train.iterations=soon"),
               AllOf(HasSubstr("train.iterations"), HasSubstr("soon"), HasSubstr("a whole number")));
+  EXPECT_THAT(refusal("dataset.resolution=3"),
+              HasSubstr("must be 1, 2, 4, 8, or from 16 to 65536"));
   EXPECT_THAT(refusal("train.device=tpu"), HasSubstr("cuda:N"));
   EXPECT_THAT(refusal("train.device=cuda:N"), HasSubstr("cuda:N"));
   EXPECT_THAT(refusal("train.device=cuda:"), HasSubstr("cuda:N"));

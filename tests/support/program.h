@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -65,6 +66,15 @@ inline void write_scene(const std::filesystem::path& folder, bool with_tracks = 
   write_bytes(folder / "sparse/0/cameras.txt", "1 PINHOLE 40 32 40 40 20 16\n");
   write_bytes(folder / "sparse/0/images.txt", images.str());
   write_bytes(folder / "sparse/0/points3D.txt", points.str());
+}
+
+/// Damages the pixels of every photo and leaves its header, which has the size, as it is.
+inline void damage_photos(const std::filesystem::path& folder) {
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    std::string bytes = read_bytes(entry.path());
+    std::fill(bytes.begin() + std::ptrdiff_t(bytes.size() / 2), bytes.end(), '\0');
+    write_bytes(entry.path(), bytes);
+  }
 }
 
 /// A test that runs the built `gemsplat` (GS_PROGRAM), in a folder of its own.

@@ -2,7 +2,7 @@
 // Whole runs on a small scene that the test renders from known Gaussians.
 #include "gs_train/loop/trainer.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
@@ -52,6 +52,15 @@ TEST_F(SmallRun, GivesTheSameBitsForTheSameSeedAndAnyNumberOfThreads) {
   EXPECT_TRUE(same_bits(trained(config), one));
   set_thread_count(0);
   EXPECT_TRUE(same_bits(trained(config), one));
+}
+
+TEST_F(SmallRun, RefusesAModelToStartFromThatItCannotRead) {
+  Config config = short_run();
+  config.model.start_from = "trained.ply";
+  const auto make = [&] { Trainer(scene_, config, *backend_); };
+  EXPECT_THAT(make, testing::ThrowsMessage<UsageError>(
+                        testing::AllOf(testing::HasSubstr("model.start_from is \"trained.ply\""),
+                                       testing::HasSubstr("state_from_model"))));
 }
 
 TEST_F(SmallRun, DependsOnTheSeed) {
