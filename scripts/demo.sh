@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # Trains the bundled scene: on the GPU where there is one, else a short run on the CPU (minutes on 2 cores).
-#   scripts/demo.sh           trains into out/demo; a finished run there is kept and only shown
+#   scripts/demo.sh           trains into out/demo; goes on with a run that was interrupted; a finished
+#                             one is only shown
 #   scripts/demo.sh --again   trains afresh into the next free folder: out/demo-2, ...
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
@@ -38,11 +39,14 @@ again=no
 case ${1:-} in
   '') ;;
   --again) again=yes ;;
-  *) sed -n '3,5s/^# //p' "$0"; exit 2 ;;
+  *) sed -n '3,6s/^# //p' "$0"; exit 2 ;;
 esac
 
+run=$(next_free_run)
 if [[ $again == no ]]; then
-  for run in $(runs); do is_finished "$run" && finished=$run; done
+  for folder in $(runs); do
+    if is_finished "$folder"; then finished=$folder; else run=$folder; fi
+  done
   if [[ -n ${finished:-} ]]; then
     say "$finished holds a finished run; ./scripts/demo.sh --again trains afresh, beside it"
     show "$finished"
@@ -57,9 +61,8 @@ schedule=(-c configs/cpu_tiny.toml)
 if nvidia-smi -L >/dev/null 2>&1 && grep -q '^GS_BUILT_WITH_CUDA:INTERNAL=TRUE' build/default/CMakeCache.txt; then
   schedule=()
 fi
-run=$(next_free_run)
 say "Training $scene into $run"
-"$program" train "$scene" -o "$run" --eval "${schedule[@]}"
+"$program" train "$scene" -o "$run" --eval --resume auto "${schedule[@]}"
 show "$run"
 if [[ -d build/default/python ]] && ! compgen -G 'build/default/python/gemsplat/_gemsplat*.so' >/dev/null; then
   say "The Python module is not built yet; ./scripts/setup.sh builds it (some minutes)"

@@ -188,7 +188,9 @@ TEST_F(Report, OfAResumedRunHasTheWholeCurve) {
   EXPECT_EQ(numbers(data.at("metrics").at("step")), (std::vector<int>{5, 10, 15, 20, 25, 30}));
   EXPECT_EQ(numbers(data.at("memory").at("step")), (std::vector<int>{5, 10, 15, 20, 25, 30}));
   EXPECT_EQ(data.at("results").at("iterations"), 30);
-  if (can_write()) EXPECT_TRUE(fs::exists(path("out/report.html.bak-1")));
+  if (can_write()) {
+    EXPECT_TRUE(fs::exists(path("out/report.html.bak-1")));
+  }
 }
 
 TEST_F(Report, OfAnExperimentHasMeansCurvesAndWaysToTheRuns) {

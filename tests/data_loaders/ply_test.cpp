@@ -624,7 +624,7 @@ TEST_F(Ply, DamagedHeadersNameTheLine) {
   EXPECT_THAT(error("format ascii 1.0\nelement vertex 1\nproperty list float int x"),
               HasSubstr("not an integer"));
   EXPECT_THAT(error("format ascii 1.0\nelement vertex 1\nproperty float x\nproperty int x"),
-              HasSubstr("x is there twice, in line 5"));
+              HasSubstr("x occurs twice, in line 5"));
   EXPECT_THAT(error("format ascii 1.0\nnonsense"), HasSubstr("\"nonsense\""));
   EXPECT_THAT(error_reading("ply\n" + std::string(3 << 20, 'x')), HasSubstr("no end"));
 }

@@ -410,7 +410,7 @@ TEST_F(Transforms, APhotoInBothListsIsForTestingWithAWarning) {
       "train_filenames": ["images/a.png", "images/b.png"], "test_filenames": ["images/b.png"]})"));
   EXPECT_THAT(
       testing::internal::GetCapturedStdout(),
-      AllOf(HasSubstr("1 photo is for training and for testing"), HasSubstr("transforms.json")));
+      AllOf(HasSubstr("1 photo is listed both for training and for testing"), HasSubstr("transforms.json")));
   EXPECT_THAT(scene.test_names, ElementsAre("images/b.png"));
   EXPECT_EQ(scene.model.images.size(), 2u);
 }
