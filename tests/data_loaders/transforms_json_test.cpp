@@ -408,9 +408,9 @@ TEST_F(Transforms, APhotoInBothListsIsForTestingWithAWarning) {
   testing::internal::CaptureStdout();
   const TransformsScene scene = read(small_file(R"({
       "train_filenames": ["images/a.png", "images/b.png"], "test_filenames": ["images/b.png"]})"));
-  EXPECT_THAT(
-      testing::internal::GetCapturedStdout(),
-      AllOf(HasSubstr("1 photo is listed both for training and for testing"), HasSubstr("transforms.json")));
+  EXPECT_THAT(testing::internal::GetCapturedStdout(),
+              AllOf(HasSubstr("1 photo is listed both for training and for testing"),
+                    HasSubstr("transforms.json")));
   EXPECT_THAT(scene.test_names, ElementsAre("images/b.png"));
   EXPECT_EQ(scene.model.images.size(), 2u);
 }
