@@ -10,6 +10,7 @@
 #include "data_loaders/scene/load_scene.h"
 #include "gs_app/checks/benchmark_report.h"
 #include "gs_app/checks/generated_scene.h"
+#include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/run_folder.h"
@@ -119,7 +120,10 @@ void bench(const BenchCommand& command) {
   check_scales(subject.rendered_views(), command.plan.scales);
   const BenchmarkReport report = measure(subject, command.plan, command.blenders);
   const std::string json = report_json(subject, command.plan, report);
-  if (!command.output.empty()) write_text(command.output, json);
+  if (!command.output.empty()) {
+    keep_older_aside(command.output);
+    write_text(command.output, json);
+  }
   std::cout << (command.json ? json : report_text(subject, command.plan, report));
 }
 

@@ -9,6 +9,7 @@
 #include "apps/cli/devices.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/results.h"
@@ -59,7 +60,10 @@ void eval(const EvalCommand& command) {
   bar.clear();
   const std::string json = evaluation_json(evaluation, opened.ply.string(), command.split,
                                            gaussians.count(), backend->name());
-  if (!command.output.empty()) write_text(command.output, json);
+  if (!command.output.empty()) {
+    keep_older_aside(command.output);
+    write_text(command.output, json);
+  }
   if (command.json) {
     std::cout << json;
   } else {

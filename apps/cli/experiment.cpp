@@ -18,10 +18,10 @@
 #include "gs_app/experiment/slurm.h"
 #include "gs_app/experiment/table_rows.h"
 #include "gs_app/report/report_experiment.h"
-#include "gs_app/run/folder_lock.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/log.h"
 #include "gs_core/parallel.h"
 
@@ -38,10 +38,6 @@ struct ExperimentCommand {
 };
 
 using Runs = std::vector<const ExperimentRun*>;
-
-std::filesystem::path lock_file(const Experiment& experiment) {
-  return experiment.output / "experiment.lock";
-}
 
 Runs unfinished(const std::vector<ExperimentRun>& runs) {
   Runs result;
@@ -190,7 +186,7 @@ void throw_failures(const std::vector<Failure>& failures) {
 
 void run_all(const ExperimentCommand& command, const Experiment& experiment,
              const std::vector<ExperimentRun>& runs) {
-  const FolderLock lock(lock_file(experiment), experiment.output, FolderLock::Kind::alone);
+  const OutputLock lock = OutputLock::of_folder(experiment.output);
   const Runs todo = unfinished(runs);
   log_info("{}: {} runs, {} finished already; output: {}", command.file, runs.size(),
            runs.size() - todo.size(), experiment.output.string());
@@ -213,8 +209,7 @@ void run_only(const ExperimentCommand& command, const Experiment& experiment,
     throw UsageError(fmt::format("--only {}: the runs of {} have the numbers 0 to {}", command.only,
                                  command.file, runs.size() - 1));
   const ExperimentRun& run = runs[std::size_t(command.only)];
-  const FolderLock lock(lock_file(experiment), experiment.output, FolderLock::Kind::shared);
-  const FolderLock run_lock(run.lock(), run.folder.root(), FolderLock::Kind::alone);
+  const OutputLock lock = OutputLock::of_folder(experiment.output, OutputLock::Kind::shared);
   if (is_finished(run)) return log_info("{} is finished already", run.name());
   std::string why;
   StatusLog status(command.status_every);

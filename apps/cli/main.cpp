@@ -13,6 +13,7 @@
 #include "gs_app/run/provenance.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
+#include "gs_core/io/signals.h"
 #include "gs_core/log.h"
 
 namespace gs {
@@ -93,6 +94,7 @@ int run(int argc, const char* const* argv) {
 }  // namespace gs
 
 int main(int argc, char** argv) {
+  gs::ignore_file_size_signal();
   try {
     return gs::run(argc, argv);
   } catch (const gs::Error& error) {

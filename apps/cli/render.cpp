@@ -16,6 +16,7 @@
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/provenance.h"
 #include "gs_core/error.h"
+#include "gs_core/io/move_aside.h"
 #include "gs_core/io/signals.h"
 #include "gs_core/parallel.h"
 #include "gs_core/version.h"
@@ -115,11 +116,21 @@ Json film_json(const RenderCommand& command, const RenderOutput& output,
   return json;
 }
 
+bool is_described(const RenderCommand& command) {
+  return command.is_path() || command.output.is_film();
+}
+
+// Descriptions of older pictures must not be beside newer ones, should a signal come.
+void put_descriptions_aside(const RenderCommand& command, const RenderOutput& output) {
+  if (!is_described(command)) return;
+  for (const auto& file : {output.cameras(), output.description()})
+    if (std::filesystem::exists(file))
+      log_info("the older {} is now {}", file.string(), move_aside(file).string());
+}
+
 void write_description(const RenderOutput& output, const std::vector<NamedCamera>& cameras,
                        const Json& json) {
-  keep_older_aside(output.cameras());
   write_cameras_json(output.cameras(), cameras);
-  keep_older_aside(output.description());
   write_text(output.description(), json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
 }
 
@@ -135,6 +146,7 @@ void render_views(const RenderCommand& command, const std::vector<NamedCamera>& 
                   ViewPictures& pictures, RenderOutput& output) {
   ProgressBar bar(std::int64_t(cameras.size()), !command.quiet);
   const SignalHandlers handlers([](int) { g_is_interrupted = 1; });
+  if (!command.output.is_film()) put_descriptions_aside(command, output);
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     if (g_is_interrupted)
       throw Error(fmt::format("stopped by a signal after {} of {} views; {}", i, cameras.size(),
@@ -147,6 +159,7 @@ void render_views(const RenderCommand& command, const std::vector<NamedCamera>& 
     if (bar.due(std::int64_t(i) + 1)) bar.draw(std::int64_t(i) + 1, cameras[i].name, "view");
   }
   bar.clear();
+  if (command.output.is_film()) put_descriptions_aside(command, output);
   output.finish();
 }
 
@@ -182,12 +195,11 @@ void render(const RenderCommand& command) {
   fit_cameras(command, cameras);
   const DepthRange range = depth_range(command, pictures, cameras);
   RenderOutput output(command.output, names_of(cameras), range);
-  const bool is_described = command.is_path() || command.output.is_film();
-  if (is_described)
+  if (is_described(command))
     for (const auto& file : {output.description(), output.cameras()})
       check_place(file, command.output.force);
   render_views(command, cameras, pictures, output);
-  if (is_described) {
+  if (is_described(command)) {
     Json json = film_json(command, output, cameras, range);
     if (!path.is_null()) json["path"] = path;
     json["model"] = model_json(opened);

@@ -47,7 +47,7 @@ void ColmapCommand::add_known(std::initializer_list<const char*> options,
 
 ColmapCommand feature_command(const ColmapPlan& plan) {
   ColmapCommand command(plan.program, "feature_extractor");
-  const fs::path list = plan.files.root / "photos.txt";
+  const fs::path list = plan.files.photo_list();
   write_photo_list(plan, list);
   command.add("--database_path", plan.files.database().string());
   command.add("--image_path", plan.files.images().string());

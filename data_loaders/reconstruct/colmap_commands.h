@@ -27,7 +27,7 @@ class ColmapCommand {
   std::set<std::string> known_;
 };
 
-/// Writes the list of photos, photos.txt, too.
+/// Writes the list of photos into the work folder, too.
 ColmapCommand feature_command(const ColmapPlan& plan);
 ColmapCommand match_command(const ColmapPlan& plan);
 ColmapCommand model_command(const ColmapPlan& plan);

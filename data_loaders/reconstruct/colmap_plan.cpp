@@ -7,6 +7,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/io/fnv1a.h"
+#include "gs_core/io/move_aside.h"
 #include "gs_core/io/subprocess.h"
 
 namespace gs {
@@ -39,12 +40,6 @@ std::string ColmapPlan::flag(std::string_view key, std::string_view value) const
   std::string name(key);
   std::replace(name.begin(), name.end(), '_', '-');
   return fmt::format("--{} {}", name, value);
-}
-
-bool is_within(const fs::path& inner, const fs::path& outer) {
-  const fs::path relative =
-      fs::weakly_canonical(inner).lexically_relative(fs::weakly_canonical(outer));
-  return !relative.empty() && *relative.begin() != "..";
 }
 
 void complete_plan(ColmapPlan& plan, const fs::path& source) {

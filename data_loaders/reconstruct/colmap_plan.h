@@ -18,9 +18,11 @@ inline constexpr std::size_t kFewestPhotos = 3;  // of a scene to train on
 /// Paths inside the scene's folder.
 struct SceneFiles {
   std::filesystem::path root;
+  std::filesystem::path work = {};  // a folder in it that only this process uses (SceneState)
   std::filesystem::path images() const { return root / "images"; }
   std::filesystem::path sparse() const { return root / "sparse"; }
-  std::filesystem::path attempt() const { return root / "mapping"; }  // unfinished models
+  std::filesystem::path attempt() const { return work / "models"; }  // the mapper's
+  std::filesystem::path photo_list() const { return work / "photos.txt"; }
   std::filesystem::path database() const { return root / "database.db"; }
   std::filesystem::path log() const { return root / "colmap.log"; }
   std::filesystem::path state() const { return root / "reconstruct.json"; }
@@ -52,8 +54,5 @@ void complete_plan(ColmapPlan& plan, const std::filesystem::path& source);
 
 /// A text of the photos and settings that a result depends on: the same text, the same result.
 std::string made_of(const ColmapPlan& plan);
-
-/// Whether a path is a folder or lies in it.
-bool is_within(const std::filesystem::path& inner, const std::filesystem::path& outer);
 
 }  // namespace gs

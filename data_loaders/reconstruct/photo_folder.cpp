@@ -101,6 +101,12 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
     if (!kPhotoEndings.contains(lowercase_ending(file))) continue;
     const std::string name = file.lexically_relative(root).generic_string();
     if (name.starts_with(kMasksFolder)) continue;
+    if (printable(name) != name || name.find('\n') != name.npos) {  // COLMAP reads names by lines
+      log_warning("a photo is left out, because its name has control characters; rename it: {}",
+                  printable(name));
+      ++unreadable;
+      continue;
+    }
     try {
       photos.push_back({file, name, read_photo_size(file)});
     } catch (const Error& error) {

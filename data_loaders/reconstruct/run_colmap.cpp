@@ -84,7 +84,7 @@ void run_stage(const Stage& stage, const ColmapCommand& command, const ColmapPla
 }
 
 // The mapper's models become sparse/0, sparse/1, ..., the one with most photos first.
-void keep_models(const SceneFiles& files) {
+void keep_models(const SceneFiles& files, const fs::path& sparse) {
   std::vector<std::pair<std::size_t, fs::path>> models;
   for (const fs::path& folder : colmap_models_in(files.attempt()))
     models.emplace_back(read_colmap_model(folder).images.size(), folder);
@@ -95,18 +95,34 @@ void keep_models(const SceneFiles& files) {
         "COLMAP placed only {} photo(s), but a scene needs at least {}; take more photos, each of "
         "which shows two thirds of the one before. The output of COLMAP is in {}",
         models.empty() ? 0 : models[0].first, kFewestPhotos, files.log().string()));
-  fs::remove_all(files.sparse());
-  fs::create_directories(files.sparse());
+  fs::create_directories(sparse);
   for (std::size_t i = 0; i < models.size(); ++i)
-    fs::rename(models[i].second, files.sparse() / fmt::format("{}", i));
-  fs::remove_all(files.attempt());
+    fs::rename(models[i].second, sparse / fmt::format("{}", i));
 }
 
-void make_model(const Stage& stage, const ColmapPlan& plan, const ColmapProgress& progress) {
-  fs::remove_all(plan.files.attempt());
+void make_model(const Stage& stage, const ColmapPlan& plan, SceneFolder& folder,
+                const ColmapProgress& progress) {
   fs::create_directories(plan.files.attempt());
   run_stage(stage, model_command(plan), plan, progress);
-  keep_models(plan.files);
+  keep_models(plan.files, folder.work() / "sparse");
+  folder.take_models(stage.name);
+}
+
+void run_stages(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress) {
+  for (const Stage& stage : kStages) {
+    if (folder.has(stage.name)) {
+      log_info("{}: done before", stage.headline);
+      continue;
+    }
+    plan.files.work = folder.work();
+    switch (stage.stage) {
+      case ColmapStage::frames: break;  // taken above
+      case ColmapStage::features: run_stage(stage, feature_command(plan), plan, progress); break;
+      case ColmapStage::matches: run_stage(stage, match_command(plan), plan, progress); break;
+      case ColmapStage::model: make_model(stage, plan, folder, progress); continue;
+    }
+    folder.complete(stage.name);
+  }
 }
 
 }  // namespace
@@ -115,30 +131,17 @@ void check_reconstruction(const ColmapJob& job) { plan_of(job); }
 
 Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress) {
   ColmapPlan plan = plan_of(job);
-  SceneState state = prepare_folder(plan, job, stage_names());
-  write_state(plan.files, state);
-  if (plan.videos.empty())
-    take_photos(plan);
-  else
-    take_frames_of_videos(plan, state, progress);
+  OutputLock lock = OutputLock::of_folder(job.scene);
+  const std::unique_ptr<SceneFolder> folder = prepare_folder(plan, job, stage_names(), lock);
+  if (!plan.videos.empty())
+    take_frames_of_videos(plan, *folder, progress);
+  else if (!folder->has("model"))
+    take_photos(plan, *folder);
   log_info("{} photos, {}, {} matching", plan.photos.size(),
            plan.single_camera ? "one " + plan.camera_model + " camera"
                               : "a " + plan.camera_model + " camera each",
            word_of(plan.matching));
-  for (const Stage& stage : kStages) {
-    if (state.complete.contains(stage.name)) {
-      log_info("{}: done before", stage.headline);
-      continue;
-    }
-    switch (stage.stage) {
-      case ColmapStage::frames: break;  // taken above
-      case ColmapStage::features: run_stage(stage, feature_command(plan), plan, progress); break;
-      case ColmapStage::matches: run_stage(stage, match_command(plan), plan, progress); break;
-      case ColmapStage::model: make_model(stage, plan, progress); break;
-    }
-    state.complete.insert(stage.name);
-    write_state(plan.files, state);
-  }
+  run_stages(plan, *folder, progress);
   return verdict_of(plan);
 }
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "data_loaders/reconstruct/scene_state.h"
 
+#include <fcntl.h>
 #include <spdlog/fmt/fmt.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <fstream>
@@ -18,6 +20,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// What COLMAP writes: its database with the files that SQLite keeps beside it, and its log.
+const OwnedFiles::Stamps kWrittenByColmap = {{"database.db", ""},
+                                             {"database.db-journal", ""},
+                                             {"database.db-shm", ""},
+                                             {"database.db-wal", ""},
+                                             {"colmap.log", ""}};
+
 // Whether the folder holds a result, of whatever program, that would be overwritten.
 bool holds_other_work(const ColmapPlan& plan) {
   const SceneFiles& files = plan.files;
@@ -25,62 +34,163 @@ bool holds_other_work(const ColmapPlan& plan) {
          is_colmap_model(files.root) || (fs::exists(files.images()) && !plan.photos_in_place);
 }
 
+// COLMAP does not sync what it writes.
+void sync_to_disk(const fs::path& folder) {
+  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) return;
+#ifdef __linux__
+  ::syncfs(descriptor);
+#else
+  ::sync();
+#endif
+  ::close(descriptor);
+}
+
+// Whether the models are there, or where a kill has left them (SceneFolder::take_models()).
+bool has_models(const SceneFiles& files, const SceneState& state) {
+  const fs::path left = files.root / state.work / "sparse";
+  return fs::exists(files.sparse()) || (!state.work.empty() && fs::exists(left));
+}
+
+[[noreturn]] void refuse_models(const fs::path& sparse) {
+  throw UsageError(
+      fmt::format("{} is there, and is not of this reconstruction, so it is left alone; move it "
+                  "away, or choose "
+                  "another folder with -o",
+                  sparse.string()));
+}
+
 }  // namespace
 
-SceneState read_state(const SceneFiles& files) {
+std::optional<SceneState> read_state(const SceneFiles& files) {
+  std::error_code ignored;
+  if (fs::symlink_status(files.state(), ignored).type() == fs::file_type::not_found)
+    return std::nullopt;
   SceneState state;
   std::ifstream stream(files.state());
   try {
     const auto json = nlohmann::json::parse(stream);
     state.made_of = json.at("made_of").get<std::string>();
     state.complete = json.at("complete").get<std::set<std::string>>();
-  } catch (const nlohmann::json::exception&) {  // missing or damaged: nothing is complete
-    return {};
+    // A scene of gemsplat 0.1.0 has no list: COLMAP's files are ours, and pictures are left alone.
+    state.files = json.value("files", kWrittenByColmap);
+    state.work = json.value("work", "");
+    if (!is_work_folder(state.work)) state.work.clear();
+  } catch (const nlohmann::json::exception&) {
+    throw UsageError(
+        fmt::format("{} is damaged, or not of gemsplat reconstruct, so the folder is left alone; "
+                    "choose another "
+                    "one with -o, or move that file away",
+                    files.state().string()));
   }
   return state;
 }
 
-void write_state(const SceneFiles& files, const SceneState& state) {
+SceneFolder::SceneFolder(const SceneFiles& files, SceneState state)
+    : paths_(files), state_(std::move(state)),
+      owned_(files.root, state_.files, [this](const OwnedFiles::Stamps& now) {
+        state_.files = now;
+        save();
+      }) {
+  finish_taking_models();
+  remove_work();
+}
+
+SceneFolder::~SceneFolder() {
+  try {
+    remove_work();
+  } catch (const Error&) {  // the next process removes it
+  }
+}
+
+void SceneFolder::save() const {
   nlohmann::ordered_json json;
-  json["made_of"] = state.made_of;
-  json["complete"] = state.complete;
-  AtomicFile file(files.state());
-  file.write(json.dump(2) + "\n");
+  json["made_of"] = state_.made_of;
+  json["complete"] = state_.complete;
+  json["files"] = state_.files;
+  json["work"] = state_.work;
+  AtomicFile file(paths_.state());
+  file.write(json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
   file.commit();
 }
 
-SceneState prepare_folder(const ColmapPlan& plan, const ColmapJob& job,
-                          const std::set<std::string>& stages) {
+void SceneFolder::complete(const std::string& stage) {
+  sync_to_disk(paths_.root);
+  state_.complete.insert(stage);
+  save();
+}
+
+const fs::path& SceneFolder::work() {
+  if (work_.empty()) {
+    work_ = make_work_folder(paths_.root);
+    state_.work = work_.filename().string();
+    save();
+  }
+  return work_;
+}
+
+void SceneFolder::remove_work() {
+  if (state_.work.empty()) return;
+  remove_work_folder(paths_.root / state_.work);
+  state_.work.clear();
+  work_.clear();
+  save();
+}
+
+void SceneFolder::take_models(const std::string& stage) {
+  if (fs::exists(paths_.sparse())) refuse_models(paths_.sparse());
+  complete(stage);
+  finish_taking_models();
+}
+
+// A folder of models in the work folder is whole once the stage is complete.
+void SceneFolder::finish_taking_models() {
+  const fs::path models = paths_.root / state_.work / "sparse";
+  if (state_.work.empty() || !state_.complete.contains("model") || !fs::is_directory(models))
+    return;
+  const std::error_code error = rename_to_new(models, paths_.sparse());
+  if (error == std::errc::file_exists) refuse_models(paths_.sparse());
+  if (error)
+    throw Error(fmt::format("cannot move {} to {}: {}; the same command tries again",
+                            models.string(), paths_.sparse().string(), error.message()));
+}
+
+void SceneFolder::start_over(const std::string& made_of) {
+  owned_.remove_all();
+  state_.complete.clear();
+  state_.made_of = made_of;
+  save();
+}
+
+std::unique_ptr<SceneFolder> prepare_folder(const ColmapPlan& plan, const ColmapJob& job,
+                                            const std::set<std::string>& stages, OutputLock& lock) {
   const SceneFiles& files = plan.files;
-  SceneState state = read_state(files), fresh{made_of(plan), {}};
-  const bool ours = !state.made_of.empty(), same = state.made_of == fresh.made_of;
-  const bool is_finished =
-      std::includes(state.complete.begin(), state.complete.end(), stages.begin(), stages.end());
-  if (job.force && (ours || holds_other_work(plan))) {
-    if (is_within(job.photos, job.scene))
-      throw UsageError(
-          fmt::format("cannot move {} away, as --force asks: the photos lie in it; choose another "
-                      "scene with -o",
-                      job.scene.string()));
+  const SceneState fresh{made_of(plan), {}};
+  std::optional<SceneState> state;
+  if (!job.force) state = read_state(files);
+  const bool is_in_the_way = holds_other_work(plan) || fs::exists(files.state());
+  if (job.force && is_in_the_way)
     log_warning("the old content of {} was moved to {}", job.scene.string(),
-                move_aside(job.scene).string());
-    return fresh;
-  }
-  if (ours && same) return state;
-  if (ours && !is_finished) {
-    log_warning("photos or settings differ from those of the unfinished scene in {}: starting over",
-                job.scene.string());
-    for (const fs::path& path : {files.database(), files.log(), files.sparse(), files.attempt()})
-      fs::remove_all(path);
-    if (!plan.photos_in_place) fs::remove_all(files.images());
-    return fresh;
-  }
-  if (ours || holds_other_work(plan))
+                lock.move_folder_aside({job.photos}).string());
+  const bool is_same = state && state->made_of == fresh.made_of;
+  if (is_same && !has_models(files, *state)) state->complete.erase("model");
+  const bool is_finished = state && std::includes(state->complete.begin(), state->complete.end(),
+                                                  stages.begin(), stages.end());
+  if (state && !state->complete.contains("model") && fs::exists(files.sparse()))
+    refuse_models(files.sparse());
+  if (!job.force && !is_same && (state ? is_finished : is_in_the_way))
     throw UsageError(fmt::format(
         "the folder {} holds a scene already{}; choose another with -o, or give --force to move it "
         "to {}.bak-N first",
-        job.scene.string(), ours ? ", of other photos or settings" : "", job.scene.string()));
-  return fresh;
+        job.scene.string(), state ? ", of other photos or settings" : "", job.scene.string()));
+  auto folder = std::make_unique<SceneFolder>(files, state.value_or(fresh));
+  if (state && !is_same) {
+    log_warning("photos or settings differ from those of the unfinished scene in {}: starting over",
+                job.scene.string());
+    folder->start_over(fresh.made_of);
+  }
+  if (!is_same || !is_finished) folder->files().claim(kWrittenByColmap);
+  return folder;
 }
 
 }  // namespace gs

@@ -32,44 +32,64 @@ std::vector<std::string> stems_of(const std::vector<fs::path>& videos) {
   return stems;
 }
 
-}  // namespace
+constexpr std::string_view kImages = "images/";
 
-void take_photos(const ColmapPlan& plan) {
-  if (plan.photos_in_place) return;
-  for (const PhotoFile& photo : plan.photos) {
-    const fs::path target = plan.files.images() / photo.name;
-    if (fs::exists(target)) continue;
-    std::error_code error;
-    fs::create_directories(target.parent_path(), error);
-    const fs::path source = fs::canonical(photo.path);
-    fs::create_hard_link(source, target, error);
-    if (error) fs::copy_file(source, target, error);
-    if (error)
-      throw Error(
-          fmt::format("cannot copy {} to {}: {}; free some space or choose another folder "
-                      "with -o",
-                      source.string(), target.string(), error.message()));
-  }
+std::string name_in_scene(const std::string& photo) { return std::string(kImages) + photo; }
+
+void place(const std::map<std::string, fs::path>& sources, SceneFolder& folder) {
+  folder.files().place(sources, [&] { return folder.work(); });
 }
 
-void take_frames_of_videos(ColmapPlan& plan, SceneState& state, const ColmapProgress& progress) {
+// The frames are made in the work folder and moved when all of a video are there.
+void take_frames_of(const fs::path& video, std::int64_t count, std::int64_t wanted,
+                    const std::string& stem, SceneFolder& folder,
+                    const std::function<void(std::int64_t done)>& progress) {
+  const fs::path frames = folder.work() / "frames";
+  std::map<std::string, fs::path> sources;
+  for (const std::string& name : take_frames(video, count, wanted, frames, stem, progress))
+    sources[name_in_scene(name)] = frames / name;
+  place(sources, folder);
+}
+
+// Frames that we took, and no other pictures in the folder. A scene of gemsplat 0.1.0 does not say
+// which these are.
+std::vector<PhotoFile> frames_in(const ColmapPlan& plan, SceneFolder& folder) {
+  std::vector<PhotoFile> photos = find_photos(plan.files.images(), {});
+  const OwnedFiles::Stamps& ours = folder.files().names();
+  const auto first = ours.lower_bound(std::string(kImages));
+  if (first == ours.end() || !first->first.starts_with(kImages)) return photos;
+  std::erase_if(photos,
+                [&](const PhotoFile& photo) { return !ours.contains(name_in_scene(photo.name)); });
+  return photos;
+}
+
+}  // namespace
+
+void take_photos(const ColmapPlan& plan, SceneFolder& folder) {
+  if (plan.photos_in_place) return;
+  std::map<std::string, fs::path> sources;
+  for (const PhotoFile& photo : plan.photos)
+    sources[name_in_scene(photo.name)] = fs::canonical(photo.path);
+  place(sources, folder);
+}
+
+void take_frames_of_videos(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress) {
   const std::vector<std::string> stems = stems_of(plan.videos);
   const auto name_of = [&](std::size_t i) { return "frames of " + stems[i]; };
   std::vector<std::int64_t> counts;
   std::int64_t all = 0, before = 0;
   for (const fs::path& video : plan.videos) all += counts.emplace_back(count_frames(video));
   for (std::size_t i = 0; i < plan.videos.size(); before += counts[i++]) {
-    if (state.complete.contains(name_of(i))) continue;
+    if (folder.has(name_of(i))) continue;
     progress(ColmapStage::frames, before, all);
     const std::int64_t wanted = share_of(counts[i], all, plan.frames);
     log_info("the sharpest {} of {} frames of {}", std::min(wanted, counts[i]), counts[i],
              plan.videos[i].string());
-    take_frames(plan.videos[i], counts[i], wanted, plan.files.images(), stems[i],
-                [&](std::int64_t done) { progress(ColmapStage::frames, before + done, all); });
-    state.complete.insert(name_of(i));
-    write_state(plan.files, state);
+    take_frames_of(plan.videos[i], counts[i], wanted, stems[i], folder,
+                   [&](std::int64_t done) { progress(ColmapStage::frames, before + done, all); });
+    folder.complete(name_of(i));
   }
-  plan.photos = find_photos(plan.files.images(), {});
+  plan.photos = frames_in(plan, folder);
   complete_plan(plan, plan.videos[0].parent_path());
 }
 

@@ -8,10 +8,11 @@
 namespace gs {
 
 /// Hard links where the file system has them, else copies. The photos themselves stay as they are.
-void take_photos(const ColmapPlan& plan);
+/// Throws UsageError if another file has the name of a photo.
+void take_photos(const ColmapPlan& plan, SceneFolder& folder);
 
-/// The sharpest frames of each video; a video whose frames are complete in `state` is passed over.
-/// Completes the plan.
-void take_frames_of_videos(ColmapPlan& plan, SceneState& state, const ColmapProgress& progress);
+/// The sharpest frames of each video; a video whose frames are complete is passed over. Completes
+/// the plan.
+void take_frames_of_videos(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress);
 
 }  // namespace gs

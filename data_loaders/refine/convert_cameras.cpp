@@ -8,20 +8,12 @@
 #include "data_loaders/refine/refine_exposure.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
+#include "gs_core/io/output_lock.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-
-void check_is_free(const fs::path& folder) {
-  std::error_code ignored;
-  if (!fs::exists(folder, ignored)) return;
-  if (!fs::is_directory(folder, ignored) || !fs::is_empty(folder, ignored))
-    throw UsageError(
-        fmt::format("{} exists already, and nothing is overwritten; name a new folder with -o",
-                    folder.string()));
-}
 
 /// A photo of the camera, for messages.
 std::string photo_of(const ColmapModel& model, std::uint32_t camera) {
@@ -83,7 +75,7 @@ std::string text_of(const std::vector<FittedCamera>& fits) {
 std::vector<FittedCamera> convert_cameras(const fs::path& from, const fs::path& to,
                                           CameraModel target, double max_error) {
   check_can_refine("convert-cameras");
-  check_is_free(to);
+  const OutputLock lock = OutputLock::of_new_folder(to);
   const ColmapModel model = read_colmap_model(from);
   std::vector<FittedCamera> fits;
   for (const auto& [id, camera] : model.cameras) {

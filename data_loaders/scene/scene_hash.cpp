@@ -44,7 +44,34 @@ std::vector<fs::path> model_files(const fs::path& folder) {
   return files;
 }
 
+constexpr std::uint64_t kSampleBytes = 1 << 14;
+
+std::uint64_t photo_hash(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::error_code error;
+  const std::uint64_t bytes = fs::file_size(file, error);
+  if (!stream || error) return 0;
+  Fnv1a hash;
+  hash.add(fmt::format("{}\n", bytes));
+  std::vector<char> sample(std::min(bytes, kSampleBytes));
+  const std::uint64_t last = bytes - sample.size();
+  for (const std::uint64_t start : {std::uint64_t(0), last / 2, last}) {
+    stream.seekg(std::streamoff(start));
+    if (!stream.read(sample.data(), std::streamsize(sample.size()))) return 0;
+    hash.add({sample.data(), sample.size()});
+  }
+  return std::max<std::uint64_t>(hash.value(), 1);
+}
+
 }  // namespace
+
+std::vector<std::uint64_t> photo_hashes(const DatasetConfig& dataset,
+                                        const std::vector<std::string>& names) {
+  const fs::path folder = find_scene(dataset).images;
+  std::vector<std::uint64_t> hashes;
+  for (const std::string& name : names) hashes.push_back(photo_hash(folder / name));
+  return hashes;
+}
 
 std::string scene_hash(const DatasetConfig& dataset) {
   const SceneFolders folders = find_scene(dataset);

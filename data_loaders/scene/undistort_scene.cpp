@@ -18,6 +18,7 @@
 #include "data_loaders/scene/view_picture.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/log.h"
 #include "gs_core/parallel.h"
 
@@ -25,15 +26,6 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-
-void check_is_free(const fs::path& folder) {
-  std::error_code ignored;
-  if (!fs::exists(folder, ignored)) return;
-  if (!fs::is_directory(folder, ignored) || !fs::is_empty(folder, ignored))
-    throw UsageError(
-        fmt::format("{} exists already, and nothing is overwritten; name a new folder with -o",
-                    folder.string()));
-}
 
 /// Whether the file itself gives the same view: it has no lens, and loading it without a mask file
 /// gives the same mask.
@@ -162,7 +154,7 @@ UndistortedScene write_view(const ViewPlan& plan, const fs::path& out, const std
 
 UndistortedScene undistort_scene(const DatasetConfig& dataset, const fs::path& out,
                                  int jpeg_quality, const ProgressFn& progress) {
-  check_is_free(out);
+  const OutputLock lock = OutputLock::of_new_folder(out);
   const SceneFolders folders = find_scene(dataset);
   SceneModel scene = read_model_and_split(dataset, folders, Tracks::read);
   find_scene_files(dataset, folders, scene);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <nlohmann/json.hpp>
+#include <string>
 
 #include "gs_core/config/config_fields.h"
 #include "gs_core/config/config_text.h"
@@ -39,6 +40,21 @@ Config config_of(const std::string& text) {
 
 // ---- numbers that people may want to read ------------------------------------------------------
 
+// The hashes of the views' photos: 16 hexadecimal digits each.
+constexpr std::size_t kHashDigits = 16;
+
+std::string photo_text(const std::vector<ViewRecord>& views) {
+  std::string text;
+  for (const ViewRecord& view : views) text += fmt::format("{:016x}", view.photo);
+  return text;
+}
+
+void take_photos_of(const std::string& text, std::vector<ViewRecord>& views) {
+  if (text.size() != views.size() * kHashDigits) return;  // a checkpoint of version 0.1.0 has none
+  for (std::size_t i = 0; i < views.size(); ++i)
+    views[i].photo = std::stoull(text.substr(i * kHashDigits, kHashDigits), nullptr, 16);
+}
+
 nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& model,
                              const SceneRecord& scene) {
   return {{"gemsplat", kVersion},
@@ -50,7 +66,8 @@ nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& m
           {"train_seconds", progress.train_seconds},
           {"growth_cap", progress.growth_cap},
           {"extent", scene.extent},
-          {"world_offset", {scene.world_offset.x, scene.world_offset.y, scene.world_offset.z}}};
+          {"world_offset", {scene.world_offset.x, scene.world_offset.y, scene.world_offset.z}},
+          {"photos", photo_text(scene.views)}};
 }
 
 // ---- views -------------------------------------------------------------------------------------
@@ -170,6 +187,7 @@ void apply(const Contents& contents, Checkpoint& checkpoint) {
   checkpoint.state.model.adam_steps = json.at("adam_steps");
   checkpoint.scene.extent = json.at("extent");
   for (int k = 0; k < 3; ++k) checkpoint.scene.world_offset[k] = json.at("world_offset").at(k);
+  take_photos_of(json.value("photos", ""), checkpoint.scene.views);
   checkpoint.config = config_of(contents.config);
 }
 

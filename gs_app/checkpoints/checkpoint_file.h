@@ -2,6 +2,7 @@
 // A checkpoint as a file. docs/checkpoints.md lists its sections.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -18,6 +19,7 @@ struct ViewRecord {
   bool is_test = false;
   Camera camera;
   Vec3f exposure{1};
+  std::uint64_t photo = 0;  // of the photo's file, photo_hashes(); 0: not known
 };
 
 /// What a run records of its scene, to recognize it when it is resumed.

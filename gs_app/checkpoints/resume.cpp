@@ -198,13 +198,14 @@ bool has_solved_views(const ResumedRun& run) {
   return run.config.dataset.refine_cameras || run.config.dataset.exposure;
 }
 
-void check_same_scene(const ResumedRun& run, const Scene& scene) {
-  const SceneRecord here(scene), &ours = run.checkpoint.scene;
+void check_same_scene(const ResumedRun& run, const SceneRecord& here, const std::string& source) {
+  const SceneRecord& ours = run.checkpoint.scene;
+  const bool has_same_photos = run.config.dataset.images == run.checkpoint.config.dataset.images;
   const auto refuse = [&](const std::string& what) {
     throw Error(
         fmt::format("{} is not the scene that the run in {} was trained on: {}; name that scene, "
                     "or start a new run in another folder (-o)",
-                    scene.source, run.source.string(), what));
+                    source, run.source.string(), what));
   };
   if (here.views.size() != ours.views.size())
     refuse(fmt::format("it has {} views, not {}", here.views.size(), ours.views.size()));
@@ -217,6 +218,8 @@ void check_same_scene(const ResumedRun& run, const Scene& scene) {
                          now.camera.height, was.camera.width, was.camera.height));
     if (!has_solved_views(run) && !is_same(now, was))
       refuse("the camera of " + now.name + " differs");
+    if (has_same_photos && now.photo && was.photo && now.photo != was.photo)
+      refuse("the file of " + now.name + " is another photo than it was");
   }
 }
 
@@ -232,13 +235,13 @@ void restore_scene(const ResumedRun& run, Scene& scene) {
   scene.world_offset = ours.world_offset;
 }
 
-void prepare_fresh_start(const RunFolder& folder, const Config& config) {
+void prepare_fresh_start(const RunFolder& folder, const Config& config, OutputLock& lock,
+                         const std::vector<fs::path>& needed) {
   remove_leftovers_below(folder.root());
-  if (!folder.holds_run()) return make_run_folder(folder);
   for (const fs::path& made :
        {folder.root() / "point_cloud", folder.results(), folder.checkpoints()})
-    if (holds_a_file(made)) return make_run_folder(folder);
-  if (!holds_text(folder.config(), to_toml(config))) make_run_folder(folder);
+    if (holds_a_file(made)) return move_run_aside(folder, lock, needed);
+  if (!holds_text(folder.config(), to_toml(config))) move_run_aside(folder, lock, needed);
 }
 
 void prepare_resumed_folder(const RunFolder& folder, const ResumedRun& run) {

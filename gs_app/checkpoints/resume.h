@@ -42,7 +42,8 @@ std::optional<ResumedRun> find_resumed_run(const SettingsOver& settings, const s
                                            int added_steps);
 
 /// Throws Error where the scene is not the one that the run was trained on.
-void check_same_scene(const ResumedRun& run, const Scene& scene);
+/// `scene` is its record, `source` its name for messages.
+void check_same_scene(const ResumedRun& run, const SceneRecord& scene, const std::string& source);
 
 /// Whether the run's cameras or exposures were solved for. The last bits of a solver's result may
 /// differ from one machine to another, so that such a run goes on with those in its checkpoint.
@@ -53,8 +54,10 @@ bool has_solved_views(const ResumedRun& run);
 void restore_scene(const ResumedRun& run, Scene& scene);
 
 /// Makes the folder ready for a start from step 0. A killed run may have left files there without a
-/// checkpoint: they are moved aside, unless this run writes the same files at once.
-void prepare_fresh_start(const RunFolder& folder, const Config& config);
+/// checkpoint: they are moved aside, unless this run writes the same files at once. Throws
+/// UsageError if a path of `needed` would have to move with them.
+void prepare_fresh_start(const RunFolder& folder, const Config& config, OutputLock& lock,
+                         const std::vector<std::filesystem::path>& needed);
 
 /// Makes the folder ready to go on in. Results of fewer steps, checkpoints that are newer than the
 /// one taken, and a config.toml whose settings have changed are renamed to FILE.bak-N. What killed

@@ -47,7 +47,8 @@ class Pool {
     const RunSlot slot = free_.back();
     try {
       prepare(run);
-      const pid_t child = start_child(train_command(run, slot), {.output = open_log(run.log())});
+      const pid_t child = start_child(train_command(run, slot),
+                                      {.output = open_log(run.log()), .saves_on_term = true});
       running_[child] = {&run, slot, Clock::now()};
     } catch (const Error& error) {
       events_.ended(run, {int(error.code()), 0}, 0, error.what());

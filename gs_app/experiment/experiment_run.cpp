@@ -5,7 +5,7 @@
 
 #include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
-#include "gs_core/io/move_aside.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/log.h"
 
 namespace gs {
@@ -44,8 +44,6 @@ ExperimentRun make_run(const Experiment& experiment, const ExperimentScene& scen
 
 std::string ExperimentRun::name() const { return fmt::format("{}/{}/seed{}", scene, config, seed); }
 
-fs::path ExperimentRun::lock() const { return folder.root().string() + ".lock"; }
-
 std::vector<ExperimentRun> runs_of(const Experiment& experiment) {
   std::vector<ExperimentRun> runs;
   for (const ExperimentScene& scene : experiment.scenes)
@@ -62,8 +60,9 @@ bool is_finished(const ExperimentRun& run) {
 }
 
 void prepare(const ExperimentRun& run) {
+  OutputLock lock = OutputLock::of_folder(run.folder.root());
   if (run.folder.holds_run() && !has_same_settings(run)) {
-    const fs::path backup = move_aside(run.folder.root());
+    const fs::path backup = lock.move_folder_aside({run.settings.dataset.source});
     log_info("{}: the earlier run is now in {}", run.name(), backup.string());
   }
   write_text(run.settings_file(), to_toml(run.settings));

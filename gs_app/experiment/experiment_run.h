@@ -24,7 +24,6 @@ struct ExperimentRun {
   std::filesystem::path log() const { return folder.root() / "train.log"; }
   /// The settings with which the run in the folder was started.
   std::filesystem::path settings_file() const { return folder.root() / "settings.toml"; }
-  std::filesystem::path lock() const;
 };
 
 /// All runs, in order. Throws UsageError if the settings of one are not valid.
@@ -42,7 +41,7 @@ struct RunSlot {
 };
 
 /// Prepares the folder: moves a run with other settings to FOLDER.bak-N and writes settings.toml.
-/// Throws Error.
+/// Throws Error, also while another process trains into the folder.
 void prepare(const ExperimentRun& run);
 
 /// The command `gemsplat train` with the run's settings, for start_child(). It resumes a run that

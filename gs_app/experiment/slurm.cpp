@@ -36,6 +36,17 @@ std::string index_ranges(const std::vector<const ExperimentRun*>& runs) {
   return text;
 }
 
+// A line of a script; a name with a line end would begin a command of its own.
+std::string line_of(const std::string& text) {
+  for (const unsigned char c : text)
+    if (c < 0x20 || c == 0x7f)
+      throw UsageError(fmt::format(
+          "\"{}\" has control characters, which a script for sbatch cannot hold; rename "
+          "the file or folder, or change the option in [slurm]",
+          printable(text)));
+  return text + "\n";
+}
+
 }  // namespace
 
 std::string array_script(const Experiment& experiment,
@@ -43,17 +54,18 @@ std::string array_script(const Experiment& experiment,
   std::string text = "#!/bin/bash\n";
   const fs::path logs = experiment.output / "slurm" / "%A_%a.log";
   std::vector<std::string> options = {
-      "--job-name=" + experiment.file.stem().string(), "--array=" + index_ranges(runs),
+      "--job-name=" + quoted(experiment.file.stem().string()), "--array=" + index_ranges(runs),
       "--output=" + quoted(logs.string()),
       "--signal=B:TERM@60",  // a minute before the time limit, so that a run can save a checkpoint
   };
   options.insert(options.end(), experiment.slurm.begin(), experiment.slurm.end());
-  for (const std::string& option : options) text += fmt::format("#SBATCH {}\n", option);
-  return text + fmt::format(
-                    "# One task for each unfinished run of the experiment; written by gemsplat "
-                    "experiment --slurm.\n"
-                    "exec {} experiment {} --only \"$SLURM_ARRAY_TASK_ID\"\n",
-                    quoted(own_program().string()), quoted(experiment.file.string()));
+  for (const std::string& option : options) text += line_of("#SBATCH " + option);
+  text +=
+      "# One task for each unfinished run of the experiment; written by gemsplat experiment "
+      "--slurm.\n";
+  return text +
+         line_of(fmt::format("exec {} experiment {} --only \"$SLURM_ARRAY_TASK_ID\"",
+                             quoted(own_program().string()), quoted(experiment.file.string())));
 }
 
 void submit(const Experiment& experiment, const std::vector<const ExperimentRun*>& runs,

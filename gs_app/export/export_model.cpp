@@ -8,7 +8,9 @@
 #include "data_loaders/colmap/world_offset.h"
 #include "gs_core/config/markdown.h"
 #include "gs_core/error.h"
+#include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/log.h"
 
 namespace gs {
@@ -58,7 +60,7 @@ std::string size_text(std::uint64_t bytes) {
 }  // namespace
 
 void check_place(const fs::path& file, bool force, std::string_view how_to_force) {
-  if (!fs::exists(file)) return;
+  if (fs::symlink_status(file).type() == fs::file_type::not_found) return;
   if (!force)
     throw UsageError(
         fmt::format("{} is there already; choose another name, or {} to keep it as {}.bak-N",
@@ -86,18 +88,25 @@ bool is_lossy(const ExportRequest& request, int sh_degree) {
 ExportedFile export_model(const GaussianModel& model, const ExportRequest& request,
                           const Viewpoints* viewpoints) {
   const ModelFormat& format = format_to_write(request.file);
+  const OutputLock lock = OutputLock::of_file(request.file);
+  const fs::path sidecar = sidecar_of(request.file);
   keep_older_aside(request.file);
-  keep_older_aside(sidecar_of(request.file));
+  keep_older_aside(sidecar);
   ExportedFile exported{request.file, &format, frames_of(format, model, request.transform),
                         std::min(request.sh_degree, model.sh_degree), model.antialiased};
   const bool is_changed = !request.transform.is_identity() || request.sh_degree < model.sh_degree;
   GaussianModel changed;
   if (is_changed) changed = prepared(model, request, format);
-  exported.gaussians = write_model(request.file, is_changed ? changed : model, request.options);
+  {  // an older sidecar is never beside the newer file
+    const BeforeNaming remove_sidecar(request.file, [&] { fs::remove(sidecar); });
+    exported.gaussians = write_model(request.file, is_changed ? changed : model, request.options);
+  }
   exported.bytes = fs::file_size(request.file);
-  if (is_lossy(request, model.sh_degree) && viewpoints && !viewpoints->cameras.empty())
+  write_sidecar(exported);  // at once, as measuring may take minutes
+  if (is_lossy(request, model.sh_degree) && viewpoints && !viewpoints->cameras.empty()) {
     exported.fidelity = measure(exported, request.transform, model.world_offset, *viewpoints);
-  write_sidecar(exported);
+    write_sidecar(exported);
+  }
   if (!request.transform.turns_or_scales()) say_where(exported, model.world_offset);
   return exported;
 }

@@ -49,7 +49,10 @@ void check_output(const OutputRequest& request) {
 
 RenderOutput::RenderOutput(OutputRequest request, std::vector<std::string> names,
                            const DepthRange& range)
-    : request_(std::move(request)), names_(std::move(names)), range_(range) {
+    : request_(std::move(request)),
+      lock_(request_.is_film() ? OutputLock::of_file(request_.output)
+                               : OutputLock::of_folder(request_.output)),
+      names_(std::move(names)), range_(range) {
   std::set<fs::path> files;
   const auto take = [&](const fs::path& file, const std::string& view) {
     check_place(file, request_.force);

@@ -9,6 +9,7 @@
 
 #include "data_loaders/video/film_writer.h"
 #include "gs_app/export/view_pictures.h"
+#include "gs_core/io/output_lock.h"
 
 namespace gs {
 
@@ -26,7 +27,8 @@ struct OutputRequest {
 /// cannot fulfil. Call it before the work starts.
 void check_output(const OutputRequest& request);
 
-/// Writes what was rendered. Order of calls: construct, write() for each view in order, finish().
+/// Writes what was rendered, and holds the output's lock. Order of calls: construct, write() for
+/// each view in order, finish().
 class RenderOutput {
  public:
   /// `names` are the names of the views. Throws UsageError where a file is there already and may
@@ -58,6 +60,7 @@ class RenderOutput {
   void move_older_aside(const std::filesystem::path& file);
 
   OutputRequest request_;
+  OutputLock lock_;
   std::vector<std::string> names_;
   DepthRange range_;
   std::map<Quantity, FilmWriter> films_;

@@ -18,10 +18,8 @@ constexpr const char* kCheckpointStage = "look";  // checks the model before a c
 }  // namespace
 
 ProfileObserver::ProfileObserver(const RunFolder& folder, const EvaluationObserver& evaluations,
-                                 const std::string& rows)
-    : path_(folder.profile()), evaluations_(evaluations) {
-  write_text(path_, kProfileHeader + rows);
-}
+                                 LostWrites& lost, const std::string& rows)
+    : evaluations_(evaluations), file_(folder.profile(), kProfileHeader, rows, lost) {}
 
 std::string ProfileObserver::rows_up_to(const std::filesystem::path& profile, int step) {
   return csv_rows_up_to(profile, kProfileHeader, step);
@@ -29,7 +27,7 @@ std::string ProfileObserver::rows_up_to(const std::filesystem::path& profile, in
 
 void ProfileObserver::after_rollback(int step, Trainer& trainer) {
   trainer.backend().set_profiling(false);
-  write_text(path_, kProfileHeader + rows_up_to(path_, step));
+  file_.cut_after(step);
   is_timing_ = false;
   timed_step_ = 0;
 }
@@ -59,7 +57,7 @@ void ProfileObserver::write_rows(int step, Trainer& trainer) {
   rows += fmt::format("{},memory_bytes,host,{}\n", step, host_bytes());
   if (const auto bytes = gpu_bytes(trainer.backend()))
     rows += fmt::format("{},memory_bytes,gpu,{}\n", step, *bytes);
-  append_rows(path_, rows);
+  file_.add(rows);
 }
 
 }  // namespace gs

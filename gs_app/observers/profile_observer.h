@@ -13,7 +13,7 @@ namespace gs {
 class ProfileObserver final : public Observer {
  public:
   /// Starts the file with its header and `rows`, which a resumed run has written before.
-  ProfileObserver(const RunFolder& folder, const EvaluationObserver& evaluations,
+  ProfileObserver(const RunFolder& folder, const EvaluationObserver& evaluations, LostWrites& lost,
                   const std::string& rows = {});
   void after_step(int step, Trainer& trainer) override;
   void after_rollback(int step, Trainer& trainer) override;
@@ -24,8 +24,8 @@ class ProfileObserver final : public Observer {
  private:
   void write_rows(int step, Trainer& trainer);
 
-  std::filesystem::path path_;
   const EvaluationObserver& evaluations_;
+  GrowingCsv file_;
   bool is_timing_ = false;
   int timed_step_ = 0;  // the step whose times are not written yet; 0: none
 };

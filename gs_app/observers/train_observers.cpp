@@ -49,8 +49,9 @@ void DurationObserver::after_step(int step, Trainer& trainer) {
 }
 
 void SaveObserver::after_step(int step, Trainer& trainer) {
-  if (contains(trainer.config().train.save_steps, step) && !is_last(step, trainer))
-    save_model(folder_, step, trainer);
+  if (!contains(trainer.config().train.save_steps, step) || is_last(step, trainer)) return;
+  lost_.attempt(fmt::format("the model of step {}", step),
+                [&] { save_model(folder_, step, trainer); });
 }
 
 void EvaluationObserver::after_step(int step, Trainer& trainer) {
@@ -71,21 +72,21 @@ std::string metrics_up_to(const std::filesystem::path& metrics, int step) {
 }
 
 MetricsObserver::MetricsObserver(const RunFolder& folder, const EvaluationObserver& evaluations,
-                                 const std::string& rows)
-    : path_(folder.metrics()), evaluations_(evaluations) {
-  go_on_after(rows);
+                                 LostWrites& lost, const std::string& rows)
+    : evaluations_(evaluations), file_(folder.metrics(), kMetricsHeader, rows, lost) {
+  take_rows();
 }
 
 void MetricsObserver::after_rollback(int step, Trainer&) {
-  go_on_after(metrics_up_to(path_, step));
+  file_.cut_after(step);
+  take_rows();
 }
 
-void MetricsObserver::go_on_after(const std::string& rows) {
-  write_text(path_, kMetricsHeader + rows);
+void MetricsObserver::take_rows() {
   last_row_ = 0;
   last_seconds_ = 0;
   losses_.clear();
-  std::istringstream lines(rows);
+  std::istringstream lines(file_.rows());
   for (std::string line; std::getline(lines, line);) {
     double loss = 0;
     std::sscanf(line.c_str(), "%d,%lf,%*[^,],%lf", &last_row_, &loss, &last_seconds_);
@@ -107,11 +108,9 @@ void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* te
   const double seconds = trainer.train_seconds();
   const double rate = seconds > last_seconds_ ? (step - last_row_) / (seconds - last_seconds_) : 0;
   losses_.push_back({step, trainer.loss()});
-  append_rows(
-      path_,
-      fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, losses_.back().loss,
-                  trainer.gaussian_count(), seconds, rate, trainer.settings().sh_degree) +
-          (test ? fmt::format("{:.4f},{:.5f}\n", test->psnr, test->ssim) : std::string(",\n")));
+  file_.add(fmt::format("{},{:.6f},{},{:.3f},{:.2f},{},", step, losses_.back().loss,
+                        trainer.gaussian_count(), seconds, rate, trainer.settings().sh_degree) +
+            (test ? fmt::format("{:.4f},{:.5f}\n", test->psnr, test->ssim) : std::string(",\n")));
   last_row_ = step;
   last_seconds_ = seconds;
 }

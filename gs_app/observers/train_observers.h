@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "gs_app/observers/lost_writes.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_train/loop/trainer.h"
@@ -45,11 +46,12 @@ class DurationObserver final : public Observer {
 /// Saves the PLY after the steps that train.save_steps names. The caller saves the last one.
 class SaveObserver final : public Observer {
  public:
-  explicit SaveObserver(const RunFolder& folder) : folder_(folder) {}
+  SaveObserver(const RunFolder& folder, LostWrites& lost) : folder_(folder), lost_(lost) {}
   void after_step(int step, Trainer& trainer) override;
 
  private:
   const RunFolder& folder_;
+  LostWrites& lost_;
 };
 
 /// Evaluates the test views after the steps that train.test_steps names. The caller evaluates the
@@ -78,11 +80,11 @@ struct LoggedLoss {
 
 /// metrics.csv: one row every train.log_every steps and for each evaluation. The row of the last
 /// step is written by finish(), when the final figures are known. The file grows as the run goes
-/// on.
+/// on. Rows that a full disk has no place for are written with a later one.
 class MetricsObserver final : public Observer {
  public:
   /// Starts the file with its header and `rows`, which a resumed run has written before.
-  MetricsObserver(const RunFolder& folder, const EvaluationObserver& evaluations,
+  MetricsObserver(const RunFolder& folder, const EvaluationObserver& evaluations, LostWrites& lost,
                   const std::string& rows = {});
   void after_step(int step, Trainer& trainer) override;
   void after_rollback(int step, Trainer& trainer) override;
@@ -91,11 +93,11 @@ class MetricsObserver final : public Observer {
   const std::vector<LoggedLoss>& losses() const { return losses_; }
 
  private:
-  void go_on_after(const std::string& rows);
+  void take_rows();
   void write_row(int step, Trainer& trainer, const Evaluation* test);
 
-  std::filesystem::path path_;
   const EvaluationObserver& evaluations_;
+  GrowingCsv file_;
   int last_row_ = 0;
   double last_seconds_ = 0;
   std::vector<LoggedLoss> losses_;

@@ -1,15 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/report/report_page.h"
 
+#include <algorithm>
+#include <fstream>
+#include <string_view>
+
 #include "apps/web/pages.h"
 #include "gs_app/run/provenance.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
+#include "gs_core/io/move_aside.h"
+#include "gs_core/log.h"
 #include "gs_core/version.h"
 
 namespace gs {
 
 using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kTellingBytes = 256;  // at the start of a report
 
 bool can_write_reports() { return !report_template().empty(); }
 
@@ -37,8 +45,22 @@ std::string report_page(const Json& data) {
   return page.replace(place, kDataPlace.size(), escaped);
 }
 
+namespace {
+
+// Whether a file begins as a report of this version does; another may be the user's.
+bool is_report(const std::filesystem::path& file) {
+  const std::string_view page = report_template();
+  std::string start(std::min<std::size_t>(page.find(kDataPlace), kTellingBytes), '\0');
+  std::ifstream stream(file, std::ios::binary);
+  return stream.read(start.data(), std::streamsize(start.size())) && page.starts_with(start);
+}
+
+}  // namespace
+
 void write_report(const std::filesystem::path& file, const Json& data) {
   if (!can_write_reports()) throw Error(cannot_write_reports());
+  if (std::filesystem::exists(file) && !is_report(file))
+    log_info("the older {} is now {}", file.string(), keep_aside(file).string());
   write_text(file, report_page(data));
 }
 

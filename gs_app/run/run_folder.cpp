@@ -27,7 +27,10 @@ std::string python_text(const std::string& text) {
   std::string result = "'";
   for (const char c : text) {
     if (c == '\'' || c == '\\') result += '\\';
-    result += c;
+    if (static_cast<unsigned char>(c) < 0x20)
+      result += fmt::format("\\x{:02x}", c);
+    else
+      result += c;
   }
   return result + "'";
 }
@@ -98,28 +101,27 @@ std::optional<int> RunFolder::newest_step() const {
   return newest;
 }
 
-void check_is_free(const RunFolder& folder, bool force) {
-  const std::string name = folder.root().string();
+void check_is_folder(const RunFolder& folder) {
   if (fs::exists(folder.root()) && !fs::is_directory(folder.root()))
-    throw UsageError("the output " + name + " is a file; name a folder with -o");
+    throw UsageError("the output " + folder.root().string() + " is a file; name a folder with -o");
+}
+
+void check_is_free(const RunFolder& folder, bool force, const std::vector<fs::path>& needed) {
+  const std::string name = folder.root().string();
   if (folder.holds_run() && !force)
     throw UsageError(
         "the output folder " + name +
         " holds a run already; --resume goes on with it, -o chooses another folder, and --force "
         "moves it to " +
         name + ".bak-N first");
+  if (folder.holds_run()) check_may_move(folder.root(), needed);
 }
 
-void make_run_folder(const RunFolder& folder) {
-  if (folder.holds_run()) {
-    const fs::path backup = move_aside(folder.root());
-    log_warning("the run in {} was moved to {}", folder.root().string(), backup.string());
-  }
-  std::error_code error;
-  fs::create_directories(folder.root(), error);
-  if (error)
-    throw Error(fmt::format("cannot make the output folder {}: {}; choose another with -o",
-                            folder.root().string(), error.message()));
+void move_run_aside(const RunFolder& folder, OutputLock& lock,
+                    const std::vector<fs::path>& needed) {
+  if (!folder.holds_run()) return;
+  const fs::path backup = lock.move_folder_aside(needed);
+  log_warning("the run in {} was moved to {}", folder.root().string(), backup.string());
 }
 
 void write_run_description(const RunFolder& folder, const Config& config, const Scene& scene) {

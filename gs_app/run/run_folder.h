@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "gs_core/config/config.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/scene.h"
 
 namespace gs {
@@ -24,11 +25,6 @@ class RunFolder {
   Path ply(int step) const;
   Path pictures(std::string_view split, int step) const;  // holds renders/ and gt/
   Path checkpoints() const { return root_ / "checkpoints"; }
-  /// The FolderLock of the process that trains into the folder. It lies beside the folder, so that
-  /// it stays in place if the folder is moved aside.
-  Path lock() const {
-    return absolute_root().parent_path() / ("." + absolute_root().filename().string() + ".lock");
-  }
   Path cameras() const { return root_ / "cameras.json"; }
   Path cfg_args() const { return root_ / "cfg_args"; }
   Path config() const { return root_ / "config.toml"; }
@@ -49,19 +45,21 @@ class RunFolder {
   std::optional<int> newest_step() const;
 
  private:
-  Path absolute_root() const {  // without the slash that a user may end it with
-    const Path root = std::filesystem::absolute(root_).lexically_normal();
-    return root.has_filename() ? root : root.parent_path();
-  }
   Path root_;
 };
 
-/// Throws UsageError if the folder is a file, or holds a run already (unless `force`).
-void check_is_free(const RunFolder& folder, bool force);
+/// Throws UsageError if the folder's path is that of a file.
+void check_is_folder(const RunFolder& folder);
 
-/// Makes the folder. If it holds a run, the run is moved to ROOT.bak-N first, so that nothing is
-/// lost.
-void make_run_folder(const RunFolder& folder);
+/// Throws UsageError if the folder holds a run already, unless `force` is set and the folder may be
+/// moved: no path of `needed` lies in it.
+void check_is_free(const RunFolder& folder, bool force,
+                   const std::vector<std::filesystem::path>& needed);
+
+/// If the folder, whose lock this is, holds a run, moves it to ROOT.bak-N, so that nothing is lost,
+/// and makes it anew. Throws UsageError if a path of `needed` lies in it.
+void move_run_aside(const RunFolder& folder, OutputLock& lock,
+                    const std::vector<std::filesystem::path>& needed);
 
 /// Writes what is known before the first step: config.toml, cfg_args, split.json, cameras.json and
 /// input.ply; also exposure.json if exposures were computed, and world_offset.json if there is an

@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "data_loaders/photos/photos.h"
-#include "data_loaders/scene/scene_hash.h"
 #include "gs_app/pictures/comparison.h"
 #include "gs_app/pictures/pictures.h"
 
@@ -85,8 +84,6 @@ Results results_of(Trainer& trainer) {
   results.refinement = scene.refinement;
   results.exposure = scene.exposure;
   results.peak_gpu_bytes = peak_gpu_bytes(trainer.backend());
-  const DatasetConfig& dataset = trainer.config().dataset;
-  if (!dataset.source.empty()) results.scene_hash = scene_hash(dataset);  // else: made of arrays
   return results;
 }
 

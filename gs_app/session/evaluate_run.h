@@ -16,7 +16,7 @@ namespace gs {
 void evaluate_run(Trainer& trainer, const RunFolder& folder, Results& results,
                   const std::function<void(std::size_t done, std::size_t total)>& progress);
 
-/// The results of a finished run, before its evaluation.
+/// The results of a finished run, before its evaluation; the hash of its scene is left empty.
 Results results_of(Trainer& trainer);
 
 }  // namespace gs

@@ -18,7 +18,26 @@ Viewpoints viewpoints_of(Trainer& trainer) {
   return viewpoints;
 }
 
+std::filesystem::path export_file(const std::string& format, const RunFolder& folder, int step) {
+  std::filesystem::path file = folder.ply(step);
+  return file.replace_extension(format_named(format).ending);
+}
+
 }  // namespace
+
+std::vector<std::string> missing_exports(const std::vector<std::string>& formats,
+                                         const RunFolder& folder) {
+  std::vector<std::string> missing;
+  const std::optional<int> step = folder.newest_step();
+  if (!step) return missing;
+  for (const std::string& format : formats) {
+    const std::filesystem::path file = export_file(format, folder, *step);
+    const bool is_there = file == folder.ply(*step) || (std::filesystem::exists(file) &&
+                                                        std::filesystem::exists(sidecar_of(file)));
+    if (!is_there) missing.push_back(format);
+  }
+  return missing;
+}
 
 void export_run(const std::vector<std::string>& formats, const RunFolder& folder,
                 Trainer& trainer) {
@@ -27,8 +46,7 @@ void export_run(const std::vector<std::string>& formats, const RunFolder& folder
   const Viewpoints viewpoints = viewpoints_of(trainer);
   const std::filesystem::path ply = folder.ply(trainer.step());
   for (const std::string& name : formats) {
-    ExportRequest request{ply, {}, {}};
-    request.file.replace_extension(format_named(name).ending);
+    const ExportRequest request{export_file(name, folder, trainer.step()), {}, {}};
     if (request.file == ply) continue;  // it is written already
     log_info("{}", summary(export_model(model, request, &viewpoints), &viewpoints));
   }

@@ -14,4 +14,8 @@ namespace gs {
 /// logs size and fidelity. Throws Error.
 void export_run(const std::vector<std::string>& formats, const RunFolder& folder, Trainer& trainer);
 
+/// Those of the formats whose file and sidecar are not both there for the run's newest model.
+std::vector<std::string> missing_exports(const std::vector<std::string>& formats,
+                                         const RunFolder& folder);
+
 }  // namespace gs

@@ -24,7 +24,8 @@ void move_source(DatasetConfig& dataset, const fs::path& scene) {
 
 }  // namespace
 
-void reconstruct_bare_photos(Config& config, const RunFolder& folder, SessionHooks& hooks) {
+void reconstruct_bare_photos(Config& config, const RunFolder& folder, OutputLock& lock,
+                             const std::vector<fs::path>& needed, SessionHooks& hooks) {
   DatasetConfig& dataset = config.dataset;
   const bool places_are_named = !dataset.model.empty() || dataset.images != DatasetConfig{}.images;
   if (places_are_named || !holds_only_photos(dataset.source)) return;
@@ -32,7 +33,7 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, SessionHoo
   const auto scene = fs::absolute(folder.root() / "scene").lexically_normal();
   const ColmapJob job{dataset.source, scene, config.reconstruct, config.train.threads};
   check_reconstruction(job);
-  make_run_folder(folder);  // moves an older run aside with its scene, so the check comes before
+  move_run_aside(folder, lock, needed);  // with its scene, so the check comes before
   const Reconstruction result =
       run_colmap(job, [&](ColmapStage stage, std::int64_t done, std::int64_t total) {
         hooks.show_colmap(stage, done, total);

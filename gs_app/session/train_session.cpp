@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "data_loaders/formats/formats.h"
+#include "data_loaders/scene/scene_hash.h"
 #include "gs_app/report/report_run.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/stop_on_signal.h"
@@ -43,6 +44,7 @@ std::string absolute_path(const std::string& path) {
 }  // namespace
 
 struct TrainSession::Observers {
+  LostWrites lost;
   ProgressObserver progress;
   SaveObserver saver;
   EvaluationObserver evaluations;
@@ -51,9 +53,9 @@ struct TrainSession::Observers {
   std::optional<DurationObserver> duration;
 
   Observers(const RunFolder& folder, Trainer& trainer, bool shows_progress, const RowsBefore& rows)
-      : progress(trainer.schedule().steps(), shows_progress, trainer.step()), saver(folder),
-        evaluations(progress), metrics(folder, evaluations, rows.metrics),
-        profile(folder, evaluations, rows.profile) {
+      : progress(trainer.schedule().steps(), shows_progress, trainer.step()), saver(folder, lost),
+        evaluations(progress), metrics(folder, evaluations, lost, rows.metrics),
+        profile(folder, evaluations, lost, rows.profile) {
     for (Observer* observer :
          std::initializer_list<Observer*>{&saver, &evaluations, &metrics, &progress, &profile})
       trainer.add_observer(*observer);
@@ -70,26 +72,22 @@ TrainSession::TrainSession(TrainRequest request, SessionHooks& hooks)
 TrainSession::~TrainSession() = default;
 
 SessionEnd TrainSession::run() {
-  choose_run();
-  lock_.emplace(RunFolder(config_.model.output).lock(), config_.model.output,
-                FolderLock::Kind::alone, FolderLock::File::removed);
-  choose_run();  // again, since no other process changes the folder any more
-  folder_.emplace(config_.model.output);
-  if (resumed_ && resumed_->is_finished) {
+  lock_folder();
+  if (is_finished() && missing_exports(request_.exports, *folder_).empty()) {
     log_info("the run in {} is finished; --iterations +N extends it by N steps",
              resumed_->source.string());
     return SessionEnd::nothing_left;
   }
-  if (!(resumed_ ? goes_on_in_place() : !request_.resume.empty()))
-    check_is_free(*folder_, request_.force);
+  check_output();
   hooks_.use_threads(config_.train.threads);
   backend_ = make_backend(config_.train.device);
   log_info("training on {} with {} threads", backend_->name(), thread_count());
   get_scene();
+  if (is_finished()) return end_finished_run();
 
   if (!resumed_) make_new_trainer();  // before the folder: where this throws, none is left behind
   hooks_.before_writing(*folder_, *scene_, config_);
-  checkpoints_.emplace(folder_->checkpoints(), config_, SceneRecord(*scene_));
+  checkpoints_.emplace(folder_->checkpoints(), config_, record_);
   if (resumed_ && resumed_->is_extended) save_resumed_state();  // before old results are moved
   start_folder();
   if (resumed_ && !goes_on_in_place()) save_resumed_state();
@@ -100,9 +98,10 @@ SessionEnd TrainSession::run() {
 
   train();
   save_last_model();
-  if (trainer_->step() < trainer_->schedule().steps()) return SessionEnd::stopped;
-  finish();
-  return SessionEnd::finished;
+  const bool is_stopped = trainer_->step() < trainer_->schedule().steps();
+  if (!is_stopped) finish();
+  observers_->lost.say_again();
+  return is_stopped ? SessionEnd::stopped : SessionEnd::finished;
 }
 
 // ---- before the first step ---------------------------------------------------------------------
@@ -127,18 +126,62 @@ Config TrainSession::config_of_new_run() const {
   return config;
 }
 
+// What must stay where it is while the run's folder is made.
+std::vector<fs::path> TrainSession::inputs() const {
+  const DatasetConfig& dataset = config_.dataset;
+  std::vector<fs::path> inputs = {dataset.source, config_.model.start_from};
+  for (const std::string& part : {dataset.images, dataset.masks, dataset.model})
+    if (!dataset.source.empty() && !part.empty()) inputs.push_back(fs::path(dataset.source) / part);
+  if (resumed_) inputs.push_back(resumed_->source);
+  return inputs;
+}
+
+void TrainSession::lock_folder() {
+  choose_run();
+  folder_.emplace(config_.model.output);
+  check_is_folder(*folder_);
+  lock_.emplace(OutputLock::of_folder(folder_->root()));
+  choose_run();  // again, since no other process changes the folder any more
+}
+
+void TrainSession::check_output() const {
+  to_toml(config_);  // throws where the paths cannot be written down
+  if (!(resumed_ ? goes_on_in_place() : !request_.resume.empty()))
+    check_is_free(*folder_, request_.force, inputs());
+}
+
 void TrainSession::get_scene() {
   scene_ = request_.scene;
-  if (!scene_) {
-    if (!resumed_) reconstruct_bare_photos(config_, *folder_, hooks_);
-    scene_ = &loaded_scene_.emplace(load_run_scene(config_.dataset, hooks_));
-  }
+  if (!scene_ && !resumed_) reconstruct_bare_photos(config_, *folder_, *lock_, inputs(), hooks_);
+  describe_scene();
+  if (!scene_) scene_ = &loaded_scene_.emplace(load_run_scene(config_.dataset, hooks_));
   log_forecast(config_, *scene_, *backend_);
+  record_scene();
   if (!resumed_) return;
-  check_same_scene(*resumed_, *scene_);
+  check_same_scene(*resumed_, record_, scene_->source);
   if (!loaded_scene_ && !has_solved_views(*resumed_)) return;  // nothing of it would change
   if (!loaded_scene_) scene_ = &loaded_scene_.emplace(*scene_);
   restore_scene(*resumed_, *loaded_scene_);
+}
+
+// Before the scene is read and not after training, which may take a day: then it describes what is
+// trained on, and nothing is lost if the scene's disk is unplugged meanwhile.
+void TrainSession::describe_scene() {
+  if (config_.dataset.source.empty()) return;  // a scene made of arrays
+  try {
+    scene_hash_ = scene_hash(config_.dataset);
+  } catch (const Error&) {
+    if (!request_.scene) throw;  // else its files may be gone already
+  }
+}
+
+void TrainSession::record_scene() {
+  record_ = SceneRecord(*scene_);
+  if (scene_hash_.empty()) return;
+  std::vector<std::string> names;
+  for (const ViewRecord& view : record_.views) names.push_back(view.name);
+  const std::vector<std::uint64_t> photos = photo_hashes(config_.dataset, names);
+  for (std::size_t i = 0; i < photos.size(); ++i) record_.views[i].photo = photos[i];
 }
 
 void TrainSession::make_new_trainer() {
@@ -159,9 +202,9 @@ void TrainSession::start_folder() {
     prepare_resumed_folder(*folder_, *resumed_);
     if (holds_text(folder_->config(), to_toml(config_))) return;  // so the other files fit as well
   } else if (!resumed_ && !request_.resume.empty()) {
-    prepare_fresh_start(*folder_, config_);
+    prepare_fresh_start(*folder_, config_, *lock_, inputs());
   } else {
-    make_run_folder(*folder_);
+    move_run_aside(*folder_, *lock_, inputs());
   }
   write_run_description(*folder_, config_, *scene_);
 }
@@ -203,6 +246,7 @@ void TrainSession::save_last_model() {
 
 void TrainSession::finish() {
   results_ = results_of(*trainer_);
+  results_.scene_hash = scene_hash_;
   log_info("all {} steps are done and the model is saved; now it is evaluated",
            results_.iterations);
   guarded("the evaluation", [&] {
@@ -219,31 +263,43 @@ void TrainSession::finish() {
   guarded("an export", [&] { export_run(request_.exports, *folder_, *trainer_); });
 }
 
+// Writes exports that a kill after results.json, or an older command without them, has left out.
+SessionEnd TrainSession::end_finished_run() {
+  log_info("the run in {} is finished, and exports are missing: they are written now",
+           resumed_->source.string());
+  trainer_.emplace(*scene_, config_, *backend_, std::move(resumed_->checkpoint.state));
+  trainer_->run();  // no step is left: only the model is made ready, as it was saved
+  trainer_->guarded("an export", [&] {
+    export_run(missing_exports(request_.exports, *folder_), *folder_, *trainer_);
+  });
+  return SessionEnd::nothing_left;
+}
+
 void TrainSession::guarded(const char* what, const std::function<void()>& f) {
   naming_what_is_kept([&] { trainer_->guarded(what, f); });
 }
 
-// Runs f(). Where memory runs out for good, the error also says what is saved, and how to go on.
+// Runs f(). An error also says what is saved, and how to go on.
 void TrainSession::naming_what_is_kept(const std::function<void()>& f) {
   try {
     f();
   } catch (const Error& error) {
     observers_->progress.clear();
-    if (error.code() != ExitCode::out_of_memory) throw;
-    throw Error(error.what() + what_is_kept(), ExitCode::out_of_memory);
+    throw Error(error.what() + what_is_kept(error.code()), error.code());
   }
 }
 
-std::string TrainSession::what_is_kept() const {
+std::string TrainSession::what_is_kept(ExitCode code) const {
   std::string text;
   const int last = trainer_->step();
   if (fs::exists(folder_->ply(last)))
     text += fmt::format("; the model is in {}", folder_->ply(last).string());
   if (const auto kept = checkpoints_in(folder_->checkpoints()); !kept.empty())
-    text += fmt::format(
-        "; the checkpoint of step {} is in {}: go on with --resume and a lower --max-gaussians, or "
-        "on another machine",
-        kept[0].step, kept[0].file.string());
+    text += fmt::format("; the checkpoint of step {} is in {}: go on with --resume{}",
+                        kept[0].step, kept[0].file.string(),
+                        code == ExitCode::out_of_memory
+                            ? " and a lower --max-gaussians, or on another machine"
+                            : "");
   return text;
 }
 

@@ -13,10 +13,11 @@
 #include "gs_app/checkpoints/resume.h"
 #include "gs_app/observers/profile_observer.h"
 #include "gs_app/observers/train_observers.h"
-#include "gs_app/run/folder_lock.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_app/session/session_hooks.h"
+#include "gs_core/error.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/scene.h"
 #include "gs_train/backend.h"
 #include "gs_train/loop/trainer.h"
@@ -42,7 +43,7 @@ struct TrainRequest {
 enum class SessionEnd {
   finished,
   stopped,      // early: model and checkpoint are saved, and `resume` goes on
-  nothing_left  // the run to resume was finished before
+  nothing_left  // the run to resume was finished before, with all exports asked for
 };
 
 /// Make it, call run() once. While the session lives it holds the lock of the output folder, and
@@ -72,32 +73,41 @@ class TrainSession {
   // Before the first step.
   void choose_run();
   Config config_of_new_run() const;
+  std::vector<std::filesystem::path> inputs() const;
+  void lock_folder();
+  void check_output() const;
   void get_scene();
+  void describe_scene();
+  void record_scene();
   void make_new_trainer();
   void start_folder();
   void make_resumed_trainer();
   void save_resumed_state();
   void save_start();
   void add_observers();
+  bool is_finished() const { return resumed_ && resumed_->is_finished; }
   bool goes_on_in_place() const { return resumed_ && resumed_->goes_on_in_place(); }
 
   // From there on.
   void train();
   void save_last_model();
   void finish();
+  SessionEnd end_finished_run();
   void guarded(const char* what, const std::function<void()>& f);
   void naming_what_is_kept(const std::function<void()>& f);
-  std::string what_is_kept() const;
+  std::string what_is_kept(ExitCode code) const;
 
   TrainRequest request_;
   SessionHooks& hooks_;
   Config config_;
   std::optional<ResumedRun> resumed_;
   std::optional<RunFolder> folder_;
-  std::optional<FolderLock> lock_;
+  std::optional<OutputLock> lock_;
   std::unique_ptr<Backend> backend_;
   std::optional<Scene> loaded_scene_;
   const Scene* scene_ = nullptr;  // the loaded one, or that of the request
+  std::string scene_hash_;        // of its files before they were read
+  SceneRecord record_;
   std::optional<CheckpointFolder> checkpoints_;
   std::optional<RunProgress> start_;  // of a run that starts from a model
   std::optional<Trainer> trainer_;

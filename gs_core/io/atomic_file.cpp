@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <spdlog/fmt/fmt.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -34,6 +35,7 @@ const char* remedy(int error) {
 }
 
 std::atomic<WriteHook*> write_hook = nullptr;
+thread_local BeforeNaming* before_naming = nullptr;
 
 void ask_hook(WritePoint point, const std::filesystem::path& file) {
   if (WriteHook* const hook = write_hook) hook->before(point, file);
@@ -59,9 +61,54 @@ void sync_folder(const std::filesystem::path& folder) {
   ::close(descriptor);
 }
 
+constexpr mode_t kRights = 0666;  // less the umask
+
+// A file without a name, which is gone when the process ends, however it ends. -1 where the file
+// system has no such files, or where no name could be given to it later.
+int open_unnamed([[maybe_unused]] const std::filesystem::path& folder) {
+#ifdef O_TMPFILE
+  static const bool can_be_named = ::access("/proc/self/fd", X_OK) == 0;
+  if (can_be_named)
+    return ::open(folder.empty() ? "." : folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kRights);
+#endif
+  return -1;
+}
+
+// Gives such a file a name that nothing has. Returns 0 or the error.
+int name_file(int descriptor, const std::filesystem::path& path) {
+  const std::string unnamed = fmt::format("/proc/self/fd/{}", descriptor);
+  const int result = ::linkat(AT_FDCWD, unnamed.c_str(), AT_FDCWD, path.c_str(), AT_SYMLINK_FOLLOW);
+  return result == 0 ? 0 : errno;
+}
+
+// The name of a temporary file beside `path`, another one at each call.
+std::filesystem::path temporary_name(const std::filesystem::path& path) {
+  static std::atomic<unsigned> files_so_far = 0;  // two threads may write the same file
+  return path.parent_path() /
+         fmt::format(".{}.{}.{}.tmp", path.filename().string(), ::getpid(), ++files_so_far);
+}
+
+// Calls make(name) for temporary names until one is free. Returns 0 or the error.
+template <class Make>
+int with_temporary_name(const std::filesystem::path& path, std::filesystem::path& name,
+                        const Make& make) {
+  int error = 0;
+  do {
+    name = temporary_name(path);
+    error = make(name);
+  } while (error == EEXIST);
+  return error;
+}
+
 }  // namespace
 
 void set_write_hook(WriteHook* hook) { write_hook = hook; }
+
+BeforeNaming::BeforeNaming(std::filesystem::path file, std::function<void()> f)
+    : file_(std::move(file)), f_(std::move(f)) {
+  before_naming = this;
+}
+BeforeNaming::~BeforeNaming() { before_naming = nullptr; }
 
 void remove_leftovers(const std::filesystem::path& folder) {
   std::error_code ignored;
@@ -72,7 +119,7 @@ void remove_leftovers(const std::filesystem::path& folder) {
   }
 }
 
-AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)) {
+AtomicFile::AtomicFile(std::filesystem::path path) : named_(path), path_(std::move(path)) {
   std::error_code error;
   if (std::filesystem::is_symlink(path_, error)) {  // the link stays, its target is new
     const auto target = std::filesystem::weakly_canonical(path_, error);
@@ -85,20 +132,28 @@ AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)) {
   error.clear();
   if (path_.has_parent_path()) std::filesystem::create_directories(path_.parent_path(), error);
   if (error) fail(error.value());
-  temporary_ = path_;
-  static std::atomic<unsigned> files_so_far = 0;  // two threads may write the same file
-  temporary_.replace_filename(
-      fmt::format(".{}.{}.{}.tmp", path_.filename().string(), ::getpid(), ++files_so_far));
   ask_hook(WritePoint::create, path_);
-  file_ = std::fopen(temporary_.c_str(), "wb");
+  int descriptor = open_unnamed(path_.parent_path());
+  if (descriptor < 0) descriptor = open_named();
+  file_ = ::fdopen(descriptor, "wb");
   if (!file_) fail(errno);
+}
+
+int AtomicFile::open_named() {
+  int descriptor = -1;
+  const int error = with_temporary_name(path_, temporary_, [&](const std::filesystem::path& name) {
+    descriptor = ::open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, kRights);
+    return descriptor < 0 ? errno : 0;
+  });
+  if (error) fail(error);
+  return descriptor;
 }
 
 AtomicFile::~AtomicFile() {
   if (!file_) return;
   std::fclose(file_);
   std::error_code ignored;
-  std::filesystem::remove(temporary_, ignored);
+  if (!temporary_.empty()) std::filesystem::remove(temporary_, ignored);
 }
 
 void AtomicFile::write(const void* data, std::size_t bytes) {
@@ -111,11 +166,26 @@ void AtomicFile::commit(Durability durability) {
   ask_hook(WritePoint::sync, path_);
   if (std::fflush(file_) != 0 || (is_synced && ::fsync(::fileno(file_)) != 0)) fail(errno);
   ask_hook(WritePoint::rename, path_);
-  if (std::rename(temporary_.c_str(), path_.c_str()) != 0) fail(errno);
+  if (before_naming && before_naming->file_ == named_) before_naming->f_();
+  if (const int error = give_name()) fail(error);
   std::fclose(file_);
   file_ = nullptr;
   ask_hook(WritePoint::sync_folder, path_);
   if (is_synced) sync_folder(path_.parent_path());
+}
+
+// A file without a name gets its own one at once, unless an older file has it: only rename replaces
+// that in one step.
+int AtomicFile::give_name() {
+  if (temporary_.empty()) {
+    int error = name_file(::fileno(file_), path_);
+    if (error != EEXIST) return error;
+    error = with_temporary_name(path_, temporary_, [&](const std::filesystem::path& name) {
+      return name_file(::fileno(file_), name);
+    });
+    if (error) return error;
+  }
+  return std::rename(temporary_.c_str(), path_.c_str()) == 0 ? 0 : errno;
 }
 
 void AtomicFile::fail(int error) {

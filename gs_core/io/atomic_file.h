@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes a file either completely or not at all: under a temporary name first, which is changed
-// when everything is on disk.
+// Writes a file either completely or not at all: first without a name, or under a temporary one
+// where the file system has no files without names; it gets its own when everything is on disk.
 #pragma once
 
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <string_view>
 
 namespace gs {
@@ -22,17 +23,33 @@ class WriteHook {
 /// There is one hook for the whole program; null, the initial value, means none.
 void set_write_hook(WriteHook* hook);
 
+/// While it lives, f() is called right before a file of this thread gets the name `file`: the place
+/// to remove what described an older file of that name. One at a time in a thread.
+class BeforeNaming {
+ public:
+  BeforeNaming(std::filesystem::path file, std::function<void()> f);
+  ~BeforeNaming();
+  BeforeNaming(const BeforeNaming&) = delete;
+  BeforeNaming& operator=(const BeforeNaming&) = delete;
+
+ private:
+  friend class AtomicFile;
+  std::filesystem::path file_;
+  std::function<void()> f_;
+};
+
 /// Removes the temporary files of AtomicFile that killed processes left in a folder, and nothing
 /// else. Files of processes that still run stay.
 void remove_leftovers(const std::filesystem::path& folder);
 
 /// A file that is being written. Order of calls: construct, write() any number of times, commit().
-/// Without commit(), say after an exception, nothing is left behind, and an older file of that name
-/// is untouched. Every function throws Error, which names the path, if the disk is full or the
+/// Without commit(), say after an exception or a kill, nothing is left behind, and an older file of
+/// that name is untouched. (A kill leaves a hidden file on file systems that have no files without
+/// names, such as NFS: remove_leftovers().) Every function throws Error, which names the path, if the disk is full or the
 /// folder may not be written to.
 class AtomicFile {
  public:
-  /// Creates the folder above `path` if it is not there, and a temporary file in it.
+  /// Creates the folder above `path` if it is not there, and a file in it.
   explicit AtomicFile(std::filesystem::path path);
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
@@ -48,8 +65,11 @@ class AtomicFile {
 
  private:
   [[noreturn]] void fail(int error);
+  int open_named();
+  int give_name();
 
-  std::filesystem::path path_, temporary_;
+  std::filesystem::path named_;             // by the caller; a symbolic link leads to path_
+  std::filesystem::path path_, temporary_;  // temporary_: empty while the file has no name
   std::FILE* file_ = nullptr;
 };
 

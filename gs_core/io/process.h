@@ -53,11 +53,15 @@ struct ChildOptions {
   int output = -1;                          // descriptor of its output and errors; -1: none
   std::vector<std::string> variables = {};  // "NAME=value", added to the environment
   bool is_detached = false;                 // has a session of its own and outlives this program
+  bool saves_on_term = false;               // takes its time to save its work after SIGTERM
 };
 
 /// Starts `arguments` (the program first) with /dev/null as its input, and returns at once. Unless
 /// it is detached, the child has a process group of its own, whose number is that of the child, and
-/// gets SIGTERM when the thread that called ends, even by SIGKILL (Linux only). Throws Error if the
+/// does not outlive this program, even if that ends by SIGKILL: a small guard process then sends
+/// SIGTERM to the whole group, which holds the programs that a script in COLMAP's place has started,
+/// and SIGKILL to what is left of it after five seconds (ten minutes if `saves_on_term`). On Linux
+/// the child itself gets SIGTERM already when the thread that called ends. Throws Error if the
 /// program cannot be started.
 pid_t start_child(const std::vector<std::string>& arguments, const ChildOptions& options = {});
 

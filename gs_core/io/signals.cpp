@@ -15,13 +15,16 @@ SignalHandlers::SignalHandlers(void (*handler)(int), Calls calls) {
   action.sa_handler = handler;
   action.sa_flags = SA_RESTART;
   if (calls == Calls::first) action.sa_flags |= int(SA_RESETHAND);
-  sigaction(SIGINT, &action, &old_interrupt_);
-  sigaction(SIGTERM, &action, &old_terminate_);
+  for (std::size_t i = 0; i < kStopSignals.size(); ++i) {
+    sigaction(kStopSignals[i], nullptr, &old_[i]);
+    const bool is_ignored = kStopSignals[i] == SIGHUP && old_[i].sa_handler == SIG_IGN;
+    if (!is_ignored) sigaction(kStopSignals[i], &action, nullptr);
+  }
 }
 
 SignalHandlers::~SignalHandlers() {
-  sigaction(SIGINT, &old_interrupt_, nullptr);
-  sigaction(SIGTERM, &old_terminate_, nullptr);
+  for (std::size_t i = 0; i < kStopSignals.size(); ++i)
+    sigaction(kStopSignals[i], &old_[i], nullptr);
 }
 
 SignalWait::Pipe::Pipe() {

@@ -1,18 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
-// SIGINT (Ctrl-C) and SIGTERM, handled in one place. Each class works while it lives and then puts
-// the handlers back that were there before.
+// The signals that ask the program to end, handled in one place: SIGINT (Ctrl-C), SIGTERM, and
+// SIGHUP (the terminal was closed). Each class works while it lives and then puts the handlers back
+// that were there before. A SIGHUP that is ignored, as under nohup, stays ignored.
 #pragma once
 
+#include <array>
 #include <csignal>
 
 namespace gs {
 
-/// While it lives, SIGINT and SIGTERM call `handler`, which may only do what POSIX allows in a
-/// signal handler.
+/// Lets a write beyond the largest file that is allowed (ulimit -f) fail as one on a full disk does,
+/// instead of ending the program.
+inline void ignore_file_size_signal() { std::signal(SIGXFSZ, SIG_IGN); }
+
+inline constexpr std::array<int, 3> kStopSignals = {SIGINT, SIGTERM, SIGHUP};
+
+/// While it lives, the stop signals call `handler`, which may only do what POSIX allows in a signal
+/// handler.
 class SignalHandlers {
  public:
   enum class Calls {
-    first,  // the first SIGINT and the first SIGTERM; a second one ends the program at once
+    first,  // the first one of each kind; a second one ends the program at once
     all
   };
   explicit SignalHandlers(void (*handler)(int), Calls calls = Calls::first);
@@ -21,7 +29,7 @@ class SignalHandlers {
   SignalHandlers& operator=(const SignalHandlers&) = delete;
 
  private:
-  struct sigaction old_interrupt_, old_terminate_;
+  std::array<struct sigaction, kStopSignals.size()> old_;
 };
 
 /// While it lives, signals are counted and do nothing else. One at a time.

@@ -9,7 +9,9 @@
 #include <functional>
 
 #include "data_loaders/formats/ply/ply.h"
+#include "gs_app/export/export_model.h"
 #include "gs_core/error.h"
+#include "gs_core/io/atomic_file.h"
 #include "gs_core/memory.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
@@ -165,6 +167,99 @@ TEST_F(Session, MemoryThatRunsOutInTheEvaluationNamesTheModel) {
     EXPECT_EQ(error.code(), ExitCode::out_of_memory);
     EXPECT_THAT(error.what(), AllOf(HasSubstr("the evaluation"), HasSubstr(model.string())));
   }
+}
+
+/// Files whose path has `part` in it cannot be written while it lives.
+class FullDisk : public WriteHook {
+ public:
+  explicit FullDisk(std::string part) : part_(std::move(part)) { set_write_hook(this); }
+  ~FullDisk() override { set_write_hook(nullptr); }
+  void before(WritePoint point, const fs::path& file) override {
+    if (point == WritePoint::write && file.string().find(part_) != std::string::npos)
+      throw Error("cannot write " + file.string() + ": the disk is full, says the test");
+  }
+
+ private:
+  std::string part_;
+};
+
+TEST_F(Session, AFullDiskAtASaveStepCostsThatModelAndIsSaidAgainAtTheEnd) {
+  TrainRequest asked = request("out");
+  const SettingsOver settings = asked.settings;
+  asked.settings = [=](const Config& start) {
+    Config config = settings(start);
+    config.train.save_steps = {8, 12};
+    return config;
+  };
+  const FullDisk full("iteration_8");
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(run(asked), SessionEnd::finished);
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_FALSE(fs::exists(ply("out", 8)));
+  EXPECT_TRUE(fs::exists(ply("out", 12)));
+  EXPECT_TRUE(fs::exists(ply("out")));
+  EXPECT_THAT(log, HasSubstr("the model of step 8 could not be written"));
+  EXPECT_THAT(log.substr(log.find("now it is evaluated")), HasSubstr("the model of step 8 is missing"));
+}
+
+TEST_F(Session, RowsWithoutAPlaceOnTheDiskComeWithALaterOne) {
+  LostWrites lost;
+  GrowingCsv file(path("a.csv"), "step,loss\n", "1,0.5\n", lost);
+  fs::remove(path("a.csv"));
+  fs::create_symlink("/dev/full", path("a.csv"));
+  file.add("2,0.4\n");
+  file.add("3,0.3\n");
+  testing::internal::CaptureStderr();
+  lost.say_again();
+  EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("a.csv is missing"));
+  fs::remove(path("a.csv"));
+  write_bytes(path("a.csv"), "step,loss\n1,0");  // half of a row
+  file.add("4,0.2\n");
+  EXPECT_EQ(read_bytes(path("a.csv")), "step,loss\n1,0.5\n2,0.4\n3,0.3\n4,0.2\n");
+  file.cut_after(2);
+  file.add("3,0.1\n");
+  EXPECT_EQ(read_bytes(path("a.csv")), "step,loss\n1,0.5\n2,0.4\n3,0.1\n");
+  testing::internal::CaptureStderr();
+  lost.say_again();
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
+TEST_F(Session, AnOlderSidecarIsNeverBesideANewerFile) {
+  /// Ends the export right before or right after the file has its name.
+  class StopAt : public WriteHook {
+   public:
+    StopAt(WritePoint point, fs::path file) : point_(point), file_(std::move(file)) {
+      set_write_hook(this);
+    }
+    ~StopAt() override { set_write_hook(nullptr); }
+    void before(WritePoint point, const fs::path& file) override {
+      if (point == point_ && file == file_) throw Error("stopped by the test");
+    }
+
+   private:
+    WritePoint point_;
+    fs::path file_;
+  };
+  GaussianModel model{small_truth(), 0, true, false, {0.0, 0.0, 0.0}};
+  const ExportRequest request{path("a.splat")};
+  export_model(model, request);
+  const std::string file = read_bytes(request.file), sidecar = read_bytes(sidecar_of(request.file));
+  model.world_offset = {2.27, 0, 0};
+  model.gaussians.mean[0].x += 1;
+  {
+    const StopAt before(WritePoint::rename, request.file);
+    EXPECT_THROW(export_model(model, request), Error);
+  }
+  EXPECT_EQ(read_bytes(request.file), file);
+  EXPECT_EQ(read_bytes(sidecar_of(request.file)), sidecar);
+  {
+    const StopAt after(WritePoint::sync_folder, request.file);
+    EXPECT_THROW(export_model(model, request), Error);
+  }
+  EXPECT_NE(read_bytes(request.file), file);
+  EXPECT_FALSE(fs::exists(sidecar_of(request.file)));
+  export_model(model, request);
+  EXPECT_NE(read_bytes(sidecar_of(request.file)), sidecar);
 }
 
 TEST_F(Session, ARunStartsFromTheGaussiansOfAModel) {

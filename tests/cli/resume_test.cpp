@@ -177,7 +177,7 @@ TEST_F(Resume, AFolderThatIsBeingTrainedIntoIsRefused) {
   const Outcome moved = run(command("busy", "--force"));
   EXPECT_EQ(moved.code, 0) << moved.err;
   EXPECT_TRUE(fs::exists(path("busy.bak-1")));
-  EXPECT_FALSE(fs::exists(path(".busy.lock")));
+  EXPECT_FALSE(fs::exists(path("busy/.gemsplat.lock")));
 }
 
 TEST_F(Resume, ASignalSavesModelAndCheckpointAndTheRunGoesOnFromThere) {

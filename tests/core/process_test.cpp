@@ -5,7 +5,10 @@
 
 #include <gmock/gmock.h>
 #include <signal.h>
+#include <unistd.h>
 
+#include <chrono>
+#include <fstream>
 #include <thread>
 
 #include "gs_core/error.h"
@@ -49,6 +52,44 @@ TEST(StartChild, AChildEndsWithTheThreadThatStartedIt) {
   EXPECT_EQ(wait_for_child(child).signal, SIGTERM);
 }
 #endif
+
+// Whether a process runs; one that has ended and was not waited for does not.
+bool is_running(const std::string& process) {
+  std::ifstream file("/proc/" + process + "/stat");
+  std::string id, name, state;
+  return file >> id >> name >> state && state != "Z";
+}
+
+// A program that starts another one, as a script in COLMAP's place does, is killed with it, whatever
+// ends this program.
+TEST(StartChild, NoProgramOfTheGroupOutlivesOurKill) {
+  if (!std::filesystem::exists("/proc/self/stat")) GTEST_SKIP() << "there is no /proc";
+  const TempFolder folder;
+  const auto grandchild = folder.path() / "pid";
+  const pid_t us = ::fork();
+  if (us == 0) {
+    start_child({"sh", "-c", "trap '' TERM; sleep 600 & echo $! > \"$0\"; wait; sleep 600",
+                 grandchild.string()});
+    ::pause();
+    ::_exit(0);
+  }
+  while (read_bytes(grandchild).empty()) std::this_thread::yield();
+  std::string process = read_bytes(grandchild);
+  process.pop_back();
+  EXPECT_TRUE(is_running(process));
+  ::kill(us, SIGKILL);
+  wait_for_child(us);
+  const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(2);
+  while (is_running(process) && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_FALSE(is_running(process));
+}
+
+TEST(RunProcess, ASignalOfAClosedTerminalEndsTheProgram) {
+  EXPECT_THROW(run_process({"sh", "-c", "echo ready; sleep 600"}, {},
+                           [](std::string_view) { raise(SIGHUP); }),
+               Error);
+}
 
 TEST(RunProcess, GivesEachLineAndTheWholeOutputToTheLog) {
   const TempFolder folder;

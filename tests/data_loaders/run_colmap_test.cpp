@@ -9,6 +9,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <map>
 #include <thread>
 
 #include "data_loaders/colmap/colmap_model.h"
@@ -16,6 +17,8 @@
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
+#include "gs_core/io/atomic_file.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/io/subprocess.h"
 #include "tests/support/avi_writer.h"
 #include "tests/support/foreign_leaks.h"
@@ -221,7 +224,115 @@ TEST_F(FakeColmap, PhotosInTheScenesImagesAreTakenWhereTheyAre) {
   in_place.photos = scene();
   EXPECT_EQ(run_colmap(in_place, kSilent).registered, 3u);
   in_place.force = true;
-  EXPECT_THAT(error_of(in_place), HasSubstr("the photos lie in it"));
+  EXPECT_THAT(error_of(in_place), AllOf(HasSubstr("cannot move"), HasSubstr("lies in it")));
+}
+
+TEST_F(FakeColmap, TheUsersFilesInTheFolderStayAsTheyAre) {
+  fs::create_directories(scene());
+  fs::rename(photos(), scene() / "images");
+  for (const char* name : {"mapping/0/notes.txt", "photos.txt", ".gemsplat-abcdef/x", "sparse.txt"})
+    write_bytes(scene() / name, "dear");
+  ColmapJob in_place = job();
+  in_place.photos = scene();
+  EXPECT_EQ(run_colmap(in_place, kSilent).registered, 3u);
+  in_place.settings.max_features = 1000;
+  EXPECT_THAT(error_of(in_place), HasSubstr("holds a scene already"));
+  for (const char* name : {"mapping/0/notes.txt", "photos.txt", ".gemsplat-abcdef/x", "sparse.txt"})
+    EXPECT_EQ(read_bytes(scene() / name), "dear") << name;
+}
+
+TEST_F(FakeColmap, AFileThatIsNotOursIsNotOverwritten) {
+  for (const char* name : {"reconstruct.json", "colmap.log", "database.db-wal", "images/a.png"}) {
+    for (const std::string text : {"dear", "{\"complete\": [\"model\"]}"}) {
+      write_bytes(scene() / name, text);
+      EXPECT_THAT(error_of(job()), HasSubstr("choose another")) << name;
+      EXPECT_EQ(read_bytes(scene() / name), text);
+      EXPECT_EQ(std::distance(fs::directory_iterator(scene()), {}), 1) << name;
+    }
+    fs::remove_all(scene());
+  }
+}
+
+TEST_F(FakeColmap, StartingOverRemovesOnlyWhatWePutThere) {
+  install("#!/bin/sh\ncase \"$*\" in *\" -h\") exit 0;; feature*) exit 0;; esac\nexit 7\n");
+  error_of(job());
+  write_bytes(scene() / "images/mine.png", "dear");
+  write_bytes(scene() / "images/deep/mine.txt", "dear");
+  fs::remove(scene() / "images/b.png");
+  write_png(scene() / "images/b.png", plain_photo(12, 8, 200));  // another picture of that name
+  const std::string other_b = read_bytes(scene() / "images/b.png");
+  ColmapJob other = job();
+  other.settings.max_features = 1000;
+  EXPECT_THAT(error_of(other), HasSubstr("b.png is there, and is not of this reconstruction"));
+  EXPECT_EQ(read_bytes(scene() / "images/b.png"), other_b);
+  fs::remove(scene() / "images/b.png");
+  install(kGoodColmap);
+  EXPECT_EQ(run_colmap(other, kSilent).registered, 3u);
+  EXPECT_EQ(read_bytes(scene() / "images/mine.png"), "dear");
+  EXPECT_EQ(read_bytes(scene() / "images/deep/mine.txt"), "dear");
+  EXPECT_THAT(read_bytes(photos() / "a.png"), Not(testing::IsEmpty()));
+}
+
+TEST_F(FakeColmap, ModelsOfTheUsersAreNotReplaced) {
+  install("#!/bin/sh\ncase \"$*\" in *\" -h\") exit 0;; feature*) exit 0;; esac\nexit 7\n");
+  error_of(job());
+  write_bytes(scene() / "sparse/0/cameras.bin", "dear");
+  install(kGoodColmap);
+  EXPECT_THAT(error_of(job()), HasSubstr("sparse is there, and is not of this reconstruction"));
+  EXPECT_EQ(read_bytes(scene() / "sparse/0/cameras.bin"), "dear");
+}
+
+// The end of the program at each moment that the state is written: the same command goes on.
+TEST_F(FakeColmap, AKillAtAnyWriteEndsInTheSameScene) {
+  class KillAt : public WriteHook {
+   public:
+    explicit KillAt(int point) : left_(point) { set_write_hook(this); }
+    void before(WritePoint, const fs::path&) override {
+      if (--left_ == 0) ::kill(::getpid(), SIGKILL);
+    }
+
+   private:
+    int left_;
+  };
+  const auto contents = [&] {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : fs::recursive_directory_iterator(scene()))
+      if (entry.is_regular_file() && entry.path().filename() != "colmap.log")
+        files[entry.path().lexically_relative(scene()).string()] = read_bytes(entry.path());
+    return files;
+  };
+  run_colmap(job(), kSilent);
+  const auto whole = contents();
+  int point = 0;
+  for (bool is_killed = true; is_killed;) {
+    fs::remove_all(scene());
+    const pid_t child = ::fork();
+    if (child == 0) {
+      KillAt kill(point + 1);
+      run_colmap(job(), kSilent);
+      ::_exit(0);
+    }
+    is_killed = wait_for_child(child).signal == SIGKILL;
+    ++point;
+    EXPECT_EQ(run_colmap(job(), kSilent).registered, 3u) << point;
+    EXPECT_EQ(contents(), whole) << point;
+  }
+  EXPECT_GT(point, 20);
+}
+
+TEST_F(FakeColmap, TwoAtATimeAreRefused) {
+  const OutputLock lock = OutputLock::of_folder(scene());
+  const pid_t child = ::fork();
+  if (child == 0) {
+    try {
+      run_colmap(job(), kSilent);
+    } catch (const Error& error) {
+      ::_exit(std::string(error.what()).find("another process") == std::string::npos ? 2 : 1);
+    }
+    ::_exit(0);
+  }
+  EXPECT_EQ(wait_for_child(child).exit_code, 1);
+  EXPECT_EQ(take_calls(), "");
 }
 
 TEST_F(FakeColmap, LargestModelBecomesTheFirst) {

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+// What of a folder may be removed: only what we put there, and only as we put it there. And the lock
+// of a folder, which every path to the folder leads to.
+#include "gs_core/io/owned_files.h"
+
+#include <gmock/gmock.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "gs_core/error.h"
+#include "gs_core/io/atomic_file.h"
+#include "gs_core/io/move_aside.h"
+#include "gs_core/io/output_lock.h"
+#include "tests/support/temp_folder.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+class Owned : public ::testing::Test {
+ protected:
+  Owned() {
+    write_bytes(path("photos/a.jpg"), "photo a");
+    write_bytes(path("photos/b.jpg"), "photo b");
+    fs::create_directories(path("scene"));
+  }
+  fs::path path(const std::string& name) const { return folder_.path() / name; }
+  OwnedFiles files(const OwnedFiles::Stamps& names = {}) {
+    return {path("scene"), names, [this](const OwnedFiles::Stamps& now) { saved_ = now; }};
+  }
+  void place(OwnedFiles& files) {
+    files.place({{"images/a.jpg", path("photos/a.jpg")}, {"images/b.jpg", path("photos/b.jpg")}},
+                [this] { return path("scene"); });
+  }
+
+  OwnedFiles::Stamps saved_;
+
+ private:
+  TempFolder folder_;
+};
+
+TEST_F(Owned, WhatWasPlacedIsRemovedAndTheUsersFileBesideItStays) {
+  OwnedFiles ours = files();
+  place(ours);
+  write_bytes(path("scene/images/mine.jpg"), "dear");
+  OwnedFiles(files(saved_)).remove_all();
+  EXPECT_FALSE(fs::exists(path("scene/images/a.jpg")));
+  EXPECT_EQ(read_bytes(path("scene/images/mine.jpg")), "dear");
+  EXPECT_EQ(read_bytes(path("photos/a.jpg")), "photo a");
+  EXPECT_TRUE(saved_.empty());
+}
+
+TEST_F(Owned, AFileThatTheUserPutInPlaceOfOursStays) {
+  OwnedFiles ours = files();
+  place(ours);
+  fs::remove(path("scene/images/a.jpg"));
+  write_bytes(path("scene/images/a.jpg"), "a better photo");
+  ours.remove_all();
+  EXPECT_EQ(read_bytes(path("scene/images/a.jpg")), "a better photo");
+  EXPECT_FALSE(fs::exists(path("scene/images/b.jpg")));
+}
+
+TEST_F(Owned, ALinkInPlaceOfOurFolderIsNotFollowed) {
+  OwnedFiles ours = files();
+  place(ours);
+  fs::remove_all(path("scene/images"));
+  fs::create_directory_symlink(path("photos"), path("scene/images"));
+  ours.remove_all();
+  EXPECT_EQ(read_bytes(path("photos/a.jpg")), "photo a");
+}
+
+TEST_F(Owned, NamesThatLeadOutOfTheFolderAreDropped) {
+  const std::string outside = path("photos/a.jpg").string();
+  OwnedFiles ours =
+      files({{"../photos/a.jpg", ""}, {outside, ""}, {"images/../../photos/b.jpg", ""}, {"", ""}});
+  EXPECT_TRUE(ours.names().empty());
+  ours.remove_all();
+  EXPECT_TRUE(fs::exists(path("photos/a.jpg")));
+  EXPECT_FALSE(is_work_folder("../photos"));
+  EXPECT_FALSE(is_work_folder(".gemsplat-ab/../"));
+  EXPECT_TRUE(is_work_folder(make_work_folder(path("scene")).filename().string()));
+}
+
+TEST_F(Owned, WhatIsThereAndNotOursIsNeitherClaimedNorReplaced) {
+  write_bytes(path("scene/database.db"), "the user's");
+  write_bytes(path("scene/images/a.jpg"), "another a");
+  OwnedFiles ours = files();
+  EXPECT_THROW(ours.claim({{"colmap.log", ""}, {"database.db", ""}}), UsageError);
+  EXPECT_THROW(place(ours), UsageError);
+  EXPECT_TRUE(saved_.empty());
+  EXPECT_EQ(read_bytes(path("scene/images/a.jpg")), "another a");
+  EXPECT_FALSE(fs::exists(path("scene/images/b.jpg")));  // nothing was begun
+}
+
+// ---- moving aside -------------------------------------------------------------------------------
+
+TEST_F(Owned, AFolderThatHoldsWhatIsNeededIsNotMoved) {
+  fs::create_directory_symlink(path("photos"), path("link"));
+  for (const char* needed : {"photos", "photos/", "photos/a.jpg", "link", "scene/../photos"})
+    for (const char* folder : {"photos", "photos/.", "link", "link/", "scene/../photos", "."})
+      EXPECT_THROW(check_may_move(path(folder), {path(needed)}), UsageError)
+          << needed << " in " << folder;
+  check_may_move(path("scene"), {path("photos"), path("no/such/file"), ""});
+  EXPECT_THROW(check_may_move(fs::current_path(), {}), UsageError);
+}
+
+// ---- the lock -----------------------------------------------------------------------------------
+
+// Whether another process would get the lock.
+bool is_free(const fs::path& folder) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    try {
+      const OutputLock lock = OutputLock::of_folder(folder);
+    } catch (const Error&) {
+      ::_exit(1);
+    }
+    ::_exit(0);
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  return status == 0;
+}
+
+TEST_F(Owned, EveryPathToALockedFolderIsLocked) {
+  fs::create_directory_symlink(path("scene"), path("link"));
+  {
+    const OutputLock lock = OutputLock::of_folder(path("link"));
+    for (const char* name : {"scene", "scene/", "link", "link/", "link/.", "photos/../scene"})
+      EXPECT_FALSE(is_free(path(name))) << name;
+    for (const auto& entry : fs::directory_iterator(path("")))  // nothing is written above it
+      EXPECT_FALSE(entry.path().filename().string().starts_with('.')) << entry.path();
+  }
+  EXPECT_TRUE(is_free(path("scene")));
+  EXPECT_TRUE(fs::is_empty(path("scene")));
+}
+
+TEST_F(Owned, ALockLeavesNoFolderThatItHadToMake) {
+  { const OutputLock lock = OutputLock::of_folder(path("new/folder")); }
+  EXPECT_FALSE(fs::exists(path("new")));
+  {
+    const OutputLock lock = OutputLock::of_folder(path("new/folder/"));
+    write_bytes(path("new/folder/result"), "x");
+  }
+  EXPECT_EQ(read_bytes(path("new/folder/result")), "x");
+}
+
+TEST_F(Owned, AFolderThatIsMovedAsideIsLockedInItsPlace) {
+  write_bytes(path("scene/result"), "older");
+  OutputLock lock = OutputLock::of_folder(path("scene"));
+  EXPECT_EQ(lock.move_folder_aside({path("photos")}), path("scene.bak-1"));
+  EXPECT_FALSE(is_free(path("scene")));
+  EXPECT_EQ(read_bytes(path("scene.bak-1/result")), "older");
+  EXPECT_EQ(std::distance(fs::directory_iterator(path("scene.bak-1")), {}), 1);
+  EXPECT_THROW(lock.move_folder_aside({path("scene/photos")}), UsageError);
+}
+
+// ---- files that are being written ---------------------------------------------------------------
+
+TEST_F(Owned, AKillWhileAFileIsWrittenLeavesNothingBehind) {
+  write_bytes(path("scene/a.txt"), "older");
+  const pid_t child = ::fork();
+  if (child == 0) {
+    AtomicFile file(path("scene/a.txt")), other(path("scene/b.txt"));
+    file.write("newer");
+    ::kill(::getpid(), SIGKILL);
+  }
+  ::waitpid(child, nullptr, 0);
+  EXPECT_EQ(read_bytes(path("scene/a.txt")), "older");
+  if (std::distance(fs::directory_iterator(path("scene")), {}) > 1)
+    GTEST_SKIP() << "this file system has no files without names";
+}
+
+}  // namespace
+}  // namespace gs
