@@ -10,6 +10,7 @@
 #include <charconv>
 #include <csignal>
 #include <cstring>
+#include <random>
 
 #include "gs_core/error.h"
 
@@ -39,7 +40,7 @@ void ask_hook(WritePoint point, const std::filesystem::path& file) {
   if (WriteHook* const hook = write_hook) hook->before(point, file);
 }
 
-// The process in the name ".NAME.PROCESS.NUMBER.tmp"; 0 for other names.
+// The process in the name ".NAME.PROCESS.RANDOM.tmp"; 0 for other names.
 pid_t owner_of(const std::string& name) {
   if (!name.starts_with('.') || !name.ends_with(".tmp")) return 0;
   const std::size_t end = name.rfind('.', name.size() - 5);
@@ -59,7 +60,43 @@ void sync_folder(const std::filesystem::path& folder) {
   ::close(descriptor);
 }
 
+constexpr mode_t kRights = 0666;  // less the umask
+
+// The name of a temporary file beside `path`, another one at each call: ".NAME.PROCESS.RANDOM" with
+// 64 random bits, and the ending. Nobody can guess it, and put a link there.
+std::filesystem::path temporary_name(const std::filesystem::path& path, std::string_view ending) {
+  std::random_device random;
+  return path.parent_path() / fmt::format(".{}.{}.{:08x}{:08x}{}", path.filename().string(),
+                                          ::getpid(), random(), random(), ending);
+}
+
+// Makes a temporary file beside `path`, opened to write; negative, with errno, if it cannot. O_EXCL
+// takes no file, and follows no link, that is there already.
+int open_temporary(const std::filesystem::path& path, std::string_view ending,
+                   std::filesystem::path& name) {
+  int descriptor = -1;
+  do {
+    name = temporary_name(path, ending);
+    descriptor = ::open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, kRights);
+  } while (descriptor < 0 && errno == EEXIST);
+  return descriptor;
+}
+
+[[noreturn]] void cannot_write(const std::filesystem::path& path, int error) {
+  throw Error(
+      fmt::format("cannot write {}: {}; {}", path.string(), std::strerror(error), remedy(error)));
+}
+
 }  // namespace
+
+std::filesystem::path make_temporary_beside(const std::filesystem::path& path,
+                                            std::string_view ending) {
+  std::filesystem::path name;
+  const int descriptor = open_temporary(path, ending, name);
+  if (descriptor < 0) cannot_write(path, errno);
+  ::close(descriptor);
+  return name;
+}
 
 void set_write_hook(WriteHook* hook) { write_hook = hook; }
 
@@ -85,13 +122,15 @@ AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)) {
   error.clear();
   if (path_.has_parent_path()) std::filesystem::create_directories(path_.parent_path(), error);
   if (error) fail(error.value());
-  temporary_ = path_;
-  static std::atomic<unsigned> files_so_far = 0;  // two threads may write the same file
-  temporary_.replace_filename(
-      fmt::format(".{}.{}.{}.tmp", path_.filename().string(), ::getpid(), ++files_so_far));
   ask_hook(WritePoint::create, path_);
-  file_ = std::fopen(temporary_.c_str(), "wb");
-  if (!file_) fail(errno);
+  const int descriptor = open_temporary(path_, ".tmp", temporary_);
+  if (descriptor < 0) fail(errno);
+  file_ = ::fdopen(descriptor, "wb");
+  if (file_) return;
+  const int reason = errno;
+  ::close(descriptor);
+  ::unlink(temporary_.c_str());
+  fail(reason);
 }
 
 AtomicFile::~AtomicFile() {
@@ -118,9 +157,6 @@ void AtomicFile::commit(Durability durability) {
   if (is_synced) sync_folder(path_.parent_path());
 }
 
-void AtomicFile::fail(int error) {
-  throw Error(
-      fmt::format("cannot write {}: {}; {}", path_.string(), std::strerror(error), remedy(error)));
-}
+void AtomicFile::fail(int error) { cannot_write(path_, error); }
 
 }  // namespace gs

@@ -26,6 +26,12 @@ void set_write_hook(WriteHook* hook);
 /// else. Files of processes that still run stay.
 void remove_leftovers(const std::filesystem::path& folder);
 
+/// Makes an empty file beside `path` for a program that writes only to a name, such as a film's
+/// encoder: ".NAME.PROCESS.RANDOM" and `ending`. The name cannot be guessed, and the file is new, so
+/// nobody can have put a link there. Throws Error, which names `path`.
+std::filesystem::path make_temporary_beside(const std::filesystem::path& path,
+                                            std::string_view ending);
+
 /// A file that is being written. Order of calls: construct, write() any number of times, commit().
 /// Without commit(), say after an exception, nothing is left behind, and an older file of that name
 /// is untouched. Every function throws Error, which names the path, if the disk is full or the
