@@ -48,7 +48,7 @@ class HostMemory final : public Memory {
       return ::operator new(bytes, kAlignment);
     } catch (const std::bad_alloc&) {
       throw Error("out of memory: " + std::to_string(bytes >> 20) +
-                      " MiB more were asked for; lower the resolution (-r) or the number of "
+                      " MiB more were requested; lower the resolution (-r) or the number of "
                       "Gaussians (--max-gaussians)",
                   ExitCode::out_of_memory);
     }

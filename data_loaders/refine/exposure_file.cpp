@@ -24,7 +24,7 @@ Vec3f exposure_of(const Json& json, const std::string& name, const std::filesyst
     if (json[std::size_t(c)].is_number()) exposure[c] = json[std::size_t(c)].get<float>();
   if (!(exposure.x > 0 && exposure.y > 0 && exposure.z > 0 && is_finite(exposure)))
     cannot_read(path, fmt::format("the exposure of '{}' is not three numbers above 0; train again, "
-                                  "or remove the file to solve for exposures anew",
+                                  "or remove the file to compute exposures again",
                                   name));
   return exposure;
 }
@@ -56,10 +56,10 @@ Exposures read_exposures(const std::filesystem::path& path) {
     if (!json.is_object())
       cannot_read(
           path,
-          "it is no list of photos; train again, or remove the file to solve for exposures anew");
+          "it is not a list of photos; train again, or remove the file to compute exposures again");
     for (const auto& [name, value] : json.items()) exposures[name] = exposure_of(value, name, path);
   } catch (const Json::exception&) {
-    cannot_read(path, "it is no JSON; train again, or remove the file to solve for exposures anew");
+    cannot_read(path, "it is not JSON; train again, or remove the file to compute exposures again");
   }
   return exposures;
 }

@@ -36,7 +36,7 @@ Json parse_file(const fs::path& path) {
                                   "the file is cut short or damaged, write it again",
                                   error.byte));
   } catch (const Json::exception&) {
-    cannot_read(path, "it holds a number that is not finite; mend it or write the file again");
+    cannot_read(path, "it holds a number that is not finite; correct it or write the file again");
   }
 }
 

@@ -13,7 +13,7 @@ nlohmann::ordered_json read_json(const std::filesystem::path& path) {
   nlohmann::ordered_json json = nlohmann::ordered_json::parse(file, nullptr, false);
   if (!json.is_object())
     throw Error("cannot read " + path.string() +
-                ": it is damaged; move it away to do without it, or train again");
+                ": it is damaged; move it away to continue without it, or train again");
   return json;
 }
 

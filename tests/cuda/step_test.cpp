@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fused training step: against the contracts one after the other, with too little room for instances, and on its
-// own steady way, where it may ask the driver for nothing.
+// The fused training step: compared with the contracts called one after the other, with buffers too
+// small for the instances, and in the steady state, in which it may not call the driver.
 #include <cuda_runtime_api.h>
 #include <gtest/gtest.h>
 
 #include "data_loaders/photos/photo_pool.h"
 #include "tests/support/cuda.h"
 
-// The linker sends these calls here (-Wl,--wrap): whoever makes them is counted.
+// The linker redirects these calls to this file (-Wl,--wrap), which counts them.
 namespace {
 int waits = 0, allocations = 0;
 }
@@ -114,7 +114,7 @@ TEST_F(CudaStep, FusedStepIsTheScalarOne) {
     }
 }
 
-// Twenty thousand Gaussians of a hundred tiles each are more than the first guess has room for.
+// Twenty thousand Gaussians of a hundred tiles each exceed the first estimate.
 TEST_F(CudaStep, TooLittleRoomLosesNothing) {
   const std::vector<View> views = some_views(320, 240, 3);
   const Recipe large{
@@ -183,7 +183,7 @@ TEST_F(CudaStep, AMillionGaussiansOnOneTileAreTrained) {
   for (const float number : downloaded(model.gaussians.mean)) EXPECT_TRUE(std::isfinite(number));
 }
 
-// Also where steps find too little room and are repeated.
+// Some of these steps find buffers that are too small, and are repeated.
 TEST_F(CudaStep, DeterministicStepsGiveTheSameBytesEachTime) {
   const std::vector<View> views = some_views(320, 240, 3);
   const Recipe large{
@@ -240,7 +240,7 @@ TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
   gpu().synchronize(model);
 }
 
-// The same with photos that do not fit the budget and come one step ahead.
+// The same with photos that do not fit into the budget and are copied one step ahead.
 TEST_F(CudaStep, StreamedPhotosGiveTheSameSteps) {
   const std::vector<View> views = some_views(200, 150, 5);
   const TrainingModel start = model_of(random_gaussians(kTypical, 5000, views[0].camera, 7));
@@ -258,8 +258,8 @@ TEST_F(CudaStep, StreamedPhotosGiveTheSameSteps) {
             1e-3);
 }
 
-// Photos that are not in host memory either: some of them go to the GPU beforehand, the others are decoded a few steps
-// ahead into room for two.
+// The photos do not fit into host memory either. Some of them go to the GPU beforehand; the others
+// are decoded a few steps ahead, two at a time.
 TEST_F(CudaStep, PhotosOfAPoolGiveTheSameSteps) {
   const std::vector<View> here = some_views(200, 150, 7);
   const std::size_t bytes = photo_bytes(here[0]);
@@ -289,7 +289,7 @@ TEST_F(CudaStep, PhotosOfAPoolGiveTheSameSteps) {
   EXPECT_LT(norm_difference(run(elsewhere, 3 * (bytes + 16)), expected), 1e-3);
   const std::size_t decoded = pool->counts().decoded;
   EXPECT_LT(norm_difference(run(elsewhere, 1 << 30), expected), 1e-3);
-  EXPECT_LE(pool->counts().decoded, decoded + here.size());  // none but for the upload
+  EXPECT_LE(pool->counts().decoded, decoded + here.size());  // only for the upload
   EXPECT_LE(pool->counts().peak_bytes, 2 * bytes);
   gpu().upload_views({}, 0);  // these views end here
 }
