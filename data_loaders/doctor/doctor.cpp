@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The order of an examination: folders, model, files, headers, pictures, cameras, points, forecast.
+// The order of an examination: folders, model, files, headers, pictures, cameras, points, sight,
+// forecast.
 #include "data_loaders/doctor/doctor.h"
 
 #include <algorithm>
@@ -63,6 +64,7 @@ Diagnosis examine(const Config& config, bool look_at_pictures, const ProgressFn&
   if (look_at_pictures) examine_pictures(examination);
   examine_cameras(examination);
   examine_points(examination);
+  examine_sight(examination);
   add_forecast(examination, device);
   check_the_rest(examination);
   return examination.diagnosis;

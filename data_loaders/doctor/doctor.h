@@ -19,7 +19,8 @@ struct Finding {
     fatal,    // training cannot start
   };
   Level level;
-  // scene, model, lenses, photos, masks, orientation, pictures, cameras, points, place, forecast
+  // scene, model, lenses, photos, masks, orientation, pictures, cameras, points, sight, place,
+  // forecast
   std::string topic;
   std::string text;                // plain words, with the remedy
   std::vector<std::string> names;  // of all photos concerned

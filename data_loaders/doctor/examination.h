@@ -44,6 +44,7 @@ bool read_model(Examination& examination);
 void examine_lenses(Examination& examination);
 void examine_cameras(Examination& examination);
 void examine_points(Examination& examination);
+void examine_sight(Examination& examination);
 
 // examine_photos.cpp, in this order.
 void match_photo_files(Examination& examination);

@@ -12,6 +12,7 @@
 #include "gs_core/error.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/scene_frame.h"
+#include "gs_core/scene_sight.h"
 
 namespace gs {
 namespace {
@@ -42,6 +43,25 @@ std::vector<View> cameras_of(const ColmapModel& model) {
     views.push_back(std::move(view));
   }
   return views;
+}
+
+/// The cameras that training would use, at their full size; without those whose lens is refused.
+std::vector<Camera> training_cameras(const Examination& examination) {
+  const ColmapModel& model = examination.model();
+  std::vector<Camera> cameras;
+  for (std::size_t i = 0; i < model.images.size(); ++i) {
+    const ColmapImage& image = model.images[i];
+    if (i < examination.scene.is_test.size() && examination.scene.is_test[i]) continue;
+    try {
+      PinholeCamera<double> camera = undistorted_pinhole(
+          lens_camera(model.cameras.at(image.camera_id), image.name), image.name);
+      camera.cam_from_world_rotation = rotation_matrix(image.cam_from_world_rotation);
+      camera.cam_from_world_translation = image.cam_from_world_translation;
+      cameras.push_back(camera_as<float>(camera));
+    } catch (const Error&) {  // examine_lenses() says so
+    }
+  }
+  return cameras;
 }
 
 /// Says how the cameras are held: training does not need it, but viewers do.
@@ -189,6 +209,21 @@ void examine_points(Examination& examination) {
     examination.add(Level::note, "points",
                     fmt::format("{} points are more than model.most_points: {} of them are taken",
                                 points.size(), model.most_points));
+}
+
+void examine_sight(Examination& examination) {
+  if (!examination.config.model.start_from.empty()) return;  // other Gaussians than the points
+  std::vector<Vec3f> points;
+  for (const ColmapPoint& point : examination.model().points)
+    points.push_back(Vec3f(point.position));
+  const RenderConfig& render = examination.config.render;
+  const DepthLimits limits{render.near_plane, render.far_plane};
+  const SceneSight sight =
+      scene_sight(training_cameras(examination), {points.data(), points.size()}, limits);
+  if (sight.is_blind())
+    examination.add(Level::fatal, "sight", text_of(sight, limits));
+  else if (sight.is_doubtful())
+    examination.add(Level::warning, "sight", text_of(sight, limits));
 }
 
 }  // namespace gs

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// An entry: "gsphoto1", width, height, channels (u32 each), one zstd frame, and the XXH3 hash (128
-// bits) of everything before it;
-// numbers as the machine has them.
+// An entry: "gsphoto2", width, height, channels (u32 each), its key (40 bytes, zeros behind it), one
+// zstd frame, and the XXH3 hash (128 bits) of everything before it; numbers as the machine has them.
+// The key tells an entry that was given the name of another one.
 #include "data_loaders/photos/photo_cache.h"
 
 #include <spdlog/fmt/fmt.h>
@@ -28,13 +28,15 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kEnding = ".gsphoto";
-constexpr std::size_t kKeyLength = 32;  // hexadecimal digits of 128 bits
+constexpr std::size_t kHashLength = 32;  // hexadecimal digits of 128 bits
+constexpr std::size_t kKeyLength = 40;   // at most: the hash, and letters for the kind of picture
 
 // Whether a file has the form of our names: only such files are ever removed.
 bool is_entry(const fs::path& path) {
   const std::string name = path.stem().string();
-  return path.extension() == kEnding && name.size() == kKeyLength &&
-         name.find_first_not_of("0123456789abcdef") == name.npos &&
+  return path.extension() == kEnding && name.size() >= kHashLength && name.size() <= kKeyLength &&
+         name.find_first_not_of("0123456789abcdef") >= kHashLength &&
+         name.find_first_not_of("abcdefghijklmnopqrstuvwxyz", kHashLength) == name.npos &&
          path.parent_path().filename() == name.substr(0, 2);
 }
 
@@ -91,15 +93,16 @@ bool PhotoCache::free_bytes_for(std::uint64_t bytes) {
 
 namespace {
 
-constexpr char kMagic[8] = {'g', 's', 'p', 'h', 'o', 't', 'o', '1'};
+constexpr char kMagic[8] = {'g', 's', 'p', 'h', 'o', 't', 'o', '2'};
 constexpr std::size_t kBlock = std::size_t(1) << 18;  // bytes read or written at a time
 constexpr int kLevel = 1;                             // of zstd
 
 struct Header {
   char magic[8];
   std::uint32_t width, height, channels;
+  char key[kKeyLength];
 };
-static_assert(sizeof(Header) == 20);
+static_assert(sizeof(Header) == 20 + kKeyLength);
 
 struct Hash {
   XXH3_state_t* state = XXH3_createState();
@@ -115,10 +118,12 @@ struct Hash {
   }
 };
 
-Header header_of(const Image8& image) {
-  Header header{
-      {}, std::uint32_t(image.width), std::uint32_t(image.height), std::uint32_t(image.channels)};
+// Of an entry of this key and size.
+Header header_of(const std::string& key, int width, int height, int channels) {
+  GS_CHECK(key.size() <= kKeyLength);
+  Header header{{}, std::uint32_t(width), std::uint32_t(height), std::uint32_t(channels), {}};
   std::memcpy(header.magic, kMagic, sizeof kMagic);
+  std::memcpy(header.key, key.data(), key.size());
   return header;
 }
 
@@ -159,19 +164,17 @@ bool read_pixels(std::ifstream& file, std::uint64_t compressed_bytes, Hash& hash
   return true;
 }
 
-std::optional<Image8> read_entry(const fs::path& path, int width, int height, int channels) {
+std::optional<Image8> read_entry(const fs::path& path, const Header& expected) {
   std::error_code error;
+  if (!fs::is_regular_file(path, error)) return std::nullopt;  // nothing waits for a FIFO
   const std::uint64_t bytes = fs::file_size(path, error);
   std::ifstream file(path, std::ios::binary);
   Header header;
   XXH128_canonical_t stored;
   if (error || bytes <= sizeof header + sizeof stored) return std::nullopt;
   if (!file.read(reinterpret_cast<char*>(&header), sizeof header)) return std::nullopt;
-  if (std::memcmp(header.magic, kMagic, sizeof kMagic) != 0 ||
-      header.width != std::uint32_t(width) || header.height != std::uint32_t(height) ||
-      header.channels != std::uint32_t(channels))
-    return std::nullopt;
-  Image8 image(width, height, channels);
+  if (std::memcmp(&header, &expected, sizeof header) != 0) return std::nullopt;
+  Image8 image(int(header.width), int(header.height), int(header.channels));
   Hash hash;
   hash.add(&header, sizeof header);
   if (!read_pixels(file, bytes - sizeof header - sizeof stored, hash, image)) return std::nullopt;
@@ -205,7 +208,7 @@ std::optional<Image8> PhotoCache::find(const std::string& key, int width, int he
   const fs::path path = path_of(key);
   std::error_code error;
   if (!fs::exists(path, error)) return std::nullopt;
-  std::optional<Image8> image = read_entry(path, width, height, channels);
+  std::optional<Image8> image = read_entry(path, header_of(key, width, height, channels));
   if (image)
     fs::last_write_time(path, fs::file_time_type::clock::now(), error);  // used now
   else
@@ -222,7 +225,7 @@ void PhotoCache::store(const std::string& key, const Image8& image) {
   const fs::path path = path_of(key);
   std::uint64_t written = 0;
   try {
-    write(path, image);
+    write(key, image);
     std::error_code error;
     written = fs::file_size(path, error);
     if (error) written = 0;
@@ -236,14 +239,14 @@ void PhotoCache::store(const std::string& key, const Image8& image) {
   bytes_ = bytes_ - image.pixels.size() + written;
 }
 
-void PhotoCache::write(const fs::path& path, const Image8& image) {
-  AtomicFile file(path);
+void PhotoCache::write(const std::string& key, const Image8& image) {
+  AtomicFile file(path_of(key));
   Hash hash;
   const auto put = [&](const void* data, std::size_t bytes) {
     hash.add(data, bytes);
     file.write(data, bytes);
   };
-  const Header header = header_of(image);
+  const Header header = header_of(key, image.width, image.height, image.channels);
   put(&header, sizeof header);
   const std::unique_ptr<ZSTD_CCtx, decltype(&ZSTD_freeCCtx)> context(ZSTD_createCCtx(),
                                                                      ZSTD_freeCCtx);
@@ -275,7 +278,7 @@ bool can_cache_photos() { return false; }
 std::string PhotoCache::key_of(const fs::path&, const std::string&) { return {}; }
 std::optional<Image8> PhotoCache::find(const std::string&, int, int, int) { return std::nullopt; }
 void PhotoCache::store(const std::string&, const Image8&) {}
-void PhotoCache::write(const fs::path&, const Image8&) {}
+void PhotoCache::write(const std::string&, const Image8&) {}
 
 #endif
 

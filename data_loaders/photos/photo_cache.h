@@ -17,7 +17,7 @@ namespace gs {
 bool can_cache_photos();
 
 /// A folder of entries FOLDER/ab/abcdef....gsphoto. An entry is written whole or not at all. It has
-/// a checksum, and a damaged entry counts as missing. Several programs may use a folder at once.
+/// its key and a checksum, and a damaged entry, or one of another key, counts as missing. Several programs may use a folder at once.
 ///
 /// Rows are stored as differences to the pixel on the left, compressed with zstd at level 1. A
 /// photo of 1 to 1.1 megapixels shrinks to 46 to 64 % of its bytes and is read in 3 ms on one core.
@@ -28,8 +28,9 @@ class PhotoCache {
   /// Creates no file yet. All entries together stay below `most_bytes`.
   PhotoCache(std::filesystem::path folder, std::uint64_t most_bytes);
 
-  /// The name of an entry made from a file: a hash (128 bits) of the file's bytes and of `recipe`,
-  /// a text with every other input. Throws Error if the file cannot be read.
+  /// The key of an entry made from a file: a hash (128 bits) of the file's bytes and of `recipe`,
+  /// a text with every other input. Up to 8 small letters may be added, for pictures of several
+  /// kinds. Throws Error if the file cannot be read.
   static std::string key_of(const std::filesystem::path& file, const std::string& recipe);
 
   /// The entry, if it exists, is undamaged and has this size. A damaged one is removed.
@@ -50,7 +51,7 @@ class PhotoCache {
   std::filesystem::path path_of(const std::string& key) const;
   void take_stock();
   bool free_bytes_for(std::uint64_t bytes);
-  void write(const std::filesystem::path& path, const Image8& image);
+  void write(const std::string& key, const Image8& image);
 
   const std::filesystem::path folder_;
   const std::uint64_t most_bytes_;

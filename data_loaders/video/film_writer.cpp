@@ -2,7 +2,6 @@
 #include "data_loaders/video/film_writer.h"
 
 #include <spdlog/fmt/fmt.h>
-#include <unistd.h>
 
 #include "data_loaders/video/film_encoder.h"
 #include "data_loaders/video/video_frames.h"
@@ -31,18 +30,21 @@ FilmWriter::FilmWriter(fs::path path, int width, int height, double frames_per_s
     : path_(std::move(path)), width_(width), height_(height), encoder_(make_film_encoder()) {
   GS_CHECK(width > 0 && height > 0 && width % 2 == 0 && height % 2 == 0 && frames_per_second > 0);
   { const AtomicFile is_writable(path_); }  // makes the folder; says why where it is not
-  temporary_ = fs::absolute(path_);         // ffmpeg would take "a:b.mp4" for a protocol
-  temporary_.replace_filename(fmt::format(".{}.{}.mp4", path_.filename().string(), ::getpid()));
+  // An absolute path, because ffmpeg would take "a:b.mp4" for a protocol.
+  temporary_ = make_temporary_beside(fs::absolute(path_), ".mp4");
   const auto opens = [&](const char* four_letters) {
     return encoder_->open(temporary_, four_letters, width_, height_, frames_per_second);
   };
   codec_ = "H.264";
   if (opens("avc1")) return;
   codec_ = "MPEG-4";
-  if (!opens("mp4v"))
+  if (!opens("mp4v")) {
+    std::error_code ignored;
+    fs::remove(temporary_, ignored);
     cannot_write_film(path_,
                       "OpenCV has no encoder for MP4 here; install libopencv-videoio with ffmpeg's "
                       "libavcodec, or write pictures into a folder");
+  }
   log_warning(
       "{} is encoded as MPEG-4 Part 2, which browsers do not play: the local ffmpeg has no H.264; "
       "convert it with `ffmpeg -i FILM -c:v libx264 -pix_fmt yuv420p NEW.mp4` elsewhere",

@@ -7,9 +7,11 @@
 
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/scene/scene_hash.h"
+#include "gs_app/observers/sight_observer.h"
 #include "gs_app/report/report_run.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/stop_on_signal.h"
+#include "gs_app/session/check_sight.h"
 #include "gs_app/session/evaluate_run.h"
 #include "gs_app/session/export_run.h"
 #include "gs_app/session/load_run_scene.h"
@@ -49,15 +51,16 @@ struct TrainSession::Observers {
   SaveObserver saver;
   EvaluationObserver evaluations;
   MetricsObserver metrics;
+  SightObserver sight;
   ProfileObserver profile;
   std::optional<DurationObserver> duration;
 
   Observers(const RunFolder& folder, Trainer& trainer, bool shows_progress, const RowsBefore& rows)
       : progress(trainer.schedule().steps(), shows_progress, trainer.step()), saver(folder, lost),
-        evaluations(progress), metrics(folder, evaluations, lost, rows.metrics),
+        evaluations(progress), metrics(folder, evaluations, lost, rows.metrics), sight(progress),
         profile(folder, evaluations, lost, rows.profile) {
-    for (Observer* observer :
-         std::initializer_list<Observer*>{&saver, &evaluations, &metrics, &progress, &profile})
+    for (Observer* observer : std::initializer_list<Observer*>{&saver, &evaluations, &metrics,
+                                                               &progress, &profile, &sight})
       trainer.add_observer(*observer);
     if (&trainer.backend().memory() == &host_memory())  // on a CPU nobody guesses it beforehand
       trainer.add_observer(duration.emplace(progress, trainer));
@@ -85,7 +88,10 @@ SessionEnd TrainSession::run() {
   get_scene();
   if (is_finished()) return end_finished_run();
 
-  if (!resumed_) make_new_trainer();  // before the folder: where this throws, none is left behind
+  if (!resumed_) {  // before the folder: where this throws, none is left behind
+    make_new_trainer();
+    check_sight(*trainer_);
+  }
   hooks_.before_writing(*folder_, *scene_, config_);
   checkpoints_.emplace(folder_->checkpoints(), config_, record_);
   if (resumed_ && resumed_->is_extended) save_resumed_state();  // before old results are moved

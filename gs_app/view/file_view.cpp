@@ -95,8 +95,7 @@ void take_cameras_of_run(ViewScene& scene, const OpenedModel& opened, const Conf
 }
 
 std::string title_of(const OpenedModel& opened) {
-  const fs::path& shown = opened.run ? opened.run->root() : opened.ply;
-  return shown.lexically_normal().string();
+  return name_of(opened.run ? opened.run->root() : opened.ply);
 }
 
 }  // namespace

@@ -8,7 +8,7 @@ namespace gs {
 
 TrainViewer::TrainViewer(const RunFolder& folder, const Scene& scene, const Config& config,
                          const ViewerOptions& options)
-    : view_(folder.root().string(), scene, config),
+    : view_(name_of(folder.root()), scene, config),
       server_(options.place,
               [this](const HttpRequest& request) { return view_answer(view_, request); }),
       waits_(options.waits) {

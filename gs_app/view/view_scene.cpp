@@ -42,6 +42,11 @@ SceneFrame frame_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> 
   return scene_frame(plain, points);
 }
 
+std::string name_of(const std::filesystem::path& path) {
+  const auto whole = std::filesystem::absolute(path).lexically_normal();
+  return (whole.has_filename() ? whole : whole.parent_path()).filename().string();
+}
+
 Json scene_json(const ViewScene& scene) {
   Json json = {{"title", scene.title},
                {"background", {scene.background.x, scene.background.y, scene.background.z}},

@@ -2,6 +2,7 @@
 // What the viewer shows besides the Gaussians: cameras with their photos, and the first view.
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -38,6 +39,10 @@ struct ViewScene {
   std::vector<std::string> notes;            // sentences for the user: what is missing, and why
   std::shared_ptr<const Scene> photos = {};  // owner of the views; null if the caller owns them
 };
+
+/// The last name of a path, as the page's title: others need not see where it lies. "runs/a/" ->
+/// "a", "." -> the name of the current folder.
+std::string name_of(const std::filesystem::path& path);
 
 /// /scene.json without "mode" and "model".
 nlohmann::ordered_json scene_json(const ViewScene& scene);

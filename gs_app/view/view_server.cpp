@@ -89,10 +89,9 @@ HttpAnswer view_answer(ViewSource& source, const HttpRequest& request) {
   return http_error(404, "there is nothing at this address");
 }
 
-bool can_view() { return can_serve() && !view_page().empty(); }
+bool can_view() { return !view_page().empty(); }
 
 std::string cannot_view() {
-  if (!can_serve()) return cannot_serve();
   return "this build has no viewer page, because npm was missing: install npm and build again";
 }
 

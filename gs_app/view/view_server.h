@@ -34,8 +34,7 @@ nlohmann::ordered_json finished_state(std::size_t gaussians);
 /// other.
 HttpAnswer view_answer(ViewSource& source, const HttpRequest& request);
 
-/// Whether this build has the viewer's page and an HTTP server. If not, cannot_view() says what is
-/// missing.
+/// Whether this build has the viewer's page. If not, cannot_view() says what is missing.
 bool can_view();
 std::string cannot_view();
 

@@ -11,6 +11,7 @@
 #include <charconv>
 #include <csignal>
 #include <cstring>
+#include <random>
 
 #include "gs_core/error.h"
 
@@ -41,7 +42,7 @@ void ask_hook(WritePoint point, const std::filesystem::path& file) {
   if (WriteHook* const hook = write_hook) hook->before(point, file);
 }
 
-// The process in the name ".NAME.PROCESS.NUMBER.tmp"; 0 for other names.
+// The process in the name ".NAME.PROCESS.RANDOM.tmp"; 0 for other names.
 pid_t owner_of(const std::string& name) {
   if (!name.starts_with('.') || !name.ends_with(".tmp")) return 0;
   const std::size_t end = name.rfind('.', name.size() - 5);
@@ -81,26 +82,53 @@ int name_file(int descriptor, const std::filesystem::path& path) {
   return result == 0 ? 0 : errno;
 }
 
-// The name of a temporary file beside `path`, another one at each call.
-std::filesystem::path temporary_name(const std::filesystem::path& path) {
-  static std::atomic<unsigned> files_so_far = 0;  // two threads may write the same file
-  return path.parent_path() /
-         fmt::format(".{}.{}.{}.tmp", path.filename().string(), ::getpid(), ++files_so_far);
+// The name of a temporary file beside `path`, another one at each call: ".NAME.PROCESS.RANDOM" with
+// 64 random bits, and the ending. Nobody can guess it, and put a link there.
+std::filesystem::path temporary_name(const std::filesystem::path& path, std::string_view ending) {
+  std::random_device random;
+  return path.parent_path() / fmt::format(".{}.{}.{:08x}{:08x}{}", path.filename().string(),
+                                          ::getpid(), random(), random(), ending);
 }
 
 // Calls make(name) for temporary names until one is free. Returns 0 or the error.
 template <class Make>
-int with_temporary_name(const std::filesystem::path& path, std::filesystem::path& name,
-                        const Make& make) {
+int with_temporary_name(const std::filesystem::path& path, std::string_view ending,
+                        std::filesystem::path& name, const Make& make) {
   int error = 0;
   do {
-    name = temporary_name(path);
+    name = temporary_name(path, ending);
     error = make(name);
   } while (error == EEXIST);
   return error;
 }
 
+[[noreturn]] void cannot_write(const std::filesystem::path& path, int error) {
+  throw Error(
+      fmt::format("cannot write {}: {}; {}", path.string(), std::strerror(error), remedy(error)));
+}
+
+// Makes a temporary file beside `path` and opens it to write. O_EXCL takes no file, and follows no
+// link, that is there already.
+int open_temporary(const std::filesystem::path& path, std::string_view ending,
+                   std::filesystem::path& name) {
+  int descriptor = -1;
+  const int error =
+      with_temporary_name(path, ending, name, [&](const std::filesystem::path& free_name) {
+        descriptor = ::open(free_name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, kRights);
+        return descriptor < 0 ? errno : 0;
+      });
+  if (error) cannot_write(path, error);
+  return descriptor;
+}
+
 }  // namespace
+
+std::filesystem::path make_temporary_beside(const std::filesystem::path& path,
+                                            std::string_view ending) {
+  std::filesystem::path name;
+  ::close(open_temporary(path, ending, name));
+  return name;
+}
 
 void set_write_hook(WriteHook* hook) { write_hook = hook; }
 
@@ -134,19 +162,13 @@ AtomicFile::AtomicFile(std::filesystem::path path) : named_(path), path_(std::mo
   if (error) fail(error.value());
   ask_hook(WritePoint::create, path_);
   int descriptor = open_unnamed(path_.parent_path());
-  if (descriptor < 0) descriptor = open_named();
+  if (descriptor < 0) descriptor = open_temporary(path_, ".tmp", temporary_);
   file_ = ::fdopen(descriptor, "wb");
-  if (!file_) fail(errno);
-}
-
-int AtomicFile::open_named() {
-  int descriptor = -1;
-  const int error = with_temporary_name(path_, temporary_, [&](const std::filesystem::path& name) {
-    descriptor = ::open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, kRights);
-    return descriptor < 0 ? errno : 0;
-  });
-  if (error) fail(error);
-  return descriptor;
+  if (file_) return;
+  const int reason = errno;
+  ::close(descriptor);
+  if (!temporary_.empty()) ::unlink(temporary_.c_str());
+  fail(reason);
 }
 
 AtomicFile::~AtomicFile() {
@@ -180,17 +202,14 @@ int AtomicFile::give_name() {
   if (temporary_.empty()) {
     int error = name_file(::fileno(file_), path_);
     if (error != EEXIST) return error;
-    error = with_temporary_name(path_, temporary_, [&](const std::filesystem::path& name) {
-      return name_file(::fileno(file_), name);
-    });
+    error = with_temporary_name(
+        path_, ".tmp", temporary_,
+        [&](const std::filesystem::path& name) { return name_file(::fileno(file_), name); });
     if (error) return error;
   }
   return std::rename(temporary_.c_str(), path_.c_str()) == 0 ? 0 : errno;
 }
 
-void AtomicFile::fail(int error) {
-  throw Error(
-      fmt::format("cannot write {}: {}; {}", path_.string(), std::strerror(error), remedy(error)));
-}
+void AtomicFile::fail(int error) { cannot_write(path_, error); }
 
 }  // namespace gs

@@ -42,11 +42,17 @@ class BeforeNaming {
 /// else. Files of processes that still run stay.
 void remove_leftovers(const std::filesystem::path& folder);
 
+/// Makes an empty file beside `path` for a program that writes only to a name, such as a film's
+/// encoder: ".NAME.PROCESS.RANDOM" and `ending`. The name cannot be guessed, and the file is new, so
+/// nobody can have put a link there. Throws Error, which names `path`.
+std::filesystem::path make_temporary_beside(const std::filesystem::path& path,
+                                            std::string_view ending);
+
 /// A file that is being written. Order of calls: construct, write() any number of times, commit().
 /// Without commit(), say after an exception or a kill, nothing is left behind, and an older file of
 /// that name is untouched. (A kill leaves a hidden file on file systems that have no files without
-/// names, such as NFS: remove_leftovers().) Every function throws Error, which names the path, if the disk is full or the
-/// folder may not be written to.
+/// names, such as NFS: remove_leftovers().) Every function throws Error, which names the path, if
+/// the disk is full or the folder may not be written to.
 class AtomicFile {
  public:
   /// Creates the folder above `path` if it is not there, and a file in it.
@@ -65,7 +71,6 @@ class AtomicFile {
 
  private:
   [[noreturn]] void fail(int error);
-  int open_named();
   int give_name();
 
   std::filesystem::path named_;             // by the caller; a symbolic link leads to path_

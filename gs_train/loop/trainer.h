@@ -2,6 +2,7 @@
 // The training loop.
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <optional>
 #include <string>
@@ -108,8 +109,8 @@ class Trainer {
   RunRecovery recovery_;
   ViewSampler views_, views_ahead_;
   std::vector<Observer*> observers_;
-  std::optional<ClearSpace> clear_space_;  // found when the result is first looked at
-  volatile bool stop_requested_ = false;
+  std::optional<ClearSpace> clear_space_;     // found when the result is first looked at
+  std::atomic<bool> stop_requested_ = false;  // a signal may come to any thread
 };
 
 /// The model as it is now, as files carry it: without Gaussians that cannot be seen. Waits for the

@@ -112,7 +112,7 @@ set(GS_HAVE_HTTPLIB FALSE)
 if(TARGET PkgConfig::gs_httplib)
   set(GS_HAVE_HTTPLIB TRUE)
 endif()
-gs_report("cpp-httplib" GS_WITH_HTTPLIB "${GS_HAVE_HTTPLIB}" "there is no viewer (`gemsplat view`, `gemsplat train --viewer`)")
+gs_report("cpp-httplib" GS_WITH_HTTPLIB "${GS_HAVE_HTTPLIB}" "tests of the viewer's server are left out")
 
 include(web)
 include(python)

@@ -12,6 +12,7 @@
 #include "gs_app/export/export_model.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
+#include "gs_core/log.h"
 #include "gs_core/memory.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
@@ -22,6 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 /// Calls a function after each step, and another one when the run is over.
 class Watcher final : public Observer {
@@ -42,6 +44,22 @@ class TestHooks final : public SessionHooks {
     at_start(trainer);
     trainer.add_observer(watcher);
   }
+};
+
+/// Keeps the lines of the log while it lives.
+class CapturedLog {
+ public:
+  CapturedLog() {
+    text_.clear();
+    detail::set_log_sink([](detail::LogLevel, std::string_view line) { text_ += line; });
+  }
+  ~CapturedLog() {
+    detail::set_log_sink([](detail::LogLevel, std::string_view) {});
+  }
+  const std::string& text() const { return text_; }
+
+ private:
+  static inline std::string text_;
 };
 
 /// While it lives, allocations fail until `count` of them have failed.
@@ -106,6 +124,36 @@ TEST_F(Session, AFinishedRunHasItsFilesAndResults) {
     EXPECT_TRUE(fs::exists(path("out") / name)) << name;
   EXPECT_TRUE(fs::exists(ply("out")));
   EXPECT_FALSE(fs::exists(path("out/report.html")));
+}
+
+TEST_F(Session, ARunWhoseCamerasLookAwayDoesNotStart) {
+  for (View& view : scene_.train_views) view.camera.cam_from_world_translation.z *= -1;
+  try {
+    run(request("out"));
+    FAIL() << "it trained on empty pictures";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("every picture would be empty"),
+                                    HasSubstr("behind them; check the poses")));
+  }
+  EXPECT_FALSE(fs::exists(path("out")));
+}
+
+TEST_F(Session, ARunThatSeesNothingInItsFirst100StepsSaysSo) {
+  const auto warnings_of = [&](const std::string& out) {
+    TrainRequest longer = request(out);
+    longer.settings = [settings = longer.settings](const Config& start) {
+      Config config = settings(start);
+      config.train.iterations = 110;
+      return config;
+    };
+    const CapturedLog log;
+    EXPECT_EQ(run(longer), SessionEnd::finished);
+    return log.text();
+  };
+  EXPECT_THAT(warnings_of("seeing"), Not(HasSubstr("no view has shown")));
+  // The points are between the planes, and far beside the pictures.
+  for (View& view : scene_.train_views) view.camera.cam_from_world_translation.y += 1000;
+  EXPECT_THAT(warnings_of("blind"), HasSubstr("step 100: no view has shown any Gaussian"));
 }
 
 TEST_F(Session, AStoppedRunIsSavedAndGoesOnToTheSameBytes) {

@@ -123,7 +123,7 @@ TEST_F(View, OfARunHasItsCamerasWithSplitsAndPhotos) {
   const Served served = serve("out");
   const Json scene = served.json("/scene.json");
   EXPECT_EQ(scene.at("mode"), "file");
-  EXPECT_EQ(scene.at("title"), text("out"));
+  EXPECT_EQ(scene.at("title"), "out") << "where it lies is nobody's business";
   EXPECT_THAT(scene.at("notes"), IsEmpty());
   ASSERT_EQ(scene.at("cameras").size(), std::size_t(kViews));
   const Json& camera = scene.at("cameras").at(1);  // the second test view

@@ -8,6 +8,7 @@
 #include <sys/wait.h>
 
 #include <chrono>
+#include <deque>
 #include <thread>
 
 #include "data_loaders/formats/formats.h"
@@ -15,6 +16,7 @@
 #include "gs_app/view/view_server.h"
 #include "gs_core/io/process.h"
 #include "tests/support/program.h"
+#include "tests/support/raw_connection.h"
 
 namespace gs {
 namespace {
@@ -43,6 +45,7 @@ class Started {
   httplib::Result get(const std::string& path) const {
     return httplib::Client("127.0.0.1", port_).Get(path);
   }
+  int port() const { return port_; }
   int end(int signal) {
     kill(process_, signal);
     return wait();
@@ -131,6 +134,7 @@ TEST_F(Verbs, AWatchedRunShowsItselfAndLearnsTheSame) {
   EXPECT_GE(version, 2) << "one while it trained, and the last";
   const Json scene = Json::parse(train.get("/scene.json")->body);
   EXPECT_EQ(scene.at("mode"), "live");
+  EXPECT_EQ(scene.at("title"), "watched");
   EXPECT_EQ(scene.at("cameras").size(), std::size_t(kViews));
   EXPECT_EQ(train.get("/photo/0")->status, 200);
   write_bytes(path("last." + scene.at("model").at("format").get<std::string>()),
@@ -141,6 +145,25 @@ TEST_F(Verbs, AWatchedRunShowsItselfAndLearnsTheSame) {
             read_gaussian_ply(path("watched") / ply).gaussians.count());
   EXPECT_EQ(train.end(SIGINT), 0) << train.said();
   EXPECT_EQ(read_bytes(path("watched") / ply), read_bytes(path("out") / ply));
+}
+
+TEST_F(Verbs, AFloodOfConnectionsNeitherEndsARunNorKeepsAPageOut) {
+  ASSERT_EQ(train("out").code, 0);  // makes the scene
+  const std::string command = "ulimit -n 128; exec " + std::string(GS_PROGRAM) + " train " +
+                              text("scene") + " -o " + text("flooded") + kTrain +
+                              " --iterations 1000 --viewer --viewer-port 0";
+  Started train({"/bin/sh", "-c", command}, path("train.log"));
+  std::deque<RawConnection> flood;
+  for (int i = 0; i < 300; ++i) {
+    flood.emplace_back(train.port());
+    if (i % 3 == 1) flood.back().say("GET /state.json HTTP/1.1\r\nX: ");
+    if (i % 3 == 2) flood.back().say(get_request("/"));
+  }
+  const auto state = train.get("/state.json");
+  ASSERT_TRUE(state) << train.said();
+  EXPECT_EQ(state->status, 200);
+  EXPECT_EQ(train.wait(), 0) << train.said();  // while the flood holds on to its connections
+  EXPECT_TRUE(fs::exists(path("flooded/results.json")));
 }
 
 TEST_F(Verbs, AnUnwatchedRunEndsByItself) {

@@ -68,6 +68,41 @@ TEST(Doctor, ForecastOfMemoryKeepsToTheBudgetOfPhotos) {
               HasSubstr("just before their turn"));
 }
 
+TEST(Doctor, StopsWhereNoViewCanShowAnyPoint) {
+  const TempFolder temp;
+  ColmapModel model = small_model(24);
+  for (ColmapPoint& point : model.points) point.position.z *= -1;  // behind all cameras
+  write_scene(temp.path(), model);
+  const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
+  EXPECT_FALSE(diagnosis.can_train());
+  EXPECT_THAT(the(diagnosis, Level::fatal, "sight").text,
+              AllOf(HasSubstr("none of 24 views see any of the 2 points"), HasSubstr("behind")));
+}
+
+TEST(Doctor, NamesThePlaneThatHidesEverything) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(24));
+  Config config;
+  config.dataset.source = temp.path().string();
+  config.render.near_plane = 50;
+  EXPECT_THAT(the(examine(config, false), Level::fatal, "sight").text,
+              HasSubstr("--set render.near_plane=0.04"));
+  config.render.near_plane = 0.03f;
+  EXPECT_TRUE(examine(config, false).can_train());
+}
+
+TEST(Doctor, WarnsWhereMostViewsSeeNothing) {
+  const TempFolder temp;
+  ColmapModel model = small_model(24);
+  for (int i = 0; i < 200; ++i)
+    model.points.push_back({std::uint64_t(100 + i), {0.01 * i, 900.0, 3.0}, {1, 2, 3}});
+  model.points.erase(model.points.begin(), model.points.begin() + 2);
+  write_scene(temp.path(), model);
+  const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
+  EXPECT_TRUE(diagnosis.can_train());
+  EXPECT_THAT(the(diagnosis, Level::warning, "sight").text, HasSubstr("beside"));
+}
+
 TEST(Doctor, SaysWhatIsMissingWhereThereIsNoModel) {
   const TempFolder temp;
   write_png(temp.path() / "a.png", plain_photo(12, 8, 1));

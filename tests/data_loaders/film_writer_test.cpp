@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cstdlib>
 
@@ -50,6 +51,15 @@ class Film : public ::testing::Test {
   }
   TempFolder folder_;
 };
+
+TEST_F(Film, FollowsNoLinkThatWaitsUnderAGuessedName) {
+  write_bytes(path("victim"), "precious");
+  fs::create_symlink(path("victim"), path(".a.mp4." + std::to_string(::getpid()) + ".mp4"));
+  FilmWriter film(path("a.mp4"), kWidth, kHeight, 25);
+  for (int i = 0; i < kFrames; ++i) film.write(frame_of(i));
+  film.commit();
+  EXPECT_EQ(read_bytes(path("victim")), "precious");
+}
 
 TEST_F(Film, HasItsFramesItsSizeAndItsColors) {
   FilmWriter film(path("a.mp4"), kWidth, kHeight, 25);

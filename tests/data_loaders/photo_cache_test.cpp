@@ -2,6 +2,7 @@
 #include "data_loaders/photos/photo_cache.h"
 
 #include <gmock/gmock.h>
+#include <sys/stat.h>
 
 #include <chrono>
 #include <thread>
@@ -87,6 +88,27 @@ TEST_F(PhotoCacheTest, DamagedOrShortEntryIsRemovedAndNeverShown) {
   EXPECT_EQ(cache.find(kKeys[0], 16, 9, 3)->pixels, image.pixels);
 }
 
+TEST_F(PhotoCacheTest, AnEntryUnderTheNameOfAnotherIsNotTaken) {
+  PhotoCache cache(folder(), kPlenty);
+  const Image8 a = random_photo(16, 9, 3), b = smooth(16, 9, 3);
+  cache.store(kKeys[0], a);
+  cache.store(kKeys[1], b);
+  fs::rename(file_of(kKeys[1]), temp_.path() / "aside");
+  fs::rename(file_of(kKeys[0]), file_of(kKeys[1]));
+  fs::rename(temp_.path() / "aside", file_of(kKeys[0]));
+  EXPECT_FALSE(cache.find(kKeys[0], 16, 9, 3));
+  EXPECT_FALSE(cache.find(kKeys[1], 16, 9, 3));
+  cache.store(kKeys[0], a);
+  EXPECT_EQ(cache.find(kKeys[0], 16, 9, 3)->pixels, a.pixels);
+}
+
+TEST_F(PhotoCacheTest, NothingIsReadFromAFifo) {
+  PhotoCache cache(folder(), kPlenty);
+  fs::create_directories(file_of(kKeys[0]).parent_path());
+  ASSERT_EQ(::mkfifo(file_of(kKeys[0]).c_str(), 0600), 0);
+  EXPECT_FALSE(cache.find(kKeys[0], 8, 6, 3));  // and does not wait for ever
+}
+
 TEST_F(PhotoCacheTest, KeyIsOfContentAndRecipeAlone) {
   write_bytes(temp_.path() / "a.jpg", std::string(700000, 'x'));
   write_bytes(temp_.path() / "b.jpg", std::string(700000, 'x'));
@@ -119,6 +141,22 @@ TEST_F(PhotoCacheTest, WhatWasUsedLongestAgoMakesRoom) {
   EXPECT_TRUE(holds(kKeys[3]));
   EXPECT_TRUE(fs::exists(folder() / "aa" / "my holiday.jpg"));
   EXPECT_TRUE(fs::exists(folder() / "list.txt"));
+}
+
+TEST_F(PhotoCacheTest, EntriesOfAnyKindAreFoundAndMakeRoom) {
+  const Image8 image = random_photo(64, 64, 3);
+  const std::string masked = kKeys[0] + "m";
+  {
+    PhotoCache earlier(folder(), kPlenty);
+    earlier.store(masked, image);
+    EXPECT_EQ(earlier.find(masked, 64, 64, 3)->pixels, image.pixels);
+    EXPECT_FALSE(earlier.find(kKeys[0], 64, 64, 3));
+  }
+  make_older(masked, 1h);
+  PhotoCache cache(folder(), fs::file_size(file_of(masked)) + 100);
+  cache.store(kKeys[1], image);
+  EXPECT_FALSE(holds(masked));
+  EXPECT_TRUE(holds(kKeys[1]));
 }
 
 TEST_F(PhotoCacheTest, WhatThisRunUsesIsNeverRemovedForIt) {

@@ -1,202 +1,299 @@
 // SPDX-License-Identifier: Apache-2.0
+// The loop of the server. One thread waits for all connections at once with poll(), reads the heads
+// of requests and sends answers; the threads of HttpWorkers compute the answers.
 #include "gs_app/view/http/http_server.h"
 
-#include <httplib.h>
+#include <poll.h>
 #include <spdlog/fmt/fmt.h>
+#include <sys/eventfd.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
+#include <cerrno>
 #include <chrono>
-#include <fstream>
+#include <map>
+#include <system_error>
 #include <thread>
 
+#include "gs_app/view/http/http_connection.h"
+#include "gs_app/view/http/http_parse.h"
+#include "gs_app/view/http/http_workers.h"
+#include "gs_app/view/http/listen_socket.h"
 #include "gs_core/error.h"
 #include "gs_core/low_priority.h"
-#include "gs_core/parallel.h"
 
 namespace gs {
 namespace {
 
-constexpr int kPortsTried = 100;
-constexpr int kKeepAliveSeconds = 1;  // also how long the server's end waits for an idle browser
-constexpr int kWriteSeconds = 1;      // timeout of one piece
-// Timeouts in a row: a browser that is decoding does not read for a while.
-constexpr int kPauses = 30;
+using std::chrono::milliseconds;
+using State = HttpConnection::State;
+
+constexpr int kLeastConnections = 4, kMostConnections = 256;
+constexpr int kFilesOfAConnection = 2;  // its socket, and the file that is sent
+constexpr int kMostWorkers = 8;
 constexpr std::size_t kPieceBytes = std::size_t(1) << 16;
-constexpr std::size_t kMostBodyBytes = 1024;  // of a request; ours have no body
+constexpr double kDrainSeconds = 2;        // for the peer to close, after its answer
+constexpr milliseconds kLongestWait{500};  // of poll(), so that limits of time are looked at
+constexpr milliseconds kForEver{-1};
+constexpr milliseconds kPause{50};                 // if no connection can be accepted
+constexpr std::size_t kFirstPolledConnection = 2;  // after the waker and the listener
 
-// Unlike the library's default, this leaves out SO_REUSEPORT, with which two servers could share a
-// port. FD_CLOEXEC keeps child processes from inheriting the socket.
-void set_socket_options(socket_t socket) {
-  const int yes = 1;
-  setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-  fcntl(socket, F_SETFD, FD_CLOEXEC);
-}
+// Wakes a thread that waits in poll().
+class Waker {
+ public:
+  Waker() : event_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+    if (event_ < 0) throw Error("cannot start a server: too many files are open");
+  }
+  void wake() const { [[maybe_unused]] const int done = ::eventfd_write(event_, 1); }
+  void rest() const {
+    eventfd_t count = 0;
+    [[maybe_unused]] const int done = ::eventfd_read(event_, &count);
+  }
+  int descriptor() const { return event_; }
 
-// Whether the reader accepts more before it times out or the server ends.
-bool waits_for_reader(httplib::DataSink& sink, const std::atomic<bool>& ends) {
-  for (int i = 0; i < kPauses && !ends; ++i)
-    if (sink.is_writable()) return true;
-  return false;
-}
-
-// The body is sent in pieces, because the library would compress a whole one, which takes longer
-// than sending it locally.
-void set_body(httplib::Response& response, const std::shared_ptr<const std::string>& body,
-              const std::string& type, const std::atomic<bool>& ends) {
-  if (body->empty()) return response.set_content("", type);
-  response.set_content_provider(
-      body->size(), type,
-      [body, &ends](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
-        return waits_for_reader(sink, ends) &&
-               sink.write(body->data() + offset, std::min(length, kPieceBytes));
-      });
-}
-
-void set_file(httplib::Response& response, const std::filesystem::path& path,
-              const std::string& type, const std::atomic<bool>& ends) {
-  const auto file = std::make_shared<std::ifstream>(path, std::ios::binary);
-  std::error_code error;
-  const std::uintmax_t bytes = std::filesystem::file_size(path, error);
-  if (!*file || error) throw Error("cannot read " + path.string() + "; has it been moved?");
-  if (bytes == 0) return response.set_content("", type);
-  const auto piece = std::make_shared<std::string>();
-  response.set_content_provider(
-      std::size_t(bytes), type,
-      [file, piece, &ends](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
-        piece->resize(std::min(length, kPieceBytes));
-        file->seekg(std::streamoff(offset));
-        return file->read(piece->data(), std::streamsize(piece->size())) &&
-               waits_for_reader(sink, ends) && sink.write(piece->data(), piece->size());
-      });
-}
-
-void set_answer(httplib::Response& response, const HttpAnswer& answer,
-                const std::atomic<bool>& ends) {
-  response.status = answer.status;
-  for (const auto& [name, value] : answer.headers) response.set_header(name, value);
-  if (!answer.file.empty()) return set_file(response, answer.file, answer.type, ends);
-  if (answer.body) set_body(response, answer.body, answer.type, ends);
-}
-
-HttpRequest request_of(const httplib::Request& request) {
-  HttpRequest result{request.path, {}, request.remote_addr};
-  for (const auto& [name, value] : request.params) result.query.insert_or_assign(name, value);
-  return result;
-}
+ private:
+  Descriptor event_;
+};
 
 // Whether the request comes from this server's own page or from a person who opens the page, and
 // not from another web page.
-bool is_wanted(const httplib::Request& request, const std::string& host) {
-  const std::string from = request.get_header_value("Sec-Fetch-Site");
+bool is_wanted(const HttpHead& head, const std::string& host) {
+  const std::string from = head.value("sec-fetch-site");
   const bool is_foreign = from == "cross-site" || from == "same-site";
-  return request.get_header_value_count("Host") == 1 &&
-         is_own_host(request.get_header_value("Host"), host) &&
-         (!is_foreign || request.get_header_value("Sec-Fetch-Dest") == "document");
+  return head.count("host") == 1 && is_own_host(head.value("host"), host) &&
+         (!is_foreign || head.value("sec-fetch-dest") == "document");
 }
 
 }  // namespace
 
-struct HttpServer::Impl {
-  Impl(const HttpPlace& place, HttpHandler answers)
-      : host(place.host), handler(std::move(answers)) {
-    server.set_socket_options(set_socket_options);
-    server.set_tcp_nodelay(true);
-    server.set_keep_alive_timeout(kKeepAliveSeconds);
-    // The body of a refused request is not parsed as another request.
-    server.set_keep_alive_max_count(1);
-    server.set_payload_max_length(kMostBodyBytes);
-    server.set_write_timeout(kWriteSeconds);
-    server.set_default_headers({{"Cache-Control", "no-store"},
-                                {"X-Content-Type-Options", "nosniff"},
-                                {"X-Frame-Options", "DENY"},
-                                {"Cross-Origin-Resource-Policy", "same-origin"}});
-    server.set_pre_routing_handler([this](const auto& request, auto& response) {
-      lower_priority_once();
-      thread_local const SerialLoops beside_training;
-      if (!is_wanted(request, host))
-        set_answer(response,
-                   http_error(403, "this server accepts only requests to " + url() +
-                                       ", not those of other names or web pages"),
-                   ends);
-      else if (request.method != "GET" && request.method != "HEAD")  // before its body is read
-        set_answer(response, http_error(404, "there is nothing at this address"), ends);
-      else
-        return httplib::Server::HandlerResponse::Unhandled;
-      return httplib::Server::HandlerResponse::Handled;
-    });
-    server.Get(".*", [this](const auto& request, auto& response) { answer(request, response); });
-    bind(place);
-  }
+int default_connections() {
+  rlimit files{};
+  if (getrlimit(RLIMIT_NOFILE, &files) != 0 || files.rlim_cur == RLIM_INFINITY)
+    return kMostConnections;
+  const rlim_t share = files.rlim_cur / (4 * kFilesOfAConnection);
+  return int(std::clamp<rlim_t>(share, kLeastConnections, kMostConnections));
+}
 
-  void answer(const httplib::Request& request, httplib::Response& response) {
+class HttpServer::Impl {
+ public:
+  Impl(const HttpPlace& place, HttpHandler handler, const HttpLimits& limits)
+      : host_(place.host), limits_(limits),
+        most_connections_(
+            std::size_t(limits.connections > 0 ? limits.connections : default_connections())),
+        listener_(listen_at(place)), port_(port_of(listener_)), space_(kPieceBytes),
+        workers_(std::move(handler),
+                 // so that never all connections are under way: these cannot be replaced
+                 std::clamp(int(most_connections_) / 2, 1, kMostWorkers),
+                 [this] { waker_.wake(); }) {
+    polled_.reserve(kFirstPolledConnection + most_connections_);
     try {
-      set_answer(response, handler(request_of(request)), ends);
-    } catch (const std::exception& error) {
-      set_answer(response, http_error(500, printable(error.what())), ends);
+      thread_ = std::thread([this] { serve(); });
+    } catch (const std::system_error&) {
+      throw Error("cannot start the threads of a server; end other programs");
     }
   }
 
-  void bind(const HttpPlace& place) {
-    if (place.port == 0) {
-      port = server.bind_to_any_port(host);
-    } else {
-      const int first = place.port < 0 ? kFirstPort : place.port;
-      const int last = place.port < 0 ? kFirstPort + kPortsTried - 1 : place.port;
-      for (int tried = first; tried <= last && port <= 0; ++tried)
-        if (server.bind_to_port(host, tried)) port = tried;
-    }
-    if (port <= 0)
-      throw Error(
-          fmt::format("cannot listen at {}{}: the port is taken, or this machine does not have the "
-                      "address; give another --port (0: any) or --host",
-                      host, place.port > 0 ? fmt::format(":{}", place.port) : ""));
+  ~Impl() {
+    ends_ = true;
+    waker_.wake();
+    thread_.join();
   }
 
-  void start() {
-    thread = std::thread([this] {
-      try {
-        server.listen_after_bind();
-      } catch (const std::exception&) {  // the system allows no more threads
-      }
-      is_over = true;
-    });
-    while (!server.is_running() && !is_over)
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    if (!is_over) return;
-    thread.join();
-    throw Error("cannot start the threads of a server; end other programs");
-  }
+  int port() const { return port_; }
 
   std::string url() const {
-    const bool is_any = host == "0.0.0.0" || host == "::";
-    const bool is_bare_v6 = host.find(':') != host.npos;
-    const std::string name = is_any ? "localhost" : is_bare_v6 ? "[" + host + "]" : host;
-    return fmt::format("http://{}:{}/", name, port);
+    const bool is_any = host_ == "0.0.0.0" || host_ == "::";
+    const bool is_bare_v6 = host_.find(':') != host_.npos;
+    const std::string name = is_any ? "localhost" : is_bare_v6 ? "[" + host_ + "]" : host_;
+    return fmt::format("http://{}:{}/", name, port_);
   }
 
-  std::string host;
-  HttpHandler handler;
-  httplib::Server server;
-  int port = 0;
-  std::atomic<bool> ends = false, is_over = false;
-  std::thread thread;
+ private:
+  using Connections = std::map<std::uint64_t, HttpConnection>;
+
+  void serve() {
+    lower_priority_once();
+    while (!ends_) {
+      try {
+        wait();
+        advance_ready();
+        send_results();
+        std::erase_if(connections_,
+                      [](const auto& entry) { return entry.second.state() == State::closed; });
+        if (accepts()) accept_all();
+      } catch (const std::exception&) {  // too little memory: the others may end meanwhile
+        std::this_thread::sleep_for(kPause);
+      }
+    }
+    connections_.clear();  // at once; the workers are waited for afterwards
+    listener_.close();
+  }
+
+  // Waits for the listener, the workers, any connection, or a limit of time.
+  void wait() {
+    polled_.clear();
+    polled_.push_back({waker_.descriptor(), POLLIN, 0});
+    polled_.push_back({accepts() ? int(listener_) : -1, POLLIN, 0});
+    for (const auto& [number, connection] : connections_)
+      polled_.push_back({connection.socket(), connection.awaited_events(), 0});
+    const milliseconds longest = !accepts()             ? kPause
+                                 : connections_.empty() ? kForEver
+                                                        : kLongestWait;
+    if (::poll(polled_.data(), nfds_t(polled_.size()), int(longest.count())) <= 0)
+      for (pollfd& one : polled_) one.revents = 0;
+    waker_.rest();
+  }
+
+  void advance_ready() {
+    std::size_t i = kFirstPolledConnection;
+    for (auto& [number, connection] : connections_) {
+      const short events = polled_[i++].revents;
+      if (events == 0) {
+        if (is_too_slow(connection)) connection.close();
+      } else if (connection.state() == State::working) {  // the peer is gone
+        workers_.drop(number);
+        connection.close();
+      } else {
+        advance_or_close(number, connection);
+      }
+    }
+  }
+
+  void send_results() {
+    for (HttpResult& result : workers_.results()) {
+      const auto found = connections_.find(result.connection);
+      if (found == connections_.end() || found->second.state() != State::working) continue;
+      found->second.reply(std::move(result.reply));
+      advance_or_close(found->first, found->second);
+    }
+  }
+
+  void advance_or_close(std::uint64_t number, HttpConnection& connection) {
+    try {
+      advance(number, connection);
+    } catch (const std::exception&) {  // too little memory for it
+      connection.close();
+    }
+    if (is_too_slow(connection)) connection.close();
+  }
+
+  void advance(std::uint64_t number, HttpConnection& connection) {
+    if (connection.state() == State::reading)
+      if (const std::string head = connection.read_head(limits_.head_bytes); !head.empty())
+        begin_answer(number, connection, head);
+    if (connection.state() == State::sending) connection.send_some(space_);
+    if (connection.state() == State::draining) connection.drain();
+  }
+
+  void begin_answer(std::uint64_t number, HttpConnection& connection, const std::string& bytes) {
+    const auto refuse = [&](int status, std::string sentence) {
+      connection.reply(std::make_unique<HttpReply>(http_error(status, std::move(sentence))));
+    };
+    std::optional<HttpHead> head = parse_head(bytes);
+    if (!head) return refuse(400, "this is no request of HTTP/1.1");
+    if (!is_wanted(*head, host_))
+      return refuse(403, "this server accepts only requests to " + url() +
+                             ", not those of other names or web pages");
+    if (head->method != "GET" && head->method != "HEAD")
+      return refuse(404, "there is nothing at this address");
+    head->request.client = connection.address();
+    connection.begin_work();
+    workers_.add({number, std::move(head->request), head->method == "GET"});
+  }
+
+  bool is_too_slow(const HttpConnection& connection) const {
+    const std::chrono::duration<double> time = HttpClock::now() - connection.progress();
+    switch (connection.state()) {
+      case State::reading: return time.count() > limits_.head_seconds;
+      case State::sending: return time.count() > limits_.piece_seconds;
+      case State::draining: return time.count() > kDrainSeconds;
+      default: return false;
+    }
+  }
+
+  void accept_all() {
+    for (std::size_t i = 0; i < most_connections_; ++i) {  // then the others have their turn
+      const bool is_full = connections_.size() >= most_connections_;
+      if (is_full && !has_waiting_connection()) return;
+      if (is_full && !replace_one()) return pause();
+      std::string address;
+      Descriptor socket = accept_from(listener_, address);
+      if (socket < 0) return errno == EMFILE || errno == ENFILE ? pause() : void();
+      const auto added =
+          connections_.try_emplace(++last_number_, std::move(socket), std::move(address)).first;
+      advance_or_close(added->first, added->second);  // mostly the request is there already
+    }
+  }
+
+  bool has_waiting_connection() const {
+    pollfd one{listener_, POLLIN, 0};
+    return ::poll(&one, 1, 0) > 0;
+  }
+
+  bool accepts() const { return HttpClock::now() >= accepts_from_; }
+
+  // Some time without accepting connections; they wait in the system's queue.
+  void pause() { accepts_from_ = HttpClock::now() + kPause; }
+
+  // Closes one of the connections of the address that has the most: first one whose request is not
+  // complete or whose answer is sent, then one that takes its answer slowly, then one that waits
+  // for a worker; of these the one that made no progress for the longest time. False if all are
+  // under way.
+  bool replace_one() {
+    const std::string address = busiest_address();
+    const auto rank = [](const HttpConnection& connection) {
+      const State state = connection.state();
+      const int kind = state == State::working ? 2 : state == State::sending ? 1 : 0;
+      return std::pair(kind, connection.progress());
+    };
+    std::vector<Connections::iterator> candidates;
+    for (auto it = connections_.begin(); it != connections_.end(); ++it)
+      if (it->second.address() == address) candidates.push_back(it);
+    std::sort(candidates.begin(), candidates.end(),
+              [&](auto a, auto b) { return rank(a->second) < rank(b->second); });
+    for (const auto candidate : candidates) {
+      const bool is_working = candidate->second.state() == State::working;
+      if (is_working && !workers_.drop(candidate->first)) continue;
+      connections_.erase(candidate);
+      return true;
+    }
+    return false;
+  }
+
+  std::string busiest_address() const {
+    std::map<std::string, int> counts;
+    for (const auto& [number, connection] : connections_) ++counts[connection.address()];
+    return std::max_element(counts.begin(), counts.end(),
+                            [](const auto& a, const auto& b) { return a.second < b.second; })
+        ->first;
+  }
+
+  const std::string host_;
+  const HttpLimits limits_;
+  const std::size_t most_connections_;
+  Descriptor listener_;
+  const int port_;
+  const Waker waker_;
+  std::atomic<bool> ends_ = false;
+
+  // Of the loop's thread alone:
+  Connections connections_;
+  std::uint64_t last_number_ = 0;
+  HttpClock::time_point accepts_from_{};
+  std::vector<pollfd> polled_;
+  std::vector<char> space_;  // for a piece of a file
+
+  HttpWorkers workers_;
+  std::thread thread_;
 };
 
-HttpServer::HttpServer(const HttpPlace& place, HttpHandler handler)
-    : impl_(std::make_unique<Impl>(place, std::move(handler))) {
-  impl_->start();
-}
+HttpServer::HttpServer(const HttpPlace& place, HttpHandler handler, const HttpLimits& limits)
+    : impl_(std::make_unique<Impl>(place, std::move(handler), limits)) {}
+HttpServer::~HttpServer() = default;
 
-HttpServer::~HttpServer() {
-  impl_->ends = true;
-  impl_->server.stop();
-  impl_->thread.join();
-}
-
-int HttpServer::port() const { return impl_->port; }
+int HttpServer::port() const { return impl_->port(); }
 std::string HttpServer::url() const { return impl_->url(); }
-
-bool can_serve() { return true; }
-std::string cannot_serve() { return {}; }
 
 }  // namespace gs

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A small HTTP server in which one function answers every GET request. It is meant for people who
 // look at their own files: unless told otherwise it listens only to this machine, and it refuses
-// requests that another web page makes a browser send (DNS rebinding). It is built on cpp-httplib,
-// which only http_server.cpp includes.
+// requests that another web page makes a browser send (DNS rebinding). Slow or silent connections,
+// however many there are, hold up nobody. There is one request on each connection.
 #pragma once
 
 #include <cstdint>
@@ -46,6 +46,20 @@ struct HttpPlace {
   int port = -1;  // 0: any free port; -1: the first free one from kFirstPort on
 };
 
+/// What connections may cost. Tests set lower limits.
+struct HttpLimits {
+  /// Connections at a time. When all are taken, a new one replaces an idle one of the address that
+  /// has the most. 0: default_connections().
+  int connections = 0;
+  std::size_t head_bytes = std::size_t(1) << 15;  // of a request: cookies may have some kilobytes
+  double head_seconds = 5;    // from the start of a connection to the end of its request's head
+  double piece_seconds = 30;  // in which a reader has to take 64 KiB
+};
+
+/// A quarter of the files that this process may open, at two files a connection; at most 256
+/// connections.
+int default_connections();
+
 /// Whether a server that listens at `host` accepts a request whose Host header is `named`, with or
 /// without a port. A server at a loopback address accepts the loopback's names and `host` itself.
 /// Any other server also accepts this machine's name and every numeric address, because a name
@@ -58,9 +72,9 @@ bool is_loopback(const std::string& host);
 /// Serves from construction to destruction, on its own threads of low priority.
 class HttpServer {
  public:
-  /// Throws Error if the port is taken, the host is not an address of this machine, or this build
-  /// has no server.
-  HttpServer(const HttpPlace& place, HttpHandler handler);
+  /// Throws Error if the port is taken or the host is not an address of this machine.
+  HttpServer(const HttpPlace& place, HttpHandler handler, const HttpLimits& limits = {});
+  /// Closes all connections at once, and returns when the calls of the handler under way are over.
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
@@ -70,12 +84,8 @@ class HttpServer {
   std::string url() const;
 
  private:
-  struct Impl;
+  class Impl;
   std::unique_ptr<Impl> impl_;
 };
-
-/// Whether this build has cpp-httplib. If not, cannot_serve() says so and what to do.
-bool can_serve();
-std::string cannot_serve();
 
 }  // namespace gs

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/session/check_sight.h"
+
+#include <vector>
+
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+#include "gs_core/scene_sight.h"
+
+namespace gs {
+
+void check_sight(Trainer& trainer) {
+  std::vector<Camera> cameras;
+  for (const View& view : trainer.scene().train_views) cameras.push_back(view.camera);
+  const std::vector<Vec3f> means = trainer.model().gaussians.mean.download();
+  const DepthLimits limits{trainer.settings().near_plane, trainer.settings().far_plane};
+  const SceneSight sight = scene_sight(cameras, {means.data(), means.size()}, limits);
+  if (sight.is_blind())
+    throw Error("training cannot start, because every picture would be empty: " +
+                text_of(sight, limits));
+  if (sight.is_doubtful()) log_warning("{}", text_of(sight, limits));
+}
+
+}  // namespace gs

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/view/http/http_reply.h"
+
+#include <fcntl.h>
+#include <spdlog/fmt/fmt.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "gs_core/error.h"
+
+namespace gs {
+namespace {
+
+// Of every answer. The page must not be kept, and no other page may embed or read what is served.
+constexpr const char* kHeaders =
+    "Cache-Control: no-store\r\n"
+    "X-Content-Type-Options: nosniff\r\n"
+    "X-Frame-Options: DENY\r\n"
+    "Cross-Origin-Resource-Policy: same-origin\r\n"
+    "Connection: close\r\n";
+
+const char* words_of(int status) {
+  switch (status) {
+    case 200: return "OK";
+    case 400: return "Bad Request";
+    case 403: return "Forbidden";
+    case 404: return "Not Found";
+    case 409: return "Conflict";
+    case 431: return "Request Header Fields Too Large";
+    default: return "Internal Server Error";
+  }
+}
+
+Descriptor opened(const std::filesystem::path& path) {
+  Descriptor file(
+      ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));  // no FIFO is waited for
+  struct stat status {};
+  if (file < 0 || ::fstat(file, &status) != 0 || !S_ISREG(status.st_mode))
+    throw Error("cannot read " + path.string() + "; has it been moved?");
+  return file;
+}
+
+std::uint64_t bytes_of(const Descriptor& file) {
+  struct stat status {};
+  return ::fstat(file, &status) == 0 ? std::uint64_t(status.st_size) : 0;
+}
+
+std::string head_of(const HttpAnswer& answer, std::uint64_t body_bytes) {
+  std::string head =
+      fmt::format("HTTP/1.1 {} {}\r\nContent-Type: {}\r\nContent-Length: {}\r\n{}", answer.status,
+                  words_of(answer.status), answer.type, body_bytes, kHeaders);
+  for (const auto& [name, value] : answer.headers) head += name + ": " + value + "\r\n";
+  return head + "\r\n";
+}
+
+}  // namespace
+
+HttpReply::HttpReply(const HttpAnswer& answer, bool has_body) : body_(answer.body) {
+  if (!answer.file.empty()) file_.emplace(opened(answer.file));
+  body_bytes_ = file_ ? bytes_of(*file_) : body_ ? body_->size() : 0;
+  head_ = head_of(answer, body_bytes_);
+  if (!has_body) body_bytes_ = 0;
+}
+
+std::string_view HttpReply::next(std::vector<char>& space) const {
+  if (sent_ < head_.size()) return std::string_view(head_).substr(sent_);
+  const std::uint64_t from = sent_ - head_.size();
+  const auto count = std::size_t(std::min<std::uint64_t>(body_bytes_ - from, space.size()));
+  if (!file_) return std::string_view(*body_).substr(from, count);
+  const ssize_t read = ::pread(*file_, space.data(), count, off_t(from));
+  return {space.data(), read > 0 ? std::size_t(read) : 0};
+}
+
+}  // namespace gs

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/view/http/http_workers.h"
+
+#include <iterator>
+#include <system_error>
+#include <utility>
+
+#include "gs_core/error.h"
+#include "gs_core/low_priority.h"
+#include "gs_core/parallel.h"
+
+namespace gs {
+namespace {
+
+// If more requests wait, the newest is answered first: in a flood, a person who opens the page does
+// not wait for all requests that came before.
+constexpr std::size_t kCrowd = 16;
+
+HttpAnswer answer_of(const HttpHandler& handler, const HttpRequest& request) {
+  try {
+    return handler(request);
+  } catch (const std::exception& error) {
+    return http_error(500, printable(error.what()));
+  }
+}
+
+std::unique_ptr<HttpReply> reply_of(const HttpAnswer& answer, bool has_body) {
+  try {
+    return std::make_unique<HttpReply>(answer, has_body);
+  } catch (const Error& error) {  // its file cannot be read
+    return std::make_unique<HttpReply>(http_error(500, error.what()), has_body);
+  }
+}
+
+// Null if memory runs out.
+std::unique_ptr<HttpReply> reply_or_null(const HttpHandler& handler, const HttpJob& job) {
+  try {
+    return reply_of(answer_of(handler, job.request), job.has_body);
+  } catch (const std::exception&) {
+    return nullptr;
+  }
+}
+
+}  // namespace
+
+HttpWorkers::HttpWorkers(HttpHandler handler, int threads, std::function<void()> on_result)
+    : handler_(std::move(handler)), on_result_(std::move(on_result)) {
+  try {
+    for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { serve(); });
+  } catch (const std::system_error&) {  // the system allows no more threads
+    if (threads_.empty()) throw Error("cannot start the threads of a server; end other programs");
+  }
+}
+
+HttpWorkers::~HttpWorkers() {
+  {
+    const std::lock_guard lock(mutex_);
+    quit_ = true;
+    waiting_.clear();
+  }
+  changed_.notify_all();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+void HttpWorkers::add(HttpJob job) {
+  {
+    const std::lock_guard lock(mutex_);
+    // Memory for their results, so that no worker has to ask for it.
+    results_.reserve(results_.size() + waiting_.size() + 1 + threads_.size());
+    waiting_.push_back(std::move(job));
+  }
+  changed_.notify_one();
+}
+
+bool HttpWorkers::drop(std::uint64_t connection) {
+  const std::lock_guard lock(mutex_);
+  return std::erase_if(waiting_, [&](const HttpJob& job) { return job.connection == connection; }) >
+         0;
+}
+
+std::vector<HttpResult> HttpWorkers::results() {
+  const std::lock_guard lock(mutex_);
+  std::vector<HttpResult> taken(std::make_move_iterator(results_.begin()),
+                                std::make_move_iterator(results_.end()));
+  results_.clear();  // and keeps its memory
+  return taken;
+}
+
+HttpJob HttpWorkers::next_job() {
+  const bool is_crowded = waiting_.size() > kCrowd;
+  HttpJob job = std::move(is_crowded ? waiting_.back() : waiting_.front());
+  is_crowded ? waiting_.pop_back() : waiting_.pop_front();
+  return job;
+}
+
+void HttpWorkers::serve() {
+  lower_priority_once();
+  const SerialLoops beside_training;
+  for (std::unique_lock lock(mutex_);;) {
+    changed_.wait(lock, [&] { return quit_ || !waiting_.empty(); });
+    if (quit_) return;
+    const HttpJob job = next_job();
+    lock.unlock();
+    std::unique_ptr<HttpReply> reply = reply_or_null(handler_, job);
+    lock.lock();
+    results_.push_back({job.connection, std::move(reply)});
+    on_result_();
+  }
+}
+
+}  // namespace gs

@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer's HTTP server against connections that are slow, silent, endless, malformed or many. No
+// test depends on how fast the machine is: what must end is given a minute, what must not end in time
+// has no limit of time.
+#include <gmock/gmock.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+
+#include <chrono>
+#include <deque>
+#include <filesystem>
+#include <optional>
+#include <thread>
+
+#include "gs_app/view/http/http_parse.h"
+#include "gs_app/view/http/http_server.h"
+#include "gs_core/error.h"
+#include "tests/support/raw_connection.h"
+#include "tests/support/temp_folder.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+constexpr double kForever = 1e9;                      // seconds
+constexpr std::size_t kLarge = std::size_t(1) << 24;  // more than sockets hold
+
+/// Answers "/small" with a word, and "/large" with 16 MiB.
+HttpAnswer answer(const HttpRequest& request) {
+  static const auto large = std::make_shared<const std::string>(kLarge, 'x');
+  if (request.path == "/small") return http_text("small", "text/plain");
+  if (request.path != "/large") return http_error(404, request.path);
+  HttpAnswer answer;
+  answer.body = large;
+  return answer;
+}
+
+/// No limit of time, and few connections.
+HttpLimits patient(int connections = 8) {
+  HttpLimits limits;
+  limits.connections = connections;
+  limits.head_seconds = limits.piece_seconds = kForever;
+  return limits;
+}
+
+std::string asked(const HttpServer& server, const std::string& request) {
+  const RawConnection connection(server.port());
+  connection.say(request);
+  return connection.answer();
+}
+
+std::string small_answer(const HttpServer& server) { return asked(server, get_request("/small")); }
+
+int open_files() {
+  return int(std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator()));
+}
+
+// ---- requests
+
+TEST(HttpServer, AnswersGetAndHead) {
+  const HttpServer server({"127.0.0.1", 0}, answer);
+  EXPECT_THAT(small_answer(server), StartsWith("HTTP/1.1 200 OK\r\n"));
+  EXPECT_THAT(small_answer(server), EndsWith("Connection: close\r\n\r\nsmall"));
+  const std::string head = asked(server, "HEAD /small HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  EXPECT_THAT(head, HasSubstr("Content-Length: 5\r\n"));
+  EXPECT_THAT(head, EndsWith("\r\n\r\n"));
+}
+
+TEST(HttpServer, TakesARequestByteByByteAndFromAPeerThatSaysNoMore) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient());
+  const RawConnection connection(server.port());
+  for (const char byte : get_request("/small")) ASSERT_TRUE(connection.say({byte}));
+  connection.say_no_more();
+  EXPECT_THAT(connection.answer(), EndsWith("small"));
+}
+
+TEST(HttpServer, AnswersOneRequestOnAConnection) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient());
+  const std::string answers = asked(server, get_request("/small") + get_request("/other"));
+  EXPECT_THAT(answers, EndsWith("small"));
+  EXPECT_THAT(answers, testing::Not(HasSubstr("other")));
+}
+
+TEST(HttpServer, SendsALargeAnswerWhole) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient());
+  const std::string got = asked(server, get_request("/large"));
+  EXPECT_EQ(got.size() - got.find("\r\n\r\n") - 4, kLarge);
+}
+
+TEST(HttpServer, SendsFilesAndSaysWhichIsGone) {
+  const TempFolder folder;
+  const std::string bytes(300'000, 'f');
+  write_bytes(folder.path() / "there", bytes);
+  ASSERT_EQ(::mkfifo((folder.path() / "fifo").c_str(), 0600), 0);
+  const HttpServer server({"127.0.0.1", 0}, [&](const HttpRequest& request) {
+    HttpAnswer answer;
+    answer.file = folder.path() / request.path.substr(1);
+    return answer;
+  });
+  EXPECT_THAT(asked(server, get_request("/there")), EndsWith("\r\n\r\n" + bytes));
+  for (const char* name : {"/gone", "/fifo"}) {
+    EXPECT_THAT(asked(server, get_request(name)), StartsWith("HTTP/1.1 500 ")) << name;
+    EXPECT_THAT(asked(server, get_request(name)), HasSubstr("cannot read ")) << name;
+  }
+}
+
+TEST(HttpParse, TakesApartAddressesAndHeaders) {
+  const auto head = parse_head(
+      "GET /a%20b%2?x=1+2&y=%26&z HTTP/1.1\r\nHost: here \r\nX-Two:\t1\r\nx-two: 2\r\n\r\n");
+  ASSERT_TRUE(head);
+  EXPECT_EQ(head->method, "GET");
+  EXPECT_EQ(head->request.path, "/a b%2");
+  EXPECT_EQ(head->request.query.at("x"), "1 2");
+  EXPECT_EQ(head->request.query.at("y"), "&");
+  EXPECT_EQ(head->request.query.at("z"), "");
+  EXPECT_EQ(head->value("host"), "here");
+  EXPECT_EQ(head->value("x-two"), "1");
+  EXPECT_EQ(head->count("x-two"), 2u);
+  EXPECT_EQ(head->value("none"), "");
+}
+
+TEST(HttpParse, RefusesMalformedHeads) {
+  const std::string nul(1, '\0');
+  for (const std::string& head :
+       {std::string("\r\n"), std::string("GET / HTTP/2\r\n\r\n"), std::string("GET /\r\n\r\n"),
+        std::string("GET http://x/ HTTP/1.1\r\n\r\n"), std::string("GET  / HTTP/1.1\r\n\r\n"),
+        std::string("G=T / HTTP/1.1\r\n\r\n"), std::string("GET / HTTP/1.1 \r\n\r\n"),
+        std::string("GET / HTTP/1.1\r\nHost : x\r\n\r\n"),
+        std::string("GET / HTTP/1.1\r\nHost: x\r\n folded\r\n\r\n"),
+        std::string("GET / HTTP/1.1\r\nno colon\r\n\r\n"),
+        std::string("GET / HTTP/1.1\r\n: x\r\n\r\n"),
+        std::string("GET / HTTP/1.1\nHost: x\r\n\r\n"), "GET /" + nul + " HTTP/1.1\r\n\r\n",
+        "GET / HTTP/1.1\r\nHost: x" + nul + "\r\n\r\n"})
+    EXPECT_FALSE(parse_head(head)) << head;
+  const HttpServer server({"127.0.0.1", 0}, answer, patient());
+  EXPECT_THAT(asked(server, "nonsense\r\n\r\n"), StartsWith("HTTP/1.1 400 "));
+}
+
+TEST(HttpParse, FindsTheEndOfAHeadThatComesInPieces) {
+  const std::string head = "GET / HTTP/1.1\r\nHost: x\r\n\r\nbody";
+  for (std::size_t known = 0; known + 4 < head.size(); ++known)
+    EXPECT_EQ(head_length(head, known), head.size() - 4) << known;
+  EXPECT_EQ(head_length(head.substr(0, head.size() - 5), 3), 0u);
+}
+
+// ---- limits
+
+TEST(HttpLimits, AHeadWithoutAnEndIsRefused) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient());
+  const RawConnection connection(server.port());
+  connection.say("GET /small HTTP/1.1\r\nX: " + std::string(HttpLimits().head_bytes, 'x'));
+  EXPECT_THAT(connection.answer(), StartsWith("HTTP/1.1 431 "));
+  // One that goes on is cut off. It could say gigabytes.
+  const RawConnection endless(server.port());
+  const std::string piece(1 << 16, 'x');
+  std::size_t pieces = 0;
+  while (pieces < (1 << 20) && endless.say(piece)) ++pieces;
+  EXPECT_LT(pieces, std::size_t(1 << 20));
+}
+
+TEST(HttpLimits, TheTimeForAHeadIsATotal) {
+  HttpLimits limits = patient();
+  limits.head_seconds = 0.1;
+  const HttpServer server({"127.0.0.1", 0}, answer, limits);
+  const RawConnection connection(server.port());
+  ASSERT_TRUE(connection.say("GET /small HTTP/1.1\r\nX: "));
+  int drops = 0;
+  while (drops < 6000 && connection.say("x")) {
+    ++drops;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_LT(drops, 6000);
+}
+
+TEST(HttpLimits, AReaderThatTakesNothingIsCutOff) {
+  HttpLimits limits = patient();
+  limits.piece_seconds = 0.1;
+  const HttpServer server({"127.0.0.1", 0}, answer, limits);
+  const RawConnection connection(server.port());
+  ASSERT_TRUE(connection.say(get_request("/large")));
+  EXPECT_TRUE(connection.is_closed_in_time());
+}
+
+TEST(HttpLimits, SilentConnectionsMakeWayForAPage) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient(8));
+  std::deque<RawConnection> silent;
+  for (int i = 0; i < 200; ++i) silent.emplace_back(server.port());
+  EXPECT_THAT(small_answer(server), EndsWith("small"));
+  for (const RawConnection& connection : silent) connection.say("GET / HTTP/1.1\r\n");
+  EXPECT_THAT(small_answer(server), EndsWith("small"));
+}
+
+TEST(HttpLimits, SlowReadersMakeWayForAPage) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient(8));
+  std::deque<RawConnection> slow;
+  for (int i = 0; i < 100; ++i) slow.emplace_back(server.port()).say(get_request("/large"));
+  EXPECT_THAT(small_answer(server), EndsWith("small"));
+}
+
+TEST(HttpLimits, AReaderThatReadsKeepsItsConnectionBesideSilentOnes) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient(8));
+  const RawConnection reader(server.port());
+  reader.say(get_request("/large"));
+  ASSERT_EQ(reader.first_byte(), 'H');
+  std::deque<RawConnection> silent;
+  for (int i = 0; i < 200; ++i) silent.emplace_back(server.port());
+  EXPECT_THAT(small_answer(server), EndsWith("small"));
+  const std::string got = reader.answer();
+  EXPECT_EQ(got.size() - got.find("\r\n\r\n") - 4, kLarge);
+}
+
+TEST(HttpLimits, ConnectionsNeverTakeMoreFilesThanTheirLimit) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient(8));
+  EXPECT_THAT(small_answer(server), EndsWith("small"));
+  const int before = open_files();
+  std::deque<RawConnection> silent;
+  for (int i = 0; i < 100; ++i) silent.emplace_back(server.port());
+  EXPECT_THAT(small_answer(server), EndsWith("small"));  // so all others were accepted, too
+  EXPECT_LE(open_files() - before - 100, 8);
+}
+
+TEST(HttpLimits, MostFilesOfTheProcessAreLeftToTheProgram) {
+  rlimit files{};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &files), 0);
+  for (const rlim_t limit : {rlim_t(64), rlim_t(256), std::min<rlim_t>(1024, files.rlim_max)}) {
+    const rlimit lower{limit, files.rlim_max};
+    ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &lower), 0);
+    EXPECT_LE(2 * default_connections(), int(limit) / 4) << limit;  // two files a connection
+    EXPECT_GE(default_connections(), 4) << limit;
+  }
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &files), 0);
+}
+
+// ---- the end
+
+TEST(HttpServer, EndsAtOnceWhateverItsConnectionsDo) {
+  std::optional<HttpServer> server;
+  server.emplace(HttpPlace{"127.0.0.1", 0}, answer, patient(16));
+  std::deque<RawConnection> connections;
+  for (int i = 0; i < 4; ++i) {
+    connections.emplace_back(server->port());  // silent
+    connections.emplace_back(server->port()).say("GET / HTTP/1.1\r\n");
+    connections.emplace_back(server->port()).say(get_request("/large"));
+  }
+  EXPECT_THAT(small_answer(*server), EndsWith("small"));  // so all others were accepted, too
+  server.reset();                                         // there is no limit of time
+  for (const RawConnection& connection : connections) EXPECT_TRUE(connection.is_closed_in_time());
+}
+
+TEST(HttpServer, RefusesAnEmptyHost) {
+  try {
+    const HttpServer server({"", 0}, answer);
+    FAIL() << server.url();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("--host"));
+  }
+}
+
+}  // namespace
+}  // namespace gs
