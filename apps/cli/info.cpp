@@ -11,6 +11,7 @@
 #include "apps/cli/verbs.h"
 #include "data_loaders/formats/model_info.h"
 #include "gs_app/run/open_model.h"
+#include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/version.h"
 
@@ -42,7 +43,7 @@ void info(const InfoCommand& command) {
   if (command.json) {
     std::cout << to_json_text(model_info) << '\n';
   } else {
-    std::cout << opened.ply.string() << '\n' << describe(model_info) << '\n';
+    std::cout << printable(opened.ply.string()) << '\n' << describe(model_info) << '\n';
   }
 }
 
