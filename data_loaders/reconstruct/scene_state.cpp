@@ -4,13 +4,12 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <fstream>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
+#include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
 
 namespace gs {
@@ -28,16 +27,16 @@ bool holds_other_work(const ColmapPlan& plan) {
 }  // namespace
 
 SceneState read_state(const SceneFiles& files) {
-  SceneState state;
-  std::ifstream stream(files.state());
+  constexpr const char* kRemedy = "remove it";
   try {
-    const auto json = nlohmann::json::parse(stream);
-    state.made_of = json.at("made_of").get<std::string>();
-    state.complete = json.at("complete").get<std::set<std::string>>();
-  } catch (const nlohmann::json::exception&) {  // missing or damaged: nothing is complete
+    const auto json = read_json_as(files.state(), kRemedy);
+    return take_from_json(files.state(), kRemedy, [&] {
+      return SceneState{json.at("made_of").get<std::string>(),
+                        json.at("complete").get<std::set<std::string>>()};
+    });
+  } catch (const Error&) {  // missing or damaged: nothing is complete
     return {};
   }
-  return state;
 }
 
 void write_state(const SceneFiles& files, const SceneState& state) {
