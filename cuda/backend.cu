@@ -126,11 +126,11 @@ class CudaBackend final : private Device, public Backend {
   Renderer& renderer() override { return renderer_; }
   Optimizer& optimizer() override { return *optimizer_; }
   void use_loss(const std::string& kind) override {
-    const LossRow& row = row_named(kLosses, kind, "loss.kind", " on " + name());
-    if (&row == loss_row_) return;  // the same loss keeps its last value
+    const LossRow* const row = row_named(kLosses, kind, "loss.kind", " on " + name());
+    if (row == loss_row_) return;  // the same loss keeps its last value
     finish_pending();
-    loss_ = row.make(context, device_memory, photos_);
-    loss_row_ = &row;
+    loss_ = row->make(context, device_memory, photos_);
+    loss_row_ = row;
   }
   Loss& loss() override {
     finish_pending();

@@ -24,7 +24,8 @@ struct Input {
   std::uint32_t tiles;
 
   __device__ std::uint32_t instances() const {
-    return count ? first_of_order[count - 1] + tile_counts[depth_order[count - 1]] : 0;
+    if (count == 0) return 0;
+    return saturating_sum(first_of_order[count - 1], tile_counts[depth_order[count - 1]]);
   }
 };
 

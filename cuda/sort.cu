@@ -29,6 +29,12 @@ struct TileCount {
   }
 };
 
+struct SaturatingSum {
+  GS_HD std::uint32_t operator()(std::uint32_t a, std::uint32_t b) const {
+    return saturating_sum(a, b);
+  }
+};
+
 // Range t begins at the first instance whose tile is not below t.
 template <class Key>
 __global__ void tile_ranges_kernel(const Key* keys, std::uint32_t capacity, std::uint32_t tiles,
@@ -176,11 +182,12 @@ void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass) {
              pass.depth_order.data(), std::uint32_t(count), kDepthKeyBits);
   with_cub_scratch(workspace.sort_scratch, "the sum of the tile counts",
                    [&](void* temporary, std::size_t& bytes) {
-                     return cub::DeviceScan::ExclusiveSum(
+                     return cub::DeviceScan::ExclusiveScan(
                          temporary, bytes,
                          thrust::make_transform_iterator(pass.depth_order.data(),
                                                          TileCount{pass.tile_counts.data()}),
-                         workspace.first_of_order.data(), int(count), context.stream());
+                         workspace.first_of_order.data(), SaturatingSum(), 0u, int(count),
+                         context.stream());
                    });
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA stages in pipeline order: the table of contents, like gs_render/stages.h and
-// gs_train/stages/scalar_stages.h for the scalar stages. Each function only launches kernels. None waits,
-// and none allocates once its buffers have grown.
+// gs_train/stages/scalar_stages.h for the scalar stages. Each function only launches kernels. None
+// waits, and none allocates once its buffers have grown.
 #pragma once
 
 #include <memory>
@@ -69,6 +69,12 @@ struct Workspace {
 /// Instances of a list that one warp takes in the backward pass. Each pixel has a checkpoint
 /// between two segments.
 inline constexpr std::uint32_t kSegmentLength = 512;
+
+/// a + b, but at most 2^32 - 1: a count of instances that wrapped would look small enough to sort.
+GS_HD std::uint32_t saturating_sum(std::uint32_t a, std::uint32_t b) {
+  const std::uint32_t sum = a + b;
+  return sum < a ? 0xffffffffu : sum;
+}
 
 /// True where the tile numbers of a pass fit keys of 16 bits, with the number for "no tile".
 inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < 65536; }

@@ -8,8 +8,8 @@
 
 namespace gs {
 
-/// Gives the calling thread the lowest priority. Only the first call of a thread does anything; it has no effect if the
-/// system does not allow it.
+/// Gives the calling thread the lowest priority. Only the first call of a thread does anything; it
+/// has no effect if the system does not allow it.
 inline void lower_priority_once() {
   thread_local bool is_low = false;
   if (is_low) return;

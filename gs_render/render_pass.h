@@ -12,7 +12,7 @@
 
 namespace gs {
 
-/// How to render. It is a value, given with each call; there is no hidden global.
+/// How to render. It is passed by value with each call; there is no global state.
 struct RenderSettings : SplatSettings {
   Vec3f background{0, 0, 0};  // sRGB 0..1
   BlendRule blend_rule = BlendRule::faster_gs;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a config to what the renderer takes.
+// From a config to the settings of the renderer.
 #pragma once
 
 #include "gs_core/config/config.h"
@@ -7,9 +7,9 @@
 
 namespace gs {
 
-/// How `config` renders: its [render] section, the model's SH degree, train.deterministic and
-/// density.absolute_gradient. The background "random" is black here; the trainer draws another
-/// color for each step.
+/// The render settings of `config`: its [render] section, the model's SH degree,
+/// train.deterministic and density.absolute_gradient. The background "random" is black here; the
+/// trainer draws another color for each step.
 RenderSettings render_settings(const Config& config);
 
 }  // namespace gs

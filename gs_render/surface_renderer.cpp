@@ -25,8 +25,8 @@ class SeenPoints {
     return {(float(x) + 0.5f - camera_.cx) / camera_.fx * z,
             (float(y) + 0.5f - camera_.cy) / camera_.fy * z, z};
   }
-  /// From the neighbor before a pixel to the one behind it, in steps of (dx, dy). The pixel itself
-  /// replaces a neighbor without depth; the difference is 0 where both have none.
+  /// The difference between the neighbors before and behind a pixel, in steps of (dx, dy). The
+  /// pixel itself replaces a neighbor without depth; the difference is 0 if both have none.
   Vec3f difference(int x, int y, int dx, int dy) const {
     const int before = has(x - dx, y - dy), behind = has(x + dx, y + dy);
     return at(x + behind * dx, y + behind * dy) - at(x - before * dx, y - before * dy);

@@ -78,7 +78,7 @@ double photo_value(const View& view, const Vec3f& background, const Vec3f& expos
   return weight.cover * photo + weight.backdrop;
 }
 
-// Of a picture that is under the exposure already.
+// The compared values of a picture to which the exposure has been applied.
 auto values_of(const ImageF& render, const View& view, const Vec3f& background,
                const Vec3f& exposure) {
   return [&render, &view, &background, exposure](std::size_t pixel, int c) {

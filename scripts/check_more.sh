@@ -1,27 +1,32 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Checks that CI leaves out for time: ThreadSanitizer over the pools and the viewer's server, and
-# clang++ as a second compiler for the CPU half. They take some 20 minutes on 2 cores.
+# Checks that CI has no time for: all tests under AddressSanitizer and UndefinedBehaviorSanitizer,
+# all tests of a program that clang++ has compiled, and clang-tidy over the whole tree. They take
+# some two hours on 2 cores.
+#   scripts/check_more.sh [sanitizers] [clang] [tidy]      only these; without names, all
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
 
-# The thread pool, the photo pool and the viewer's server under ThreadSanitizer.
-test_threads() {
-  build thread thread_tests
-  ctest --preset thread --progress -j"$(nproc)"
+test_with_sanitizers() {
+  build debug all
+  ctest --test-dir build/debug --output-on-failure --no-tests=error --progress -j"$(nproc)"
 }
 
-# A second compiler for the CPU half. Its program checks itself; its speed does not matter.
-build_with_clang() {
-  command -v clang++ >/dev/null || apt_install clang || { echo "skipped: clang cannot be installed"; return; }
-  gs_configure_args=(-DGS_BUILD_TESTS=OFF -DGS_WITH_PYTHON=OFF -DCMAKE_CXX_FLAGS_RELEASE=-O1)
-  build clang gemsplat
-  gs_configure_args=()
-  build/clang/bin/gemsplat selftest --device cpu
+test_with_clang() {
+  command -v clang++ >/dev/null || apt_install clang || die "clang cannot be installed"
+  build clang all
+  ctest --test-dir build/clang --output-on-failure --no-tests=error --progress -j"$(nproc)"
 }
 
 install_packages
-say "Threads under ThreadSanitizer"
-test_threads
-say "clang++"
-build_with_clang
+for check in "${@:-sanitizers clang tidy}"; do
+  for name in $check; do
+    say "$name"
+    case $name in
+      sanitizers) test_with_sanitizers ;;
+      clang) test_with_clang ;;
+      tidy) scripts/tidy.sh ;;
+      *) die "there is no check $name; there are sanitizers, clang and tidy" ;;
+    esac
+  done
+done

@@ -33,7 +33,7 @@ void explain_settings(const ConfigCommand& command) {
   for (const std::string& key : command.explained) std::cout << explain(config, origins, key);
 }
 
-// With one config alone: the defaults against it. -c and --set lie under both.
+// Compares two configs, or one with the defaults. -c and --set apply to both.
 void compare(const ConfigCommand& command) {
   SettingOrigins a_origins, b_origins;
   Config a = resolve(command, {}, &a_origins), b = resolve(command, {}, &b_origins);
@@ -60,7 +60,7 @@ void config(const ConfigCommand& command) {
 
 void add_config(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand(
-      "config", "Print, explain and compare settings; without more, print all as TOML");
+      "config", "Print, explain and compare settings; without a verb, print all of them as TOML");
   const auto command = std::make_shared<ConfigCommand>();
   add_general_options(verb, *command);
   verb.add_flag("--list", command->list, "list the presets, and do nothing else");
@@ -68,17 +68,17 @@ void add_config(CLI::App& program) {
                 "print docs/configuration.md, and do nothing else");
 
   command->explain = verb.add_subcommand(
-      "explain",
-      "Meaning, unit, range, default and source of settings, and where their values come from");
+      "explain", "Print meaning, unit, range, default, source and origin of settings");
   command->explain->fallthrough();
-  command->explain->add_option("keys", command->explained, "section.key, or a section [all]")
+  command->explain
+      ->add_option("keys", command->explained, "section.key, or a section [all settings]")
       ->type_name("KEY");
-  command->diff = verb.add_subcommand("diff", "What differs between two configs");
+  command->diff = verb.add_subcommand("diff", "Print the settings that differ between two configs");
   command->diff->fallthrough();
   command->diff->add_option("a", command->a, "a TOML file, a run's folder or a preset")
       ->type_name("A")
       ->required();
-  command->diff->add_option("b", command->b, "another [none: the defaults against A]")
+  command->diff->add_option("b", command->b, "another one [none: compare A with the defaults]")
       ->type_name("B");
   verb.callback([command] { config(*command); });
 }

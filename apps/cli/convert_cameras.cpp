@@ -25,7 +25,7 @@ void convert(const ConvertCommand& command) {
   setup_log(command.verbosity());
   const Config config = resolve(command);
   if (config.dataset.source.empty())
-    throw UsageError("which scene? give its folder: gemsplat convert-cameras SCENE -o OUT");
+    throw UsageError("there is no scene; give its folder: gemsplat convert-cameras SCENE -o OUT");
   const CameraModel target =
       command.camera_model == "PINHOLE" ? CameraModel::pinhole : CameraModel::opencv;
   const auto model = find_scene(config.dataset).model;
@@ -33,7 +33,7 @@ void convert(const ConvertCommand& command) {
       convert_cameras(model, command.output, target, command.max_error);
   if (command.quiet) return;
   for (const FittedCamera& fit : fits)
-    std::cout << fmt::format("camera {}: off by {:.4f} pixels in the mean, by {:.4f} at most\n",
+    std::cout << fmt::format("camera {}: error {:.4f} pixels in the mean, {:.4f} at most\n",
                              fit.camera.id, fit.mean_error, fit.max_error);
   std::cout << fmt::format("{} cameras of {} as {} in {}\n", fits.size(), model.string(),
                            command.camera_model, command.output);
@@ -49,14 +49,14 @@ void add_convert_cameras(CLI::App& program) {
   CommandLine& line = *command;
   add_setting(verb, line, "scene,-s,--source-path,-d,--data", "dataset.source", "Scene");
   add_setting(verb, line, "--images", "dataset.images", "Scene");
-  verb.add_option("-o,--output", command->output, "folder of the new model; nothing is overwritten")
+  verb.add_option("-o,--output", command->output,
+                  "folder of the new model; it must be empty or not exist")
       ->type_name("FOLDER")
       ->required();
-  verb.add_option("--camera-model", command->camera_model, "what all cameras become [OPENCV]")
+  verb.add_option("--camera-model", command->camera_model, "camera model of the new files [OPENCV]")
       ->check(CLI::IsMember({"PINHOLE", "OPENCV"}))
       ->type_name("PINHOLE|OPENCV");
-  verb.add_option("--max-error", command->max_error,
-                  "refuse where a pixel would be off by more [1]")
+  verb.add_option("--max-error", command->max_error, "refuse a conversion with a larger error [1]")
       ->check(CLI::PositiveNumber)
       ->type_name("PIXELS");
   add_general_options(verb, line);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat doctor: what is right and wrong with a scene, in plain words.
+// gemsplat doctor: reports the faults of a scene in plain words.
 #include "data_loaders/doctor/doctor.h"
 
 #include <spdlog/fmt/fmt.h>
@@ -86,7 +86,7 @@ ForecastDevice device_of(const Config& config) {
 void doctor(const DoctorCommand& command) {
   const Config config = resolve(command);
   if (config.dataset.source.empty())
-    throw UsageError("which scene? give its folder: gemsplat doctor SCENE");
+    throw UsageError("there is no scene; give its folder: gemsplat doctor SCENE");
   setup_log(command.verbosity());
   set_thread_count(config.train.threads);
   std::unique_ptr<ProgressBar> bar;
@@ -99,18 +99,18 @@ void doctor(const DoctorCommand& command) {
   if (bar) bar->clear();
   std::cout << (command.json ? json_of(diagnosis) : text_of(diagnosis));
   if (!diagnosis.can_train())
-    throw Error("training could not start with this scene; what is marked STOP says why");
+    throw Error("training cannot start with this scene; the lines marked STOP say why");
 }
 
 }  // namespace
 
 void add_doctor(CLI::App& program) {
-  CLI::App& verb = *program.add_subcommand(
-      "doctor", "Say what is right and wrong with a scene, before training");
+  CLI::App& verb =
+      *program.add_subcommand("doctor", "Check the photos and cameras of a scene before training");
   const auto command = std::make_shared<DoctorCommand>();
-  verb.add_flag("--json", command->json, "print JSON, with the names of all photos concerned");
+  verb.add_flag("--json", command->json, "print JSON with the names of all photos concerned");
   verb.add_flag("--headers-only", command->headers_only,
-                "do not decode the photos: quick, but says nothing of blur and exposure");
+                "do not decode the photos; faster, but blur and exposure are not checked");
   add_dataset_options(verb, *command, "scene,-d,--data,-s,--source-path");
   add_general_options(verb, *command);
   verb.callback([command] { doctor(*command); });

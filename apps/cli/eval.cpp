@@ -40,7 +40,7 @@ std::vector<View> views_of(Scene scene, const std::string& split) {
 void eval(const EvalCommand& command) {
   setup_log(command.verbosity());
   OpenedModel opened = open_model(command.model, command.step);
-  // A bare model says nothing of what was held out: the usual rule then.
+  // A single file does not say which views were held out, so the usual rule applies.
   if (!opened.run) opened.config.dataset.eval = true;
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
@@ -76,17 +76,17 @@ void add_eval(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand("eval", "Measure a trained model against photos");
   const auto command = std::make_shared<EvalCommand>();
   verb.add_option("model", command->model,
-                  "a run's folder, or a model of any format that is read, with --data")
+                  "a run's folder, or a model in any format that gemsplat reads, with --data")
       ->type_name("RUN|MODEL")
       ->required();
   verb.add_option("--iteration", command->step,
-                  "of a run, the model saved after that step [the newest]")
+                  "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
-  verb.add_option("--split", command->split, "which views [test]")
+  verb.add_option("--split", command->split, "which views to measure [test]")
       ->check(CLI::IsMember({"test", "train", "all"}))
       ->type_name("");
-  verb.add_flag("--json", command->json, "print JSON, with the figures of every view");
-  verb.add_option("-o,--output", command->output, "write that JSON to a file, too")
+  verb.add_flag("--json", command->json, "print JSON with the figures of every view");
+  verb.add_option("-o,--output", command->output, "also write this JSON to a file")
       ->type_name("FILE");
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
   add_render_options(verb, *command);

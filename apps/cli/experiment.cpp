@@ -13,6 +13,7 @@
 
 #include "apps/cli/verbs.h"
 #include "gs_app/experiment/experiment_pool.h"
+#include "gs_app/experiment/experiment_status.h"
 #include "gs_app/experiment/experiment_tables.h"
 #include "gs_app/experiment/slurm.h"
 #include "gs_app/experiment/table_rows.h"
@@ -32,6 +33,7 @@ struct ExperimentCommand {
   std::vector<std::string> devices;
   int jobs = 1;
   long only = -1;
+  double status_every = 60;  // seconds
   bool gather = false, slurm = false, dry_run = false, quiet = false;
 };
 
@@ -83,23 +85,28 @@ struct Failure {
   std::string why;
 };
 
-/// Shows the progress of the experiment, and writes the tables whenever a run has ended.
+/// Shows the progress of the experiment, as a bar on a terminal and as lines of the log elsewhere,
+/// and writes the tables whenever a run has ended.
 class Progress {
  public:
   Progress(const Experiment& experiment, const std::vector<ExperimentRun>& runs, std::size_t todo,
-           bool enabled)
+           const ExperimentCommand& command)
       : experiment_(experiment), runs_(runs), todo_(todo),
-        bar_(std::int64_t(runs.size()), enabled && ::isatty(STDERR_FILENO) == 1) {}
+        is_terminal_(::isatty(STDERR_FILENO) == 1),
+        bar_(std::int64_t(runs.size()), is_terminal_ && !command.quiet),
+        status_(is_terminal_ ? 0 : command.status_every) {}
 
   void started(const ExperimentRun& run, const RunSlot& slot) {
     bar_.clear();
-    log_info("{} begins{}; log: {}", run.name(), slot.device.empty() ? "" : " on " + slot.device,
+    status_.started(run);
+    log_info("{} starts{}; log: {}", run.name(), slot.device.empty() ? "" : " on " + slot.device,
              run.log().string());
   }
 
   void ended(const ExperimentRun& run, const ProcessEnd& end, double seconds,
              const std::string& error) {
     bar_.clear();
+    status_.ended(run);
     if (error.empty() && is_stopped(end)) {
       stopped_.push_back({&run, describe(end, error)});
       return log_info("{} was stopped", run.name());
@@ -119,6 +126,7 @@ class Progress {
     const auto done = std::int64_t(runs_.size() - todo_ + ended_);
     if (bar_.due(done))
       bar_.draw(done, fmt::format("{} running, {} failed", running, failures_.size()), "run");
+    status_.waiting(fmt::format("{} of {} runs done; ", done, runs_.size()));
   }
 
   std::size_t write() const {
@@ -145,7 +153,9 @@ class Progress {
   const Experiment& experiment_;
   const std::vector<ExperimentRun>& runs_;
   std::size_t todo_, ended_ = 0;
+  bool is_terminal_;
   ProgressBar bar_;
+  StatusLog status_;
   std::vector<Failure> failures_, stopped_;
   Clock::time_point start_ = Clock::now();
 };
@@ -184,7 +194,7 @@ void run_all(const ExperimentCommand& command, const Experiment& experiment,
   const Runs todo = unfinished(runs);
   log_info("{}: {} runs, {} finished already; output: {}", command.file, runs.size(),
            runs.size() - todo.size(), experiment.output.string());
-  Progress progress(experiment, runs, todo.size(), !command.quiet);
+  Progress progress(experiment, runs, todo.size(), command);
   progress.write();
   const bool is_whole = work(command, todo, progress);
   const std::size_t finished = progress.write();
@@ -200,19 +210,25 @@ void run_all(const ExperimentCommand& command, const Experiment& experiment,
 void run_only(const ExperimentCommand& command, const Experiment& experiment,
               const std::vector<ExperimentRun>& runs) {
   if (std::size_t(command.only) >= runs.size())
-    throw UsageError(fmt::format("--only {}: {} has the runs 0 to {}", command.only, command.file,
-                                 runs.size() - 1));
+    throw UsageError(fmt::format("--only {}: the runs of {} have the numbers 0 to {}", command.only,
+                                 command.file, runs.size() - 1));
   const ExperimentRun& run = runs[std::size_t(command.only)];
   const FolderLock lock(lock_file(experiment), experiment.output, FolderLock::Kind::shared);
   const FolderLock run_lock(run.lock(), run.folder.root(), FolderLock::Kind::alone);
   if (is_finished(run)) return log_info("{} is finished already", run.name());
   std::string why;
-  const PoolEvents events = {
-      [](const auto& started, const auto&) { log_info("{} begins", started.name()); },
-      [&](const auto& ended, const auto& end, double, const auto& error) {
-        if (!error.empty() || !end.good() || !is_finished(ended)) why = describe(end, error);
-      },
-      [](std::size_t) {}};
+  StatusLog status(command.status_every);
+  const PoolEvents events = {[&](const auto& started, const auto&) {
+                               log_info("{} begins; log: {}", started.name(),
+                                        started.log().string());
+                               status.started(started);
+                             },
+                             [&](const auto& ended, const auto& end, double, const auto& error) {
+                               status.ended(ended);
+                               if (!error.empty() || !end.good() || !is_finished(ended))
+                                 why = describe(end, error);
+                             },
+                             [&](std::size_t) { status.waiting(); }};
   if (!run_pool({&run}, {slots_of(command).front()}, events)) throw_stopped(command);
   if (!why.empty())
     throw Error(fmt::format("{} failed: {}; log: {}", run.name(), why, run.log().string()));
@@ -262,7 +278,7 @@ void add_experiment(CLI::App& program) {
       ->type_name("FILE.toml")
       ->required();
   verb.add_option("--devices", command->devices,
-                  "spread the runs over these devices [train.device of each run]")
+                  "distribute the runs over these devices [train.device of each run]")
       ->type_name("cuda:0,cuda:1,...")
       ->delimiter(',');
   verb.add_option("--jobs", command->jobs, "runs at a time on each device [1]")
@@ -278,6 +294,11 @@ void add_experiment(CLI::App& program) {
   verb.add_flag(
       "--dry-run", command->dry_run,
       "list the runs and train nothing; with --slurm, write the script without submitting it");
+  verb.add_option("--status-every", command->status_every,
+                  "without a terminal, say every so many seconds how far the runs are; 0: never "
+                  "[60]")
+      ->type_name("SECONDS")
+      ->check(CLI::NonNegativeNumber);
   verb.add_flag("-q,--quiet", command->quiet, "print warnings and errors only");
   gathers->excludes(only)->excludes(slurm);
   slurm->excludes(only);

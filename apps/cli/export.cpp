@@ -107,8 +107,8 @@ std::vector<NamedCamera> cameras_of(const ExportCommand& command, const OpenedMo
     if (!cameras.empty()) return cameras;
   }
   log_info(
-      "there are no views to measure on: what a lossy format loses is measured on the views of a "
-      "run, or of --data SCENE");
+      "the loss of lossy formats is not measured: there are no views; give --data SCENE, or export "
+      "a run");
   return cameras;
 }
 
@@ -154,40 +154,42 @@ void run_export(const ExportCommand& command) {
 void add_export(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand("export", "Write a trained model in other formats");
   const auto command = std::make_shared<ExportCommand>();
-  verb.add_option("model", command->model, "a model of any format that is read, or a run's folder")
+  verb.add_option("model", command->model,
+                  "a model in any format that gemsplat reads, or a run's folder")
       ->type_name("MODEL|RUN")
       ->required();
   verb.add_option("output", command->outputs,
-                  "files to write; the ending of each is its format: " + format_names())
+                  "files to write; the ending of a name chooses its format: " + format_names())
       ->type_name("FILE")
       ->required();
   verb.add_option("--iteration", command->step,
-                  "of a run, the model saved after that step [the newest]")
+                  "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
   verb.add_flag("--table", command->table,
-                "write every format into the folder FILE, and a table of what they cost");
-  verb.add_flag("--force", command->force, "keep files that are there already as FILE.bak-N");
+                "write every format into the folder FILE, with a table of their sizes and losses");
+  verb.add_flag("--force", command->force, "if a file exists, move it to FILE.bak-N first");
   verb.add_option("--spz-version", command->options.spz_version,
-                  "of .spz: 3, which Spark and splat-transform read, or 4, which fewer read [3]")
+                  "version of .spz files: 3, which Spark and splat-transform read, or 4, which "
+                  "fewer programs read [3]")
       ->check(CLI::IsMember({3, 4}))
       ->type_name("");
   verb.add_option("--up", command->up,
-                  "the direction that is up, in the model's axes; the model is turned until it "
-                  "is -y, which viewers show at the top [no turn]")
+                  "up direction in the model's axes; the model is turned so that it becomes -y, "
+                  "which viewers show at the top [no turn]")
       ->delimiter(',')
       ->expected(3)
       ->type_name("X,Y,Z")
       ->group("Frame");
   verb.add_flag("--recenter", command->recenter, "move the median of the means to the origin")
       ->group("Frame");
-  verb.add_option("--scale", command->scale, "make everything so many times as large [1]")
+  verb.add_option("--scale", command->scale, "scale the model by this factor [1]")
       ->check(CLI::Range(1e-6, 1e6))
       ->type_name("FACTOR")
       ->group("Frame");
   verb.add_flag("--no-measure", command->unmeasured,
-                "do not measure what lossy files lose: no rendering");
-  add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
-  add_render_options(verb, *command, "of the files, if the model has more");
+                "do not render pictures to measure the loss of lossy files");
+  add_camera_options(verb, *command, "-d,--data,-s,--source-path");
+  add_render_options(verb, *command, "highest SH degree in the files");
   add_general_options(verb, *command);
   verb.callback([command] { run_export(*command); });
 }

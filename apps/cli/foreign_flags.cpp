@@ -41,6 +41,15 @@ constexpr OtherMeaning kOtherMeaning[] = {
     {"render", "--skip-test", "--split train"},
 };
 
+struct OtherValue {
+  std::string_view flag, own;  // SECTION.KEY=VALUE as theirs, and what to give here
+};
+
+constexpr OtherValue kOtherValues[] = {
+    // The reference trainer shrinks photos that are wider than 1600 pixels.
+    {"dataset.resolution=-1", "-r 1600, where photos are wider"},
+};
+
 // The verbs whose first positional is a model.
 constexpr std::string_view kVerbsOfModels[] = {"bench", "eval",   "export", "info",
                                                "prune", "render", "view"};
@@ -84,6 +93,12 @@ std::vector<std::string> without_foreign_habits(std::vector<std::string> argumen
   const auto* const end = std::end(kVerbsOfModels);
   if (std::find(std::begin(kVerbsOfModels), end, arguments.front()) != end) place_model(arguments);
   return arguments;
+}
+
+std::string own_value(std::string_view flag) {
+  for (const OtherValue& other : kOtherValues)
+    if (other.flag == flag) return std::string(other.own);
+  return {};
 }
 
 std::string own_flag(std::string_view verb, std::string_view argument) {

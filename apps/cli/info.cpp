@@ -11,6 +11,7 @@
 #include "apps/cli/verbs.h"
 #include "data_loaders/formats/model_info.h"
 #include "gs_app/run/open_model.h"
+#include "gs_app/run/provenance.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/version.h"
@@ -24,8 +25,12 @@ struct InfoCommand {
 };
 
 void print_build(bool as_json) {
-  nlohmann::ordered_json json = {{"version", kVersion}};
-  std::string text = fmt::format("gemsplat {}\n", kVersion);
+  const CudaBuild cuda = built_cuda();
+  nlohmann::ordered_json json = {{"version", kVersion},
+                                 {"commit", built_commit()},
+                                 {"cuda_toolkit", cuda.toolkit},
+                                 {"cuda_architectures", cuda.architectures}};
+  std::string text = describe_build() + "\n";
   for (const Capability& capability : capabilities()) {
     json[capability.name] = {{"available", capability.available}, {"detail", capability.detail}};
     text += fmt::format("  {:<12} {:<4} {}\n", capability.name, capability.available ? "yes" : "NO",

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat VERB: reads the command line, runs one verb, and tells the user what went wrong: the one catch
-// of the program, and its exit codes.
+// gemsplat VERB: reads the command line, runs one verb, and tells the user what went wrong. This is
+// the only place that catches errors.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
@@ -12,10 +12,10 @@
 #include "apps/cli/help_format.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "gs_app/run/provenance.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
-#include "gs_core/version.h"
 
 namespace gs {
 namespace {
@@ -75,7 +75,7 @@ int run(int argc, const char* const* argv) {
   CLI::App program("3D Gaussian Splatting: from photos with a COLMAP model to a trained scene",
                    "gemsplat");
   program.formatter(std::make_shared<HelpFormat>(help_width()));  // verbs inherit it
-  program.set_version_flag("-V,--version", std::string("gemsplat ") + kVersion);
+  program.set_version_flag("-V,--version", describe_build());
   program.require_subcommand(1);
   add_reconstruct(program);
   add_convert_cameras(program);

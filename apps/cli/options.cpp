@@ -3,7 +3,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <charconv>
 
 #include "apps/cli/foreign_flags.h"
 #include "gs_core/config/config_fields.h"
@@ -54,22 +53,14 @@ std::string joined(const std::vector<std::string>& words) {
   return result;
 }
 
-// The values of -r that other trainers take, 3 and -1 for example, get an answer of their own. The
-// reference trainer's -1 shrinks photos that are wider than 1600 pixels.
-void check_resolution_flag(const std::string& flag) {
-  constexpr std::string_view kStart = "dataset.resolution=";
-  if (!flag.starts_with(kStart)) return;
-  const char *first = flag.data() + kStart.size(), *last = flag.data() + flag.size();
-  int resolution = 0;
-  const auto [end, failure] = std::from_chars(first, last, resolution);
-  if (failure != std::errc() || end != last) return;  // apply_setting() refuses it
-  for (const int divisor : {1, 2, 4, 8})
-    if (resolution == divisor) return;
-  if (resolution >= 16) return;
-  throw UsageError(fmt::format(
-      "-r {}: give 1, 2, 4 or 8 to divide the photos' size, or a width in pixels from 16 on{}",
-      resolution,
-      resolution == -1 ? "; for -1 of other trainers, give -r 1600 if the photos are wider" : ""));
+// Applies a flag. Where its value means something to other trainers, the refusal says what to give here.
+std::string apply_flag(Config& config, const std::string& flag) {
+  try {
+    return apply_setting(config, flag);
+  } catch (const UsageError& error) {
+    const std::string own = own_value(flag);
+    throw UsageError(error.what() + (own.empty() ? "" : "; here that is " + own));
+  }
 }
 
 }  // namespace
@@ -113,12 +104,12 @@ void add_setting(CLI::App& verb, CommandLine& line, const std::string& names,
 
 void add_general_options(CLI::App& verb, CommandLine& line) {
   verb.add_option("-c,--config", line.config_files,
-                  "settings: a TOML file, a run's folder or a preset; may be given again")
+                  "take settings from a TOML file, a run's folder or a preset; may be repeated")
       ->type_name("FILE|RUN|PRESET")
       ->expected(1)
       ->take_all()
       ->group("Settings");
-  verb.add_option("--set", line.settings, "one setting, over the files; may be given again")
+  verb.add_option("--set", line.settings, "change one setting; wins over -c; may be repeated")
       ->type_name("SECTION.KEY=VALUE")
       ->expected(1)
       ->take_all()
@@ -132,27 +123,35 @@ void add_general_options(CLI::App& verb, CommandLine& line) {
 void add_http_place(CLI::App& verb, HttpPlace& place, const std::string& prefix,
                     const std::string& group) {
   verb.add_option(prefix + "host", place.host,
-                  "address to listen at [127.0.0.1: for this machine alone]")
+                  "address to listen at [127.0.0.1: this machine only]")
       ->type_name("ADDRESS")
       ->group(group);
   verb.add_option(prefix + "port", place.port,
-                  "port to listen at [the first free one from 7070 on]; 0: any")
+                  "port to listen at; 0: any free port [the first free one from 7070 on]")
       ->check(CLI::Range(0, 65535))
       ->type_name("N")
       ->group(group);
 }
 
-void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
+void add_camera_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
   add_setting(verb, line, scene_names, "dataset.source", "Scene");
   add_setting(verb, line, "--images", "dataset.images", "Scene");
+  add_setting(verb, line, "-r,--resolution", "dataset.resolution", "Scene");
+  add_setting(verb, line, "--test-every", "dataset.test_every", "Scene");
+  add_foreign_flags(verb, line, "dataset.");
+}
+
+void add_mask_options(CLI::App& verb, CommandLine& line) {
   add_setting(verb, line, "--masks", "dataset.masks", "Scene");
   add_setting(verb, line, "--mask-mode", "dataset.mask_mode", "Scene");
   add_setting(verb, line, "--invert-masks", "dataset.invert_masks", "Scene");
-  add_setting(verb, line, "-r,--resolution", "dataset.resolution", "Scene");
-  add_setting(verb, line, "--test-every", "dataset.test_every", "Scene");
+}
+
+void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
+  add_camera_options(verb, line, scene_names);
+  add_mask_options(verb, line);
   add_setting(verb, line, "--photo-ram", "dataset.photo_ram_gib", "Machine");
   add_setting(verb, line, "--photo-cache", "dataset.photo_cache", "Machine");
-  add_foreign_flags(verb, line, "dataset.");
 }
 
 void add_render_options(CLI::App& verb, CommandLine& line, const std::string& sh_degree_help) {
@@ -171,10 +170,7 @@ Config resolve(const CommandLine& line, Config start, SettingOrigins* origins) {
   SettingOrigins known;
   for (const std::string& file : line.config_files) load_config(start, file, &known);
   for (const std::string& setting : line.settings) known[apply_setting(start, setting)] = "--set";
-  for (const std::string& flag : line.flags) {
-    check_resolution_flag(flag);
-    known[apply_setting(start, flag)] = "flag";
-  }
+  for (const std::string& flag : line.flags) known[apply_flag(start, flag)] = "flag";
   validate(start, known);
   if (origins) *origins = std::move(known);
   return start;

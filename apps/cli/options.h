@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The flags that verbs share, and how they become a Config: defaults, then config files, then --set, then
-// flags, each over the one before. A flag is a short name of a setting; its help is the setting's own.
+// The flags that verbs share, and how they become a Config: defaults, then config files, then
+// --set, then flags; a later one wins. A flag is a short name of a setting, and shows its help text.
 #pragma once
 
 #include <optional>
@@ -29,27 +29,32 @@ struct CommandLine {
   bool has(const std::string& key) const;
 };
 
-/// Adds a flag for the setting `key`: `names` as CLI11 takes them, `help` where the setting's own meaning
-/// does not say enough.
+/// Adds a flag for the setting `key`: `names` as CLI11 takes them, `help` where the setting's own
+/// meaning does not say enough.
 void add_setting(CLI::App& verb, CommandLine& line, const std::string& names,
                  const std::string& key, const std::string& group, const std::string& help = {});
 
 /// -c, --set, -q, -v, --threads, --device: what every verb that computes takes.
 void add_general_options(CLI::App& verb, CommandLine& line);
 
-/// The scene (`scene_names`: its flag's names), --images, --masks, --mask-mode, --invert-masks, -r, --test-every.
+/// The scene (`scene_names`: its flag's names), --images, -r, --test-every: all that poses and sizes of its cameras
+/// depend on.
+void add_camera_options(CLI::App& verb, CommandLine& line, const std::string& scene_names);
+/// --masks, --mask-mode, --invert-masks.
+void add_mask_options(CLI::App& verb, CommandLine& line);
+/// Both, and where decoded photos are kept: for verbs that use all photos.
 void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names);
 
-/// --background, -w, --antialiased, --blend-rule, --sh-degree. Verbs in which the SH degree is that of
-/// a file to write say so in `sh_degree_help`.
+/// --background, -w, --antialiased, --blend-rule, --sh-degree. If the SH degree is that of a file to
+/// write, `sh_degree_help` says so.
 void add_render_options(CLI::App& verb, CommandLine& line, const std::string& sh_degree_help = {});
 
 /// Where a server listens: HOST and PORT, behind `prefix` ("--viewer-").
 void add_http_place(CLI::App& verb, HttpPlace& place, const std::string& prefix,
                     const std::string& group);
 
-/// The settings of the command line over `start`, validated; in `origins`, where given, what came from where. Throws
-/// UsageError.
+/// The settings of the command line over `start`, validated; in `origins`, where given, what came
+/// from where. Throws UsageError.
 Config resolve(const CommandLine& line, Config start = {}, SettingOrigins* origins = nullptr);
 
 /// "--" arguments with '_' as '-' in their names, so that both are taken alike.

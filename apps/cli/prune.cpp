@@ -183,7 +183,8 @@ void prune(const PruneCommand& command) {
   setup_log(command.verbosity());
   if (!command.removes_rows() && !command.has("model.sh_degree"))
     throw UsageError(
-        "prune what? give --opacity, --contribution, --floaters, --box or --sh-degree");
+        "there is no rule to prune by; give --opacity, --contribution, --floaters, --box or "
+        "--sh-degree");
   check_export({command.output}, command.force);
   OpenedModel opened = open_model(command.model, command.step);
   if (!opened.run) opened.config.dataset.eval = true;
@@ -225,42 +226,41 @@ void add_prune(CLI::App& program) {
       ->type_name("RUN|PLY")
       ->required();
   verb.add_option("-o,--output", command->output,
-                  "the file to write; its ending is the format (docs/formats.md)")
+                  "file to write; its ending chooses the format (docs/formats.md)")
       ->type_name("FILE")
       ->required();
   verb.add_option("--iteration", command->step,
-                  "of a run, the model saved after that step [the newest]")
+                  "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
-  verb.add_option("--opacity", command->opacity, "remove those with a lower opacity")
+  verb.add_option("--opacity", command->opacity, "remove Gaussians with a lower opacity")
       ->type_name("0..1")
       ->check(CLI::Range(0.0, 1.0));
-  verb.add_option("--contribution", command->contribution,
-                  "remove those whose share in every training view is below so many pixels")
+  verb.add_option(
+          "--contribution", command->contribution,
+          "remove Gaussians that contribute less than this many pixels to every training view")
       ->type_name("PIXELS")
       ->check(CLI::NonNegativeNumber);
-  verb.add_option(
-          "--floaters", command->clearance,
-          "remove those nearer to a camera than this share of the distance to what it sees, "
-          "as training does with density.camera_clearance")
+  verb.add_option("--floaters", command->clearance,
+                  "remove Gaussians in front of a camera that are nearer than this share of the "
+                  "distance to its scene points, as training does with density.camera_clearance")
       ->type_name("SHARE")
       ->check(CLI::NonNegativeNumber);
   verb.add_option("--witnesses", command->witnesses,
-                  "of --floaters: keep those that at least so many training views see from farther "
-                  "away [0: keep none]")
+                  "with --floaters: keep Gaussians that at least this many training views see from "
+                  "farther away [0: keep none]")
       ->type_name("VIEWS")
       ->check(CLI::NonNegativeNumber);
-  verb.add_option(
-          "--box", command->box,
-          "remove those outside of a box, given by two opposite corners in the frame of the "
-          "photos' poses")
+  verb.add_option("--box", command->box,
+                  "remove Gaussians outside of a box, given by two opposite corners in the "
+                  "coordinates of the photos' poses")
       ->type_name("X Y Z X Y Z")
       ->expected(6);
   verb.add_flag("--json", command->json, "print JSON");
-  verb.add_flag("--force", command->force, "keep a file of that name as FILE.bak-N");
+  verb.add_flag("--force", command->force, "if the file exists, move it to FILE.bak-N first");
   verb.add_flag("--allow-empty", command->allow_empty,
                 "write the model even if no Gaussian is left");
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
-  add_render_options(verb, *command, "of the file, if the model has more");
+  add_render_options(verb, *command, "highest SH degree in the file");
   add_general_options(verb, *command);
   verb.callback([command] { prune(*command); });
 }

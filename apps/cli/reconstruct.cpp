@@ -23,9 +23,9 @@ void reconstruct(const ReconstructCommand& command) {
   const Config config = resolve(command);
   if (config.dataset.source.empty())
     throw UsageError(
-        "which photos? give their folder, or a video: gemsplat reconstruct PHOTOS -o SCENE");
+        "there are no photos; give their folder, or a video: gemsplat reconstruct PHOTOS -o SCENE");
   if (command.scene.empty())
-    throw UsageError("where to? give the folder of the scene with -o SCENE");
+    throw UsageError("there is no output; give the folder of the scene with -o SCENE");
   setup_log(command.verbosity());
   const Reconstruction result =
       run_colmap({config.dataset.source, command.scene, config.reconstruct, config.train.threads,
@@ -60,10 +60,10 @@ void add_reconstruct(CLI::App& program) {
   CommandLine& line = *command;
   add_setting(verb, line, "photos,-d,--data", "dataset.source", "Scene",
               "a folder of photos or videos, or a video; nothing in it is changed");
-  verb.add_option("-o,--output", command->scene, "the folder to make the scene in")
+  verb.add_option("-o,--output", command->scene, "folder of the new scene")
       ->type_name("FOLDER")
       ->group("Output");
-  verb.add_flag("--force", command->force, "move a scene that is there to SCENE.bak-N first")
+  verb.add_flag("--force", command->force, "if SCENE holds a scene, move it to SCENE.bak-N first")
       ->group("Output");
   add_setting(verb, line, "--frames", "reconstruct.frames", "COLMAP");
   add_setting(verb, line, "--matching", "reconstruct.matching", "COLMAP");

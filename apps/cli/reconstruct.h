@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far COLMAP is, on standard error.
+// Shows the progress of COLMAP on standard error.
 #pragma once
 
 #include <memory>

@@ -44,8 +44,8 @@ std::vector<NamedCamera> cameras_of(const RenderCommand& command, const OpenedMo
     return cameras_of_run(*opened.run, resolution, split, offset);
   if (command.cameras.empty())
     throw UsageError(
-        "from where? give --cameras with a cameras.json, a transforms.json or a COLMAP model, or "
-        "--data SCENE");
+        "there are no cameras to render from; give --cameras with a cameras.json, a "
+        "transforms.json or a COLMAP model, or --data SCENE");
   if (!command.split.empty() && command.split != "all")
     throw UsageError("--split goes with --data or a run, not with --cameras");
   return cameras_of_file(command.cameras, resolution, offset);
@@ -139,7 +139,7 @@ void render_views(const RenderCommand& command, const std::vector<NamedCamera>& 
     if (g_is_interrupted)
       throw Error(fmt::format("stopped by a signal after {} of {} views; {}", i, cameras.size(),
                               command.output.is_film() ? "the film is left out"
-                                                       : "their pictures are there"),
+                                                       : "their pictures are kept"),
                   ExitCode::interrupted);
     const std::vector<Quantity>& quantities = command.output.quantities;
     const std::vector<ImageF> values = pictures.values(cameras[i].camera, quantities);

@@ -19,7 +19,7 @@ namespace {
 constexpr double kSeconds = 10;      // of a path, where nothing is said
 constexpr double kMostFrames = 1e6;  // more is a mistake
 
-/// As CLI11 takes it; what has to be worked out goes into the command.
+/// Flags as CLI11 reads them; values that have to be parsed further go into the command.
 struct RenderFlags {
   RenderCommand command;
   std::string output, size;
@@ -58,7 +58,7 @@ void check_path_flags(const CLI::App& verb, const std::string& kind) {
       {"--seconds", all}};
   for (const auto& [flag, kinds] : kinds_of)
     if (verb.count(flag) > 0 && (kind.empty() || kinds.find(kind) == kinds.npos))
-      throw UsageError(fmt::format("{} goes with --path {}", flag, kinds));
+      throw UsageError(fmt::format("{} works only with --path {}", flag, kinds));
 }
 
 std::size_t frames_of(const RenderFlags& flags) {
@@ -96,36 +96,37 @@ RenderCommand checked(const CLI::App& verb, const RenderFlags& flags) {
 void add_path_options(CLI::App& verb, RenderFlags& flags) {
   PathRequest& path = flags.command.path;
   verb.add_option("--path", path.kind,
-                  "a way of the camera: round the scene, through cameras, or past all of it")
+                  "path of the camera: around the scene, through chosen cameras, or through all of "
+                  "the scene")
       ->check(CLI::IsMember({"orbit", "spline", "flythrough"}))
       ->type_name("orbit|spline|flythrough")
       ->group("Path");
-  verb.add_option("--frames", flags.frames, "of the path [300]")
+  verb.add_option("--frames", flags.frames, "number of frames of the path [300]")
       ->type_name("N")
       ->check(CLI::PositiveNumber)
       ->group("Path");
-  verb.add_option("--seconds", flags.seconds, "of the path, at --fps [10]")
+  verb.add_option("--seconds", flags.seconds, "length of the path, at --fps [10]")
       ->type_name("S")
       ->check(CLI::PositiveNumber)
       ->excludes("--frames")
       ->group("Path");
   verb.add_option("--through", path.through,
-                  "spline: the cameras to pass, by name or number [--keys of all]")
+                  "spline: cameras to pass, by name or number [--keys cameras, evenly chosen]")
       ->delimiter(',')
       ->type_name("CAMERA,...")
       ->group("Path");
-  verb.add_option("--keys", path.keys, "spline, flythrough: how many cameras to pass [12]")
+  verb.add_option("--keys", path.keys, "spline, flythrough: number of cameras to pass [12]")
       ->check(CLI::Range(2, 10000))
       ->type_name("N")
       ->excludes("--through")
       ->group("Path");
-  verb.add_flag("--loop", path.is_loop, "spline: back to the first camera")->group("Path");
+  verb.add_flag("--loop", path.is_loop, "spline: return to the first camera")->group("Path");
   verb.add_option("--pace", path.pace,
-                  "spline, flythrough: at one speed, or the same time from camera to camera [even]")
+                  "spline, flythrough: constant speed, or the same time between cameras [even]")
       ->check(CLI::IsMember({"even", "keys"}))
       ->type_name("even|keys")
       ->group("Path");
-  verb.add_option("--turns", path.turns, "orbit: how many; negative: clockwise [1]")
+  verb.add_option("--turns", path.turns, "orbit: number of turns; negative: clockwise [1]")
       ->type_name("N")
       ->check([](const std::string& text) {
         const double turns = std::atof(text.c_str());
@@ -133,16 +134,16 @@ void add_path_options(CLI::App& verb, RenderFlags& flags) {
       })
       ->group("Path");
   verb.add_option("--elevation", path.elevation,
-                  "orbit: degrees above the center [that of the cameras]")
+                  "orbit: angle above the center, in degrees [that of the cameras]")
       ->type_name("DEGREES")
       ->check(CLI::Range(-89.0, 89.0))
       ->group("Path");
-  verb.add_option("--radius", path.radius, "orbit: world units [that of the cameras]")
+  verb.add_option("--radius", path.radius, "orbit: radius in world units [that of the cameras]")
       ->type_name("R")
       ->check(CLI::PositiveNumber)
       ->group("Path");
   verb.add_option("--center", flags.center,
-                  "orbit: in the frame of the photos' poses [where the cameras look]")
+                  "orbit: center, in the coordinates of the photos' poses [where the cameras look]")
       ->type_name("X Y Z")
       ->expected(3)
       ->check([](const std::string& text) {
@@ -153,43 +154,44 @@ void add_path_options(CLI::App& verb, RenderFlags& flags) {
 
 void add_picture_options(CLI::App& verb, RenderFlags& flags) {
   RenderCommand& command = flags.command;
-  verb.add_option("--write", flags.quantities, "what to show of each view [color]")
+  verb.add_option("--write", flags.quantities, "which pictures to write of each view [color]")
       ->delimiter(',')
       ->check(CLI::IsMember(quantity_names()))
       ->type_name("color,depth,alpha,normal")
       ->group("Pictures");
   verb.add_option("--format", flags.formats,
-                  "pictures to look at, exact values as 32-bit float, or both [png]")
+                  "png: pictures to look at; exr: exact values as 32-bit floats; or both [png]")
       ->delimiter(',')
       ->check(CLI::IsMember({"png", "exr"}))
       ->type_name("png,exr")
       ->group("Pictures");
-  verb.add_option("--size", flags.size, "of the pictures [that of the cameras]")
+  verb.add_option("--size", flags.size, "size of the pictures [that of the cameras]")
       ->type_name("WxH")
       ->excludes("--resolution")
       ->group("Pictures");
   verb.add_option("--fov", command.field_of_view,
-                  "degrees across the pictures' width [that of the cameras]")
+                  "angle across the width of the pictures, in degrees [that of the cameras]")
       ->type_name("DEGREES")
       ->check(CLI::Range(1.0, 150.0))
       ->group("Pictures");
-  verb.add_option("--fps", command.output.frames_per_second, "of a film [30]")
+  verb.add_option("--fps", command.output.frames_per_second, "frames per second of a film [30]")
       ->type_name("F")
       ->check(CLI::Range(0.1, 240.0))
       ->group("Pictures");
   verb.add_option("--depth-range", command.depth_range,
-                  "world units between which pictures of depth have colors [of 98 % of the pixels]")
+                  "range of depths that pictures show in color, in world units [that of 98 % of "
+                  "the pixels]")
       ->type_name("NEAR FAR")
       ->expected(2)
       ->check(CLI::PositiveNumber)
       ->group("Pictures");
-  verb.add_option("--normal-space", command.normal_space,
-                  "of the world, or right, up and towards the camera [world]")
+  verb.add_option(
+          "--normal-space", command.normal_space,
+          "axes of normals: those of the world, or right, up and towards the camera [world]")
       ->check(CLI::IsMember({"world", "camera"}))
       ->type_name("world|camera")
       ->group("Pictures");
-  verb.add_flag("--force", command.output.force,
-                "move files that are in the way to FILE.bak-N first")
+  verb.add_flag("--force", command.output.force, "if a file exists, move it to FILE.bak-N first")
       ->group("Pictures");
 }
 
@@ -205,18 +207,18 @@ void add_render(CLI::App& program) {
       ->type_name("MODEL|RUN")
       ->required();
   verb.add_option("-o,--output", flags->output,
-                  "a folder for pictures named after their views, or a film that ends in .mp4")
+                  "folder for pictures, named after their views, or a film whose name ends in .mp4")
       ->type_name("FOLDER|FILM")
       ->required();
   verb.add_option("--iteration", command.step,
-                  "of a run, the model saved after that step [the newest]")
+                  "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
   verb.add_option(
           "--cameras", command.cameras,
           "cameras.json, transforms.json or the folder of a COLMAP model [those of the run]")
       ->type_name("FILE|FOLDER")
       ->group("Scene");
-  add_dataset_options(verb, command, "-d,--data,-s,--source-path");
+  add_camera_options(verb, command, "-d,--data,-s,--source-path");
   verb.get_option("--data")->excludes("--cameras");
   verb.add_option("--split", command.split,
                   "which views of the run or of --data [all; train for a --path]")

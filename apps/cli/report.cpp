@@ -38,10 +38,10 @@ void add_report(CLI::App& program) {
       "report", "Write report.html of a run or an experiment: one file for the browser");
   const auto command = std::make_shared<ReportCommand>();
   verb.add_option("folder", command->folder,
-                  "the folder of a run, finished or not, or of an experiment")
+                  "folder of a run, finished or not, or of an experiment")
       ->type_name("RUN|EXPERIMENT")
       ->required();
-  verb.add_option("-o,--output", command->output, "the file [report.html in the folder]")
+  verb.add_option("-o,--output", command->output, "file to write [report.html in the folder]")
       ->type_name("FILE");
   verb.add_flag("--json", command->json, "print the report's data as JSON and write no file");
   verb.callback([command] { report(*command); });

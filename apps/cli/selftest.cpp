@@ -115,7 +115,7 @@ void selftest(const SelftestCommand& command) {
   std::cout << (command.json ? report_json(report) : report_text(report)) << std::flush;
   if (const std::size_t failures = report.failures())
     throw Error(fmt::format("{} of {} checks do not agree; please report this with the table above "
-                            "and what `gemsplat info` says",
+                            "and the output of `gemsplat info`",
                             failures, report.count()),
                 ExitCode::bug);
 }
@@ -124,8 +124,7 @@ void selftest(const SelftestCommand& command) {
 
 void add_selftest(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand(
-      "selftest",
-      "Check on this machine that gradients are right and that a GPU agrees with the CPU");
+      "selftest", "Check that gradients are right and that the GPU agrees with the CPU");
   const auto command = std::make_shared<SelftestCommand>();
   verb.add_flag("--json", command->json, "print JSON");
   add_setting(verb, *command, "--device", "train.device", "Machine");

@@ -31,11 +31,11 @@ struct TrainCommand : CommandLine {
 
 void add_viewer_options(CLI::App& verb, ViewerOptions& options) {
   const char* const group = "Viewer";
-  verb.add_flag("--viewer", options.is_wanted, "show the run in a browser while it goes on")
+  verb.add_flag("--viewer", options.is_wanted, "show the run in a browser while it trains")
       ->group(group);
   add_http_place(verb, options.place, "--viewer-", group);
   verb.add_flag("--viewer-wait", options.waits,
-                "go on showing the model after the end, until Ctrl-C")
+                "keep showing the model after the run has ended, until Ctrl-C")
       ->group(group);
   for (const char* option : {"--viewer-host", "--viewer-port", "--viewer-wait"})
     verb.get_option(option)->needs("--viewer");
@@ -155,33 +155,33 @@ void add_train(CLI::App& program) {
   add_setting(verb, line, "--exposure", "dataset.exposure", "Scene");
   add_setting(verb, line, "-o,--output,-m,--model-path", "model.output", "Output");
   verb.add_option("--resume", command->resume,
-                  "go on with the run in OUT, if there is one (auto), or with that of a folder or "
-                  "checkpoint")
+                  "continue the run in OUT, or start it if there is none (auto); or continue the "
+                  "run of this folder or checkpoint")
       ->type_name("auto|PATH")
       ->expected(0, 1)
       ->default_str("auto")
       ->group("Output");
   add_setting(verb, line, "--start-from", "model.start_from", "Training");
   add_setting(verb, line, "--checkpoint-every", "train.checkpoint_every", "Output");
-  verb.add_flag("--force", command->force, "move a run that is there already to OUT.bak-N first")
+  verb.add_flag("--force", command->force, "if OUT holds a run, move it to OUT.bak-N first")
       ->group("Output");
   verb.add_option("--export", command->exports,
-                  "write the last model in these formats, too: " + format_names())
+                  "also write the final model in these formats: " + format_names())
       ->delimiter(',')
       ->type_name("FORMAT,...")
       ->group("Output");
   add_viewer_options(verb, command->viewer);
   add_setting(verb, line, "--save-steps,--save-iterations", "train.save_steps", "Output",
-              "save the PLY after these steps, besides the last");
+              "also save the PLY after these steps");
   add_setting(verb, line, "--test-steps,--test-iterations,--eval-steps", "train.test_steps",
-              "Output", "evaluate the test views after these steps, besides the last");
+              "Output", "also evaluate the test views after these steps");
   add_setting(verb, line, "-i,--iterations,--iter,--max-steps", "train.iterations", "Training",
-              "of training, one photo each; the schedule scales with it; +N: N more steps of a "
-              "finished run, with --resume");
+              "number of training steps, one photo each; the schedule scales with it; +N: N more "
+              "steps of a finished run, with --resume");
   add_setting(verb, line, "--steps-scaler", "train.steps_scaler", "Training");
   add_setting(verb, line, "--strategy", "density.strategy", "Training");
   add_setting(verb, line, "--max-gaussians,--max-cap,--cap-max", "density.max_gaussians",
-              "Training", "grow to no more than N; auto: to as many as there is memory for");
+              "Training", "largest number of Gaussians; auto: as many as fit into memory");
   add_setting(verb, line, "--seed", "train.seed", "Training");
   add_setting(verb, line, "--deterministic", "train.deterministic", "Training");
   add_render_options(verb, line);
@@ -189,7 +189,7 @@ void add_train(CLI::App& program) {
   add_foreign_flags(verb, line, "model.");
   add_foreign_flags(verb, line, "loss.");
   verb.add_flag("--print-config", command->print_config,
-                "print all settings as TOML, and do nothing")
+                "print all settings as TOML, and do nothing else")
       ->group("Settings");
   verb.callback([command] {
     command->added_steps = extract_added_steps(command->flags);

@@ -26,8 +26,8 @@ std::string text_of(const UndistortedScene& scene, const UndistortCommand& comma
                                  scene.undistorted, scene.copied, scene.masks);
   if (scene.undistorted > 0 && command.jpeg_quality > 0)
     text += fmt::format(
-        "JPEG of quality {} costs some detail: {:.1f} dB against the pixels before "
-        "it; PNG, without --jpeg, keeps them all\n",
+        "JPEG of quality {} loses some detail: {:.1f} dB compared with the undistorted pixels; "
+        "without --jpeg, PNG loses nothing\n",
         command.jpeg_quality, scene.jpeg_psnr);
   text += fmt::format("train on it with: gemsplat train {}{} -o RUN\n", command.output,
                       scene.needs_background ? " --mask-mode background" : "");
@@ -38,7 +38,7 @@ void undistort(const UndistortCommand& command) {
   setup_log(command.verbosity());
   const Config config = resolve(command);
   if (config.dataset.source.empty())
-    throw UsageError("which scene? give its folder: gemsplat undistort SCENE -o OUT");
+    throw UsageError("there is no scene; give its folder: gemsplat undistort SCENE -o OUT");
   set_thread_count(config.train.threads);
   std::unique_ptr<ProgressBar> bar;
   const UndistortedScene scene =
@@ -64,11 +64,12 @@ void add_undistort(CLI::App& program) {
   add_setting(verb, line, "--images", "dataset.images", "Scene");
   add_setting(verb, line, "--masks", "dataset.masks", "Scene");
   add_setting(verb, line, "--invert-masks", "dataset.invert_masks", "Scene");
-  verb.add_option("-o,--output", command->output, "folder of the copy; nothing is overwritten")
+  verb.add_option("-o,--output", command->output,
+                  "folder of the copy; it must be empty or not exist")
       ->type_name("FOLDER")
       ->required();
   verb.add_option("--jpeg", command->jpeg_quality,
-                  "write JPEG of this quality, 1 to 100, instead of PNG, and say what it costs")
+                  "write JPEG of this quality, 1 to 100, instead of PNG, and print the loss")
       ->check(CLI::Range(1, 100))
       ->type_name("QUALITY");
   add_general_options(verb, line);

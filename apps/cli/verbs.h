@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The verbs of the program. Each function adds one to the command line, with its flags and what it does;
-// what a verb throws, main() tells the user.
+// The verbs of the program. Each function adds one verb to the command line, with its flags and its
+// work. main() catches the errors of verbs and shows them.
 #pragma once
 
 namespace CLI {

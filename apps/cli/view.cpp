@@ -76,7 +76,7 @@ void view(const ViewCommand& command) {
 }  // namespace
 
 void add_view(CLI::App& program) {
-  CLI::App& verb = *program.add_subcommand("view", "Look at a trained model in the browser");
+  CLI::App& verb = *program.add_subcommand("view", "Show a trained model in the browser");
   const auto command = std::make_shared<ViewCommand>();
   verb.add_option("model", command->model,
                   "a PLY, .spz, .sog, .splat or .csv of any trainer, or a run's folder")
@@ -86,18 +86,17 @@ void add_view(CLI::App& program) {
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
   add_http_place(verb, command->place, "--", "Server");
-  verb.add_flag("--open,!--no-open", command->open, "open the browser [where there is a desktop]")
+  verb.add_flag("--open,!--no-open", command->open, "open the browser [yes, if there is a desktop]")
       ->group("Server");
-  verb.add_flag(
-          "--remote", command->remote,
-          "render with --device and send pictures to the browser, for models too large for it")
+  verb.add_flag("--remote", command->remote,
+                "render on --device and send pictures to the browser, for models that are too "
+                "large for it")
       ->group("Server");
   verb.add_option("--cameras", command->cameras, "cameras.json [that of the run]")
       ->type_name("FILE")
       ->group("Scene");
-  add_dataset_options(verb, *command, "-d,--data,-s,--source-path");
-  for (const char* unused : {"--photo-ram", "--photo-cache"})  // photos are decoded one by one
-    verb.remove_option(verb.get_option(unused));
+  add_camera_options(verb, *command, "-d,--data,-s,--source-path");
+  add_mask_options(verb, *command);
   verb.get_option("--data")->excludes("--cameras");
   add_render_options(verb, *command);
   add_general_options(verb, *command);

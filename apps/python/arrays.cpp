@@ -23,7 +23,7 @@ py::array any_array(const char* name, const py::handle& value) {
   const py::array array = py::array::ensure(value);
   if (array) return array;
   PyErr_Clear();
-  throw UsageError(fmt::format("{} is no array", name));
+  throw UsageError(fmt::format("{} is not an array", name));
 }
 
 void check_shape(const char* name, const py::array& array, const Shape& wanted) {
@@ -33,12 +33,12 @@ void check_shape(const char* name, const py::array& array, const Shape& wanted) 
                                  return expected == kAny || length == expected;
                                });
   if (!fits)
-    throw UsageError(fmt::format("{} must have the shape {}, and has {}", name, text_of(wanted),
+    throw UsageError(fmt::format("{} must have the shape {}, but has {}", name, text_of(wanted),
                                  text_of(found)));
 }
 
 void refuse_type(const char* name, const py::array& array, const char* wanted) {
-  throw UsageError(fmt::format("{} must hold {}, and is of dtype {}", name, wanted,
+  throw UsageError(fmt::format("{} must hold {}, but is of dtype {}", name, wanted,
                                std::string(py::str(array.dtype()))));
 }
 

@@ -57,7 +57,7 @@ NamedCamera make_camera(int width, int height, double fx, std::optional<double> 
   camera.cy = cy.value_or(0.5 * height);
   if (std::min(width, height) < 1 || std::max(width, height) > kMaxPictureSide)
     throw UsageError(
-        fmt::format("width and height must lie between 1 and {} pixels, and are {} and {}",
+        fmt::format("width and height must lie between 1 and {} pixels, but are {} and {}",
                     kMaxPictureSide, width, height));
   if (!(camera.fx > 0 && camera.fy > 0 && std::isfinite(camera.fx) && std::isfinite(camera.fy)))
     throw UsageError("fx and fy must be above 0 and finite");
@@ -121,7 +121,7 @@ the camera is at the origin and looks along z.)",
       py::arg("width"), py::arg("height"), py::arg("fx"), py::arg("fy") = py::none(),
       py::arg("cx") = py::none(), py::arg("cy") = py::none(),
       py::arg("cam_from_world") = py::none(), py::arg("name") = "");
-  camera.def_readonly("name", &NamedCamera::name, "Of its photo, where it has one.");
+  camera.def_readonly("name", &NamedCamera::name, "Name of its photo, if it has one.");
   camera.def_property_readonly(
       "width", [](const NamedCamera& self) { return self.camera.width; }, "Pixels.");
   camera.def_property_readonly(
@@ -134,12 +134,13 @@ the camera is at the origin and looks along z.)",
       "cx", [](const NamedCamera& self) { return self.camera.cx; }, "Pixels.");
   camera.def_property_readonly(
       "cy", [](const NamedCamera& self) { return self.camera.cy; }, "Pixels.");
-  camera.def_property_readonly("cam_from_world", cam_from_world, "(4, 4) float64. A copy.");
+  camera.def_property_readonly("cam_from_world", cam_from_world,
+                               "(4, 4) float64: from world to camera coordinates. A copy.");
   camera.def_property_readonly("position", position,
                                "(3,) float64: the camera's center, world units. A copy.");
   camera.def("at_resolution", at_other_resolution, py::arg("resolution"),
-             "The same view in a smaller picture: 1 to 8 divides its size, more is its new width "
-             "in pixels.");
+             "The same view in a smaller picture: 1 to 8 divides its size, a larger number is its "
+             "new width in pixels.");
   camera.def("__repr__", [](const NamedCamera& self) {
     return fmt::format("<gemsplat.Camera: {}{}x{} pixels>",
                        self.name.empty() ? "" : self.name + ", ", self.camera.width,

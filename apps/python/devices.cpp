@@ -58,7 +58,7 @@ void set_threads(int threads) {
   const int wanted = threads > 0 ? threads : std::max(1, int(std::thread::hardware_concurrency()));
   if (wanted == thread_count()) return;
   if (g_work)
-    throw UsageError("the number of threads cannot change while something is trained or rendered");
+    throw UsageError("the number of threads cannot change while gemsplat trains or renders");
   set_thread_count(threads);
 }
 

@@ -38,11 +38,12 @@ void bind_errors(py::module_& module) {
       make_class(module, "Error",
                  "A file, a device or a value that gemsplat cannot use; the text says what to try.",
                  py::make_tuple(py::handle(PyExc_RuntimeError)));
-  g_usage_error = make_class(module, "UsageError", "An argument or a setting that cannot be taken.",
+  g_usage_error = make_class(module, "UsageError", "An argument or a setting that cannot be used.",
                              bases(g_error, PyExc_ValueError));
-  g_out_of_memory = make_class(module, "OutOfMemoryError",
-                               "Memory, the host's or a GPU's, ran out after every fallback.",
-                               bases(g_error, PyExc_MemoryError));
+  g_out_of_memory =
+      make_class(module, "OutOfMemoryError",
+                 "Memory of the host or a GPU ran out, and nothing else could be released.",
+                 bases(g_error, PyExc_MemoryError));
   py::register_exception_translator([](std::exception_ptr pointer) {
     try {
       if (pointer) std::rethrow_exception(pointer);

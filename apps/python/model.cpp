@@ -9,7 +9,7 @@
 
 #include "apps/python/arrays.h"
 #include "apps/python/devices.h"
-#include "data_loaders/formats/formats.h"
+#include "apps/python/outputs.h"
 #include "gs_app/run/open_model.h"
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
@@ -31,7 +31,7 @@ ModelPointer copied(const Model& from) {
   return model;
 }
 
-// ---- to arrays ------------------------------------------------------------------------------------------
+// ---- to arrays ---------------------------------------------------------------------------------
 
 py::object view_of(const py::object& self, const void* data, const Shape& shape,
                    const Shape& strides = {}) {
@@ -75,7 +75,7 @@ std::string description(const Model& model) {
                      model.model.antialiased ? ", antialiased" : "");
 }
 
-// ---- files ----------------------------------------------------------------------------------------------
+// ---- files -------------------------------------------------------------------------------------
 
 ModelPointer load(const std::filesystem::path& path, std::optional<int> step) {
   const Work work;
@@ -84,18 +84,9 @@ ModelPointer load(const std::filesystem::path& path, std::optional<int> step) {
 
 std::size_t save(const Model& model, const std::filesystem::path& path, bool replace,
                  int spz_version) {
-  if (spz_version != 3 && spz_version != 4)
-    throw UsageError(fmt::format("spz_version must be 3 or 4, and is {}", spz_version));
-  const std::filesystem::path sidecar = sidecar_of(path);  // it speaks of an older file
-  for (const std::filesystem::path& file : {path, sidecar})
-    if (std::filesystem::exists(file) && !replace)
-      throw UsageError(file.string() +
-                       " is there already; choose another name, or give replace=True");
-  const ExportOptions options{spz_version};
-  format_to_write(path).require(options);
+  const ExportRequest request = export_request(path, replace, spz_version);
   const Work work;
-  std::filesystem::remove(sidecar);
-  return write_model(path, model.model, options);
+  return export_model(model.model, request).gaussians;
 }
 
 void bind_arrays(py::class_<Model, ModelPointer>& model) {
@@ -193,20 +184,20 @@ or log_scales, opacities or logit_opacities, colors or sh0. Without sh_rest the 
       py::arg("replace") = false, py::arg("spz_version") = 3,
       R"(Writes a file of the format that the name ends in (ply, csv, glb, compressed.ply, spz, sog,
 splat), whole or not at all, and returns the number of Gaussians in it: rows with NaN or infinity
-are left out, with a warning. A file that is there is kept (UsageError), unless replace.)");
+are left out, with a warning. A file beside it, NAME.transforms.json, has what the format cannot say.
+A file that is there already is refused (UsageError), or with replace=True kept as NAME.bak-N.)");
   model.def_property_readonly(
       "sh_degree", [](const Model& self) { return self.model.sh_degree; }, "0 to 3.");
   model.def_property_readonly(
       "antialiased", [](const Model& self) { return self.model.antialiased; },
-      "Trained, and so rendered, with the antialiased projection.");
+      "Whether it was trained, and is rendered, with the antialiased projection.");
   model.def_property_readonly(
       "world_offset",
       [](const Model& self) {
         const Vec3d& offset = self.model.world_offset;
         return py::make_tuple(offset.x, offset.y, offset.z);
       },
-      "Three floats: add them to the means to have the photos' own coordinates; 0 for most "
-      "scenes.");
+      "Three floats: add them to the means to get the photos' own coordinates; 0 for most scenes.");
   module.def(
       "load", load, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
       py::arg("step") = py::none(),

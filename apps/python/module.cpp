@@ -54,12 +54,12 @@ PYBIND11_MODULE(_gemsplat, module) {
   bind_outputs(module);
   module.attr("__name__") = own_name;
   module.def("set_verbosity", set_verbosity, py::arg("name"),
-             "How much is logged to standard error: quiet (warnings and errors, as at the start), "
+             "Sets how much is logged to standard error: quiet (warnings and errors, the default), "
              "normal or verbose.");
   module.def("set_threads", set_threads, py::arg("threads"),
-             "For all work on the CPU; 0, as at the start: all cores. UsageError while something "
-             "is trained or rendered.");
-  module.def("thread_count", thread_count, "How many threads work on the CPU.");
+             "Sets the number of threads for all work on the CPU; 0, the default: all cores. "
+             "Throws UsageError while gemsplat trains or renders.");
+  module.def("thread_count", thread_count, "The number of threads that work on the CPU.");
   module.def("cuda_device_count", cuda_device_count,
              "How many GPUs the device \"cuda:N\" can name; 0 also where gemsplat was built "
              "without CUDA.");

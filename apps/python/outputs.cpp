@@ -5,12 +5,12 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "apps/python/camera.h"
 #include "apps/python/devices.h"
 #include "apps/python/model.h"
-#include "gs_app/export/export_model.h"
 #include "gs_app/report/report_folder.h"
 #include "gs_core/error.h"
 
@@ -44,14 +44,11 @@ ExportedFile write(const Model& model, const ExportRequest& request,
 
 py::dict export_file(const Model& model, const fs::path& path, const py::object& cameras,
                      const std::string& device, bool replace, int spz_version) {
-  ExportRequest request{path, {}, {}};
-  request.options.spz_version = spz_version;
   const std::vector<Camera> viewpoints = cameras_of(cameras);
   std::optional<ExportedFile> written;
   {
     const py::gil_scoped_release release;
-    check_export(request, replace);
-    written = write(model, request, viewpoints, device);
+    written = write(model, export_request(path, replace, spz_version), viewpoints, device);
   }
   py::dict result(py::arg("file") = written->file,
                   py::arg("format") = std::string(written->format->name),
@@ -71,6 +68,14 @@ fs::path report(const fs::path& folder, const std::optional<fs::path>& output) {
 
 }  // namespace
 
+ExportRequest export_request(const fs::path& path, bool replace, int spz_version) {
+  if (spz_version != 3 && spz_version != 4)
+    throw UsageError("spz_version must be 3 or 4, and is " + std::to_string(spz_version));
+  const ExportRequest request{path, {spz_version}, {}};
+  check_export(request, replace, "give replace=True");
+  return request;
+}
+
 void bind_outputs(py::module_& module) {
   module.def(
       "export", export_file, py::arg("model"), py::arg("path"), py::kw_only(),
@@ -78,7 +83,7 @@ void bind_outputs(py::module_& module) {
       py::arg("spz_version") = 3,
       R"(Writes a model as `gemsplat export` does, in the format that the name ends in, and a file beside it,
 NAME.transforms.json, with what the format cannot say (antialiased, world_offset). Model.save()
-writes the model alone.
+writes the same files and measures nothing.
 
 Returns a dict: file, format, gaussians, bytes, psnr, ssim. The last two compare pictures of the
 file with pictures of the model; they are None unless the format is lossy and cameras are given.

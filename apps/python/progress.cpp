@@ -12,8 +12,8 @@ namespace {
 // Between two checks for Ctrl-C, since taking the GIL may cost some milliseconds.
 constexpr auto kSignalsEvery = std::chrono::milliseconds(50);
 
-/// What a callback is given: the run after a step, for as long as the callback lasts, in its
-/// thread.
+/// The object that a callback gets: the run after a step. It is valid while the callback runs, in
+/// its thread.
 class Progress {
  public:
   explicit Progress(Trainer& trainer) : trainer_(&trainer), thread_(std::this_thread::get_id()) {}

@@ -69,7 +69,7 @@ std::vector<Frame> render_frames(const Model& model, const std::vector<NamedCame
   return frames;
 }
 
-// Where the model's config is not all that is to be said.
+// The config to render with: that of the model, changed by `settings`.
 Config looking_config(const Model& model, const py::object& settings) {
   Config config = model.config;
   merge_settings(config, settings);

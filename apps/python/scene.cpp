@@ -54,7 +54,7 @@ std::vector<SceneView> views_of(const ScenePointer& scene, const std::vector<Vie
   return result;
 }
 
-// ---- from a folder --------------------------------------------------------------------------------------
+// ---- from a folder -----------------------------------------------------------------------------
 
 ScenePointer load_from(const std::filesystem::path& path, const py::kwargs& settings) {
   Config config;
@@ -64,7 +64,7 @@ ScenePointer load_from(const std::filesystem::path& path, const py::kwargs& sett
   return load(config.dataset);
 }
 
-// ---- from arrays ----------------------------------------------------------------------------------------
+// ---- from arrays -------------------------------------------------------------------------------
 
 View view_from(const py::handle& pair) {
   if (!py::isinstance<py::tuple>(pair) || py::len(pair) != 2)
@@ -132,7 +132,7 @@ void bind_view(py::module_& module) {
 copy. If the scene does not fit into memory, the photo is decoded now.)");
   view.def_property_readonly(
       "mask", mask_of,
-      "(height, width) uint8: 255 trains, 0 does not; None where every pixel trains. Read-only.");
+      "(height, width) uint8: 255 trains, 0 does not; None if every pixel trains. Read-only.");
   view.def_property_readonly(
       "exposure",
       [](const SceneView& self) {
@@ -140,7 +140,7 @@ copy. If the scene does not fit into memory, the photo is decoded now.)");
         return py::make_tuple(exposure.x, exposure.y, exposure.z);
       },
       "Factors of red, green and blue: the photo shows exposure times the scene's colors; 1 "
-      "unless solved for.");
+      "without exposures.");
   view.def("__repr__",
            [](const SceneView& self) { return "<gemsplat.View: " + self.view->name + ">"; });
 }
@@ -194,7 +194,7 @@ units; without points training starts at random. point_colors: (M, 3) uint8, els
   };
   views("train_views", &Scene::train_views, "List of View, sorted by name.");
   views("test_views", &Scene::test_views,
-        "List of View, sorted by name; empty where none is held out.");
+        "List of View, sorted by name; empty if none is held out.");
   scene.def_property_readonly(
       "points",
       [](const std::shared_ptr<LoadedScene>& self) {
@@ -215,7 +215,7 @@ units; without points training starts at random. point_colors: (M, 3) uint8, els
       "(M, 3) uint8: their colors, sRGB. Read-only, no copy.");
   scene.def_property_readonly(
       "extent", [](const LoadedScene& self) { return self.scene.extent; },
-      "Radius of the cameras' positions, world units; the schedule's measure of length.");
+      "Radius of the cameras' positions in world units; scales the learning rate of the means.");
   scene.def_property_readonly(
       "source", [](const LoadedScene& self) { return self.scene.source; }, "Its folder.");
   scene.def_property_readonly(
@@ -224,7 +224,7 @@ units; without points training starts at random. point_colors: (M, 3) uint8, els
         const Vec3d& offset = self.scene.world_offset;
         return py::make_tuple(offset.x, offset.y, offset.z);
       },
-      "Three floats that were taken off all coordinates; 0 for most scenes.");
+      "Three floats that were subtracted from all coordinates; 0 for most scenes.");
   scene.def("__repr__", [](const LoadedScene& self) {
     return fmt::format("<gemsplat.Scene: {} views to train on, {} held out, {} points>",
                        self.scene.train_views.size(), self.scene.test_views.size(),

@@ -22,7 +22,7 @@ bool is_list(const py::handle& value) {
   return py::isinstance<py::list>(value) || py::isinstance<py::tuple>(value);
 }
 
-// As TOML has it.
+// A value as TOML text.
 std::string value_text(const std::string& key, const py::handle& value) {
   if (is_bool(value)) return PyObject_IsTrue(value.ptr()) ? "true" : "false";
   if (is_path(value)) return toml_text(value.cast<std::filesystem::path>().string());

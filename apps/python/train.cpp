@@ -51,7 +51,7 @@ struct Result {
   std::optional<fs::path> output;
 };
 
-// ---- settings -------------------------------------------------------------------------------------------
+// ---- settings ----------------------------------------------------------------------------------
 
 std::string absolute_path(const fs::path& path) {
   return fs::absolute(path).lexically_normal().string();
@@ -80,10 +80,10 @@ void check(const Arguments& arguments) {
                             : arguments.force            ? "force"
                                                          : nullptr;
   if (given)
-    throw UsageError(std::string(given) + " is for a run with a folder: give output=FOLDER");
+    throw UsageError(std::string(given) + " needs a run with a folder: give output=FOLDER");
 }
 
-// ---- without a folder -----------------------------------------------------------------------------------
+// ---- without a folder --------------------------------------------------------------------------
 
 Evaluation evaluation_of(Trainer& trainer) {
   return evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
@@ -104,7 +104,7 @@ Result result_of(Trainer& trainer, const CallbackObserver& observer) {
 
 Result run_in_memory(const Scene& scene, const Config& config, CallbackObserver& observer) {
   if (!config.model.start_from.empty())
-    throw UsageError("model.start_from is for a run with a folder: give output=FOLDER");
+    throw UsageError("model.start_from needs a run with a folder: give output=FOLDER");
   if (config.train.threads) set_threads(config.train.threads);
   const Work work;
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
@@ -116,7 +116,7 @@ Result run_in_memory(const Scene& scene, const Config& config, CallbackObserver&
   return result;
 }
 
-// ---- with a folder --------------------------------------------------------------------------------------
+// ---- with a folder -----------------------------------------------------------------------------
 
 class PythonHooks final : public SessionHooks {
  public:
@@ -150,7 +150,7 @@ TrainRequest request_of(const Arguments& arguments, const py::object& scene) {
   return request;
 }
 
-// Of a run that was finished before: what its folder holds.
+// The result of a run that was finished before, read from its folder.
 Result result_of_finished(const fs::path& folder) {
   Result result;
   result.model = std::make_shared<Model>(open_model(folder, std::nullopt));
@@ -174,7 +174,7 @@ Result run_in_folder(TrainRequest request, CallbackObserver& observer) {
   return result;
 }
 
-// ---- gemsplat.train -------------------------------------------------------------------------------------
+// ---- gemsplat.train ----------------------------------------------------------------------------
 
 Result run(const py::object& scene, const Arguments& arguments, CallbackObserver& observer) {
   ScenePointer loaded;
@@ -229,16 +229,17 @@ void bind_result(py::module_& module) {
   py::class_<Result> result(module, "Result", "The outcome of train().");
   result.def_readonly("model", &Result::model, "The trained Model.");
   result.def_readonly("evaluation", &Result::evaluation,
-                      "Evaluation of the test views; None where none is held out, and for a run "
-                      "that was finished before.");
-  result.def_property_readonly("metrics", rows_of,
-                               "A dict every train.log_every steps and after the last: step, loss, "
-                               "gaussian_count, seconds. Only steps that this call took.");
-  result.def_readonly("steps", &Result::steps, "Steps done, those of a resumed run included.");
+                      "Evaluation of the test views; None if none is held out, and for a run that "
+                      "was finished before.");
+  result.def_property_readonly(
+      "metrics", rows_of,
+      "A list of dicts, one every train.log_every steps and after the last: step, loss, "
+      "gaussian_count, seconds. Holds only steps of this call.");
+  result.def_readonly("steps", &Result::steps, "Steps done, including those before a resume.");
   result.def_readonly("stopped_early", &Result::stopped_early,
                       "Whether a callback ended the run before its last step.");
   result.def_readonly("seconds", &Result::seconds, "Seconds of training, without callbacks.");
-  result.def_readonly("device", &Result::device, "As in results.json.");
+  result.def_readonly("device", &Result::device, "Name of the device, as in results.json.");
   result.def_readonly("config", &Result::config, "All settings, as TOML.");
   result.def_readonly("output", &Result::output,
                       "The run's folder, a pathlib.Path; None for a run without one.");

@@ -55,7 +55,7 @@ class CameraReader {
  public:
   CameraReader(const Json& json, std::size_t index, const std::filesystem::path& path)
       : json_(json), index_(index), path_(path) {
-    if (!json.is_object()) fail("is no object");
+    if (!json.is_object()) fail("is not an object");
   }
 
   /// The camera, but for its translation, and where it stands.
@@ -78,7 +78,7 @@ class CameraReader {
  private:
   [[noreturn]] void fail(const std::string& what) const {
     cannot_read(path_,
-                fmt::format("camera {} of the list {}; mend the entry or write the file again",
+                fmt::format("camera {} of the list {}; correct the entry or write the file again",
                             index_, what));
   }
   const Json& at(const char* key) const {
@@ -111,14 +111,14 @@ class CameraReader {
   }
   Vec3d position() const { return vector(at("position"), "position"); }
 
-  /// Of cam_from_world, from the rows of world_from_cam.
+  /// The rotation of cam_from_world, from the rows of world_from_cam.
   Mat3<float> rotation() const {
     const Json& rows = at("rotation");
     if (!rows.is_array() || rows.size() != 3) fail("has no three rows in rotation");
     const Vec3f a(vector(rows[0], "rotation")), b(vector(rows[1], "rotation")),
         c(vector(rows[2], "rotation"));
     const Mat3<float> R{{a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z}};
-    if (!is_rotation(R, kRotationTolerance)) fail("has a rotation that is no rotation matrix");
+    if (!is_rotation(R, kRotationTolerance)) fail("has a rotation that is not a rotation matrix");
     return R;
   }
 

@@ -80,7 +80,7 @@ class BinaryFile {
     bytes_.skip(bytes);
   }
 
-  /// After the last record: nothing may follow.
+  /// Checks that nothing follows the last record.
   void expect_end() const {
     if (bytes_.left()) fail(fmt::format("{} bytes follow its last record", bytes_.left()));
   }
@@ -127,109 +127,119 @@ std::vector<ColmapObservation> take_observations(BinaryFile& file, std::uint64_t
   return observations;
 }
 
-}  // namespace
-
-void read_binary_cameras(const fs::path& path, ModelBuilder& model) {
+/// Calls read(file) for each record of a file: as many as the count at its start says.
+template <class Read>
+void for_each_record(const fs::path& path, const char* records, std::uint64_t record_bytes,
+                     Read&& read) {
   BinaryFile file(path);
-  const std::uint64_t count = file.take_count("cameras", kCameraBytes);
-  for (std::uint64_t i = 0; i < count; ++i) {
-    ColmapCamera camera;
-    camera.id = file.take<std::uint32_t>();
-    const auto model_id = file.take<std::int32_t>();
-    if (model_id < 0 || model_id >= kCameraModelCount)
-      file.fail(fmt::format("camera {} has the unknown camera model {} (known: 0 to {})", camera.id,
-                            model_id, kCameraModelCount - 1));
-    camera.model = CameraModel(model_id);
-    const auto width = file.take<std::uint64_t>(), height = file.take<std::uint64_t>();
-    for (int k = 0; k < camera_model_info(camera.model).param_count; ++k)
-      camera.params.push_back(file.take<double>());
-    file.expect_good(model.add_camera(std::move(camera), width, height));
-  }
+  const std::uint64_t count = file.take_count(records, record_bytes);
+  for (std::uint64_t i = 0; i < count; ++i) read(file);
   file.expect_end();
 }
+
+void read_camera(BinaryFile& file, ModelBuilder& model) {
+  ColmapCamera camera;
+  camera.id = file.take<std::uint32_t>();
+  const auto model_id = file.take<std::int32_t>();
+  if (model_id < 0 || model_id >= kCameraModelCount)
+    file.fail(fmt::format("camera {} has the unknown camera model {} (known: 0 to {})", camera.id,
+                          model_id, kCameraModelCount - 1));
+  camera.model = CameraModel(model_id);
+  const auto width = file.take<std::uint64_t>(), height = file.take<std::uint64_t>();
+  for (int k = 0; k < camera_model_info(camera.model).param_count; ++k)
+    camera.params.push_back(file.take<double>());
+  file.expect_good(model.add_camera(std::move(camera), width, height));
+}
+
+void read_image(BinaryFile& file, ModelBuilder& model) {
+  ColmapImage image;
+  image.id = file.take<std::uint32_t>();
+  image.cam_from_world_rotation = take_quaternion(file);
+  image.cam_from_world_translation = take_vector(file);
+  image.camera_id = file.take<std::uint32_t>();
+  image.name = file.take_name();
+  file.expect_good(model.add_image(std::move(image)));
+  const std::uint64_t points = file.take_count("2D points", kPoint2dBytes);
+  if (model.wants_observations())
+    model.add_observations(take_observations(file, points));
+  else
+    file.skip(points * kPoint2dBytes);
+}
+
+void read_point(BinaryFile& file, ModelBuilder& model) {
+  ColmapPoint point;
+  point.id = file.take<std::uint64_t>();
+  point.position = take_vector(file);
+  for (std::uint8_t& channel : point.color) channel = file.take<std::uint8_t>();
+  point.error = file.take<double>();
+  point.observations = file.take_count("track elements", kTrackBytes);
+  file.skip(point.observations * kTrackBytes);
+  model.add_point(point);
+}
+
+/// The camera of one sensor. The first sensor of a rig is its reference and has no pose.
+ColmapRigCamera take_rig_camera(BinaryFile& file, bool is_reference) {
+  ColmapRigCamera camera;
+  camera.camera_id = file.take<std::uint32_t>();
+  camera.has_pose = is_reference || file.take<std::uint8_t>() != 0;
+  if (camera.has_pose && !is_reference) {
+    camera.cam_from_rig_rotation = take_quaternion(file);
+    camera.cam_from_rig_translation = take_vector(file);
+  }
+  return camera;
+}
+
+void read_rig(BinaryFile& file, ModelBuilder& model) {
+  ColmapRig rig;
+  rig.id = file.take<std::uint32_t>();
+  const std::uint64_t sensors = file.take_count<std::uint32_t>("sensors", kSensorBytes);
+  for (std::uint64_t k = 0; k < sensors; ++k) {
+    const auto kind = file.take<std::int32_t>();
+    const ColmapRigCamera camera = take_rig_camera(file, k == 0);
+    if (kind == kCameraSensor) rig.cameras.push_back(camera);
+  }
+  file.expect_good(model.add_rig(std::move(rig)));
+}
+
+void read_frame(BinaryFile& file, ModelBuilder& model) {
+  ColmapFrame frame;
+  frame.id = file.take<std::uint32_t>();
+  frame.rig_id = file.take<std::uint32_t>();
+  file.skip(kPoseBytes);  // every image has its own pose
+  const std::uint64_t data = file.take_count<std::uint32_t>("data ids", kDataBytes);
+  for (std::uint64_t k = 0; k < data; ++k) {
+    const auto kind = file.take<std::int32_t>();
+    file.skip(sizeof(std::uint32_t));  // the sensor
+    const auto id = file.take<std::uint64_t>();
+    if (kind == kCameraSensor) frame.image_ids.push_back(id);
+  }
+  file.expect_good(model.add_frame(std::move(frame)));
+}
+
+}  // namespace
 
 std::uint64_t count_binary_images(const fs::path& path) {
   return BinaryFile(path).take_count("images", kImageBytes);
 }
 
+void read_binary_cameras(const fs::path& path, ModelBuilder& model) {
+  for_each_record(path, "cameras", kCameraBytes, [&](auto& file) { read_camera(file, model); });
+}
+
 void read_binary_images(const fs::path& path, ModelBuilder& model) {
-  BinaryFile file(path);
-  const std::uint64_t count = file.take_count("images", kImageBytes);
-  for (std::uint64_t i = 0; i < count; ++i) {
-    ColmapImage image;
-    image.id = file.take<std::uint32_t>();
-    image.cam_from_world_rotation = take_quaternion(file);
-    image.cam_from_world_translation = take_vector(file);
-    image.camera_id = file.take<std::uint32_t>();
-    image.name = file.take_name();
-    file.expect_good(model.add_image(std::move(image)));
-    const std::uint64_t points = file.take_count("2D points", kPoint2dBytes);
-    if (model.wants_observations())
-      model.add_observations(take_observations(file, points));
-    else
-      file.skip(points * kPoint2dBytes);
-  }
-  file.expect_end();
+  for_each_record(path, "images", kImageBytes, [&](auto& file) { read_image(file, model); });
 }
 
 void read_binary_points(const fs::path& path, ModelBuilder& model) {
-  BinaryFile file(path);
-  const std::uint64_t count = file.take_count("points", kPointBytes);
-  for (std::uint64_t i = 0; i < count; ++i) {
-    ColmapPoint point;
-    point.id = file.take<std::uint64_t>();
-    point.position = take_vector(file);
-    for (std::uint8_t& channel : point.color) channel = file.take<std::uint8_t>();
-    point.error = file.take<double>();
-    point.observations = file.take_count("track elements", kTrackBytes);
-    file.skip(point.observations * kTrackBytes);
-    model.add_point(point);
-  }
-  file.expect_end();
+  for_each_record(path, "points", kPointBytes, [&](auto& file) { read_point(file, model); });
 }
 
 void read_binary_rigs(const fs::path& path, ModelBuilder& model) {
-  BinaryFile file(path);
-  const std::uint64_t count = file.take_count("rigs", kRigBytes);
-  for (std::uint64_t i = 0; i < count; ++i) {
-    ColmapRig rig;
-    rig.id = file.take<std::uint32_t>();
-    const std::uint64_t sensors = file.take_count<std::uint32_t>("sensors", kSensorBytes);
-    for (std::uint64_t k = 0; k < sensors; ++k) {
-      const auto kind = file.take<std::int32_t>();
-      ColmapRigCamera camera;
-      camera.camera_id = file.take<std::uint32_t>();
-      const bool is_reference = k == 0;
-      camera.has_pose = is_reference || file.take<std::uint8_t>() != 0;
-      if (camera.has_pose && !is_reference) {
-        camera.cam_from_rig_rotation = take_quaternion(file);
-        camera.cam_from_rig_translation = take_vector(file);
-      }
-      if (kind == kCameraSensor) rig.cameras.push_back(camera);
-    }
-    file.expect_good(model.add_rig(std::move(rig)));
-  }
-  file.expect_end();
+  for_each_record(path, "rigs", kRigBytes, [&](auto& file) { read_rig(file, model); });
 }
 
 void read_binary_frames(const fs::path& path, ModelBuilder& model) {
-  BinaryFile file(path);
-  const std::uint64_t count = file.take_count("frames", kFrameBytes);
-  for (std::uint64_t i = 0; i < count; ++i) {
-    ColmapFrame frame;
-    frame.id = file.take<std::uint32_t>();
-    frame.rig_id = file.take<std::uint32_t>();
-    file.skip(kPoseBytes);  // every image has its own pose
-    const std::uint64_t data = file.take_count<std::uint32_t>("data ids", kDataBytes);
-    for (std::uint64_t k = 0; k < data; ++k) {
-      const auto kind = file.take<std::int32_t>();
-      file.skip(sizeof(std::uint32_t));  // the sensor
-      const auto id = file.take<std::uint64_t>();
-      if (kind == kCameraSensor) frame.image_ids.push_back(id);
-    }
-    file.expect_good(model.add_frame(std::move(frame)));
-  }
-  file.expect_end();
+  for_each_record(path, "frames", kFrameBytes, [&](auto& file) { read_frame(file, model); });
 }
 
 }  // namespace gs::colmap

@@ -107,8 +107,8 @@ std::string ModelBuilder::add_image(ColmapImage image) {
       check_pose(image.cam_from_world_rotation, image.cam_from_world_translation);
   if (!fault.empty()) return fmt::format("image '{}': {}", image.name, fault);
   if (!model_.cameras.count(image.camera_id))
-    return fmt::format("image '{}' names camera {}, which the cameras file does not have",
-                       image.name, image.camera_id);
+    return fmt::format("image '{}' names camera {}, which is not in the cameras file", image.name,
+                       image.camera_id);
   if (!image_ids_.insert(image.id).second) return fmt::format("image id {} occurs twice", image.id);
   if (!image_names_.insert(image.name).second)
     return fmt::format("image name '{}' occurs twice", image.name);
@@ -175,10 +175,10 @@ std::uint64_t count_colmap_images(const fs::path& folder) {
 ColmapModel read_colmap_model(const fs::path& folder, Tracks tracks) {
   const bool binary = has_pair(folder, ".bin");
   if (!binary && !has_pair(folder, ".txt"))
-    throw Error(fmt::format(
-        "{} is no COLMAP model: it needs cameras.bin and images.bin, or cameras.txt and "
-        "images.txt; name another model with --set dataset.model=FOLDER",
-        folder.string()));
+    throw Error(
+        fmt::format("{} is not a COLMAP model: it needs cameras.bin and images.bin, or cameras.txt "
+                    "and images.txt; name another model with --set dataset.model=FOLDER",
+                    folder.string()));
   const auto file = [&](const char* stem) {
     return folder / (std::string(stem) + (binary ? ".bin" : ".txt"));
   };

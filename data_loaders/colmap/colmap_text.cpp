@@ -81,7 +81,7 @@ class TextFile {
     const std::string_view word = next_word(line);
     if (word.empty()) fail(fmt::format("{} is missing", what));
     if (!parse(word, value))
-      fail(fmt::format("{} is '{}', which is no {}", what, shown_word(word), kind_of(value)));
+      fail(fmt::format("{} is '{}', which is not a {}", what, shown_word(word), kind_of(value)));
     return value;
   }
 
@@ -192,7 +192,7 @@ void read_text_cameras(const fs::path& path, ModelBuilder& model) {
     while (!trimmed(line).empty()) camera.params.push_back(file.take<double>(line, "a parameter"));
     const int wanted = camera_model_info(camera.model).param_count;
     if (int(camera.params.size()) != wanted)
-      file.fail(fmt::format("camera {} is {}, which has {} parameters, and gives {}", camera.id,
+      file.fail(fmt::format("camera {} is {}, which has {} parameters, but gives {}", camera.id,
                             name, wanted, camera.params.size()));
     file.expect_good(model.add_camera(std::move(camera), width, height));
   }

@@ -55,7 +55,7 @@ void examine_up(Examination& examination, const std::vector<View>& views) {
                                 frame.up.x, frame.up.y, frame.up.z));
   else
     examination.add(Level::note, "place",
-                    "the cameras are held in all directions, so the way up is unknown");
+                    "the cameras are held in all directions, so the up direction is unknown");
 }
 
 }  // namespace
@@ -68,10 +68,10 @@ bool find_folders(Examination& examination) {
     examination.add(Level::fatal, "scene", error.what());
     const std::size_t photos = picture_names_in(source).size();
     if (photos > 0 && nearby_scene(source).empty())
-      examination.add(Level::note, "scene",
-                      fmt::format("the folder holds {} and no model: `gemsplat reconstruct` makes "
-                                  "one",
-                                  counted(photos, "photo")));
+      examination.add(
+          Level::note, "scene",
+          fmt::format("the folder holds {} but no model: `gemsplat reconstruct` makes one",
+                      counted(photos, "photo")));
     return false;
   }
   examination.add(Level::good, "scene",
@@ -101,7 +101,7 @@ bool read_model(Examination& examination) {
     examination.add(Level::warning, "model", text_of_moving_scene(scene.time_count));
   if (model.images.size() < kFewPhotos)
     examination.add(Level::warning, "model",
-                    fmt::format("{}: training cannot learn what only one photo shows; take more, "
+                    fmt::format("{}: training needs every place in several photos; take more, "
                                 "overlapping by two thirds",
                                 counted(model.images.size(), "photo", "is not enough", "are few")));
   if (examination.config.dataset.eval) {
@@ -139,20 +139,20 @@ void examine_cameras(Examination& examination) {
   std::vector<std::string> outliers;
   for (const std::size_t i : outlier_cameras(views)) outliers.push_back(views[i].name);
   if (!outliers.empty())
-    examination.add(Level::warning, "cameras",
-                    fmt::format("{} far away from all others, probably by a wrong pose; leave the "
-                                "photos out",
-                                counted(outliers.size(), "camera", "stands", "stand")),
-                    outliers);
+    examination.add(
+        Level::warning, "cameras",
+        fmt::format(
+            "{} far away from all others, probably because of a wrong pose; leave the photos out",
+            counted(outliers.size(), "camera", "stands", "stand")),
+        outliers);
   examination.add(Level::good, "place",
                   fmt::format("the cameras span {:.3g} world units", camera_extent(views)));
   examine_up(examination, views);
   if (examination.scene.world_offset != Vec3d(0.0))
-    examination.add(
-        Level::note, "place",
-        fmt::format("the scene lies far from the origin, where single precision loses detail: it "
-                    "is trained with {} taken off its coordinates",
-                    text_of_offset(examination.scene.world_offset)));
+    examination.add(Level::note, "place",
+                    fmt::format("the scene lies far from the origin, where single precision loses "
+                                "detail: {} is subtracted from its coordinates for training",
+                                text_of_offset(examination.scene.world_offset)));
 }
 
 void examine_points(Examination& examination) {
@@ -161,7 +161,7 @@ void examine_points(Examination& examination) {
   if (points.empty()) {
     examination.add(Level::warning, "points",
                     fmt::format("the model has no points: training starts from {} random ones, "
-                                "takes longer and ends worse",
+                                "which takes longer and gives a worse result",
                                 model.random_points));
     return;
   }

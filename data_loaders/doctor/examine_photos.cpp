@@ -67,8 +67,8 @@ void report_masks(Examination& examination, const std::vector<std::size_t>& read
   if (!hardly.empty())
     examination.add(
         Level::warning, "masks",
-        fmt::format("{} less than {:.0f} % of the photo to train on; if black is meant "
-                    "to train, invert the masks with --invert-masks",
+        fmt::format("{} less than {:.0f} % of the photo to train on; if black pixels shall be "
+                    "trained, invert the masks with --invert-masks",
                     counted(hardly.size(), "mask", "leaves", "leave"), 100 * kHardlyTrained),
         examination.names_of(hardly));
   if (!is_background && sum == 0 && masked.size() == examination.scene.photos.size())
@@ -101,7 +101,7 @@ void report_quality(Examination& examination, const std::vector<std::size_t>& re
                     named(outliers.odd_exposure));
 }
 
-/// What the header of one photo says.
+/// The contents of one photo's header.
 struct Header {
   std::string error;  // empty if it could be read
   int orientation = 1;
@@ -174,10 +174,11 @@ void match_mask_files(Examination& examination) {
                   fmt::format("{} of {} have a mask in {}", count - missing.size(),
                               counted(count, "photo"), place));
   if (!missing.empty())
-    examination.add(Level::warning, "masks",
-                    fmt::format("{} no mask there: every pixel trains, apart from alpha",
-                                counted(missing.size(), "photo", "has", "have")),
-                    examination.names_of(missing));
+    examination.add(
+        Level::warning, "masks",
+        fmt::format("{} no mask there: all their pixels are trained, except where alpha masks them",
+                    counted(missing.size(), "photo", "has", "have")),
+        examination.names_of(missing));
 }
 
 void examine_headers(Examination& examination) {
@@ -224,10 +225,10 @@ void examine_headers(Examination& examination) {
       " another shape than the camera in the model: these are not the photos that COLMAP saw; use "
       "the same photos, or run COLMAP again");
   if (!scaled.empty())
-    examination.add(Level::note, "photos",
-                    fmt::format("{} another size than the camera in the model; its intrinsics are "
-                                "scaled",
-                                counted(scaled.size(), "photo", "has", "have")));
+    examination.add(
+        Level::note, "photos",
+        fmt::format("{} another size than the camera in the model; the intrinsics are scaled",
+                    counted(scaled.size(), "photo", "has", "have")));
 }
 
 void examine_pictures(Examination& examination) {

@@ -86,10 +86,10 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
       config.density.max_gaussians > 0 ? fmt::format(" (cap {})", config.density.max_gaussians)
                                        : "",
       size_text(photos_in_ram),
-      scene.photo_bytes > budget ? fmt::format(" (of {}: the others are decoded when it is their "
-                                               "turn)",
-                                               size_text(scene.photo_bytes))
-                                 : "");
+      scene.photo_bytes > budget
+          ? fmt::format(" (of {}: the other photos are decoded just before their turn)",
+                        size_text(scene.photo_bytes))
+          : "");
   if (device.is_gpu)
     result.text += fmt::format(
         "training takes about {} of GPU memory{} and, on an H200, {:.0f} s; ", size_text(on_gpu),

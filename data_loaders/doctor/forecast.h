@@ -10,7 +10,7 @@
 
 namespace gs {
 
-/// What a scene brings to a run.
+/// The numbers of a scene that the forecast needs.
 struct SceneSize {
   double photo_bytes = 0;   // of all photos with their masks, decoded
   double loaded_bytes = 0;  // of these, in memory already

@@ -112,12 +112,12 @@ void read_row(std::string_view line, const std::vector<int>& targets, const Line
   Vec3d& position = rows.positions.emplace_back(0.0);
   Fields fields{line};
   for (std::size_t at = 0; at < targets.size(); ++at) {
-    if (fields.done) fail(fmt::format("has {} values and not {}", at, targets.size()));
+    if (fields.done) fail(fmt::format("has {} values instead of {}", at, targets.size()));
     const std::string_view word = fields.next();
     const int target = targets[at];
     if (target < 0) continue;
     if (!parse_float(word, rows.values[row + target]))
-      fail(fmt::format("has \"{}\", which is no number", word.substr(0, 40)));
+      fail(fmt::format("has \"{}\", which is not a number", word.substr(0, 40)));
     if (target < 3 && !parse_number(word, position[target])) position[target] = INFINITY;
   }
   if (!fields.done) fail(fmt::format("has more than {} values", targets.size()));

@@ -24,7 +24,7 @@ constexpr Foreign kEndings[] = {
     {".ksplat", "a .ksplat file of GaussianSplats3D", kConvert},
     {".lcc", "an .lcc scene of XGRIDS", kConvert},
     {".rad", "a .rad file of Spark", kConvert},
-    {".splatv", "a .splatv file of moving Gaussians", "train and name a .ply of one moment"},
+    {".splatv", "a .splatv file of moving Gaussians", "train one moment and name its .ply"},
     {"lod-meta.json", "a streamed SOG scene", kConvert},
     {".pth", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
     {".pt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
@@ -37,7 +37,7 @@ constexpr Foreign kFirstBytes[] = {
     {"NGSP", "an .spz file of version 4", "give it a name that ends in .spz"},
     {"\x1f\x8b", "a gzip file, as .spz files are", "give it a name that ends in .spz"},
     {"PK\x03\x04", "a zip file, as .sog files are", "give it a name that ends in .sog"},
-    {"glTF", "a .glb file, which gemsplat writes and does not read",
+    {"glTF", "a .glb file, which gemsplat writes but does not read",
      "name the model that it was made from"}};
 
 std::string text_of(const Foreign& foreign) {
@@ -54,9 +54,8 @@ std::string lowercase_name(const fs::path& path) {
 // PlayCanvas' tools write a .sog as one file, or as a folder of the same pictures with meta.json.
 std::string sog_folder(const fs::path& folder) {
   return fmt::format(
-      "this is a SOG model unpacked into a folder, and gemsplat reads it as one file; pack it "
-      "with: "
-      "zip -0 -j model.sog {}/*",
+      "this is a SOG model unpacked into a folder, but gemsplat reads one file; pack it with: zip "
+      "-0 -j model.sog {}/*",
       folder.string());
 }
 

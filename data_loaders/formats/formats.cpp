@@ -104,9 +104,10 @@ const ModelFormat& format_to_write(const Path& path) {
 GaussianModel read_model(const Path& path) {
   const ModelFormat* format = find_format(path);
   if (format && !format->read)
-    cannot_read(path, fmt::format("gemsplat writes {} and does not read it; name the model that it "
-                                  "was made from",
-                                  format->ending));
+    cannot_read(
+        path,
+        fmt::format("gemsplat writes {} but does not read it; name the model that it was made from",
+                    format->ending));
   if (format && format->read != read_gaussian_ply) return format->read(path);
   if (const std::string kind = foreign_kind(path); !kind.empty()) cannot_read(path, kind);
   return read_gaussian_ply(path);

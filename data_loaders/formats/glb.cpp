@@ -138,10 +138,9 @@ Json document_of(const GaussianModel& model, const std::vector<Attribute>& attri
 void write_glb(const std::filesystem::path& path, const GaussianModel& model) {
   const std::size_t count = model.gaussians.count();
   if (count == 0)
-    throw Error(
-        fmt::format("cannot write {}: there are no Gaussians, and glTF cannot hold none; "
-                    "choose .ply",
-                    path.string()));
+    throw Error(fmt::format(
+        "cannot write {}: there are no Gaussians, and glTF cannot hold an empty model; choose .ply",
+        path.string()));
   const std::vector<Attribute> attributes = attributes_of(model);
   std::string json = document_of(model, attributes).dump();
   json.resize((json.size() + 3) / 4 * 4, ' ');

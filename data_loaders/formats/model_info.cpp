@@ -63,7 +63,8 @@ std::vector<std::size_t> finite_rows(const Gaussians& gaussians, ModelInfo& info
     if (finite[i]) rows.push_back(i);
   }
   note(info, "non_finite", gaussians.count() - rows.size(),
-       fmt::format("hold NaN or infinity ({}): training went astray; writing leaves them out",
+       fmt::format("hold NaN or infinity ({}): training diverged; they are left out when the model "
+                   "is written",
                    quantities));
   return rows;
 }
@@ -129,7 +130,8 @@ void suspect(const Gaussians& gaussians, const std::vector<std::size_t>& rows, M
       "have a rotation of length 0: they are read as not rotated");
   note_if(
       "huge_scales", [&](std::size_t i) { return largest(gaussians.log_scale[i]) > huge; },
-      fmt::format("are larger than the scene ({:.4g} across): they fog every view", diagonal));
+      fmt::format("are larger than the scene ({:.4g} across): they cover every view like fog",
+                  diagonal));
   note_if(
       "zero_scales",
       [&](std::size_t i) { return largest(gaussians.log_scale[i]) < std::log(FLT_MIN); },
@@ -140,8 +142,9 @@ void suspect(const Gaussians& gaussians, const std::vector<std::size_t>& rows, M
   }));
   if (float(needles) > kFewRows * float(rows.size())) {
     note(info, "needles", needles,
-         fmt::format("({:.1f} %) are needles or flakes, more than {:.0f} times as long as thin",
-                     100.0 * double(needles) / double(rows.size()), kNeedleRatio));
+         fmt::format(
+             "({:.1f} %) are needles or flakes, more than {:.0f} times as long as they are thin",
+             100.0 * double(needles) / double(rows.size()), kNeedleRatio));
   }
   note_if(
       "far_outliers",
@@ -158,7 +161,8 @@ void suspect(const Gaussians& gaussians, const std::vector<std::size_t>& rows, M
         return coordinate > kLargeCoordinate &&
                std::exp(largest(gaussians.log_scale[i])) < kFineSteps * step;
       },
-      "lie so far from the origin that float places them coarsely: move the scene to the origin");
+      "lie so far from the origin that floats hold their positions coarsely: move the scene to the "
+      "origin");
   note(info, "duplicates", count_duplicates(gaussians, rows),
        "stand exactly where another one does");
   if (info.sh_degree > 0 && std::all_of(rows.begin(), rows.end(), [&](std::size_t i) {

@@ -70,9 +70,10 @@ std::vector<std::size_t> by_importance(const Gaussians& g) {
 GaussianModel read_splat(const std::filesystem::path& path) {
   ByteReader reader(path);
   if (reader.size() % sizeof(Row) != 0)
-    cannot_read(path, fmt::format("its {} bytes are no multiple of the 32 that a Gaussian takes; "
-                                  "the file is cut short or not a .splat, copy or export it again",
-                                  reader.size()));
+    cannot_read(path,
+                fmt::format("its {} bytes are not a multiple of the 32 that a Gaussian takes; the "
+                            "file is cut short or not a .splat, copy or export it again",
+                            reader.size()));
   const std::size_t count = reader.size() / sizeof(Row);
   GaussianModel model{Gaussians(count, host_memory()), 0, false, false};
   model.gaussians.sh_rest.fill_zero();

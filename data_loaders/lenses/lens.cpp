@@ -47,8 +47,8 @@ struct Jacobian {
   bool is_unfolded() const { return determinant() > 0 && xx + yy > 0; }
 };
 
-/// Of a map of the plane, by central differences: error about 1e-10, and one formula less to keep
-/// in step.
+/// The Jacobian of a map of the plane, by central differences. Its error is about 1e-10, and there
+/// is one formula less to maintain.
 template <class Map>
 Jacobian jacobian(const Map& map, const Vec2d& at) {
   const double h = 1e-6 * std::max(1.0, std::max(std::abs(at.x), std::abs(at.y)));
@@ -68,7 +68,7 @@ bool is_before_fold(const Map& map, const Vec2d& at) {
   return true;
 }
 
-/// Where the map goes to `landed`, by Newton's method.
+/// The point that the map takes to `landed`, by Newton's method.
 template <class Map>
 std::optional<Vec2d> inverse(const Map& map, const Vec2d& landed) {
   constexpr int kMostSteps = 100;

@@ -12,7 +12,7 @@
 
 namespace gs {
 
-/// What a lens does to rays; lens.h has the table.
+/// The kinds of lenses; lens.h has the table.
 enum class Lens { none, radial_tangential, fisheye, fisheye_rad_tan, fov, division, unified };
 
 /// A lens and its coefficients; those that a model does not have are 0.
@@ -175,7 +175,8 @@ Vec2<T> unified(const T& alpha, const T& beta, const Vec2<T>& u) {
 
 }  // namespace lens_formulas
 
-/// Where the ray through `ideal` lands, normalized; not a number where the model has no answer.
+/// The normalized point where the ray through `ideal` meets the photo; not a number if the model
+/// has no answer.
 template <class T>
 Vec2<T> distorted(const LensCoefficients<T>& lens, const Vec2<T>& ideal) {
   using namespace lens_formulas;

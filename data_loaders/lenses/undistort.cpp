@@ -104,13 +104,13 @@ void check_field_of_view(const LensCamera& camera, const PinholeCamera<double>& 
   const double up = degrees(pinhole.cy / pinhole.fy),
                down = degrees((pinhole.height - pinhole.cy) / pinhole.fy);
   if (std::max({left, right, up, down}) < kWidestHalfField) return;
-  throw Error(fmt::format(
-      "cannot undistort photo '{}': its camera ({}) has too wide a field of view for one pinhole "
-      "picture, which would span {:.0f} x {:.0f} degrees, with borders {:.0f} degrees from the "
-      "axis where {:.0f} is the most; crop the photos before COLMAP sees them, or {}, with "
-      "--max_scale 1 for a smaller field",
-      photo, camera_model_info(camera.model).name, left + right, up + down,
-      std::max({left, right, up, down}), kWidestHalfField, kUndistortRemedy));
+  throw Error(
+      fmt::format("cannot undistort photo '{}': its camera ({}) has too wide a field of view for "
+                  "one pinhole picture. It would span {:.0f} x {:.0f} degrees, with borders {:.0f} "
+                  "degrees from the axis; the limit is {:.0f}. Crop the photos before COLMAP sees "
+                  "them, or {}, with --max_scale 1 for a smaller field",
+                  photo, camera_model_info(camera.model).name, left + right, up + down,
+                  std::max({left, right, up, down}), kWidestHalfField, kUndistortRemedy));
 }
 
 [[noreturn]] void fail_without_opencv(const std::string& photo) {

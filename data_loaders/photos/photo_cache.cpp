@@ -30,7 +30,7 @@ namespace {
 constexpr const char* kEnding = ".gsphoto";
 constexpr std::size_t kKeyLength = 32;  // hexadecimal digits of 128 bits
 
-// Only what has the form of our names is ever removed.
+// Whether a file has the form of our names: only such files are ever removed.
 bool is_entry(const fs::path& path) {
   const std::string name = path.stem().string();
   return path.extension() == kEnding && name.size() == kKeyLength &&
@@ -56,7 +56,7 @@ fs::path PhotoCache::path_of(const std::string& key) const {
   return folder_ / key.substr(0, 2) / (key + kEnding);
 }
 
-// What is there, and what may be removed of it.
+// Lists the entries of the folder, and those that may be removed.
 void PhotoCache::take_stock() {
   has_taken_stock_ = true;
   std::error_code error;

@@ -14,7 +14,8 @@ constexpr std::array<std::string_view, 17> kPictureExtensions = {
     ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".exr", ".hdr",
     ".tga", ".gif",  ".ppm", ".pgm", ".pnm",  ".jp2", ".heic", ".avif"};
 
-// Of photos that cannot be read here but may be named by a model: they are converted before training.
+// Extensions of raw photos. They cannot be read here, but a model may name them if they were
+// converted before training.
 constexpr std::array<std::string_view, 11> kRawExtensions = {
     ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".raw", ".heif", ".jxl"};
 

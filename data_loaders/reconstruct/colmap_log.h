@@ -19,11 +19,11 @@ struct ColmapCount {
   std::int64_t done = 0, total = 0;  // total 0: not said in the line
 };
 
-/// Of "Processed file [3/12]", "Matching block [1/4, 2/4]", "Matching image [5/300]" or
+/// The counts in "Processed file [3/12]", "Matching block [1/4, 2/4]", "Matching image [5/300]" or
 /// "Registering image #7 (4)"; nothing for other lines.
 std::optional<ColmapCount> colmap_count(std::string_view line);
 
-/// What became of the photos, from the whole log. COLMAP's ids are 1, 2, ... in the order in which
+/// The result for each photo, from the whole log. COLMAP's ids are 1, 2, ... in the order in which
 /// it stored features; colmap_verdict.cpp checks that against the model.
 struct ColmapLog {
   struct Photo {

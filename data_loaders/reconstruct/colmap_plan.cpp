@@ -50,7 +50,7 @@ bool is_within(const fs::path& inner, const fs::path& outer) {
 void complete_plan(ColmapPlan& plan, const fs::path& source) {
   if (plan.photos.size() < kFewestPhotos)
     throw Error(
-        fmt::format("{} has {} photo(s); a scene needs at least {}, and 30 or more to look well",
+        fmt::format("{} has {} photo(s); a scene needs at least {}, and looks good with 30 or more",
                     source.string(), plan.photos.size(), kFewestPhotos));
   if (plan.matching == Matching::automatic)
     plan.matching = plan.videos.empty() && plan.photos.size() <= kExhaustivePhotos

@@ -43,7 +43,7 @@ class Reasons {
 
   std::string of(const std::string& name) const {
     if (const auto other = other_models_.find(name); other != other_models_.end())
-      return fmt::format("it is in another model, {}, that shares too little with the largest",
+      return fmt::format("it is in another model, {}, which shares too little with the largest one",
                          other->second);
     const auto id = ids_.find(name);
     if (id == ids_.end()) return "COLMAP found no features in it, or could not read it";
@@ -52,7 +52,7 @@ class Reasons {
       return fmt::format("too few features ({}): blurred, dark or without texture", features);
     const auto seen = log_.seen_points.find(id->second);
     if (seen == log_.seen_points.end())
-      return fmt::format("too few matches with the photos placed ({} features)", features);
+      return fmt::format("too few matches with the placed photos ({} features)", features);
     return fmt::format("{} of the model's points seen, {}", seen->second,
                        seen->second < kNeededPoints
                            ? fmt::format("{} are needed: too little overlap", kNeededPoints)

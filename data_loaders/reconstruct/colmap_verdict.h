@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What came of a reconstruction: how many photos were placed, and why the others were not.
+// The result of a reconstruction: how many photos were placed, and why the others were not.
 #pragma once
 
 #include "data_loaders/reconstruct/colmap_plan.h"

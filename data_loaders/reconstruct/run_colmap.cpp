@@ -47,8 +47,8 @@ std::set<std::string> stage_names() {
   if (stage.stage == ColmapStage::model && read_colmap_log(plan.files.log()).no_model)
     throw Error(fmt::format(
         "COLMAP could not place the cameras: no two photos share enough detail from places far "
-        "enough apart; take more photos, each with two thirds of the one before in it{}. All that "
-        "COLMAP said is in {}",
+        "enough apart; take more photos, each of which shows two thirds of the one before{}. The "
+        "output of COLMAP is in {}",
         plan.matching == Matching::sequential ? ", or try " + plan.flag("matching", "exhaustive")
                                               : "",
         log));
@@ -76,10 +76,9 @@ void run_stage(const Stage& stage, const ColmapCommand& command, const ColmapPla
     });
   } catch (const Error& error) {
     if (error.code() != ExitCode::interrupted) throw;
-    throw Error(
-        fmt::format("{}; what is complete stays in {}, and the same command continues there",
-                    error.what(), plan.files.root.string()),
-        ExitCode::interrupted);
+    throw Error(fmt::format("{}; complete parts stay in {}, and the same command continues there",
+                            error.what(), plan.files.root.string()),
+                ExitCode::interrupted);
   }
   if (!end.good()) fail_in(stage, plan, end);
 }
@@ -92,11 +91,10 @@ void keep_models(const SceneFiles& files) {
   std::stable_sort(models.begin(), models.end(),
                    [](const auto& a, const auto& b) { return a.first > b.first; });
   if (models.empty() || models[0].first < kFewestPhotos)
-    throw Error(
-        fmt::format("COLMAP placed only {} photo(s), and a scene needs at least {}; take more "
-                    "photos, each with two thirds of the one before in it. All that COLMAP said is "
-                    "in {}",
-                    models.empty() ? 0 : models[0].first, kFewestPhotos, files.log().string()));
+    throw Error(fmt::format(
+        "COLMAP placed only {} photo(s), but a scene needs at least {}; take more photos, each of "
+        "which shows two thirds of the one before. The output of COLMAP is in {}",
+        models.empty() ? 0 : models[0].first, kFewestPhotos, files.log().string()));
   fs::remove_all(files.sparse());
   fs::create_directories(files.sparse());
   for (std::size_t i = 0; i < models.size(); ++i)

@@ -19,7 +19,7 @@ enum class ColmapStage { frames, features, matches, model };
 using ColmapProgress =
     std::function<void(ColmapStage stage, std::int64_t done, std::int64_t total)>;
 
-/// Which photos become which scene.
+/// A request: the photos, and the scene that is made from them.
 struct ColmapJob {
   std::filesystem::path photos;  // a folder of photos or videos, or a video; never changed
   std::filesystem::path scene;   // images/, sparse/N, database.db, colmap.log, reconstruct.json

@@ -61,13 +61,13 @@ SceneState prepare_folder(const ColmapPlan& plan, const ColmapJob& job,
           fmt::format("cannot move {} away, as --force asks: the photos lie in it; choose another "
                       "scene with -o",
                       job.scene.string()));
-    log_warning("what was in {} was moved to {}", job.scene.string(),
+    log_warning("the old content of {} was moved to {}", job.scene.string(),
                 move_aside(job.scene).string());
     return fresh;
   }
   if (ours && same) return state;
   if (ours && !is_finished) {
-    log_warning("photos or settings are not those of the unfinished scene in {}: starting over",
+    log_warning("photos or settings differ from those of the unfinished scene in {}: starting over",
                 job.scene.string());
     for (const fs::path& path : {files.database(), files.log(), files.sparse(), files.attempt()})
       fs::remove_all(path);

@@ -50,7 +50,7 @@ bool is_well_exposed(const Vec3f& color) {
   return low > kDarkest && high < kBrightest;
 }
 
-/// Where a point is seen, in pixels; nothing behind the camera.
+/// The pixel where a point projects to; nothing if it is behind the camera.
 std::optional<Vec2f> pixel_of(const Camera& camera, const Vec3f& point) {
   const Vec3f at =
       multiply(camera.cam_from_world_rotation, point) + camera.cam_from_world_translation;

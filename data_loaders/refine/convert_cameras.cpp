@@ -35,16 +35,15 @@ void check_fit(const ColmapCamera& camera, const FittedCamera& fit, double max_e
   const char* to = camera_model_info(fit.camera.model).name;
   if (fit.unseen_share > 0)
     throw Error(
-        fmt::format("camera {} ({}) cannot become {}: {:.1f} % of its picture shows what lies "
-                    "beside or behind the camera; crop the "
-                    "photos, or train on the original model, which gemsplat undistorts by itself",
+        fmt::format("camera {} ({}) cannot become {}: {:.1f} % of its picture shows places beside "
+                    "or behind the camera; crop the photos, or train on the original model, which "
+                    "gemsplat undistorts by itself",
                     camera.id, from, to, 100 * fit.unseen_share));
   if (!(fit.max_error <= max_error))
     throw Error(
-        fmt::format("camera {} ({}) cannot become {}: it would be off by {:.2f} pixels in the mean "
-                    "and by up to {:.2f}, and {} is the "
-                    "most; give {}--max-error PIXELS, or train on the original model, which "
-                    "gemsplat undistorts by itself",
+        fmt::format("camera {} ({}) cannot become {}: its error would be {:.2f} pixels in the mean "
+                    "and up to {:.2f}, but the limit is {}; give {}--max-error PIXELS, or train on "
+                    "the original model, which gemsplat undistorts by itself",
                     camera.id, from, to, fit.mean_error, fit.max_error, max_error,
                     fit.camera.model == CameraModel::pinhole ? "--camera-model OPENCV or " : ""));
 }

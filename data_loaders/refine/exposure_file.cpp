@@ -18,7 +18,7 @@ namespace {
 using Json = nlohmann::basic_json<std::map, std::vector, std::string, bool, std::int64_t,
                                   std::uint64_t, float>;
 
-constexpr const char* kRemedy = "train again, or remove the file to solve for exposures anew";
+constexpr const char* kRemedy = "train again, or remove the file to compute exposures again";
 
 Vec3f exposure_of(const Json& json, const std::string& name, const std::filesystem::path& path) {
   Vec3f exposure(0);
@@ -50,7 +50,7 @@ void write_exposures(const std::filesystem::path& path, const Scene& scene) {
 
 Exposures read_exposures(const std::filesystem::path& path) {
   const auto json = read_json_as<Json>(path, kRemedy);
-  if (!json.is_object()) cannot_read(path, fmt::format("it is no list of photos; {}", kRemedy));
+  if (!json.is_object()) cannot_read(path, fmt::format("it is not a list of photos; {}", kRemedy));
   Exposures exposures;
   for (const auto& [name, value] : json.items()) exposures[name] = exposure_of(value, name, path);
   return exposures;

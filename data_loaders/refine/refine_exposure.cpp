@@ -22,7 +22,7 @@ struct LogSample {
   double log_color;
 };
 
-/// What is solved for in one channel.
+/// The unknowns of one channel.
 struct Channel {
   std::vector<double> log_exposure;  // (photos)
   std::vector<double> log_color;     // (points)
@@ -162,7 +162,7 @@ double spread(const std::vector<ColorSample>& samples, const std::vector<Vec3f>&
   return kSigmaPerMedian * *middle;
 }
 
-/// Of photos with too few samples of known points.
+/// The photos with too few samples of known points.
 std::vector<std::size_t> photos_without_samples(const std::vector<ColorSample>& samples,
                                                 const Channel& channel) {
   std::vector<std::size_t> counts(channel.log_exposure.size(), 0), result;

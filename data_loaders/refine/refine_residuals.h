@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The residuals of refine_cameras.cpp, the only user of this file: the distance between the pixel
-// where a point lands and the one where it was seen, and the change of each lens.
+// The residuals of refine_cameras.cpp: the distance between the pixel where a point lands and the one
+// where it was seen, and the change of each lens. refine_problem.cpp measures the same distance.
 #pragma once
 
 #include <ceres/ceres.h>
@@ -23,7 +23,8 @@ inline constexpr double kCenterSpread = 0.01;  // of the longer side
 inline constexpr double kCoefficientSpread = 0.1;
 inline constexpr double kNearest = 1e-6;  // depth; nearer points get a huge error
 
-/// Where a point in camera space lands, pixels. A fisheye sees points beside and behind it, too.
+/// The pixel where a point in camera space projects to. A fisheye also sees points beside and
+/// behind it.
 template <class T>
 Vec2<T> landed(CameraModel model, const T* params, const Vec3<T>& at) {
   using std::atan2, std::sqrt;

@@ -14,7 +14,7 @@ bool can_refine() { return false; }
 void check_can_refine(const char* option) {
   throw Error(
       fmt::format("{} needs Ceres, and this build has none; install libceres-dev and build again, "
-                  "or do without it",
+                  "or leave it out",
                   option));
 }
 

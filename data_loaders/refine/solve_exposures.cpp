@@ -10,7 +10,8 @@
 namespace gs {
 namespace {
 
-/// In all photos together: more would tell nothing new about three numbers per photo.
+/// The largest number of samples in all photos together: more would add nothing to three numbers
+/// per photo.
 constexpr std::size_t kMostColorSamples = 1000000;
 
 void log_exposures(const ExposureFit& fit) {
@@ -51,7 +52,7 @@ ExposureSummary solve_exposures(const std::vector<ScenePoint>& points,
   for (std::size_t i = 0; i < views.size(); ++i) views[i].exposure = fit.exposures[i];
   for (const std::size_t photo : fit.unknown)
     log_warning(
-        "{} shares too few well-exposed points with other photos to know its exposure: it stays as "
+        "{} shares too few well-exposed points with other photos to find its exposure: it stays as "
         "it is",
         views[photo].name);
   log_exposures(fit);

@@ -48,12 +48,12 @@ struct ScenePlan {
 
 void log_refinement(const CameraRefinement& refinement) {
   log_info(
-      "cameras refined in {} steps, {:.1f} s: {} observations of {} points in {} photos are off by "
-      "{:.3f} pixels in the mean, {:.3f} before (median {:.3f}, {:.3f} before){}",
+      "cameras refined in {} steps, {:.1f} s: {} observations of {} points in {} photos; mean "
+      "error {:.3f} pixels, {:.3f} before (median {:.3f}, {:.3f} before){}",
       refinement.steps, refinement.seconds, refinement.observations, refinement.points,
       refinement.images, refinement.mean_error_after, refinement.mean_error_before,
       refinement.median_error_after, refinement.median_error_before,
-      refinement.has_converged ? "" : "; stopped at the cap of steps");
+      refinement.has_converged ? "" : "; stopped at the largest number of steps");
 }
 
 std::vector<ScenePoint> single_precision_points(const ColmapModel& model) {
@@ -84,8 +84,8 @@ ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress)
   plan.world_offset = scene.world_offset;
   if (plan.world_offset != Vec3d(0.0))
     log_info(
-        "the scene lies far from the origin: {} is taken off its coordinates, which single "
-        "precision could not hold",
+        "the scene lies far from the origin: {} is subtracted from its coordinates, because single "
+        "precision cannot hold them",
         text_of_offset(plan.world_offset));
   if (dataset.refine_cameras) {
     plan.refinement = refine_cameras(scene.model, progress_of(LoadStage::refinement));
@@ -187,18 +187,19 @@ std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan>
   std::size_t budget = photo_ram_bytes(dataset);
   const bool all_fit = fit_into_ram(costs, budget);
   const std::shared_ptr<CachedPictures> cache = cache_for(dataset, plans, all_fit);
-  if (cache) log_info("photos ready for training are kept in {}", cache->folder().string());
+  if (cache)
+    log_info("photos that are ready for training are kept in {}", cache->folder().string());
   if (all_fit) return load_views(plans, cache.get(), progress);
   const std::size_t least = PhotoPool::least_budget(costs);
   if (dataset.photo_ram_gib > 0 && budget < least)
     throw UsageError(fmt::format(
-        "dataset.photo_ram_gib is {}, and one of these photos in use while another one is decoded "
+        "dataset.photo_ram_gib is {}, but one of these photos in use while another one is decoded "
         "takes {:.3g}; give at least that (--photo-ram), or 0 for half of the machine's memory",
         dataset.photo_ram_gib, 1.01 * double(least) / kBytesPerGib));
   budget = std::max(budget, least);
   log_info(
-      "the photos take {:.3g} GiB when decoded and may take {:.3g} GiB of memory (--photo-ram): "
-      "they are decoded when it is their turn",
+      "the photos take {:.3g} GiB when decoded, but may take {:.3g} GiB of memory (--photo-ram): "
+      "they are decoded just before their turn",
       held / kBytesPerGib, double(budget) / kBytesPerGib);
   return lazy_views(std::move(plans), std::move(costs), budget, cache);
 }
@@ -235,8 +236,8 @@ void split_views(std::vector<View> views, const std::vector<bool>& is_test, Scen
   if (empty.empty()) return;
   if (scene.train_views.empty())
     throw Error(fmt::format(
-        "no photo of {} has a pixel to train on: the masks are black everywhere, and white trains; "
-        "invert them with --invert-masks, or leave them out with --masks none",
+        "no photo of {} has a pixel to train on: the masks are black everywhere, and only white "
+        "pixels are trained; invert them with --invert-masks, or leave them out with --masks none",
         scene.source));
   log_warning("{} masked everywhere and left out: {}{}",
               counted(empty.size(), "photo", "is", "are"), empty.front(),

@@ -26,8 +26,8 @@ void check_mask_size(const fs::path& mask, const fs::path& photo, const PhotoSiz
   const PhotoSize size = read_photo_size(mask);
   if (has_shape_of(size, photo_size)) return;
   throw Error(fmt::format(
-      "mask {} has {} x {} pixels and its photo {} has {} x {}: the shapes differ, so the mask was "
-      "made for another picture; make it again from this photo, or take it away",
+      "mask {} has {} x {} pixels, but its photo {} has {} x {}: the shapes differ, so the mask "
+      "was made for another picture; make it again from this photo, or remove it",
       mask.string(), size.width, size.height, photo.string(), photo_size.width, photo_size.height));
 }
 
@@ -40,7 +40,7 @@ LensCamera fitted_to_photo(LensCamera lens, const ViewPlan& plan) {
     return lens;
   }
   const std::string sizes =
-      fmt::format("photo {} has {} x {} pixels and its camera in the model {} x {}",
+      fmt::format("photo {} has {} x {} pixels, but its camera in the model {} x {}",
                   plan.file.string(), photo.width, photo.height, model.width, model.height);
   if (fit == PhotoFit::turned)
     throw Error(
@@ -64,10 +64,10 @@ void check_resolution(int resolution, const PinholeCamera<double>& camera,
         "of at least 16 pixels",
         resolution));
   if (!divides && resolution > camera.width)
-    throw UsageError(fmt::format(
-        "dataset.resolution asks for {} pixels of width and photo '{}' has {}; give at most {}, "
-        "or 1 for the photos' own size",
-        resolution, name, camera.width, camera.width));
+    throw UsageError(
+        fmt::format("dataset.resolution asks for a width of {} pixels, but photo '{}' has {}; give "
+                    "at most {}, or 1 for the photos' own size",
+                    resolution, name, camera.width, camera.width));
 }
 
 Camera single_precision_camera(const ViewPlan& plan, const ColmapImage& image) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What becomes of each photo, decided from its header: its lens, its sizes, its camera.
+// The plan for each photo, decided from its header: its lens, its sizes, its camera.
 #pragma once
 
 #include <filesystem>

@@ -255,9 +255,11 @@ std::vector<fs::path> match_masks(const MaskSource& source, const std::vector<st
   if (missing == names.size())
     log_warning("{}", nothing_matches(source, files.count(), names[0]));
   else if (missing > 0)
-    log_warning("{} of {} {} no mask in {}; there every pixel trains, apart from alpha: {}{}",
-                missing, counted(names.size(), "photo"), missing == 1 ? "has" : "have",
-                source.folder.string(), first_missing, missing > 1 ? ", ..." : "");
+    log_warning(
+        "{} of {} {} no mask in {}; all their pixels are trained, except where alpha masks them: "
+        "{}{}",
+        missing, counted(names.size(), "photo"), missing == 1 ? "has" : "have",
+        source.folder.string(), first_missing, missing > 1 ? ", ..." : "");
   return masks;
 }
 

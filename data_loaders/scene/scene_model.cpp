@@ -44,10 +44,10 @@ std::vector<bool> split_of_files(const TransformsScene& transforms, const Colmap
   std::vector<bool> is_test;
   for (const ColmapImage& image : model.images) is_test.push_back(held_out.contains(image.name));
   if (std::find(is_test.begin(), is_test.end(), false) == is_test.end())
-    throw UsageError(fmt::format(
-        "no view is left to train on: the files in {} put all of them to testing; train without "
-        "dataset.eval",
-        model.folder.string()));
+    throw UsageError(
+        fmt::format("no view is left to train on: the files in {} name all of them for testing; "
+                    "train without dataset.eval",
+                    model.folder.string()));
   return is_test;
 }
 
@@ -79,8 +79,8 @@ void check_registered(const ColmapModel& model, const fs::path& images) {
   if (photos < kManyTimes * registered) return;
   throw Error(fmt::format(
       "the model in {} holds only {} of the {} photos in {}: COLMAP could not register the others; "
-      "run COLMAP again (exhaustive matching, or photos that overlap more), or take this model all "
-      "the same by naming it with --set dataset.model=FOLDER",
+      "run COLMAP again (exhaustive matching, or photos that overlap more), or use this model "
+      "nevertheless by naming it with --set dataset.model=FOLDER",
       model.folder.string(), registered, photos, images.string()));
 }
 
@@ -117,7 +117,7 @@ std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel&
 std::string text_of_moving_scene(std::size_t time_count) {
   return fmt::format(
       "the scene moves: its photos were taken at {} different times (`time` of the frames); it is "
-      "trained as a static scene, and everything that moves comes out blurred",
+      "trained as a static scene, so everything that moves becomes blurred",
       time_count);
 }
 

@@ -21,7 +21,7 @@ using Json = nlohmann::json;
 constexpr int kLongestSide = 65520;          // pixels; a JPEG's most in whole blocks of 16
 constexpr double kRotationTolerance = 0.01;  // three digits are enough; a scaled matrix is refused
 
-/// What keeps the rows of R from being the axes of a camera; "" if they are.
+/// The reason why the rows of R are not the axes of a camera; "" if they are.
 std::string fault_of(const Mat3<double>& R) {
   switch (rotation_fault(R, kRotationTolerance)) {
     case RotationFault::none: return "";
@@ -46,7 +46,7 @@ std::string kind(const Json& value) { return fmt::format("a value of type {}", v
 
 TransformsFrame::TransformsFrame(const TransformsFile& file, std::size_t index)
     : file_(file), frame_(file.frames()[index]), place_(fmt::format("frame {}", index)) {
-  if (!frame_.is_object()) fail("is no object");
+  if (!frame_.is_object()) fail("is not an object");
   const Json* path = value_of(frame_, "file_path");
   if (path && path->is_string())
     place_ += fmt::format(" ('{}')", path->get_ref<const std::string&>());

@@ -18,11 +18,11 @@ class TransformsFrame {
  public:
   TransformsFrame(const TransformsFile& file, std::size_t index);
 
-  /// Of the photo, relative to the file's folder.
+  /// The name of the photo, relative to the file's folder.
   std::string name() const;
   /// The file of the photo's mask; empty if the frame names none.
   std::filesystem::path mask() const;
-  /// Without id. `name` is that of the photo.
+  /// The camera, without an id. `name` is that of the photo.
   ColmapCamera camera(const std::string& name) const;
   /// Sets rotation and translation.
   void read_pose(ColmapImage& image) const;
@@ -33,7 +33,7 @@ class TransformsFrame {
   using Json = nlohmann::json;
 
   [[noreturn]] void fail(const std::string& what,
-                         const char* remedy = "; mend the entry or write the file again") const;
+                         const char* remedy = "; correct the entry or write the file again") const;
   [[noreturn]] void fail_matrix() const;
   const Json* find(const char* key) const;
   const std::string& text(const Json& value, const char* key) const;

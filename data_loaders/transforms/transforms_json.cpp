@@ -45,9 +45,9 @@ class FrameCollector {
       image.name = frame.name();
       image.mask = frame.mask();
       if (!names_.insert(image.name).second)
-        file.fail(
-            fmt::format("file_path of frame {} is '{}', which a frame before it has; leave one out",
-                        i, image.name));
+        file.fail(fmt::format(
+            "file_path of frame {} is '{}', which an earlier frame has, too; leave one out", i,
+            image.name));
       image.camera_id = id_of(frame.camera(image.name));
       frame.read_pose(image);
       if (const auto time = frame.time()) times_.insert(*time);
@@ -78,17 +78,16 @@ std::optional<Names> listed(const TransformsFile& file, const char* key, const N
   const auto list = file.top.find(key);
   if (list == file.top.end() || list->is_null()) return std::nullopt;
   if (!list->is_array())
-    file.fail(fmt::format("{} is no list; list file_paths in it or leave it out", key));
+    file.fail(fmt::format("{} is not a list; list file_paths in it or leave it out", key));
   Names names;
   for (std::size_t i = 0; i < list->size(); ++i) {
     const Json& entry = (*list)[i];
     const std::string text = entry.is_string() ? entry.get<std::string>() : "";
     const std::string name = with_extension(file.folder(), path_inside(text).value_or(""));
     if (!known.contains(name))
-      file.fail(
-          fmt::format("entry {} of {}, '{}', is the file_path of no frame; mend it or leave "
-                      "it out",
-                      i, key, text));
+      file.fail(fmt::format(
+          "entry {} of {}, '{}', is not the file_path of any frame; correct it or leave it out", i,
+          key, text));
     names.insert(name);
   }
   return names;
@@ -116,10 +115,10 @@ void split_by_lists(const TransformsFile& file, TransformsScene& scene) {
     return train ? !is_listed : val && val->contains(image.name);
   });
   if (in_both)
-    log_warning("{} for training and for testing in {}: training does without",
+    log_warning("{} listed both for training and for testing in {}: not used for training",
                 counted(in_both, "photo", "is", "are"), file.path.string());
   if (scene.test_names.size() == scene.model.images.size())
-    file.fail("train_filenames and test_filenames leave no frame to train on; mend the lists");
+    file.fail("train_filenames and test_filenames leave no frame to train on; correct the lists");
 }
 
 }  // namespace

@@ -67,8 +67,8 @@ std::vector<ColmapPoint> read_transforms_points(const TransformsFile& file) {
   const auto name = entry->is_string() ? path_inside(entry->get<std::string>()) : std::nullopt;
   if (!name)
     file.fail(
-        "ply_file_path is no path to a file in its folder; copy the PLY there and name it relative "
-        "to the folder, or leave the key out");
+        "ply_file_path is not a path to a file in its folder; copy the PLY there and name it "
+        "relative to the folder, or leave the key out");
   try {
     return read_points(file.folder() / *name);
   } catch (const Error& error) {

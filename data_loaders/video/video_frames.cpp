@@ -39,7 +39,7 @@ cv::VideoCapture open_video(const fs::path& video) {
   cv::VideoCapture capture;
   if (!capture.open(video.string(), cv::CAP_FFMPEG)) capture.open(video.string(), cv::CAP_ANY);
   if (!capture.isOpened())
-    cannot_read_video(video, "it is damaged, or of a format that is not known here");
+    cannot_read_video(video, "it is damaged, or has a format that OpenCV does not know");
   capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 1);
   return capture;
 }
@@ -99,7 +99,8 @@ std::vector<std::string> take_frames(const fs::path& video, std::int64_t total, 
   if (number == 0) cannot_read_video(video, "it has no frame that can be decoded");
   if (double(number) < kEndedEarly * double(total))
     log_warning(
-        "video {} ends after {} of {} frames: it is damaged or cut short; what came before is used",
+        "video {} ends after {} of {} frames: it is damaged or cut short; the frames before are "
+        "used",
         video.string(), number, total);
   return names;
 }

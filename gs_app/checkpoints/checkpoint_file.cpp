@@ -19,7 +19,7 @@ namespace {
 constexpr FileKind kKind{"gsckpt\r\n", 1};
 constexpr std::size_t kChunkBytes = std::size_t(1) << 24;  // copied from a device at once
 
-// ---- the config, a line per field -----------------------------------------------------------------------
+// ---- the config, a line per field --------------------------------------------------------------
 
 std::string text_of(const Config& config) {
   std::string text;
@@ -39,7 +39,7 @@ Config config_of(const std::string& text) {
   return config;
 }
 
-// ---- numbers that people may want to read ----------------------------------------------------------------
+// ---- numbers that people may want to read ------------------------------------------------------
 
 nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& model,
                              const SceneRecord& scene) {
@@ -55,7 +55,7 @@ nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& m
           {"world_offset", {scene.world_offset.x, scene.world_offset.y, scene.world_offset.z}}};
 }
 
-// ---- views ----------------------------------------------------------------------------------------------
+// ---- views -------------------------------------------------------------------------------------
 
 struct ViewNumbers {
   std::int32_t is_test, width, height;
@@ -120,7 +120,7 @@ std::vector<ViewRecord> read_views(CheckedReader& file) {
   return views;
 }
 
-// ---- arrays ---------------------------------------------------------------------------------------------
+// ---- arrays ------------------------------------------------------------------------------------
 
 template <class T>
 void write_array(CheckedWriter& file, const std::string& name, const T* data, std::size_t count,

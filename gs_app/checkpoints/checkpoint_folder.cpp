@@ -50,7 +50,7 @@ std::optional<Checkpoint> newest_checkpoint(const fs::path& folder) {
       return read_checkpoint(candidate.file);
     } catch (const Error& error) {
       if (error.code() == ExitCode::out_of_memory) throw;
-      log_warning("{}; it is renamed to {}.refused, and the next older one is taken", error.what(),
+      log_warning("{}; it is renamed to {}.refused, and the older checkpoint is used", error.what(),
                   candidate.file.filename().string());
     }
     std::error_code ignored;

@@ -29,10 +29,10 @@ void check_kept_settings(const Config& ours, const Config& now, const fs::path& 
       differing += fmt::format("{}{} = {} (now {})", differing.empty() ? "" : ", ", change.key,
                                change.a, change.b);
   if (!differing.empty())
-    throw UsageError(fmt::format(
-        "the run in {} was trained with {}, and a resumed run keeps that: leave it out, or train "
-        "anew in another folder (-o)",
-        folder.string(), differing));
+    throw UsageError(
+        fmt::format("the run in {} was trained with {}, which a resumed run cannot change: leave "
+                    "the new value out, or start a new run in another folder (-o)",
+                    folder.string(), differing));
 }
 
 // The schedule stays that of the run. Where another length is asked for, the difference becomes
@@ -50,7 +50,7 @@ void keep_schedule(const Config& ours, Config& now, int steps_done) {
   }
   if (schedule + now.train.extra_steps < steps_done)
     throw UsageError(
-        fmt::format("the run has {} steps behind it already; ask for more", steps_done));
+        fmt::format("the run has done {} steps already; give a larger number", steps_done));
 }
 
 // `--iterations +N` makes a finished run longer. A run whose extension is not complete yet goes on
@@ -67,7 +67,7 @@ void add_steps(ResumedRun& run, int added) {
         "--resume alone first",
         added, run.source.string(), run.checkpoint.state.progress.step));
   } else {
-    log_info("the extension at hand is finished first: {} extra steps in all",
+    log_info("the extension that was begun is finished first: {} extra steps in all",
              run.config.train.extra_steps);
   }
 }
@@ -75,10 +75,10 @@ void add_steps(ResumedRun& run, int added) {
 // A model has neither Adam's moments nor a step to go on from.
 void refuse_model(const fs::path& file) {
   if (!find_format(file)) return;
-  throw UsageError(fmt::format(
-      "{} is a model and no checkpoint, so that a run cannot go on from it; give --resume a run's "
-      "folder, or start a new run from the model with --start-from {} -o OUT",
-      file.string(), file.string()));
+  throw UsageError(
+      fmt::format("{} is a model, not a checkpoint, so a run cannot go on from it; give --resume a "
+                  "run's folder, or start a new run from the model with --start-from {} -o OUT",
+                  file.string(), file.string()));
 }
 
 // The checkpoint and the folder of its run.
@@ -86,7 +86,8 @@ std::optional<ResumedRun> find_checkpoint(const SettingsOver& settings, const st
   const bool is_auto = where == "auto";
   const fs::path named = is_auto ? fs::path(settings({}).model.output) : fs::path(where);
   if (named.empty())
-    throw UsageError("which run? give the folder of the run with -o OUT, or with --resume OUT");
+    throw UsageError(
+        "there is no run to resume; give its folder with -o OUT, or with --resume OUT");
   if (!is_auto && !fs::exists(named))
     throw UsageError("there is no run to resume at " + named.string() + "; check the path");
   ResumedRun run;
@@ -102,7 +103,7 @@ std::optional<ResumedRun> find_checkpoint(const SettingsOver& settings, const st
   if (!found)
     throw Error("there is no checkpoint to resume from in " +
                 RunFolder(named).checkpoints().string() +
-                "; train anew in another folder (-o), or here with --force");
+                "; start a new run in another folder (-o), or here with --force");
   run.checkpoint = std::move(*found);
   return run;
 }
@@ -201,8 +202,8 @@ void check_same_scene(const ResumedRun& run, const Scene& scene) {
   const SceneRecord here(scene), &ours = run.checkpoint.scene;
   const auto refuse = [&](const std::string& what) {
     throw Error(
-        fmt::format("{} is not the scene that the run in {} was trained on: {}; name that "
-                    "one, or train anew in another folder (-o)",
+        fmt::format("{} is not the scene that the run in {} was trained on: {}; name that scene, "
+                    "or start a new run in another folder (-o)",
                     scene.source, run.source.string(), what));
   };
   if (here.views.size() != ours.views.size())
@@ -210,12 +211,12 @@ void check_same_scene(const ResumedRun& run, const Scene& scene) {
   for (std::size_t i = 0; i < here.views.size(); ++i) {
     const ViewRecord &now = here.views[i], &was = ours.views[i];
     if (now.name != was.name || now.is_test != was.is_test)
-      refuse(fmt::format("{} stands where {} was", now.name, was.name));
+      refuse(fmt::format("view {} is in the place of {}", now.name, was.name));
     if (now.camera.width != was.camera.width || now.camera.height != was.camera.height)
       refuse(fmt::format("{} has {}x{} pixels, not {}x{}", now.name, now.camera.width,
                          now.camera.height, was.camera.width, was.camera.height));
     if (!has_solved_views(run) && !is_same(now, was))
-      refuse("the camera of " + now.name + " is another");
+      refuse("the camera of " + now.name + " differs");
   }
 }
 

@@ -216,6 +216,8 @@ Config settings_of(const Experiment& experiment, const ExperimentScene& scene,
   settings.dataset.source = scene.path.string();
   settings.train.seed = seed;
   settings.model.output.clear();
+  std::string& start = settings.model.start_from;
+  if (!start.empty()) start = (experiment.file.parent_path() / start).lexically_normal().string();
   validate(settings, origins);
   return settings;
 }

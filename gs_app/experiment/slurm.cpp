@@ -82,7 +82,7 @@ void submit(const Experiment& experiment, const std::vector<const ExperimentRun*
       throw Error("sbatch failed on " + script.string() +
                   "; check its options in [slurm] of the experiment's file");
   }
-  std::cout << fmt::format("to write the tables, now or later: {}\n", gather);
+  std::cout << fmt::format("write the tables, now or later, with: {}\n", gather);
 }
 
 }  // namespace gs

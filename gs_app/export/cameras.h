@@ -22,7 +22,8 @@ std::vector<NamedCamera> cameras_of_file(const std::filesystem::path& file, int 
 std::vector<NamedCamera> cameras_of_run(const RunFolder& run, int resolution,
                                         const std::string& split, const Vec3d& world_offset);
 
-/// The cameras of a scene, split as training on it would. Throws Error.
+/// The cameras of a scene, split as training on it would. Sizes are those of the photos, which are
+/// not decoded; masks are not looked for. Throws Error.
 std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::string& split,
                                           const Vec3d& world_offset);
 

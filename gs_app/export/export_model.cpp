@@ -57,13 +57,12 @@ std::string size_text(std::uint64_t bytes) {
 
 }  // namespace
 
-void check_place(const fs::path& file, bool force) {
+void check_place(const fs::path& file, bool force, std::string_view how_to_force) {
   if (!fs::exists(file)) return;
   if (!force)
     throw UsageError(
-        fmt::format("{} is there already; choose another name, or add --force to "
-                    "keep it as {}.bak-N",
-                    file.string(), file.filename().string()));
+        fmt::format("{} is there already; choose another name, or {} to keep it as {}.bak-N",
+                    file.string(), how_to_force, file.filename().string()));
   if (!fs::is_regular_file(file))
     throw UsageError(file.string() + " is not a file; choose another name");
 }
@@ -73,9 +72,10 @@ void keep_older_aside(const fs::path& file) {
     log_info("the older {} is now {}", file.string(), keep_aside(file).string());
 }
 
-void check_export(const ExportRequest& request, bool force) {
+void check_export(const ExportRequest& request, bool force, std::string_view how_to_force) {
   format_to_write(request.file).require(request.options);
-  for (const fs::path& file : {request.file, sidecar_of(request.file)}) check_place(file, force);
+  for (const fs::path& file : {request.file, sidecar_of(request.file)})
+    check_place(file, force, how_to_force);
 }
 
 bool is_lossy(const ExportRequest& request, int sh_degree) {

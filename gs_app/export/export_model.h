@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The one place that writes files of trained Gaussians for users: gemsplat export, prune and
-// train --export, and Python's Model.export(). A file is written, measured, and described by its
+// train --export, and Python's export() and Model.save(). A file is written, measured, and described by its
 // sidecar.
 //
 //   ExportRequest request{"out/scene.spz"};
@@ -11,6 +11,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "data_loaders/formats/sidecar.h"
@@ -25,14 +26,17 @@ struct ExportRequest {
   int sh_degree = kMaxShDegree;  // the file has no higher one
 };
 
-/// Throws UsageError where `file` exists and may not be moved aside (`force`), or is not a file.
-void check_place(const std::filesystem::path& file, bool force);
+/// Throws UsageError where `file` exists and may not be moved aside (`force`), or is not a file. The
+/// message says how to allow it.
+void check_place(const std::filesystem::path& file, bool force,
+                 std::string_view how_to_force = "add --force");
 /// Renames an existing file to FILE.bak-N, and logs that.
 void keep_older_aside(const std::filesystem::path& file);
 
 /// Throws UsageError for a name without a format, and where check_place() throws for the file or
 /// its sidecar; Error where this build lacks a library for the format. Writes nothing.
-void check_export(const ExportRequest& request, bool force);
+void check_export(const ExportRequest& request, bool force,
+                  std::string_view how_to_force = "add --force");
 
 /// Whether the file will differ from a model of SH degree `sh_degree` and can be read again, so
 /// that the difference can be measured.

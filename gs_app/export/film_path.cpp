@@ -78,10 +78,10 @@ PosedPath through_cameras(const PathRequest& request, const std::vector<NamedCam
   }
   const CameraSpline spline(poses, is_closed);
   if (spline.end() == 0)
-    throw UsageError(fmt::format(
-        "--path {} needs two cameras in different poses, and passes {} in one; name others with "
-        "--through, or take --path orbit",
-        request.kind, keys.size()));
+    throw UsageError(
+        fmt::format("--path {} needs two cameras with different poses, but all {} have the same "
+                    "pose; name others with --through, or use --path orbit",
+                    request.kind, keys.size()));
   return {
       poses_along(spline, request.frames, request.pace == "even" ? Pace::even : Pace::by_keys),
       keys.front(),

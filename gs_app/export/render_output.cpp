@@ -30,8 +30,8 @@ void check_output(const OutputRequest& request) {
   for (const char* other : kOtherFilms)
     if (ending == other)
       throw UsageError(
-          fmt::format("-o {}: films are written as .mp4; name a file that ends so, or "
-                      "a folder for pictures",
+          fmt::format("-o {}: films are written as .mp4; name a file with this ending, or a folder "
+                      "for pictures",
                       request.output.string()));
   if (request.is_film() && request.exr)
     throw UsageError(
@@ -54,9 +54,9 @@ RenderOutput::RenderOutput(OutputRequest request, std::vector<std::string> names
   const auto take = [&](const fs::path& file, const std::string& view) {
     check_place(file, request_.force);
     if (!files.insert(file).second)
-      throw UsageError(fmt::format(
-          "two views would be written to {}, one of them {}; give them names of their own",
-          file.string(), view));
+      throw UsageError(
+          fmt::format("two views would be written to {}, one of them {}; give them different names",
+                      file.string(), view));
   };
   for (const Quantity quantity : request_.quantities) {
     if (request_.is_film()) {

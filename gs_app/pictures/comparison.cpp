@@ -19,7 +19,8 @@ constexpr int kMargin = 16;                                // pixels around view
 // A quarter of the range becomes full scale.
 constexpr float kErrorGain = 4;
 
-/// Weights of the four pixels around a position that lies `t` after the second.   Catmull-Rom (Keys 1981, a = -1/2)
+/// Weights of the four pixels around a position that lies `t` after the second.
+///                                                              Catmull-Rom (Keys 1981, a = -1/2)
 std::array<float, 4> cubic_weights(float t) {
   return {((-0.5f * t + 1.0f) * t - 0.5f) * t, (1.5f * t - 2.5f) * t * t + 1.0f,
           ((-1.5f * t + 2.0f) * t + 0.5f) * t, (0.5f * t - 0.5f) * t * t};

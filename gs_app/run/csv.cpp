@@ -45,6 +45,15 @@ std::string csv_rows_up_to(const std::filesystem::path& path, std::string_view h
   return rows;
 }
 
+int last_step_in(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  int step = 0;
+  std::string line;
+  for (std::getline(file, line); std::getline(file, line) && !file.eof();)
+    step = std::atoi(line.c_str());
+  return step;
+}
+
 void append_rows(const std::filesystem::path& path, const std::string& rows) {
   std::ofstream file(path, std::ios::app);
   file << rows;

@@ -19,6 +19,10 @@ std::vector<std::string> csv_cells(std::string_view line);
 /// out: a kill may have cut off the newline or some cells. Empty if there is no file.
 std::string csv_rows_up_to(const std::filesystem::path& file, std::string_view header, int step);
 
+/// The step in the first cell of the last row that ends with a newline; 0 if there is none, or no
+/// file.
+int last_step_in(const std::filesystem::path& file);
+
 /// Adds rows at the end of a file. Throws Error.
 void append_rows(const std::filesystem::path& file, const std::string& rows);
 

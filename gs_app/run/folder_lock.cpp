@@ -64,7 +64,7 @@ bool is_still(const std::filesystem::path& file, int descriptor) {
 
 [[noreturn]] void refuse(const std::filesystem::path& folder, const Holder& holder) {
   throw Error(
-      fmt::format("another process{} is at work on {}; wait until it has ended, or stop it",
+      fmt::format("another process{} is working on {}; wait until it has ended, or stop it",
                   holder.process ? fmt::format(" ({} on {})", holder.process, holder.host) : "",
                   folder.string()));
 }
@@ -93,7 +93,7 @@ FolderLock::FolderLock(const std::filesystem::path& file, const std::filesystem:
       }
       std::this_thread::sleep_for(kRetryEvery);
     } else if (errno != EINTR) {
-      log_warning("{} cannot be locked ({}): see to it that no other process works there",
+      log_warning("{} cannot be locked ({}): make sure that no other process works there",
                   folder.string(), std::strerror(errno));
       return;
     }

@@ -21,13 +21,12 @@ std::unique_ptr<Backend> make_cuda_backend(int index) {
 #else
 std::unique_ptr<Backend> make_cuda_backend(int) {
   throw Error(
-      "this build has no CUDA; configure again where nvcc is on the PATH (-DGS_REQUIRE_CUDA=ON "
-      "says what "
-      "is missing), or use --device cpu");
+      "this build has no CUDA; configure again with nvcc on the PATH (-DGS_REQUIRE_CUDA=ON says "
+      "what is missing), or use --device cpu");
 }
 #endif
 
-// Of "cuda" and "cuda:N".
+// The number N of "cuda:N"; 0 for "cuda".
 int cuda_index(const std::string& device) {
   if (device == "cuda") return 0;
   constexpr std::string_view kPrefix = "cuda:";

@@ -52,7 +52,8 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
 }
 
 Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene) {
-  if (dataset.source.empty()) throw UsageError("which photos? give the scene with --data SCENE");
+  if (dataset.source.empty())
+    throw UsageError("the photos are not known; give the scene with --data SCENE");
   const bool has_file = opened.run && !is_other_scene && fs::exists(opened.run->exposures());
   if (has_file) dataset.exposure = false;
   Scene scene = load_scene(dataset);

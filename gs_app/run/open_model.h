@@ -31,8 +31,8 @@ OpenedModel open_model(const std::filesystem::path& path, std::optional<int> ste
 /// run was trained with, if there are any.
 Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene);
 
-/// How to render the model with a config. The SH degree is at most that of the model, and a random
-/// background becomes black.
+/// The settings for rendering the model with a config. The SH degree is at most that of the model,
+/// and a random background becomes black.
 RenderSettings view_settings(const OpenedModel& opened, Config config);
 
 }  // namespace gs

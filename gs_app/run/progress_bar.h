@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far a long job is, on standard error: one line that is redrawn on a terminal; elsewhere a
-// line for every tenth of the way, and at least one every five minutes.
+// The progress of a long job on standard error. On a terminal it is one line that is redrawn.
+// Elsewhere it is a line for every tenth of the job, and at least one every five minutes.
 #pragma once
 
 #include <chrono>

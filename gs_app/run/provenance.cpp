@@ -9,7 +9,22 @@
 #include <fstream>
 #include <sstream>
 
+#include "gs_core/version.h"
+
 namespace gs {
+
+bool knows_commit() { return std::string_view(built_commit()) != "unknown"; }
+
+// gs_app/CMakeLists.txt defines both macros for this file.
+CudaBuild built_cuda() { return {GS_CUDA_TOOLKIT, GS_CUDA_CODE}; }
+
+std::string describe_build() {
+  std::string text = fmt::format("gemsplat {}", kVersion);
+  if (knows_commit()) text += fmt::format(", commit {}", built_commit());
+  const CudaBuild cuda = built_cuda();
+  if (cuda.toolkit.empty()) return text + ", without CUDA";
+  return text + fmt::format(", CUDA {} for {}", cuda.toolkit, cuda.architectures);
+}
 
 std::string cpu_name() {
   std::ifstream file("/proc/cpuinfo");

@@ -4,12 +4,25 @@
 
 #include <cstddef>
 #include <string>
+#include <string_view>
 
 namespace gs {
 
 /// The commit that this program was built from, with "-dirty" appended if files had changed, or
 /// "unknown" without git. scripts/cmake/write_commit.cmake writes it at each build.
 const char* built_commit();
+bool knows_commit();
+
+/// What nvcc compiled this program. Both are empty in a build without CUDA.
+struct CudaBuild {
+  std::string_view toolkit;        // its version, such as "12.4.131"
+  std::string_view architectures;  // of GPUs, as CMake names them: "80-virtual, 90"
+};
+CudaBuild built_cuda();
+
+/// "gemsplat 0.1.0, commit 6eb46d6ba3b0, CUDA 12.4.131 for 80-virtual, 90", or "..., without CUDA".
+/// A build that does not know its commit names none.
+std::string describe_build();
 
 /// The CPU's name as the system reports it, or "unknown".
 std::string cpu_name();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How fast a long job goes, and how long the rest of it takes.
+// The speed of a long job, and the time that the rest of it takes.
 #pragma once
 
 #include <cstdint>

@@ -56,7 +56,7 @@ std::string split_json(const Config& config, const Scene& scene) {
   split["test"] = names(scene.test_views);
   split["rule"] = config.dataset.eval
                       ? fmt::format(
-                            "names sorted in byte order; of every {} views the first is for "
+                            "views sorted by name in byte order; the first of every {} is for "
                             "testing; views of one rig frame stay together",
                             config.dataset.test_every)
                       : "all views are for training";

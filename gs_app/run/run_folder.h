@@ -63,8 +63,9 @@ void check_is_free(const RunFolder& folder, bool force);
 /// lost.
 void make_run_folder(const RunFolder& folder);
 
-/// What is known before the first step: config.toml, cfg_args, split.json, cameras.json, input.ply;
-/// exposure.json where exposures were solved for, world_offset.json where there is one.
+/// Writes what is known before the first step: config.toml, cfg_args, split.json, cameras.json and
+/// input.ply; also exposure.json if exposures were computed, and world_offset.json if there is an
+/// offset.
 void write_run_description(const RunFolder& folder, const Config& config, const Scene& scene);
 
 /// The names of the run's views in a split, "train" or "test", as split.json has them. Throws

@@ -16,7 +16,7 @@ namespace gs {
 void evaluate_run(Trainer& trainer, const RunFolder& folder, Results& results,
                   const std::function<void(std::size_t done, std::size_t total)>& progress);
 
-/// What a finished run says of itself, before its evaluation.
+/// The results of a finished run, before its evaluation.
 Results results_of(Trainer& trainer);
 
 }  // namespace gs

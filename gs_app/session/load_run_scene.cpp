@@ -28,7 +28,7 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, SessionHoo
   DatasetConfig& dataset = config.dataset;
   const bool places_are_named = !dataset.model.empty() || dataset.images != DatasetConfig{}.images;
   if (places_are_named || !holds_only_photos(dataset.source)) return;
-  log_info("{} holds pictures and no camera poses: COLMAP looks for them first", dataset.source);
+  log_info("{} holds photos without camera poses: COLMAP computes them first", dataset.source);
   const auto scene = fs::absolute(folder.root() / "scene").lexically_normal();
   const ColmapJob job{dataset.source, scene, config.reconstruct, config.train.threads};
   check_reconstruction(job);
@@ -46,7 +46,7 @@ Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks) {
     hooks.show_loading(stage, done, total);
   });
   const View& first = scene.train_views.empty() ? scene.test_views.at(0) : scene.train_views[0];
-  log_info("{}: {} views to train on, {} held out, {}x{} pixels; {} points, extent {:.3g}",
+  log_info("{}: {} training views, {} held out, {}x{} pixels; {} points, extent {:.3g}",
            scene.source, scene.train_views.size(), scene.test_views.size(), first.camera.width,
            first.camera.height, with_commas(scene.points.size()), scene.extent);
   return scene;

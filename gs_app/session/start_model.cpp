@@ -13,8 +13,8 @@
 namespace gs {
 namespace {
 
-// From the frame of the file into that of the scene: both may have an offset taken off their
-// coordinates.
+// Moves the model from the coordinates of the file to those of the scene; an offset may have been
+// subtracted from either.
 void move_to_offset(GaussianModel& model, const Vec3d& offset) {
   if (model.world_offset == offset) return;
   const Vec3d shift = model.world_offset - offset;
@@ -40,7 +40,7 @@ GaussianModel read_start(const Config& config) {
   if (model.gaussians.count() == 0)
     throw Error("there is no Gaussian to start from in " + file.string() + "; name another model");
   if (model.antialiased != config.render.antialias)
-    log_warning("{} was trained {} antialiasing, and this run trains {} it (--antialiased)",
+    log_warning("{} was trained {} antialiasing, but this run trains {} it (--antialiased)",
                 file.string(), model.antialiased ? "with" : "without",
                 config.render.antialias ? "with" : "without");
   return model;

@@ -76,7 +76,7 @@ SessionEnd TrainSession::run() {
   choose_run();  // again, since no other process changes the folder any more
   folder_.emplace(config_.model.output);
   if (resumed_ && resumed_->is_finished) {
-    log_info("the run in {} is finished; --iterations +N makes it longer by N steps",
+    log_info("the run in {} is finished; --iterations +N extends it by N steps",
              resumed_->source.string());
     return SessionEnd::nothing_left;
   }
@@ -105,7 +105,7 @@ SessionEnd TrainSession::run() {
   return SessionEnd::finished;
 }
 
-// ---- before the first step ------------------------------------------------------------------------------
+// ---- before the first step ---------------------------------------------------------------------
 
 void TrainSession::choose_run() {
   resumed_.reset();  // one checkpoint in memory at a time
@@ -114,13 +114,14 @@ void TrainSession::choose_run() {
   config_ = resumed_ ? resumed_->config : config_of_new_run();
 }
 
-// With absolute paths, so that the run's folder can be used from anywhere.
+// The settings of a new run. Paths are made absolute, so that the run's folder can be used from
+// anywhere.
 Config TrainSession::config_of_new_run() const {
   Config config = request_.settings({});
   if (!request_.scene && config.dataset.source.empty())
-    throw UsageError("which scene? give its folder: gemsplat train SCENE -o OUT");
+    throw UsageError("there is no scene; give its folder: gemsplat train SCENE -o OUT");
   if (config.model.output.empty())
-    throw UsageError("where to? give the folder of the run with -o OUT");
+    throw UsageError("there is no output; give the folder of the run with -o OUT");
   config.dataset.source = absolute_path(config.dataset.source);
   config.model.start_from = absolute_path(config.model.start_from);
   return config;
@@ -184,7 +185,7 @@ void TrainSession::add_observers() {
   hooks_.before_training(*trainer_, observers_->metrics, observers_->evaluations);
 }
 
-// ---- from there on --------------------------------------------------------------------------------------
+// ---- from there on -----------------------------------------------------------------------------
 
 void TrainSession::train() {
   std::optional<StopOnSignal> stop_on_signal;
@@ -202,7 +203,7 @@ void TrainSession::save_last_model() {
 
 void TrainSession::finish() {
   results_ = results_of(*trainer_);
-  log_info("all {} steps are done, and the model is saved; it is evaluated now",
+  log_info("all {} steps are done and the model is saved; now it is evaluated",
            results_.iterations);
   guarded("the evaluation", [&] {
     evaluate_run(*trainer_, *folder_, results_,
@@ -214,7 +215,7 @@ void TrainSession::finish() {
   if (request_.writes_report) write_final_report(*folder_, results_text);
   write_text(folder_->results(), results_text);  // last: it says that the run is finished
   checkpoints_->keep_only_newest();
-  // Nothing can be lost any more.
+  // From here on the run is saved, and nothing can be lost.
   guarded("an export", [&] { export_run(request_.exports, *folder_, *trainer_); });
 }
 
@@ -240,8 +241,8 @@ std::string TrainSession::what_is_kept() const {
     text += fmt::format("; the model is in {}", folder_->ply(last).string());
   if (const auto kept = checkpoints_in(folder_->checkpoints()); !kept.empty())
     text += fmt::format(
-        "; the run up to step {} is kept in {}: go on with --resume and a lower "
-        "--max-gaussians, or on another machine",
+        "; the checkpoint of step {} is in {}: go on with --resume and a lower --max-gaussians, or "
+        "on another machine",
         kept[0].step, kept[0].file.string());
   return text;
 }

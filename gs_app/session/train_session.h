@@ -23,7 +23,7 @@
 
 namespace gs {
 
-/// What is asked of a session.
+/// The request to a session.
 struct TrainRequest {
   /// Applies the settings over a start, and validates the result. The start is the defaults for a
   /// new run, and the run's own config for one that is resumed.

@@ -73,8 +73,8 @@ void take_photos(ViewScene& scene, const DatasetConfig& dataset, const Vec3d& wo
                                       scene.cameras.size(), dataset.source));
   if (dataset.refine_cameras)
     scene.notes.push_back(
-        "the run has refined its cameras: a photo that was undistorted is shown as before the "
-        "refinement, and may be off by some pixels");
+        "the run refined its cameras: undistorted photos are shown as before the refinement, and "
+        "may be off by some pixels");
 }
 
 void take_cameras_of_run(ViewScene& scene, const OpenedModel& opened, const Config& config) {

@@ -17,7 +17,7 @@ constexpr double kRotationTolerance = 1e-3;
 constexpr double kLargestFocal = 1e6;  // pixels
 
 [[noreturn]] void fail(const std::string& name, const std::string& what) {
-  throw UsageError(fmt::format("/frame cannot take {}: {}", name, what));
+  throw UsageError(fmt::format("/frame cannot use {}: {}", name, what));
 }
 
 double number_of(std::string_view text, const std::string& name) {

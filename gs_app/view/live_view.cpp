@@ -54,8 +54,8 @@ ViewScene live_scene(std::string title, const Scene& scene, const Config& config
   return live;
 }
 
-// Nothing if there is too little memory for the copy: a run neither drops caches nor ends for the
-// sake of the viewer.
+// A copy of the model, or nothing if there is too little memory for it: a run neither drops caches
+// nor ends for the sake of the viewer.
 std::optional<GaussianModel> copy_if_it_fits(Trainer& trainer) {
   try {
     return copied_model(trainer);

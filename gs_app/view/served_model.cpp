@@ -35,7 +35,7 @@ bool is_newer_spz(const std::filesystem::path& file) {
   return reader.size() >= 4 && std::memcmp(reader.peek(4), "NGSP", 4) == 0;
 }
 
-// By the file's name. A .ply may be a compressed PLY, which only its header says.
+// The format by the file's name. A .ply may be a compressed PLY, which only its header tells.
 const ModelFormat& format_of(const std::filesystem::path& file) {
   const ModelFormat* const format = find_format(file);
   if (format && format->name != "ply") return *format;

@@ -23,8 +23,8 @@ struct ViewedCamera {
   const View* view = nullptr;
 };
 
-/// How the cameras stand around what they look at, or the points if there are no cameras: the first
-/// view comes from this.
+/// The position of the cameras around the point that they look at, or the frame of the points if
+/// there are no cameras. The first view is computed from it.
 SceneFrame frame_of(const std::vector<ViewedCamera>& cameras, Span<const Vec3f> points);
 
 /// Cameras, their frame, rendering settings, and the owner of the photos.

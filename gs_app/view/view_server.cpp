@@ -36,7 +36,7 @@ HttpAnswer state_answer(ViewSource& source, const HttpRequest& request) {
     const std::string& text = word->second;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), after_step);
     if (error != std::errc() || end != text.data() + text.size())
-      return http_error(400, "/state.json cannot take after: it is not a step");
+      return http_error(400, "/state.json cannot use `after`: it is not a step");
   }
   return json_answer(source.state(after_step));
 }
@@ -103,7 +103,7 @@ void check_can_view() {
 void warn_if_public(const HttpPlace& place) {
   if (!is_loopback(place.host))
     log_warning(
-        "other machines can reach {}: everybody who opens the viewer there sees the model and the "
+        "other machines can reach {}: everyone who opens the viewer there sees the model and the "
         "photos",
         place.host);
 }

@@ -279,10 +279,6 @@ void validate(const Config& config, const SettingOrigins& origins) {
                            const std::string& must) {
     if (!holds) refuse(where(key), key, toml_text(value), must);
   };
-  const int resolution = config.dataset.resolution;
-  require(
-      resolution == 1 || resolution == 2 || resolution == 4 || resolution == 8 || resolution >= 16,
-      "dataset.resolution", resolution, "1, 2, 4, 8, or a width of at least 16 pixels");
   require(config.render.near_plane < config.render.far_plane, "render.near_plane",
           config.render.near_plane, "less than render.far_plane");
   require(config.density.strategy != "mcmc" || config.density.max_gaussians != 0,

@@ -55,7 +55,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("dataset.mask_mode",            dataset.mask_mode,            "",            one_of<MaskMode>(),      retrain, "ignore: masked pixels do not train; background: they show the background; auto: background for Blender scenes, ignore for others");
   field("dataset.invert_masks",         dataset.invert_masks,         "",            any(),                   retrain, "in mask files, black pixels train and white ones do not");
   field("dataset.model",                dataset.model,                "folder",      any(),                   proceed, "the COLMAP model; empty: sparse/0, sparse or the scene itself");
-  field("dataset.resolution",           dataset.resolution,           "",            between(1, 65536),       retrain, "1, 2, 4 or 8 divides the photos' size; 16 and more is their width in pixels", kKerbl);
+  field("dataset.resolution",           dataset.resolution,           "",            one_of_or_between("1, 2, 4, 8", 16, 65536), retrain, "1, 2, 4 or 8 divides the photos' size; 16 and more is their width in pixels", kKerbl);
   field("dataset.eval",                 dataset.eval,                 "",            any(),                   retrain, "hold out every test_every-th view, sorted by name, for evaluation", kKerbl);
   field("dataset.test_every",           dataset.test_every,           "views",       steps_from(2),           retrain, "with eval, the first of every so many views is held out", "Barron et al. 2022");
   field("dataset.photo_ram_gib",        dataset.photo_ram_gib,        "GiB",         between(0, 1 << 20),     nothing, "host memory for decoded photos; photos beyond it are decoded again when they are needed; 0: half of the machine's memory");

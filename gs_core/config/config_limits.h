@@ -19,10 +19,11 @@ struct Limits {
   double high = std::numeric_limits<double>::infinity();
   bool above_low = false;
   std::string_view words = {};  // separated by ", "; a word "cuda:N" stands for cuda:0, cuda:1, ...
+  std::string_view also = {};   // whole numbers below the range, such as "1, 2, 4, 8"
 
   bool allow(double value) const;
   bool allow(std::string_view word) const;
-  /// "from 0 to 3", "at least 1", "one of black, white, random"
+  /// "from 0 to 3", "at least 1", "one of black, white, random", "1, 2, 4, 8, or from 16 to 65536"
   std::string text() const;
 };
 
@@ -39,6 +40,9 @@ Limits one_of() {
   return {.words = joined_words<E>()};
 }
 constexpr Limits between(double low, double high) { return {.low = low, .high = high}; }
+constexpr Limits one_of_or_between(std::string_view also, double low, double high) {
+  return {.low = low, .high = high, .also = also};
+}
 constexpr Limits at_least(double low) { return {.low = low, .high = kLargestFloat}; }
 constexpr Limits above(double low) {
   return {.low = low, .high = kLargestFloat, .above_low = true};

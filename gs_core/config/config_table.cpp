@@ -17,29 +17,30 @@ namespace {
 constexpr std::string_view kIntroduction =
     "# Configuration\n"
     "\n"
-    "Every setting, from the one list of them "
-    "([config_fields.h](../gs_core/config/config_fields.h)). "
-    "This page is written by the "
-    "program:\n"
+    "This page lists every setting. The program writes it from the one list of them\n"
+    "([config_fields.h](../gs_core/config/config_fields.h)):\n"
     "```\n"
     "gemsplat config --markdown > docs/configuration.md\n"
     "```\n"
-    "A run takes its settings from the defaults, then from `-c` (a TOML file, the folder of "
-    "another run, or a preset; any "
-    "number of them), then from\n"
-    "`--set section.key=value`, then from flags, each over the one before. A file may begin with "
-    "`base = \"NAME\"`, a file "
-    "beside it or a preset, which is read\n"
-    "first; a chain of bases is fine. An unknown key or a value out of range is refused, with "
-    "file, line, key and the nearest "
-    "known key.\n"
+    "A run takes its settings from these sources; a later one wins:\n"
+    "\n"
+    "1. the defaults,\n"
+    "2. `-c`, any number of times: a TOML file, the folder of another run, or a preset,\n"
+    "3. `--set section.key=value`,\n"
+    "4. flags.\n"
+    "\n"
+    "A file may begin with `base = \"NAME\"`, a preset or a file beside it. The base "
+    "is read first, and may\n"
+    "have a base, too. An unknown key or a value out of range is refused, with file, "
+    "line, key and the\n"
+    "nearest known key.\n"
     "```\n"
-    "gemsplat config -c fast --set train.seed=7        # the resolved settings, as a file for -c\n"
-    "gemsplat config explain density -c fast           # what they mean, their ranges, where each "
-    "value comes from\n"
-    "gemsplat config diff out/a out/b                  # what differs between two runs, files or "
-    "presets\n"
-    "gemsplat config --list                            # the presets\n"
+    "gemsplat config -c fast --set train.seed=7   # prints the resolved settings, as "
+    "a file for -c\n"
+    "gemsplat config explain density -c fast      # explains settings, their ranges "
+    "and their origin\n"
+    "gemsplat config diff out/a out/b             # compares two runs, files or presets\n"
+    "gemsplat config --list                       # lists the presets\n"
     "```\n";
 
 std::string section_of(std::string_view key) { return std::string(key.substr(0, key.find('.'))); }
@@ -94,9 +95,8 @@ std::string changes_of(const Preset& preset) {
 std::string presets_table() {
   std::string text =
       "\n## Presets\n"
-      "Files of [configs/](../configs) that the program carries: `-c fast`, or `base = \"fast\"` "
-      "in a "
-      "file of your own.\n\n" +
+      "Presets are files of [configs/](../configs) that are part of the program. Use one by `-c "
+      "fast`, or\nby `base = \"fast\"` in a file of your own.\n\n" +
       markdown_header({"preset", "what it is", "what differs (from)"});
   for (const Preset& preset : presets())
     text += markdown_row(

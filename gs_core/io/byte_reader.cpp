@@ -108,10 +108,11 @@ void ByteReader::fill(std::size_t bytes) {
   read_ += got;
   end_ += got;
   if (got == wanted) return;
-  cannot_read(path_, fmt::format("{} at byte {}; check the disk",
-                                 std::ferror(file_.get()) ? std::strerror(errno)
-                                                          : "the file became shorter meanwhile",
-                                 read_));
+  cannot_read(path_,
+              fmt::format("{} at byte {}; check the disk",
+                          std::ferror(file_.get()) ? std::strerror(errno)
+                                                   : "the file became shorter while it was read",
+                          read_));
 }
 
 }  // namespace gs

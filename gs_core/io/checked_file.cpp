@@ -11,7 +11,9 @@
 #include "gs_core/error.h"
 
 // GCC 12 warns of its own AVX-512 intrinsics, which leave lanes undefined on purpose.
+#ifndef __clang__
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
@@ -141,7 +143,7 @@ void CheckedReader::finish() {
 }
 
 void CheckedReader::damaged() {
-  cannot_read(reader_.path(), "it is cut short or damaged: its checksum does not fit");
+  cannot_read(reader_.path(), "it is cut short or damaged: its checksum does not match");
 }
 
 }  // namespace gs

@@ -7,14 +7,15 @@
 
 namespace gs {
 
-/// What all parameters of one quantity share in one step; the bias corrections are folded in.
+/// The values that all parameters of one quantity share in one step, including the bias
+/// corrections.
 struct AdamStep {
   float rate;                // learning rate / (1 - beta1^t)
   float inverse_sqrt_bias2;  // 1 / sqrt(1 - beta2^t)
 };
 
-/// Step t = 1, 2, ... at the given learning rate. t counts for the whole model: a Gaussian that joins late
-/// starts with zero moments at the common t, as in the original.
+/// Step t = 1, 2, ... at the given learning rate. t counts for the whole model: a Gaussian that
+/// joins late starts with zero moments at the common t, as in the original.
 inline AdamStep adam_step(int t, float learning_rate) {
   return {float(learning_rate / (1.0 - std::pow(kAdamBeta1, t))),
           float(1.0 / std::sqrt(1.0 - std::pow(kAdamBeta2, t)))};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 4 and 6: one fragment, a splat at one pixel: its exponent, its alpha, how it is composited, and how
-// gradients are pulled back front to back.
+// Stages 4 and 6: one fragment, which is a splat at one pixel: its exponent, its alpha, its
+// compositing, and the gradients of these, front to back.
 #pragma once
 
 #include "gs_core/math/constants.h"
@@ -32,16 +32,16 @@ GS_HD ExponentGradient<T> fragment_exponent_vjp(const Sym2<T>& conic, const T& d
           {(conic.xx * dx + conic.xy * dy) * dL_dE, (conic.xy * dx + conic.yy * dy) * dL_dE}};
 }
 
-/// The conic in factors: (log2 e / 2) Q = L L^T, so that -log2(e) E = |u|^2 with u = L^T d. Unlike those of Q, the terms
-/// of |u|^2 do not cancel, however long a needle is.
+/// The conic in factors: (log2 e / 2) Q = L L^T, so that -log2(e) E = |u|^2 with u = L^T d. Unlike
+/// those of Q, the terms of |u|^2 do not cancel, however long a needle is.
 ///
 ///   u_x = xx d_x + xy d_y,   u_y = yy d_y
 template <class T>
 struct ConicFactors {
   T xx, xy, yy;  // 1 / pixels
 };
-/// The factors of a splat's conic; `variance_y` is the image-plane covariance's yy, in pixels^2. From the conic alone
-/// yy would be a difference that cancels.
+/// The factors of a splat's conic. `variance_y` is the yy of the image-plane covariance, in
+/// pixels^2; computed from the conic alone, the factor yy would be a difference that cancels.
 template <class T>
 GS_HD ConicFactors<T> conic_factors(const Sym2<T>& conic, const T& variance_y) {
   using std::sqrt;
@@ -50,28 +50,29 @@ GS_HD ConicFactors<T> conic_factors(const Sym2<T>& conic, const T& variance_y) {
   return {xx, conic.xy / conic.xx * xx, scale / sqrt(variance_y)};
 }
 
-/// The conic of its factors: Q = 2 ln 2 L L^T.
+/// The conic that belongs to the factors: Q = 2 ln 2 L L^T.
 template <class T>
 GS_HD Sym2<T> conic_of(const ConicFactors<T>& L) {
   const T scale = T(2 * kLn2);
   return {scale * L.xx * L.xx, scale * L.xx * L.xy, scale * (L.xy * L.xy + L.yy * L.yy)};
 }
 
-/// log2(alpha) of a splat as a polynomial of the pixel's place, so that many splats at many pixels are one matrix
-/// product (GEMM-GS): alpha = 2^<coefficients, monomials>.
+/// log2(alpha) of a splat as a polynomial of the pixel's position, so that many splats at many
+/// pixels are one matrix product (GEMM-GS): alpha = 2^<coefficients, monomials>.
 inline constexpr int kExponentTerms = 6;
 template <class T>
 struct ExponentTerms {
   T of[kExponentTerms];
 };
-/// The pixel's side: 1, x, y, x^2, x y, y^2 of its offset from a reference point. About the center of a tile of 16
-/// pixels these are multiples of 1/4 up to 56.25 and fit half precision exactly.
+/// The monomials of a pixel: 1, x, y, x^2, x y, y^2 of its offset from a reference point. About the
+/// center of a tile of 16 pixels these are multiples of 1/4 up to 56.25, which half precision holds
+/// exactly.
 template <class T>
 GS_HD ExponentTerms<T> pixel_monomials(const T& x, const T& y) {
   return {{T(1), x, y, x * x, x * y, y * y}};
 }
-/// The splat's side, opacity and log2(e) included. `mean` is its offset from the same reference point. Of a long needle's
-/// u_x little is left of two large products.
+/// The coefficients of a splat, including its opacity and log2(e). `mean` is its offset from the
+/// same reference point. For a long needle, u_x is a small difference of two large products.
 template <class T>
 GS_HD ExponentTerms<T> exponent_coefficients(const ConicFactors<T>& L, const Vec2<T>& mean,
                                              const T& log2_opacity) {
@@ -87,9 +88,9 @@ GS_HD T inner(const ExponentTerms<T>& a, const ExponentTerms<T>& b) {
   return sum;
 }
 
-/// exp(x) for the exponents of fragments, -80 <= x <= 0. For float: exp(x) = 2^n * 2^f with |f| <= 1/2 and a
-/// polynomial for 2^f (Taylor series of e^{f ln 2}, relative error under 3e-7), free of branches, so that
-/// compilers vectorize loops around it.
+/// exp(x) for the exponents of fragments, -80 <= x <= 0. For float, exp(x) = 2^n * 2^f with |f| <=
+/// 1/2 and a polynomial for 2^f (Taylor series of e^{f ln 2}, relative error under 3e-7). It has no
+/// branches, so that compilers can vectorize loops around it.
 template <class T>
 GS_HD T exp_fragment(const T& x) {
   using std::exp;
@@ -124,7 +125,8 @@ template <class T>
 struct AlphaGradient {
   T opacity, exponent;
 };
-/// Gradients of fragment_alpha() by the opacity and by the exponent E, gaussian = exp(E); zero where clamped.
+/// Gradients of fragment_alpha() by the opacity and by the exponent E, gaussian = exp(E); zero
+/// where clamped.
 template <BlendRule rule, class T>
 GS_HD AlphaGradient<T> fragment_alpha_vjp(const T& opacity, const T& gaussian, const T& dL_dalpha) {
   const T alpha = opacity * gaussian;
@@ -132,15 +134,15 @@ GS_HD AlphaGradient<T> fragment_alpha_vjp(const T& opacity, const T& gaussian, c
   return {clamped ? T(0) : gaussian * dL_dalpha, clamped ? T(0) : alpha * dL_dalpha};
 }
 
-/// One pixel on its way from front to back.
+/// The state of one pixel while its fragments are blended from front to back.
 template <class T>
 struct PixelState {
   Vec3<T> color{T(0), T(0), T(0)};
   T transmittance{1};
 };
 
-/// True where the pixel takes no further fragment after this one was blended (faster_gs) or instead of
-/// blending it (classic).
+/// True where the pixel takes no further fragment after this one was blended (faster_gs) or instead
+/// of blending it (classic).
 template <class T>
 GS_HD bool is_opaque(const T& transmittance) {
   return transmittance < T(kMinTransmittance);
@@ -155,8 +157,8 @@ GS_HD void composite(PixelState<T>& pixel, const Vec3<T>& color, const T& alpha)
   pixel.transmittance = pixel.transmittance * (T(1) - alpha);
 }
 
-/// One pixel of the backward pass, walked front to back like the forward one, so that nothing is ever
-/// divided out of the transmittance (Faster-GS).
+/// The state of one pixel in the backward pass, which goes from front to back like the forward
+/// pass, so that the transmittance is never divided (Faster-GS).
 template <class T>
 struct PixelBackwardState {
   // color that the fragments from here on still contribute, without background
@@ -170,13 +172,14 @@ struct CompositeGradient {
   Vec3<T> color;
   T alpha;
 };
-/// Gradients of composite() by this fragment's color and alpha, including its effect on everything behind:
+/// Gradients of composite() by this fragment's color and alpha, including its effect on everything
+/// behind:
 ///
 ///   dL/dc = T alpha g where c >= 0, with g = dL/d(pixel)
 ///   dL/dalpha = <T max(c, 0) - R / (1 - alpha), g> + ga / (1 - alpha)
-/// with R the color behind this fragment. Advances the state past the fragment. Behind the pixel's last
-/// fragment R is zero: said by `is_last`, because what rounding leaves of the difference would be divided by
-/// 1 - alpha.
+/// with R the color behind this fragment. Advances the state past the fragment. Behind the pixel's
+/// last fragment R is zero. `is_last` states this, because otherwise the rounding error of the
+/// difference would be divided by 1 - alpha.
 template <class T>
 GS_HD CompositeGradient<T> composite_vjp(PixelBackwardState<T>& pixel, const Vec3<T>& color,
                                          const T& alpha, bool is_last = false) {

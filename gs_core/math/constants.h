@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every constant of the method, once, each with its unit and source. Sources: [3DGS] Kerbl et al. 2023,
-// [FGS] Faster-GS 2026, [Mip] Yu et al. 2024 (Mip-Splatting), [SSIM] Wang et al. 2004, [MCMC] Kheradmand et al. 2024.
+// Every constant of the method, once, with its unit and source. Sources: [3DGS] Kerbl et al. 2023,
+// [FGS] Faster-GS 2026, [Mip] Yu et al. 2024 (Mip-Splatting), [SSIM] Wang et al. 2004, [MCMC]
+// Kheradmand et al. 2024.
 #pragma once
 
 namespace gs {

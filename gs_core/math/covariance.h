@@ -23,7 +23,8 @@ struct CovarianceGradient {
   Mat3<T> R;
   Vec3<T> variance;
 };
-/// Gradients of covariance(R, v): dL/dR = 2 G R diag(v), dL/dv_k = R_:k^T G R_:k, with G = dL/dSigma.
+/// Gradients of covariance(R, v): dL/dR = 2 G R diag(v), dL/dv_k = R_:k^T G R_:k, with G =
+/// dL/dSigma.
 template <class T>
 GS_HD CovarianceGradient<T> covariance_vjp(const Mat3<T>& R, const Vec3<T>& variance,
                                            const Sym3<T>& dL_dsigma) {

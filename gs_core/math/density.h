@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9: the rules of adaptive density control, one Gaussian at a time.   Kerbl et al. 2023, Sec. 5.2
+// Stage 9: the rules of adaptive density control, for one Gaussian at a time.
+//                                                                   Kerbl et al. 2023, Sec. 5.2
 #pragma once
 
 #include "gs_core/math/activations.h"
@@ -18,22 +19,22 @@ struct AdaptiveRules {
   std::int64_t max_gaussians;  // no growth beyond; 0: no cap
 };
 
-/// The statistic that density control averages: the length of the image-plane gradient in units of half the
-/// picture.   loss per NDC unit
+/// The statistic that density control averages: the length of the image-plane gradient in units of
+/// half the picture.   loss per NDC unit
 GS_HD float screen_gradient_norm(const Vec2f& dL_dmean2d, int width, int height) {
   using std::sqrt;
   const Vec2f ndc = 0.5f * Vec2f(dL_dmean2d.x * float(width), dL_dmean2d.y * float(height));
   return sqrt(inner(ndc, ndc));
 }
 
-/// True where the mean gradient over the visible steps asks for more Gaussians here.
+/// True if the mean gradient over the visible steps is large enough for growth.
 GS_HD bool wants_growth(float visits, float gradient_norm, float threshold) {
   return gradient_norm >= threshold * max_of(visits, 1.0f);
 }
 
 GS_HD float largest(const Vec3f& v) { return max_of(max_of(v.x, v.y), v.z); }
 
-/// True where the Gaussian is too small to split, and is cloned instead.
+/// True if the Gaussian is too small to split, and is cloned instead.
 GS_HD bool is_small(const Vec3f& log_scale, float small_scale) {
   using std::log;
   return largest(log_scale) <= log(small_scale);
@@ -55,14 +56,14 @@ GS_HD Vec3f split_log_scale(const Vec3f& log_scale) {
   return log_scale - Vec3f(log(kSplitScaleDivisor));
 }
 
-/// True where the Gaussian can never be seen: transparent, without a rotation, or not finite.
+/// True if the Gaussian can never be visible: transparent, without a rotation, or not finite.
 GS_HD bool is_invisible(const Vec3f& mean, const Vec3f& log_scale, const Quatf& rotation,
                         float logit_opacity, float min_opacity) {
   return !(sigmoid(logit_opacity) >= min_opacity) || is_degenerate(rotation) || !is_finite(mean) ||
          !is_finite(log_scale);
 }
 
-/// True where a refinement removes the Gaussian: it cannot be seen, or it is too large.
+/// True if a refinement removes the Gaussian: it cannot be visible, or it is too large.
 GS_HD bool is_pruned(const Vec3f& mean, const Vec3f& log_scale, const Quatf& rotation,
                      float logit_opacity, const AdaptiveRules& rules) {
   using std::exp;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 2: the number that visible Gaussians are sorted by.
+// Stage 2: the key by which visible Gaussians are sorted.
 #pragma once
 
 #include <cstring>
@@ -9,7 +9,7 @@
 
 namespace gs {
 
-/// How depths become sorting keys.
+/// The conversion of depths to sorting keys.
 struct DepthKeys {
   std::uint32_t near_bits;
   int shift;
@@ -21,9 +21,10 @@ GS_HD std::uint32_t bits_of(float x) {
   return bits;
 }
 
-/// Keys for depths in near .. far: positive floats are ordered as their bits are, and of these as many are taken as
-/// fit kDepthKeyBits, which tells apart depths that differ by some 1e-6 (Faster-GS sorts all 32 bits). The largest
-/// value of so many bits is no depth's key: it is left for what is not drawn.
+/// Keys for depths in near .. far. Positive floats are ordered as their bits are, and the key is
+/// the highest of these bits that fit into kDepthKeyBits. It distinguishes depths that differ by
+/// some 1e-6 of their size (Faster-GS sorts all 32 bits). The largest key belongs to no depth: it
+/// marks Gaussians that are not drawn.
 inline DepthKeys depth_keys(float near_plane, float far_plane) {
   DepthKeys keys{bits_of(near_plane), 0};
   const std::uint32_t range = bits_of(far_plane) - keys.near_bits;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 8 and 9 under the MCMC strategy: the Gaussians as samples that walk through the scene (stochastic gradient
-// Langevin dynamics), one Gaussian at a time: what the loss adds for opacity and scale, the noise on the mean, and how
-// copies share what was one Gaussian.   Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte Carlo"
+// Stages 8 and 9 under the MCMC strategy, for one Gaussian at a time. Gaussians are samples that
+// walk through the scene (stochastic gradient Langevin dynamics). This file has the regularizers of
+// opacity and scale, the noise on the mean, and the parameters of copies that share one Gaussian.
+// Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte Carlo"
 #pragma once
 
 #include "gs_core/math/activations.h"
@@ -19,14 +20,15 @@ struct Regularizers {
   float scale = 0;  // 1 / world units
 
   bool any() const { return opacity != 0 || scale != 0; }
-  /// The weight of each single number of so many Gaussians.
+  /// The weight of each single number if there are this many Gaussians.
   Regularizers of_each(std::size_t gaussians) const {
     const double count = gaussians > 0 ? double(gaussians) : 1.0;
     return {float(opacity / count), float(scale / (3 * count))};
   }
 };
 
-/// What one Gaussian adds to the loss, so that those that nobody needs fade and shrink.   Kheradmand et al. 2024
+/// The loss that one Gaussian adds, so that Gaussians that no view needs fade and shrink.
+/// Kheradmand et al. 2024
 ///
 ///   w_o o + w_s (s_x + s_y + s_z),   w of_each()
 template <class T>
@@ -50,8 +52,9 @@ GS_HD RegularizerGradient<T> regularizer_vjp(const Vec3<T>& log_scale, const T& 
           sigmoid_vjp(sigmoid(logit_opacity), T(of_each.opacity))};
 }
 
-/// The noise on a mean after a step: along the Gaussian's own covariance, so that it explores its neighborhood, and
-/// only while it is faint.   Kheradmand et al. 2024, k and o_0 from its code
+/// The noise on a mean after a step. It follows the Gaussian's own covariance, so that the Gaussian
+/// explores its neighborhood, and is strong only while the Gaussian is faint.
+///                                             Kheradmand et al. 2024, k and o_0 from its code
 ///
 ///   rate sigmoid(-k (o - o_0)) Sigma n,   k = 100, o_0 = 0.005
 ///
@@ -66,21 +69,23 @@ GS_HD Vec3<T> position_noise(const Vec3<T>& log_scale, const Quat<T>& rotation,
   return rate * gate * multiply(covariance(rotation_matrix(rotation), variance(log_scale)), normal);
 }
 
-/// A Gaussian's weight in the draw of those that are copied: its opacity in units of 2^-24; 0 where it is dead, up to
-/// `dead_opacity`, and cannot be drawn. A whole number, so that sums do not depend on their order; found in double, so
-/// that the CPU and the GPU find the same.
+/// A Gaussian's weight in the draw of sources for copies: its opacity in units of 2^-24. It is 0
+/// for a dead Gaussian (opacity up to `dead_opacity`), which cannot be drawn. Weights are integers,
+/// so that sums do not depend on their order, and are computed in double, so that the CPU and the
+/// GPU get the same ones.
 GS_HD std::uint32_t draw_weight(float logit_opacity, float dead_opacity) {
   const double opacity = sigmoid(double(logit_opacity));
   return opacity > double(dead_opacity) ? std::uint32_t(opacity * 0x1p24 + 0.5) : 0;
 }
-/// The same of a whole row: one that is degenerate or not finite is dead.
+/// The same for a whole row: a row that is degenerate or not finite is dead.
 GS_HD std::uint32_t draw_weight(const Vec3f& mean, const Vec3f& log_scale, const Quatf& rotation,
                                 float logit_opacity, float dead_opacity) {
   if (is_invisible(mean, log_scale, rotation, logit_opacity, 0.0f)) return 0;
   return draw_weight(logit_opacity, dead_opacity);
 }
 
-/// The opacity of each of `copies` equal Gaussians in one place that together cover what one covers.
+/// The opacity of each of `copies` equal Gaussians in one place that together have the opacity of
+/// one.
 ///
 ///   1 - (1 - o_new)^N = o                                                    Kheradmand et al. 2024
 template <class T>
@@ -89,7 +94,7 @@ GS_HD T shared_opacity(const T& opacity, int copies) {
   return T(1) - pow(T(1) - opacity, T(1) / T(copies));
 }
 
-/// What the scales of such copies are multiplied by, for the blended light to stay the same over a line through them.
+/// The factor for the scales of such copies that keeps the blended light along a line through them.
 ///
 ///   o / sum_{i=1..N} sum_{k=0..i-1} (i-1 over k) (-1)^k o_new^(k+1) / sqrt(k+1)       Kheradmand et al. 2024
 /// and since sum_{i=k+1..N} (i-1 over k) = (N over k+1), in one sum:
@@ -107,13 +112,13 @@ GS_HD T shared_scale(const T& opacity, const T& new_opacity, int copies) {
   return opacity / sum;
 }
 
-/// What becomes of a Gaussian that is shared among copies.
+/// The parameters that change when a Gaussian is shared among copies.
 struct SharedGaussian {
   float logit_opacity;
   Vec3f log_scale;
 };
-/// The parameters of each of `copies` Gaussians in place of one, at most kMostCopies; opacities are kept between
-/// `least_opacity` and what a logit can say.
+/// The parameters of each of `copies` Gaussians, at most kMostCopies, that replace one. Opacities
+/// are kept between `least_opacity` and the largest value that a logit can represent.
 GS_HD SharedGaussian shared_gaussian(float logit_opacity, const Vec3f& log_scale, int copies,
                                      float least_opacity) {
   using std::log;

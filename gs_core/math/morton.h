@@ -18,8 +18,8 @@ GS_HD std::uint64_t spread_bits(std::uint64_t v) {
   return v;
 }
 
-/// Morton code of a point in a cube; x gives the lowest bits. Points outside are moved to its surface,
-/// and so is a NaN.
+/// Morton code of a point in a cube; x gives the lowest bits. Points outside are moved to its
+/// surface, and so is a NaN.
 ///
 /// low   the cube's smallest corner   world units
 /// size  its edge length, > 0         world units

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: from world space to the image plane: mean, covariance (EWA, Zwicker et al. 2001), conic, and the
-// opacity compensation of the antialiased mode.
+// Stage 1: from world space to the image plane: mean, covariance (EWA, Zwicker et al. 2001), conic,
+// and the opacity compensation of the antialiased mode.
 #pragma once
 
 #include "gs_core/camera.h"
@@ -33,8 +33,9 @@ GS_HD Vec3<T> project_mean_vjp(const PinholeCamera<T>& camera, const Vec3<T>& p,
   return {gx, gy, -(gx * p.x + gy * p.y) / p.z};
 }
 
-/// The range of x/z (and y/z) inside which the Jacobian follows the point: the picture and a margin of
-/// 0.15 of its size on each side. For a centered camera this is 1.3 tan(fov / 2).   Kerbl et al. 2023, code
+/// The range of x/z (and y/z) inside which the Jacobian follows the point: the picture and a margin
+/// of 0.15 of its size on each side. For a centered camera this is 1.3 tan(fov / 2).
+///                                                                        Kerbl et al. 2023, code
 template <class T>
 struct FrustumLimits {
   Vec2<T> low, high;
@@ -93,7 +94,8 @@ struct ProjectCovarianceGradient {
   Mat23<T> A;
   Sym3<T> sigma;
 };
-/// Gradients of project_covariance(): dL/dA = 2 G A Sigma, dL/dSigma = A^T G A, with G = dL/dSigma'.
+/// Gradients of project_covariance(): dL/dA = 2 G A Sigma, dL/dSigma = A^T G A, with G =
+/// dL/dSigma'.
 template <class T>
 GS_HD ProjectCovarianceGradient<T> project_covariance_vjp(const Mat23<T>& A, const Sym3<T>& sigma,
                                                           const Sym2<T>& dL_dcov2d) {
@@ -106,7 +108,7 @@ GS_HD ProjectCovarianceGradient<T> project_covariance_vjp(const Mat23<T>& A, con
            A.row0.y * g0.z + A.row1.y * g1.z, A.row0.z * g0.z + A.row1.z * g1.z}};
 }
 
-/// xx yy - xy^2; of a needle's both products little is left.
+/// xx yy - xy^2. For a needle this is a small difference of two large products.
 template <class T>
 GS_HD T determinant(const Sym2<T>& S) {
   return sum_of_products(S.xx, S.yy, -S.xy, S.xy);
@@ -127,8 +129,8 @@ GS_HD Sym2<T> conic_vjp(const Sym2<T>& conic, const Sym2<T>& dL_dconic) {
   return {-(Q.xx * m00 + Q.xy * m10), -(Q.xx * m01 + Q.xy * m11), -(Q.xy * m01 + Q.yy * m11)};
 }
 
-/// Opacity compensation of the antialiased mode: sqrt(max(|S| / |S + blur I|, 0)), S the covariance before
-/// the blur. It keeps a splat's energy when the blur widens it.   Yu et al. 2024
+/// Opacity compensation of the antialiased mode: sqrt(max(|S| / |S + blur I|, 0)), where S is the
+/// covariance before the blur. It keeps a splat's energy when the blur widens it.   Yu et al. 2024
 ///
 /// cov2d  covariance with the blur added   pixels^2
 template <class T>

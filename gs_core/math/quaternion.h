@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// From rotation matrices to quaternions; math/rotation.h is the other way.
+// From rotation matrices to quaternions; math/rotation.h has the opposite direction.
 #pragma once
 
 #include "gs_core/types.h"
 
 namespace gs {
 
-/// The quaternion of length 1 of a rotation matrix, the way back: from the products of its components, by the largest of
-/// them.                                                                                     Shepperd 1978
+/// The quaternion of length 1 of a rotation matrix, computed from the products of its components by
+/// way of the largest one.   Shepperd 1978
 template <class T>
 GS_HD Quat<T> quaternion_of(const Mat3<T>& R) {
   using std::sqrt;

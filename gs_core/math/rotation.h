@@ -7,7 +7,7 @@
 
 namespace gs {
 
-/// True where the quaternion is too short to state a rotation; such a Gaussian is never rendered.
+/// True if the quaternion is too short to define a rotation; such a Gaussian is never rendered.
 template <class T>
 GS_HD bool is_degenerate(const Quat<T>& q) {
   return !(squared_norm(q) >= T(kMinQuaternionNorm2));

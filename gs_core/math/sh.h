@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: view-dependent color, real spherical harmonics up to degree 3. The basis has the order and the
-// signs of the reference trainer, so that files are interchangeable.
+// Stage 1: view-dependent color by real spherical harmonics up to degree 3. The basis has the order
+// and the signs of the reference trainer, so that files are interchangeable.
 #pragma once
 
 #include "gs_core/math/constants.h"
@@ -28,7 +28,8 @@ GS_HD Vec3<T> unit_direction_vjp(const Vec3<T>& from, const Vec3<T>& to,
   return (dL_ddirection - d * inner(d, dL_ddirection)) * inverse;
 }
 
-/// Values of the basis functions of degrees 0..degree at the unit vector d; the others stay untouched.
+/// Values of the basis functions of degrees 0..degree at the unit vector d; the others stay
+/// untouched.
 template <class T>
 GS_HD void sh_basis(int degree, const Vec3<T>& d, T* basis) {
   basis[0] = T(kSh0);
@@ -79,7 +80,8 @@ GS_HD Vec3<T> sh_basis_vjp(int degree, const Vec3<T>& d, const T* g) {
   return dL;
 }
 
-/// Color seen along the unit vector d: 0.5 + sum_k basis_k c_k; not clamped.   Kerbl et al. 2023, Sec. 4
+/// Color seen along the unit vector d: 0.5 + sum_k basis_k c_k; not clamped.
+///                                                                     Kerbl et al. 2023, Sec. 4
 ///
 /// sh0      coefficient of degree 0
 /// sh_rest  coefficients of degrees 1.., at least sh_rest_count(degree) of them

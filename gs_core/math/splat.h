@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 1 and 7: one Gaussian becomes a splat, the chain of activations, covariance, projection and color;
-// and the gradient of a splat goes all the way back to the stored parameters.
+// Stages 1 and 7: one Gaussian becomes a splat by a chain of activations, covariance, projection
+// and color. The gradient of a splat is pulled back through the same chain to the stored
+// parameters.
 #pragma once
 
 #include "gs_core/math/activations.h"
@@ -69,11 +70,12 @@ GS_HD T blur_of(const SplatSettings& settings) {
   return T(settings.antialias ? kBlurAntialias : kBlur);
 }
 
-/// Projects one Gaussian into a view: everything but its color.   Kerbl et al. 2023, Sec. 4; Faster-GS,
-/// fused activations
+/// Projects one Gaussian into a view: everything but its color.
+///                                       Kerbl et al. 2023, Sec. 4; Faster-GS, fused activations
 ///
-/// Not visible: degenerate rotation, depth outside [near, far], image covariance singular or beyond the
-/// scalar's range, opacity under the truncation rule's threshold, or any value that is not finite.
+/// Not visible: degenerate rotation, depth outside [near, far], image covariance singular or beyond
+/// the scalar's range, opacity under the truncation rule's threshold, or any value that is not
+/// finite.
 template <class T>
 GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const Vec3<T>& mean,
                                          const Vec3<T>& log_scale, const Quat<T>& rotation,
@@ -104,7 +106,8 @@ GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const V
   return result;
 }
 
-/// Projects one Gaussian into a view: project_shape() and its color. Not visible where that is not finite.
+/// Projects one Gaussian into a view: project_shape() and its color. Not visible where that is not
+/// finite.
 template <class T>
 GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
                                             const GaussianParameters<T>& gaussian,
@@ -127,8 +130,8 @@ struct GaussianGradient {
   T logit_opacity;
   Vec3<T> sh0;
 };
-/// Gradients of project_shape(), for a Gaussian that was visible; sh0 and the color's part of the mean are
-/// left out. Everything but the parameters is computed again.
+/// Gradients of project_shape(), for a Gaussian that was visible; sh0 and the color's part of the
+/// mean are left out. Everything but the parameters is computed again.
 template <class T>
 GS_HD GaussianGradient<T> project_shape_vjp(const PinholeCamera<T>& camera, const Vec3<T>& mean,
                                             const Vec3<T>& log_scale, const Quat<T>& rotation,

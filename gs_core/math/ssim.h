@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 5: structural similarity at one pixel of one channel, from the local moments of both pictures.
+// Stage 5: structural similarity at one pixel of one channel, from the local moments of both
+// pictures.
 #pragma once
 
 #include "gs_core/math/constants.h"
@@ -7,8 +8,9 @@
 
 namespace gs {
 
-/// Half of the separable 11-tap Gaussian window of sigma 1.5, normalized to sum 1: kSsimWindow[|offset|].
-/// Wang et al. 2004; the picture is zero outside, and weights are not renormalized at its border.
+/// Half of the separable 11-tap Gaussian window of sigma 1.5, normalized to sum 1:
+/// kSsimWindow[|offset|]. Wang et al. 2004; the picture is zero outside, and weights are not
+/// renormalized at its border.
 inline constexpr float kSsimWindow[kSsimRadius + 1] = {0.2660117149f, 0.2130055279f, 0.1093606874f,
                                                        0.0360007733f, 0.0075987582f, 0.0010283801f};
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 1 and 2: where a splat ends: its cutoff, its bounding rectangle, and the tiles that it really hits.
+// Stages 1 and 2: where a splat ends: its cutoff, its bounding rectangle, and the tiles that it
+// really hits.
 #pragma once
 
 #include <limits>
@@ -10,7 +11,8 @@
 
 namespace gs {
 
-/// The exponent below which a fragment is dropped, negated: alpha = o exp(E) is kept iff E >= -cutoff.
+/// The exponent below which a fragment is dropped, negated: alpha = o exp(E) is kept iff E >=
+/// -cutoff.
 ///
 ///   alpha:   ln(255 o)      opacity-aware bound, Faster-GS
 ///   sigma n: n^2 / 2
@@ -31,11 +33,13 @@ struct Rect {
 };
 
 /// The pixels whose centers lie in the splat's axis-aligned bounding box: half extents
-/// sqrt(2 cutoff Sigma'_xx) and sqrt(2 cutoff Sigma'_yy) around the mean.   Faster-GS, opacity-aware bounds
+/// sqrt(2 cutoff Sigma'_xx) and sqrt(2 cutoff Sigma'_yy) around the mean.
+///                                                            Faster-GS, opacity-aware bounds
 ///
 /// mean2d   pixels           cov2d  pixels^2           cutoff  >= 0
-/// tiles_x, tiles_y  size of the tile grid, at most 65535 pixels along each axis; the rectangle is clamped to
-///                   the grid and not to the picture, so that splats beyond the edge do not crowd the last tiles
+/// tiles_x, tiles_y  size of the tile grid, at most 65535 pixels along each axis; the rectangle is
+///                   clamped to the grid and not to the picture, so that splats beyond the edge do
+///                   not crowd the last tiles
 /// Returns an empty rectangle where nothing is hit, an input is NaN or the mean is infinite.
 GS_HD Rect pixel_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, float cutoff, int tiles_x,
                       int tiles_y) {
@@ -83,15 +87,16 @@ GS_HD Rect tile_rect(const Rect& pixels) {
           std::uint16_t((pixels.y_end + kTileHeight - 1) / kTileHeight)};
 }
 
-/// True where some point of a rectangle of pixel centers has an exponent >= -cutoff: the exact test of
-/// Radl et al. 2024 (StopThePop), for the quadratic 1/2 d^T Q d.
+/// True where some point of a rectangle of pixel centers has an exponent >= -cutoff: the exact test
+/// of Radl et al. 2024 (StopThePop), for the quadratic 1/2 d^T Q d.
 ///
 /// x_min .. y_max  the outermost pixel centers   pixels
-/// slack           relative rounding error of the quadratic that still counts as a hit; 0: the plain test
+/// slack           relative rounding error of the quadratic that still counts as a hit; 0: none
 ///
-/// The smallest value over the rectangle lies at the mean if that is inside, else on one of the two edges nearest to
-/// it; along an edge the minimum of the parabola is clamped to the edge. Edges that the mean is not outside of are
-/// replaced by the column or row through it, so that nothing branches.
+/// The smallest value over the rectangle lies at the mean if that is inside, else on one of the two
+/// edges nearest to it; along an edge the minimum of the parabola is clamped to the edge. Edges
+/// that the mean is not outside of are replaced by the column or row through it, so that nothing
+/// branches.
 GS_HD bool rectangle_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
                             float x_min, float x_max, float y_min, float y_max, float slack = 0) {
   using std::fmax, std::fmin;
@@ -122,9 +127,10 @@ struct TileSpan {
   int begin, end;
 };
 
-/// What a splat's ellipse 1/2 d^T Q d <= cutoff covers of a band of y, as a range of x, both about its mean; empty where
-/// left > right. The ellipse is convex: the range ends where the ellipse itself does, or, if that is outside of the
-/// band, on the edge of the band next to it; with |Q| = det:
+/// What a splat's ellipse 1/2 d^T Q d <= cutoff covers of a band of y, as a range of x, both about
+/// its mean; empty where left > right. The ellipse is convex: the range ends where the ellipse
+/// itself does, or, if that is outside of the band, on the edge of the band next to it; with |Q| =
+/// det:
 ///
 ///   x = (-Q_xy y -+ sqrt(2 cutoff Q_xx - det y^2)) / Q_xx     at y = clamp(+-(Q_xy / Q_yy) x_max, band),
 ///   x_max = sqrt(2 cutoff Q_yy / det)
@@ -161,8 +167,8 @@ GS_HD float band_determinant(const Sym2<float>& conic) {
   return max_of(multiply_add(-conic.xy, conic.xy, square), 1e-7f * square);
 }
 
-/// The tiles of one row that the splat hits: tile_is_hit() for a whole row at once, solved instead of tested
-/// (Speedy-Splat's idea): the hit tiles are those whose columns meet range_in_band().
+/// The tiles of one row that the splat hits: tile_is_hit() for a whole row at once, solved instead
+/// of tested (Speedy-Splat's idea): the hit tiles are those whose columns meet range_in_band().
 ///
 /// tiles   tile_rect() of the splat; the span is within it
 /// tile_y  one of its rows
@@ -182,7 +188,8 @@ GS_HD TileSpan hit_tiles_of_row(const Vec2f& mean2d, const Sym2<float>& conic, f
 
 inline constexpr int kQuarterWidth = kTileWidth / 2, kQuarterHeight = kTileHeight / 2;  // pixels
 
-/// The 8 x 8 quarters of a row of tiles that a splat hits: columns [begin, end) of its upper and of its lower half.
+/// The 8 x 8 quarters of a row of tiles that a splat hits: columns [begin, end) of its upper and of
+/// its lower half.
 struct QuarterSpans {
   std::int16_t begin[2], end[2];
 
@@ -196,8 +203,9 @@ struct QuarterSpans {
     return bits;
   }
 };
-/// They are widened by what rounding may take, so that no fragment is lost that a pixel's own test keeps: the longer a needle
-/// is, the less its determinant is known. The longest are granted all columns. Quotients and roots may be off by 1e-6.
+/// They are widened by what rounding may take, so that no fragment is lost that a pixel's own test
+/// keeps: the longer a needle is, the less its determinant is known. The longest are granted all
+/// columns. Quotients and roots may be off by 1e-6.
 template <class Arithmetic = ExactArithmetic>
 GS_HD QuarterSpans hit_quarters_of_row(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
                                        int tile_y) {
@@ -227,8 +235,8 @@ GS_HD QuarterSpans hit_quarters_of_row(const Vec2f& mean2d, const Sym2<float>& c
   return spans;
 }
 
-/// Calls visit(tile_x, tile_y) for each tile that the splat hits, row by row. Counting and emitting instances
-/// both go through here, so that they cannot disagree.
+/// Calls visit(tile_x, tile_y) for each tile that the splat hits, row by row. Counting and emitting
+/// instances both go through here, so that they cannot disagree.
 template <class Visit>
 GS_HD void for_each_hit_tile(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
                              const Rect& pixels, Visit&& visit) {

@@ -21,8 +21,8 @@ std::vector<std::string> density_strategies() { return names_of(kStrategies); }
 
 std::unique_ptr<DensityControl> make_density_control(const Config& config, const Schedule& schedule,
                                                      float scene_extent) {
-  const Strategy& strategy = row_named(kStrategies, config.density.strategy, "density.strategy");
-  return strategy.make(config, schedule, scene_extent);
+  return row_named(kStrategies, config.density.strategy, "density.strategy")
+      ->make(config, schedule, scene_extent);
 }
 
 }  // namespace gs

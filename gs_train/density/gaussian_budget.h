@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How many Gaussians there is memory for: the meaning of --max-gaussians auto.
+// The number of Gaussians that fit into memory: the meaning of --max-gaussians auto.
 #pragma once
 
 #include "gs_core/scene.h"

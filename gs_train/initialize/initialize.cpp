@@ -48,7 +48,7 @@ struct Limit {
   const char* setting;
 };
 
-// How many points may become Gaussians.
+// The largest number of points that may become Gaussians.
 Limit most_points(const Scene& scene, const Config& config) {
   Limit limit{config.model.most_points, "model.most_points"};
   if (scene.points.empty()) limit = {config.model.random_points, "model.random_points"};

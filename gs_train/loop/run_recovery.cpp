@@ -70,7 +70,7 @@ bool fits_into_memory(const std::function<void()>& f, std::string& error) {
 RunRecovery::RunRecovery(TrainingRun& run)
     : run_(run), timer_(run.config.train.checkpoint_every), guard_(run.scene.train_views.size()) {}
 
-// ---- memory ---------------------------------------------------------------------------------------------
+// ---- memory ------------------------------------------------------------------------------------
 
 void RunRecovery::guarded(const std::string& what, const std::function<void()>& f) {
   if (!fits(what, f))
@@ -84,7 +84,7 @@ void RunRecovery::guarded_or_skipped(const std::string& what, const std::functio
     log_warning("step {}: {} is skipped for lack of memory: {}", run_.step, what, memory_error_);
 }
 
-// At the first attempt, or at the second with less memory in use.
+// Runs the work. If memory runs out, releases memory and runs it again. Returns whether that fitted.
 bool RunRecovery::fits(const std::string& what, const std::function<void()>& f) {
   if (fits_into_memory(f, memory_error_)) return true;
   release_memory(what);
@@ -107,7 +107,7 @@ void RunRecovery::release_memory(const std::string& what) {
                   : "");
 }
 
-// ---- breakdowns -----------------------------------------------------------------------------------------
+// ---- breakdowns --------------------------------------------------------------------------------
 
 void RunRecovery::check_watched_step() {
   if (!guard_.is_watching(run_.step)) return;
@@ -155,7 +155,7 @@ void RunRecovery::roll_back() {
   restore(std::move(*state));
 }
 
-// ---- checkpoints ----------------------------------------------------------------------------------------
+// ---- checkpoints -------------------------------------------------------------------------------
 
 bool RunRecovery::checkpoint_or_roll_back(bool is_stopped) {
   if (is_sound() && checkpoint_is_due(is_stopped)) keep_checkpoint();
@@ -169,7 +169,7 @@ bool RunRecovery::checkpoint_is_due(bool is_stopped) const {
   return is_stopped || (run_.is_over() && is_kept_at_the_end) || timer_.due(run_.step);
 }
 
-// Only of a sound model: from another one a run could not go on.
+// Keeps a checkpoint only of a valid model, because a run could not go on from another one.
 void RunRecovery::keep_checkpoint() {
   if (!store_) return;
   check_parameters();
@@ -201,8 +201,7 @@ RunProgress RunRecovery::progress() {
 void RunRecovery::resume(TrainingState from) {
   if (from.progress.strikes.size() != run_.scene.train_views.size())
     throw Error(fmt::format(
-        "{} has {} training views and the run had {}; train on the scene of "
-        "the run",
+        "{} has {} training views, but the run had {}; train on the scene of the run",
         run_.scene.source, run_.scene.train_views.size(), from.progress.strikes.size()));
   guard_.restore(from.progress.strikes);
   restore(std::move(from));
@@ -212,8 +211,8 @@ void RunRecovery::restore(TrainingState from) {
   const RunProgress& progress = from.progress;
   if (progress.view_order != view_order(run_, progress.step))
     throw Error(
-        "the checkpoint has another order of views than this seed gives: it is of another "
-        "scene or version; train anew in another folder (-o)");
+        "the checkpoint has another order of views than this seed gives: it is of another scene or "
+        "version; start a new run in another folder (-o)");
   run_.backend.synchronize(run_.model);
   Memory& memory = run_.backend.memory();
   run_.model = &memory == &host_memory() ? std::move(from.model) : copy_to(memory, from.model);

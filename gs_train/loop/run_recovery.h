@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run does where something goes wrong. docs/checkpoints.md tells the whole story.
+// How a run reacts when something goes wrong. docs/checkpoints.md describes all of it.
 #pragma once
 
 #include <functional>

@@ -22,6 +22,15 @@ const Scene& with_views(const Scene& scene) {
   return scene;
 }
 
+// Files of Gaussians are read above this library.
+const Config& without_file(const Config& config) {
+  if (config.model.start_from.empty()) return config;
+  throw UsageError(
+      "model.start_from is \"" + config.model.start_from +
+      "\", and a Trainer by itself reads no file: train with a TrainSession, or give the Trainer "
+      "state_from_model(config, scene), both of gs_app/session; or leave model.start_from empty");
+}
+
 // The cap that the run found at its start stays, however much memory is free now.
 Config with_known_cap(Config config, const RunProgress& progress) {
   if (config.density.max_gaussians == kAutoCount && progress.growth_cap > 0)
@@ -60,7 +69,8 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
 }
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
-    : Trainer(scene, config, backend, initial_model(with_views(scene), config, backend.memory())) {}
+    : Trainer(scene, config, backend,
+              initial_model(with_views(scene), without_file(config), backend.memory())) {}
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingState from)
     : Trainer(scene, with_known_cap(config, from.progress), backend,
@@ -68,7 +78,7 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   recovery_.resume(std::move(from));
 }
 
-// ---- the loop -------------------------------------------------------------------------------------------
+// ---- the loop ----------------------------------------------------------------------------------
 
 void Trainer::run() {
   start();
@@ -126,7 +136,7 @@ void Trainer::maintain(int step) {
   if (run_.schedule.reorder(step)) sort_by_morton();
 }
 
-// ---- before and after it --------------------------------------------------------------------------------
+// ---- before and after it -----------------------------------------------------------------------
 
 void Trainer::start() {
   prefetch_decode(run_.step + 1, run_.step + int(kPhotosAhead));
@@ -164,7 +174,7 @@ void Trainer::notify(const std::function<void(Observer&)>& f) {
     recovery_.guarded("logging, evaluation or saving", [&] { f(*observer); });
 }
 
-// ---- looking at it --------------------------------------------------------------------------------------
+// ---- looking at it -----------------------------------------------------------------------------
 
 double Trainer::loss() {
   const double loss = run_.loss();

@@ -41,7 +41,8 @@ class Observer {
 class Trainer {
  public:
   /// Initializes the Gaussians from the scene's points. Throws Error where there is nothing to
-  /// train, UsageError where the backend lacks what the config asks for.
+  /// train, UsageError where the backend lacks what the config asks for, and where the config names
+  /// a model to start from: state_from_model() in gs_app/session/start_model.h makes a state of it.
   Trainer(const Scene& scene, const Config& config, Backend& backend);
   /// Goes on from a state of a run on the same scene. Throws Error where it is of another scene or
   /// config.
@@ -81,7 +82,7 @@ class Trainer {
   RenderSettings evaluation_settings() const;
   const Schedule& schedule() const { return run_.schedule; }
   const Scene& scene() const { return run_.scene; }
-  /// As given. Where density.max_gaussians was auto, it is the number that was found.
+  /// The config as it was given, except that density.max_gaussians is a number if it was auto.
   const Config& config() const { return run_.config; }
   Backend& backend() { return run_.backend; }
   /// The loss of the last step. Waits for the device.

@@ -40,7 +40,7 @@ bool row_is_pruned(const GaussiansSpan& rows, std::size_t i, const AdaptiveRules
   return is_pruned(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], rules);
 }
 
-// What happens to each row by its statistics and the rules, pruning included.
+// The action of each row by its statistics and the rules, including pruning.
 std::vector<RowAction> actions(const TrainingModel& model, const AdaptiveRules& rules) {
   const GaussiansSpan rows = model.gaussians.span();
   std::vector<RowAction> action(model.count());

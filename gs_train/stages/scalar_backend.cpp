@@ -20,10 +20,10 @@ class ScalarBackend final : public Backend {
   Memory& memory() override { return host_memory(); }
   Renderer& renderer() override { return *renderer_; }
   void use_loss(const std::string& kind) override {
-    const LossRow& row = row_named(kLosses, kind, "loss.kind", " on " + name());
-    if (&row == loss_row_) return;  // the same loss keeps its last value
-    loss_ = row.make();
-    loss_row_ = &row;
+    const LossRow* const row = row_named(kLosses, kind, "loss.kind", " on " + name());
+    if (row == loss_row_) return;  // the same loss keeps its last value
+    loss_ = row->make();
+    loss_row_ = row;
   }
   Loss& loss() override { return *loss_; }
   Optimizer& optimizer() override { return *optimizer_; }

@@ -73,7 +73,7 @@ class L1SsimLoss final : public Loss {
     return weighted_.data();
   }
 
-  // From dL/dX' to dL/dX.
+  // Turns dL/dX' into dL/dX.
   void pull_back_weights(Buffer<float>& dL_dimage) {
     parallel_for(values_, 4096, [&](std::size_t i) { dL_dimage[i] *= gains_[i]; });
   }

@@ -59,6 +59,16 @@ function(gs_default_architectures result)
   endif()
 endfunction()
 
+# gs_name_architectures(result architectures native): for people, such as "80-virtual, 90". `native`
+# holds the architectures of the GPUs here, as CMake found them; it replaces the word native.
+function(gs_name_architectures result architectures native)
+  if(architectures STREQUAL "native" AND native)
+    set(architectures "${native}")
+  endif()
+  string(REPLACE ";" ", " text "${architectures}")
+  set(${result} "${text}" PARENT_SCOPE)
+endfunction()
+
 # gs_explain_architectures(result architectures): the text for the summary.
 function(gs_explain_architectures result architectures)
   set(why "")

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checkpoints as files: whole, cut short, damaged, on a full disk, and after a kill at every point
-// of writing.
+// Checkpoint files that are complete, cut short, damaged, on a full disk, or interrupted by a kill
+// at every point of writing.
 #include "gs_app/checkpoints/checkpoint_file.h"
 
 #include <gmock/gmock.h>
@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-/// A model whose every number is another, in the state after some step.
+/// A model in which all numbers differ, in the state after some step.
 TrainingState telling_state(std::size_t gaussians, int step) {
   TrainingState state;
   state.model.gaussians.resize(gaussians);
@@ -202,7 +202,7 @@ TEST_F(Checkpoints, WithoutAnyThereIsNone) {
 TEST_F(Checkpoints, AFullDiskIsSeenBeforehandAndNothingIsLost) {
   for (const int step : {5, 10}) ASSERT_TRUE(save(folder(), step));
   EXPECT_FALSE(save(folder([](const fs::path&) { return std::uint64_t(1000); }), 15));
-  EXPECT_THAT(steps_in(path()), ElementsAre(10));  // the older one did not make space enough
+  EXPECT_THAT(steps_in(path()), ElementsAre(10));  // removing the older one did not free enough
   EXPECT_TRUE(folder().newest());
 }
 
@@ -215,7 +215,7 @@ TEST_F(Checkpoints, TheOlderOneMakesSpaceWhereThatIsEnough) {
   EXPECT_THAT(steps_in(path()), ElementsAre(15, 10));
 }
 
-/// At its k-th point, calls something.
+/// Calls a function at its k-th point of writing.
 class AtWritePoint final : public WriteHook {
  public:
   AtWritePoint(int point, void (*f)()) : left_(point), f_(f) { set_write_hook(this); }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tables of an experiment, from run folders that the test writes. Experiments that really train:
-// tests/cli/experiment_test.cpp.
+// The tables of an experiment, from run folders that the test writes. tests/cli/experiment_test.cpp
+// has experiments that really train.
 #include "gs_app/experiment/experiment_tables.h"
 
 #include <gmock/gmock.h>
@@ -8,6 +8,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "gs_app/experiment/experiment_status.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -36,7 +37,8 @@ class ExperimentTables : public ::testing::Test {
 
   fs::path path(const std::string& name) const { return temp_.path() / name; }
 
-  /// Writes what the tables read of a finished run: settings, results, and views of this width.
+  /// Writes the files of a finished run that the tables read: settings, results, and views of this
+  /// width.
   void finish(const ExperimentRun& run, int width, double psnr = 25) {
     prepare(run);
     const Json results = {{"test", {{"psnr", psnr}}}, {"scene_hash", "hash of " + run.scene}};
@@ -60,6 +62,25 @@ class ExperimentTables : public ::testing::Test {
   Experiment experiment_;
   std::vector<ExperimentRun> runs_;
 };
+
+TEST_F(ExperimentTables, AModelToStartFromIsRelativeToTheFile) {
+  experiment_.settings.push_back({"model.start_from=models/./first.ply", ""});
+  EXPECT_EQ(runs_of(experiment_).front().settings.model.start_from, path("models/first.ply"));
+  experiment_.settings.back().assignment = "model.start_from=/models/first.ply";
+  EXPECT_EQ(runs_of(experiment_).front().settings.model.start_from, "/models/first.ply");
+}
+
+using ExperimentStatus = ExperimentTables;
+
+TEST_F(ExperimentStatus, IsTheLastWholeRowOfTheMetrics) {
+  ExperimentRun& run = runs_.front();
+  run.settings.train.iterations = 7000;
+  run.settings.train.extra_steps = 500;
+  EXPECT_EQ(status_of(run), "a/plain/seed1 at step 0 of 7,500");
+  prepare(run);
+  write_text(run.folder.metrics(), "step,loss\n100,0.5\n2200,0.4\n23");  // it is being written
+  EXPECT_EQ(status_of(run), "a/plain/seed1 at step 2,200 of 7,500");
+}
 
 TEST_F(ExperimentTables, ShowSettingsOfOneSceneWithThatScene) {
   finish_all();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the viewer costs a run, measured by a clock that the test moves; the losses of a run; and
-// the first view.
+// The cost of the viewer for a run, measured by a clock that the test sets; the losses of a run;
+// and the first view.
 #include "gs_app/view/live_view.h"
 
 #include <gmock/gmock.h>
@@ -18,7 +18,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// A clock that the test moves.
+/// A clock that the test sets.
 struct Hands {
   double now = 1000;
   SnapshotBudget::Clock clock() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rates of long jobs: of resumed ones, of those that go back, and where notes are far apart.
+// Rates of long jobs: resumed ones, ones that go back to a checkpoint, and ones with rare reports.
 #include "gs_app/run/rate_meter.h"
 
 #include <gtest/gtest.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// TrainSession in the test's own process: ways to end, memory that runs out after the last step,
-// and starts from a model.
+// TrainSession in the test's own process: the ways in which it ends, memory that runs out after the
+// last step, and starts from a model.
 #include "gs_app/session/train_session.h"
 
 #include <gmock/gmock.h>
@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-/// Calls a function after each step, and one when the run is over.
+/// Calls a function after each step, and another one when the run is over.
 class Watcher final : public Observer {
  public:
   std::function<void(int, Trainer&)> on_step = [](int, Trainer&) {};
@@ -42,7 +42,7 @@ class TestHooks final : public SessionHooks {
   }
 };
 
-/// Allocations fail while it lives and `count` is not used up.
+/// While it lives, allocations fail until `count` of them have failed.
 class FailingMemory {
  public:
   explicit FailingMemory(int count) {
@@ -146,7 +146,7 @@ TEST_F(Session, MemoryThatIsGoneForGoodAfterTheLastStepNamesTheCheckpoint) {
 }
 
 TEST_F(Session, MemoryThatRunsOutInTheEvaluationNamesTheModel) {
-  static fs::path model;  // once it is there, memory is gone
+  static fs::path model;  // after it exists, memory is gone
   model = ply("out");
   TestHooks hooks;
   hooks.watcher.on_end = [] {

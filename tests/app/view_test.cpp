@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The viewer's server: what it answers and what it refuses, in this process. The verbs that start
-// it: view_verbs_test.cpp.
+// What the viewer's server answers and what it refuses, in this process. view_verbs_test.cpp tests
+// the verbs that start it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <httplib.h>
@@ -36,7 +36,7 @@ class Served {
   httplib::Result get(const std::string& path, const httplib::Headers& headers = {}) const {
     return client().Get(path, headers);
   }
-  /// What comes back for these bytes, until the server ends the connection.
+  /// Sends these bytes and returns what the server answers until it ends the connection.
   std::string say(const std::string& bytes) const {
     const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
     sockaddr_in address{};
@@ -308,8 +308,8 @@ TEST_F(Remote, AFrameIsThePictureThatRenderMakes) {
   const auto frame = served.get(kFrame);
   ASSERT_EQ(frame->status, 200) << frame->body;
   EXPECT_GT(std::stod(frame->get_header_value("X-Render-Ms")), 0);
-  // A JPEG of quality 100 is off by about one level, more where color is averaged over 2 x 2
-  // pixels.
+  // A JPEG of quality 100 differs by about one level, and by more where color is averaged over 2 x
+  // 2 pixels.
   EXPECT_LT(mean_difference(decoded(frame->body), read_photo(path("pictures/view_0.png"))), 3);
   EXPECT_EQ(served.get("/model")->status, 404);
 }

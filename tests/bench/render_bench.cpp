@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long one training step takes on the CPU, stage by stage, on generated scenes. What its figures are on
-// which machine stands in docs/benchmarks.md.
+// Times one training step on the CPU, stage by stage, on generated scenes. docs/benchmarks.md has its
+// figures, with the machine.
 //   per_MP     time per million pixels
 //   per_100k   time per 100,000 visible Gaussians
 //   tiles      instances per visible Gaussian
@@ -13,17 +13,17 @@ namespace gs {
 namespace {
 
 constexpr Recipe kSpread{.sigma_low = 0.5f, .sigma_high = 4, .stretch = 4, .reach = 1};
-constexpr LearningRates kRates{};  // at 0 the scene stays what it is
+constexpr LearningRates kRates{};  // with rates of 0 the scene does not change
 constexpr LossSettings kLossSettings{.lambda_dssim = 0.2f};
 
-/// A scene of so many Gaussians in a picture of so many pixels, rendered and differentiated once.
+/// A scene of a given number of Gaussians and picture size, rendered and differentiated once.
 struct BenchScene {
   explicit BenchScene(const benchmark::State& state)
       : view{"", random_camera(int(state.range(1)), int(state.range(2))), {}},
         model(model_of(random_gaussians(kSpread, std::size_t(state.range(0)), view.camera, 1))),
         gradients(model.count(), host_memory()), dL_dmean2d(model.count(), host_memory()) {
     view.photo = random_photo(view.camera.width, view.camera.height, 2);
-    backend->rows().sort_by_morton(model);  // as training keeps its rows
+    backend->rows().sort_by_morton(model);  // the order that training keeps
     forward();
     loss();
     backward();

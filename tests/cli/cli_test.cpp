@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The program as users run it: what it prints, writes and returns, on the scene of tests/support/program.h.
+// The program as users run it: its output, files and exit codes, on the scene of
+// tests/support/program.h.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <sstream>
 
 #include "data_loaders/photos/photos.h"
@@ -20,11 +22,28 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 TEST_F(Program, PrintsItsVersionAndHelp) {
-  EXPECT_THAT(run("--version").out, HasSubstr("gemsplat "));
+  const Outcome version = run("--version");
+  EXPECT_TRUE(std::regex_match(version.out,
+                               std::regex(R"(gemsplat \d+\.\d+\.\d+(, commit [0-9A-Za-z._-]+)?, )"
+                                          R"((without CUDA|CUDA \d+[.\d]* for [0-9a-z, -]+)\n)")))
+      << version.out;
+  EXPECT_TRUE(run("info").out.starts_with(version.out)) << "both describe the build alike";
   const Outcome help = run("train --help");
   EXPECT_EQ(help.code, 0);
   EXPECT_THAT(help.out,
               AllOf(HasSubstr("--iterations"), HasSubstr("--max-steps"), HasSubstr("30000")));
+}
+
+// results.json of a run, `info` and `--version` take the commit from one place.
+TEST_F(Program, TheVersionNamesTheCommitOfTheRunsProvenance) {
+  ASSERT_EQ(train("out", "-q").code, 0);
+  const std::string commit = json("out/results.json").at("commit");
+  EXPECT_EQ(nlohmann::json::parse(run("info --json").out).at("commit"), commit);
+  const std::string version = run("--version").out;
+  if (commit == "unknown")  // built from a tree without .git
+    EXPECT_THAT(version, Not(HasSubstr("commit")));
+  else
+    EXPECT_THAT(version, HasSubstr(", commit " + commit + ", "));
 }
 
 TEST_F(Program, PrintsTheResolvedConfigWithoutAScene) {
@@ -86,7 +105,7 @@ TEST_F(Program, ExposuresAndRefinedCamerasAreReportedAndAppliedAgain) {
 TEST_F(Program, SceneFarFromTheOriginKeepsItsOffsetBesideTheModel) {
   write_scene(path("scene"));
   std::istringstream images(read_bytes(path("scene/sparse/0/images.txt")));
-  std::ostringstream moved;  // 500,000 along x: rotations are none
+  std::ostringstream moved;  // moved by 500,000 along x; no camera is rotated
   moved.precision(12);
   for (std::string line; std::getline(images, line);) {
     std::istringstream words(line);
@@ -202,7 +221,7 @@ TEST_F(Program, TrainingSaysHowLongItTakesHereAndThatItEvaluates) {
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.err,
               AllOf(HasSubstr("50 steps took "), HasSubstr(" s here: the other 150 take "),
-                    HasSubstr("it is evaluated now")));
+                    HasSubstr("now it is evaluated")));
   EXPECT_THAT(train("brief").err, Not(HasSubstr("steps took")));
 }
 
@@ -314,7 +333,7 @@ TEST_F(Program, EvalOfARunFindsTheFiguresOfItsTraining) {
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const nlohmann::json figures = nlohmann::json::parse(outcome.out);
   const nlohmann::json expected = json("out/results.json").at("test");
-  // The PLY holds rotations of length 1, so that pictures agree to rounding only.
+  // The PLY holds rotations of length 1, so pictures agree up to rounding only.
   EXPECT_NEAR(figures.at("psnr").get<double>(), expected.at("psnr").get<double>(), 0.01);
   EXPECT_NEAR(figures.at("ssim").get<double>(), expected.at("ssim").get<double>(), 0.001);
   EXPECT_EQ(figures.at("views").size(), 2u);

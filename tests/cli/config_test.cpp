@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat config: what it prints for files, presets, runs and flags together.
+// gemsplat config: its output for files, presets, runs and flags together.
 #include <gmock/gmock.h>
 
 #include "tests/support/program.h"

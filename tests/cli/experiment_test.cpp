@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat experiment: complete tables whatever is killed or fails in between, and nothing done
-// twice.
+// gemsplat experiment: its tables are complete whatever is killed or fails in between, and no run
+// is done twice.
 #include <gmock/gmock.h>
 #include <signal.h>
 #include <unistd.h>
@@ -18,6 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -31,7 +32,7 @@ void wait_until(const std::function<bool()>& holds) {
   }
 }
 
-// The process whose parent is `parent`, where there is one.
+// The process whose parent is `parent`, if there is one.
 std::optional<pid_t> child_of(pid_t parent) {
   for (const auto& entry : fs::directory_iterator("/proc")) {
     std::ifstream file(entry.path() / "stat");
@@ -43,7 +44,7 @@ std::optional<pid_t> child_of(pid_t parent) {
   return std::nullopt;
 }
 
-// A zombie is not.
+// Whether a process runs; a zombie does not.
 bool is_running(pid_t process) {
   std::ifstream file("/proc/" + std::to_string(process) + "/stat");
   std::string id, name, state;
@@ -58,7 +59,7 @@ int count_of(const std::string& text, const std::string& part) {
 
 class Experiment : public Program {
  protected:
-  // 2 scenes x 2 configs x 2 seeds; `more` stands before the configs.
+  // 2 scenes x 2 configs x 2 seeds; `more` is written before the configs.
   void write_experiment(int iterations, const std::string& more = "") {
     for (const char* scene : {"scene_a", "scene_b"})
       if (!fs::exists(path(scene))) write_scene(path(scene));
@@ -78,7 +79,7 @@ class Experiment : public Program {
   Outcome experiment(const std::string& more = "") {
     return run("experiment " + text("e.toml") + " " + more);
   }
-  // The experiment as a process that goes on beside the test.
+  // Starts the experiment as a process of its own.
   pid_t start_experiment() {
     const std::string file = text("e.toml"), log = text("background.txt");
     const pid_t process = ::fork();
@@ -163,6 +164,15 @@ TEST_F(Experiment, FinishedRunsAreNotRepeatedUnlessTheirSettingsChange) {
   expect_complete_tables();
 }
 
+TEST_F(Experiment, WithoutATerminalItSaysHowFarTheRunsAre) {
+  write_experiment(150);
+  const Outcome outcome = experiment("--jobs 2 --status-every 0.001");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err,
+              ContainsRegex("0 of 8 runs done; .*scene_a/plain/seed1 at step "
+                            "[0-9]+ of 150, scene_a/plain/seed2 at step [0-9]+ of 150"));
+}
+
 TEST_F(Experiment, SurvivesKill9OfAChild) {
   write_experiment(150);
   const pid_t parent = start_experiment();
@@ -229,7 +239,7 @@ TEST_F(Experiment, TwoOnOneOutputAreRefused) {
   wait_until([&] { return fs::exists(path("out/scene_a/plain/seed1/config.toml")); });
   const Outcome second = experiment();
   EXPECT_EQ(second.code, 3);
-  EXPECT_THAT(second.err, AllOf(HasSubstr(std::to_string(first)), HasSubstr("at work on")));
+  EXPECT_THAT(second.err, AllOf(HasSubstr(std::to_string(first)), HasSubstr("is working on")));
   ::kill(first, SIGINT);
   wait_for(first);
 }
@@ -248,7 +258,7 @@ TEST_F(Experiment, SlurmScriptHasATaskForEachRunAndGatherCollectsThem) {
             HasSubstr("#SBATCH --partition=gpu\n"), HasSubstr("#SBATCH --time=02:00:00\n"),
             HasSubstr("experiment " + text("e.toml") + " --only \"$SLURM_ARRAY_TASK_ID\"\n")));
 
-  // A task, as Slurm does it.
+  // A task, started as Slurm starts it.
   const std::string task =
       "SLURM_ARRAY_TASK_ID=3 bash " + text("out/experiment.sbatch") + " 2>" + text("task.txt");
   EXPECT_EQ(std::system(task.c_str()), 0) << read_bytes(path("task.txt"));

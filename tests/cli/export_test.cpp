@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat export and train --export as users run them, and other verbs on what they wrote.
+// gemsplat export and train --export as users run them, and other verbs on the files that they
+// write.
 #include <gmock/gmock.h>
 
 #include "tests/support/program.h"
@@ -22,7 +23,7 @@ class Export : public Program {
   Outcome export_run(const std::string& more) {
     return run("export " + text("run") + " " + more + " --device cpu");
   }
-  // The product of two matrices of a sidecar.
+  // An entry of the product of two matrices of a sidecar.
   static double entry(const nlohmann::json& a, const nlohmann::json& b, int i, int j) {
     double sum = 0;
     for (int k = 0; k < 4; ++k) sum += a[i][k].get<double>() * b[k][j].get<double>();
@@ -97,6 +98,14 @@ TEST_F(Export, APlacedModelIsMeasuredWhereItWasAndItsMatricesInvert) {
   EXPECT_NEAR(sidecar["input_from_file"][3][3], 1, 1e-12);
 }
 
+TEST_F(Export, LossesAreMeasuredAtTheCamerasOfASceneWithoutDecodingItsPhotos) {
+  train("run");
+  damage_photos(path("scene/images"));
+  const Outcome outcome = export_run("--data " + text("scene") + " " + text("a.compressed.ply"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("dB PSNR"));
+}
+
 TEST_F(Export, ALowerShDegreeIsInTheFileAndItsLossIsMeasured) {
   train("run", "--iterations 60 --set train.sh_degree_every=5");
   const Outcome outcome =
@@ -153,7 +162,7 @@ TEST_F(Export, AFarSceneIsShiftedBackInCsvAndItsOffsetIsNamedElsewhere) {
   ASSERT_EQ(export_run(text("b.csv") + " --recenter").code, 0);
   EXPECT_LT(std::abs(std::stod(
                 read_bytes(path("b.csv")).substr(read_bytes(path("b.csv")).find('\n') + 1))),
-            100);  // it was asked to lie at the origin
+            100);  // --recenter moved it to the origin
 }
 
 TEST_F(Export, TheTableHasEveryFormat) {
@@ -181,7 +190,7 @@ TEST_F(Export, OneFileNamedTwiceIsAnError) {
   EXPECT_FALSE(fs::exists(path("a.spz")));
 }
 
-// As runs of the reference trainer are.
+// Runs of the reference trainer are like this.
 TEST_F(Export, RunsWithoutASplitOrCamerasAreExported) {
   train("run");
   fs::remove(path("run/split.json"));
@@ -191,7 +200,7 @@ TEST_F(Export, RunsWithoutASplitOrCamerasAreExported) {
   fs::remove(path("run/cameras.json"));
   const Outcome none = export_run(text("b.spz"));
   EXPECT_EQ(none.code, 0) << none.err;
-  EXPECT_THAT(none.err, HasSubstr("no views to measure on"));
+  EXPECT_THAT(none.err, HasSubstr("there are no views"));
 }
 
 TEST_F(Export, WhatAFormatCannotSayIsReadFromItsSidecar) {

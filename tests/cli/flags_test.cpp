@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flags as users of other trainers type them.
+// Flags of other trainers, as their users type them.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <unistd.h>
@@ -44,7 +44,7 @@ TEST_F(Flags, TheModelOfEvalAndRenderMayBeNamedByItsFlag) {
   for (const std::string flags : {"eval --json -m ", "eval --model_path=", "render -o x -m ",
                                   "render -o x --write color --model-path "}) {
     const Outcome outcome = run(flags + text("nowhere"));
-    EXPECT_EQ(outcome.code, 3) << flags << outcome.err;  // it is looked for
+    EXPECT_EQ(outcome.code, 3) << flags << outcome.err;  // the flag was read: it looks for the file
     EXPECT_THAT(outcome.err, HasSubstr(text("nowhere"))) << flags;
   }
 }
@@ -59,7 +59,10 @@ TEST_F(Flags, HelpOfAVerbAndAShortVersionAreUnderstood) {
 TEST_F(Flags, AResolutionOfAnotherTrainerIsAnsweredWithWhatIsPossible) {
   const Outcome third = run("train --print-config -r 3");
   EXPECT_EQ(third.code, 2);
-  EXPECT_THAT(third.err, AllOf(HasSubstr("-r 3"), HasSubstr("1, 2, 4 or 8"), HasSubstr("16")));
+  EXPECT_THAT(third.err,
+              AllOf(HasSubstr("dataset.resolution = 3"), HasSubstr("1, 2, 4, 8, or from 16")));
+  EXPECT_EQ(run("train --print-config --set dataset.resolution=3").err, third.err)
+      << "flags have no limits of their own";
   const Outcome automatic = run("train --print-config -r -1");
   EXPECT_EQ(automatic.code, 2);
   EXPECT_THAT(automatic.err, HasSubstr("-r 1600"));

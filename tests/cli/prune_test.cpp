@@ -69,7 +69,7 @@ TEST_F(Prune, OutsideTheBoxNothingIsLeft) {
     }
 }
 
-// A white background changes what half-transparent Gaussians look like, and so the PSNR.
+// A white background changes how half-transparent Gaussians look, and thereby the PSNR.
 TEST_F(Prune, RenderingFlagsCount) {
   const auto psnr_with = [&](const std::string& name, const std::string& flags) {
     const Outcome outcome = prune("--opacity 0.01 --json -o " + text(name) + " " + flags);

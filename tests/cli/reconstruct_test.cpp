@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gemsplat reconstruct` and `gemsplat train` on bare photos as users run them, with a shell script in
-// colmap's place.
+// `gemsplat reconstruct` and `gemsplat train` on bare photos as users run them, with a shell script
+// in place of the program colmap.
 #include <gmock/gmock.h>
 #include <sys/wait.h>
 
@@ -41,7 +41,7 @@ class Reconstruct : public testing::Test {
 
   fs::path colmap() const { return temp_.path() / "colmap"; }
   std::string path(const std::string& name) const { return (temp_.path() / name).string(); }
-  /// The exit code; what was printed is in printed().
+  /// Returns the exit code; printed() has the output.
   int run(const std::string& arguments) const {
     const std::string command =
         std::string(GS_PROGRAM) + " " + arguments + " > " + path("out") + " 2>&1";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat render as users run it: what each source, path and output gives.
+// gemsplat render as users run it: the results of each source, path and output.
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -33,7 +33,7 @@ class Render : public Program {
     EXPECT_EQ(outcome.code, code) << more;
     EXPECT_THAT(outcome.err, HasSubstr(reason)) << more;
   }
-  /// Positions of the cameras of a file.
+  /// Positions of the cameras in a file.
   std::vector<Vec3f> places(const std::string& file) const {
     std::vector<Vec3f> result;
     for (const NamedCamera& named : read_cameras(path(file), Vec3d(0.0)))
@@ -58,6 +58,15 @@ TEST_F(Render, TheColmapModelOfTheSceneGivesThePicturesOfTheRun) {
   expect_done("--cameras " + text("scene/sparse/0") + " -o " + text("b"));
   for (const char* name : {"view_0.png", "view_5.png"})
     EXPECT_LE(largest_difference(path("a") / name, path("b") / name), 1);
+}
+
+TEST_F(Render, TheCamerasOfASceneAreTakenWithoutDecodingItsPhotos) {
+  expect_done("--split test -o " + text("a"));
+  damage_photos(path("scene/images"));
+  ASSERT_EQ(run("eval " + text("run") + " --device cpu").code, 3) << "the photos can be decoded";
+  expect_done("--data " + text("scene") + " --test-every 3 --split test -o " + text("b"));
+  EXPECT_EQ(largest_difference(path("a/view_3.png"), path("b/view_3.png")), 0);
+  expect_refused("--masks none --data " + text("scene") + " -o " + text("c"), "--masks");
 }
 
 TEST_F(Render, EachQuantityHasAFileOfItsOwn) {
@@ -145,7 +154,7 @@ TEST_F(Render, AFlythroughStaysAmongTheTrainingCameras) {
   expect_done("--path flythrough --keys 3 --seconds 0.4 --fps 20 -o " + text("tour"));
   const auto tour = places("tour/cameras.json");
   ASSERT_EQ(tour.size(), 8u);
-  for (const Vec3f& place : tour) {  // which stand on a line, 0.1 apart
+  for (const Vec3f& place : tour) {  // the cameras stand on a line, 0.1 apart
     EXPECT_NEAR(place.y, 0, 1e-5);
     EXPECT_GT(place.x, -0.1);
     EXPECT_LT(place.x, 0.6);
@@ -169,7 +178,7 @@ TEST_F(Render, AFilmHasAllFramesAndAFileBesideIt) {
   EXPECT_LT(film.at("depth_range").at(0), film.at("depth_range").at(1));
   EXPECT_EQ(places("film.cameras.json").size(), 7u);
 
-  // The same frames as pictures: only the codec lies between.
+  // The same frames as pictures differ only by the codec.
   expect_done("--cameras " + text("film.cameras.json") + " -o " + text("frames"));
   const auto names = take_frames(path("film.mp4"), 7, 7, path("decoded"), "f", {});
   ASSERT_EQ(names.size(), 7u);
@@ -219,8 +228,8 @@ TEST_F(Render, ViewsOfOneNameAreNotWrittenOverEachOther) {
 TEST_F(Render, FlagsThatDoNotFitAreUsageErrors) {
   const std::string out = " -o " + text("none");
   expect_refused("--frames 9" + out, "--path");
-  expect_refused("--turns 2 --path spline" + out, "--turns goes with --path orbit");
-  expect_refused("--path orbit --through 1,2" + out, "--through goes with --path spline");
+  expect_refused("--turns 2 --path spline" + out, "--turns works only with --path orbit");
+  expect_refused("--path orbit --through 1,2" + out, "--through works only with --path spline");
   expect_refused("--path orbit --turns 0" + out, "--turns");
   expect_refused("--path circle" + out, "circle");
   expect_refused("--size 12" + out, "1280x720");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a report says of a run or an experiment: data gathered from whole, unfinished and damaged
-// folders. How it looks is the browser's affair: apps/web/tests/report_test.mjs.
+// The data of reports, gathered from complete, unfinished and damaged folders of runs and
+// experiments. apps/web/tests/report_test.mjs tests how a report looks.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -128,7 +128,7 @@ TEST_F(Report, OfAnUnfinishedRunSaysWhatIsMissing) {
   for (const char* name : {"results.json", "per_view.json", "profile.csv"})
     fs::remove(path("out") / name);
   fs::remove_all(path("out/point_cloud"));
-  // As a kill leaves it: the last row cut short.
+  // The last row is cut short, as by a kill.
   write_bytes(path("out/metrics.csv"), read_bytes(path("out/metrics.csv")) + "25,0.1");
   const nlohmann::json data = data_of("out");
   EXPECT_EQ(data.at("state"), "unfinished");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Training never loses work: the built `gemsplat train`, killed at random moments, stopped, damaged, resumed and extended,
-// on a scene of six small pictures. What a resumed run writes is compared byte by byte with one never interrupted.
+// Training never loses work: the built `gemsplat train` is killed at random moments, stopped,
+// damaged, resumed and extended, on a scene of six small pictures. The files of a resumed run are
+// compared byte by byte with those of an uninterrupted one.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -27,7 +28,7 @@ using ::testing::HasSubstr;
 
 constexpr int kSteps = 60;
 constexpr int kKills = 50;
-constexpr std::uint64_t kSeed = 11;  // of the moments of the kills
+constexpr std::uint64_t kSeed = 11;  // for the moments of the kills
 const std::string kResumable =
     " --eval --test-every 3 --device cpu --threads 1 --checkpoint-every 4 --set train.log_every=5 "
     "--set "
@@ -35,7 +36,7 @@ const std::string kResumable =
     "--background "
     "random";
 
-// The file without what two runs cannot share: times.
+// The file without times, in which two runs always differ.
 std::string without_times(const fs::path& file) {
   const std::string text = read_bytes(file);
   if (file.filename() == "results.json") {
@@ -58,7 +59,7 @@ std::string without_times(const fs::path& file) {
   return result;
 }
 
-// All that a run wrote and that does not depend on time or place.
+// All files of a run that do not depend on time or place.
 std::map<std::string, std::string> contents_of(const fs::path& run) {
   std::map<std::string, std::string> contents;
   for (const auto& entry : fs::recursive_directory_iterator(run)) {
@@ -76,7 +77,7 @@ class Resume : public ::testing::Test {
   fs::path path(const std::string& name) const { return folder_.path() / name; }
   std::string text(const std::string& name) const { return path(name).string(); }
 
-  // Starts the program; its process.
+  // Starts the program and returns its process.
   pid_t start(const std::string& arguments) {
     const pid_t child = fork();
     if (child != 0) return child;
@@ -100,7 +101,7 @@ class Resume : public ::testing::Test {
     return "train " + text("scene") + " -o " + text(out) + kResumable + " --iterations " +
            std::to_string(kSteps) + " " + more;
   }
-  // Runs until a file is there, then sends a signal. Code 0 where the run was over before.
+  // Runs until a file exists, then sends a signal. The code is 0 if the run was over before.
   Outcome run_and_signal(const std::string& arguments, const fs::path& awaited, int signal) {
     const pid_t child = start(arguments);
     while (!fs::exists(awaited)) {
@@ -284,7 +285,7 @@ TEST_F(Resume, WhatCannotBeResumedIsAnErrorThatSaysWhy) {
   const Outcome model = run(command("out", "--resume " + text("model.ply")));
   EXPECT_EQ(model.code, 2);
   EXPECT_THAT(model.err,
-              AllOf(HasSubstr("is a model and no checkpoint"), HasSubstr("--start-from")));
+              AllOf(HasSubstr("is a model, not a checkpoint"), HasSubstr("--start-from")));
   EXPECT_EQ(run(command("out", "--iterations +10")).code, 2);
   EXPECT_EQ(run(command("out", "--resume auto --iterations +10")).code, 2);
   EXPECT_EQ(run(command("out", "--resume auto --iterations +1x")).code, 2);
@@ -317,7 +318,7 @@ TEST_F(Resume, AnotherSceneIsRefused) {
   write_bytes(path("other/sparse/0/images.txt"), images);
   const Outcome moved = run("train " + text("other") + " --resume " + text("out"));
   EXPECT_EQ(moved.code, 3);
-  EXPECT_THAT(moved.err, HasSubstr("the camera of view_1.png is another"));
+  EXPECT_THAT(moved.err, HasSubstr("the camera of view_1.png differs"));
   fs::remove_all(path("other"));
   fs::rename(path("scene"), path("other"));  // the same one in another place is fine
   EXPECT_EQ(run("train " + text("other") + " --device cpu --resume " + text("out")).code, 0);

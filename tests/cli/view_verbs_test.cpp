@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gemsplat view` and `gemsplat train --viewer` as processes: addresses, signals, exit codes, and
-// what a watched run learns.
+// the model of a watched run.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <httplib.h>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Config: what is read is what was written, and what cannot be used is refused by name, line and range.
+// Config: reading returns what was written, and values that cannot be used are refused by name,
+// line and range.
 #include "gs_core/config/config.h"
 
 #include <gmock/gmock.h>
@@ -48,7 +49,7 @@ std::map<std::string, std::string> fields_of(const Config& config) {
   return result;
 }
 
-// A config of which every field differs from its default and is within its limits.
+// A config in which every field differs from its default and is within its limits.
 Config everything_changed() {
   Config config;
   visit_fields(config, [](const auto& field) {
@@ -90,7 +91,7 @@ std::string message_of(const std::function<void()>& call) {
 
 class ConfigFile : public ::testing::Test {
  protected:
-  // Loads a file with this text into defaults.
+  // Loads a file with this text over the defaults.
   Config load(const std::string& text) {
     write_bytes(file_, text);
     Config config;
@@ -132,7 +133,7 @@ TEST(Config, EveryFieldOfTheListIsItsOwn) {
 
 TEST_F(ConfigFile, PrintedConfigReadsBackEqualWithEveryFieldChanged) {
   Config changed = everything_changed();
-  changed.loss.kind = Config{}.loss.kind;  // has one word so far
+  changed.loss.kind = Config{}.loss.kind;  // there is only one word so far
   validate(changed);
   EXPECT_EQ(fields_of(load(to_toml(changed))), fields_of(changed));
 }
@@ -362,7 +363,7 @@ TEST(ConfigDiff, KnowsWhichChangesTheResultAndWhichMayComeOnResume) {
   EXPECT_FALSE(same_result(Config{}, logged));
 }
 
-// Every word is read as its own value and printed as itself; no other word is taken.
+// Every word is read as its own value and printed as itself; other words are refused.
 TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
   Config config;
   std::size_t settings = 0;
@@ -415,6 +416,8 @@ TEST(Setting, RefusesWhatItCannotUse) {
   EXPECT_THAT(refusal("train.sed=1"), HasSubstr("did you mean train.seed?"));
   EXPECT_THAT(refusal("train.iterations=soon"),
               AllOf(HasSubstr("train.iterations"), HasSubstr("soon"), HasSubstr("a whole number")));
+  EXPECT_THAT(refusal("dataset.resolution=3"),
+              HasSubstr("must be 1, 2, 4, 8, or from 16 to 65536"));
   EXPECT_THAT(refusal("train.device=tpu"), HasSubstr("cuda:N"));
   EXPECT_THAT(refusal("train.device=cuda:N"), HasSubstr("cuda:N"));
   EXPECT_THAT(refusal("train.device=cuda:"), HasSubstr("cuda:N"));

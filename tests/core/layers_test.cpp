@@ -6,7 +6,8 @@
 //
 // Within gs_core, data_loaders and gs_app the subfolders have an order, too.
 //
-// This test reads the source tree. The rules are the two tables below; docs/developing.md explains them.
+// This test reads the source tree. The rules are the two tables below; docs/developing.md explains
+// them.
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -106,14 +107,15 @@ const std::map<std::string, std::string> kTargets = {
     {"gs_view", "gs_app"},  {"gs_experiment", "gs_app"},  {"gs_checks", "gs_app"},
 };
 
-/// One header or target that a path may use beside the owners: the beginning of a path, and a whole name.
+/// A header or target that certain paths may use although they do not own the library: the
+/// beginning of a path, and a complete name.
 struct Exemption {
   std::string path;
   std::string name;
 };
 
-/// A library with few owners. All are beginnings: of an include's name, of a word of a CMakeLists.txt, and of
-/// the paths that may include or link it.
+/// A library with few owners. All strings are beginnings: of the name of an include, of a word in a
+/// CMakeLists.txt, and of the paths that may include or link it.
 struct OwnedLibrary {
   std::string name;
   std::vector<std::string> includes;
@@ -129,7 +131,7 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
      {"CUDA::"},
      {"cuda/"},
      {"cuda/"},
-     // tests/cuda/step_test.cpp counts what the driver is asked for
+     // tests/cuda/step_test.cpp counts calls of the driver
      {{"tests/cuda/", "cuda_runtime_api.h"}, {"tests/CMakeLists.txt", "CUDA::cudart_static"}}},
     {"OpenCV", {"opencv"}, {"OpenCV_", "opencv_"}, {"data_loaders/"}, {"data_loaders/"}},
     {"zstd and xxhash",
@@ -162,7 +164,7 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
      {"data_loaders/", "tests/"}},
 };
 
-/// The longest key of a table that the path lies in, or "".
+/// The longest key of a table whose folder holds the path, or "".
 template <class Table>
 std::string folder_in(const Table& table, std::string path) {
   for (std::size_t slash; (slash = path.rfind('/')) != path.npos;) {

@@ -96,7 +96,8 @@ TEST_P(Parallel, LoopsStartedByTwoThreadsAtOnceBothComplete) {
   EXPECT_EQ(b, std::vector<int>(5000, 1));
 }
 
-/// The threads that took part in a loop whose chunks wait for `expected` threads, or give up after a while.
+/// The threads that took part in a loop whose chunks wait for `expected` threads, or give up after
+/// a while.
 std::size_t threads_taking_part(std::size_t expected) {
   std::mutex mutex;
   std::set<std::thread::id> seen;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Starting programs: how they end is known, what they say goes where it should, and they do not outlive us.
+// Child processes: their exit is reported, their output goes where it should, and they do not
+// outlive the parent.
 #include "gs_core/io/process.h"
 
 #include <gmock/gmock.h>

@@ -49,7 +49,7 @@ TEST(CameraExtent, DoesNotGrowByAStrayCamera) {
   EXPECT_NEAR(camera_extent(views), 2.2f, 1e-4f);
 }
 
-// A path that leads away, or a second place of some cameras, is no outlier.
+// The far end of a path, or a second group of cameras, is not an outlier.
 TEST(StrayCameras, AreNotTheFarEndOfAPath) {
   std::vector<View> path, places = ring(30);
   for (int i = 0; i < 50; ++i) path.push_back(view_at({float(i * i), 0, 0}));

@@ -24,7 +24,7 @@ TrainingModel random_model(std::size_t count, std::uint64_t seed) {
   return model_of(random_gaussians(kTypical, count, random_camera(40, 30), seed));
 }
 
-/// Of very different sizes, and some of them zero, as rows that nobody sees have them.
+/// Gradients of very different sizes, some of them zero as in rows that no view sees.
 Gaussians random_gradients(std::size_t count, std::uint64_t seed) {
   Gaussians gradients(count, host_memory());
   Draws draws(seed);

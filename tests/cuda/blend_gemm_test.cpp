@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 4 on tensor cores against blend.cu, from the same lists: the picture, what is left for the background, and the last
-// fragment of each pixel.
+// Stage 4 on tensor cores against blend.cu, from the same lists: the picture, the transmittance,
+// and the last fragment of each pixel.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,13 +11,15 @@
 namespace gs {
 namespace {
 
-// A fragment within rounding of a threshold may be kept by one and not by the other: so many numbers may differ by it.
+// A fragment within rounding of a threshold may be kept by one kernel and dropped by the other.
+// This fraction of all numbers may differ because of it.
 constexpr double kBorderline = 1e-3;
 
-// What one fragment that is or is not kept may change, and more than what the end of a pixel does.
+// The change that one kept or dropped fragment can cause; the end of a pixel causes less.
 constexpr double kOneFragment = 0.05;
 
-// Decibels between two pictures, without the few numbers that differ most; none may differ by more than a fragment.
+// PSNR between two pictures in dB, without the few numbers that differ most; none of these may
+// differ by more than one fragment.
 double psnr(const std::vector<float>& a, const std::vector<float>& b) {
   std::vector<double> squares(a.size());
   for (std::size_t i = 0; i < a.size(); ++i) {
@@ -66,7 +68,8 @@ class CudaBlendGemm : public CudaTest {
     }
     EXPECT_LE(double(T_differs), kBorderline * double(pixels) + 1);
     EXPECT_LE(double(last_differs), kBorderline * double(pixels) + 1);
-    // For viewing, without what the backward pass reads; and faster, with weights of 11 bits.
+    // Pictures for viewing lack the arrays that the backward pass reads; half precision has weights
+    // of 11 bits.
     settings.for_backward = false;
     EXPECT_GT(psnr(render(gaussians, camera, settings).image, b.image), decibels);
     settings.half_precision = true;
@@ -103,7 +106,8 @@ TEST_F(CudaBlendGemm, Needles) {
     }
 }
 
-// Rounding must not lift a fragment above its opacity and drop it: each splat is seen at its own center.
+// Rounding must not raise a fragment above its opacity and thereby drop it: each splat is visible
+// at its own center.
 TEST_F(CudaBlendGemm, NoFragmentIsLostAtItsCenter) {
   const Camera camera = plain_camera(64, 48);
   for (const float opacity : {0.9999f, 0.99f, 0.5f, 1.0f / 254}) {
@@ -115,7 +119,7 @@ TEST_F(CudaBlendGemm, NoFragmentIsLostAtItsCenter) {
   }
 }
 
-// (1 - 0.99)^2 is the threshold itself.
+// (1 - 0.99)^2 is exactly the threshold.
 TEST_F(CudaBlendGemm, TwoOpaqueSplatsEndAPixelAlike) {
   const Camera camera = plain_camera(64, 48);
   Gaussians layers(6, host_memory());
@@ -128,7 +132,8 @@ TEST_F(CudaBlendGemm, TwoOpaqueSplatsEndAPixelAlike) {
   expect_same(layers, camera);
 }
 
-// Lists that are no multiple of a batch, longer than a segment, or empty; tiles of which only a part is picture.
+// Lists whose length is not a multiple of a batch, lists longer than a segment, and empty ones;
+// tiles that lie partly outside of the picture.
 TEST_F(CudaBlendGemm, ListsOfAnyLength) {
   for (const int side : {1, 7, 15, 16, 17, 33}) {
     const Camera camera = plain_camera(side, 49 - side);
@@ -145,7 +150,8 @@ TEST_F(CudaBlendGemm, ListsOfAnyLength) {
   }
 }
 
-// The backward pass reads what the forward pass left: gradients must not depend on who blended.
+// The backward pass reads results of the forward pass: gradients must not depend on which kernel
+// blended.
 TEST_F(CudaBlendGemm, GradientsAgree) {
   const Camera camera = random_camera(160, 120, 3);
   for (const Recipe& recipe : {kTypical, kOpaque, kFaint}) {

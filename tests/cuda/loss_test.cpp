@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 5 on the GPU against its scalar twin, and the photos' ways to it.
+// Stage 5 on the GPU against its scalar twin, and the ways in which photos get to the GPU.
 #include "tests/support/cuda.h"
 
 namespace gs {
 namespace {
 
-/// What the rendered picture is like.
+/// The kind of rendered picture.
 enum class Picture {
   noise,   // has nothing to do with the photo
   near,    // the photo with noise, as while training
@@ -88,16 +88,19 @@ Answer answer_of(Backend& backend, const Pair& pair, float lambda) {
   return {backend.loss().value(), dL_dimage.download()};
 }
 
-/// How far the two backends may differ: of the loss, and of the largest value of its gradient.
+/// How far the two backends may differ: in the loss, and in the gradient relative to its largest
+/// value.
 struct Tolerance {
   double value, gradient;
 };
-// The sums are rounded at 6e-8 some twenty times, in another order than in the twin, and so are the moments; local
-// variances of such pictures are of the order of the moments themselves, so that little cancels.
+// The sums are rounded at 6e-8 some twenty times, in another order than in the twin, and so are the
+// moments; local variances of such pictures are of the order of the moments themselves, so that
+// little cancels.
 constexpr Tolerance kRounding{1e-5, 2e-5};
-// Here s_xx = E[xx] - E[x]^2 cancels: some 1e-7 is left of it to be wrong, over B = s_xx + s_yy + C2 of some 1e-3 that
-// is 1e-4, and the shares of dL/dX, whose factors are 2 X and Y, cancel once more. The scalar loss is itself up to 2e-3
-// of the largest gradient away from the same in double, the GPU's up to 1.5e-3.
+// In smooth pictures s_xx = E[xx] - E[x]^2 cancels. An error of some 1e-7 remains; divided by B =
+// s_xx + s_yy + C2, some 1e-3, this is 1e-4. The parts of dL/dX, with factors 2 X and Y, cancel
+// once more. The scalar loss itself differs from the same in double by up to 2e-3 of the largest
+// gradient, the GPU's by up to 1.5e-3.
 constexpr Tolerance kCancellation{2e-3, 5e-3};
 
 constexpr std::pair<int, int> kSizes[] = {{1, 1},   {5, 3},   {11, 11},   {32, 32},
@@ -116,7 +119,7 @@ class CudaLossTest : public CudaTest {
         SCOPED_TRACE(testing::Message() << width << " x " << height << ", lambda " << lambda);
         const Answer actual = answer_of(gpu(), pair, lambda);
         const Answer expected = answer_of(cpu(), pair, lambda);
-        // 1 - SSIM cancels, too, where the pictures are alike.
+        // 1 - SSIM cancels, too, if the pictures are alike.
         EXPECT_NEAR(actual.value, expected.value, tolerance.value * std::max(expected.value, 0.1));
         EXPECT_LT(relative_difference(actual.dL_dimage, expected.dL_dimage), tolerance.gradient);
       }
@@ -198,7 +201,7 @@ TEST_F(CudaLossTest, TellsTheSameTwice) {
   EXPECT_EQ(first.dL_dimage, second.dL_dimage);
 }
 
-/// Five views of different sizes with their pictures, and an order in which they are asked for.
+/// Five views of different sizes with their pictures, and the order in which the test uses them.
 class CudaPhotosTest : public CudaLossTest {
  protected:
   static constexpr std::size_t kOrder[] = {0, 3, 1, 1, 4, 2, 0, 4, 3, 2, 2, 1, 0, 0, 3, 4};
@@ -217,7 +220,8 @@ class CudaPhotosTest : public CudaLossTest {
       expected_.push_back(answer_of(cpu(), pairs_[i], 0.2f).value);
     }
   }
-  /// The loss of a view with its picture must be the scalar one; another view's photo would be far off.
+  /// The loss of a view and its picture must be the scalar one; the photo of another view would
+  /// give a very different loss.
   void expect_loss_of(std::size_t i) {
     gpu().loss().forward_backward(passes_[i], views_[i], {0.2f}, dL_dimage_);
     EXPECT_NEAR(gpu().loss().value(), expected_[i], kRounding.value * expected_[i]) << "view " << i;
@@ -258,7 +262,7 @@ TEST_F(CudaPhotosTest, MayBeAnnouncedInVain) {
   }
 }
 
-// Steps run behind the host's back: a photo stays until the work on it has run.
+// Steps run asynchronously: a photo stays on the GPU until the work on it is done.
 TEST_F(CudaPhotosTest, StayWhileTheHostRunsAhead) {
   std::vector<Buffer<float>> gradients;
   gpu().prefetch_next(views_[kOrder[0]]);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The MCMC strategy and absolute gradients on the GPU: the same draws, copies, noise and steps as the scalar twin.
+// The MCMC strategy and absolute gradients on the GPU: draws, copies, noise and steps are those of
+// the scalar twin.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,8 +17,8 @@ constexpr int kStep = 700;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
 
-/// Rows of all opacities, dead ones among them, and some that are broken. The last SH coefficient tells the row's
-/// number; the moments are its number and more.
+/// Rows of all opacities, including dead ones, and some with broken values. The last SH coefficient
+/// holds the number of the row, and the moments that number and more.
 TrainingModel random_model(std::size_t count, std::uint64_t seed) {
   Draws draws(seed);
   const Gaussians rows = random_gaussians(kTypical, count, random_camera(40, 30), seed);
@@ -39,8 +40,9 @@ TrainingModel random_model(std::size_t count, std::uint64_t seed) {
 
 class CudaMcmc : public CudaTest {
  protected:
-  /// Relocates the same model on both sides and expects the same rows. Opacities and scales of those that share, which
-  /// are computed in double and rounded to float, may differ in their last bit.
+  /// Relocates the same model on both backends and expects the same rows. Opacities and scales of
+  /// rows that share may differ in their last bit, because they are computed in double and rounded
+  /// to float.
   RefineReport relocate_both(TrainingModel model, std::int64_t grow_to, std::uint64_t seed = 1) {
     TrainingModel device = on_gpu(model);
     const RelocationRules rules{0.005f, grow_to};
@@ -72,7 +74,7 @@ class CudaMcmc : public CudaTest {
     return expected;
   }
 
-  /// Steps with everything that density control may ask, fused and unfused, and on the CPU.
+  /// Takes steps with everything that density control may ask for: fused, unfused, and on the CPU.
   void expect_same_steps(const RenderSettings& settings, const DensityStep& asked,
                          const LearningRates& rates) {
     View view;
@@ -164,7 +166,8 @@ TEST_F(CudaMcmc, StepsWithRegularizersAndNoiseAreTheScalarOnes) {
   }
 }
 
-// Rates of zero: Adam's first steps would turn the sign of a tiny gradient into a whole step.
+// The rates are zero, because Adam's first steps would turn the sign of a tiny gradient into a
+// whole step.
 TEST_F(CudaMcmc, StatisticsOfAbsoluteGradientsAreTheScalarOnes) {
   LearningRates still = kRates;
   for_each_array([](const char*, float& rate) { rate = 0; }, still);
@@ -199,7 +202,8 @@ TEST_F(CudaMcmc, AbsoluteGradientsLeaveThoseOfTheParametersAlone) {
   };
   Buffer<Vec2f> plain(gpu().memory()), absolute(gpu().memory());
   const std::vector<float> expected = gradients_of(false, plain);
-  EXPECT_LT(norm_difference(gradients_of(true, absolute), expected), 1e-4);  // atomic additions
+  EXPECT_LT(norm_difference(gradients_of(true, absolute), expected),
+            1e-4);  // atomic additions have no fixed order
   const std::vector<float> a = downloaded(absolute), p = downloaded(plain);
   for (std::size_t i = 0; i < a.size(); ++i) EXPECT_GE(a[i], std::abs(p[i]) * 0.99f - 1e-4f) << i;
 }

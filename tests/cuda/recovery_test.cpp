@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What keeps a run on the GPU alive: states that go through a checkpoint, and memory that runs out at any allocation.
+// How a run on the GPU survives: states that go through a checkpoint, and memory that runs out at
+// any allocation.
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -23,7 +24,7 @@ void fail_on_purpose(std::size_t) {
     throw Error("out of memory, says the test", ExitCode::out_of_memory);
 }
 
-/// While it lives, one allocation fails, counted from here.
+/// While it lives, one allocation fails; they are counted from its construction on.
 class FailingMemory {
  public:
   explicit FailingMemory(int failure) {
@@ -83,7 +84,8 @@ class CudaRecovery : public CudaTest {
   const Scene scene_ = small_scene();
 };
 
-// Sums of the GPU come in any order, so bits are not compared: pictures are. A lost moment or statistic costs decibels.
+// The GPU adds in any order, so the test compares pictures and not bits. A lost moment or statistic
+// would cost decibels.
 TEST_F(CudaRecovery, AStoppedAndResumedDeterministicRunEndsAsOneNeverInterrupted) {
   Config config = eventful_run(250);
   config.train.deterministic = true;

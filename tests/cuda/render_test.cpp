@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 1 to 4, 6 and 7: the CUDA renderer against the scalar one, field by field of the RenderPass.
+// Stages 1 to 4, 6 and 7: the CUDA renderer compared with the scalar one, field by field of the
+// RenderPass.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,8 +14,9 @@
 namespace gs {
 namespace {
 
-// exp, log and the order of sums differ in the last bits between the two; a fragment or a tile within that of its
-// threshold may be kept by one and dropped by the other. So many may, of all there are:
+// exp, log and the order of sums differ in the last bits between the two backends, so a fragment or
+// a tile very close to its threshold may be kept by one and dropped by the other. This fraction of
+// all may differ:
 constexpr double kBorderline = 2e-3;
 
 struct Scene {
@@ -144,7 +146,7 @@ TEST_F(CudaRender, TileListsAgree) {
       const auto &a = cpu_lists[tile], &b = gpu_lists[tile];
       instances += a.size();
       if (a == b) continue;
-      // The same order, but for borderline instances that only one of them has.
+      // The same order, except for borderline instances that only one of them has.
       std::vector<std::uint32_t> both_a, both_b;
       for (const std::uint32_t g : a)
         if (std::find(b.begin(), b.end(), g) != b.end()) both_a.push_back(g);
@@ -197,7 +199,7 @@ TEST_F(CudaRender, GradientsAgree) {
       Buffer<Vec2f> cpu_mean2d(count, host_memory()), gpu_mean2d(count, gpu().memory());
       cpu().renderer().backward(scene.gaussians.span(), scene.camera, scene.settings, r.cpu,
                                 cpu_dL.span(), cpu_gradients.span(), cpu_mean2d.span());
-      // Each twice: a call must leave nothing behind.
+      // Each runs twice, because a call must not leave anything behind.
       for (const bool deterministic : {false, false, true, true}) {
         SCOPED_TRACE(deterministic);
         RenderSettings settings = scene.settings;
@@ -215,8 +217,8 @@ TEST_F(CudaRender, GradientsAgree) {
   }
 }
 
-// Needles of 1 : 1000 lose digits in float in either renderer; the picture must still be the same to the eye.
-// A fragment at 1/255 that one keeps and the other drops is 0.004 pixels.
+// Needles of 1 : 1000 lose digits in float in either renderer, but the pictures must look the same.
+// A fragment at 1/255 that one keeps and the other drops counts as 0.004 pixels.
 TEST_F(CudaRender, SharesOfGaussiansInAViewAgree) {
   const Camera camera = random_camera(131, 77);
   const Gaussians gaussians = random_gaussians(kTypical, 500, camera, 5);
@@ -234,7 +236,7 @@ TEST_F(CudaRender, NeedlesAgreeRoughly) {
   EXPECT_LT(norm_difference(r.gpu.image.download(), r.cpu.image.download()), 0.02);
 }
 
-// Edge cases --------------------------------------------------------------------------------------------------------
+// ---- Edge cases
 
 class CudaEdge : public CudaRender {
  protected:
@@ -250,7 +252,7 @@ class CudaEdge : public CudaRender {
       differ += std::abs(a[i] - b[i]) > 1e-4f;
     }
     EXPECT_LE(double(differ), kBorderline * double(a.size()) + 1);
-    // And the way back, which may touch nothing that it should not.
+    // The backward pass may not write where it should not.
     Buffer<float> dL(r.gpu.image.size(), gpu().memory());
     dL.upload(std::vector<float>(r.gpu.image.size(), 1.0f));
     Gaussians gradients(gaussians.count(), gpu().memory());
@@ -330,6 +332,18 @@ TEST_F(CudaEdge, NotANumberAnywhere) {
   mixed.sh_rest[80].coefficient[7].x = nan;
   mixed.mean[90].z = std::numeric_limits<float>::infinity();
   expect_same_picture(mixed, camera);
+}
+
+// A sum of 32 bits would wrap to 65,536 here, which looks like a view that can be sorted.
+TEST_F(CudaEdge, MoreThan2To32InstancesAreRefused) {
+  const Gaussians many = copy_to(gpu().memory(), model_of_file(gaussians_over_every_tile(65537)));
+  RenderPass pass(gpu().memory());
+  try {
+    gpu().renderer().forward(many.span(), camera_of_65536_tiles(), {}, pass);
+    ADD_FAILURE() << "nothing was refused";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ExitCode::out_of_memory);
+  }
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 9 and 10 on the GPU: the same rows as the scalar twin, in the same order. Copies have the same bits; only
-// the halves of split rows, which are computed, may differ in their last ones.
+// Stages 9 and 10 on the GPU: the same rows as the scalar twin, in the same order. Copies have the
+// same bits. Only the halves of split rows are computed, and may differ in their last bits.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -33,7 +33,7 @@ void break_row(const Gaussians& rows, std::size_t i, std::uint32_t way) {
 }
 constexpr std::uint32_t kWaysToBreak = 6;
 
-/// Sums of gradients over some steps, in few values, so that many rows have equal means.
+/// Sums of gradients over some steps. They take few values, so that many rows have equal means.
 void draw_statistics(const DensityStatistics& statistics, Draws& draws) {
   for (std::size_t i = 0; i < statistics.visits.size(); ++i) {
     statistics.visits[i] = float(draws.below(9));
@@ -41,8 +41,8 @@ void draw_statistics(const DensityStatistics& statistics, Draws& draws) {
   }
 }
 
-/// Rows of all actions: small, large and huge, faint and broken, with and without gradients. The last SH coefficient
-/// tells the row's number; the moments are its number and more.
+/// Rows for all actions: small, large and huge, faint and broken, with and without gradients. The
+/// last SH coefficient holds the number of the row, and the moments that number and more.
 TrainingModel random_model(std::size_t count, std::uint64_t seed) {
   Draws draws(seed);
   const Gaussians rows = random_gaussians(kTypical, count, random_camera(40, 30), seed);
@@ -77,8 +77,8 @@ void expect_near(const Vec3f& actual, const Vec3f& expected, std::size_t i) {
         << "row " << i;
 }
 
-/// Expects the same means and log scales: the same bits in rows that are copies of their origins in `before`. Returns
-/// how many are not, the halves of split rows.
+/// Expects the same means and log scales: the same bits in rows that are copies of their origins in
+/// `before`. Returns the number of rows that are not, the halves of split rows.
 std::size_t expect_same_places(const Gaussians& actual, const Gaussians& expected,
                                const Gaussians& before) {
   std::size_t halves = 0;
@@ -103,7 +103,8 @@ void expect_same_report(const RefineReport& actual, const RefineReport& expected
 
 class CudaRows : public CudaTest {
  protected:
-  /// Expects a refined model of the GPU to be the scalar twin's. Returns its number of halves.
+  /// Expects a refined model of the GPU to equal that of the scalar twin. Returns its number of
+  /// halves.
   std::size_t expect_same_model(const TrainingModel& device, const TrainingModel& expected,
                                 const Gaussians& before) {
     const TrainingModel actual = on_host(device);
@@ -121,7 +122,8 @@ class CudaRows : public CudaTest {
     return expect_same_places(actual.gaussians, expected.gaussians, before);
   }
 
-  /// Refines the same model on both sides and expects the same. Returns the scalar twin's.
+  /// Refines the same model on both backends and expects the same result. Returns that of the
+  /// scalar twin.
   TrainingModel refine_both(TrainingModel model, const AdaptiveRules& rules, std::uint64_t seed) {
     const Random random{seed, RandomStream::split_gaussians};
     const Gaussians before = copy_of(model.gaussians);
@@ -132,7 +134,7 @@ class CudaRows : public CudaTest {
     return model;
   }
 
-  /// Expects all of a model of the GPU to have the bits of the scalar twin's.
+  /// Expects every array of a model of the GPU to have the bits of the scalar twin's.
   void expect_same_bits(const TrainingModel& device, const TrainingModel& expected) {
     const TrainingModel actual = on_host(device);
     EXPECT_TRUE(same_bits(actual, expected));
@@ -140,7 +142,7 @@ class CudaRows : public CudaTest {
   }
 
   RefineReport expected_;   // of the last refine_both()
-  std::size_t halves_ = 0;  // that it left
+  std::size_t halves_ = 0;  // in that refinement
 };
 
 TEST_F(CudaRows, RefinesRowsOfAllRowActionAsTheScalarTwin) {
@@ -212,7 +214,7 @@ TEST_F(CudaRows, KeepsEverythingWhereNothingIsAsked) {
   EXPECT_EQ(refine_both(std::move(model), rules, 5).count(), count);
 }
 
-// Each round makes more rows than there is room for in arrays and working room of the one before.
+// Each round makes more rows than the arrays and the scratch memory of the one before can hold.
 TEST_F(CudaRows, GrowsBeyondWhatItsArraysHold) {
   const Random random{6, RandomStream::split_gaussians};
   AdaptiveRules rules = kRules;
@@ -224,7 +226,7 @@ TEST_F(CudaRows, GrowsBeyondWhatItsArraysHold) {
     for (std::size_t i = 0; i < host.count(); ++i)
       host.gaussians.sh_rest[i].coefficient[kShRestCount - 1].z = float(i);
     device.gaussians.sh_rest.upload(host.gaussians.sh_rest.download());
-    // Both start alike: differences in last bits are not to add up.
+    // Both start with the same bits, so that differences in last bits do not add up.
     device.gaussians.mean.upload(host.gaussians.mean.download());
     device.gaussians.log_scale.upload(host.gaussians.log_scale.download());
     const Gaussians before = copy_of(host.gaussians);

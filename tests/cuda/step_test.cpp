@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fused training step: against the contracts one after the other, with too little room for instances, and on its
-// own steady way, where it may ask the driver for nothing.
+// The fused training step: compared with the contracts called one after the other, with buffers too
+// small for the instances, and in the steady state, in which it may not call the driver.
 #include <cuda_runtime_api.h>
 #include <gtest/gtest.h>
 
 #include "data_loaders/photos/photo_pool.h"
 #include "tests/support/cuda.h"
 
-// The linker sends these calls here (-Wl,--wrap): whoever makes them is counted.
+// The linker redirects these calls to this file (-Wl,--wrap), which counts them.
 namespace {
 int waits = 0, allocations = 0;
 }
@@ -114,7 +114,7 @@ TEST_F(CudaStep, FusedStepIsTheScalarOne) {
     }
 }
 
-// Twenty thousand Gaussians of a hundred tiles each are more than the first guess has room for.
+// Twenty thousand Gaussians of a hundred tiles each exceed the first estimate.
 TEST_F(CudaStep, TooLittleRoomLosesNothing) {
   const std::vector<View> views = some_views(320, 240, 3);
   const Recipe large{
@@ -131,7 +131,59 @@ TEST_F(CudaStep, TooLittleRoomLosesNothing) {
   expect_same(on_host(fused), on_host(plain), 2e-2);
 }
 
-// Also where steps find too little room and are repeated.
+TEST_F(CudaStep, MoreThan2To32InstancesAreRefused) {
+  std::vector<View> views = some_views(16, 16, 1);
+  views[0].camera = camera_of_65536_tiles();
+  views[0].photo = random_photo(4096, 4096, 1);
+  TrainingModel model = on_gpu(model_of(gaussians_over_every_tile(65537)));
+  const auto train = [&] {
+    gpu().step(model, views[0], {}, {0.2f}, kRates, {true});
+    gpu().synchronize(model);
+  };
+  EXPECT_THROW(train(), Error);
+}
+
+// Compute-sanitizer finds an illegal access here (scripts/gpu_check.sh).
+TEST_F(CudaStep, ModelsOfAnyNumbersAreTrained) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const float infinity = std::numeric_limits<float>::infinity();
+  for (const float value : {nan, infinity, -infinity, 1e30f, -1e30f, 1e-38f}) {
+    SCOPED_TRACE(value);
+    Gaussians odd = random_gaussians(kTypical, 600, views[0].camera, 1);
+    for (std::size_t i = 0; i < odd.count(); i += 2) {
+      switch (i / 2 % 6) {
+        case 0: odd.mean[i].x = value; break;
+        case 1: odd.mean[i].z = value; break;
+        case 2: odd.log_scale[i].y = value; break;
+        case 3: odd.rotation[i].w = value; break;
+        case 4: odd.logit_opacity[i] = value; break;
+        default: odd.sh0[i].y = value;
+      }
+    }
+    TrainingModel model = on_gpu(model_of(odd));
+    for (int step = 0; step < 6; ++step)
+      gpu().step(model, views[step % 3], {}, {0.2f}, kRates, {true});
+    gpu().synchronize(model);
+    EXPECT_EQ(model.adam_steps, 6);
+  }
+}
+
+// All of a view's Gaussians lie on one tile.
+TEST_F(CudaStep, AMillionGaussiansOnOneTileAreTrained) {
+  std::vector<View> views = some_views(160, 120, 1);
+  views[0].camera = plain_camera(160, 120);
+  Gaussians pile(1'000'000, host_memory());
+  for (std::size_t i = 0; i < pile.count(); ++i)
+    set_gaussian(pile, i, behind_pixel(views[0].camera, 24, 24, 2), 0.01f, 0.01f);
+  TrainingModel model = on_gpu(model_of(pile));
+  for (int step = 0; step < 3; ++step) gpu().step(model, views[0], {}, {0.2f}, kRates, {true});
+  gpu().synchronize(model);
+  EXPECT_EQ(model.adam_steps, 3);
+  for (const float number : downloaded(model.gaussians.mean)) EXPECT_TRUE(std::isfinite(number));
+}
+
+// Some of these steps find buffers that are too small, and are repeated.
 TEST_F(CudaStep, DeterministicStepsGiveTheSameBytesEachTime) {
   const std::vector<View> views = some_views(320, 240, 3);
   const Recipe large{
@@ -188,7 +240,7 @@ TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
   gpu().synchronize(model);
 }
 
-// The same with photos that do not fit the budget and come one step ahead.
+// The same with photos that do not fit into the budget and are copied one step ahead.
 TEST_F(CudaStep, StreamedPhotosGiveTheSameSteps) {
   const std::vector<View> views = some_views(200, 150, 5);
   const TrainingModel start = model_of(random_gaussians(kTypical, 5000, views[0].camera, 7));
@@ -206,8 +258,8 @@ TEST_F(CudaStep, StreamedPhotosGiveTheSameSteps) {
             1e-3);
 }
 
-// Photos that are not in host memory either: some of them go to the GPU beforehand, the others are decoded a few steps
-// ahead into room for two.
+// The photos do not fit into host memory either. Some of them go to the GPU beforehand; the others
+// are decoded a few steps ahead, two at a time.
 TEST_F(CudaStep, PhotosOfAPoolGiveTheSameSteps) {
   const std::vector<View> here = some_views(200, 150, 7);
   const std::size_t bytes = photo_bytes(here[0]);
@@ -237,7 +289,7 @@ TEST_F(CudaStep, PhotosOfAPoolGiveTheSameSteps) {
   EXPECT_LT(norm_difference(run(elsewhere, 3 * (bytes + 16)), expected), 1e-3);
   const std::size_t decoded = pool->counts().decoded;
   EXPECT_LT(norm_difference(run(elsewhere, 1 << 30), expected), 1e-3);
-  EXPECT_LE(pool->counts().decoded, decoded + here.size());  // none but for the upload
+  EXPECT_LE(pool->counts().decoded, decoded + here.size());  // only for the upload
   EXPECT_LE(pool->counts().peak_bytes, 2 * bytes);
   gpu().upload_views({}, 0);  // these views end here
 }

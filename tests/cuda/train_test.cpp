@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A short training of the bundled scene reaches on the GPU what it reaches on the CPU.
+// A short training run of the bundled scene gives the same quality on the GPU as on the CPU.
 #include <gtest/gtest.h>
 
 #include "data_loaders/scene/load_scene.h"
@@ -48,7 +48,8 @@ class CudaTrainCourtyard : public CudaTrain {
   Config config_;
 };
 
-// The first 500 steps of the standard schedule: no Gaussian is added yet, and the two ways stay together.
+// The first 500 steps of the standard schedule: no Gaussian is added yet, and the two backends stay
+// close.
 TEST_F(CudaTrainCourtyard, FiveHundredStepsComeOutAsOnTheCpu) {
   const Scene scene = load_scene(config_.dataset);
   const Outcome on_cpu = trained(cpu(), scene, config_, 500);
@@ -60,8 +61,9 @@ TEST_F(CudaTrainCourtyard, FiveHundredStepsComeOutAsOnTheCpu) {
   EXPECT_GT(on_cpu.psnr, 15);
 }
 
-// A whole run of 500 steps, with densification, opacity reset and Morton order. Which Gaussians are split depends on the
-// last bits of sums, and single runs scatter: means of five seeds are compared.
+// A whole run of 500 steps, with densification, opacity reset and Morton order. The last bits of
+// sums decide which Gaussians are split, so single runs scatter, and means of five seeds are
+// compared.
 TEST_F(CudaTrainCourtyard, AWholeShortRunComesOutAsOnTheCpu) {
   const Scene scene = load_scene(config_.dataset);
   config_.train.iterations = 500;

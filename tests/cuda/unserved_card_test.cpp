@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a user reads whose card the build does not serve. No GPU is needed.
+// The message for users whose card the build does not serve. No GPU is needed.
 #include "cuda/unserved_card.h"
 
 #include <gtest/gtest.h>

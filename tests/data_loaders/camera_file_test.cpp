@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// cameras.json: the form that the reference trainer's viewers read, and back.
+// cameras.json in the form that the viewers of the reference trainer read: writing and reading
+// back.
 #include "data_loaders/cameras/camera_file.h"
 
 #include <gmock/gmock.h>
@@ -101,7 +102,7 @@ TEST_F(CameraFile, RoundTripKeepsIntrinsicsAndPose) {
     EXPECT_EQ(got.cam_from_world_rotation.row0, expected.cam_from_world_rotation.row0);
     EXPECT_EQ(got.cam_from_world_rotation.row1, expected.cam_from_world_rotation.row1);
     EXPECT_EQ(got.cam_from_world_rotation.row2, expected.cam_from_world_rotation.row2);
-    // The center is rounded to float once, and a float rotation is orthonormal to a few 1e-7.
+    // The center is rounded to float once, and a float rotation is orthonormal up to a few 1e-7.
     expect_near(got.cam_from_world_translation, expected.cam_from_world_translation, 3e-6f);
   }
 }
@@ -162,8 +163,8 @@ TEST_F(CameraFile, WrongValuesAreNamed) {
       {R"({"position": [1, 2]})", "three numbers in position"},
       {R"({"position": [1, 2, "3"]})", "position"},
       {R"({"rotation": [1, 2, 3]})", "three numbers in rotation"},
-      {R"({"rotation": [[2, 0, 0], [0, 2, 0], [0, 0, 2]]})", "no rotation matrix"},
-      {R"({"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]})", "no rotation matrix"},
+      {R"({"rotation": [[2, 0, 0], [0, 2, 0], [0, 0, 2]]})", "not a rotation matrix"},
+      {R"({"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]})", "not a rotation matrix"},
   };
   for (const auto& [change, expected] : cases) {
     EXPECT_THAT(error_reading(reference_text(change)), HasSubstr(expected)) << change;
@@ -173,7 +174,7 @@ TEST_F(CameraFile, WrongValuesAreNamed) {
 TEST_F(CameraFile, WhatIsNoListOfCamerasIsAnError) {
   EXPECT_THAT(error_reading(""), HasSubstr("not JSON"));
   EXPECT_THAT(error_reading("{}"), HasSubstr("not a list of cameras"));
-  EXPECT_THAT(error_reading("[3]"), HasSubstr("camera 0 of the list is no object"));
+  EXPECT_THAT(error_reading("[3]"), HasSubstr("camera 0 of the list is not an object"));
   EXPECT_THAT(error_reading("[1e999]"), HasSubstr("not finite"));
   EXPECT_THAT(error_reading(std::string(100'000, '[')), HasSubstr("deeper than 64"));
   const std::string text = reference_text();

@@ -161,7 +161,7 @@ TEST(ColmapModel, HugeInnerCountsAreRefused) {
   for (const char* name : {"images.bin", "points3D.bin"}) {
     write_binary_model(temp.path(), small_model(1));
     std::string bytes = read_bytes(temp.path() / name);
-    // The count of the one image, or of the first point, whose record ends there.
+    // The count of the one image, or of the first point, whose record ends here.
     const std::size_t at =
         std::string(name) == "images.bin" ? bytes.size() - 8 : 8 + 8 + 24 + 3 + 8;
     std::memcpy(bytes.data() + at, &huge, sizeof(huge));
@@ -183,7 +183,7 @@ TEST(ColmapModel, UnknownCameraModelIsNamed) {
   EXPECT_THAT(error_of(temp.path()), HasSubstr("unknown camera model 99"));
 }
 
-/// Each fault in both encodings, and a part of the complaint.
+/// Each fault in both encodings, and a part of the message.
 TEST(ColmapModel, FaultsAreNamed) {
   struct Fault {
     std::function<void(ColmapModel&)> apply;
@@ -301,10 +301,10 @@ TEST(ColmapText, WrongLinesAreNamedByNumber) {
   write_text_model(temp.path(), small_model(2));
   write_bytes(temp.path() / "cameras.txt", "# c\n7 PINHOLE 12 8 10 10 6\n");
   EXPECT_THAT(error_of(temp.path()),
-              AllOf(HasSubstr("has 4 parameters, and gives 3"), HasSubstr("line 2")));
+              AllOf(HasSubstr("has 4 parameters, but gives 3"), HasSubstr("line 2")));
   write_bytes(temp.path() / "cameras.txt", "# c\n\n7 PINHOLE 12 8 10 10 6 4 0.1 0.2\n");
   EXPECT_THAT(error_of(temp.path()),
-              AllOf(HasSubstr("camera 7 is PINHOLE, which has 4 parameters, and gives 6"),
+              AllOf(HasSubstr("camera 7 is PINHOLE, which has 4 parameters, but gives 6"),
                     HasSubstr("line 3")));
   write_bytes(temp.path() / "cameras.txt", "7 PINHOLE 12 8 10 10 6 four\n");
   EXPECT_THAT(error_of(temp.path()), AllOf(HasSubstr("'four'"), HasSubstr("line 1")));
@@ -323,13 +323,13 @@ TEST(ColmapModel, FolderWithoutModelSaysWhatItNeeds) {
   EXPECT_THAT(error_of(temp.path()), HasSubstr("needs cameras.bin and images.bin"));
   write_bytes(temp.path() / "cameras.bin", "");
   write_bytes(temp.path() / "images.txt", "");
-  EXPECT_THAT(error_of(temp.path()), HasSubstr("is no COLMAP model"));
+  EXPECT_THAT(error_of(temp.path()), HasSubstr("is not a COLMAP model"));
 }
 
 TEST(ColmapModel, ObservationsAreReadWhereTheyAreAskedForFromBothEncodings) {
   ColmapModel model = small_model(3);
   model.images[0].observations = {{5, 1.25, 2.5}, {900000000000, 11.5, 7.75}};
-  // the last has no place
+  // the last observation has no position
   model.images[2].observations = {{900000000000, 3.0, 0.5}, {5, NAN, 1.0}};
   for (const bool binary : {true, false}) {
     const TempFolder temp;

@@ -26,7 +26,7 @@ Diagnosis diagnosis_of(const std::filesystem::path& folder, bool look_at_picture
   return examine(config, look_at_pictures);
 }
 
-/// The one finding of a level and topic.
+/// The only finding of this level and topic.
 Finding the(const Diagnosis& diagnosis, Level level, const std::string& topic) {
   std::vector<Finding> found;
   std::string all;
@@ -62,10 +62,10 @@ TEST(Doctor, ForecastOfMemoryKeepsToTheBudgetOfPhotos) {
   Config config;
   config.dataset.source = temp.path().string();
   EXPECT_THAT(the(examine(config, false), Level::note, "forecast").text,
-              Not(HasSubstr("when it is their turn")));
+              Not(HasSubstr("just before their turn")));
   config.dataset.photo_ram_gib = 1e-6f;  // of 24 photos of 288 bytes
   EXPECT_THAT(the(examine(config, false), Level::note, "forecast").text,
-              HasSubstr("when it is their turn"));
+              HasSubstr("just before their turn"));
 }
 
 TEST(Doctor, SaysWhatIsMissingWhereThereIsNoModel) {
@@ -140,7 +140,7 @@ TEST(Doctor, WarnsOfPointsAndPlaces) {
   const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
   EXPECT_TRUE(diagnosis.can_train());
   EXPECT_THAT(the(diagnosis, Level::warning, "points").text, HasSubstr("no points"));
-  EXPECT_THAT(the(diagnosis, Level::note, "place").text, HasSubstr("0 -4000000 0 taken off"));
+  EXPECT_THAT(the(diagnosis, Level::note, "place").text, HasSubstr("0 -4000000 0 is subtracted"));
 }
 
 TEST(Doctor, RefusesWhatLoadingRefuses) {
@@ -183,7 +183,7 @@ TEST(Doctor, OfAFolderAboveASceneNamesTheSceneAndNothingElse) {
   EXPECT_THAT(diagnosis.findings[0].text, HasSubstr("garden has one: train on that"));
 }
 
-/// A file of Blender's with one frame.
+/// A file of a Blender scene with one frame.
 std::string blender_file(const std::string& photo, const std::string& more = "") {
   return "{\"camera_angle_x\": 0.7, \"frames\": [{\"file_path\": \"" + photo + "\"" + more +
          ", \"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}]}";
@@ -270,7 +270,7 @@ TEST(Forecast, CountsPhotosThatAreNotLoadedYet) {
   EXPECT_THAT(forecast(config, scene, {true, 0}).warnings, IsEmpty());
 }
 
-/// Noise, which is sharp, after `smoothing` means over neighbors, times `gain`.
+/// Noise, which is sharp, blurred by `smoothing` means over neighbors, times `gain`.
 Image8 noise(int smoothing, double gain, unsigned seed) {
   std::mt19937 engine(seed);
   Image8 image(64, 48, 3);

@@ -38,7 +38,7 @@ TEST(ExposureFile, DamageIsNamedWithThePhoto) {
   const TempFolder temp;
   const std::pair<const char*, const char*> cases[] = {
       {"", "JSON"},
-      {"[1]", "no list"},
+      {"[1]", "not a list"},
       {"{\"a.png\": [1, 2]}", "a.png"},
       {"{\"a.png\": [1, 2, 0]}", "a.png"},
       {"{\"a.png\": [1, 2, \"x\"]}", "a.png"},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Floats on their way through a file: not a bit is lost.
+// A file keeps every bit of its floats.
 #include "data_loaders/photos/exr.h"
 
 #include <gmock/gmock.h>

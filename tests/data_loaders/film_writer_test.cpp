@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Films, read back frame by frame.
+// Films, written and read back frame by frame.
 #include "data_loaders/video/film_writer.h"
 
 #include <gmock/gmock.h>
@@ -20,7 +20,7 @@ using ::testing::HasSubstr;
 
 constexpr int kWidth = 64, kHeight = 48, kFrames = 12;
 
-/// Smooth, and another one each time: what codecs are made for.
+/// A smooth picture that differs for each number, as codecs expect.
 Image8 frame_of(int number) {
   Image8 frame(kWidth, kHeight, 3);
   for (int y = 0; y < kHeight; ++y)
@@ -64,7 +64,8 @@ TEST_F(Film, HasItsFramesItsSizeAndItsColors) {
     const Image8 read = read_photo(path("frames") / names[std::size_t(i)]);
     ASSERT_EQ(read.width, kWidth);
     ASSERT_EQ(read.height, kHeight);
-    // Colors are stored for four pixels at a time, in 8 bits of another space. The next frame differs by 6.
+    // The codec stores one color for four pixels, in 8 bits of another color space. The next frame
+    // differs by 6.
     EXPECT_LT(mean_difference(read, frame_of(i)), 4) << i;
   }
 }
@@ -104,7 +105,7 @@ TEST_F(Film, MakesItsFolderAndNamesAPlaceThatItCannotWriteTo) {
   }
 }
 
-// An encoder that dies says nothing: the film is looked at.
+// An encoder that dies reports nothing, so the written film is checked.
 TEST_F(Film, FramesThatDoNotReachTheDiskAreAnError) {
   FilmWriter film(path("a.mp4"), kWidth, kHeight, 25);
   film.write(frame_of(0));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// 10,000 damaged files for each reader of trained Gaussians (tests/support/damage.h): damaged as they lie on disk, and what
-// is packed in them damaged and packed again, so that checksums do not stand before the reader.
+// 10,000 damaged files for each reader of trained Gaussians (tests/support/damage.h). Some are
+// damaged as they lie on disk. In others the packed data is damaged and packed again, so that no
+// checksum protects the reader.
 #include <gtest/gtest.h>
 
 #include "data_loaders/formats/coding/compression.h"
@@ -16,7 +17,7 @@
 namespace gs {
 namespace {
 
-/// What is damaged: the file, or (inside) what it has packed.
+/// What is damaged: the file, or (inside) its packed data.
 struct Reader {
   const char* name;
   const char* ending;
@@ -68,7 +69,7 @@ TEST_P(FormatsFuzz, DamagedFilesAreReadOrRefused) {
   } catch (const Error& missing) {
     GTEST_SKIP() << missing.what();
   }
-  const SerialLoops no_threads;  // as many tests as cores run beside this one
+  const SerialLoops no_threads;  // as many tests as cores run at the same time
   const TempFolder folder;
   const auto file = folder.path() / (std::string("model") + GetParam().ending);
   write_model(file, random_model(4, GetParam().sh_degree), GetParam().options);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The files of trained Gaussians other than the PLY: what comes back of what was written, at the edges of what they can hold, too.
+// Files of trained Gaussians other than PLY: what reading returns of a written model, also at the
+// limits of a format.
 #include "data_loaders/formats/formats.h"
 
 #include <gmock/gmock.h>
@@ -27,12 +28,13 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 
-/// What a lossy format may change, as the largest difference. Twice what rounding does at most, for random_model().
+/// The largest difference that a lossy format may cause: twice the largest rounding error for
+/// random_model().
 struct Tolerance {
   float mean, log_scale, opacity, sh0, sh_rest, angle;  // angle: radians
 };
 
-/// Files of one kind, and what they may lose of a random model.
+/// Files of one kind, and the loss that is allowed for a random model.
 struct Kind {
   const char* ending;
   ExportOptions options;
@@ -40,7 +42,7 @@ struct Kind {
   Tolerance tolerance;
 };
 
-// .sog's SH are those of a palette, which random numbers do not have: they are looked at below.
+// .sog stores SH as a palette, which random numbers do not fit; a test below checks them.
 const Kind kKinds[] = {
     {".compressed.ply", {}, 3, {0.008f, 0.008f, 0.003f, 0.03f, 0.032f, 0.008f}},
     {".splat", {}, 0, {0, 1e-6f, 0.003f, 0.015f, 0, 0.02f}},
@@ -56,7 +58,8 @@ float angle_between(const Quatf& a, const Quatf& b) {
 
 float largest(const Vec3f& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 
-/// A model whose numbers every format holds: colors and SH within the ranges of bytes, means all different.
+/// A model that every format can hold: colors and SH within the ranges of bytes, all means
+/// different.
 GaussianModel moderate_model(std::size_t count, int sh_degree) {
   GaussianModel model = random_model(count, sh_degree);
   for (Vec3f& f : model.gaussians.sh0)
@@ -83,7 +86,7 @@ class Formats : public testing::Test {
     write_model(file(std::string("model").append(ending)), model, options);
     return read_model(file(std::string("model").append(ending)));
   }
-  /// Each row of `back` within the tolerance of the row of `model` nearest to it.
+  /// Expects each row of `back` to be within the tolerance of the nearest row of `model`.
   static void expect_near(const GaussianModel& back, const GaussianModel& model,
                           const Tolerance& tolerance) {
     ASSERT_EQ(back.gaussians.count(), model.gaussians.count());
@@ -115,7 +118,7 @@ TEST_F(Formats, LosslessOnesComeBackBitByBit) {
     for (int degree = 0; degree <= kMaxShDegree; ++degree) {
       SCOPED_TRACE(std::string(format.name) + " " + std::to_string(degree));
       GaussianModel model = random_model(300, degree);
-      // a zero with a sign, a denormal, nearly the largest
+      // a zero with a sign, a denormal, nearly the largest float
       model.gaussians.mean[0] = {-0.0f, 1e-40f, 3.4e38f};
       model.gaussians.log_scale[1] = {-1e30f, 0.1f, 7};
       for (Quatf& q : model.gaussians.rotation) normalize(&q.w);
@@ -143,7 +146,7 @@ TEST_F(Formats, OneGaussianIsEnough) {
     SCOPED_TRACE(kind.ending);
     const GaussianModel model = moderate_model(1, 3);
     Tolerance tolerance = kind.tolerance;
-    tolerance.sh_rest = std::min(tolerance.sh_rest, 0.135f);  // a palette of one
+    tolerance.sh_rest = std::min(tolerance.sh_rest, 0.135f);  // a palette with one entry
     expect_near(there_and_back(model, kind.ending, kind.options), model, tolerance);
   }
   write_model(file("one.glb"), moderate_model(1, 3));
@@ -181,7 +184,8 @@ TEST_F(Formats, RowsThatAreNotFiniteAreLeftOut) {
   }
 }
 
-// A component of each sign and each place as the largest, two of the same size, and lengths other than 1.
+// Rotations whose largest component is each of the four with either sign, two equal components, and
+// lengths other than 1.
 TEST_F(Formats, RotationsOfEverySignAndLargestComponentComeBack) {
   GaussianModel model = moderate_model(16 * 5, 0);
   std::size_t row = 0;
@@ -265,7 +269,7 @@ TEST_F(Formats, SpzTakesFewerFractionalBitsForFarPositions) {
               AllOf(HasSubstr("1e+07 world units"), HasSubstr("--recenter")));
 }
 
-// The format's own reader wants as many streams as there are arrays with something in them.
+// The format's own reader expects as many streams as there are arrays that are not empty.
 TEST_F(Formats, SpzVersion4HasNoStreamForShOfDegreeZero) {
   for (const int degree : {0, 1}) {
     write_model(file("a.spz"), moderate_model(3, degree), {4});
@@ -407,7 +411,8 @@ TEST_F(Formats, FilesOfAnotherKindAreRefusedWithAReason) {
                 AllOf(HasSubstr("cannot read"), HasSubstr(std::string("x").append(ending))));
   }
   write_bytes(file("x.splat"), "33 bytes are not a multiple of 32.");
-  EXPECT_THAT(error_of([&] { read_model(file("x.splat")); }), HasSubstr("no multiple of the 32"));
+  EXPECT_THAT(error_of([&] { read_model(file("x.splat")); }),
+              HasSubstr("not a multiple of the 32"));
 }
 
 TEST_F(Formats, CountsThatNoFileOfTheSizeHoldsAreRefusedBeforeMemoryIsAskedFor) {

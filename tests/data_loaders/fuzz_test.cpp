@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Thousands of damaged files for the readers of scenes (tests/support/damage.h). Under the preset `debug` the sanitizers look on.
+// Thousands of damaged files for the readers of scenes (tests/support/damage.h). The preset `debug`
+// runs them under sanitizers.
 #include <gtest/gtest.h>
 
 #include "data_loaders/cameras/camera_file.h"
@@ -17,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A file, and what reads it.
+/// A file, and the function that reads it.
 struct Target {
   fs::path file;
   void (*read)(const fs::path& scene);
@@ -28,12 +29,12 @@ std::string bytes_of(const unsigned char (&array)[n]) {
   return std::string(reinterpret_cast<const char*>(array), n);
 }
 
-/// One good file of each kind; damaged ones take their places in turn.
+/// One good file of each kind; in each case a damaged one replaces one of them.
 class Corpus {
  public:
   Corpus() {
     ColmapModel model = small_model(4);
-    // A lens is read where this build can undistort its photo.
+    // The camera has a lens if this build can undistort its photo.
     const double k1 = can_undistort() ? 0.1 : 0, k2 = can_undistort() ? 0.01 : 0;
     model.cameras[8] = {8, CameraModel::opencv, 12, 8, {10, 11, 6.5, 3.5, k1, k2, 0, 0}};
     model.images[3].camera_id = 8;
@@ -80,11 +81,11 @@ class Corpus {
     for (const Target& target : targets_) originals_.push_back(read_bytes(target.file));
   }
 
-  /// Every file as it should be is read without complaint.
+  /// Reads every undamaged file, which must succeed.
   void read_all() const {
     for (const Target& target : targets_) target.read(temp_.path());
   }
-  /// Damages one file, reads it, and mends it. Returns what has gone wrong, or nothing.
+  /// Damages one file, reads it, and restores it. Returns what went wrong, or nothing.
   std::string try_case(unsigned number) {
     std::mt19937 random(number);
     const std::size_t which = random() % targets_.size();

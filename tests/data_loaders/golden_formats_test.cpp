@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files of one Gaussian against bytes worked out by hand from the texts of the formats. Reading back
-// what was written cannot find a mistake that writer and reader share; these tests do.
+// Files of one Gaussian, compared with bytes worked out by hand from the specifications. Reading
+// back a written file cannot find a mistake that writer and reader share; these tests do.
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -15,7 +15,7 @@
 namespace gs {
 namespace {
 
-/// One Gaussian of SH degree 1 whose numbers are easy to follow into the files.
+/// One Gaussian of SH degree 1 with numbers that are easy to recognize in the files.
 GaussianModel one_gaussian() {
   GaussianModel model = random_model(1, 1);
   const Gaussians& g = model.gaussians;
@@ -38,7 +38,7 @@ std::string bytes_of(std::initializer_list<int> values) {
   return bytes;
 }
 
-// What versions 2 and 3 hold before gzip; x right, y up, z backwards.
+// The content of versions 2 and 3 before gzip; x right, y up, z backwards.
 std::string spz_bytes(int version, const std::string& rotation) {
   return bytes_of({'N', 'G', 'S', 'P', version, 0, 0, 0,  //
                    1, 0, 0, 0,                            // count
@@ -106,7 +106,8 @@ TEST_F(Golden, GlbHasTheseBytes) {
   write_model(file("a.glb"), model);
   const std::string bytes = read_bytes(file("a.glb"));
 
-  // Half a turn about z: x and y change their signs, and so does SH with them.
+  // Half a turn about z: x and y change their signs, and so do the SH coefficients that belong to
+  // them.
   std::string binary;
   for (const float value : {-1.5f, 2.25f, 0.5f}) append_little(binary, value);
   binary += bytes_of({55, 146, 10, 128});  // 0.5, 0.782, 0.218 of sRGB in linear light; opacity

@@ -17,8 +17,8 @@ struct LensCase {
   ColmapCamera camera;
 };
 
-/// Typical and strong lenses of every model that has one, 320 x 240 pixels; principal points off
-/// the center.
+/// Typical and strong lenses of every model that has one, 320 x 240 pixels, with off-center
+/// principal points.
 inline std::vector<LensCase> lens_cases() {
   using enum CameraModel;
   struct Row {
@@ -83,9 +83,9 @@ inline double division_radius(double k, double r) {
   return low;
 }
 
-/// Where a point in camera space lands in the photo, in pixels with centers at + 0.5: written from
-/// COLMAP's description of its parameters, in spherical coordinates for fisheyes, and sharing no
-/// code with lens.cpp.
+/// Where a point in camera space projects to in the photo, in pixels with centers at + 0.5. This is
+/// written from COLMAP's description of its parameters, in spherical coordinates for fisheyes, and
+/// shares no code with lens.cpp.
 inline Vec2d projected(const ColmapCamera& camera, double X, double Y, double Z) {
   const std::vector<double>& p = camera.params;
   const double x = X / Z, y = Y / Z, r2 = x * x + y * y, r4 = r2 * r2, r6 = r4 * r2;

@@ -25,7 +25,7 @@ Vec2d landed_at(const LensCamera& camera, const Vec2d& pixel) {
   return {(pixel.x - photo.cx) / photo.fx, (pixel.y - photo.cy) / photo.fy};
 }
 
-/// How far apart two normalized points are, in pixels of the photo.
+/// The distance of two normalized points in pixels of the photo.
 double pixels_between(const LensCamera& camera, const Vec2d& a, const Vec2d& b) {
   return std::hypot(camera.pinhole.fx * (a.x - b.x), camera.pinhole.fy * (a.y - b.y));
 }
@@ -44,7 +44,7 @@ LensCamera camera_of(CameraModel model, std::vector<double> params) {
   return lens_camera({1, model, 320, 240, std::move(params)}, "a.jpg");
 }
 
-/// That both cameras send rays all over the front to the same pixel.
+/// Expects both cameras to send rays in front of them to the same pixels.
 void expect_same(const LensCamera& a, const LensCamera& b) {
   RandomPoints random;
   for (int i = 0; i < 200; ++i) {
@@ -186,7 +186,7 @@ TEST(Lens, NothingLiesBeyondTheFoldOfAPolynomial) {
 }
 
 TEST(Lens, NothingLiesBehindTheCameraOrBeyondAClosedForm) {
-  // A right angle lies at pi / 2 of a fisheye, pi / (2 omega) of FOV, 1 / sqrt(-k) of a division,
+  // A right angle is at pi / 2 of a fisheye, pi / (2 omega) of FOV, 1 / sqrt(-k) of a division, and
   // 1 / (alpha sqrt(beta)) of EUCM.
   EXPECT_TRUE(undistorted(camera_of(CameraModel::fisheye, {9, 9, 5, 5}), {0.0, 1.57}));
   EXPECT_FALSE(undistorted(camera_of(CameraModel::fisheye, {9, 9, 5, 5}), {0.0, 1.58}));
@@ -196,7 +196,7 @@ TEST(Lens, NothingLiesBehindTheCameraOrBeyondAClosedForm) {
   EXPECT_FALSE(undistorted(camera_of(CameraModel::division, {9, 9, 5, 5, -0.25}), {2.01, 0.0}));
   EXPECT_TRUE(undistorted(camera_of(CameraModel::eucm, {9, 9, 5, 5, 0.5, 1}), {1.99, 0.0}));
   EXPECT_FALSE(undistorted(camera_of(CameraModel::eucm, {9, 9, 5, 5, 0.5, 1}), {2.01, 0.0}));
-  // A division with k > 0 comes back at 1 / sqrt(k), the image of the ray at 1 / (2 sqrt(k)).
+  // A division with k > 0 turns back at 1 / sqrt(k), the image of the ray at 1 / (2 sqrt(k)).
   const LensCamera pincushion = camera_of(CameraModel::division, {9, 9, 5, 5, 0.25});
   EXPECT_TRUE(undistorted(pincushion, {1.9, 0.0}));
   EXPECT_FALSE(undistorted(pincushion, {2.1, 0.0}));
@@ -256,7 +256,7 @@ TEST(Lens, ShortModelsEqualTheirLongForms) {
 }
 
 TEST(Lens, WrongNumberOfParametersIsABug) {
-  // The readers refuse it with the file and the line (ColmapModel tests).
+  // The readers refuse it and name the file and the line (ColmapModel tests).
   for (int id = 0; id < kCameraModelCount; ++id) {
     const int count = camera_model_info(CameraModel(id)).param_count;
     EXPECT_ANY_THROW(camera_of(CameraModel(id), std::vector<double>(count - 1, 50.0)));

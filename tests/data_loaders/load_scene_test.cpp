@@ -87,7 +87,7 @@ TEST(LoadScene, ModelIsFoundInAllItsPlaces) {
   }
 }
 
-/// What load_scene() says while it loads.
+/// The log of load_scene().
 std::string log_of(const DatasetConfig& dataset) {
   testing::internal::CaptureStdout();
   try {
@@ -148,7 +148,7 @@ TEST(LoadScene, ViewsAreSortedByNameAndEveryNthIsHeldOut) {
   EXPECT_THAT(names_of(scene.test_views), ElementsAre("B.png", "b/1.png"));
   EXPECT_THAT(names_of(scene.train_views), ElementsAre("a10.png", "a9.png", "b/2.png"));
   EXPECT_EQ(scene.train_views[2].photo.pixels[0],
-            0);  // the photo in the sub-folder, which was first
+            0);  // the photo in the sub-folder, the first in the model
   EXPECT_EQ(scene.train_views[0].photo.pixels[0], 20);
 }
 
@@ -237,7 +237,7 @@ TEST(LoadScene, MissingPhotosAreNamedAndCounted) {
                     HasSubstr("other.png")));
 }
 
-/// A scene with photos named otherwise than in the model: (in the model, on disk).
+/// A scene whose photos have other names than in the model: (in the model, on disk).
 DatasetConfig renamed_scene(const TempFolder& temp,
                             const std::vector<std::pair<const char*, const char*>>& names) {
   ColmapModel model = small_model(int(names.size()));
@@ -439,7 +439,8 @@ TEST(LoadScene, ProgressCountsEveryPhotoInOrder) {
   EXPECT_THAT(photos, ElementsAre(1, 2, 3, 4));
 }
 
-// Two cameras of transforms.json, at the origin and one unit to the right of it, both looking along -z of OpenGL.
+// Two cameras of transforms.json, at the origin and one unit to the right of it, both looking along
+// -z of OpenGL.
 std::string transforms_of(const std::vector<std::string>& files) {
   std::string frames;
   for (std::size_t i = 0; i < files.size(); ++i)
@@ -461,7 +462,7 @@ TEST(LoadScene, TakesTransformsWhereColmapHasLeftNothing) {
   EXPECT_THAT(names_of(scene.train_views), ElementsAre("pictures/a.png", "pictures/b.png"));
   EXPECT_EQ(scene.train_views[0].camera.position(), Vec3f(1, 0, 0));
   EXPECT_EQ(scene.train_views[1].camera.position(), Vec3f(0, 0, 0));
-  // OpenGL's backwards is our forwards: what lies at -z is in front.
+  // Backwards in OpenGL is forwards here: points at -z are in front of the camera.
   const Vec3f ahead =
       multiply(scene.train_views[1].camera.cam_from_world_rotation, Vec3f(0, 0, -1));
   EXPECT_FLOAT_EQ(ahead.z, 1);

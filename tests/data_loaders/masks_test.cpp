@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Masks and alpha, from their files to the views that are trained on.
+// Masks and alpha, from their files to the views that are trained.
 #include "data_loaders/scene/view_picture.h"
 
 #include <gmock/gmock.h>
@@ -38,7 +38,7 @@ std::string error_of(const DatasetConfig& dataset) {
   return "";
 }
 
-/// What load_scene() says while it loads.
+/// The log of load_scene().
 std::string log_of(const DatasetConfig& dataset) {
   testing::internal::CaptureStdout();
   testing::internal::CaptureStderr();
@@ -240,7 +240,7 @@ TEST_F(Masks, ThatLeaveNothingDropTheirViewOrAreRefused) {
   EXPECT_THAT(error_of(dataset()),
               AllOf(HasSubstr("no photo"), HasSubstr("--invert-masks"), HasSubstr("--masks none")));
   DatasetConfig background = dataset();
-  background.mask_mode = MaskMode::background;  // a picture of nothing but the background
+  background.mask_mode = MaskMode::background;  // only the background is left
   EXPECT_EQ(load_scene(background).train_views.size(), 2u);
 }
 
@@ -259,7 +259,7 @@ TEST_F(Masks, AreAlphaWhereThereIsNoFile) {
               with_alpha(plain_photo(kWidth, kHeight, 30), left_mask(5)));
   write_mask("masks/c.png", left_mask(3));
   DatasetConfig alpha = dataset();
-  alpha.invert_masks = true;  // of files alone
+  alpha.invert_masks = true;  // changes mask files only, not alpha
   EXPECT_EQ(view(alpha, 0).mask.pixels, left_mask(5).pixels);
   EXPECT_EQ(view(dataset(), 1).mask.pixels, left_mask(3).pixels);
   EXPECT_EQ(view(dataset()).photo.pixels, plain_photo(kWidth, kHeight, 30).pixels);
@@ -306,7 +306,7 @@ TEST_F(Masks, ThatTransformsJsonNamesAreTakenWhateverTheirPlace) {
   EXPECT_THAT(error_of(dataset()), AllOf(HasSubstr("frame 0"), HasSubstr("of_a.png")));
   write_png(folder() / "cut/of_a.png", left_mask(5));
   EXPECT_EQ(view(dataset()).mask.pixels, left_mask(5).pixels);
-  // only found: the file's own goes before it
+  // SCENE/masks is only found by default: the mask_path of the file comes before it
   write_png(folder() / "masks/photos/a.png", left_mask(2));
   EXPECT_EQ(view(dataset()).mask.pixels, left_mask(5).pixels);
   DatasetConfig other = dataset();
@@ -316,7 +316,7 @@ TEST_F(Masks, ThatTransformsJsonNamesAreTakenWhateverTheirPlace) {
   EXPECT_TRUE(view(other).mask.empty());
 }
 
-/// A photo of 200 with `garbage` behind a mask of the left 50 columns but for a gray one.
+/// A photo of 200 with `garbage` behind a mask of the left 50 columns, except for a gray column.
 void write_masked_photo(const std::filesystem::path& folder, int width, int height,
                         std::uint8_t garbage) {
   Image8 mask = left_mask(50, width, height), photo = plain_photo(width, height, 200);
@@ -359,7 +359,8 @@ TEST_F(Masks, GoThroughTheLensWithThePhoto) {
   ASSERT_GT(dirty.camera.width, 120);
   int edge = 0;
   while (dirty.mask.at(edge, 0, 0) > 127) ++edge;
-  // Where the photo's column 50 is seen at the top, by the same resampling of a picture of columns.
+  // Finds where column 50 of the photo appears at the top, by the same resampling of a picture of
+  // columns.
   Image8 columns(120, 80, 3);
   for (int y = 0; y < 80; ++y)
     for (int x = 0; x < 120; ++x)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `gemsplat info` says of a model: numbers that are known, and each suspicion alone.
+// The findings of `gemsplat info`: known numbers, and each suspicion by itself.
 #include "data_loaders/formats/model_info.h"
 
 #include <gmock/gmock.h>
@@ -15,7 +15,7 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-/// A thousand sound Gaussians: uniform in the unit cube, scale 0.01, opacity 0.5.
+/// A thousand Gaussians without faults: uniform in the unit cube, scale 0.01, opacity 0.5.
 GaussianModel sound_model(int sh_degree = 1, std::size_t count = 1000) {
   GaussianModel model;
   model.sh_degree = sh_degree;
@@ -38,7 +38,7 @@ std::size_t count_of(const ModelInfo& info, const std::string& key) {
   return 0;
 }
 
-/// The model shows this suspicion, this often, and no other.
+/// Expects the model to show this suspicion, this often, and no other one.
 void expect_only(const GaussianModel& model, const std::string& key, std::size_t count) {
   const ModelInfo info = inspect(model);
   EXPECT_EQ(count_of(info, key), count);

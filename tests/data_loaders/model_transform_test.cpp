@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Turning, moving and scaling whole models: seen from a camera that goes along, nothing changes.
+// Turning, moving and scaling whole models: a camera that moves along sees no change.
 #include "data_loaders/formats/model_transform.h"
 
 #include <gtest/gtest.h>
@@ -118,7 +118,7 @@ TEST(ModelTransform, ALowerShDegreeClearsTheCoefficientsBeyondIt) {
               k < 3 ? before.gaussians.sh_rest[1].coefficient[k] : Vec3f(0));
 }
 
-// Half turns by signs alone are the same as by the general rule.
+// Half turns by changes of sign equal half turns by the general rule.
 TEST(ModelTransform, SignsOfHalfTurnsAreThoseOfTheRotation) {
   for (const auto& [signs, turn] : {std::pair(kHalfTurnX, Quat<double>{0, 1, 0, 0}),
                                     std::pair(kHalfTurnZ, Quat<double>{0, 0, 0, 1})}) {

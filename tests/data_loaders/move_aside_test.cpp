@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is in the way of new files and folders: it stays, under another name.
+// Files and folders that are in the way of new ones are kept under another name.
 #include "gs_core/io/move_aside.h"
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Ends a replacement when all but the new name is done.
+// Makes a replacement fail just before its final rename.
 class FailingRename : public WriteHook {
  public:
   FailingRename() { set_write_hook(this); }

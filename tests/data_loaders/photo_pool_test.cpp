@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The budget, the order and the threads of the photos that are decoded while others are in use. Photos are made up:
-// number i has i % 251 in all its bytes.
+// The pool of photos that are decoded while others are in use: its budget, order and threads. The
+// photos are generated: all bytes of photo i are i % 251.
 #include "data_loaders/photos/photo_pool.h"
 
 #include <gmock/gmock.h>
@@ -28,7 +28,7 @@ View made_up(std::size_t index) {
   return view;
 }
 
-/// A pool of `count` photos with room for so many decoded ones beside one that is being decoded.
+/// A pool of `count` photos that can hold this many decoded ones beside one that is being decoded.
 std::shared_ptr<PhotoPool> pool_of(std::size_t count, std::size_t room, int threads,
                                    PhotoPool::Decode decode = made_up) {
   return std::make_shared<PhotoPool>(std::vector<PhotoCost>(count, {kHeld, kDecoding}),
@@ -95,7 +95,7 @@ TEST(PhotoPool, ExpectationsBeyondTheRoomWaitForIt) {
   for (std::size_t i = 0; i < 10; ++i) pool->prefetch_decode(i);
   wait_for(*pool, 3);
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  EXPECT_LE(pool->counts().decoded, 4u);  // no decoded photo went before it was looked at
+  EXPECT_LE(pool->counts().decoded, 4u);  // no decoded photo was dropped before its use
   for (std::size_t i = 0; i < 10; ++i) EXPECT_EQ(pool->view(i)->index, i);
   EXPECT_EQ(pool->counts().decoded, 10u);
 }
@@ -122,7 +122,8 @@ TEST(PhotoPool, ReleasedPhotosMakeRoomFirst) {
   const auto pool = pool_of(5, 3, 1);
   for (const std::size_t i : {0, 1, 2}) pool->view(i);
   pool->release(1);
-  for (const std::size_t i : {3, 4}) pool->view(i);  // the second takes more than photo 1 left
+  for (const std::size_t i : {3, 4})
+    pool->view(i);  // the second one needs more than dropping photo 1 frees
   const std::size_t before = pool->counts().decoded;
   pool->view(0);
   EXPECT_EQ(pool->counts().decoded, before);
@@ -206,13 +207,13 @@ TEST(PhotoPool, ViewsKeepTheirPoolAndAskItForTheirPhotos) {
   elsewhere.source = pool_of(9, 2, 1);
   elsewhere.index = 8;
   EXPECT_EQ(with_photo(here).get(), &here);
-  prefetch_photo(here), release_photo(here);  // nothing to tell
+  prefetch_photo(here), release_photo(here);  // nothing happens without a pool
   prefetch_photo(elsewhere);
   EXPECT_EQ(with_photo(elsewhere)->photo.pixels, made_up(8).photo.pixels);
   release_photo(elsewhere);
 }
 
-// Exposures are found after the pool was made, from the photos that it gives.
+// Exposures are computed after the pool was made, from the photos that it gives.
 TEST(PhotoPool, AViewsExposureGoesWithItsPhoto) {
   View view;
   view.source = pool_of(3, 2, 1);

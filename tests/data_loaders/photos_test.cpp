@@ -24,7 +24,7 @@ std::string bytes_of(const unsigned char (&photo)[N]) {
   return {reinterpret_cast<const char*>(photo), N};
 }
 
-/// The photo that these bytes are.
+/// The photo that these bytes decode to.
 Image8 decoded(const std::string& bytes, const char* name) {
   const TempFolder temp;
   write_bytes(temp.path() / name, bytes);
@@ -41,7 +41,7 @@ std::string error_of(const std::filesystem::path& path) {
   return "";
 }
 
-/// A picture without any regularity, the same on every run.
+/// A picture of noise, the same on every run.
 Image8 noise(int width, int height, int channels) {
   Image8 image(width, height, channels);
   std::uint32_t state = 1;

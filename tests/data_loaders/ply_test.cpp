@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The PLY files of trained Gaussians: what we write, what others write, and what is broken.
+// PLY files of trained Gaussians: files that we write, files of other programs, and broken files.
 #include "data_loaders/formats/ply/ply.h"
 
 #include <gmock/gmock.h>
@@ -78,8 +78,8 @@ struct PlyText {
   std::string bytes() const { return header + "end_header" + line_end + body; }
 };
 
-/// All rows of `model` as `names` in that order, with T as their type; names that are no quantity
-/// get 77.
+/// All rows of `model` with the properties `names` in that order, of type T; a name that is not a
+/// quantity gets 77.
 template <class T = float>
 void add_rows(PlyText& ply, const GaussianModel& model, const std::vector<std::string>& names) {
   const auto columns = gaussian_columns(model.gaussians, model.sh_degree);
@@ -451,7 +451,8 @@ TEST_F(Ply, CommentsSayWhetherItIsAntialiased) {
   EXPECT_FALSE(antialiased("antialiased"));
 }
 
-// add_rows() writes 77 for each name that it does not know: the filter's standard deviation.
+// add_rows() writes 77 for each name that it does not know: here this is the filter's standard
+// deviation.
 TEST_F(Ply, AMipSplattingFilterIsBakedIntoScalesAndOpacities) {
   const GaussianModel model = random_model(3, 1);
   std::vector<std::string> names = properties_of_degree(1);
@@ -471,7 +472,7 @@ TEST_F(Ply, AMipSplattingFilterIsBakedIntoScalesAndOpacities) {
     EXPECT_EQ(back.gaussians.mean[i], model.gaussians.mean[i]);
   }
   write_gaussian_ply(file(), back);
-  EXPECT_FALSE(is_ply_with_filter_3d(file()));  // it is in the numbers now
+  EXPECT_FALSE(is_ply_with_filter_3d(file()));  // the filter is in the numbers now
   const std::string plain = ply_of(model, names);
   EXPECT_FALSE(read("ply\ncomment SplatRenderMode: default" + plain.substr(3)).antialiased);
 }
@@ -549,9 +550,9 @@ TEST_F(Ply, PromisesAreCheckedAgainstTheSizeOfTheFile) {
     EXPECT_THAT(error_reading(bytes), AllOf(HasSubstr("promises 1000000000000000000 rows"),
                                             HasSubstr("only "), HasSubstr("cut short")));
     bytes.replace(bytes.find("vertex 1"), 26, "vertex 99999999999999999999999");
-    EXPECT_THAT(error_reading(bytes), HasSubstr("is no count of rows"));
+    EXPECT_THAT(error_reading(bytes), HasSubstr("is not a count of rows"));
     bytes.replace(bytes.find("vertex 9"), 30, "vertex -1");
-    EXPECT_THAT(error_reading(bytes), HasSubstr("is no count of rows"));
+    EXPECT_THAT(error_reading(bytes), HasSubstr("is not a count of rows"));
   }
 }
 
@@ -621,7 +622,7 @@ TEST_F(Ply, DamagedHeadersNameTheLine) {
   EXPECT_THAT(error("format ascii 1.0\nelement vertex"), HasSubstr("in line 3"));
   EXPECT_THAT(error("format ascii 1.0\nelement vertex 1\nproperty half x"), HasSubstr("\"half\""));
   EXPECT_THAT(error("format ascii 1.0\nelement vertex 1\nproperty list float int x"),
-              HasSubstr("no integer"));
+              HasSubstr("not an integer"));
   EXPECT_THAT(error("format ascii 1.0\nelement vertex 1\nproperty float x\nproperty int x"),
               HasSubstr("x is there twice, in line 5"));
   EXPECT_THAT(error("format ascii 1.0\nnonsense"), HasSubstr("\"nonsense\""));
@@ -639,7 +640,7 @@ TEST_F(Ply, AsciiThatDoesNotParseNamesTheLine) {
   };
   const std::string place = "line " + std::to_string(line) + " ";
   EXPECT_THAT(error("1.2.3 "), AllOf(HasSubstr(place), HasSubstr("\"1.2.3\" as \"x\"")));
-  EXPECT_THAT(error("0x10 "), HasSubstr("is no number"));
+  EXPECT_THAT(error("0x10 "), HasSubstr("is not a number"));
   EXPECT_THAT(error("5 "), AllOf(HasSubstr(place), HasSubstr("more than 14 values")));
   EXPECT_THAT(error("5\n"), AllOf(HasSubstr(place), HasSubstr("no value for \"y\"")));
 }

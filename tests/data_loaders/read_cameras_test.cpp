@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One set of cameras in all forms that are read.
+// The same cameras in every form that gemsplat reads.
 #include "data_loaders/cameras/read_cameras.h"
 
 #include <gmock/gmock.h>

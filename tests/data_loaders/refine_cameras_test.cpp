@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bundle adjustment on models whose truth is known. Projections come from lens_cases.h, which shares no code with it.
+// Bundle adjustment of models whose true cameras are known. Projections come from lens_cases.h,
+// which shares no code with it.
 #include "data_loaders/refine/refine_cameras.h"
 
 #include <gmock/gmock.h>
@@ -19,7 +20,7 @@ using testing::HasSubstr;
 
 const ColmapCamera kPinhole{1, CameraModel::pinhole, 320, 240, {260, 258, 158, 122}};
 
-/// World units, in the mean over images.
+/// The mean error of the centers over the images, in world units.
 double mean_center_error(const ColmapModel& model, const ColmapModel& truth) {
   double sum = 0;
   for (std::size_t i = 0; i < model.images.size(); ++i) {
@@ -39,7 +40,7 @@ TEST(RefineCameras, NoiseIsRemovedFromPosesLensesAndPointsOfEveryModel) {
     disturb(model, {});
     const CameraRefinement refinement = refine_cameras(model);
     EXPECT_GT(refinement.mean_error_before, 1) << lens.label;
-    // What is left is what the prior on the lens costs.
+    // The remaining error comes from the prior on the lens.
     EXPECT_LT(refinement.mean_error_after, 0.01) << lens.label;
     EXPECT_TRUE(refinement.has_converged) << lens.label;
     EXPECT_EQ(refinement.images, 8u) << lens.label;
@@ -55,7 +56,7 @@ TEST(RefineCameras, ModelThatIsOffByTensOfPixelsIsBroughtBackDespiteWrongMatches
   disturb(model, {.pose = 0.05, .point = 0.1, .focal = 0.05});
   const CameraRefinement refinement = refine_cameras(model);
   EXPECT_GT(refinement.median_error_before, 10);
-  // the wrong ones agree, and pull a little
+  // the wrong observations agree with one another, and pull a little
   EXPECT_LT(refinement.median_error_after, 0.01 * refinement.median_error_before);
 }
 
@@ -65,7 +66,8 @@ TEST(RefineCameras, SceneKeepsItsPlaceScaleAndAxes) {
   disturb(noisy, {});
   ColmapModel model = noisy;
   refine_cameras(model);
-  // The frame is the mean of 24 noisy cameras: a fifth of one camera's noise of 0.01, turned on the arm of 4.
+  // The frame is the mean of 24 noisy cameras: a fifth of one camera's noise of 0.01, rotated on an
+  // arm of length 4.
   const double before = mean_center_error(noisy, truth), after = mean_center_error(model, truth);
   EXPECT_GT(before, 0.03);
   EXPECT_LT(after, 0.02);
@@ -107,7 +109,7 @@ TEST(RefineCameras, WrongMatchesDoNotBreakIt) {
   const double before = mean_center_error(model, truth);
   const CameraRefinement refinement = refine_cameras(model);
   EXPECT_LT(refinement.median_error_after, 0.05);
-  EXPECT_GT(refinement.mean_error_after, 5);  // the wrong ones are still counted
+  EXPECT_GT(refinement.mean_error_after, 5);  // wrong observations still count
   EXPECT_LT(mean_center_error(model, truth), 0.6 * before);
 }
 
@@ -123,7 +125,7 @@ TEST(RefineCameras, PhotosOfARigFrameKeepTheirPosesToOneAnother) {
   }
   observe(truth);
   ColmapModel model = truth;
-  // The frames move as wholes: the second image of each stays fixed to its first.
+  // The frames move as a whole: the second image of each stays fixed to its first.
   const auto relative = [](const ColmapModel& of, std::size_t i) {
     const ColmapImage &a = of.images[i], &b = of.images[i + 8];
     return std::pair(in_camera(b, center_of(a)), turn_between(a, b));

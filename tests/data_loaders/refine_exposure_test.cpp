@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Exposures from synthetic colors whose truth is known, and from photos of a small scene.
+// Exposures from synthetic colors whose true exposures are known, and from photos of a small scene.
 #include "data_loaders/refine/refine_exposure.h"
 
 #include <gmock/gmock.h>
@@ -22,7 +22,8 @@ constexpr std::size_t kPhotos = 12;
 constexpr std::uint32_t kPoints = 600;
 const Random kRandom{11, RandomStream::test};
 
-/// Gains between 0.7 and 1.4, another in each channel; of all but the test photos the geometric mean is 1.
+/// Gains between 0.7 and 1.4 that differ in each channel; their geometric mean over all but the
+/// test photos is 1.
 std::vector<Vec3f> true_exposures(const std::vector<bool>& is_test) {
   std::vector<Vec3f> exposures;
   Vec3d sum(0.0);
@@ -39,7 +40,8 @@ std::vector<Vec3f> true_exposures(const std::vector<bool>& is_test) {
   return exposures;
 }
 
-/// Each photo shows a third of the points, neighbors mostly the same ones, with noise of a percent.
+/// Each photo shows a third of the points, and neighbors show mostly the same ones, with one
+/// percent of noise.
 std::vector<ColorSample> samples_under(const std::vector<Vec3f>& exposures) {
   std::vector<ColorSample> samples;
   for (std::uint32_t photo = 0; photo < exposures.size(); ++photo)
@@ -71,9 +73,9 @@ TEST(RefineExposure, KnownGainsAreFoundWithinOnePercentDespiteOutliersAndSaturat
   std::vector<ColorSample> samples = samples_under(truth);
   for (std::size_t i = 0; i < samples.size(); ++i) {
     const Vec4f u = kRandom.uniform4(20000000 + i);
-    // of something else
+    // a color of something else
     if (u.w < 0.1f) samples[i].color = {0.05f + 0.9f * u.x, 0.05f + 0.9f * u.y, 0.05f + 0.9f * u.z};
-    // a soft end of the scale
+    // values flatten near white
     for (int c = 0; c < 3; ++c) samples[i].color[c] = std::min(samples[i].color[c], 0.7f);
   }
   const ExposureFit fit = fit_exposures(samples, is_test);
@@ -132,7 +134,8 @@ TEST(RefineExposure, IsTheSameOnEveryNumberOfThreads) {
 
 // --- From photos
 
-/// Eight photos of one textured wall at z = 2, by cameras that stand a little apart, each under its own exposure.
+/// Eight photos of one textured wall at z = 2, from cameras that stand a little apart, each with
+/// its own exposure.
 ColmapModel wall_model() {
   ColmapModel model;
   model.cameras[1] = {1, CameraModel::pinhole, 120, 90, {100, 100, 60, 45}};

@@ -17,7 +17,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 
 /// Two cameras on a rig that took `moments` photos each: left/0.png and right/0.png, left/1.png ...
-/// Image ids and frames are in no order that would help.
+/// The order of image ids and frames gives no hint.
 ColmapModel stereo_model(int moments) {
   ColmapModel model = small_model(0);
   model.cameras[8] = model.cameras[7];
@@ -60,7 +60,7 @@ void expect_same_rigs(const ColmapModel& a, const ColmapModel& b) {
   }
 }
 
-/// What reading `folder` complains of: an Error, or else a warning with which the rigs are left out.
+/// The message of reading `folder`: an Error, or else a warning that the rigs are left out.
 std::string complaint_of(const std::filesystem::path& folder) {
   testing::internal::CaptureStdout();
   try {
@@ -177,8 +177,7 @@ TEST(Rigs, ViewsOfOneFrameAreOnOneSideOfTheSplit) {
   }
 }
 
-/// The rule of the photos alone, which ordinary models keep with and without their frames of one
-/// photo each.
+/// Ordinary models, with or without frames of one photo each, follow the rule for photos.
 TEST(Split, FramesOfOnePhotoChangeNothing) {
   ColmapModel model = small_model(20);
   DatasetConfig dataset;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photos to a scene: once with the colmap that is installed, on bundled pictures, and otherwise with a
-// shell script in its place, which says, writes and returns what a test wants.
+// From photos to a scene: once with the installed colmap on bundled pictures, and otherwise with a
+// shell script in its place that prints, writes and returns what a test needs.
 #include "data_loaders/reconstruct/run_colmap.h"
 
 #include <gmock/gmock.h>
@@ -31,13 +31,13 @@ using testing::HasSubstr;
 using testing::Not;
 using testing::SizeIs;
 
-// Neighbors in the bundled scene, which has no two views in one line.
+// Neighbors in the bundled scene; no three of these views are on one line.
 constexpr const char* kViews[] = {"002", "003", "004", "015", "016",
                                   "017", "028", "029", "030", "031"};
 
 const ColmapProgress kSilent = [](ColmapStage, std::int64_t, std::int64_t) {};
 
-// What a real colmap says; the mapper gives the model that lies beside it.
+// Prints what a real colmap prints; its mapper copies the model that lies beside it.
 constexpr const char* kGoodColmap = R"sh(#!/bin/sh
 echo "$1" >> "$(dirname "$0")/calls"
 case "$*" in *" -h") echo "  --SiftExtraction.use_gpu arg (=1)"; exit 0;; esac
@@ -57,7 +57,7 @@ case "$1" in
 esac
 )sh";
 
-/// Four photos, a program in colmap's place, and its model of the first three.
+/// Four photos, a script in place of colmap, and its model of the first three.
 class FakeColmap : public testing::Test {
  protected:
   FakeColmap() {
@@ -80,7 +80,7 @@ class FakeColmap : public testing::Test {
     result.settings.colmap = (temp_.path() / "colmap").string();
     return result;
   }
-  /// Which of COLMAP's commands ran since the last call, and which were asked for help.
+  /// The commands of COLMAP that ran since the last call, and those that were asked for help.
   std::string take_calls() {
     std::string calls = read_bytes(temp_.path() / "calls");
     fs::remove(temp_.path() / "calls");
@@ -106,14 +106,14 @@ TEST(RunColmap, InstalledColmapPlacesThePhotosAndContinuesWhereItStopped) {
   job.photos = temp.path() / "photos";
   job.scene = temp.path() / "scene";
   job.threads = 2;
-  job.settings.max_features = 2000;  // matching takes their square
+  job.settings.max_features = 2000;  // the time of matching grows with its square
   fs::create_directories(job.photos);
   for (const std::string view : kViews) {
     const std::string name = "view_" + view + ".jpg";
     fs::copy_file(fs::path(GS_SOURCE_DIR) / "examples/courtyard/images" / name, job.photos / name);
   }
 
-  std::int64_t done[4] = {}, totals[4] = {};  // the first, of frames, stays
+  std::int64_t done[4] = {}, totals[4] = {};  // the first, for frames, is not used
   const auto progress = [&](ColmapStage stage, std::int64_t so_far, std::int64_t total) {
     done[int(stage)] = so_far;
     totals[int(stage)] = total;
@@ -391,7 +391,7 @@ TEST_F(VideoColmap, VideosOfAFolderShareTheFramesByTheirLength) {
 }
 
 TEST_F(VideoColmap, DamagedVideoLeavesNoSceneThatLooksComplete) {
-  const IgnoreForeignLeaks ignore;  // of OpenCV's backends
+  const IgnoreForeignLeaks ignore;  // from OpenCV's backends
   write_bytes(folder() / "walk.avi", "no film");
   EXPECT_THAT(error_of(video_job(6)), AllOf(HasSubstr("walk.avi"), HasSubstr("ffmpeg")));
   EXPECT_FALSE(fs::exists(scene() / "sparse"));

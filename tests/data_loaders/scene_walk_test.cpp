@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// data_loaders/scene/README.md lists the files that a photo passes on its way to a View. The list is
-// short, and complete: each source file that load_scene.cpp reaches by includes is in it.
+// data_loaders/scene/README.md lists the files that a photo passes on its way to a View. This test
+// checks that the list is short and complete: each source file that load_scene.cpp reaches by
+// includes is in it.
 #include <gmock/gmock.h>
 
 #include <filesystem>
@@ -25,7 +26,7 @@ std::string text_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-/// The quoted includes of a file that begin with data_loaders/, without that beginning.
+/// The quoted includes of a file that begin with data_loaders/, without this prefix.
 std::vector<std::string> includes_of(const fs::path& file) {
   static const std::regex kInclude("#include \"data_loaders/([^\"]+)\"");
   const std::string text = text_of(file);

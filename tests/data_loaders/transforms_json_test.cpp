@@ -82,7 +82,7 @@ std::vector<std::string> names_of(const ColmapModel& model) {
   return names;
 }
 
-/// Where a point of the world lies in the camera of an image.
+/// The position of a world point in the camera of an image.
 Vec3d in_camera(const ColmapImage& image, const Vec3d& point) {
   return multiply(rotation_matrix(image.cam_from_world_rotation), point) +
          image.cam_from_world_translation;
@@ -145,7 +145,8 @@ TEST_F(Transforms, CameraOnTheXAxisLooksBackAtTheOrigin) {
   expect_near(in_camera(image, {0.0, 0.5, 0.25}), {0.5, -0.25, 4.0});
 }
 
-/// Random rotations reach all four ways to a quaternion, for each component is the largest in some.
+/// Random rotations cover all four branches of the conversion to a quaternion, because each
+/// component is the largest in some of them.
 TEST_F(Transforms, PoseIsTheInverseOfTheMatrixForAnyRotation) {
   json file = small_file();
   int largest_count[4] = {};
@@ -300,7 +301,7 @@ TEST_F(Transforms, AnAbsentExtensionIsThatOfTheFirstFileThatExists) {
 
 // --- Blender's files
 
-/// As Blender writes them for the NeRF synthetic scenes, with photos of 20 x 10 pixels.
+/// A file as Blender writes it for the NeRF synthetic scenes, with photos of 20 x 10 pixels.
 void write_blender_file(const std::filesystem::path& folder, const std::string& split, int count) {
   json file = {{"camera_angle_x", std::acos(-1) / 2}, {"frames", json::array()}};
   for (int i = 0; i < count; ++i) {
@@ -479,7 +480,7 @@ TEST_F(Transforms, AnUnreadablePlyIsAWarning) {
 
 TEST_F(Transforms, FaultsNameFileFrameKeyAndRemedy) {
   struct Fault {
-    const char *change, *frame_change;  // of the top and of the second frame
+    const char *change, *frame_change;  // at the top and in the second frame
     std::vector<const char*> words;
   };
   const char* none = "{}";
@@ -490,9 +491,9 @@ TEST_F(Transforms, FaultsNameFileFrameKeyAndRemedy) {
       {R"({"frames": null})", none, {"no list \"frames\"", "name a file"}},
       {R"({"frames": {}})", none, {"no list \"frames\""}},
       {R"({"frames": []})", none, {"no list \"frames\""}},
-      {R"({"frames": [7]})", none, {"frame 0 is no object", "mend"}},
+      {R"({"frames": [7]})", none, {"frame 0 is not an object", "correct"}},
       // file_path
-      {none, R"({"file_path": null})", {"frame 1 lacks file_path", "mend"}},
+      {none, R"({"file_path": null})", {"frame 1 lacks file_path", "correct"}},
       {R"({"file_path": "c.png"})", R"({"file_path": null})", {"frame 1 lacks file_path"}},
       {none, R"({"file_path": 7})", {"frame 1 has a value of type number as file_path"}},
       {none, R"({"file_path": ""})", {"frame 1", "file_path", "empty"}},
@@ -506,7 +507,7 @@ TEST_F(Transforms, FaultsNameFileFrameKeyAndRemedy) {
       {none, R"({"file_path": "a.png\u0000b"})", {"frame 1 ('a.png?b')", "file_path"}},
       {none,
        R"({"file_path": "./images/a.png"})",
-       {"frame 1", "file_path", "'images/a.png'", "a frame before it", "leave one out"}},
+       {"frame 1", "file_path", "'images/a.png'", "an earlier frame", "leave one out"}},
       // transform_matrix
       {none, R"({"transform_matrix": null})", {"frame 1 ('images/b.png') lacks transform_matrix"}},
       {none, R"({"transform_matrix": 3})", {"frame 1", "transform_matrix", "4 rows of 4"}},
@@ -564,10 +565,10 @@ TEST_F(Transforms, FaultsNameFileFrameKeyAndRemedy) {
       {R"({"camera_model": "PINHOLE", "p1": 0.1})", none, {"0.1 as p1", "PINHOLE"}},
       {R"({"camera_model": "OPENCV_FISHEYE", "p2": 0.1})", none, {"0.1 as p2", "OPENCV_FISHEYE"}},
       // lists and points
-      {R"({"test_filenames": "a.png"})", none, {"test_filenames is no list"}},
+      {R"({"test_filenames": "a.png"})", none, {"test_filenames is not a list"}},
       {R"({"train_filenames": ["images/a.png", "images/c.png"]})",
        none,
-       {"entry 1 of train_filenames", "'images/c.png'", "no frame", "mend"}},
+       {"entry 1 of train_filenames", "'images/c.png'", "any frame", "correct"}},
       {R"({"val_filenames": [7]})", none, {"entry 0 of val_filenames"}},
       {R"({"test_filenames": ["images/a.png", "images/b.png"]})", none, {"no frame to train on"}},
       {R"({"train_filenames": []})", none, {"train_filenames", "no frame to train on"}},
@@ -581,7 +582,7 @@ TEST_F(Transforms, FaultsNameFileFrameKeyAndRemedy) {
     for (const char* word : fault.words)
       EXPECT_THAT(message, HasSubstr(word)) << fault.change << fault.frame_change;
   }
-  EXPECT_NO_THROW(read(small_file()));  // the faults are all that is wrong with it
+  EXPECT_NO_THROW(read(small_file()));  // without the faults it is read
 }
 
 TEST_F(Transforms, WhatIsNoJsonIsAnErrorThatNamesTheByte) {

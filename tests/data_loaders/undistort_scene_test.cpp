@@ -25,7 +25,7 @@ DatasetConfig dataset_at(const std::filesystem::path& folder, int resolution = 1
   return dataset;
 }
 
-/// Smooth colors, other ones in each photo.
+/// Smooth colors that differ in each photo.
 Image8 photo_of(int number) {
   Image8 photo(kWidth, kHeight, 3);
   for (int y = 0; y < kHeight; ++y)
@@ -36,8 +36,8 @@ Image8 photo_of(int number) {
   return photo;
 }
 
-/// Photos a.png and sub/b.png through a lens, and c.png without one. A point that the first two show
-/// at the center of their lens, and a mask of b.
+/// Photos a.png and sub/b.png with a lens, and c.png without one; a point that the first two show
+/// at the center of their lens; and a mask of b.
 ColmapModel write_lens_scene(const std::filesystem::path& folder) {
   ColmapModel model = small_model(3);
   model.cameras[7] = {7, CameraModel::simple_radial, kWidth, kHeight, {50, 31, 19, -0.1}};

@@ -77,7 +77,7 @@ TEST(Undistort, EveryPixelShowsThePhotoAndNoLargerPictureWould) {
   for (const LensCase& lens : lens_cases()) {
     const PinholeCamera<double> pinhole =
         undistorted_pinhole(lens_camera(lens.camera, "a.jpg"), "a.jpg");
-    double nearest = 1e9;  // of all outermost pixels to the photo's border
+    double nearest = 1e9;  // distance of the outermost pixels to the photo's border
     for (int y = 0; y < pinhole.height; ++y)
       for (int x = 0; x < pinhole.width; ++x) {
         const Vec2d at = projected(lens.camera, (x + 0.5 - pinhole.cx) / pinhole.fx,
@@ -95,8 +95,8 @@ struct Difference {
   double mean, worst;  // of 255
 };
 
-/// Between the scene photographed through the lens and undistorted, and the scene seen by the
-/// pinhole.
+/// The difference between the scene photographed through the lens and undistorted, and the scene
+/// seen by the pinhole.
 Difference difference(const LensCase& lens, Scene scene) {
   const LensCamera camera = lens_camera(lens.camera, "a.jpg");
   Image8 photo(lens.camera.width, lens.camera.height, 3);
@@ -126,8 +126,8 @@ TEST(Undistort, SmoothScenePhotographedThroughTheLensComesBack) {
   if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   for (const LensCase& lens : lens_cases()) {
     const Difference found = difference(lens, smooth_scene);
-    // Rounding twice gives 0.3 on the mean and 1.3 at worst. The scene changes by 1 to 4 a pixel:
-    // half a pixel off gives 1 on the mean.
+    // Rounding twice gives a mean of 0.3 and at most 1.3. The scene changes by 1 to 4 per pixel, so
+    // an error of half a pixel gives a mean of 1.
     EXPECT_LT(found.mean, 0.4) << lens.label;
     EXPECT_LT(found.worst, 2) << lens.label;
   }
@@ -141,7 +141,7 @@ TEST(Undistort, CheckerboardPhotographedThroughTheLensComesBack) {
 
 TEST(Undistort, WideFisheyeStopsGrowing) {
   if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
-  // 180 degrees across: as a pinhole it would be endless.
+  // A field of view of 180 degrees: its pinhole picture would be infinite.
   const ColmapCamera camera = {
       1, CameraModel::opencv_fisheye, 300, 300, {95.5, 95.5, 150, 150, 0, 0, 0, 0}};
   const PinholeCamera<double> pinhole = undistorted_pinhole(lens_camera(camera, "a.jpg"), "a.jpg");
@@ -160,10 +160,11 @@ TEST(Undistort, FoldingPolynomialIsCroppedToItsSoundPart) {
 
 TEST(Undistort, TooWideAFieldOfViewNamesModelPhotoFieldAndRemedy) {
   if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
-  // 220 degrees across: twice the size at the same focal length ends 75.4 degrees from the axis.
+  // A field of view of 220 degrees: twice the size at the same focal length ends 75.4 degrees from
+  // the axis.
   const std::string message = error_of({1, CameraModel::simple_fisheye, 384, 384, {100, 192, 192}});
   EXPECT_THAT(message, AllOf(HasSubstr("SIMPLE_FISHEYE"), HasSubstr("sub/a.jpg"),
-                             HasSubstr("151 x 151 degrees"), HasSubstr("crop the photos"),
+                             HasSubstr("151 x 151 degrees"), HasSubstr("Crop the photos"),
                              HasSubstr("colmap image_undistorter"), HasSubstr("--max_scale 1")));
 }
 

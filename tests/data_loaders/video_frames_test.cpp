@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames taken out of generated videos: noise is sharp, a gradient is not.
+// Frames from generated videos, in which noise is sharp and a gradient is not.
 #include "data_loaders/video/video_frames.h"
 
 #include <gmock/gmock.h>
@@ -90,7 +90,7 @@ TEST_F(VideoFrames, SameCallGivesTheSameFiles) {
 }
 
 TEST_F(VideoFrames, DamagedFileIsNamedWithARemedy) {
-  const IgnoreForeignLeaks ignore;  // of OpenCV's backends
+  const IgnoreForeignLeaks ignore;  // from OpenCV's backends
   write_bytes(video(), std::string(5000, 'x'));
   EXPECT_THAT(error_of_take(), AllOf(HasSubstr(video().string()), HasSubstr("ffmpeg")));
   fs::remove(video());

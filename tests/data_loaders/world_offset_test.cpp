@@ -62,10 +62,10 @@ TEST(WorldOffset, IsRoundAndOnlyTakenWhereSinglePrecisionLosesDetail) {
   EXPECT_EQ(offset_at({0, 0, 0}, 1), Vec3d(0.0));
   EXPECT_EQ(offset_at({5000, 0, 0}, 1), Vec3d(0.0));  // steps of 0.0005: 1e-4 of 4
   EXPECT_NE(offset_at({50000, 0, 0}, 1), Vec3d(0.0));
-  EXPECT_EQ(offset_at({50000, 0, 0}, 1000), Vec3d(0.0));  // large scenes bear more
+  EXPECT_EQ(offset_at({50000, 0, 0}, 1000), Vec3d(0.0));  // large scenes tolerate more
   for (const double size : {0.01, 1.0, 300.0}) {
     const Vec3d offset = offset_at(kUtm, size);
-    // at most the cameras' spread, some 3 times size
+    // at most the spread of the cameras, which is some 3 times size
     const double step = size < 0.1 ? 0.01 : size < 10 ? 1 : 100;
     for (int axis = 0; axis < 3; ++axis)
       EXPECT_NEAR(offset[axis] / step, std::round(offset[axis] / step), 1e-6) << size;
@@ -75,11 +75,11 @@ TEST(WorldOffset, IsRoundAndOnlyTakenWhereSinglePrecisionLosesDetail) {
 
 TEST(WorldOffset, CamerasOfOneHeightAreMeasuredByTheirPoints) {
   ColmapModel model = tracked_model(kPinhole, 3, 50);
-  for (ColmapImage& image : model.images)  // a panorama: one place
+  for (ColmapImage& image : model.images)  // a panorama: one position for all cameras
     image.cam_from_world_translation = Vec3d(0.0);
   EXPECT_NE(world_offset_of(far_model(model)), Vec3d(0.0));
   model.points.clear();
-  EXPECT_EQ(world_offset_of(far_model(model)), Vec3d(0.0));  // nothing to measure it by
+  EXPECT_EQ(world_offset_of(far_model(model)), Vec3d(0.0));  // there is no spread to compare with
   EXPECT_EQ(world_offset_of(ColmapModel()), Vec3d(0.0));
 }
 

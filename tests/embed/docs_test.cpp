@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// docs/embedding.md shows the installed example: its C++ stands there, line for line.
+// docs/embedding.md shows the installed example: its C++ is in that file, line for line.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -14,7 +14,7 @@ std::string source_file(const std::string& name) {
   return read_bytes(std::filesystem::path(GS_SOURCE_DIR) / name);
 }
 
-// What stands between ```LANGUAGE and ```.
+// The text between ```LANGUAGE and ```.
 std::vector<std::string> blocks_of(const std::string& text, const std::string& language) {
   const std::string begin = "\n```" + language + "\n", end = "\n```";
   std::vector<std::string> blocks;

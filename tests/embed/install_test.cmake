@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-# cmake -DBUILD=... -DSCENE=... -DWORK=... -P install_test.cmake: installs the build into WORK/prefix, moves it to where no
-# path of the build leads, and there configures, builds and runs the installed example, as those who embed gemsplat would.
-# COMPILER, LAUNCHER, GENERATOR: as of the build; PYTHON, PYTHON_DIR: the interpreter, and the module's place in the prefix.
+# cmake -DBUILD=... -DSCENE=... -DWORK=... -P install_test.cmake: installs the build into WORK/prefix,
+# moves the installation to a folder that no path of the build names, and configures, builds and runs
+# the installed example there, as users of the library would. COMPILER, LAUNCHER, GENERATOR: those of
+# the build; PYTHON, PYTHON_DIR: the interpreter, and the module's folder below the prefix.
 function(run what)
   execute_process(COMMAND ${ARGN} RESULT_VARIABLE code OUTPUT_VARIABLE output ERROR_VARIABLE output)
   if(NOT code STREQUAL "0")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-# cmake -DBUILD=... -DSOURCE=... -DNINJA=... -DWORK=... -P setup_test.cmake: what scripts/setup.sh builds is all that
-# `cmake --install` copies out of the build folder; a Python module that is not built is left out of an installation; and a
-# build says how far it is in a pipe.
+# cmake -DBUILD=... -DSOURCE=... -DNINJA=... -DWORK=... -P setup_test.cmake: scripts/setup.sh builds
+# everything that `cmake --install` copies out of the build folder; an installation leaves out a Python
+# module that is not built; and a build shows its progress in a pipe.
 
 # ---- the target that setup.sh builds has all files of the install rules --------------------------------------
 file(READ ${SOURCE}/scripts/setup.sh setup)

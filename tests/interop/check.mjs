@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Holds our exports against readers of others. node check.mjs PROGRAM FOLDER
-//   1. a random model is exported to every format; splat-transform reads each file but .glb (and .csv), and what it says is held
-//      against the model, and against what we read ourselves;
-//   2. what splat-transform writes of the same model, we read;
-//   3. the .glb is taken apart by the text of glTF 2.0 and KHR_gaussian_splatting, held against the model and against
-//      splat-transform's, and given to gltf-validator.
+// Compares our exports with the readers of other programs. node check.mjs PROGRAM FOLDER
+//   1. A random model is exported to every format. splat-transform reads each file but .glb and .csv;
+//      the result is compared with the model, and with what gemsplat reads from the file.
+//   2. gemsplat reads the files that splat-transform writes of the same model.
+//   3. The .glb is parsed as glTF 2.0 and KHR_gaussian_splatting specify, compared with the model and
+//      with the .glb of splat-transform, and given to gltf-validator.
 import {execFileSync} from 'node:child_process';
 import {createRequire} from 'node:module';
 import {mkdirSync, readFileSync, rmSync, writeFileSync} from 'node:fs';

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One fragment: exponent, alpha, compositing; and a whole pixel pulled back front to back.
+// One fragment: exponent, alpha, compositing; and the gradient of a whole pixel, front to back.
 #include "gs_core/math/blend.h"
 
 #include <gtest/gtest.h>
@@ -52,7 +52,8 @@ TEST(FragmentExponent, GradientMatchesJet) {
 
 // ---- log2(alpha) as a product.
 
-/// A covariance with standard deviations of 0.55 to 400 pixels: round ones and needles, and its conic.
+/// A covariance with standard deviations of 0.55 to 400 pixels: round ones and needles, and its
+/// conic.
 struct Shape {
   Sym2<double> cov2d, conic;
 };
@@ -61,7 +62,8 @@ Shape draw_shape(TestRandom& random) {
                b = std::pow(10.0, random.uniform(-0.5, 5.2));
   const double angle = random.uniform(0.0, 3.2), c = std::cos(angle), s = std::sin(angle);
   const Sym2<double> S{a * c * c + b * s * s, (a - b) * c * s, a * s * s + b * c * c};
-  // The conic from its own eigenvalues: the inverse of S would lose the digits that this is about.
+  // The conic comes from its own eigenvalues, because the inverse of S would lose the digits that
+  // are tested here.
   return {S, {c * c / a + s * s / b, (1 / a - 1 / b) * c * s, s * s / a + c * c / b}};
 }
 
@@ -82,7 +84,8 @@ TEST(ConicFactors, MultiplyToTheConic) {
   }
 }
 
-// Means up to 2,000 pixels away, as the far end of a needle has them. The sum's terms are what rounding is relative to.
+// Means up to 2,000 pixels away, as at the far end of a needle. Rounding is relative to the terms
+// of the sum.
 TEST(ExponentCoefficients, TimesMonomialsAreLog2OfAlpha) {
   TestRandom random;
   double worst = 0;
@@ -126,7 +129,7 @@ TEST(PixelMonomials, AboutATileCenterFitElevenBits) {
         EXPECT_TRUE(4 * term == std::round(4 * term) && std::abs(4 * term) < 2048);
 }
 
-// Along a needle of 300 pixels the terms of E cancel, and rounding alone would lift it above 0.
+// Along a needle of 300 pixels the terms of E cancel, and rounding alone could raise it above 0.
 TEST(FragmentExponent, IsNeverAboveZeroInFloat) {
   TestRandom random;
   for (int i = 0; i < 100'000; ++i) {
@@ -151,7 +154,7 @@ void sweep_exponents(const Visit& visit) {
   }
 }
 
-// The truncated series is off by up to 1.2e-7, its roundings add the same: 2.6e-7 over all floats.
+// The truncated series is wrong by up to 1.2e-7, and rounding adds as much: 2.6e-7 over all floats.
 TEST(ExpFragment, IsWithinThreeTenMillionthsOfExp) {
   double worst = 0.0;
   sweep_exponents([&](float x) {
@@ -313,7 +316,7 @@ TEST(CompositeGradient, StaysFiniteForAnAlphaOfExactlyOne) {
   for (const float g : flatten(grads.colors, grads.alphas)) EXPECT_TRUE(std::isfinite(g));
 }
 
-// Nothing behind a fragment with alpha 1 is seen, so dL/dalpha there is <T c, g> alone.
+// A fragment with alpha 1 hides everything behind it, so dL/dalpha there is <T c, g> alone.
 TEST(CompositeGradient, IsExactForAnAlphaOfExactlyOneInDouble) {
   Pixel<double> pixel;
   pixel.colors.fill({0.25, 0.5, 0.125});

@@ -37,7 +37,7 @@ TEST(Covariance, GradientMatchesJet) {
         const auto dL = covariance_vjp(R, in.vec3(), gradient_matrix(Unflatten(g).sym3()));
         return flatten(dL.R, dL.variance);
       },
-      [](TestRandom& random) {  // any matrix will do; the formula does not need a rotation
+      [](TestRandom& random) {  // any matrix works; the formula needs no rotation
         return flatten(random.uniform3(-1.0, 1.0), random.uniform3(-1.0, 1.0),
                        random.uniform3(-1.0, 1.0), random.uniform3(0.001, 2.0));
       });

@@ -27,7 +27,7 @@ TEST(ScreenGradientNorm, IsInUnitsOfHalfThePicture) {
 }
 
 TEST(WantsGrowth, ComparesTheMeanWithTheThreshold) {
-  EXPECT_TRUE(wants_growth(4.0f, 1.0f, 0.25f));  // exactly at it
+  EXPECT_TRUE(wants_growth(4.0f, 1.0f, 0.25f));  // exactly at the threshold
   EXPECT_FALSE(wants_growth(4.0f, below(1.0f), 0.25f));
 }
 
@@ -37,7 +37,7 @@ TEST(WantsGrowth, IsFalseForAGaussianThatWasNeverSeen) {
 
 TEST(IsSmall, ComparesTheLargestAxis) {
   const float limit = std::log(0.01f);
-  EXPECT_TRUE(is_small({limit, -9.0f, -9.0f}, 0.01f));  // exactly at it: cloned
+  EXPECT_TRUE(is_small({limit, -9.0f, -9.0f}, 0.01f));  // exactly at the limit: cloned
   EXPECT_FALSE(is_small({-9.0f, above(limit), -9.0f}, 0.01f));
   EXPECT_FALSE(is_small({-9.0f, -9.0f, above(limit)}, 0.01f));
 }

@@ -75,7 +75,7 @@ TEST(DrawWeight, IsTheOpacityAndZeroForTheDead) {
 }
 
 TEST(DrawWeight, OfTheLeastOpacityOfACopyIsThatOfADeadOne) {
-  EXPECT_EQ(draw_weight(0.0f, 0.5f), 0u);  // exactly at it
+  EXPECT_EQ(draw_weight(0.0f, 0.5f), 0u);  // exactly at the threshold
 }
 
 TEST(SharedOpacity, KeepsWhatTheCopiesCoverTogether) {
@@ -85,7 +85,7 @@ TEST(SharedOpacity, KeepsWhatTheCopiesCoverTogether) {
           << opacity << " " << copies;
 }
 
-// The paper's double sum with binomial coefficients of their own.
+// The double sum of the paper, with binomial coefficients computed here.
 double double_sum(double new_opacity, int copies) {
   double sum = 0.0;
   for (int i = 1; i <= copies; ++i) {
@@ -119,8 +119,9 @@ TEST(SharedScale, IsOneWithoutACopyAndSmallerWithEachMore) {
   }
 }
 
-// The integral of what one Gaussian blends along a line is that of N copies behind each other, sigma = 1 and
-// sigma_new: o sqrt(2 pi) = integral of 1 - (1 - o_new exp(-x^2 / (2 sigma_new^2)))^N. The paper demands this.
+// The light that one Gaussian blends along a line equals that of N copies behind one another, with
+// sigma = 1 and sigma_new: o sqrt(2 pi) = integral of 1 - (1 - o_new exp(-x^2 / (2
+// sigma_new^2)))^N. The paper demands this.
 TEST(SharedScale, KeepsTheBlendedLightAlongALine) {
   for (const double opacity : {0.05, 0.5, 0.95})
     for (const int copies : {2, 5, 20}) {

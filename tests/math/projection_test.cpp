@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1 from world space to the image plane: each formula, then the whole chain of one Gaussian (splat.h).
+// Stage 1 from world space to the image plane: each formula, then the chain of all of them for one
+// Gaussian (splat.h).
 #include "gs_core/math/projection.h"
 
 #include <gtest/gtest.h>
@@ -15,7 +16,7 @@
 namespace gs {
 namespace {
 
-/// A posed camera that is neither centered nor square in anything.
+/// A posed camera with an off-center principal point, whose picture and pixels are not square.
 PinholeCamera<double> draw_camera(TestRandom& random) {
   const double width = 640.0, height = 420.0;
   return {640,
@@ -191,7 +192,7 @@ TEST(Conic, TimesTheCovarianceIsTheIdentity) {
   TestRandom random;
   for (int i = 0; i < 1000; ++i) {
     const Sym2<double> S = draw_covariance2d(random), Q = conic_of(S);
-    // The products cancel as many digits as the condition number has, at most four here.
+    // The products cancel as many digits as the condition number has, which is at most four here.
     EXPECT_NEAR(Q.xx * S.xx + Q.xy * S.xy, 1.0, 1e-10);
     EXPECT_NEAR(Q.xx * S.xy + Q.xy * S.yy, 0.0, 1e-10);
     EXPECT_NEAR(Q.xy * S.xy + Q.yy * S.yy, 1.0, 1e-10);
@@ -239,7 +240,8 @@ TEST(AntialiasFactor, GradientMatchesJetOnBothSidesOfItsClamp) {
         return flatten(by_stored_entry(antialias_factor_vjp(Unflatten(x).sym2(), blur, g[0])));
       },
       [&](TestRandom& random) {
-        // Smaller than the blur along one axis, so that the rest without it is indefinite: zero.
+        // One variance is smaller than the blur, so that the matrix without blur is indefinite: the
+        // factor is zero.
         Sym2<double> S = draw_covariance2d(random);
         const double rest = random.chance(0.3) ? 0.05 : 0.15;
         if (random.chance(0.5)) S = {rest, 0.0, random.uniform(1.0, 9.0)};
@@ -280,7 +282,8 @@ std::array<double, 59> draw_gaussian(TestRandom& random, const PinholeCamera<dou
                  random.uniform3(-2.0, 2.0), sh_rest);
 }
 
-/// The worst error of the whole chain under `settings`; a detached antialiasing factor is a constant.
+/// The worst error of the whole chain under `settings`; a detached antialiasing factor is a
+/// constant.
 double worst_chain_error(const SplatSettings& settings, FrustumVisits& visits) {
   PinholeCamera<double> camera;
   int invisible = 0;
@@ -333,7 +336,7 @@ TEST(ProjectGaussian, GradientByEveryParameterMatchesJetForEveryDegree) {
   }
 }
 
-// sigma3, so that an opacity that the factor made faint stays visible.
+// The cutoff is sigma3, so that Gaussians that the factor makes faint stay visible.
 TEST(ProjectGaussian, GradientThroughTheAntialiasFactorMatchesJet) {
   FrustumVisits visits;
   const SplatSettings settings{
@@ -349,7 +352,7 @@ TEST(ProjectGaussian, GradientTakesADetachedAntialiasFactorForAConstant) {
   EXPECT_LT(worst_chain_error(settings, visits), kJetTolerance);
 }
 
-/// An ordinary Gaussian straight ahead, one field of which a test then spoils.
+/// An ordinary Gaussian straight ahead; each test then makes one field invalid.
 struct PlainGaussian {
   std::array<Vec3f, kRest> sh_rest{};
   GaussianParameters<float> parameters{{0.0f, 0.0f, 2.0f},       {-3.0f, -3.0f, -3.0f},

@@ -24,14 +24,15 @@ TEST(Rotation, QuarterTurnAboutZTakesXToY) {
   EXPECT_NEAR(y.z, 0.0, 1e-15);
 }
 
-// A third of a turn about (1, 1, 1) permutes the axes: x to y, y to z, z to x. q = (1, 1, 1, 1) / 2.
+// A third of a turn about (1, 1, 1) permutes the axes: x to y, y to z, z to x. q = (1, 1, 1, 1) /
+// 2.
 TEST(Rotation, ThirdOfATurnAboutTheDiagonalPermutesTheAxes) {
   expect_near(rotation_matrix(Quat<double>{1.0, 1.0, 1.0, 1.0}),
               {{0.0, 0.0, 1.0}, {1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}}, 1e-15);
 }
 
-// Rodrigues' formula R = cos I + sin [u]x + (1 - cos) u u^T with u = (2, -1, 2) / 3 and angle 0.7, worked out
-// in Python's decimal; the quaternion is (cos 0.35, sin 0.35 u).
+// Rodrigues' formula R = cos I + sin [u]x + (1 - cos) u u^T with u = (2, -1, 2) / 3 and angle 0.7,
+// worked out in Python's decimal; the quaternion is (cos 0.35, sin 0.35 u).
 TEST(Rotation, AgreesWithRodriguesFormula) {
   const double s = std::sin(0.35) / 3.0;
   expect_near(rotation_matrix(Quat<double>{std::cos(0.35), 2.0 * s, -s, 2.0 * s}),
@@ -48,7 +49,7 @@ TEST(Rotation, DoesNotDependOnTheLengthOfTheQuaternion) {
 
 TEST(QuaternionOf, IsTheWayBackFromEveryRotation) {
   TestRandom random;
-  for (int i = 0; i < 1000; ++i) {  // each component is the largest of some
+  for (int i = 0; i < 1000; ++i) {  // each component is the largest one in some
     const Mat3<double> R = rotation_matrix(random.quaternion());
     const Quat<double> q = quaternion_of(R);
     EXPECT_NEAR(squared_norm(q), 1, 1e-14);

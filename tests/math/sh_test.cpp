@@ -26,8 +26,8 @@ std::array<double, 16> basis_at(const Vec3d& direction) {
 ///   Y_l^m = N sqrt(2) P_l^|m|(cos theta) * (cos(m phi) for m > 0, sin(|m| phi) for m < 0),  Y_l^0 = N P_l
 ///   N = sqrt((2l+1)/(4 pi) (l-|m|)!/(l+|m|)!),  P_l^m with the Condon-Shortley sign (-1)^m,
 ///
-/// and P_l^m(x) = (-1)^m (1-x^2)^(m/2) d^m/dx^m P_l(x), differentiated by its coefficients. In order of l, then
-/// m = -l..l.
+/// and P_l^m(x) = (-1)^m (1-x^2)^(m/2) d^m/dx^m P_l(x), differentiated by its coefficients. In
+/// order of l, then m = -l..l.
 struct KnownBasis {
   double theta, phi;
   std::array<double, 16> values;
@@ -62,8 +62,8 @@ TEST(ShBasis, AgreesWithLegendrePolynomials) {
   }
 }
 
-// The product of two basis functions is a polynomial of degree 6: four Gauss-Legendre nodes in z and eight
-// equal steps around integrate it exactly.
+// The product of two basis functions is a polynomial of degree 6: four Gauss-Legendre nodes in z
+// and eight equal steps around integrate it exactly.
 TEST(ShBasis, IsOrthonormalOnTheSphere) {
   const double nodes[4] = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
                            0.8611363115940526};
@@ -107,7 +107,8 @@ TEST(ShBasis, GradientMatchesJetForEveryDegree) {
         [&](const auto& x, const auto& g) {
           return flatten(sh_basis_vjp(degree, Unflatten(x).vec3(), g.data()));
         },
-        // The polynomials are differentiated as they stand, so the direction need not have length 1.
+        // The polynomials are differentiated as they stand, so the direction need not have length
+        // 1.
         [](TestRandom& random) { return flatten(random.uniform3(-1.2, 1.2)); });
     EXPECT_LT(worst, kJetTolerance) << "degree " << degree;
   }

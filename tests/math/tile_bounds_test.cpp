@@ -38,8 +38,8 @@ class SplatRandom {
   double uniform(double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(engine_);
   }
-  /// A mean in the padded picture or up to `margin` pixels beyond it; every fourth lies exactly on a pixel
-  /// center or a pixel's edge.
+  /// A mean in the padded picture or up to `margin` pixels beyond it; every fourth lies exactly on
+  /// a pixel center or a pixel's edge.
   Splat splat(double margin) {
     const double a = variance(), b = variance();
     const double angle = uniform(0.0, 3.2), c = std::cos(angle), s = std::sin(angle);
@@ -68,7 +68,8 @@ class SplatRandom {
 
 // ---- Tile bounds.
 
-// Of a splat with standard deviations 4 and 2 turned by 45 degrees: a square of 12 pixels around the mean, in whole tiles.
+// The square of a splat with standard deviations 4 and 2, turned by 45 degrees: 12 pixels around
+// the mean, in whole tiles.
 TEST(TileBounds, ASquareReachesThreeDeviationsOfTheLongerAxis) {
   const Sym2<float> cov2d{10, 6, 10};
   const Rect rect = pixels_of(TileBounds::square, {50, 40}, cov2d, 0.1f, 20, 20);
@@ -121,7 +122,8 @@ TEST(Cutoff, InSigmaModesIsHalfTheSquareWhateverTheOpacity) {
 Rect pixel_rect_of(const Splat& s) {
   return pixel_rect(s.mean2d, s.cov2d, s.cutoff, kTilesX, kTilesY);
 }
-/// The pixels of a box that reaches `extent` pixels around (x, x): a cutoff of 1/2 is one standard deviation.
+/// The pixels of a box that reaches `extent` pixels around (x, x): a cutoff of 1/2 is one standard
+/// deviation.
 Rect rect_of_box(float x, float extent) {
   return pixel_rect({x, x}, {extent * extent, 0.0f, extent * extent}, 0.5f, kTilesX, kTilesY);
 }
@@ -166,7 +168,7 @@ TEST(PixelRect, ContainsEveryPixelAboveTheCutoff) {
       for (int x = 0; x < kPaddedWidth; ++x) {
         const double dx = x + 0.5 - s.mean2d.x, dy = y + 0.5 - s.mean2d.y;
         const double E = -0.5 * (Q.xx * dx * dx + Q.yy * dy * dy) - Q.xy * dx * dy;
-        if (E < -s.cutoff * (1.0 - 1e-4)) continue;  // at the very edge, floats decide
+        if (E < -s.cutoff * (1.0 - 1e-4)) continue;  // at the very edge floats may decide otherwise
         ++pixels;
         outside += x < rect.x_begin || x >= rect.x_end || y < rect.y_begin || y >= rect.y_end;
       }
@@ -176,8 +178,8 @@ TEST(PixelRect, ContainsEveryPixelAboveTheCutoff) {
   EXPECT_GT(pixels, 100'000);
 }
 
-/// Pixels [begin, end) with their center in [low, high], and whether one is so close to an edge that floats may
-/// decide otherwise: pixel coordinates of up to 1000 have steps of 6e-5.
+/// Pixels [begin, end) with their center in [low, high], and whether one is so close to an edge
+/// that floats may decide otherwise: pixel coordinates of up to 1000 have steps of 6e-5.
 struct PixelRange {
   int begin, end;
   bool is_close;
@@ -219,7 +221,7 @@ TEST(PixelRect, IsExactlyThePixelsWithTheirCenterInTheBox) {
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
-/// Calls visit(mean2d, cov2d, cutoff) with every combination of numbers good and bad.
+/// Calls visit(mean2d, cov2d, cutoff) with every combination of valid and invalid numbers.
 template <class Visit>
 void sweep_bad_numbers(const Visit& visit) {
   const std::vector<float> numbers = {kNan,   kInfinity, -kInfinity, 3e38f, -3e38f, 1e20f,
@@ -275,8 +277,8 @@ TEST(TileRect, OfNoPixelsIsEmpty) { EXPECT_TRUE(tile_rect({0, 0, 0, 0}).empty())
 
 // ---- The exact tile test.
 
-/// Smallest 1/2 d^T Q d over a rectangle of pixel centers: 0 with the mean inside, else the smallest of the minima of
-/// four parabolas, one along each edge.
+/// The smallest 1/2 d^T Q d over a rectangle of pixel centers: 0 if the mean is inside, else the
+/// smallest of the minima of four parabolas, one along each edge.
 double smallest_over(const Splat& s, int x_begin, int y_begin, int width, int height) {
   const double x0 = x_begin + 0.5 - s.mean2d.x, x1 = x0 + width - 1;
   const double y0 = y_begin + 0.5 - s.mean2d.y, y1 = y0 + height - 1;
@@ -299,7 +301,7 @@ double smallest_over_tile(const Splat& s, int tile_x, int tile_y) {
   return smallest_over(s, tile_x * kTileWidth, tile_y * kTileHeight, kTileWidth, kTileHeight);
 }
 
-/// True where a pixel center of the tile has an exponent above the cutoff.
+/// True if a pixel center of the tile has an exponent above the cutoff.
 bool holds_a_pixel(const Splat& s, int tile_x, int tile_y) {
   for (int y = tile_y * kTileHeight; y < (tile_y + 1) * kTileHeight; ++y) {
     for (int x = tile_x * kTileWidth; x < (tile_x + 1) * kTileWidth; ++x) {
@@ -312,7 +314,7 @@ bool holds_a_pixel(const Splat& s, int tile_x, int tile_y) {
   return false;
 }
 
-/// A tile of the splat's neighborhood.
+/// A tile near the splat.
 std::pair<int, int> draw_tile(SplatRandom& random, const Splat& s) {
   const double reach_x = 3.0 * std::sqrt(s.cov2d.xx) + kTileWidth;
   const double reach_y = 3.0 * std::sqrt(s.cov2d.yy) + kTileHeight;
@@ -320,7 +322,8 @@ std::pair<int, int> draw_tile(SplatRandom& random, const Splat& s) {
           int(std::floor((s.mean2d.y + random.uniform(-reach_y, reach_y)) / kTileHeight))};
 }
 
-// Needles of 100 by 0.55 pixels included. The float quadratic of longer ones cancels more than four digits.
+// Includes needles of 100 by 0.55 pixels. The float quadratic form of longer ones cancels more than
+// four digits.
 TEST(TileIsHit, AgreesWithAMinimiserOverTheTile) {
   SplatRandom random(100.0);
   int hits = 0, misses = 0, wrong = 0;
@@ -337,8 +340,8 @@ TEST(TileIsHit, AgreesWithAMinimiserOverTheTile) {
   EXPECT_GT(misses, 20'000);
 }
 
-// The cutoff placed just above and just below the smallest value, for splats of up to 10 by 0.55 pixels, whose
-// quadratic keeps four digits in float.
+// The cutoff lies just above and just below the smallest value, for splats of up to 10 by 0.55
+// pixels, whose quadratic form keeps four digits in float.
 TEST(TileIsHit, TurnsAtTheSmallestValueOverTheTile) {
   SplatRandom random(10.0);
   int tested = 0, wrong = 0;
@@ -365,7 +368,7 @@ TEST(TileIsHit, HoldsForAMeanExactlyOnAnyPixelCenterOfTheTile) {
   }
 }
 
-// Between the last pixel center of a tile and the first of the next, a tiny splat meets neither.
+// A tiny splat between the last pixel center of a tile and the first of the next one hits neither.
 TEST(TileIsHit, IsFalseForASplatBetweenTheCentersOfTwoTiles) {
   const Sym2<float> tiny{100.0f, 0.0f, 100.0f};
   EXPECT_FALSE(tile_is_hit({16.0f, 8.5f}, tiny, 1.0f, 0, 0));
@@ -386,7 +389,8 @@ TEST(HitTiles, LoseNoPixelOfTheSplatAndAddNoTileBesideIt) {
       if (is_hit[tile]) {
         wrong += smallest > s.cutoff * (1.0 + 1e-4);
       } else {
-        // Outside the pixel rectangle, a tile may hold a point of the ellipse between pixel centers.
+        // Outside the pixel rectangle, a tile may hold a point of the ellipse between pixel
+        // centers.
         wrong +=
             smallest < s.cutoff * (1.0 - 1e-4) && holds_a_pixel(s, tile % kTilesX, tile / kTilesX);
       }
@@ -396,7 +400,8 @@ TEST(HitTiles, LoseNoPixelOfTheSplatAndAddNoTileBesideIt) {
   EXPECT_GT(hits, 10'000);
 }
 
-// The row's span, solved, against the minimizer over each of its tiles; needles of 100 by 0.55 pixels included.
+// The solved span of a row, compared with the minimizer over each of its tiles; includes needles of
+// 100 by 0.55 pixels.
 TEST(HitTilesOfRow, AreThoseThatAMinimiserFinds) {
   SplatRandom random(100.0);
   const Rect grid{0, kTilesX, 0, kTilesY};
@@ -426,8 +431,8 @@ TEST(HitTilesOfRow, HoldTheTileOfAMeanOnAPixelCenterAtCutoffZero) {
   }
 }
 
-// Needles of 1000 by 0.55 pixels included: what is left of their float conics is another ellipse, but none of a quarter's
-// fragments may be lost. Few quarters are listed for nothing.
+// Includes needles of 1000 by 0.55 pixels. Their float conics describe a slightly different
+// ellipse, but no fragment of a quarter may be lost. Few quarters may be listed in vain.
 TEST(HitQuartersOfRow, HoldAllFragmentsAndLittleElse) {
   for (const double sigma : {3.0, 30.0, 1000.0}) {
     SplatRandom random(sigma);

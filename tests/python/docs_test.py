@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/embedding.md, whose Python runs as it stands there; and the type stubs, which name what there is."""
+"""Runs the Python of docs/embedding.md, and compares the type stubs with the module."""
 
 import ast
 import contextlib

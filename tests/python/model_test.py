@@ -85,10 +85,10 @@ class Refusals(TestCase):
         self.refuse("0, 3, 8 or 15 coefficients .*, and has 4", sh_rest=np.zeros((50, 4, 3)))
 
     def test_wrong_types(self):
-        self.refuse("means must hold real numbers, and is of dtype complex128", means=np.zeros((50, 3), complex))
-        self.refuse("means must hold real numbers, and is of dtype bool", means=np.zeros((50, 3), bool))
-        self.refuse("means must hold real numbers, and is of dtype <U1", means=[["a", "b", "c"]] * 50)
-        self.refuse("means must hold real numbers, and is of dtype object", means=None)
+        self.refuse("means must hold real numbers, but is of dtype complex128", means=np.zeros((50, 3), complex))
+        self.refuse("means must hold real numbers, but is of dtype bool", means=np.zeros((50, 3), bool))
+        self.refuse("means must hold real numbers, but is of dtype <U1", means=[["a", "b", "c"]] * 50)
+        self.refuse("means must hold real numbers, but is of dtype object", means=None)
 
     def test_values_that_are_not_finite(self):
         means = random_arrays()["means"]
@@ -142,6 +142,7 @@ class Files(TestCase):
         self.assertEqual(path.read_bytes(), b"mine")
         model.save(path, replace=True)
         self.assertEqual(len(gemsplat.load(path)), 50)
+        self.assertEqual((self.folder / "model.ply.bak-1").read_bytes(), b"mine")
 
     def test_what_a_sidecar_said_of_an_older_file_is_not_taken_for_the_newer_one(self):
         path, sidecar = self.folder / "model.ply", self.folder / "model.ply.transforms.json"
@@ -149,7 +150,24 @@ class Files(TestCase):
         model = gemsplat.Model(**random_arrays())
         self.assert_refused("transforms.json is there already", model.save, path)
         model.save(path, replace=True)
-        self.assertFalse(sidecar.exists())
+        self.assertNotEqual(sidecar.read_text(), "{}")
+        self.assertEqual((self.folder / "model.ply.transforms.json.bak-1").read_text(), "{}")
+
+    def test_a_saved_file_keeps_what_its_format_cannot_say(self):
+        model = gemsplat.Model(**random_arrays(), antialiased=True, world_offset=(1e6, 2e6, 0))
+        for save in [model.save, lambda path: gemsplat.export(model, path)]:
+            path = self.folder / save.__name__.strip("<>") / "model.splat"
+            path.parent.mkdir()
+            save(path)
+            again = gemsplat.load(path)
+            self.assertTrue(again.antialiased)
+            self.assertEqual(again.world_offset, (1e6, 2e6, 0))
+
+    def test_saving_and_exporting_refuse_another_version_of_spz(self):
+        model = gemsplat.Model(**random_arrays())
+        path = self.folder / "model.spz"
+        self.assert_refused("spz_version must be 3 or 4", model.save, path, spz_version=5)
+        self.assert_refused("spz_version must be 3 or 4", gemsplat.export, model, path, spz_version=5)
 
     def test_a_process_that_was_forked_ends(self):
         gemsplat.Model(**random_arrays()).save(self.folder / "model.ply")  # starts the threads

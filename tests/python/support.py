@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the tests of the Python module share: the bundled scene, models of random Gaussians, the program."""
+"""Helpers of these tests: the bundled scene, models of random Gaussians, the program."""
 
 import os
 import subprocess

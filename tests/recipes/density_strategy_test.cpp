@@ -48,7 +48,7 @@ TEST(RecipeDensityStrategy, RemovesFaintGaussiansAndAddsNone) {
     set_gaussian(gaussians, i, {float(i), 0, 0}, 0.1f, i < 4 ? 0.001f : 0.5f);
   TrainingModel model = model_of(gaussians);
   const Config config;
-  MakeDensityControl& make = make_thinning_control;  // as kStrategies wants it
+  MakeDensityControl& make = make_thinning_control;  // the type that kStrategies expects
   const auto control = make(config, Schedule(config, 2), 2);
   const auto backend = make_scalar_backend();
   EXPECT_EQ(control->after_step(model, *backend, 601).pruned, 0u);

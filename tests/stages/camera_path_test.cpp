@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Orbits and tours: where they lead past cameras whose places are known.
+// Orbits and tours: where they lead for cameras at known positions.
 #include "gs_render/camera_path.h"
 
 #include <gmock/gmock.h>
@@ -27,7 +27,8 @@ Camera looking(const Vec3d& from, const Vec3d& to) {
   return with_pose(camera, {from, looking_at(from, to, kUp)});
 }
 
-/// Cameras on a part of a circle of radius 4 at height 3 about (5, 6, 7), looking at its middle from 5 units away.
+/// Cameras on a part of a circle of radius 4 at height 3 about (5, 6, 7), looking at its middle
+/// from 5 units away.
 std::vector<Camera> arc(int count, double part) {
   std::vector<Camera> cameras;
   for (int i = 0; i < count; ++i) {
@@ -50,7 +51,7 @@ TEST(LookingAt, PutsTheTargetOnTheAxisAndUpAtTheTop) {
   EXPECT_NEAR(up.x, 0, 1e-6);
   EXPECT_LT(up.y, 0);
   const Quat<double> down = looking_at({0.0, 0.0, 5.0}, {0.0, 0.0, 0.0}, kUp);
-  EXPECT_NEAR(squared_norm(down), 1, 1e-12);  // no way to be level, and still a rotation
+  EXPECT_NEAR(squared_norm(down), 1, 1e-12);  // no pose is level here, but this is still a rotation
 }
 
 TEST(Orbit, KeepsDistanceHeightAndAim) {
@@ -118,7 +119,7 @@ TEST(ShortTour, IsTheCircleOnWhichThePosesStand) {
   }
 }
 
-// From each place to the nearest next one the way would cross itself on the way back.
+// A tour that always goes on to the nearest next camera would cross itself on the way back.
 TEST(ShortTour, NoExchangeOfTwoLegsMakesItShorter) {
   for (const std::uint64_t seed : {1, 2, 3, 4, 5}) {
     Draws draws(seed);

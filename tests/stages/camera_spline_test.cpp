@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The curve that films follow: through its keys, without breaks in place, speed or attitude.
+// The curve that films follow: it passes its keys, without jumps in position, speed or rotation.
 #include "gs_render/camera_spline.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ Quat<double> unit(const Quatf& single) {
   return {q.w / n, q.x / n, q.y / n, q.z / n};
 }
 
-/// Random poses whose quaternions have either sign, and which are unevenly far apart.
+/// Random poses at uneven distances, whose quaternions have either sign.
 std::vector<CameraPose> random_keys(int count, std::uint64_t seed) {
   Draws draws(seed);
   std::vector<CameraPose> keys;
@@ -32,7 +32,7 @@ std::vector<CameraPose> random_keys(int count, std::uint64_t seed) {
   return keys;
 }
 
-/// How fast the axes of the camera turn and its center moves at t, from one side.
+/// How fast the axes of the camera rotate and its center moves at t, from one side.
 struct Speed {
   Vec3d center, x, y;
 };
@@ -62,7 +62,8 @@ TEST(CameraSpline, RotationsHaveLengthOneEverywhere) {
     EXPECT_NEAR(squared_norm(spline.at(t).world_from_cam), 1, 1e-14);
 }
 
-// One-sided differences over h are off by h times half the curvature, which is below some 100 here.
+// One-sided differences over h are wrong by h times half the curvature, which is below some 100
+// here.
 TEST(CameraSpline, PlaceAndAttitudeHaveOneSpeedOnBothSidesOfAKey) {
   for (const std::uint64_t seed : {1, 2, 3, 4}) {
     const CameraSpline spline(random_keys(7, seed), true);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a warp of cuda/blend_gemm.cu does with one batch, played on the CPU in double: the lanes get the entries that the
-// hardware gives them (cuda/gemm_layout.h), composite their own splats, and exchange what blend_gemm.cu exchanges.
+// One batch of a warp of cuda/blend_gemm.cu, emulated on the CPU in double: each lane gets the
+// entries that the hardware gives it (cuda/gemm_layout.h), composites its own splats, and exchanges
+// the same values as blend_gemm.cu.
 #include "cuda/gemm_layout.h"
 
 #include <gtest/gtest.h>
@@ -49,7 +50,7 @@ TEST(GemmLayout, EveryEntryIsHeldOnce) {
   EXPECT_EQ(right8.size(), 8u * 8);
 }
 
-// A splat is put where a whole batch has its column; half a batch finds it there, too.
+// A splat has the same place in a whole batch and in half a batch.
 TEST(GemmLayout, ALaneHasConsecutiveSplats) {
   std::array<unsigned, kBatch> splat_of_place;
   splat_of_place.fill(kBatch);
@@ -63,7 +64,8 @@ TEST(GemmLayout, ALaneHasConsecutiveSplats) {
                     unsigned(lane % kOwners * owned_of(batch) + 2 * j + i % 2));
 }
 
-// ldmatrix gives lane 4 g + t the halves 2 t and 2 t + 1 of row g: the right-hand side whose columns are those rows.
+// ldmatrix gives lane 4 g + t the numbers 2 t and 2 t + 1 of row g: these are the right-hand side
+// whose columns are those rows.
 TEST(GemmLayout, RowsOfMemoryAreColumnsOfTheProduct) {
   for (int lane = 0; lane < kLanes; ++lane)
     for (int h = 0; h < 2; ++h) {
@@ -73,8 +75,8 @@ TEST(GemmLayout, RowsOfMemoryAreColumnsOfTheProduct) {
     }
 }
 
-// The sums of the first product, taken as they lie, are the left-hand side of the second: entry k of its inner dimension
-// is splat 2 j of the lane for k < 4, else splat 2 j + 1.
+// The sums of the first product are, without moving them, the left-hand side of the second: entry k
+// of its inner dimension is splat 2 j of the lane for k < 4, else splat 2 j + 1.
 TEST(GemmLayout, WeightsLieAsALeftHandSide) {
   for (int lane = 0; lane < kLanes; ++lane) {
     const int from[4] = {0, 2, 1, 3};  // sums that become a[0], a[1], a[2], a[3]
@@ -96,7 +98,7 @@ void composite_a_batch(const int batch) {
   for (auto& row : colors)
     for (double& c : row) c = draws.uniform(0.0f, 1.0f);
 
-  // What the lanes hold after the first products.
+  // The values of the lanes after the first products.
   double own[kLanes][owned_of(kBatch)][2];
   for (int lane = 0; lane < kLanes; ++lane)
     for (int j = 0; j < products; ++j)
@@ -105,7 +107,7 @@ void composite_a_batch(const int batch) {
         own[lane][2 * j + i % 2][i / 2] =
             alpha[entry.row][splat_of_column(batch, unsigned(j), unsigned(entry.column))];
       }
-  // By itself, then with what reaches it.
+  // Each lane by itself, then with the light that reaches it.
   double weights[kLanes][owned_of(kBatch)][2];
   for (int r = 0; r < 2; ++r) {
     double through[kLanes];

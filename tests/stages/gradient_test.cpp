@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 1 to 7 together: the gradient of the whole pipeline, in float and by tiles, is the slope of the
-// brute-force picture in double, parameter by parameter.
+// Stages 1 to 7 together: the gradient of the whole pipeline, in float and by tiles, equals the
+// slope of the brute-force picture in double, parameter by parameter.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,7 +22,8 @@ namespace {
 
 constexpr int kWidth = 37, kHeight = 26;  // 3 x 2 tiles, the last ones cut
 
-/// A number made of a picture, (3, H, W), and of decisions that break its smoothness, as a hash.
+/// A number computed from a picture, (3, H, W), and from the decisions that make it discontinuous,
+/// as a hash.
 using PictureLoss =
     std::function<double(const std::vector<double>& planes, std::uint64_t& decisions)>;
 
@@ -65,7 +66,7 @@ void backward(const SmallScene& scene, const Buffer<float>& dL_dimage, Backward&
 struct Slopes {
   Rows rows;
   std::vector<std::array<bool, kNumbersPerGaussian>> is_known;
-  int unknown = 0;  // where a decision fell differently on both sides
+  int unknown = 0;  // the two sides took different decisions
 };
 
 /// The loss of the brute-force picture, and the decisions behind it.
@@ -78,7 +79,8 @@ double reference_loss(const std::vector<DoubleGaussian>& gaussians, const SmallS
   return loss(picture.planes(), decisions);
 }
 
-/// Central differences. Their own error is h^2 times third derivatives and 1e-16 / h: some 1e-9 of the largest.
+/// Central differences. Their own error is h^2 times third derivatives and 1e-16 / h: some 1e-9 of
+/// the largest.
 Slopes slopes_of(const SmallScene& scene, const PictureLoss& loss) {
   constexpr double h = 2e-5;
   std::vector<DoubleGaussian> gaussians = in_double(scene.gaussians);
@@ -110,13 +112,13 @@ constexpr Kind kKinds[] = {{"mean", 0, 3},      {"log_scale", 3, 6},
                            {"rotation", 6, 10}, {"logit_opacity", 10, 11},
                            {"sh0", 11, 14},     {"sh_rest", 14, 59}};
 
-/// Of the largest component of its kind. Floats round at 6e-8, and the terms of a gradient (over pixels,
-/// fragments, window, conic) cancel up to two digits of that: 4e-6 is the worst seen. A wrong term is off by
-/// far more.
+/// Relative to the largest component of its kind. Floats round at 6e-8, and the terms of a gradient
+/// (over pixels, fragments, window, conic) cancel up to two digits of that: the worst error seen is
+/// 4e-6. A wrong term causes a much larger error.
 constexpr double kTolerance = 3e-5;
 
 void expect_slopes(const Rows& gradients, const Slopes& slopes) {
-  // Steps of 2e-5 move the edge of a splat over a pixel center now and then.
+  // A step of 2e-5 sometimes moves the edge of a splat over a pixel center.
   EXPECT_LE(slopes.unknown, int(slopes.rows.size()) * kNumbersPerGaussian / 100);
   for (const Kind& kind : kKinds) {
     double largest = 0, worst = 0;
@@ -322,7 +324,8 @@ TEST(Gradient, ByTheImagePlaneMeanIsTheSlope) {
   EXPECT_LT(worst / largest, kTolerance);
 }
 
-/// Each pixel's gradient by image-plane means, absolute and summed: from the slopes of that pixel alone.
+/// The absolute gradients of each pixel by image-plane means, summed: from the slopes of each pixel
+/// alone.
 std::vector<Vec3d> absolute_slopes(ReferenceSplats splats, const SmallScene& scene,
                                    const LinearLoss& loss) {
   constexpr double h = 1e-4;  // pixels
@@ -398,7 +401,7 @@ TEST(Gradient, OfInvisibleGaussiansIsExactlyZeroWhateverWasThere) {
   std::size_t invisible = 0, moved = 0;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (result.pass.tile_counts[i]) {
-      // some only touch the part of a tile that lies beside the picture
+      // some only touch the part of a tile that lies outside of the picture
       moved += !is_zero(rows, i);
       continue;
     }

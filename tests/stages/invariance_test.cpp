@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What must not change a picture: the order of the Gaussians in memory, and Gaussians that nobody sees.
+// Changes that must not change a picture: another order of the Gaussians in memory, and additional
+// Gaussians that no pixel shows.
 #include <gtest/gtest.h>
 
 #include "gs_core/math/constants.h"
@@ -23,7 +24,8 @@ class Invariance : public ::testing::Test {
   }
 };
 
-// Random depths are distinct (the Gaussians behind the camera do not count), so that blending has one order.
+// Random depths are distinct (Gaussians behind the camera do not count), so blending has only one
+// order.
 TEST_F(Invariance, PermutingTheGaussiansLeavesEachBitOfThePicture) {
   const Gaussians gaussians = mixed_gaussians(200, camera_, 1);
   const auto before = render(gaussians);
@@ -71,7 +73,7 @@ TEST_F(Invariance, PruningWhatIsTooFaintLeavesEachBitOfThePicture) {
   }
 }
 
-// More tiles list a splat than it hits; what they find there is nothing.
+// More tiles list a splat than it hits; in the additional ones it has no fragment.
 TEST_F(Invariance, ListingTheWholeBoundingBoxLeavesEachBitOfThePicture) {
   const Gaussians gaussians = mixed_gaussians(200, camera_, 6);
   RenderSettings box;
@@ -79,7 +81,8 @@ TEST_F(Invariance, ListingTheWholeBoundingBoxLeavesEachBitOfThePicture) {
   EXPECT_EQ(render(gaussians, box), render(gaussians));
 }
 
-// The square of three standard deviations cuts off what alpha >= 1/255 has beyond: at most exp(-4.5) of a splat.
+// The square of three standard deviations drops fragments with alpha >= 1/255 beyond it: at most
+// exp(-4.5) of a splat.
 TEST_F(Invariance, ListingTheSquareOf3SigmaChangesThePictureLittle) {
   const Gaussians gaussians = mixed_gaussians(200, camera_, 7);
   RenderSettings square;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 1 to 4: the tiled picture in float is the brute-force picture in double.
+// Stages 1 to 4: the tiled picture in float equals the brute-force picture in double.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -17,11 +17,12 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kLog1e30 = 69.0776f;
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
-/// Of colors and transmittances near 1: sums of some ten roundings of 6e-8, exp_fragment()'s 3e-7, and along
-/// needles exponents whose terms cancel. Worst seen: 7e-7 for typical Gaussians, 5e-6 with needles.
+/// Tolerance of colors and transmittances near 1: sums of some ten roundings of 6e-8, the 3e-7 of
+/// exp_fragment(), and along needles exponents whose terms cancel. Worst seen: 7e-7 for typical
+/// Gaussians, 5e-6 with needles.
 constexpr double kTolerance = 2e-5;
 
-/// How a picture differs from the reference, pixels that hang on the last digits left out.
+/// How a picture differs from the reference, without pixels that depend on the last digits.
 struct Comparison {
   double worst = 0;  // difference of a color or transmittance
   std::size_t doubtful = 0, wrong_last = 0;
@@ -62,7 +63,7 @@ RenderPass render(const Gaussians& gaussians, const Camera& camera,
   return pass;
 }
 
-/// Expects the tiled picture to be the brute-force one, made of splats projected in T.
+/// Expects the tiled picture to equal the brute-force one, made of splats that are projected in T.
 template <class T = float>
 void expect_brute_force_picture(const Gaussians& gaussians, const Camera& camera,
                                 const RenderSettings& settings = {}) {
@@ -72,7 +73,8 @@ void expect_brute_force_picture(const Gaussians& gaussians, const Camera& camera
       compare(pass, reference_picture(splats, settings, camera.width, camera.height));
   EXPECT_LT(result.worst, kTolerance);
   EXPECT_EQ(result.wrong_last, 0u);
-  // A pixel has some tens of fragments, each of which hangs on its last digits with a chance of some 1e-4.
+  // A pixel has some tens of fragments; each of them depends on its last digits with a probability
+  // of some 1e-4.
   EXPECT_LE(double(result.doubtful), 2 + 0.005 * double(pass.pixel_count()));
 }
 
@@ -181,8 +183,8 @@ TEST(Render, OfOneGaussianOverEverythingHitsEveryTile) {
   expect_brute_force_picture(gaussians, camera);
 }
 
-/// A dot of half a pixel on every pixel center, one after another, is hit in its own tile. Where the mean lies
-/// bit by bit on the first or last center of a tile, a careless test of tiles loses it.
+/// A dot of half a pixel on every pixel center in turn is hit in its own tile. If the mean lies
+/// exactly on the first or last center of a tile, a careless tile test loses it.
 TEST(Render, ShowsADotOnEveryPixelCenter) {
   const Camera camera = plain_camera(40, 36);
   for (int y = 0; y < camera.height; ++y)
@@ -252,7 +254,8 @@ TEST(Render, EndsAnOpaquePixelAfterOrBeforeTheFragmentThatClosesIt) {
   EXPECT_EQ(before.last_instance[middle], 3u);
 }
 
-/// 256 x 257 tiles: tile numbers do not fit in 16 bits. One small Gaussian in each corner and in the middle.
+/// 256 x 257 tiles: tile numbers do not fit in 16 bits. One small Gaussian in each corner and in
+/// the middle.
 TEST(Render, DrawsInTheRightPlaceAmongMoreThan65536Tiles) {
   Camera camera = plain_camera(4096, 4112);
   camera.fx = camera.fy = 8192;
@@ -282,7 +285,8 @@ TEST(Render, DrawsInTheRightPlaceAmongMoreThan65536Tiles) {
   EXPECT_NEAR(missing, missing_there, 1e-9) << "something was drawn elsewhere";
 }
 
-/// One odd value in one parameter of one Gaussian among sane ones, and whether it may be seen then.
+/// One odd value in one parameter of one Gaussian among ordinary ones, and whether it may be
+/// visible then.
 struct OddValue {
   const char* name;
   std::function<void(const Gaussians&, std::size_t)> put;
@@ -310,7 +314,7 @@ std::vector<OddValue> odd_values() {
   odd.push_back({"1e-30", [](G g, I i) { g.log_scale[i] = Vec3f(-kLog1e30); }, OddValue::drawn});
   odd.push_back({"opacity NaN", [](G g, I i) { g.logit_opacity[i] = kNan; }, OddValue::dropped});
   odd.push_back({"opacity 1", [](G g, I i) { g.logit_opacity[i] = kInfinity; }, OddValue::drawn});
-  // Under the sigma rules opacity 0 is drawn, without any effect.
+  // Under the sigma rules a Gaussian with opacity 0 is drawn, without any effect.
   odd.push_back({"opacity 0", [](G g, I i) { g.logit_opacity[i] = -kInfinity; }, OddValue::either});
   odd.push_back({"rotation 0", [](G g, I i) { g.rotation[i] = {0, 0, 0, 0}; }, OddValue::dropped});
   odd.push_back({"rotation 1e30",
@@ -341,6 +345,17 @@ TEST(Render, StaysFiniteWithOddValuesAndDropsGaussiansThatAreNot) {
           EXPECT_GT(pass.tile_counts[2], 0u);
         }
       }
+}
+
+TEST(Render, RefusesMoreThan2To32InstancesInAView) {
+  const Gaussians many = gaussians_over_every_tile(65537);
+  RenderPass pass;
+  try {
+    make_scalar_renderer()->forward(many.span(), camera_of_65536_tiles(), RenderSettings(), pass);
+    ADD_FAILURE() << "nothing was refused";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ExitCode::out_of_memory);
+  }
 }
 
 TEST(Render, LeavesTheSamePictureInAUsedPass) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 2 and 3: instances, their order by depth and by tile; and the radix sort beneath.
+// Stages 2 and 3: instances, their order by depth and by tile, and the radix sort that they use.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -79,7 +79,7 @@ TEST_F(SortedPass, EveryPixelOfASplatLiesInOneOfItsTiles) {
       for (int x = 0; x < pass_.width; ++x) {
         const double dx = x + 0.5 - s.mean2d.x, dy = y + 0.5 - s.mean2d.y;
         const double terms = 0.5 * (s.conic.xx * dx * dx + s.conic.yy * dy * dy);
-        // 1e-6 of terms that may cancel: the rounding of the float test for tiles.
+        // The float test of tiles may round terms that cancel by 1e-6.
         if (terms + s.conic.xy * dx * dy > s.cutoff - 1e-6 * (1 + 2 * terms)) continue;
         ++fragments;
         EXPECT_TRUE(has_instance[y / kTileHeight * pass_.tiles_x + x / kTileWidth])
@@ -114,7 +114,7 @@ TEST_F(SortedPass, EachTileListRunsNearToFarAndEqualDepthsByIndex) {
   EXPECT_GT(ties, 500u);
 }
 
-// 2^31 twice: their sum is 0 in 32 bits.
+// 2^31 twice: the sum overflows to 0 in 32 bits.
 TEST(CreateInstances, RefusesMoreThanCanBeNumbered) {
   RenderPass pass;
   pass.tile_counts.upload({1u << 31, 1u << 31});
@@ -132,7 +132,7 @@ TEST(SortByTile, OfNothingLeavesEmptyRanges) {
   EXPECT_EQ(pass.tile_ranges.download(), std::vector<std::uint32_t>(pass.tile_count() + 1, 0));
 }
 
-/// Sorts 0 .. n-1 by the keys both ways.
+/// Sorts 0 .. n-1 by the keys in both ways.
 template <class Key>
 void expect_stable_sort(const std::vector<Key>& keys) {
   Buffer<std::uint32_t> indices(keys.size(), host_memory()), scratch;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The times of the scalar stages: taken while somebody profiles, and kept for whoever asks later.
+// The times of the scalar stages: measured while profiling is on, and kept until they are read.
 #include "gs_render/stage_clock.h"
 
 #include <gmock/gmock.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Depth, alpha and normals of Gaussians whose answers are known.
+// Depth, alpha and normals of Gaussians with known results.
 #include "gs_render/surface_renderer.h"
 
 #include <gtest/gtest.h>
@@ -35,7 +35,8 @@ TEST_F(Surface, DepthOfOneGaussianIsThatOfItsCenterAndNothingIsZero) {
   EXPECT_EQ(depth.at(0, 0, 0), 0);
 }
 
-// At (15.5, 15.5) of the picture, half a pixel from both centers, a Gaussian of 20 pixels has 99.97 % of its opacity.
+// At (15.5, 15.5), half a pixel from both centers, a Gaussian of 20 pixels has 99.97 % of its
+// opacity.
 TEST_F(Surface, DepthIsTheMeanByTheWeightsOfBlending) {
   Gaussians two(2, host_memory());
   set_gaussian(two, 0, {0, 0, 2}, 0.625f, 0.5f);
@@ -52,11 +53,12 @@ TEST_F(Surface, AlphaIsOneMinusTheTransmittance) {
   renderer_->forward(one.span(), centered_camera(), {}, pass);
   const ImageF alpha = alpha_of(pass);
   EXPECT_EQ(alpha.channels, 1);
-  // half a pixel off a center of 12.8 pixels
+  // half a pixel from the center of a Gaussian of 12.8 pixels
   EXPECT_NEAR(alpha.at(kSide / 2, kSide / 2, 0), 0.75, 2e-3);
 }
 
-// The weights are those of the picture: of Gaussians of one depth each, whatever covers what.
+// The weights are those of the picture. With Gaussians of one depth each, the result lies between
+// these depths whatever covers what.
 TEST_F(Surface, DepthLiesBetweenTheNearestAndTheFarthestForAnySettings) {
   const Camera camera = random_camera(64, 48, 3);
   Recipe recipe = kTypical;
@@ -79,7 +81,8 @@ TEST_F(Surface, DepthLiesBetweenTheNearestAndTheFarthestForAnySettings) {
   }
 }
 
-// Differences along a plane lie in it, whatever the perspective; those of a float of some 3 in 64 pixels have 5 digits.
+// Differences between points of a plane lie in it, whatever the perspective. Differences of floats
+// of some 3 over 64 pixels have 5 digits.
 TEST(NormalsOf, APlaneAreItsOwnUpToItsEdges) {
   const Camera camera = random_camera(64, 48, 7);
   for (const Vec3f& slope : {Vec3f(0, 0, -1), Vec3f(0.6f, 0, -0.8f), Vec3f(-0.48f, 0.64f, -0.6f)}) {

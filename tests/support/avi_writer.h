@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes a video that needs no encoder: an AVI file of uncompressed frames.
+// Writes a video without an encoder: an AVI file of uncompressed frames.
 #pragma once
 
 #include "tests/support/colmap_writer.h"
 
 namespace gs {
 
-/// The frames' bytes as AVI has them: bottom row first, blue before red. `frame` has a width that is a multiple of 4.
+/// The frames' bytes as AVI has them: bottom row first, blue before red. `frame` has a width that
+/// is a multiple of 4.
 inline std::string avi_frame(const Image8& frame) {
   std::string bytes;
   for (int y = frame.height; y-- > 0;)

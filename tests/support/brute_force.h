@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The renderer that every other one is held against: each Gaussian at each pixel in depth order, in double,
-// without tiles, rectangles or early ends. Beside each pixel it says whether a decision there (keep a
-// fragment, end the pixel) hangs on the last digits of a float.
+// The reference renderer: each Gaussian at each pixel in depth order, in double, without tiles,
+// rectangles or early ends. For each pixel it also says whether a decision there (keep a fragment,
+// end the pixel) depends on the last digits of a float.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,8 @@
 
 namespace gs {
 
-/// The parameters of one Gaussian in double; number(k) addresses them one by one, in the order of gaussians.h.
+/// The parameters of one Gaussian in double; number(k) addresses them one by one, in the order of
+/// gaussians.h.
 struct DoubleGaussian {
   Vec3d mean, log_scale;
   Quat<double> rotation;
@@ -51,14 +52,16 @@ struct ReferenceSplats {
   double conic_error, mean_error;  // of a float renderer's splats: relative; pixels
 };
 
-/// Projects every Gaussian in the scalar T. `float` gives the very splats of a renderer in float, so that
-/// ill-conditioned ones (needles, huge ones) can be compared too; `double` leaves its rounding to be seen.
+/// Projects every Gaussian in the scalar T. With `float` the splats are exactly those of a renderer
+/// in float, so that ill-conditioned ones (needles, huge ones) can be compared, too. With `double`
+/// the renderer's rounding errors become visible.
 template <class T>
 ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians, const Camera& camera,
                                  const RenderSettings& settings) {
   constexpr bool kExact = std::is_same_v<T, float>;
-  // Exact splats: an offset from the mean is rounded to half a unit in the last place of 16 pixels. Others:
-  // a mean of some 100 pixels is the sum of rounded products; a conic divides by a difference of products.
+  // For exact splats, an offset from the mean is rounded to half a unit in the last place of 16
+  // pixels. For others, a mean of some 100 pixels is a sum of rounded products, and a conic divides
+  // by a difference of products.
   ReferenceSplats result{{}, kExact ? 0 : 1e-5, kExact ? 1e-6 : 3e-5};
   const PinholeCamera<T> camera_t = camera_as<T>(camera);
   for (std::uint32_t i = 0; i < gaussians.size(); ++i) {
@@ -101,7 +104,7 @@ struct ReferencePixel {
   void decide(std::uint64_t what) { decisions = (decisions ^ what) * 1099511628211u; }
 };
 
-/// One pixel, from all splats.
+/// Renders one pixel from all splats.
 template <BlendRule rule>
 ReferencePixel reference_pixel(const ReferenceSplats& splats, const Vec3f& background, int x,
                                int y) {
@@ -152,7 +155,7 @@ struct ReferencePicture {
       for (int c = 0; c < 3; ++c) result[c * pixels.size() + i] = pixels[i].color[c];
     return result;
   }
-  /// Equal for two pictures that took the same decisions at every pixel.
+  /// Equal for two pictures with the same decisions at every pixel.
   std::uint64_t decisions() const {
     ReferencePixel all;
     for (const ReferencePixel& pixel : pixels) all.decide(pixel.decisions);

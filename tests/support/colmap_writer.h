@@ -13,7 +13,7 @@
 
 namespace gs {
 
-/// Puts plain values one behind another, as COLMAP's binary files have them.
+/// Appends plain values to one another, as COLMAP's binary files have them.
 class Bytes {
  public:
   template <class T>
@@ -43,7 +43,7 @@ inline std::string binary_cameras(const ColmapModel& model) {
   return out.str();
 }
 
-/// Image i has i 2D points without a point, and behind them its observations.
+/// Image i has i 2D points that belong to no 3D point, and after them its observations.
 inline std::string binary_images(const ColmapModel& model) {
   Bytes out;
   out.add<std::uint64_t>(model.images.size());
@@ -96,7 +96,7 @@ inline std::string binary_rigs(const ColmapModel& model) {
   return out.str();
 }
 
-/// Every frame also has data of a sensor that is no camera, with an id that no image has.
+/// Every frame also has data of a sensor that is not a camera, with an id that no image has.
 inline std::string binary_frames(const ColmapModel& model) {
   Bytes out;
   out.add<std::uint64_t>(model.frames.size());
@@ -111,7 +111,7 @@ inline std::string binary_frames(const ColmapModel& model) {
   return out.str();
 }
 
-/// rigs and frames are written where the model has any.
+/// rigs and frames are written if the model has any.
 inline void write_binary_model(const std::filesystem::path& folder, const ColmapModel& model) {
   write_bytes(folder / "cameras.bin", binary_cameras(model));
   write_bytes(folder / "images.bin", binary_images(model));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What tests of the CUDA backend share: they are skipped, with a reason, where there is no GPU.
+// What the tests of the CUDA backend share. Without a GPU they are skipped, with a reason.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@
 
 namespace gs {
 
-/// A test with the CUDA backend and the scalar one beside it.
+/// A test with the CUDA backend and the scalar backend side by side.
 class CudaTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -33,7 +33,8 @@ class CudaTest : public testing::Test {
   std::unique_ptr<Backend> gpu_, cpu_;
 };
 
-/// Largest difference of two arrays of numbers, over the largest absolute value of `expected`.
+/// The largest difference of two arrays of numbers, relative to the largest absolute value of
+/// `expected`.
 inline double relative_difference(const std::vector<float>& actual,
                                   const std::vector<float>& expected) {
   EXPECT_EQ(actual.size(), expected.size());
@@ -45,7 +46,7 @@ inline double relative_difference(const std::vector<float>& actual,
   }
   return scale > 0 ? difference / scale : difference;
 }
-/// ||actual - expected|| / ||expected||; infinite where a number is not one.
+/// ||actual - expected|| / ||expected||; infinite if a value is not a number.
 inline double norm_difference(const std::vector<float>& actual,
                               const std::vector<float>& expected) {
   EXPECT_EQ(actual.size(), expected.size());

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Damaged files for readers of what strangers wrote: each is either read or refused with an Error; nothing crashes, hangs or asks
-// for memory that a file of its size cannot need. The damage depends on the number of the case alone, which failures name:
-// GS_FUZZ_FIRST and GS_FUZZ_CASES run that one again, or more of them. To be included by one file of a program: it replaces
-// operator new.
+// Damaged files for readers of untrusted files. Each file must be read or refused with an Error;
+// nothing may crash, hang or ask for more memory than a file of its size can need. The damage
+// depends only on the number of the case, which failures name: GS_FUZZ_FIRST and GS_FUZZ_CASES run
+// that case again, or more of them. Only one file of a program may include this header, because it
+// replaces operator new.
 #pragma once
 
 #include <algorithm>
@@ -16,6 +17,7 @@
 
 #include "gs_core/error.h"
 #include "tests/support/foreign_leaks.h"
+#include "tests/support/sanitizers.h"
 #include "tests/support/temp_folder.h"
 
 namespace {
@@ -26,7 +28,7 @@ std::atomic<std::size_t> largest_allocation{0};
 
 }  // namespace
 
-#ifdef __SANITIZE_ADDRESS__
+#ifdef GS_ADDRESS_SANITIZER
 extern "C" const char* __asan_default_options();
 const char* __asan_default_options() {
   return "max_allocation_size_mb=256:allocator_may_return_null=0";
@@ -73,20 +75,21 @@ inline void damage(std::string& bytes, std::mt19937& random) {
   }
 }
 
-/// One to four damages.
+/// Applies one to four damages.
 inline std::string damaged(std::string bytes, std::mt19937& random) {
   for (unsigned round = 0, rounds = 1 + random() % 4; round < rounds; ++round)
     damage(bytes, random);
   return bytes;
 }
 
-/// Writes a file anew. Where one is cut to nothing and written again, as write_bytes() does, file systems wait for the disk.
+/// Replaces a file. If a file is truncated and written again, as write_bytes() does, file systems
+/// wait for the disk.
 inline void replace_bytes(const std::filesystem::path& file, const std::string& bytes) {
   std::filesystem::remove(file);
   write_bytes(file, bytes);
 }
 
-/// Runs a reader on a file that has been damaged. Returns what is wrong with how it takes that, or nothing.
+/// Runs a reader on a damaged file. Returns what is wrong with its reaction, or nothing.
 inline std::string trouble_of(const std::function<void()>& read) {
   const auto begin = std::chrono::steady_clock::now();
   largest_allocation = 0;
@@ -108,7 +111,7 @@ inline std::string trouble_of(const std::function<void()>& read) {
   return trouble;
 }
 
-/// GS_FUZZ_FIRST, GS_FUZZ_CASES: which cases to try.
+/// GS_FUZZ_FIRST, GS_FUZZ_CASES: the cases to try.
 struct FuzzCases {
   unsigned first = number_in("GS_FUZZ_FIRST", 0), count = number_in("GS_FUZZ_CASES", 10'000);
 

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// For tests that drive a library into an error in which it loses memory of its own. Includes of this file overlook what
-// OpenImageIO loses in whatever thread.
+// For tests that provoke an error in a library that then leaks memory of its own. Including this
+// header also suppresses reports of OpenImageIO's leaks in all threads.
 #pragma once
 
-#ifdef __SANITIZE_ADDRESS__
+#include "tests/support/sanitizers.h"
+
+#ifdef GS_ADDRESS_SANITIZER
 #include <sanitizer/lsan_interface.h>
 
 extern "C" __attribute__((used, weak)) const char* __lsan_default_suppressions() {
@@ -13,14 +15,15 @@ extern "C" __attribute__((used, weak)) const char* __lsan_default_suppressions()
 
 namespace gs {
 
-/// While it lives, LeakSanitizer overlooks what this thread allocates; nothing in other builds.
+/// While it lives, LeakSanitizer ignores allocations of this thread. It does nothing in other
+/// builds.
 class IgnoreForeignLeaks {
  public:
   IgnoreForeignLeaks() = default;
   IgnoreForeignLeaks(const IgnoreForeignLeaks&) = delete;
   ~IgnoreForeignLeaks() {}
 
-#ifdef __SANITIZE_ADDRESS__
+#ifdef GS_ADDRESS_SANITIZER
  private:
   __lsan::ScopedDisabler disabler_;
 #endif

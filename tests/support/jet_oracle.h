@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The oracle of the hand-written gradients: the plain forward formula runs on ceres::Jet, which carries its
-// exact derivatives along, and the `_vjp` beside it has to say the same.
+// Checks hand-written gradients: the forward formula runs on ceres::Jet, which computes its exact
+// derivatives, and the `_vjp` must give the same.
 //
 //   EXPECT_LT(worst_gradient_error(forward, vjp, draw), kJetTolerance);
 //
@@ -24,7 +24,8 @@
 
 namespace gs {
 
-/// Doubles round at 1e-16, and the cases drawn cancel a few digits of that; a wrong term is off by far more.
+/// Doubles round at 1e-16, and the drawn cases cancel a few digits of that; a wrong term causes a
+/// much larger error.
 inline constexpr double kJetTolerance = 1e-10;
 inline constexpr int kJetCases = 2000;
 /// A clamp counts as tested when each of its sides was seen more often than this.
@@ -133,7 +134,8 @@ class Unflatten {
   const T* next_;
 };
 
-// Gradients of symmetric matrices hold half of the derivative by the stored off-diagonal entry (Sym2).
+// Gradients of symmetric matrices hold half of the derivative by the stored off-diagonal entry
+// (Sym2).
 template <class T>
 Sym2<T> gradient_matrix(const Sym2<T>& by_stored_entry) {
   const Sym2<T>& D = by_stored_entry;
@@ -155,7 +157,7 @@ Sym3<T> by_stored_entry(const Sym3<T>& gradient_matrix) {
   return {G.xx, T(2) * G.xy, T(2) * G.xz, G.yy, T(2) * G.yz, G.zz};
 }
 
-/// dL/dx by Jets, and for each component the size of the terms that it sums: sum_j |dL/dy_j dy_j/dx_i|.
+/// dL/dx by Jets, and for each component the size of its terms: sum_j |dL/dy_j dy_j/dx_i|.
 template <std::size_t N>
 struct JetGradient {
   std::array<double, N> value{}, scale{};
@@ -178,8 +180,8 @@ JetGradient<N> jet_gradient(const Forward& forward, const std::array<double, N>&
   return gradient;
 }
 
-/// The worst component of `actual`, relative to the terms that it sums, or to a hundredth of the largest such
-/// scale where they are smaller still. Infinite for a NaN.
+/// The worst error of a component of `actual`, relative to the terms that it sums, or, if these are
+/// smaller still, to a hundredth of the largest such scale. Infinite for a NaN.
 template <std::size_t N>
 double gradient_error(const JetGradient<N>& expected, const std::array<double, N>& actual) {
   const double largest = *std::max_element(expected.scale.begin(), expected.scale.end());

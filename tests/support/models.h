@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Training models for tests: made of Gaussians, filled with telling values, compared bit by bit.
+// Training models for tests: made from Gaussians, filled with recognizable values, compared bit by
+// bit.
 #pragma once
 
 #include <cstring>
@@ -19,7 +20,7 @@ inline bool same_bits(const Gaussians& a, const Gaussians& b) {
   for_each_array([&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); }, a, b);
   return same;
 }
-/// Parameters and moments, whatever the statistics are.
+/// Compares parameters and moments, but not the statistics.
 inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
   return same_bits(a.gaussians, b.gaussians) && same_bits(a.first_moment, b.first_moment) &&
          same_bits(a.second_moment, b.second_moment) && a.adam_steps == b.adam_steps;

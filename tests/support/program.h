@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The built program as users run it, and a scene for it: six pictures of 40x32 pixels and a COLMAP model as text.
+// The built program as users run it, and a scene for it: six pictures of 40x32 pixels and a COLMAP
+// model as text.
 #pragma once
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -35,8 +37,8 @@ inline Vec3f point(int p) {
   return {(u.x - 0.5f) * z, (u.y - 0.5f) * z * 0.8f, z};
 }
 
-/// Cameras on a line, looking along z at points between 3 and 5 world units away. With tracks every photo shows
-/// every point that lands in it.
+/// Cameras on a line, looking along z at points between 3 and 5 world units away. With tracks,
+/// every photo shows all points that project into it.
 inline void write_scene(const std::filesystem::path& folder, bool with_tracks = false) {
   std::ostringstream images, points;
   for (int v = 0; v < kViews; ++v) {
@@ -66,10 +68,19 @@ inline void write_scene(const std::filesystem::path& folder, bool with_tracks = 
   write_bytes(folder / "sparse/0/points3D.txt", points.str());
 }
 
+/// Damages the pixels of every photo and leaves its header, which has the size, as it is.
+inline void damage_photos(const std::filesystem::path& folder) {
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    std::string bytes = read_bytes(entry.path());
+    std::fill(bytes.begin() + std::ptrdiff_t(bytes.size() / 2), bytes.end(), '\0');
+    write_bytes(entry.path(), bytes);
+  }
+}
+
 /// A test that runs the built `gemsplat` (GS_PROGRAM), in a folder of its own.
 class Program : public ::testing::Test {
  protected:
-  // `before` the program: variables of the shell.
+  // `before` is text in front of the program: variables of the shell.
   Outcome run(const std::string& arguments, const std::string& before = "") {
     const std::filesystem::path out = path("stdout.txt"), err = path("stderr.txt");
     const std::string command =
@@ -77,7 +88,7 @@ class Program : public ::testing::Test {
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_bytes(out), read_bytes(err)};
   }
-  // A trained run in `name`; every test that needs one trains its own, in under a second.
+  // Trains a run in `name`; every test that needs one trains its own, in less than a second.
   Outcome train(const std::string& name, const std::string& more = "") {
     if (!std::filesystem::exists(path("scene"))) write_scene(path("scene"));
     return run("train " + text("scene") + " -o " + text(name) + kTrain + " " + more);

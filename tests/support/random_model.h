@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Models for tests of files: random ones, and the errors that reading broken ones gives.
+// Random models for tests of files, and the errors of reading broken files.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@
 
 namespace gs {
 
-/// Gaussians with a different value in every place, and rotations of length 1.
+/// Gaussians in which every number differs, with rotations of length 1.
 inline GaussianModel random_model(std::size_t count, int sh_degree) {
   GaussianModel model;
   model.sh_degree = sh_degree;
@@ -33,7 +33,7 @@ inline GaussianModel random_model(std::size_t count, int sh_degree) {
   return model;
 }
 
-/// The message of the Error that `action` throws; fails where it throws none.
+/// The message of the Error that `action` throws; the test fails if it throws none.
 template <class Action>
 std::string error_of(Action&& action) {
   try {

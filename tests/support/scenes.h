@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random Gaussians in front of random cameras, from fixed seeds: what the tests of the stages render.
+// Random Gaussians in front of random cameras, from fixed seeds, for the tests of the stages.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@
 
 namespace gs {
 
-/// A sequence of random numbers, always the same one for a seed.
+/// A sequence of random numbers that is always the same for a seed.
 class Draws {
  public:
   explicit Draws(std::uint64_t seed) : random_{seed, RandomStream::test} {}
@@ -42,7 +42,7 @@ class Draws {
   std::uint64_t next_ = 0;
 };
 
-/// A family of Gaussians, in terms of the picture that they are made for.
+/// A family of Gaussians, described relative to the picture that they are made for.
 struct Recipe {
   float sigma_low, sigma_high;  // pixels, of the two thinner axes
   float stretch = 1;            // the longest axis is up to so many times as long
@@ -65,7 +65,8 @@ inline constexpr Recipe kNegativeColors{
 inline constexpr Recipe kOpaque{
     .sigma_low = 4, .sigma_high = 12, .opacity_low = 0.9f, .opacity_high = 0.9999f};
 
-/// A camera somewhere, turned somehow, whose center is not the picture's and whose pixels are not square.
+/// A camera with a random position and rotation, an off-center principal point, and pixels that are
+/// not square.
 inline Camera random_camera(int width, int height, std::uint64_t seed = 1) {
   Draws draws(seed + 1000);
   Camera camera;
@@ -86,7 +87,8 @@ inline Camera random_camera(int width, int height, std::uint64_t seed = 1) {
   return camera;
 }
 
-/// A camera at the origin that looks along z, with exact pixel positions: fx = fy = 64, center (0, 0).
+/// A camera at the origin that looks along z, with exact pixel positions: fx = fy = 64, center (0,
+/// 0).
 inline Camera plain_camera(int width, int height) {
   Camera camera;
   camera.width = width;
@@ -96,7 +98,7 @@ inline Camera plain_camera(int width, int height) {
   return camera;
 }
 
-/// The world point at a depth behind a place in the picture.
+/// The world point at this depth behind a position in the picture.
 inline Vec3f behind_pixel(const Camera& camera, float x, float y, float depth) {
   const Vec3f p{(x - camera.cx) / camera.fx * depth, (y - camera.cy) / camera.fy * depth, depth};
   return multiply_transposed(camera.cam_from_world_rotation, p - camera.cam_from_world_translation);
@@ -111,6 +113,16 @@ inline void set_gaussian(const Gaussians& gaussians, std::size_t i, const Vec3f&
   gaussians.logit_opacity[i] = logit(opacity);
   gaussians.sh0[i] = (color - Vec3f(kColorOffset)) / float(kSh0);
   gaussians.sh_rest[i] = {};
+}
+
+/// A camera of 4096 x 4096 pixels, and Gaussians that each hit all of its 65,536 tiles: `count` of
+/// 65,537 makes 2^32 + 65,536 instances.
+inline Camera camera_of_65536_tiles() { return plain_camera(4096, 4096); }
+inline Gaussians gaussians_over_every_tile(std::size_t count) {
+  Gaussians all(count, host_memory());
+  const Vec3f center = behind_pixel(camera_of_65536_tiles(), 2048, 2048, 2);
+  for (std::size_t i = 0; i < count; ++i) set_gaussian(all, i, center, 1000, 0.05f);
+  return all;
 }
 
 /// `count` Gaussians of a family for a camera, with coefficients of all SH degrees.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small scene for whole runs, rendered from Gaussians that are known.
+// A small scene for whole runs, rendered from known Gaussians.
 #pragma once
 
 #include <cmath>
@@ -41,7 +41,7 @@ inline Gaussians small_truth(std::vector<ScenePoint>* points = nullptr) {
   return truth;
 }
 
-/// They are seen from eight sides; the points of the start are near them, and gray.
+/// Eight views around the Gaussians; the points to start from are near them, and gray.
 inline Scene small_scene() {
   Scene scene;
   scene.source = "a scene of the test";
@@ -61,7 +61,7 @@ inline Scene small_scene() {
   return scene;
 }
 
-/// 250 steps, at rates that get somewhere in so few.
+/// 250 steps, with rates that are high enough for such a short run.
 inline Config short_run() {
   Config config;
   config.train.iterations = 250;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The smallest photos that tell one way of decoding from another, byte by byte, so that their tests
-// depend on no encoder. Long for its tables.
+// Photos of a few pixels that show how they were decoded. They are written byte by byte, so that
+// their tests depend on no encoder. The file is long because of these tables.
 #pragma once
 
 namespace gs {

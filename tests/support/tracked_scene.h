@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// COLMAP models whose truth is known: cameras on an arc round a cloud of points, which they see exactly.
+// COLMAP models with known true values: cameras on an arc around a cloud of points, which they
+// observe exactly.
 #pragma once
 
 #include <cmath>
@@ -13,7 +14,7 @@
 
 namespace gs {
 
-/// Where a point in camera space lands: projected() of lens_cases.h, and the pinholes.
+/// Where a point in camera space projects to: projected() of lens_cases.h, and the pinholes.
 inline Vec2d landing(const ColmapCamera& camera, const Vec3d& at) {
   const std::vector<double>& p = camera.params;
   if (camera.model == CameraModel::simple_pinhole)
@@ -32,7 +33,7 @@ inline Vec3d center_of(const ColmapImage& image) {
                               image.cam_from_world_translation);
 }
 
-/// Degrees by which a pose is turned against another.
+/// The angle between two poses in degrees.
 inline double turn_between(const ColmapImage& a, const ColmapImage& b) {
   const Quat<double>&p = a.cam_from_world_rotation, &q = b.cam_from_world_rotation;
   const double dot = std::abs(p.w * q.w + p.x * q.x + p.y * q.y + p.z * q.z);
@@ -52,7 +53,7 @@ inline ColmapImage posed_image(std::uint32_t id, std::uint32_t camera, const Vec
   return image;
 }
 
-/// Fills in what each image sees of the points: all that land in its picture.
+/// Fills in the observations of each image: all points that project into its picture.
 inline void observe(ColmapModel& model) {
   for (ColmapImage& image : model.images) {
     const ColmapCamera& camera = model.cameras.at(image.camera_id);
@@ -67,7 +68,8 @@ inline void observe(ColmapModel& model) {
   }
 }
 
-/// `images` cameras at distance 4 from the origin, spread over 100 degrees, and `points` points in a cube of side 2.
+/// `images` cameras at distance 4 from the origin, spread over 100 degrees, and `points` points in
+/// a cube of side 2.
 inline ColmapModel tracked_model(const ColmapCamera& camera, int images, int points) {
   const Random random{5, RandomStream::test};
   ColmapModel model;
@@ -86,8 +88,8 @@ inline ColmapModel tracked_model(const ColmapCamera& camera, int images, int poi
   return model;
 }
 
-/// Moves poses, points and lens parameters by normal noise: of poses `pose` radians and world units, of points `point`
-/// world units, of the parameters' focal lengths `focal` of themselves.
+/// Adds normal noise to poses, points and lens parameters: `pose` radians and world units to poses,
+/// `point` world units to points, and the fraction `focal` to focal lengths.
 struct Disturbance {
   double pose = 0.01, point = 0.02, focal = 0.01;
 };

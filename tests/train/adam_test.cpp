@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8: the optimizer over arrays is adam_update() number by number.
+// Stage 8: the optimizer over arrays equals adam_update(), number by number.
 #include "gs_core/math/adam.h"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strategies of density control: by name, and what they ask for when.
+// Strategies of density control: how they are chosen, and what they ask for in which step.
 #include "gs_train/density/density_control.h"
 
 #include <gtest/gtest.h>
@@ -22,7 +22,7 @@ std::unique_ptr<DensityControl> control_of(const Config& config) {
   return make_density_control(config, Schedule(config, 2), 2);
 }
 
-/// Thirty Gaussians that two views, or a gradient, ask to clone.
+/// Thirty Gaussians that grow because of two views or a gradient.
 TrainingModel growing_model() {
   Gaussians gaussians(30, host_memory());
   for (std::size_t i = 0; i < 30; ++i) set_gaussian(gaussians, i, {float(i), 0, 0}, 0.001f, 0.5f);

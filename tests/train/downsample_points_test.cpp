@@ -27,7 +27,7 @@ TEST(Downsampled, LeavesAFewPointsAsTheyAre) {
   for (std::size_t i = 0; i < 100; ++i) EXPECT_EQ(same[i].position, points[i].position);
 }
 
-// Cubes halve, so that eight times as many points at most could have stayed.
+// The sides of the cubes are halved, so at most eight times as many points could have been kept.
 TEST(Downsampled, KeepsTheBudgetAndUsesIt) {
   for (const std::size_t budget : {10u, 500u, 3000u}) {
     const std::size_t kept = downsampled(cloud(20'000, 2), budget).size();
@@ -46,7 +46,7 @@ TEST(Downsampled, KeepsPointsInTheirOrderWithTheirColors) {
   }
 }
 
-// A dense corner is downsampled to the density of the rest: every point has a kept one near by.
+// A dense corner is downsampled to the density of the rest: every point has a kept one nearby.
 TEST(Downsampled, CoversWhatItLeavesOut) {
   std::vector<ScenePoint> points = cloud(2'000, 4);
   for (ScenePoint point : cloud(50'000, 5)) {

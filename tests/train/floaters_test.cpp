@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What each Gaussian gives to a view, and which ones hang in front of cameras.
+// What each Gaussian contributes to a view, and which ones float in front of cameras.
 #include "gs_train/density/floaters.h"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@
 namespace gs {
 namespace {
 
-/// What all Gaussians together give to the picture is what does not reach the background.
+/// All Gaussians together contribute what does not reach the background.
 void expect_all_of_the_picture(const Gaussians& gaussians, const Camera& camera) {
   const auto renderer = make_scalar_renderer();
   RenderPass pass;
@@ -32,12 +32,13 @@ void expect_all_of_the_picture(const Gaussians& gaussians, const Camera& camera)
 TEST(Contribution, OfAllGaussiansIsTheCoveredPicture) {
   const Camera camera = random_camera(64, 48);
   expect_all_of_the_picture(random_gaussians(kTypical, 200, camera, 1), camera);
-  // black too
+  // Black ones contribute, too.
   expect_all_of_the_picture(random_gaussians(kNegativeColors, 200, camera, 2), camera);
   expect_all_of_the_picture(random_gaussians(kOpaque, 50, camera, 3), camera);
 }
 
-// One splat of variance s^2 = (64 * 0.1 / 2)^2 + 0.3 covers 2 pi s^2 o pixels, less what lies below 1/255.
+// One splat of variance s^2 = (64 * 0.1 / 2)^2 + 0.3 covers 2 pi s^2 o pixels, minus the part below
+// 1/255.
 TEST(Contribution, OfOneSplatIsItsArea) {
   Gaussians one(1, host_memory());
   set_gaussian(one, 0, {0, 0, 2}, 0.1f, 0.5f);
@@ -63,7 +64,8 @@ TEST(Contribution, OfViewsOfOtherSizesFollowOneAnother) {
 
 class Floaters : public ::testing::Test {
  protected:
-  /// Points on a ball around the origin: each camera, at a distance of 3, sees its near side at 2.
+  /// Points on a ball around the origin: each camera is at a distance of 3 and sees the near side
+  /// at 2.
   Scene scene_with_ball(std::size_t points) {
     Scene scene = small_scene();
     scene.points.clear();
@@ -99,7 +101,7 @@ TEST_F(Floaters, ClearanceIsAShareOfTheWayToTheNearestThing) {
 
 TEST_F(Floaters, OneWrongPointInAHundredMakesNoDifference) {
   Scene scene = scene_with_ball(5000);
-  // before the first camera
+  // in front of the first camera
   for (int i = 0; i < 20; ++i) scene.points.push_back({{0, 0, -2.9f}, {}});
   EXPECT_NEAR(clear_distances(scene.train_views, scene.points, 0.5f)[0], 1, 0.1);
 }
@@ -185,7 +187,7 @@ class Look : public Observer {
 
 TEST_F(Floaters, AreNoPartOfWhatTrainingLeavesNorOfWhatObserversSee) {
   Scene scene = scene_with_ball(5000);
-  // a Gaussian begins here, before the first camera
+  // a Gaussian starts here, in front of the first camera
   scene.points.push_back({{0, 0, -2.5f}, {200, 200, 200}});
   Config config;
   config.train.iterations = 5;

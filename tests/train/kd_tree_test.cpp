@@ -10,7 +10,8 @@
 namespace gs {
 namespace {
 
-/// The same mean by looking at every point, added up in the same order, so that it has the same bits.
+/// The same mean, computed from every point and added up in the same order, so that it has the same
+/// bits.
 float mean_by_brute_force(const std::vector<Vec3f>& points, std::size_t i, int k) {
   std::vector<float> distances;
   for (std::size_t other = 0; other < points.size(); ++other) {

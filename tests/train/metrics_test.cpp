@@ -11,7 +11,7 @@
 namespace gs {
 namespace {
 
-/// The photo's own values as a rendered picture.
+/// The photo's own values, as a rendered picture.
 ImageF picture_of(const Image8& photo) {
   ImageF picture(photo.width, photo.height, 3);
   for (std::size_t i = 0; i < picture.pixels.size(); ++i)
@@ -19,7 +19,7 @@ ImageF picture_of(const Image8& photo) {
   return picture;
 }
 
-/// A pattern that can be written down: the pictures whose SSIM is known from elsewhere.
+/// A pattern that a formula gives: the pictures whose SSIM was also computed elsewhere.
 Image8 pattern_photo() {
   Image8 photo(16, 12, 3);
   for (int y = 0; y < 12; ++y)
@@ -46,15 +46,17 @@ TEST(Psnr, OfIdenticalPicturesIs100) {
   EXPECT_EQ(psnr(picture_of(photo), photo), 100.0);
 }
 
-// Both by plain double loops in Python over the definition, windows by their exponentials.
+// Both were computed by plain double loops over the definition in Python, with windows from
+// exponentials.
 TEST(Metrics, OfAPatternAreTheKnownValues) {
   EXPECT_NEAR(psnr(pattern_picture(), pattern_photo()), 7.528615595109183, 1e-6);
   EXPECT_NEAR(ssim(pattern_picture(), pattern_photo()), 0.2653530827635873, 1e-5);  // float moments
 }
 
-/// SSIM as the reference trainer computes it, term by term: an 11x11 window of 2-D Gaussian weights of sigma 1.5 that add
-/// up to 1, zeros outside of the picture (conv2d with padding 5), C1 = 0.01^2, C2 = 0.03^2, the mean over all values. In
-/// double, a sum of 121 terms for each, no code or constant of ours.
+/// SSIM as the reference trainer computes it, term by term: an 11x11 window of 2-D Gaussian weights
+/// of sigma 1.5 that add up to 1, zeros outside of the picture (conv2d with padding 5), C1 =
+/// 0.01^2, C2 = 0.03^2, the mean over all values. It is computed in double, as a sum of 121 terms
+/// for each value, without any code or constant of ours.
 double plain_ssim(const ImageF& a, const Image8& b) {
   double weights[11][11], total = 0;
   for (int i = 0; i < 11; ++i)
@@ -79,7 +81,8 @@ double plain_ssim(const ImageF& a, const Image8& b) {
   return sum / (3.0 * a.width * a.height);
 }
 
-// Of a smooth picture with noise of several strengths, wider and higher than the window, and of one smaller than it.
+// A smooth picture with noise of several strengths, wider and higher than the window, and one that
+// is smaller than it.
 TEST(Ssim, IsThatOfThePlainDefinitionInDouble) {
   for (const auto& [width, height] : {std::pair(37, 29), {7, 4}})
     for (const float noise : {0.02f, 0.1f, 0.5f}) {
@@ -104,7 +107,8 @@ TEST(Ssim, OfIdenticalPicturesIsOne) {
   EXPECT_NEAR(ssim(ImageF(3, 2, 3, 0.0f), Image8(3, 2, 3, 0)), 1, 1e-6);
 }
 
-// Half of the pixels trains and is off by 51: 13.979400 dB, as above, whatever the other half shows.
+// Half of the pixels are trained and differ by 51: 13.979400 dB, as above, whatever the other half
+// shows.
 TEST(Psnr, OfAMaskedViewIsThatOfItsTrainedPixels) {
   View view;
   view.photo = Image8(4, 2, 3, 51);
@@ -205,7 +209,7 @@ TEST(Evaluate, ComparesPicturesUnderTheirExposuresToo) {
   evaluate(*renderer, gaussians.span(), views, {},
            [&](std::size_t i, const View&, const ImageF& picture) {
              if (i > 0) return;
-             // what the exposures make of it
+             // the picture under these exposures
              for (std::size_t k = 0; k < picture.pixels.size(); ++k)
                views[0].photo.pixels[k] = std::uint8_t(
                    std::lround(255 * picture.pixels[k] * views[0].exposure[int(k % 3)]));
@@ -213,7 +217,7 @@ TEST(Evaluate, ComparesPicturesUnderTheirExposuresToo) {
   const Evaluation evaluation = evaluate(*renderer, gaussians.span(), views, {});
   EXPECT_TRUE(evaluation.has_exposures);
   EXPECT_LT(evaluation.views[0].psnr, 30);
-  EXPECT_GT(evaluation.views[0].psnr_exposure, 50);  // but for rounding, and for values above 1
+  EXPECT_GT(evaluation.views[0].psnr_exposure, 50);  // except for rounding, and for values above 1
   EXPECT_GT(evaluation.views[0].ssim_exposure, 0.99);
   EXPECT_EQ(evaluation.views[1].psnr_exposure, evaluation.views[1].psnr);
   EXPECT_EQ(evaluation.psnr_exposure,

@@ -28,7 +28,7 @@ TrainingModel numbered_model(std::size_t count) {
   return model;
 }
 
-/// Expects row i of every array to be what row source[i] of numbered_model() was.
+/// Expects row i of every array to equal row source[i] of numbered_model().
 void expect_rows(const TrainingModel& model, const std::vector<std::uint32_t>& source) {
   float first = 0;
   const auto expect = [&](const char* name, const auto& array) {

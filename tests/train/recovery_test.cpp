@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the trainer does where not all goes well: stops, breakdowns, and a lack of memory at every single allocation.
+// How the trainer handles trouble: stops, breakdowns, and a lack of memory at every single
+// allocation.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -18,7 +19,7 @@ namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
-// ---- memory that runs out when it is told to -------------------------------------------------------------
+// ---- memory that runs out when it is told to ---------------------------------------------------
 
 int allocations = 0;          // since the last count_from_here()
 int first_failure = 0;        // which fails; 0: none
@@ -31,7 +32,8 @@ void fail_on_purpose(std::size_t) {
     throw Error("out of memory, says the test", ExitCode::out_of_memory);
 }
 
-/// While it lives, allocation `failure` of a Memory fails, counted from here; or all from that one on.
+/// While it lives, one allocation of a Memory fails, the one with number `failure` counted from
+/// here, or all from that one on.
 class FailingMemory {
  public:
   explicit FailingMemory(int failure, bool for_good = false) {
@@ -77,7 +79,7 @@ class After : public Observer {
   Function f_;
 };
 
-/// 120 steps with refinements after 20, 40, ..., a checkpoint after every tenth.
+/// 120 steps with refinements after 20, 40, ..., and a checkpoint after every tenth step.
 Config eventful_run() {
   Config config = short_run();
   config.train.iterations = 120;
@@ -102,7 +104,7 @@ class Recovery : public ::testing::Test {
   const std::unique_ptr<Backend> backend_ = make_scalar_backend();
 };
 
-// ---- stop and resume ------------------------------------------------------------------------------------
+// ---- stop and resume ---------------------------------------------------------------------------
 
 TEST_F(Recovery, ARunThatIsStoppedAnywhereAndResumedEndsWithTheSameBits) {
   const Config config = eventful_run();
@@ -189,7 +191,7 @@ TEST_F(Recovery, AStateOfAnotherSceneOrSeedIsRefused) {
   EXPECT_THROW(Trainer(scene_, config, *backend_, *kept.newest()), Error);
 }
 
-// ---- breakdowns -----------------------------------------------------------------------------------------
+// ---- breakdowns --------------------------------------------------------------------------------
 
 TEST_F(Recovery, ParametersThatBreakOnceAreMendedByTheLastCheckpoint) {
   const Config config = eventful_run();
@@ -228,7 +230,7 @@ TEST_F(Recovery, AViewThatBreaksTheModelIsSkippedAfterTwoStrikes) {
   scene_.train_views[3].exposure = Vec3f(kNan);
   KeptStates kept;
   After watch([](int step, Trainer& trainer) {
-    if (step % 5 == 0) trainer.loss();  // as a log does
+    if (step % 5 == 0) trainer.loss();  // the log reads the loss like this
   });
   Trainer trainer(scene_, eventful_run(), *backend_);
   trainer.keep_checkpoints_in(kept);
@@ -272,9 +274,9 @@ TEST_F(Recovery, ASceneOnWhichEveryViewBreaksIsRefused) {
   EXPECT_THROW(trainer.run(), Error);
 }
 
-// ---- a lack of memory -----------------------------------------------------------------------------------
+// ---- a lack of memory --------------------------------------------------------------------------
 
-/// Few steps, in which everything happens.
+/// A few steps in which everything happens.
 Config brief_run() {
   Config config = eventful_run();
   config.train.iterations = 12;
@@ -284,7 +286,7 @@ Config brief_run() {
   return config;
 }
 
-// While the run finishes, what is kept is the state before: see the next test.
+// While the run finishes, the state before that is kept: see the next test.
 TEST_F(Recovery, AFailureOfAnySingleAllocationIsSurvived) {
   int failures = 0, while_finishing = 0;
   for (int k = 1;; ++k, ++failures) {
@@ -304,7 +306,7 @@ TEST_F(Recovery, AFailureOfAnySingleAllocationIsSurvived) {
   EXPECT_LT(while_finishing, 10);
 }
 
-/// Keeps states; when that of the last step is kept, memory is at its end.
+/// Keeps states; after that of the last step is kept, memory runs out.
 class ThenNoMemory final : public CheckpointStore {
  public:
   explicit ThenNoMemory(Backend& backend) : backend_(backend) {}
@@ -324,7 +326,7 @@ class ThenNoMemory final : public CheckpointStore {
   std::unique_ptr<FailingMemory> starving_;
 };
 
-// The final prune and order make a result of the model, which is no state to go on from.
+// The final prune and Morton order turn the model into a result, from which a run cannot go on.
 TEST_F(Recovery, WhereMemoryRunsOutWhileTheRunFinishesTheStateBeforeIsKept) {
   const auto backend = make_scalar_backend();
   ThenNoMemory store(*backend);
@@ -340,7 +342,7 @@ TEST_F(Recovery, WhereMemoryRunsOutWhileTheRunFinishesTheStateBeforeIsKept) {
   EXPECT_EQ(trainer.step(), 12);
 }
 
-// The result is saved and evaluated after the last step, where no step makes room any more.
+// The result is saved and evaluated after the last step, when no step frees memory any more.
 TEST_F(Recovery, SavingTheResultSurvivesTheFailureOfAnySingleAllocation) {
   int failures = 0;
   for (int k = 1;; ++k, ++failures) {
@@ -373,7 +375,7 @@ TEST_F(Recovery, AResultThatCannotBeSavedForLackOfMemoryIsStillInTheCheckpoint) 
   EXPECT_EQ(kept.states.back().progress.step, 12);
 }
 
-// Every checkpoint is a state that a run with memory enough goes on from.
+// Every checkpoint is a state from which a run with enough memory goes on.
 TEST_F(Recovery, WhereMemoryIsGoneForGoodThereIsACheckpoint) {
   int failures = 0;
   for (int k = 1;; k += 3, ++failures) {

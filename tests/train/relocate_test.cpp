@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9 under the MCMC strategy: dead rows go onto live ones, and copies are added up to a count.
+// Stage 9 under the MCMC strategy: dead rows become copies of live ones, and copies are added up to
+// a number.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -19,7 +20,7 @@ using ::testing::ElementsAre;
 constexpr float kDead = 0.001f;
 constexpr RelocationRules kMoveOnly{0.005f, 0};
 
-/// Row i lies at x = i, has that opacity, and moments of i + 1 everywhere.
+/// Row i lies at x = i, has this opacity, and moments of i + 1 everywhere.
 TrainingModel model_with(const std::vector<float>& opacities) {
   Gaussians gaussians(opacities.size(), host_memory());
   for (std::size_t i = 0; i < opacities.size(); ++i) {
@@ -40,7 +41,7 @@ RefineReport relocate_rows(TrainingModel& model, const RelocationRules& rules,
   return make_scalar_row_ops()->relocate(model, rules, seed, step);
 }
 
-/// The row that each row is a copy of, as one of its SH coefficients tells.
+/// The row that each row is a copy of, as stored in one of its SH coefficients.
 std::vector<int> origins(const TrainingModel& model) {
   std::vector<int> result;
   for (const ShRest& row : model.gaussians.sh_rest) result.push_back(int(row.coefficient[4].x));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9: clone, split, prune, cap and opacity reset, on statistics made by hand.
+// Stage 9: clone, split, prune, cap and opacity reset, on hand-made statistics.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -54,7 +54,7 @@ RefineReport refine(TrainingModel& model, const AdaptiveRules& rules = kRules, i
   return make_scalar_row_ops()->refine(model, rules, kRandom, step);
 }
 
-/// The row that each row of a model came from, as one of its SH coefficients tells.
+/// The row that each row of a model came from, as stored in one of its SH coefficients.
 std::vector<int> origins(const TrainingModel& model) {
   std::vector<int> result;
   for (const ShRest& row : model.gaussians.sh_rest) result.push_back(int(row.coefficient[4].x));
@@ -119,7 +119,8 @@ TEST(Refine, ShrinksHalvesBy1Point6AndKeepsTheRestOfTheirParent) {
   EXPECT_NE(model.gaussians.mean[0], model.gaussians.mean[1]);
 }
 
-// Scales of (2, 0.5, 0.1): 4000 draws have standard errors of 1.1 percent in their deviations.
+// Scales of (2, 0.5, 0.1): the standard deviations of 4000 draws have standard errors of 1.1
+// percent.
 TEST(Refine, DrawsHalvesFromTheirParent) {
   std::vector<Row> rows(2000, kSplits);
   TrainingModel model = model_with(rows);
@@ -265,7 +266,7 @@ TEST(Prune, RemovesFaintAndDegenerateRowsWholeAndInOrder) {
   EXPECT_TRUE(moments_are(model, 1, 5));
 }
 
-/// Rows 0 to 5 are not finite, each in another way; row 6 is sane.
+/// Rows 0 to 5 are not finite, each in another way; row 6 is valid.
 TrainingModel model_with_broken_rows(const Row& row) {
   TrainingModel model = model_with(std::vector<Row>(7, row));
   const Gaussians& rows = model.gaussians;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The standard schedule of 30,000 steps, literally (Kerbl et al. 2023; Faster-GS), and twice its length.
+// The standard schedule of 30,000 steps, number by number (Kerbl et al. 2023; Faster-GS), and a
+// schedule of twice its length.
 #include "gs_train/schedule.h"
 
 #include <gmock/gmock.h>

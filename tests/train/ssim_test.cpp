@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 5: the photometric loss against its definition in double, and its gradient against the slope of that.
+// Stage 5: the photometric loss compared with its definition in double, and its gradient with the
+// slope of that.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -66,7 +67,7 @@ struct Pair {
     view.photo = random_photo(width, height, seed);
     Draws draws(seed + 1);
     pass.image.resize(3 * pass.pixel_count());
-    // Near the photo, as while training: SSIM is far from its constants then.
+    // Near the photo, as in training: there SSIM does not depend on its constants.
     for (int c = 0; c < 3; ++c)
       for (std::size_t i = 0; i < pass.pixel_count(); ++i)
         pass.image[c * pass.pixel_count() + i] =
@@ -88,7 +89,8 @@ struct Pair {
   double compared_image(int c, std::size_t i, double X) const {
     return (view.over_background ? 1 : mask(i)) * view.exposure[c] * X;
   }
-  /// What the picture is compared with, of pass.image: the picture itself where it is brighter than white.
+  /// What the picture pass.image is compared with: the picture itself where it is brighter than a
+  /// white photo.
   double compared_photo(int c, std::size_t i) const {
     const double behind = double(view.exposure[c]) * pass.background[c];
     const double photo =
@@ -138,7 +140,8 @@ TEST_P(PhotometricLoss, HasTheValueOfItsDefinition) {
   }
 }
 
-/// The largest difference between the gradient and the slope of the definition, over the largest slope.
+/// The largest difference between the gradient and the slope of the definition, over the largest
+/// slope.
 double worst_slope(const Pair& pair, float lambda, const Buffer<float>& dL_dimage) {
   constexpr double h = 1e-5;
   std::vector<double> X = pair.image();
@@ -283,7 +286,7 @@ TEST(PhotometricLossOfEqualPictures, IsZeroAndHasNoGradient) {
   Buffer<float> dL_dimage;
   loss->forward_backward(pair.pass, pair.view, {0.2f}, dL_dimage);
   EXPECT_NEAR(loss->value(), 0, 1e-6);
-  // sign(0) = 0, or a value would be 0.8 / 900; SSIM is at its maximum.
+  // sign(0) = 0, otherwise a value would be 0.8 / 900; SSIM is at its maximum.
   for (const float g : dL_dimage) EXPECT_NEAR(g, 0, 1e-6);
 }
 

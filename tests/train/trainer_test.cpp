@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whole runs on a small scene that the test renders itself from Gaussians that it knows.
+// Whole runs on a small scene that the test renders from known Gaussians.
 #include "gs_train/loop/trainer.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
@@ -54,6 +54,15 @@ TEST_F(SmallRun, GivesTheSameBitsForTheSameSeedAndAnyNumberOfThreads) {
   EXPECT_TRUE(same_bits(trained(config), one));
 }
 
+TEST_F(SmallRun, RefusesAModelToStartFromThatItCannotRead) {
+  Config config = short_run();
+  config.model.start_from = "trained.ply";
+  const auto make = [&] { Trainer(scene_, config, *backend_); };
+  EXPECT_THAT(make, testing::ThrowsMessage<UsageError>(
+                        testing::AllOf(testing::HasSubstr("model.start_from is \"trained.ply\""),
+                                       testing::HasSubstr("state_from_model"))));
+}
+
 TEST_F(SmallRun, DependsOnTheSeed) {
   Config config = short_run();
   config.train.iterations = 20;
@@ -62,7 +71,8 @@ TEST_F(SmallRun, DependsOnTheSeed) {
   EXPECT_FALSE(same_bits(trained(config), one));
 }
 
-/// A short run under MCMC, from the points' own size; half of its Gaussians are there at the start.
+/// A short run under MCMC, with initial scales from the points; it starts with half of its
+/// Gaussians.
 Config short_mcmc_run() {
   Config config = short_run();
   config.density.strategy = "mcmc";
@@ -109,7 +119,7 @@ TEST_F(SmallRun, FindsOutHowManyGaussiansThereIsMemoryFor) {
   EXPECT_GT(trainer.config().density.max_gaussians, 100);
 }
 
-/// Notes what it sees; asks for the end after one step.
+/// Records what it sees, and asks for the end after one step.
 class Watcher : public Observer {
  public:
   explicit Watcher(int stop_after = 0) : stop_after_(stop_after) {}
@@ -167,7 +177,8 @@ TEST_F(SmallRun, TrainsUnderEverySettingOfTheRenderer) {
     }
 }
 
-/// The scene with a mask of a disc in each photo, and where it is black, `garbage` xor'ed into the photo.
+/// The scene with a disc as mask in each photo; where the mask is black, `garbage` is xor'ed into
+/// the photo.
 Scene masked_scene(const Scene& scene, std::uint8_t garbage) {
   Scene masked;
   masked.points = scene.points;
@@ -197,10 +208,10 @@ TEST_F(SmallRun, DoesNotSeeWhatMasksIgnore) {
   EXPECT_FALSE(same_bits(trained(short_run()), of_clean));  // masks do matter
   const Evaluation evaluation = evaluate(backend_->renderer(), on_dirty.model().gaussians.span(),
                                          dirty.train_views, on_dirty.evaluation_settings());
-  EXPECT_GT(evaluation.psnr, 22);  // of what trains
+  EXPECT_GT(evaluation.psnr, 22);  // measured on trained pixels
 }
 
-/// The scene's Gaussians without background: color and what it covers.
+/// The Gaussians of the scene without background: color, and alpha as mask.
 Scene cut_out_scene(const Scene& scene, Renderer& renderer, const GaussiansSpan& truth) {
   Scene cut_out;
   cut_out.points = scene.points;
@@ -223,7 +234,7 @@ Scene cut_out_scene(const Scene& scene, Renderer& renderer, const GaussiansSpan&
   return cut_out;
 }
 
-// On one background alone, Gaussians of its color could stand for it.
+// On a single background, Gaussians of its color could replace it.
 TEST_F(SmallRun, OnRandomBackgroundsLearnsWhatAlphaCovers) {
   Config config = short_run();
   config.render.background = Background::random;

@@ -22,7 +22,8 @@
 
 namespace gs {
 
-/// The module gemsplat_photos.so, in the order of its functions in photo_codec.h, photos.h and exr.h.
+/// The module gemsplat_photos.so, in the order of its functions in photo_codec.h, photos.h and
+/// exr.h.
 struct PhotoModule {
   void (*set_log_sink)(void (*)(detail::LogLevel, std::string_view));
   Image8 (*decode_photo)(const std::filesystem::path&);

@@ -32,7 +32,7 @@ namespace {
 }
 
 [[maybe_unused]] [[noreturn]] void damaged(const std::filesystem::path& path) {
-  cannot_read(path, "what it has packed is cut short or damaged; copy or export it again");
+  cannot_read(path, "its packed data is cut short or damaged; copy or export it again");
 }
 
 }  // namespace

@@ -102,10 +102,9 @@ void apply_filter_3d(const std::vector<float>& filter, const PlyFile& file, Gaus
   bake_filter_3d(model.gaussians, filter);
   model.antialiased = antialiased_comment(file.header()).value_or(true);
   log_info(
-      "{}: its 3D filter (filter_3D, of Mip-Splatting) is applied to scales and opacities, and it "
-      "is taken for {}",
-      file.path().string(),
-      model.antialiased ? "an antialiased model" : "one without antialiasing");
+      "{}: its 3D filter (filter_3D, of Mip-Splatting) is applied to scales and opacities, and the "
+      "model is read as {}",
+      file.path().string(), model.antialiased ? "antialiased" : "not antialiased");
 }
 
 }  // namespace

@@ -222,7 +222,7 @@ void PlyFile::read_ascii_rows(const PlyElement& element, const Targets& targets)
 void PlyFile::read_ascii_row(const PlyElement& element, const Targets& targets, std::uint64_t row) {
   const auto fail = [&](const std::string& what) {
     cannot_read(path(),
-                fmt::format("line {} {}; mend that line or export the file again", line_, what));
+                fmt::format("line {} {}; correct that line or export the file again", line_, what));
   };
   Words words;
   while (words.done()) {  // blank lines mean nothing
@@ -250,7 +250,7 @@ void PlyFile::read_ascii_row(const PlyElement& element, const Targets& targets, 
       }
     } else if (targets[i]) {
       if (!parse_value(word, *targets[i], row)) {
-        fail(fmt::format("has \"{}\" as \"{}\", which is no number", word.substr(0, 40),
+        fail(fmt::format("has \"{}\" as \"{}\", which is not a number", word.substr(0, 40),
                          property.name));
       }
     }

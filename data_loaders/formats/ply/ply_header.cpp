@@ -99,7 +99,7 @@ class HeaderParser {
     } else if (name == "binary_big_endian") {
       header_.format = PlyFormat::big_endian;
     } else {
-      fail("the format is none of ascii, binary_little_endian, binary_big_endian of version 1.0");
+      fail("the format is not ascii, binary_little_endian or binary_big_endian of version 1.0");
     }
   }
 
@@ -109,7 +109,7 @@ class HeaderParser {
     const char* end = words[2].data() + words[2].size();
     const auto [rest, error] = std::from_chars(words[2].data(), end, element.count);
     if (error != std::errc() || rest != end) {
-      fail(fmt::format("\"{}\" is no count of rows", words[2].substr(0, 40)));
+      fail(fmt::format("\"{}\" is not a count of rows", words[2].substr(0, 40)));
     }
     header_.elements.push_back(std::move(element));
     names_.clear();
@@ -123,16 +123,17 @@ class HeaderParser {
     property.name = words.back();
     property.type = parse_type(words[words.size() - 2]);
     if (is_list) property.count_type = parse_type(words[2]);
-    if (is_list && *property.count_type >= PlyType::float32) fail("a list's length is no integer");
+    if (is_list && *property.count_type >= PlyType::float32)
+      fail("the length of a list is not an integer");
     if (!names_.insert(property.name).second) {
-      fail(fmt::format("the property {} is there twice", property.name));
+      fail(fmt::format("the property {} occurs twice", property.name));
     }
     header_.elements.back().properties.push_back(std::move(property));
   }
 
   PlyType parse_type(std::string_view name) const {
     const auto type = type_named(name);
-    if (!type) fail(fmt::format("\"{}\" is no type of a property", name.substr(0, 40)));
+    if (!type) fail(fmt::format("\"{}\" is not a type of a property", name.substr(0, 40)));
     return *type;
   }
 

@@ -28,9 +28,9 @@ class Sog {
     const auto entry = entries_.find("meta.json");
     if (entry == entries_.end()) fail("lacks meta.json");
     meta_ = parse_json<Json>(path / "meta.json", entry->second, "export the file again");
-    if (!meta_.is_object()) fail("has a meta.json that is no JSON object");
+    if (!meta_.is_object()) fail("has a meta.json that is not a JSON object");
     if (number(meta_, "version", 1000) != kSogVersion)
-      cannot_read(path_, "it is a .sog of another version than 2; export it again as version 2");
+      cannot_read(path_, "it is a .sog of a version other than 2; export it again as version 2");
     count_ = number(meta_, "count", std::uint32_t(-1));
     check_count(path_, count_, file_bytes_);
   }
@@ -52,7 +52,7 @@ class Sog {
   std::uint64_t number(const Json& object, const char* key, std::uint64_t most) const {
     if (!object.contains(key) || !object[key].is_number_unsigned() ||
         object[key].get<std::uint64_t>() > most)
-      fail(fmt::format("has no fitting number \"{}\"", key));
+      fail(fmt::format("has no valid number \"{}\"", key));
     return object[key].get<std::uint64_t>();
   }
   std::vector<float> numbers(const Json& object, const char* key, std::size_t count) const {
@@ -117,7 +117,7 @@ void read_rotations(const Sog& sog, const Gaussians& g) {
   const Image8 picture = sog.picture(sog.section("quats"), 0, g.count());
   for (std::size_t i = 0; i < g.count(); ++i) {
     const std::uint8_t* p = pixel(picture, i);
-    if (p[3] < kSogRotationTag) sog.fail("has a rotation that is none");
+    if (p[3] < kSogRotationTag) sog.fail("has a value that is not a rotation");
     const auto part = [&](int k) { return (from_unorm(p[k], 8) - 0.5f) / kSqrtHalf; };
     const auto [w, x, y, z] = quaternion_of({p[3] - kSogRotationTag, {part(0), part(1), part(2)}});
     g.rotation[i] = {w, x, y, z};

@@ -150,15 +150,13 @@ void add_sh(const GaussianModel& model, Archive& archive) {
 void write_sog(const std::filesystem::path& path, const GaussianModel& unsorted) {
   const std::size_t count = unsorted.gaussians.count();
   if (count == 0)
-    throw Error(
-        fmt::format("cannot write {}: there are no Gaussians, and .sog cannot hold none; "
-                    "choose .ply",
-                    path.string()));
+    throw Error(fmt::format(
+        "cannot write {}: there are no Gaussians, and .sog cannot hold an empty model; choose .ply",
+        path.string()));
   if (count > std::size_t(kWebpLargestSide) * (kWebpLargestSide - 4))  // sides are multiples of 4
-    throw Error(
-        fmt::format("cannot write {}: {} Gaussians are more than pictures of {} pixels a "
-                    "side hold; choose .ply",
-                    path.string(), count, kWebpLargestSide));
+    throw Error(fmt::format(
+        "cannot write {}: {} Gaussians do not fit into pictures of {} pixels a side; choose .ply",
+        path.string(), count, kWebpLargestSide));
   const GaussianModel model = in_morton_order(unsorted);
   const Gaussians& g = model.gaussians;
   Archive archive;

@@ -58,7 +58,7 @@ Image8 read_webp(const std::filesystem::path& path, const std::string& entry,
   int width = 0, height = 0;
   const bool is_webp = WebPGetInfo(data, bytes.size(), &width, &height);
   if (!is_webp || width <= 0 || height <= 0 || std::size_t(width) * height > most_pixels)
-    cannot_read(path, fmt::format("{} in it is no WebP picture of a fitting size; the file is "
+    cannot_read(path, fmt::format("{} in it is not a WebP picture of the right size; the file is "
                                   "damaged, export it again",
                                   shown_word(entry)));
   Image8 picture(width, height, 4);

@@ -82,7 +82,7 @@ class Archive {
   }
   [[noreturn]] void damaged() const {
     cannot_read(path_,
-                "it is no whole zip archive; the file is cut short or damaged, copy or "
+                "it is not a complete zip archive; the file is cut short or damaged, copy or "
                 "export it again");
   }
 
@@ -139,7 +139,7 @@ std::map<std::string, std::string_view> zip_entries(const std::filesystem::path&
     const std::string shown = shown_word(name);
     at += sizeof central + fields.name_bytes + fields.extra_bytes + central.comment_bytes;
     if (fields.method != 0 || fields.flags & kEncrypted)
-      cannot_read(path, fmt::format("{} in it is compressed or encrypted, and .sog stores its "
+      cannot_read(path, fmt::format("{} in it is compressed or encrypted, but .sog stores its "
                                     "files as they are; export it again",
                                     shown));
     const auto local = archive.load<LocalHeader>(central.local_offset);
@@ -150,7 +150,7 @@ std::map<std::string, std::string_view> zip_entries(const std::filesystem::path&
     total += content.size();
     if (total > bytes.size()) archive.damaged();  // entries that overlap
     if (crc32_of(content) != fields.crc)
-      cannot_read(path, fmt::format("the checksum of {} in it does not fit; the file is damaged, "
+      cannot_read(path, fmt::format("the checksum of {} in it does not match; the file is damaged, "
                                     "copy or export it again",
                                     shown));
     entries[name] = content;

@@ -22,9 +22,9 @@ using Path = std::filesystem::path;
 using Arrays = std::array<std::string, kSpzArrays>;
 
 [[noreturn]] void fail_as_no_spz(const Path& path) {
-  cannot_read(
-      path,
-      "this is not an .spz file: it does not begin with \"NGSP\" or as gzip; check what it is");
+  cannot_read(path,
+              "this is not an .spz file: it begins neither with \"NGSP\" nor as gzip files do; "
+              "check what it is");
 }
 
 // Looks at the first bytes before the whole file is read.
@@ -41,13 +41,14 @@ void check_header(const SpzHeader& header, const Path& path, std::uint64_t file_
   if (header.magic != kSpzMagic) fail_as_no_spz(path);
   if (header.version < 2 || header.version > 4)
     cannot_read(path,
-                fmt::format("it is an .spz of version {}, and gemsplat reads 2 to 4; export it "
+                fmt::format("it is an .spz of version {}, but gemsplat reads 2 to 4; export it "
                             "again as version 3",
                             header.version));
   if (header.sh_degree > kSpzMaxDegree)
-    cannot_read(path, fmt::format("its SH degree is {}, and .spz ends at 4; the file is damaged, "
-                                  "export it again",
-                                  header.sh_degree));
+    cannot_read(
+        path,
+        fmt::format("its SH degree is {}, but .spz ends at 4; the file is damaged, export it again",
+                    header.sh_degree));
   if (header.fractional_bits > 23)
     cannot_read(path, fmt::format("its positions have {} fractional bits of 24; the file is "
                                   "damaged, export it again",
@@ -72,7 +73,8 @@ Arrays unpack_gzip(const Path& path, std::string_view file, SpzHeader& header) {
 }
 
 [[noreturn]] void fail_at_streams(const Path& path) {
-  cannot_read(path, "its table of streams does not fit; the file is damaged, export it again");
+  cannot_read(path,
+              "its table of streams does not match the file; the file is damaged, export it again");
 }
 
 // Version 4: a header in the clear, a table of streams, and a zstd frame for each. An empty array

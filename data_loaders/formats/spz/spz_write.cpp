@@ -40,8 +40,8 @@ int fractional_bits_for(const Gaussians& g, const Path& path) {
   while (bits > 0 && std::ldexp(largest, bits) > float(kLargestPosition) - 1) --bits;
   if (std::ldexp(largest, bits) > float(kLargestPosition) - 1)
     throw Error(
-        fmt::format("cannot write {}: a position is {:.3g} world units from the origin, "
-                    "and .spz ends at {}; add --recenter or --scale, or choose .ply",
+        fmt::format("cannot write {}: a position is {:.3g} world units from the origin, but .spz "
+                    "ends at {}; add --recenter or --scale, or choose .ply",
                     path.string(), largest, kLargestPosition));
   if (bits < kUsualFractionalBits)
     log_warning(

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/checks/benchmark_report.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "gs_app/run/text.h"
+#include "gs_core/version.h"
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// As JSON
+
+template <class T>
+Json or_null(const std::optional<T>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
+std::optional<double> share_of_copy(const StageFigures& stage, const BenchmarkReport& report) {
+  if (!stage.gb_per_second || !report.copy_gb_per_second) return std::nullopt;
+  return *stage.gb_per_second / *report.copy_gb_per_second;
+}
+
+Json stages_json(const std::vector<StageFigures>& stages, const BenchmarkReport& report) {
+  Json list = Json::array();
+  for (const StageFigures& stage : stages)
+    list.push_back({{"stage", stage.stage},
+                    {"ms", stage.milliseconds},
+                    {"share", stage.share},
+                    {"bytes", or_null(stage.bytes)},
+                    {"gb_per_s", or_null(stage.gb_per_second)},
+                    {"share_of_copy", or_null(share_of_copy(stage, report))}});
+  return list;
+}
+
+Json rendering_json(const RenderingFigures& figures, const BenchmarkReport& report) {
+  return {{"scale", figures.scale},
+          {"width", figures.width},
+          {"height", figures.height},
+          {"visible", figures.mean.visible},
+          {"instances", figures.mean.instances},
+          {"longest_list", figures.mean.longest_list},
+          {"ms_per_frame", figures.ms_per_frame},
+          {"stages", stages_json(figures.stages, report)}};
+}
+
+Json blender_json(const BlenderFigures& figures) {
+  return {{"bounds", figures.bounds},
+          {"blender", figures.blender},
+          {"scale", figures.scale},
+          {"width", figures.width},
+          {"height", figures.height},
+          {"instances", figures.instances},
+          {"ms_per_frame", figures.ms_per_frame},
+          {"blend_ms", figures.blend_ms},
+          {"psnr", std::isfinite(figures.psnr) ? Json(figures.psnr) : Json(nullptr)},
+          {"largest_difference", figures.largest},
+          {"pixels", figures.pixels},
+          {"pixels_apart", figures.apart},
+          {"unexplained", figures.unexplained},
+          {"unexplained_borderline", figures.borderline}};
+}
+
+// As a table
+
+std::string stages_text(const std::vector<StageFigures>& stages, const BenchmarkReport& report) {
+  if (stages.empty()) return "";
+  std::string text = fmt::format("  {:<26} {:>8} {:>7} {:>9} {:>7} {:>8}\n", "stage", "ms", "share",
+                                 "MB", "GB/s", "of copy");
+  for (const StageFigures& stage : stages) {
+    text += fmt::format("  {:<26} {:>8.3f} {:>6.1f}%", stage.stage, stage.milliseconds,
+                        100 * stage.share);
+    if (stage.bytes && stage.gb_per_second)
+      text += fmt::format(" {:>9.1f} {:>7.0f}", *stage.bytes * 1e-6, *stage.gb_per_second);
+    if (const auto share = share_of_copy(stage, report))
+      text += fmt::format(" {:>7.0f}%", 100 * *share);
+    text += "\n";
+  }
+  return text;
+}
+
+std::string blenders_text(const std::vector<BlenderFigures>& blenders) {
+  if (blenders.empty()) return "";
+  std::string text = fmt::format(
+      "\nblenders, compared with simt at the same bounds\n"
+      "  differing: pixels with a channel that differs by more than {:g}\n"
+      "  unexplained: of these, pixels that are wrong by more than rounding of alpha by {:g} "
+      "explains; margin: the largest of theirs\n  "
+      "{:<7} {:<10} {:>11} {:>9} {:>9} {:>9} {:>7} "
+      "{:>9} {:>9} {:>11} {:>8}\n",
+      kBlendersAgree, kBorderline, "bounds", "blender", "size", "instances", "frame ms", "blend ms",
+      "PSNR", "largest", "differing", "unexplained", "margin");
+  for (const BlenderFigures& f : blenders)
+    text += fmt::format(
+        "  {:<7} {:<10} {:>11} {:>9} {:>9.3f} {:>9.3f} {:>7.1f} {:>9.1e} {:>9} {:>11} {:>8}\n",
+        f.bounds, f.blender, fmt::format("{}x{}", f.width, f.height),
+        with_commas(std::uint64_t(f.instances + 0.5)), f.ms_per_frame, f.blend_ms, f.psnr,
+        f.largest, f.apart, f.unexplained,
+        f.unexplained ? fmt::format("{:.1e}", f.borderline) : "");
+  return text;
+}
+
+std::string workload_text(const Workload& workload) {
+  return fmt::format("{} visible Gaussians and {} instances per view, {} in the fullest tile",
+                     with_commas(std::uint64_t(workload.visible + 0.5)),
+                     with_commas(std::uint64_t(workload.instances + 0.5)),
+                     with_commas(std::uint64_t(workload.longest_list + 0.5)));
+}
+
+}  // namespace
+
+std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& plan,
+                        const BenchmarkReport& report) {
+  const Camera& camera = subject.train_views.front().camera;
+  Json json = {{"device", report.device},
+               {"version", kVersion},
+               {"model", subject.model},
+               {"scene", subject.scene},
+               {"width", camera.width},
+               {"height", camera.height},
+               {"sh_degree", subject.settings.sh_degree},
+               {"num_gaussians", subject.gaussians.gaussians.count()},
+               {"visible", report.workload.visible},
+               {"instances", report.workload.instances},
+               {"longest_list", report.workload.longest_list},
+               {"train_views", subject.train_views.size()},
+               {"test_views", subject.test_views.size()}};
+  json["train"] = {{"steps", plan.steps},
+                   {"warmup", plan.warmup},
+                   {"ms_per_step", report.training.ms_per_step},
+                   {"stages", stages_json(report.training.stages, report)}};
+  json["render"] = Json::array();
+  for (const RenderingFigures& figures : report.rendering)
+    json["render"].push_back(rendering_json(figures, report));
+  for (const BlenderFigures& figures : report.blenders)
+    json["blenders"].push_back(blender_json(figures));
+  json["copy_gb_per_s"] = or_null(report.copy_gb_per_second);
+  if (report.peak_gpu_bytes) json["peak_gpu_bytes"] = *report.peak_gpu_bytes;
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::string report_text(const BenchmarkSubject& subject, const BenchmarkPlan& plan,
+                        const BenchmarkReport& report) {
+  const Camera& camera = subject.train_views.front().camera;
+  const std::size_t rendered = subject.rendered_views().size();
+  std::string text = fmt::format("{}, gemsplat {}\n", report.device, kVersion);
+  text += fmt::format("model: {}, {} Gaussians; scene: {}\n", subject.model,
+                      with_commas(subject.gaussians.gaussians.count()), subject.scene);
+  text += fmt::format(
+      "\ntraining: {:.3f} ms per step ({} steps after {} warm-up steps), {}x{}, {} views\n",
+      report.training.ms_per_step, plan.steps, plan.warmup, camera.width, camera.height,
+      subject.train_views.size());
+  text += "  " + workload_text(report.workload) + "\n";
+  text += stages_text(report.training.stages, report);
+  for (const RenderingFigures& figures : report.rendering) {
+    text += fmt::format("\nrendering: {:.3f} ms per frame, {}x{}, {} {} views\n",
+                        figures.ms_per_frame, figures.width, figures.height, rendered,
+                        subject.test_views.empty() ? "training" : "test");
+    text += "  " + workload_text(figures.mean) + "\n" + stages_text(figures.stages, report);
+  }
+  text += blenders_text(report.blenders) + "\n";
+  if (report.copy_gb_per_second)
+    text += fmt::format("copies in memory: {:.0f} GB/s, reads and writes together\n",
+                        *report.copy_gb_per_second);
+  if (report.peak_gpu_bytes)
+    text += fmt::format("peak GPU memory until the last step: {} MiB\n",
+                        with_commas(*report.peak_gpu_bytes >> 20));
+  return text;
+}
+
+}  // namespace gs
