@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/error.h"
 
+#include "gs_core/foreign_text.h"
+
 namespace gs {
 
-std::string printable(std::string text) {
-  for (char& c : text)
-    if ((static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\t') || c == 0x7f) c = '?';
-  return text;
-}
+std::string printable(std::string text) { return fit_for_terminal(text, kLongestMessage); }
 
 namespace detail {
 

@@ -18,7 +18,7 @@ enum class ExitCode : int {
   interrupted = 5,    // stopped by a signal, work saved
 };
 
-/// Text that is safe on a terminal: control characters other than line ends and tabs become '?'.
+/// Text that is safe on a terminal, and of a sensible length: fit_for_terminal() in foreign_text.h.
 /// Messages quote files, and files may hold any bytes.
 std::string printable(std::string text);
 

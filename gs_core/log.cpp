@@ -7,6 +7,8 @@
 
 #include <cstdlib>
 
+#include "gs_core/error.h"
+
 namespace gs {
 namespace {
 
@@ -47,7 +49,9 @@ void setup_log(Verbosity verbosity) {
   spdlog::set_default_logger(logger);
 }
 
-void detail::log_line(LogLevel level, std::string_view line) { log_sink(level, line); }
+void detail::log_line(LogLevel level, std::string_view line) {
+  log_sink(level, printable(std::string(line)));
+}
 
 void detail::set_log_sink(void (*sink)(LogLevel, std::string_view)) { log_sink = sink; }
 

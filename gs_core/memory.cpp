@@ -47,9 +47,7 @@ class HostMemory final : public Memory {
     try {
       return ::operator new(bytes, kAlignment);
     } catch (const std::bad_alloc&) {
-      throw Error("out of memory: " + std::to_string(bytes >> 20) +
-                      " MiB more were requested; lower the resolution (-r) or the number of "
-                      "Gaussians (--max-gaussians)",
+      throw Error("out of memory: " + std::to_string(bytes >> 20) + " MiB more were asked for",
                   ExitCode::out_of_memory);
     }
   }

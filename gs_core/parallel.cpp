@@ -12,6 +12,8 @@
 #include <thread>
 #include <vector>
 
+#include "gs_core/start_threads.h"
+
 namespace gs {
 namespace {
 
@@ -46,8 +48,9 @@ struct Loop {
 
 class Pool {
  public:
+  // Where the system gives fewer threads, those that started and the caller do the work.
   explicit Pool(int workers) {
-    for (int i = 0; i < workers; ++i) workers_.emplace_back([this] { serve(); });
+    start_threads(workers_, workers, [this] { serve(); });
   }
   ~Pool() {
     {

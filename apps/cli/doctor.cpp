@@ -15,6 +15,7 @@
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/session/load_run_scene.h"
 #include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 #include "gs_core/parallel.h"
 
 namespace gs {
@@ -48,10 +49,11 @@ const char* mark_of(Finding::Level level) {
 std::string text_of(const Diagnosis& diagnosis) {
   std::string text;
   for (const Finding& finding : diagnosis.findings) {
-    text += fmt::format("{} {:<12} {}\n", mark_of(finding.level), finding.topic, finding.text);
+    text += fmt::format("{} {:<12} {}\n", mark_of(finding.level), finding.topic,
+                        printable(finding.text));
     std::string names;
     for (std::size_t i = 0; i < std::min(finding.names.size(), kNamesShown); ++i)
-      names += (i ? ", " : "") + finding.names[i];
+      names += (i ? ", " : "") + shown_word(finding.names[i]);
     if (finding.names.size() > kNamesShown)
       names +=
           fmt::format(", and {} more (all of them: --json)", finding.names.size() - kNamesShown);

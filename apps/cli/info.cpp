@@ -12,6 +12,7 @@
 #include "data_loaders/formats/model_info.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/provenance.h"
+#include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/version.h"
 
@@ -47,7 +48,7 @@ void info(const InfoCommand& command) {
   if (command.json) {
     std::cout << to_json_text(model_info) << '\n';
   } else {
-    std::cout << opened.ply.string() << '\n' << describe(model_info) << '\n';
+    std::cout << printable(opened.ply.string()) << '\n' << describe(model_info) << '\n';
   }
 }
 

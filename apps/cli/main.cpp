@@ -3,8 +3,10 @@
 // the only place that catches errors.
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <new>
+#include <system_error>
 
 #include "apps/cli/foreign_flags.h"
 #include "apps/cli/help_format.h"
@@ -51,9 +53,23 @@ int fail_to_parse(const CLI::App& program, const CLI::ParseError& error) {
     message = "there is no flag, verb or further argument " + extra.front() +
               (own.empty() ? suggestion(app, extra.front()) : "; here that is " + own);
   }
-  return fail(message + "\n`" + (&app == &program ? "" : "gemsplat ") + app.get_name() +
+  return fail(printable(message) + "\n`" + (&app == &program ? "" : "gemsplat ") + app.get_name() +
                   " --help` shows what there is",
               int(ExitCode::usage));
+}
+
+// What to do where memory runs out: only some verbs can do with less.
+const char* remedy_of_memory(const CLI::App& program) {
+  const std::string verb = active(program).get_name();
+  const bool trains = verb == "train" || verb == "experiment" || verb == "bench";
+  if (trains) return "lower the resolution (-r) or the number of Gaussians (--max-gaussians)";
+  return "close other programs, or use a machine with more memory";
+}
+
+int fail_for_memory(const CLI::App& program, const std::string& what) {
+  const bool names_remedy = what.find("; ") != what.npos;
+  return fail(what + (names_remedy ? "" : std::string("; ") + remedy_of_memory(program)),
+              int(ExitCode::out_of_memory));
 }
 
 int run(int argc, const char* const* argv) {
@@ -86,6 +102,11 @@ int run(int argc, const char* const* argv) {
     return program.exit(request);
   } catch (const CLI::ParseError& error) {
     return fail_to_parse(program, error);
+  } catch (const Error& error) {
+    if (error.code() != ExitCode::out_of_memory) throw;
+    return fail_for_memory(program, error.what());
+  } catch (const std::bad_alloc&) {
+    return fail_for_memory(program, "out of memory");
   }
   return int(ExitCode::done);
 }
@@ -104,15 +125,22 @@ int main(int argc, char** argv) {
     }
     return gs::fail(error.what(), int(error.code()));
   } catch (const std::bad_alloc&) {
-    return gs::fail(
-        "out of memory; lower the resolution (-r) or the number of Gaussians (--max-gaussians)",
-        int(gs::ExitCode::out_of_memory));
+    return gs::fail("out of memory; close other programs", int(gs::ExitCode::out_of_memory));
+  } catch (const std::filesystem::filesystem_error& error) {
+    return gs::fail(gs::printable("cannot get at " + error.path1().string() + ": " +
+                                  error.code().message() + "; check the path and its permissions"),
+                    int(gs::ExitCode::bad_data));
+  } catch (const std::system_error& error) {
+    return gs::fail(gs::printable("the system refuses what is needed (" + error.code().message() +
+                                  "); close other programs, or raise the limits (ulimit -a)"),
+                    int(gs::ExitCode::bad_data));
   } catch (const std::logic_error& error) {  // those of GS_CHECK ask for a report themselves
     const std::string message = error.what();
     const bool asks = message.find("please report") != message.npos;
-    return gs::fail(asks ? message : "internal error: " + message + "; please report this",
-                    gs::kInternalError);
+    return gs::fail(
+        gs::printable(asks ? message : "internal error: " + message + "; please report this"),
+        gs::kInternalError);
   } catch (const std::exception& error) {
-    return gs::fail(error.what(), int(gs::ExitCode::bad_data));
+    return gs::fail(gs::printable(error.what()), int(gs::ExitCode::bad_data));
   }
 }

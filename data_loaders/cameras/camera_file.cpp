@@ -4,13 +4,13 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/geometry.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/byte_reader.h"
+#include "gs_core/io/read_json.h"
 
 namespace gs {
 namespace {
@@ -127,23 +127,6 @@ class CameraReader {
   const std::filesystem::path& path_;
 };
 
-Json parse_file(const std::filesystem::path& path) {
-  ByteReader reader(path);
-  const auto size = std::size_t(reader.size());
-  const auto* text = reinterpret_cast<const char*>(reader.take(size));
-  try {
-    return Json::parse(text, text + size);
-  } catch (const Json::parse_error& error) {
-    cannot_read(path,
-                fmt::format("it is not JSON from byte {} on; the file is cut short or damaged, "
-                            "write it again",
-                            error.byte));
-  } catch (const Json::exception&) {
-    cannot_read(path,
-                "it holds a number beyond the range of float; correct it or write the file again");
-  }
-}
-
 void place(Camera& camera, const Vec3d& position) {
   const Mat3<float>& R = camera.cam_from_world_rotation;
   const Mat3<double> R_double{Vec3d(R.row0), Vec3d(R.row1), Vec3d(R.row2)};
@@ -173,7 +156,7 @@ void write_cameras_json(const std::filesystem::path& path,
 
 std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path,
                                            const Vec3d& world_offset) {
-  const Json json = parse_file(path);
+  const Json json = read_json_as<Json>(path, "write it again");
   if (!json.is_array()) {
     cannot_read(path, "it is not a list of cameras; name a cameras.json that a trainer wrote");
   }

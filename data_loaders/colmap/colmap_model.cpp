@@ -4,8 +4,12 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 
 #include "data_loaders/colmap/colmap_files.h"
 #include "gs_core/error.h"
@@ -142,6 +146,15 @@ const CameraModelInfo& camera_model_info(CameraModel model) {
 
 bool is_colmap_model(const fs::path& folder) {
   return has_pair(folder, ".bin") || has_pair(folder, ".txt");
+}
+
+void check_models_are_visible(const fs::path& scene) {
+  for (const fs::path& folder :
+       {scene, scene / "sparse", scene / "sparse" / "0", scene / "colmap" / "sparse"})
+    if (std::error_code ignored;
+        fs::is_directory(folder, ignored) && ::access(folder.c_str(), R_OK | X_OK) != 0)
+      throw Error(fmt::format("cannot look into the folder {}: {}; check its permissions",
+                              folder.string(), std::strerror(EACCES)));
 }
 
 std::vector<fs::path> colmap_models_in(const fs::path& folder) {

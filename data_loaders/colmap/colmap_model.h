@@ -119,6 +119,10 @@ enum class Tracks { skip, read };
 /// Whether a folder holds cameras and images, both binary or both text.
 bool is_colmap_model(const std::filesystem::path& folder);
 
+/// Throws Error where a folder of `scene` that may hold a model may not be read: it is no folder
+/// without a model.
+void check_models_are_visible(const std::filesystem::path& scene);
+
 /// The models among the folders in a folder, sorted; none if it cannot be read.
 std::vector<std::filesystem::path> colmap_models_in(const std::filesystem::path& folder);
 

@@ -13,13 +13,12 @@
 //                 DATA_IDS[] as (SENSOR_TYPE SENSOR_ID DATA_ID)    (of a camera: an image id)
 #include <spdlog/fmt/fmt.h>
 
-#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstring>
-#include <fstream>
 
 #include "data_loaders/colmap/colmap_files.h"
+#include "gs_core/foreign_text.h"
+#include "gs_core/io/byte_reader.h"
 
 namespace gs::colmap {
 namespace {
@@ -54,15 +53,18 @@ bool parse(std::string_view word, T& value) {
 /// A text file that is read line by line and knows where it stands.
 class TextFile {
  public:
-  explicit TextFile(const fs::path& path) : path_(path), stream_(path) {
-    if (!stream_) colmap::fail(path, std::strerror(errno));
-  }
+  explicit TextFile(const fs::path& path) : path_(path), bytes_(path) {}
 
   /// The next line, trimmed; false at the end.
   bool next_line(std::string_view& line) {
-    if (!std::getline(stream_, buffer_)) return false;
+    if (bytes_.left() == 0) return false;
     ++line_number_;
-    line = trimmed(buffer_);
+    if (const auto whole = bytes_.take_line()) {
+      line = trimmed(*whole);
+    } else {  // the last one may lack its line feed
+      const auto left = std::size_t(bytes_.left());
+      line = trimmed({reinterpret_cast<const char*>(bytes_.take(left)), left});
+    }
     return true;
   }
   /// The next line that is neither empty nor a comment.
@@ -79,7 +81,7 @@ class TextFile {
     const std::string_view word = next_word(line);
     if (word.empty()) fail(fmt::format("{} is missing", what));
     if (!parse(word, value))
-      fail(fmt::format("{} is '{}', which is not a {}", what, word, kind_of(value)));
+      fail(fmt::format("{} is '{}', which is not a {}", what, shown_word(word), kind_of(value)));
     return value;
   }
 
@@ -97,8 +99,7 @@ class TextFile {
   static const char* kind_of(std::uint8_t) { return "whole number from 0 to 255"; }
 
   fs::path path_;
-  std::ifstream stream_;
-  std::string buffer_;
+  ByteReader bytes_;
   std::uint64_t line_number_ = 0;
 };
 
@@ -183,7 +184,8 @@ void read_text_cameras(const fs::path& path, ModelBuilder& model) {
     const std::string_view name = next_word(line);
     const auto known = camera_model_of(name);
     if (!known)
-      file.fail(fmt::format("camera {} has the unknown camera model '{}'", camera.id, name));
+      file.fail(
+          fmt::format("camera {} has the unknown camera model '{}'", camera.id, shown_word(name)));
     camera.model = *known;
     const auto width = file.take<std::uint64_t>(line, "WIDTH");
     const auto height = file.take<std::uint64_t>(line, "HEIGHT");

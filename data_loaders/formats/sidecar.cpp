@@ -87,10 +87,14 @@ void take_sidecar(const fs::path& file, GaussianModel& model) {
   if (!format || !fs::exists(sidecar)) return;
   try {
     const Json json = read_json(sidecar);
-    const auto rows = json.at("input_from_file").get<std::vector<std::vector<double>>>();
+    std::vector<std::vector<double>> rows;
+    bool antialiased = false;
+    take_from_json(sidecar, "export the model again", [&] {
+      rows = json.at("input_from_file").get<std::vector<std::vector<double>>>();
+      antialiased = json.at("antialiased").get<bool>();
+    });
     if (!has_plain_axes(rows, format->signs)) return;
     const Vec3d offset{rows.at(0).at(3), rows.at(1).at(3), rows.at(2).at(3)};
-    const bool antialiased = json.at("antialiased").get<bool>();
     // A format that adds the offset was read without it already; `offset` is what is still missing.
     model.world_offset = format->adds_world_offset ? model.world_offset + offset : offset;
     model.antialiased = antialiased;

@@ -5,6 +5,7 @@
 #include <OpenImageIO/imageio.h>
 
 #include "data_loaders/photos/photo_codec.h"
+#include "data_loaders/photos/picture_header.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 
@@ -23,8 +24,17 @@ OpenPhoto open_photo(const std::filesystem::path& path) {
   OpenPhoto photo;
   photo.input = OIIO::ImageInput::open(path.string(), &wishes);
   if (!photo.input) cannot_read_photo(path, OIIO::geterror());
-  photo.size = {photo.input->spec().width, photo.input->spec().height};
+  const OIIO::ImageSpec& spec = photo.input->spec();
+  photo.size = {spec.width, spec.height};
   check_photo_size(path, photo.size);
+  // Formats whose headers we do not read ourselves
+  std::error_code ignored;
+  PictureHeader header;
+  header.width = std::uint64_t(std::max(spec.width, spec.tile_width));
+  header.height = std::uint64_t(std::max(spec.height, spec.tile_height));
+  header.bytes_per_pixel = std::uint64_t(spec.pixel_bytes()) + 4;
+  header.file_bytes = std::filesystem::file_size(path, ignored);
+  check_picture(path, header);
   return photo;
 }
 

@@ -5,6 +5,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/parallel.h"
+#include "gs_core/start_threads.h"
 
 namespace gs {
 namespace {
@@ -50,7 +51,8 @@ void PhotoPool::prefetch_decode(std::size_t index) {
   ++entry.expectations;
   entry.released = false;
   expected_.push_back(index);
-  while (int(threads_.size()) < thread_count_) threads_.emplace_back([this] { serve(); });
+  if (!has_started_) start_threads(threads_, thread_count_, [this] { serve(); });
+  has_started_ = true;  // if none did, view() decodes
   changed_.notify_all();
 }
 

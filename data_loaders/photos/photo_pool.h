@@ -83,7 +83,8 @@ class PhotoPool final : public PhotoSource {
   int decoding_ = 0;
   std::uint64_t calls_ = 0;
   bool quit_ = false;
-  std::vector<std::thread> threads_;  // from the first expectation on
+  bool has_started_ = false;          // from the first expectation on
+  std::vector<std::thread> threads_;  // those that the system gave
 };
 
 }  // namespace gs

@@ -4,8 +4,10 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <new>
 
 #include "data_loaders/photos/photo_codec.h"
+#include "data_loaders/photos/picture_header.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/parallel.h"
@@ -17,11 +19,30 @@ namespace fs = std::filesystem;
 
 constexpr std::int64_t kMostPixels = std::int64_t(1) << 29;  // more is a damaged header
 
-void check_exists(const fs::path& path) {
+void check_file(const fs::path& path) {
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
   if (!fs::exists(status)) cannot_read_photo(path, "there is no such file");
   if (fs::is_directory(status)) cannot_read_photo(path, "this is a folder");
+  check_picture(path, read_picture_header(path));
+}
+
+/// Calls decode(path) for a file whose header is sound. What a decoder throws gets the file's name.
+template <class Decode>
+auto with_sound_file(const fs::path& path, Decode&& decode) {
+  check_file(path);
+  try {
+    return decode(path);
+  } catch (const Error&) {
+    throw;
+  } catch (const std::bad_alloc&) {
+    throw Error(fmt::format("cannot read photo {}: memory runs out; close other programs, or make "
+                            "the photo smaller",
+                            path.string()),
+                ExitCode::out_of_memory);
+  } catch (const std::exception& error) {
+    cannot_read_photo(path, error.what());
+  }
 }
 
 /// The source pixels under target pixel `target` of one axis. In units of 1 / target_size of a
@@ -94,18 +115,13 @@ PhotoWithAlpha separated(Image8 decoded) {
 Image8 read_photo(const fs::path& path) { return read_photo_with_alpha(path).photo; }
 
 PhotoWithAlpha read_photo_with_alpha(const fs::path& path) {
-  check_exists(path);
-  return separated(decode_photo(path));
+  return with_sound_file(path, [](const fs::path& file) { return separated(decode_photo(file)); });
 }
 
-PhotoSize read_photo_size(const fs::path& path) {
-  check_exists(path);
-  return decode_photo_size(path);
-}
+PhotoSize read_photo_size(const fs::path& path) { return with_sound_file(path, decode_photo_size); }
 
 int read_photo_orientation(const fs::path& path) {
-  check_exists(path);
-  return decode_photo_orientation(path);
+  return with_sound_file(path, decode_photo_orientation);
 }
 
 Image8 area_resized(const Image8& image, int width, int height) {

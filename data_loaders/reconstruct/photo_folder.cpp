@@ -136,6 +136,7 @@ std::vector<fs::path> find_videos(const fs::path& source) {
 }
 
 bool holds_only_photos(const fs::path& folder) {
+  check_models_are_visible(folder);
   std::error_code error;
   const bool has_videos = !find_videos(folder).empty();
   if (has_videos && !fs::is_directory(folder, error)) return true;

@@ -53,7 +53,7 @@ std::set<std::string> stage_names() {
                                               : "",
         log));
   throw Error(fmt::format(
-      "COLMAP failed while {} ({}). The end of {}:\n{}\nThe same command continues from here",
+      "COLMAP failed while {} ({}); the same command continues from here. The end of {}:\n{}",
       stage.headline,
       end.signal ? fmt::format("signal {}: {}", end.signal, strsignal(end.signal))
                  : fmt::format("exit code {}", end.exit_code),

@@ -6,13 +6,12 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <fstream>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
+#include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
 
 namespace gs {
@@ -66,24 +65,24 @@ std::optional<SceneState> read_state(const SceneFiles& files) {
   std::error_code ignored;
   if (fs::symlink_status(files.state(), ignored).type() == fs::file_type::not_found)
     return std::nullopt;
-  SceneState state;
-  std::ifstream stream(files.state());
+  constexpr const char* kRemedy = "choose another folder with -o, or move that file away";
   try {
-    const auto json = nlohmann::json::parse(stream);
-    state.made_of = json.at("made_of").get<std::string>();
-    state.complete = json.at("complete").get<std::set<std::string>>();
-    // A scene of gemsplat 0.1.0 has no list: COLMAP's files are ours, and pictures are left alone.
-    state.files = json.value("files", kWrittenByColmap);
-    state.work = json.value("work", "");
-    if (!is_work_folder(state.work)) state.work.clear();
-  } catch (const nlohmann::json::exception&) {
+    const auto json = read_json_as(files.state(), kRemedy);
+    return take_from_json(files.state(), kRemedy, [&] {
+      SceneState state;
+      state.made_of = json.at("made_of").get<std::string>();
+      state.complete = json.at("complete").get<std::set<std::string>>();
+      // A scene of gemsplat 0.1.0 has no list: COLMAP's files are ours, and pictures are left alone.
+      state.files = json.value("files", kWrittenByColmap);
+      state.work = json.value("work", "");
+      if (!is_work_folder(state.work)) state.work.clear();
+      return state;
+    });
+  } catch (const Error&) {
     throw UsageError(
-        fmt::format("{} is damaged, or not of gemsplat reconstruct, so the folder is left alone; "
-                    "choose another "
-                    "one with -o, or move that file away",
-                    files.state().string()));
+        fmt::format("{} is damaged, or not of gemsplat reconstruct, so the folder is left alone; {}",
+                    files.state().string(), kRemedy));
   }
-  return state;
 }
 
 SceneFolder::SceneFolder(const SceneFiles& files, SceneState state)

@@ -4,11 +4,12 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/byte_reader.h"
+#include "gs_core/io/read_json.h"
 
 namespace gs {
 namespace {
@@ -17,15 +18,16 @@ namespace {
 using Json = nlohmann::basic_json<std::map, std::vector, std::string, bool, std::int64_t,
                                   std::uint64_t, float>;
 
+constexpr const char* kRemedy = "train again, or remove the file to compute exposures again";
+
 Vec3f exposure_of(const Json& json, const std::string& name, const std::filesystem::path& path) {
   Vec3f exposure(0);
   const bool has_three = json.is_array() && json.size() == 3;
   for (int c = 0; has_three && c < 3; ++c)
     if (json[std::size_t(c)].is_number()) exposure[c] = json[std::size_t(c)].get<float>();
   if (!(exposure.x > 0 && exposure.y > 0 && exposure.z > 0 && is_finite(exposure)))
-    cannot_read(path, fmt::format("the exposure of '{}' is not three numbers above 0; train again, "
-                                  "or remove the file to compute exposures again",
-                                  name));
+    cannot_read(path, fmt::format("the exposure of '{}' is not three numbers above 0; {}",
+                                  shown_word(name), kRemedy));
   return exposure;
 }
 
@@ -47,20 +49,10 @@ void write_exposures(const std::filesystem::path& path, const Scene& scene) {
 }
 
 Exposures read_exposures(const std::filesystem::path& path) {
-  ByteReader reader(path);
-  const auto size = std::size_t(reader.size());
-  const auto* text = reinterpret_cast<const char*>(reader.take(size));
+  const auto json = read_json_as<Json>(path, kRemedy);
+  if (!json.is_object()) cannot_read(path, fmt::format("it is not a list of photos; {}", kRemedy));
   Exposures exposures;
-  try {
-    const Json json = Json::parse(text, text + size);
-    if (!json.is_object())
-      cannot_read(
-          path,
-          "it is not a list of photos; train again, or remove the file to compute exposures again");
-    for (const auto& [name, value] : json.items()) exposures[name] = exposure_of(value, name, path);
-  } catch (const Json::exception&) {
-    cannot_read(path, "it is not JSON; train again, or remove the file to compute exposures again");
-  }
+  for (const auto& [name, value] : json.items()) exposures[name] = exposure_of(value, name, path);
   return exposures;
 }
 

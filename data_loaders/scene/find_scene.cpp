@@ -127,6 +127,7 @@ SceneFolders find_scene(const DatasetConfig& dataset) {
     throw Error(fmt::format("cannot find the scene {}: there is no such folder; check the path",
                             dataset.source));
 
+  check_models_are_visible(source);
   const bool is_named = !dataset.model.empty();
   const std::vector<fs::path> named = {source / dataset.model, fs::path(dataset.model)};
   std::vector<fs::path> models = is_named ? std::vector<fs::path>{} : models_of(source);

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "data_loaders/transforms/transforms_file.h"
 
-#include <spdlog/fmt/fmt.h>
-
 #include <algorithm>
 
 #include "gs_core/io/byte_reader.h"
+#include "gs_core/io/read_json.h"
 
 namespace gs {
 namespace {
@@ -13,31 +12,9 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-// Bytes, some 100,000 frames. A parsed file takes up to 20 times its size in memory.
-constexpr std::uint64_t kLargestFile = std::uint64_t(128) << 20;
-
 bool is_file(const fs::path& path) {
   std::error_code ignored;
   return fs::is_regular_file(path, ignored);
-}
-
-Json parse_file(const fs::path& path) {
-  ByteReader reader(path);
-  if (reader.size() > kLargestFile)
-    cannot_read(path, fmt::format("it has {} bytes, too many for a list of cameras; cut the scene "
-                                  "into smaller ones",
-                                  reader.size()));
-  const auto size = std::size_t(reader.size());
-  const auto* text = reinterpret_cast<const char*>(reader.take(size));
-  try {
-    return Json::parse(text, text + size);
-  } catch (const Json::parse_error& error) {
-    cannot_read(path, fmt::format("it is not JSON from byte {} on (JSON has no NaN or Infinity); "
-                                  "the file is cut short or damaged, write it again",
-                                  error.byte));
-  } catch (const Json::exception&) {
-    cannot_read(path, "it holds a number that is not finite; correct it or write the file again");
-  }
 }
 
 }  // namespace
@@ -45,7 +22,7 @@ Json parse_file(const fs::path& path) {
 void TransformsFile::fail(const std::string& what) const { cannot_read(path, what); }
 
 TransformsFile open_transforms_file(const fs::path& path) {
-  TransformsFile file{path, parse_file(path)};
+  TransformsFile file{path, read_json_as<Json>(path, "write it again")};
   const auto frames = file.top.is_object() ? file.top.find("frames") : file.top.end();
   if (!file.top.is_object() || frames == file.top.end() || !frames->is_array() || frames->empty())
     file.fail(

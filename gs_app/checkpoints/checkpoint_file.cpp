@@ -2,14 +2,17 @@
 #include "gs_app/checkpoints/checkpoint_file.h"
 
 #include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <cstddef>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "gs_core/config/config_fields.h"
 #include "gs_core/config/config_text.h"
 #include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 #include "gs_core/io/checked_file.h"
+#include "gs_core/io/read_json.h"
 #include "gs_core/version.h"
 
 namespace gs {
@@ -51,8 +54,10 @@ std::string photo_text(const std::vector<ViewRecord>& views) {
 
 void take_photos_of(const std::string& text, std::vector<ViewRecord>& views) {
   if (text.size() != views.size() * kHashDigits) return;  // a checkpoint of version 0.1.0 has none
-  for (std::size_t i = 0; i < views.size(); ++i)
-    views[i].photo = std::stoull(text.substr(i * kHashDigits, kHashDigits), nullptr, 16);
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const char* const first = text.data() + i * kHashDigits;
+    std::from_chars(first, first + kHashDigits, views[i].photo, 16);
+  }
 }
 
 nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& model,
@@ -176,19 +181,95 @@ struct Contents {
   std::string about, config;
 };
 
-void apply(const Contents& contents, Checkpoint& checkpoint) {
-  const auto json = nlohmann::json::parse(contents.about);
+// The right checksum does not prove that this program wrote the file: each number has a range.
+class Numbers {
+ public:
+  Numbers(const std::filesystem::path& path, const std::string& text)
+      : path_(path), json_(parse_json(path, text, kRemedy)) {
+    if (!json_.is_object()) refuse("its section \"about\" is no object");
+  }
+  std::int64_t whole(const char* key, std::int64_t most) const {
+    const auto value = json_.find(key);
+    const bool fits = value != json_.end() && value->is_number_unsigned() &&
+                      value->get<std::uint64_t>() <= std::uint64_t(most);
+    if (!fits) refuse(fmt::format("{} is no whole number from 0 to {}", key, most));
+    return value->get<std::int64_t>();
+  }
+  double number(const char* key, double low, double high) const {
+    return inside(json_.value(key, Json()), key, low, high);
+  }
+  /// A text; empty where a checkpoint of an older version has none.
+  std::string text(const char* key) const {
+    const Json value = json_.value(key, Json(""));
+    if (!value.is_string()) refuse(fmt::format("{} is no text", key));
+    return value.get<std::string>();
+  }
+  Vec3d vector(const char* key) const {
+    const Json list = json_.value(key, Json());
+    if (!list.is_array() || list.size() != 3) refuse(fmt::format("{} is no vector", key));
+    Vec3d vector;
+    for (std::size_t k = 0; k < 3; ++k)
+      vector[int(k)] = inside(list[k], key, -limits::kLargestExact, limits::kLargestExact);
+    return vector;
+  }
+
+ private:
+  using Json = nlohmann::ordered_json;
+
+  double inside(const Json& value, const char* key, double low, double high) const {
+    const double number = value.is_number() ? value.get<double>() : NAN;
+    if (!(number >= low && number <= high))
+      refuse(fmt::format("{} is no number from {:.3g} to {:.3g}", key, low, high));
+    return number;
+  }
+  [[noreturn]] void refuse(const std::string& what) const {
+    cannot_read(path_, fmt::format("{}; {}", what, kRemedy));
+  }
+
+  static constexpr const char* kRemedy = "it is of another version or forged, resume another one";
+  const std::filesystem::path& path_;
+  Json json_;
+};
+
+constexpr std::int64_t kMostSteps = 2'000'000'000;  // as int, with some left to count on
+
+void apply(const std::filesystem::path& path, const Contents& contents, Checkpoint& checkpoint) {
+  const Numbers numbers(path, contents.about);
+  constexpr double kLargest = limits::kLargestFloat;
   RunProgress& progress = checkpoint.state.progress;
-  progress.step = json.at("step");
-  progress.sh_degree = json.at("sh_degree");
-  progress.loss = json.at("loss");
-  progress.train_seconds = json.at("train_seconds");
-  progress.growth_cap = json.at("growth_cap");
-  checkpoint.state.model.adam_steps = json.at("adam_steps");
-  checkpoint.scene.extent = json.at("extent");
-  for (int k = 0; k < 3; ++k) checkpoint.scene.world_offset[k] = json.at("world_offset").at(k);
-  take_photos_of(json.value("photos", ""), checkpoint.scene.views);
+  progress.step = int(numbers.whole("step", kMostSteps));
+  progress.sh_degree = int(numbers.whole("sh_degree", kMaxShDegree));
+  progress.loss = numbers.number("loss", -kLargest, kLargest);
+  progress.train_seconds = numbers.number("train_seconds", 0, kLargest);
+  progress.growth_cap = numbers.whole("growth_cap", std::int64_t(limits::kLargestExact));
+  checkpoint.state.model.adam_steps = int(numbers.whole("adam_steps", kMostSteps));
+  checkpoint.scene.extent = float(numbers.number("extent", 0, kLargest));
+  checkpoint.scene.world_offset = numbers.vector("world_offset");
+  take_photos_of(numbers.text("photos"), checkpoint.scene.views);
   checkpoint.config = config_of(contents.config);
+}
+
+bool is_sound(const ViewRecord& view) {
+  const Camera& camera = view.camera;
+  const Mat3<float>& R = camera.cam_from_world_rotation;
+  constexpr int kLargestSide = 1 << 20;  // pixels, as for cameras.json
+  const auto is_side = [](int pixels) { return pixels > 0 && pixels <= kLargestSide; };
+  return is_side(camera.width) && is_side(camera.height) && camera.fx > 0 && camera.fy > 0 &&
+         is_finite(Vec3f(camera.fx, camera.fy, 0)) && is_finite(Vec3f(camera.cx, camera.cy, 0)) &&
+         is_finite(R.row0) && is_finite(R.row1) && is_finite(R.row2) &&
+         is_finite(camera.cam_from_world_translation) && is_finite(view.exposure);
+}
+
+void check(const std::filesystem::path& path, const Checkpoint& checkpoint) {
+  constexpr int kMostStrikes = 1000;  // far above those after which a view is skipped
+  constexpr const char* kRemedy = "the checkpoint is forged, resume another one";
+  for (const ViewRecord& view : checkpoint.scene.views)
+    if (!is_sound(view))
+      cannot_read(path, fmt::format("the camera of {} has numbers that no camera has; {}",
+                                    shown_word(view.name), kRemedy));
+  for (const int strikes : checkpoint.state.progress.strikes)
+    if (strikes < 0 || strikes > kMostStrikes)
+      cannot_read(path, fmt::format("a view is counted {} breakdowns; {}", strikes, kRemedy));
 }
 
 }  // namespace
@@ -242,10 +323,11 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   read_model(file, count[0], checkpoint.state.model);
   file.finish();
   try {
-    apply(contents, checkpoint);
-  } catch (const std::exception& error) {  // whole, but of another version
+    apply(path, contents, checkpoint);
+  } catch (const UsageError& error) {  // whole, but with a setting that this version does not have
     cannot_read(path, std::string("it is of another version of gemsplat: ") + error.what());
   }
+  check(path, checkpoint);
   return checkpoint;
 }
 

@@ -2,16 +2,16 @@
 #include "gs_app/experiment/experiment_file.h"
 
 #include <spdlog/fmt/fmt.h>
-#include <toml++/toml.h>
 
 #include <algorithm>
-#include <fstream>
 #include <set>
 #include <sstream>
 
 #include "gs_app/experiment/experiment_grid.h"
 #include "gs_core/config/nearest_word.h"
+#include "gs_core/config/read_toml.h"
 #include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 
 namespace gs {
 namespace {
@@ -31,7 +31,7 @@ void check_keys(const fs::path& file, const toml::table& table,
     if (std::find(known.begin(), known.end(), name) != known.end()) continue;
     const std::string nearest = nearest_word(name, known);
     refuse(file, node,
-           fmt::format("an experiment has no key {} here; {}", name,
+           fmt::format("an experiment has no key {} here; {}", shown_word(name),
                        nearest.empty() ? fmt::format("it has {}", fmt::join(known, ", "))
                                        : "did you mean " + nearest + "?"));
   }
@@ -138,19 +138,6 @@ void check_names(const Experiment& experiment, const std::vector<Named>& all, co
                       experiment.file.string(), what, one.name));
 }
 
-toml::table parse(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  std::error_code ignored;
-  if (!stream || fs::is_directory(file, ignored))
-    throw Error("cannot read the experiment " + file.string() + ": name a TOML file");
-  try {
-    return toml::parse(stream, file.string());
-  } catch (const toml::parse_error& error) {
-    throw UsageError(fmt::format("{}:{}: {}; the file must be TOML", file.string(),
-                                 error.source().begin.line, error.description()));
-  }
-}
-
 // The settings of the config's preset or file.
 Config base_settings(const Experiment& experiment, const ExperimentConfig& config) {
   Config settings;
@@ -185,7 +172,7 @@ Config config_settings(const Experiment& experiment, const ExperimentConfig& con
 }  // namespace
 
 Experiment read_experiment(const fs::path& file) {
-  const toml::table root = parse(file);
+  const toml::table root = parse_toml(read_toml_text(file), file.string());
   check_keys(file, root, {"output", "scenes", "configs", "seeds", "set", "slurm"});
   Experiment experiment;
   experiment.file = fs::absolute(file).lexically_normal();

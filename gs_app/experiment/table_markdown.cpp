@@ -99,7 +99,11 @@ std::string table_of_machines(const std::vector<RunRow>& rows) {
   for (const RunRow& row : rows) {
     if (row.results.is_null()) continue;
     std::vector<std::string> cells;
-    for (const char* key : keys) cells.push_back(row.results.value(key, "-"));
+    for (const char* key : keys) {
+      const auto value = row.results.find(key);
+      const bool is_text = value != row.results.end() && value->is_string();
+      cells.push_back(is_text ? value->get<std::string>() : "-");
+    }
     const std::string line = markdown_row(cells);
     if (std::find(seen.begin(), seen.end(), line) != seen.end()) continue;
     seen.push_back(line);

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
+
+#include "gs_core/error.h"
+#include "gs_core/io/read_json.h"
 
 namespace gs {
 namespace {
@@ -25,9 +27,11 @@ const std::vector<Metric> kMetrics = {
 
 // Null if the file is missing or damaged.
 Json read_results(const ExperimentRun& run) {
-  std::ifstream file(run.folder.results());
-  const Json json = Json::parse(file, nullptr, false);
-  return json.is_object() ? json : Json(nullptr);
+  try {
+    return read_json(run.folder.results());
+  } catch (const Error&) {
+    return nullptr;
+  }
 }
 
 }  // namespace

@@ -4,25 +4,24 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <fstream>
 #include <map>
 #include <optional>
 
 #include "gs_app/experiment/table_settings.h"
+#include "gs_core/error.h"
+#include "gs_core/io/read_json.h"
 
 namespace gs {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json parsed(const std::filesystem::path& file) {
-  std::ifstream stream(file);
-  return Json::parse(stream, nullptr, false);
-}
+// Of a file that a run wrote; what is wrong with it is not shown.
+constexpr const char* kRemedy = "train again";
 
 // The most frequent picture size, and how many others there are.
 std::string size_text(const Json& cameras) {
-  std::map<std::pair<int, int>, int> counts;
+  std::map<std::pair<double, double>, int> counts;
   for (const Json& camera : cameras) ++counts[{camera.at("width"), camera.at("height")}];
   if (counts.empty()) return "";
   const auto most =
@@ -35,11 +34,15 @@ std::string size_text(const Json& cameras) {
 }
 
 std::optional<SceneViews> views_of(const RunRow& row) {
+  const std::filesystem::path split_file = row.run->folder.split();
   try {
-    const Json split = parsed(row.run->folder.split());
-    return SceneViews{row.results.value("scene_hash", ""), split.at("train").size(),
-                      split.at("test").size(), size_text(parsed(row.run->folder.cameras()))};
-  } catch (const Json::exception&) {
+    const Json split = read_json_as(split_file, kRemedy);
+    const Json cameras = read_json_as(row.run->folder.cameras(), kRemedy);
+    return take_from_json(split_file, kRemedy, [&] {
+      return SceneViews{row.results.value("scene_hash", ""), split.at("train").size(),
+                        split.at("test").size(), size_text(cameras)};
+    });
+  } catch (const Error&) {
     return std::nullopt;
   }
 }

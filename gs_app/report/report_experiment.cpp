@@ -3,8 +3,6 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include <fstream>
-
 #include "gs_app/report/report_curves.h"
 #include "gs_app/report/report_page.h"
 #include "gs_core/error.h"
@@ -43,7 +41,8 @@ Json run_json(const fs::path& output, const Json& run, std::vector<std::string>&
 Json experiment_report(const fs::path& output) {
   const Json results = read_json(results_file(output));
   std::vector<std::string> notes;
-  try {
+  constexpr const char* kRemedy = "`gemsplat experiment FILE --gather` writes it again";
+  return take_from_json(results_file(output), kRemedy, [&] {
     Json report = {{"kind", "experiment"},
                    {"title", fs::path(results.at("experiment").get<std::string>()).stem().string()},
                    {"file", results.at("experiment")},
@@ -57,18 +56,13 @@ Json experiment_report(const fs::path& output) {
       report["runs"].push_back(run_json(output, run, notes));
     report["notes"] = notes;
     return report;
-  } catch (const Json::exception& error) {
-    throw Error(
-        fmt::format("{} is damaged or of another version ({}); `gemsplat experiment FILE --gather` "
-                    "writes it again",
-                    results_file(output).string(), error.what()));
-  }
+  });
 }
 
 bool holds_experiment(const fs::path& output) {
-  std::ifstream file(results_file(output));
-  const Json json = Json::parse(file, nullptr, false);
-  return json.is_object() && json.contains("experiment");
+  std::error_code ignored;
+  if (!fs::is_regular_file(results_file(output), ignored)) return false;
+  return read_json(results_file(output)).contains("experiment");
 }
 
 void keep_experiment_report(const fs::path& output) {

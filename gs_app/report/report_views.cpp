@@ -90,8 +90,10 @@ Json report_views(const RunFolder& folder, int step, std::vector<std::string>& n
   Json list = Json::array();
   for (const std::string& name : names) {
     Json view = {{"name", name}};
-    if (per_view.contains(split) && per_view[split].contains(name))
-      view.update(per_view[split][name]);
+    take_from_json(folder.per_view(), "evaluate the run again with `gemsplat eval`", [&] {
+      if (per_view.contains(split) && per_view.at(split).contains(name))
+        view.update(per_view.at(split).at(name));
+    });
     list.push_back(std::move(view));
   }
   std::size_t bytes = 0, missing = 0;

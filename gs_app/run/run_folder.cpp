@@ -6,7 +6,6 @@
 #include <charconv>
 #include <fstream>
 #include <iterator>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/cameras/camera_file.h"
 #include "data_loaders/colmap/world_offset.h"
@@ -15,6 +14,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
+#include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
 
 namespace gs {
@@ -136,13 +136,10 @@ void write_run_description(const RunFolder& folder, const Config& config, const 
 }
 
 std::vector<std::string> split_names(const RunFolder& folder, const std::string& split) {
-  std::ifstream file(folder.split());
-  try {
-    return nlohmann::json::parse(file).at(split).get<std::vector<std::string>>();
-  } catch (const nlohmann::json::exception&) {
-    throw Error("cannot read the " + split + " views from " + folder.split().string() +
-                ": the file is missing or damaged; leave --split out, or give --data SCENE");
-  }
+  constexpr const char* kRemedy = "leave --split out, or give --data SCENE";
+  const auto json = read_json_as(folder.split(), kRemedy);
+  return take_from_json(folder.split(), kRemedy,
+                        [&] { return json.at(split).get<std::vector<std::string>>(); });
 }
 
 bool holds_text(const fs::path& path, std::string_view text) {

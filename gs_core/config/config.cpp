@@ -3,7 +3,7 @@
 // it.
 #include "gs_core/config/config.h"
 
-#include <toml++/toml.h>
+#include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
 #include <array>
@@ -14,7 +14,9 @@
 #include "gs_core/config/config_source.h"
 #include "gs_core/config/config_text.h"
 #include "gs_core/config/nearest_word.h"
+#include "gs_core/config/read_toml.h"
 #include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 
 namespace gs {
 namespace {
@@ -30,8 +32,18 @@ std::string text_of(const toml::node& node) {
 // `where` is "file:line: " or empty.
 [[noreturn]] void refuse(std::string_view where, std::string_view key, std::string_view value,
                          const std::string& must) {
-  throw UsageError(std::string(where) + std::string(key) + " = " + std::string(value) +
+  throw UsageError(std::string(where) + std::string(key) + " = " + shown_word(value) +
                    " cannot be used: it must be " + must);
+}
+
+// What a number or word must be. The largest float is named only to a number beyond it.
+template <class T>
+std::string range_for(const T& value, const Limits& limits) {
+  if constexpr (std::is_arithmetic_v<T>) {
+    if (limits.high >= limits::kLargestFloat && double(value) > limits.high)
+      return fmt::format("at most {:.3g}", limits.high);
+  }
+  return limits.text();
 }
 
 // ---- one value from TOML
@@ -102,7 +114,8 @@ void assign(const Field<T>& field, const toml::node& node, std::string_view wher
   }
   const auto value = value_of<typename Wide<T>::type>(node);
   if (!value) refuse(where, field.key, text_of(node), kTypeName<T>);
-  if (!fits(*value, field.limits)) refuse(where, field.key, text_of(node), field.limits.text());
+  if (!fits(*value, field.limits))
+    refuse(where, field.key, text_of(node), range_for(*value, field.limits));
   if constexpr (std::is_same_v<T, std::vector<int>>) {
     field.value.assign(value->begin(), value->end());
   } else if constexpr (std::is_enum_v<T>) {
@@ -150,13 +163,14 @@ std::string place_of(const ConfigSource& source, const toml::node& node) {
   return source.shown + ":" + std::to_string(node.source().begin.line);
 }
 
-toml::table parse(const ConfigSource& source) {
-  try {
-    return toml::parse(source.text, source.shown);
-  } catch (const toml::parse_error& error) {
-    throw UsageError(source.shown + ":" + std::to_string(error.source().begin.line) + ": " +
-                     std::string(error.description()) + "; the file must be TOML");
-  }
+// A table without settings is checked, too: `[trian]` may be a slip of the pen.
+void check_section(const std::string& section, std::string_view where) {
+  bool found = false;
+  Config config;
+  visit_fields(config, [&](const auto& field) {
+    found |= std::string_view(field.key).starts_with(section + ".");
+  });
+  if (!found) refuse_key(where, section);
 }
 
 void merge_section(Config& config, const ConfigSource& source, const std::string& section,
@@ -173,7 +187,7 @@ void merge_section(Config& config, const ConfigSource& source, const std::string
 // `chain` holds the files whose base is being read.
 void merge(Config& config, const std::string& name, ConfigChain& chain, SettingOrigins& origins) {
   chain.push_back(open_config(name, chain));
-  const toml::table root = parse(chain.back());
+  const toml::table root = parse_toml(chain.back().text, chain.back().shown);
   if (const toml::node* base = root.get("base")) {
     const auto base_name = base->value_exact<std::string>();
     if (!base_name)
@@ -186,7 +200,9 @@ void merge(Config& config, const std::string& name, ConfigChain& chain, SettingO
   for (const auto& [section_key, section] : root) {
     const std::string section_name = with_underscores(std::string(section_key.str()));
     if (section_name == "base") continue;
-    if (!section.is_table()) refuse_key(place_of(source, section) + ": ", section_name);
+    const std::string where = place_of(source, section) + ": ";
+    if (!section.is_table()) refuse_key(where, section_name);
+    if (section.as_table()->empty()) check_section(section_name, where);
     merge_section(config, source, section_name, *section.as_table(), origins);
   }
 }
@@ -196,8 +212,8 @@ toml::table parse_value(const std::string& text) {
   toml::table parsed;
   if (text.find('\n') == text.npos) {
     try {
-      parsed = toml::parse("value = " + text);
-    } catch (const toml::parse_error&) {
+      parsed = parse_toml("value = " + text, "");
+    } catch (const UsageError&) {
     }
   }
   if (!parsed.contains("value")) parsed.insert_or_assign("value", text);
@@ -211,7 +227,7 @@ void refuse_key(std::string_view where, const std::string& key) {
   Config config;
   visit_fields(config, [&](const auto& field) { known.emplace_back(field.key); });
   const std::string nearest = nearest_word(key, known);
-  throw UsageError(std::string(where) + "there is no setting " + key + "; " +
+  throw UsageError(std::string(where) + "there is no setting " + shown_word(key) + "; " +
                    (nearest.empty() ? "`gemsplat train --print-config` lists all of them"
                                     : "did you mean " + nearest + "?"));
 }
@@ -256,7 +272,8 @@ void validate(const Config& config, const SettingOrigins& origins) {
   };
   visit_fields(config, [&](const auto& field) {
     if (!fits(field.value, field.limits))
-      refuse(where(field.key), field.key, toml_text(field.value), field.limits.text());
+      refuse(where(field.key), field.key, toml_text(field.value),
+             range_for(field.value, field.limits));
   });
   const auto require = [&](bool holds, std::string_view key, const auto& value,
                            const std::string& must) {

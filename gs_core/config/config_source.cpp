@@ -4,12 +4,11 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
 #include <optional>
 
 #include "gs_core/config/config_presets.h"
 #include "gs_core/config/nearest_word.h"
+#include "gs_core/config/read_toml.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -63,14 +62,15 @@ std::string as_base_of(const ConfigChain& chain, const std::string& name) {
 }
 
 ConfigSource read_file(const fs::path& file, const ConfigChain& chain) {
-  std::ifstream stream(file, std::ios::binary);
-  ConfigSource source{file.string(), fs::weakly_canonical(file).string(), file.parent_path(), {}};
-  source.text.assign(std::istreambuf_iterator<char>(stream), {});
-  if (!stream)
-    throw Error(
-        fmt::format("cannot read the config file {}{}: it must be a text file that you may read",
-                    file.string(), as_base_of(chain, file.string())));
-  return source;
+  try {
+    std::error_code error;  // of a pipe of the shell, whose name leads nowhere
+    const fs::path canonical = fs::weakly_canonical(file, error);
+    return {file.string(), (error ? file : canonical).string(), file.parent_path(),
+            read_toml_text(file)};
+  } catch (const Error& error) {
+    throw Error(fmt::format("{}; a config{} is a text file that you may read", error.what(),
+                            as_base_of(chain, file.string())));
+  }
 }
 
 }  // namespace

@@ -29,6 +29,8 @@ int edit_distance(std::string_view a, std::string_view b) {
 }
 
 std::string nearest_word(std::string_view word, const std::vector<std::string>& known) {
+  constexpr std::size_t kLongest = 200;  // letters; a longer word is no slip of the pen
+  if (word.size() > kLongest) return "";
   // A third of the letters may be wrong (two in short words), and a wrong section costs as much as
   // one.
   const auto allowed = [](std::string_view text) { return std::max(2, int(text.size()) / 3); };

@@ -1,13 +1,71 @@
 // SPDX-License-Identifier: Apache-2.0
-// JSON files beside models, in runs and experiments.
+// The one way in which JSON is read: from files beside models, of runs, scenes and cameras. Whatever
+// a file holds, it ends in a value or in an Error that names the file; no exception of nlohmann-json
+// leaves this header's functions.
+//
+// Before a text is parsed, it is measured: how deep it nests (destructors and users recurse), how
+// much memory the values take (`{}` takes 30 times its bytes), and how long the search for equal keys
+// takes (an ordered object compares each key with all before it).
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
 
 namespace gs {
 
-/// A JSON file of a run or an experiment. Throws Error if it cannot be read or is not an object.
-nlohmann::ordered_json read_json(const std::filesystem::path& file);
+inline constexpr std::uint64_t kLargestJson = std::uint64_t(128) << 20;  // bytes, 100,000 cameras
+inline constexpr int kDeepestJson = 64;                                  // real files nest below 10
+
+/// Throws Error for a text that nests too deep or would take too much memory or time. `remedy` ends
+/// each message: "write it again".
+void measure_json(const std::filesystem::path& path, std::string_view text,
+                  std::string_view remedy);
+
+namespace detail {
+[[noreturn]] void no_json(const std::filesystem::path& path, std::size_t byte,
+                          std::string_view remedy);
+[[noreturn]] void no_number(const std::filesystem::path& path, std::string_view remedy);
+[[noreturn]] void other_form(const std::filesystem::path& path, const char* what,
+                             std::string_view remedy);
+}  // namespace detail
+
+/// The value of a text that stands in the file `path`.
+template <class Json = nlohmann::ordered_json>
+Json parse_json(const std::filesystem::path& path, std::string_view text, std::string_view remedy) {
+  measure_json(path, text, remedy);
+  try {
+    return Json::parse(text.begin(), text.end());
+  } catch (const typename Json::parse_error& error) {
+    detail::no_json(path, error.byte, remedy);
+  } catch (const typename Json::exception&) {
+    detail::no_number(path, remedy);
+  }
+}
+
+/// The bytes of a JSON file of at most kLargestJson bytes.
+std::string read_json_text(const std::filesystem::path& path);
+
+/// The value in a file.
+template <class Json = nlohmann::ordered_json>
+Json read_json_as(const std::filesystem::path& path, std::string_view remedy) {
+  return parse_json<Json>(path, read_json_text(path), remedy);
+}
+
+/// The object in a file of a run or an experiment.
+nlohmann::ordered_json read_json(const std::filesystem::path& path);
+
+/// Calls take(), which takes values out of what `path` held, and returns its result. A value that is
+/// missing or of another type becomes an Error.
+template <class Take>
+auto take_from_json(const std::filesystem::path& path, std::string_view remedy, Take&& take) {
+  try {
+    return take();
+  } catch (const nlohmann::json::exception& error) {
+    detail::other_form(path, error.what(), remedy);
+  }
+}
 
 }  // namespace gs

@@ -21,6 +21,7 @@ namespace {
 [[maybe_unused]] constexpr int kGzip = 15 + 16;  // zlib: a window of 2^15 bytes, gzip's header
 [[maybe_unused]] constexpr int kZstdLevel = 12;  // higher ones are slower and hardly smaller
 [[maybe_unused]] constexpr std::size_t kMostUnpacked = 1032;  // bytes from one, by deflate
+[[maybe_unused]] constexpr std::size_t kFirstUnpacked = std::size_t(1) << 20;  // bytes
 [[maybe_unused]] constexpr std::size_t kZlibRoom = std::size_t(1) << 30;  // zlib counts in 32 bits
 
 [[maybe_unused]] [[noreturn]] void fail_without(const char* library, const char* package) {
@@ -72,12 +73,19 @@ std::string gunzip(const std::filesystem::path& path, std::string_view compresse
   if (bytes / kMostUnpacked > compressed.size()) damaged(path);
   z_stream stream{};
   GS_CHECK(inflateInit2(&stream, kGzip) == Z_OK);
-  std::string unpacked(bytes, '\0');
+  const struct End {  // also where memory runs out
+    z_stream& stream;
+    ~End() { inflateEnd(&stream); }
+  } end{stream};
+  std::string unpacked;
   std::size_t taken = 0, done = 0;
   int state = Z_OK;
   while (state == Z_OK && done < bytes) {
+    // It grows with what the file really holds: a short file may promise anything.
+    if (done == unpacked.size())
+      unpacked.resize(std::min(bytes, std::max(kFirstUnpacked, 2 * done)));
     const std::size_t some = std::min(kZlibRoom, compressed.size() - taken);
-    const std::size_t room = std::min(kZlibRoom, bytes - done);
+    const std::size_t room = std::min(kZlibRoom, unpacked.size() - done);
     stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(compressed.data() + taken));
     stream.avail_in = uInt(some);
     stream.next_out = reinterpret_cast<Bytef*>(unpacked.data() + done);
@@ -94,7 +102,6 @@ std::string gunzip(const std::filesystem::path& path, std::string_view compresse
     stream.avail_out = sizeof beyond;
     state = inflate(&stream, Z_FINISH);
   }
-  inflateEnd(&stream);
   if (done < bytes || state == Z_DATA_ERROR || (is_whole && state != Z_STREAM_END)) damaged(path);
   return unpacked;
 }
@@ -129,6 +136,9 @@ std::string unpack_zstd(const std::filesystem::path& path, std::string_view comp
       ZSTD_getFrameContentSize(compressed.data(), compressed.size());
   if (promised == ZSTD_CONTENTSIZE_ERROR ||
       (promised != ZSTD_CONTENTSIZE_UNKNOWN && promised != bytes))
+    damaged(path);
+  // A frame that is cut short is refused before memory is asked for.
+  if (ZSTD_isError(ZSTD_findFrameCompressedSize(compressed.data(), compressed.size())))
     damaged(path);
   std::string unpacked(bytes, '\0');
   const std::size_t size =

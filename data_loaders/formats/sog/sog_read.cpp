@@ -2,7 +2,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/formats/coding/count_check.h"
 #include "data_loaders/formats/coding/finite_rows.h"
@@ -11,7 +10,9 @@
 #include "data_loaders/formats/sog/sog_layout.h"
 #include "data_loaders/formats/sog/webp.h"
 #include "data_loaders/formats/sog/zip_file.h"
+#include "gs_core/foreign_text.h"
 #include "gs_core/io/byte_reader.h"
+#include "gs_core/io/read_json.h"
 
 namespace gs {
 namespace {
@@ -26,9 +27,8 @@ class Sog {
       : path_(path), entries_(zip_entries(path, bytes)), file_bytes_(bytes.size()) {
     const auto entry = entries_.find("meta.json");
     if (entry == entries_.end()) fail("lacks meta.json");
-    meta_ = Json::parse(entry->second, nullptr, false);
-    if (meta_.is_discarded() || !meta_.is_object())
-      fail("has a meta.json that is not a JSON object");
+    meta_ = parse_json<Json>(path / "meta.json", entry->second, "export the file again");
+    if (!meta_.is_object()) fail("has a meta.json that is not a JSON object");
     if (number(meta_, "version", 1000) != kSogVersion)
       cannot_read(path_, "it is a .sog of a version other than 2; export it again as version 2");
     count_ = number(meta_, "count", std::uint32_t(-1));
@@ -70,10 +70,11 @@ class Sog {
       fail("names too few files");
     const std::string name = (*files)[index].get<std::string>();
     const auto entry = entries_.find(name);
-    if (entry == entries_.end()) fail("lacks " + name);
+    if (entry == entries_.end()) fail("lacks " + shown_word(name));
     constexpr std::size_t kPadding = 4096;  // pixels allowed beyond twice the count
     Image8 picture = read_webp(path_, name, entry->second, 2 * pixels + kPadding);
-    if (picture.pixels.size() < 4 * pixels) fail(fmt::format("has too small a picture {}", name));
+    if (picture.pixels.size() < 4 * pixels)
+      fail(fmt::format("has too small a picture {}", shown_word(name)));
     return picture;
   }
   [[noreturn]] void fail(const std::string& what) const {
@@ -90,14 +91,24 @@ class Sog {
 
 const std::uint8_t* pixel(const Image8& picture, std::size_t i) { return &picture.pixels[4 * i]; }
 
-void read_means(const Sog& sog, const Gaussians& g) {
+/// Positions as two pictures, of the lower and the upper bytes.
+struct MeansPictures {
+  Image8 lower, upper;
+};
+
+MeansPictures means_pictures(const Sog& sog) {
+  if (sog.count() == 0) return {};
+  const Json& means = sog.section("means");
+  return {sog.picture(means, 0, sog.count()), sog.picture(means, 1, sog.count())};
+}
+
+void read_means(const Sog& sog, const MeansPictures& pictures, const Gaussians& g) {
   const Json& means = sog.section("means");
   const std::vector<float> low = sog.numbers(means, "mins", 3),
                            high = sog.numbers(means, "maxs", 3);
-  const Image8 lower = sog.picture(means, 0, g.count()), upper = sog.picture(means, 1, g.count());
   for (std::size_t i = 0; i < g.count(); ++i)
     for (int axis = 0; axis < 3; ++axis) {
-      const int word = pixel(lower, i)[axis] | pixel(upper, i)[axis] << 8;
+      const int word = pixel(pictures.lower, i)[axis] | pixel(pictures.upper, i)[axis] << 8;
       g.mean[i][axis] = sog_exp(low[axis] + (high[axis] - low[axis]) * (float(word) / 65535));
     }
 }
@@ -150,13 +161,17 @@ int read_sh(const Sog& sog, const Gaussians& g) {
 GaussianModel read_sog(const std::filesystem::path& path) {
   ByteReader reader(path);
   const std::size_t size = reader.size();
-  const Sog sog(path, {reinterpret_cast<const char*>(reader.take(size)), size});
+  if (size >= 2 && std::string_view(reinterpret_cast<const char*>(reader.peek(2)), 2) != "PK")
+    cannot_read(path, "it is no zip archive, which a .sog is; check what it is");
+  const std::string_view bytes(reinterpret_cast<const char*>(reader.take(size)), size);
+  const Sog sog(path, bytes);
+  const MeansPictures means = means_pictures(sog);  // fails before memory for Gaussians is taken
   GaussianModel model{Gaussians(sog.count(), host_memory()), 0, sog.is_ours(),
                       sog.is_antialiased()};
   const Gaussians& g = model.gaussians;
   model.gaussians.sh_rest.fill_zero();
   if (sog.count() == 0) return model;
-  read_means(sog, g);
+  read_means(sog, means, g);
   read_rotations(sog, g);
   read_coded(sog, "scales", g.log_scale);
   const Image8 sh0 = read_coded(sog, "sh0", g.sh0);

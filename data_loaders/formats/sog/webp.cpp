@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 #include "gs_core/io/byte_reader.h"
 
 #ifdef GS_HAVE_WEBP
@@ -59,11 +60,12 @@ Image8 read_webp(const std::filesystem::path& path, const std::string& entry,
   if (!is_webp || width <= 0 || height <= 0 || std::size_t(width) * height > most_pixels)
     cannot_read(path, fmt::format("{} in it is not a WebP picture of the right size; the file is "
                                   "damaged, export it again",
-                                  entry));
+                                  shown_word(entry)));
   Image8 picture(width, height, 4);
   if (!WebPDecodeRGBAInto(data, bytes.size(), picture.pixels.data(), picture.pixels.size(),
                           4 * width))
-    cannot_read(path, fmt::format("the picture {} in it is damaged; export it again", entry));
+    cannot_read(path,
+                fmt::format("the picture {} in it is damaged; export it again", shown_word(entry)));
   return picture;
 }
 

@@ -7,6 +7,7 @@
 
 #include "data_loaders/formats/coding/little_endian.h"
 #include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 #include "gs_core/io/byte_reader.h"
 
 namespace gs {
@@ -135,11 +136,12 @@ std::map<std::string, std::string_view> zip_entries(const std::filesystem::path&
     const auto central = archive.load<CentralHeader>(at);
     const EntryFields& fields = central.fields;
     const std::string name(archive.part(at + sizeof central, fields.name_bytes));
+    const std::string shown = shown_word(name);
     at += sizeof central + fields.name_bytes + fields.extra_bytes + central.comment_bytes;
     if (fields.method != 0 || fields.flags & kEncrypted)
       cannot_read(path, fmt::format("{} in it is compressed or encrypted, but .sog stores its "
                                     "files as they are; export it again",
-                                    name));
+                                    shown));
     const auto local = archive.load<LocalHeader>(central.local_offset);
     const std::string_view content =
         archive.part(std::uint64_t(central.local_offset) + sizeof local + local.fields.name_bytes +
@@ -150,7 +152,7 @@ std::map<std::string, std::string_view> zip_entries(const std::filesystem::path&
     if (crc32_of(content) != fields.crc)
       cannot_read(path, fmt::format("the checksum of {} in it does not match; the file is damaged, "
                                     "copy or export it again",
-                                    name));
+                                    shown));
     entries[name] = content;
   }
   return entries;

@@ -21,17 +21,29 @@ namespace {
 using Path = std::filesystem::path;
 using Arrays = std::array<std::string, kSpzArrays>;
 
+[[noreturn]] void fail_as_no_spz(const Path& path) {
+  cannot_read(path,
+              "this is not an .spz file: it begins neither with \"NGSP\" nor as gzip files do; "
+              "check what it is");
+}
+
+// Looks at the first bytes before the whole file is read.
+void check_magic(ByteReader& reader) {
+  constexpr std::string_view kGzipMagic = "\x1F\x8B";
+  if (reader.size() < sizeof(std::uint32_t)) return;  // too short for either
+  const char* const first = reinterpret_cast<const char*>(reader.peek(sizeof(std::uint32_t)));
+  if (std::string_view(first, kGzipMagic.size()) != kGzipMagic &&
+      load_little<std::uint32_t>(first) != kSpzMagic)
+    fail_as_no_spz(reader.path());
+}
+
 void check_header(const SpzHeader& header, const Path& path, std::uint64_t file_bytes) {
-  if (header.magic != kSpzMagic)
-    cannot_read(path,
-                "this is not an .spz file: it begins neither with \"NGSP\" nor as gzip files do; "
-                "check what it is");
+  if (header.magic != kSpzMagic) fail_as_no_spz(path);
   if (header.version < 2 || header.version > 4)
-    cannot_read(
-        path,
-        fmt::format(
-            "it is an .spz of version {}, but gemsplat reads 2 to 4; export it again as version 3",
-            header.version));
+    cannot_read(path,
+                fmt::format("it is an .spz of version {}, but gemsplat reads 2 to 4; export it "
+                            "again as version 3",
+                            header.version));
   if (header.sh_degree > kSpzMaxDegree)
     cannot_read(
         path,
@@ -51,7 +63,8 @@ Arrays unpack_gzip(const Path& path, std::string_view file, SpzHeader& header) {
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   std::size_t total = kSpzHeaderBytes;
   for (const std::size_t bytes : row_bytes) total += bytes * header.count;
-  const std::string all = gunzip(path, file, total, true);
+  const std::string all =
+      gunzip(path, file, total, true);  // checked to its end before more is done
   Arrays arrays;
   std::size_t at = kSpzHeaderBytes;
   for (std::size_t s = 0; s < kSpzArrays; at += row_bytes[s++] * header.count)
@@ -140,6 +153,7 @@ void unpack_row(const SpzHeader& header, const Arrays& arrays, const Gaussians& 
 
 GaussianModel read_spz(const std::filesystem::path& path) {
   ByteReader reader(path);
+  check_magic(reader);
   const std::string_view file(reinterpret_cast<const char*>(reader.take(reader.size())),
                               reader.size());
   SpzHeader header;

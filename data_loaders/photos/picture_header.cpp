@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+// One function for each format; the first bytes of a file choose among them, never its name.
+#include "data_loaders/photos/picture_header.h"
+
+#include <fcntl.h>
+#include <spdlog/fmt/fmt.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <string_view>
+
+#include "data_loaders/photos/photo_codec.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Memory that any picture may take, and bytes of memory for each byte of a larger one. A photo of 45
+// million pixels as a progressive JPEG of poor quality takes 400 MiB, 90 for each of its bytes.
+constexpr double kAlwaysAllowed = double(256 << 20), kMemoryPerByte = 200;
+constexpr double kMostPixels = double(1 << 29);  // more is a damaged header
+// Usual progressive JPEGs have 10 scans, and each takes the time of a whole decode.
+constexpr std::uint64_t kUsualScans = 24, kMostScans = 100;
+constexpr double kMostScannedPixels = double(1 << 30);
+constexpr std::uint64_t kMostPackedTexts = 16;  // of a PNG, up to 8 MB each
+constexpr std::size_t kSearched = 1 << 16;      // bytes at the start in which boxes are looked for
+
+/// Reads parts of a regular file; what lies behind its end is missing.
+class File {
+ public:
+  explicit File(const fs::path& path) : path_(path) {
+    // Without O_NONBLOCK, opening a FIFO waits for its writer.
+    descriptor_ = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    if (descriptor_ < 0) cannot_read_photo(path, std::strerror(errno));
+    struct stat status {};
+    if (::fstat(descriptor_, &status) == 0 && S_ISREG(status.st_mode)) {
+      size_ = std::uint64_t(status.st_size);
+      return;
+    }
+    ::close(descriptor_);
+    cannot_read_photo(path, "it is not a regular file");
+  }
+  ~File() { ::close(descriptor_); }
+  File(const File&) = delete;
+  File& operator=(const File&) = delete;
+
+  std::uint64_t size() const { return size_; }
+  std::string bytes(std::uint64_t offset, std::size_t count) const {
+    std::string result(std::size_t(std::min<std::uint64_t>(count, size_ - std::min(offset, size_))),
+                       '\0');
+    std::size_t done = 0;
+    while (done < result.size()) {
+      const ssize_t got =
+          ::pread(descriptor_, result.data() + done, result.size() - done, off_t(offset + done));
+      if (got < 0 && errno == EINTR) continue;
+      if (got < 0) cannot_read_photo(path_, std::strerror(errno));
+      if (got == 0) break;  // it became shorter meanwhile
+      done += std::size_t(got);
+    }
+    result.resize(done);
+    return result;
+  }
+
+ private:
+  const fs::path& path_;
+  int descriptor_ = -1;
+  std::uint64_t size_ = 0;
+};
+
+/// A number of `count` bytes; 0 where the bytes end before it.
+std::uint64_t big(std::string_view bytes, std::size_t at, std::size_t count) {
+  std::uint64_t value = 0;
+  if (at > bytes.size() || count > bytes.size() - at) return 0;
+  for (std::size_t i = 0; i < count; ++i)
+    value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
+  return value;
+}
+std::uint64_t little(std::string_view bytes, std::size_t at, std::size_t count) {
+  std::uint64_t value = 0;
+  if (at > bytes.size() || count > bytes.size() - at) return 0;
+  for (std::size_t i = count; i-- > 0;)
+    value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
+  return value;
+}
+
+/// Walks over the markers of a JPEG (ITU-T T.81, B.1.1). In the data behind a start of scan, FF is
+/// followed by 00 or by a restart marker.
+class JpegWalk {
+ public:
+  JpegWalk(const File& file, PictureHeader& header) : file_(file), header_(header) {
+    std::uint64_t scans = 0;
+    for (int marker = next_marker(); marker > 0; marker = next_marker()) {
+      if (marker == kEndOfImage) break;
+      const std::string segment = file_.bytes(at_, kSegmentBytes);
+      at_ += std::max<std::uint64_t>(big(segment, 0, 2), 2);
+      if (is_frame(marker)) take_frame(marker, segment);
+      if (marker != kStartOfScan) continue;
+      const bool is_whole = big(segment, 2, 1) == components_;
+      if (++scans == 1 && is_whole && !is_progressive_) break;     // the only one
+      if (scans == 1) header_.bytes_per_pixel += 2 * components_;  // all coefficients are kept
+      if (scans > kMostScans) break;
+    }
+    header_.scans = std::max<std::uint64_t>(scans, 1);
+  }
+
+ private:
+  static constexpr int kStartOfScan = 0xDA, kEndOfImage = 0xD9;
+  static constexpr std::size_t kSegmentBytes = 16, kBlock = 1 << 16;
+
+  static bool is_frame(int marker) {
+    return marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
+  }
+  void take_frame(int marker, std::string_view segment) {
+    header_.height = big(segment, 3, 2);
+    header_.width = big(segment, 5, 2);
+    components_ = big(segment, 7, 1);
+    header_.bytes_per_pixel = std::max<std::uint64_t>(components_, 3);
+    is_progressive_ = (marker & 3) == 2;
+  }
+  /// The next marker that has a segment, or the end of the picture; 0 at the end of the file.
+  int next_marker() {
+    for (;;) {
+      if (at_ < block_at_ || at_ + 1 >= block_at_ + block_.size()) {
+        if (at_ + 1 >= file_.size()) return 0;
+        block_ = file_.bytes(block_at_ = at_, kBlock);
+        if (block_.size() < 2) return 0;
+      }
+      const std::string_view rest = std::string_view(block_).substr(at_ - block_at_);
+      const std::size_t mark = std::min(rest.find('\xFF'), rest.size() - 1);
+      at_ += mark;
+      if (rest[mark] != '\xFF') {
+        ++at_;
+      } else if (mark + 1 < rest.size()) {
+        const int marker = static_cast<unsigned char>(rest[mark + 1]);
+        at_ += marker == 0xFF ? 1 : 2;  // FF may be repeated
+        const bool stands_alone = marker <= 0x01 || (marker >= 0xD0 && marker <= 0xD8);
+        if (!stands_alone && marker != 0xFF) return marker;
+      }
+    }
+  }
+
+  const File& file_;
+  PictureHeader& header_;
+  std::uint64_t at_ = 2, components_ = 0, block_at_ = 0;
+  std::string block_;
+  bool is_progressive_ = false;
+};
+
+void read_png(const File& file, std::string_view start, PictureHeader& header) {
+  header.width = big(start, 16, 4);
+  header.height = big(start, 20, 4);
+  header.bytes_per_pixel = big(start, 24, 1) == 16 ? 8 : 4;
+  for (std::uint64_t at = 8; at < file.size() && header.packed_texts <= kMostPackedTexts;) {
+    const std::string chunk = file.bytes(at, 8);
+    const std::string_view kind =
+        std::string_view(chunk).substr(std::min<std::size_t>(4, chunk.size()));
+    if (kind == "IDAT" || kind.size() < 4) return;
+    header.packed_texts += kind == "zTXt" || kind == "iTXt" || kind == "iCCP";
+    at += 12 + big(chunk, 0, 4);
+  }
+}
+
+/// The largest value of one tag of the first directory, for the tags that tell a TIFF's size.
+void read_tiff(const File& file, std::string_view start, PictureHeader& header) {
+  const bool is_little = start[0] == 'I', is_large = start[is_little ? 2 : 3] == 43;
+  const auto number = [&](std::string_view bytes, std::size_t at, std::size_t count) {
+    return is_little ? little(bytes, at, count) : big(bytes, at, count);
+  };
+  const std::uint64_t directory = is_large ? number(start, 8, 8) : number(start, 4, 4);
+  const std::size_t count_bytes = is_large ? 8 : 2, entry_bytes = is_large ? 20 : 12;
+  const std::uint64_t entries =
+      std::min<std::uint64_t>(number(file.bytes(directory, count_bytes), 0, count_bytes), 4096);
+  const std::string table = file.bytes(directory + count_bytes, std::size_t(entries) * entry_bytes);
+  std::uint64_t tile_width = 0, tile_height = 0, samples = 1, bits = 8;
+  for (std::size_t at = 0; at + entry_bytes <= table.size(); at += entry_bytes) {
+    const std::uint64_t tag = number(table, at, 2), type = number(table, at + 2, 2);
+    const std::uint64_t many = number(table, at + 4, is_large ? 8 : 4);
+    const std::size_t value_bytes = type == 1 ? 1 : type == 3 ? 2 : type == 16 ? 8 : 4;
+    const std::uint64_t value = number(table, at + (is_large ? 12 : 8), value_bytes);
+    if (tag == 256) header.width = value;
+    if (tag == 257) header.height = value;
+    if (tag == 258) bits = many * value_bytes > (is_large ? 8 : 4) ? 32 : value;
+    if (tag == 277) samples = value;
+    if (tag == 322) tile_width = value;
+    if (tag == 323) tile_height = value;
+  }
+  header.width = std::max(header.width, tile_width);
+  header.height = std::max(header.height, tile_height);
+  header.bytes_per_pixel =
+      std::max<std::uint64_t>(samples, 1) * std::max<std::uint64_t>(bits / 8, 1) + 4;
+}
+
+void read_webp(std::string_view start, PictureHeader& header) {
+  const std::string_view kind = start.substr(12, 4);
+  header.bytes_per_pixel = 8;
+  if (kind == "VP8X") {
+    header.width = little(start, 24, 3) + 1;
+    header.height = little(start, 27, 3) + 1;
+  } else if (kind == "VP8L") {
+    const std::uint64_t packed = little(start, 21, 4);
+    header.width = (packed & 0x3FFF) + 1;
+    header.height = (packed >> 14 & 0x3FFF) + 1;
+  } else {
+    header.width = little(start, 26, 2) & 0x3FFF;
+    header.height = little(start, 28, 2) & 0x3FFF;
+  }
+}
+
+void read_bmp(std::string_view start, PictureHeader& header) {
+  const bool is_old = little(start, 14, 4) == 12;
+  const auto side = [&](std::size_t at) {  // the height is negative where rows go down
+    const auto value = std::int32_t(little(start, at, 4));
+    return std::uint64_t(value < 0 ? -std::int64_t(value) : std::int64_t(value));
+  };
+  header.width = is_old ? little(start, 18, 2) : side(18);
+  header.height = is_old ? little(start, 20, 2) : side(22);
+  header.bytes_per_pixel = 8;
+}
+
+/// The largest picture that an `ispe` box of a HEIF (ISO 23008-12) or AVIF names.
+void read_heif(std::string_view start, PictureHeader& header) {
+  header.bytes_per_pixel = 8;
+  for (std::size_t at = start.find("ispe"); at != start.npos; at = start.find("ispe", at + 4)) {
+    const std::uint64_t width = big(start, at + 8, 4), height = big(start, at + 12, 4);
+    if (double(width) * double(height) <= double(header.width) * double(header.height)) continue;
+    header.width = width;
+    header.height = height;
+  }
+}
+
+/// The SIZ marker of a JPEG 2000 codestream (ITU-T T.800, A.5.1).
+void read_jpeg_2000(std::string_view start, PictureHeader& header) {
+  const std::size_t at = start.find("\xFF\x4F\xFF\x51");
+  if (at == start.npos) return;
+  header.width = big(start, at + 8, 4);
+  header.height = big(start, at + 12, 4);
+  header.bytes_per_pixel = 4 * std::max<std::uint64_t>(big(start, at + 40, 2), 1) + 4;
+}
+
+}  // namespace
+
+PictureHeader read_picture_header(const fs::path& path) {
+  using namespace std::string_view_literals;
+  const File file(path);
+  PictureHeader header;
+  header.file_bytes = file.size();
+  const std::string first = file.bytes(0, 64);
+  const std::string_view start = first;
+  const auto long_start = [&] { return file.bytes(0, kSearched); };
+  if (start.starts_with("\xFF\xD8\xFF")) {
+    JpegWalk(file, header);
+  } else if (start.starts_with("\x89PNG\r\n\x1A\n")) {
+    read_png(file, start, header);
+  } else if (start.starts_with("GIF87a") || start.starts_with("GIF89a")) {
+    header.width = little(start, 6, 2);
+    header.height = little(start, 8, 2);
+    header.bytes_per_pixel = 8;
+    header.is_photo_format = false;
+  } else if (start.starts_with("II\x2A\0"sv) || start.starts_with("II\x2B\0"sv) ||
+             start.starts_with("MM\0\x2A"sv) || start.starts_with("MM\0\x2B"sv)) {
+    read_tiff(file, start, header);
+  } else if (start.starts_with("BM")) {
+    read_bmp(start, header);
+  } else if (start.starts_with("RIFF") && start.substr(8, 4) == "WEBP") {
+    read_webp(start, header);
+  } else if (start.size() > 12 && start.substr(4, 4) == "ftyp") {
+    read_heif(long_start(), header);
+  } else if (start.starts_with("\0\0\0\x0CjP"sv) || start.starts_with("\xFF\x4F\xFF\x51")) {
+    read_jpeg_2000(long_start(), header);
+  }
+  return header;
+}
+
+void check_picture(const fs::path& path, const PictureHeader& header) {
+  const double pixels = double(header.width) * double(header.height);
+  const auto says = [&] {
+    return fmt::format("its header says {} x {} pixels", header.width, header.height);
+  };
+  if (pixels > kMostPixels) cannot_read_photo(path, says());
+  const double memory = pixels * double(header.bytes_per_pixel);
+  const double allowed = header.is_photo_format ? kMemoryPerByte * double(header.file_bytes) : 0;
+  if (memory > std::max(allowed, kAlwaysAllowed))
+    cannot_read_photo(
+        path, fmt::format("{}, which take {:.0f} MiB of memory, in a file of {} bytes", says(),
+                          memory / (1 << 20), header.file_bytes));
+  const bool has_too_many_scans =
+      header.scans > kMostScans ||
+      (header.scans > kUsualScans && double(header.scans) * pixels > kMostScannedPixels);
+  if (has_too_many_scans)
+    cannot_read_photo(path, fmt::format("it is a progressive JPEG of {} scans or more, and photos "
+                                        "have about 10; save it again",
+                                        header.scans));
+  if (header.packed_texts > kMostPackedTexts)
+    cannot_read_photo(path, "it holds more compressed notes than pictures have");
+}
+
+}  // namespace gs

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_core/start_threads.h"
+
+#include <atomic>
+#include <exception>
+
+#include "gs_core/log.h"
+
+namespace gs {
+namespace {
+
+std::atomic<ThreadHook> thread_hook{nullptr};
+
+}  // namespace
+
+void start_threads(std::vector<std::thread>& threads, int count,
+                   const std::function<void()>& body) {
+  int started = 0;
+  try {
+    threads.reserve(threads.size() + std::size_t(count));  // a thread is never lost to bad_alloc
+    for (; started < count; ++started) {
+      if (const ThreadHook hook = thread_hook) hook();
+      threads.emplace_back(body);
+    }
+  } catch (const std::exception& error) {  // no thread, or no memory for one
+    log_warning("{} of {} threads could be started ({}): the work goes on, and takes longer",
+                started, count, error.what());
+  }
+}
+
+void set_thread_hook(ThreadHook hook) { thread_hook = hook; }
+
+}  // namespace gs

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// Small text files as one string, with a limit of their size.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+namespace gs {
+
+/// The bytes of a regular file that has at most `most_bytes`. A pipe that the shell made for this
+/// program (`-c <(...)`, /dev/stdin) is read, too; other pipes and devices are refused, since
+/// reading them may never end. Throws Error, which names the file.
+std::string read_text_file(const std::filesystem::path& path, std::uint64_t most_bytes);
+
+}  // namespace gs

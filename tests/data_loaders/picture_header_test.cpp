@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// Headers that promise more than a file can be worth, refused before a decoder opens the file.
+#include "data_loaders/photos/picture_header.h"
+
+#include <gmock/gmock.h>
+#include <sys/stat.h>
+
+#include "data_loaders/photos/photos.h"
+#include "gs_core/error.h"
+#include "tests/support/temp_folder.h"
+#include "tests/support/tiny_photos.h"
+
+namespace gs {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using namespace std::string_literals;
+
+class PictureHeaders : public ::testing::Test {
+ protected:
+  std::filesystem::path file() const { return folder_.path() / "photo.jpg"; }
+  PictureHeader header_of(const std::string& bytes) {
+    write_bytes(file(), bytes);
+    return read_picture_header(file());
+  }
+  /// What check_picture() says of these bytes; "" if nothing.
+  std::string refusal_of(const std::string& bytes) {
+    const PictureHeader header = header_of(bytes);
+    try {
+      check_picture(file(), header);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  }
+
+ private:
+  TempFolder folder_;
+};
+
+std::string two(unsigned value) { return {char(value >> 8), char(value)}; }
+
+/// A progressive JPEG of so many pixels and scans without data.
+std::string jpeg_of(unsigned width, unsigned height, int scans) {
+  std::string bytes = "\xFF\xD8\xFF\xC2"s + two(17) + "\x08" + two(height) + two(width) +
+                      "\x03\x01\x11\0\x02\x11\0\x03\x11\0"s;
+  for (int i = 0; i < scans; ++i) bytes += "\xFF\xDA"s + two(8) + "\x01\x01\0\0\0\0 data \xFF\0"s;
+  return bytes + "\xFF\xD9";
+}
+
+TEST_F(PictureHeaders, SmallPhotosAreReadAndAllowed) {
+  const std::string png(reinterpret_cast<const char*>(kGrayPng), sizeof kGrayPng);
+  EXPECT_EQ(header_of(png).width, 2u);
+  EXPECT_EQ(header_of(png).height, 1u);
+  EXPECT_EQ(refusal_of(png), "");
+  const std::string jpeg(reinterpret_cast<const char*>(kTurnedJpeg), sizeof kTurnedJpeg);
+  EXPECT_EQ(header_of(jpeg).width, 16u);
+  EXPECT_EQ(header_of(jpeg).height, 8u);
+  EXPECT_EQ(refusal_of(jpeg), "");
+}
+
+TEST_F(PictureHeaders, HugePicturesInTinyFilesAreRefused) {
+  const std::string gif = "GIF89a\xFF\xFF\xFF\xFF"s + std::string(80, '\0');
+  const std::string large_gif = "GIF89a\x00\x40\x00\x40"s + std::string(80, '\0');
+  const std::string webp = "RIFF\0\0\0\0WEBPVP8X\x0A\0\0\0\0\0\0\0\xFF\x3F\0\xFF\x3F\0"s;
+  const std::string tiff =
+      "II*\0\x08\0\0\0\x02\0\0\x01\x03\0\x01\0\0\0\xFF\xFF\0\0\x01\x01\x03\0\x01\0\0\0\xFF\xFF\0\0"s;
+  for (const std::string& bytes : {gif, large_gif, webp, tiff, jpeg_of(20'000, 20'000, 10)})
+    EXPECT_THAT(refusal_of(bytes), AllOf(HasSubstr("photo.jpg"), HasSubstr("its header says")));
+}
+
+TEST_F(PictureHeaders, AProgressiveJpegOfThousandsOfScansIsRefused) {
+  EXPECT_EQ(header_of(jpeg_of(100, 100, 10)).scans, 10u);
+  EXPECT_EQ(refusal_of(jpeg_of(100, 100, 10)), "");
+  EXPECT_THAT(refusal_of(jpeg_of(100, 100, 3000)), HasSubstr("scans"));
+}
+
+TEST_F(PictureHeaders, AFifoIsRefusedAtOnce) {
+  ASSERT_EQ(mkfifo(file().c_str(), 0600), 0);
+  EXPECT_THROW(read_picture_header(file()), Error);
+  EXPECT_THROW(read_photo_size(file()), Error);
+}
+
+}  // namespace
+}  // namespace gs
