@@ -79,9 +79,9 @@ std::optional<SceneState> read_state(const SceneFiles& files) {
       return state;
     });
   } catch (const Error&) {
-    throw UsageError(
-        fmt::format("{} is damaged, or not of gemsplat reconstruct, so the folder is left alone; {}",
-                    files.state().string(), kRemedy));
+    throw UsageError(fmt::format(
+        "{} is damaged, or not of gemsplat reconstruct, so the folder is left alone; {}",
+        files.state().string(), kRemedy));
   }
 }
 

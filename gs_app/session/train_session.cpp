@@ -301,8 +301,8 @@ std::string TrainSession::what_is_kept(ExitCode code) const {
   if (fs::exists(folder_->ply(last)))
     text += fmt::format("; the model is in {}", folder_->ply(last).string());
   if (const auto kept = checkpoints_in(folder_->checkpoints()); !kept.empty())
-    text += fmt::format("; the checkpoint of step {} is in {}: go on with --resume{}",
-                        kept[0].step, kept[0].file.string(),
+    text += fmt::format("; the checkpoint of step {} is in {}: go on with --resume{}", kept[0].step,
+                        kept[0].file.string(),
                         code == ExitCode::out_of_memory
                             ? " and a lower --max-gaussians, or on another machine"
                             : "");

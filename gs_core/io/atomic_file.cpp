@@ -202,9 +202,9 @@ int AtomicFile::give_name() {
   if (temporary_.empty()) {
     int error = name_file(::fileno(file_), path_);
     if (error != EEXIST) return error;
-    error = with_temporary_name(
-        path_, ".tmp", temporary_,
-        [&](const std::filesystem::path& name) { return name_file(::fileno(file_), name); });
+    error = with_temporary_name(path_, ".tmp", temporary_, [&](const std::filesystem::path& name) {
+      return name_file(::fileno(file_), name);
+    });
     if (error) return error;
   }
   return std::rename(temporary_.c_str(), path_.c_str()) == 0 ? 0 : errno;

@@ -247,7 +247,8 @@ TEST_F(Session, AFullDiskAtASaveStepCostsThatModelAndIsSaidAgainAtTheEnd) {
   EXPECT_TRUE(fs::exists(ply("out", 12)));
   EXPECT_TRUE(fs::exists(ply("out")));
   EXPECT_THAT(log, HasSubstr("the model of step 8 could not be written"));
-  EXPECT_THAT(log.substr(log.find("now it is evaluated")), HasSubstr("the model of step 8 is missing"));
+  EXPECT_THAT(log.substr(log.find("now it is evaluated")),
+              HasSubstr("the model of step 8 is missing"));
 }
 
 TEST_F(Session, RowsWithoutAPlaceOnTheDiskComeWithALaterOne) {
