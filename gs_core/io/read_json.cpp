@@ -92,7 +92,8 @@ void detail::no_json(const std::filesystem::path& path, std::size_t byte, std::s
 }
 
 void detail::no_number(const std::filesystem::path& path, std::string_view remedy) {
-  cannot_read(path, fmt::format("it holds a number that is not finite; correct it or {}", remedy));
+  cannot_read(path,
+              fmt::format("its JSON holds a number that is not finite; correct it or {}", remedy));
 }
 
 void detail::other_form(const std::filesystem::path& path, const char* what,

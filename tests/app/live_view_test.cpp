@@ -109,7 +109,8 @@ class LiveRun : public ::testing::Test {
   RunFolder folder_{temp_.path()};
   ProgressObserver progress_{250, false};
   EvaluationObserver evaluations_{progress_};
-  MetricsObserver metrics_{folder_, evaluations_};
+  LostWrites lost_;
+  MetricsObserver metrics_{folder_, evaluations_, lost_};
 };
 
 TEST_F(LiveRun, IsNotCopiedWhileNoPagePolls) {
