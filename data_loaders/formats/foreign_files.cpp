@@ -65,9 +65,10 @@ std::string foreign_kind(const fs::path& path) {
   std::error_code ignored;
   if (fs::is_directory(path, ignored))
     return fs::exists(path / "meta.json", ignored) ? sog_folder(path) : "";
+  if (!fs::is_regular_file(path, ignored)) return "";  // to open a FIFO would wait for its writer
   std::ifstream file(path, std::ios::binary);
   char first[4] = {};
-  if (!file || !fs::is_regular_file(path, ignored)) return "";
+  if (!file) return "";
   file.read(first, sizeof first);
   const std::string_view beginning(first, std::size_t(file.gcount()));
   if (beginning.starts_with("ply")) return "";

@@ -21,6 +21,8 @@ namespace {
 namespace fs = std::filesystem;
 
 void add_file(Fnv1a& hash, const fs::path& file) {
+  std::error_code ignored;
+  if (!fs::is_regular_file(file, ignored)) return;  // to open a FIFO would wait for its writer
   std::ifstream stream(file, std::ios::binary);
   std::array<char, 1 << 16> block;
   while (stream.read(block.data(), block.size()), stream.gcount() > 0)
@@ -47,10 +49,11 @@ std::vector<fs::path> model_files(const fs::path& folder) {
 constexpr std::uint64_t kSampleBytes = 1 << 14;
 
 std::uint64_t photo_hash(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
   std::error_code error;
-  const std::uint64_t bytes = fs::file_size(file, error);
-  if (!stream || error) return 0;
+  const std::uint64_t bytes = fs::file_size(file, error);  // an error for what is no regular file
+  if (error) return 0;
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) return 0;
   Fnv1a hash;
   hash.add(fmt::format("{}\n", bytes));
   std::vector<char> sample(std::min(bytes, kSampleBytes));

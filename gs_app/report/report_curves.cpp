@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <map>
+#include <sstream>
 
 #include "gs_app/run/csv.h"
 #include "gs_core/error.h"
@@ -38,7 +38,7 @@ struct Table {
 
 Table read_table(const std::filesystem::path& path) {
   Table table;
-  std::ifstream file(path);
+  std::istringstream file(csv_text(path));
   std::string line;
   if (!std::getline(file, line)) return table;
   table.header = csv_cells(line);

@@ -3,9 +3,6 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include <fstream>
-#include <iterator>
-
 #include "data_loaders/formats/ply/ply.h"
 #include "gs_app/report/report_curves.h"
 #include "gs_app/report/report_histograms.h"
@@ -15,6 +12,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
+#include "gs_core/text_file.h"
 
 namespace gs {
 namespace {
@@ -34,19 +32,18 @@ Json changed_settings(const Config& config) {
   return changed;
 }
 
-std::string text_of(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return std::string(std::istreambuf_iterator<char>(file), {});
-}
-
 // A config of another version may have settings that this one does not know. Its text is shown in
 // any case.
 void add_config(const RunFolder& folder, Json& report, std::vector<std::string>& notes) {
-  report["config"] = text_of(folder.config());
+  constexpr std::uint64_t kMostBytes = 1 << 20;
+  report["config"] = "";
   report["changed"] = Json::array();
   Config config;
   try {
-    if (fs::exists(folder.config())) load_config(config, folder.config().string());
+    if (fs::exists(folder.config())) {
+      report["config"] = read_text_file(folder.config(), kMostBytes);
+      load_config(config, folder.config().string());
+    }
     report["changed"] = changed_settings(config);
     report["scene"] = config.dataset.source;
   } catch (const Error& error) {

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <sstream>
 
 #include "gs_core/error.h"
+#include "gs_core/text_file.h"
 
 namespace gs {
 
@@ -34,8 +36,14 @@ std::vector<std::string> csv_cells(std::string_view line) {
   return cells;
 }
 
+std::string csv_text(const std::filesystem::path& path) {
+  constexpr std::uint64_t kMostBytes = 1 << 30;
+  std::error_code ignored;
+  return std::filesystem::exists(path, ignored) ? read_text_file(path, kMostBytes) : "";
+}
+
 std::string csv_rows_up_to(const std::filesystem::path& path, std::string_view header, int step) {
-  std::ifstream file(path);
+  std::istringstream file(csv_text(path));
   const std::size_t columns = csv_cells(header).size();
   std::string rows, line;
   for (std::getline(file, line); std::getline(file, line);) {
@@ -45,13 +53,15 @@ std::string csv_rows_up_to(const std::filesystem::path& path, std::string_view h
   return rows;
 }
 
-int last_step_in(const std::filesystem::path& path) {
-  std::ifstream file(path);
+int last_step_in(const std::filesystem::path& path) try {
+  std::istringstream file(csv_text(path));
   int step = 0;
   std::string line;
   for (std::getline(file, line); std::getline(file, line) && !file.eof();)
     step = std::atoi(line.c_str());
   return step;
+} catch (const Error&) {  // a run that goes on may have shortened it a moment ago
+  return 0;
 }
 
 void append_rows(const std::filesystem::path& path, const std::string& rows) {

@@ -3,6 +3,7 @@
 // experiments. apps/web/tests/report_test.mjs tests how a report looks.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <numeric>
 
@@ -162,6 +163,15 @@ TEST_F(Report, MissingPicturesAreSaidAndDamagedFilesNamed) {
     write_bytes(path("out") / name, whole);
   }
   EXPECT_TRUE(data_of("out").at("notes").empty());
+}
+
+TEST_F(Report, AFifoInARunIsRefusedInsteadOfWaitedFor) {
+  ASSERT_EQ(train("out").code, 0);
+  fs::remove(path("out/metrics.csv"));
+  ASSERT_EQ(::mkfifo(path("out/metrics.csv").c_str(), 0600), 0);
+  const Outcome report = run("report " + text("out"), "timeout 60 ");
+  EXPECT_EQ(report.code, 3);
+  EXPECT_THAT(report.err, AllOf(HasSubstr("metrics.csv"), HasSubstr("regular file")));
 }
 
 TEST_F(Report, HasEveryColumnOfMetricsCsv) {
