@@ -77,13 +77,17 @@ void add(const ViewSight& view, SceneSight& sight, std::vector<float>& depths) {
 }
 
 std::string reason_of(const SceneSight& sight, const DepthLimits& limits) {
-  const std::size_t most = std::max({sight.behind, sight.too_near, sight.too_far, sight.beside});
-  if (most == sight.too_near)
+  // A camera inside a room has half of the points behind it, however well it is placed.
+  const std::size_t ahead = sight.too_near + sight.too_far + sight.beside;
+  const bool look_away = sight.behind > 9 * ahead;
+  const std::size_t most =
+      look_away ? sight.behind : std::max({sight.too_near, sight.too_far, sight.beside});
+  if (!look_away && most == sight.too_near)
     return fmt::format(
         "most points in front of them are nearer than render.near_plane = {:g}, at about {:.2g}; "
         "try --set render.near_plane={:.1g}",
         limits.near_plane, sight.distance, sight.distance / kFarFromPlane);
-  if (most == sight.too_far)
+  if (!look_away && most == sight.too_far)
     return fmt::format(
         "most points are farther away than render.far_plane = {:g}, at about {:.2g}; try --set "
         "render.far_plane={:.1g}",
@@ -91,7 +95,7 @@ std::string reason_of(const SceneSight& sight, const DepthLimits& limits) {
   return fmt::format(
       "most points lie {} them; check the poses, whose camera axes are x right, y down, z forward "
       "in a COLMAP model, and that the points have the coordinates of the cameras",
-      most == sight.behind ? "behind" : "beside");
+      look_away ? "behind" : "beside");
 }
 
 }  // namespace

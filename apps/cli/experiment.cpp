@@ -176,12 +176,10 @@ bool work(const ExperimentCommand& command, const Runs& runs, Progress& progress
 
 void throw_failures(const std::vector<Failure>& failures) {
   if (failures.empty()) return;
-  std::string text;
   for (const Failure& failure : failures)
-    text += fmt::format("\n  {}: {}; log: {}", failure.run->name(), failure.why,
-                        failure.run->log().string());
-  throw Error(fmt::format("{} of the runs failed; run the command again to repeat them:{}",
-                          failures.size(), text));
+    log_error("{}: {}; log: {}", failure.run->name(), failure.why, failure.run->log().string());
+  throw Error(
+      fmt::format("{} of the runs failed; run the command again to repeat them", failures.size()));
 }
 
 void run_all(const ExperimentCommand& command, const Experiment& experiment,
@@ -234,10 +232,14 @@ void gather(const Experiment& experiment, const std::vector<ExperimentRun>& runs
   const std::size_t finished = write_outcome(experiment, runs, {});
   std::cout << fmt::format("{} of {} runs finished\ntables: {}\n", finished, runs.size(),
                            (experiment.output / "results.md").string());
-  std::string text;
-  for (const ExperimentRun* run : unfinished(runs))
-    text += fmt::format("\n  {} {}; log: {}", run->index, run->name(), run->log().string());
-  if (!text.empty()) throw Error("these runs have no results:" + text);
+  const Runs missing = unfinished(runs);
+  for (const ExperimentRun* run : missing)
+    log_error("no results: {} {}; log: {}", run->index, run->name(), run->log().string());
+  if (!missing.empty())
+    throw Error(
+        fmt::format("{} runs have no results; give --only with their number, or run the "
+                    "command again",
+                    missing.size()));
 }
 
 void list(const std::vector<ExperimentRun>& runs) {

@@ -49,12 +49,15 @@ std::vector<View> cameras_of(const ColmapModel& model) {
 std::vector<Camera> training_cameras(const Examination& examination) {
   const ColmapModel& model = examination.model();
   std::vector<Camera> cameras;
+  std::map<std::uint32_t, PinholeCamera<double>> pinholes;  // a search over all borders: once each
   for (std::size_t i = 0; i < model.images.size(); ++i) {
     const ColmapImage& image = model.images[i];
     if (i < examination.scene.is_test.size() && examination.scene.is_test[i]) continue;
     try {
-      PinholeCamera<double> camera = undistorted_pinhole(
-          lens_camera(model.cameras.at(image.camera_id), image.name), image.name);
+      if (!pinholes.contains(image.camera_id))
+        pinholes[image.camera_id] = undistorted_pinhole(
+            lens_camera(model.cameras.at(image.camera_id), image.name), image.name);
+      PinholeCamera<double> camera = pinholes.at(image.camera_id);
       camera.cam_from_world_rotation = rotation_matrix(image.cam_from_world_rotation);
       camera.cam_from_world_translation = image.cam_from_world_translation;
       cameras.push_back(camera_as<float>(camera));

@@ -27,14 +27,12 @@ OpenPhoto open_photo(const std::filesystem::path& path) {
   const OIIO::ImageSpec& spec = photo.input->spec();
   photo.size = {spec.width, spec.height};
   check_photo_size(path, photo.size);
-  // Formats whose headers we do not read ourselves
-  std::error_code ignored;
-  PictureHeader header;
-  header.width = std::uint64_t(std::max(spec.width, spec.tile_width));
-  header.height = std::uint64_t(std::max(spec.height, spec.tile_height));
-  header.bytes_per_pixel = std::uint64_t(spec.pixel_bytes()) + 4;
-  header.file_bytes = std::filesystem::file_size(path, ignored);
-  check_picture(path, header);
+  if (PictureHeader header = read_picture_header(path); header.width == 0) {  // we do not know it
+    header.width = std::uint64_t(std::max(spec.width, spec.tile_width));
+    header.height = std::uint64_t(std::max(spec.height, spec.tile_height));
+    header.bytes_per_pixel = std::uint64_t(spec.pixel_bytes());
+    check_picture(path, header);
+  }
   return photo;
 }
 

@@ -23,7 +23,8 @@ namespace fs = std::filesystem;
 
 // Memory that any picture may take, and bytes of memory for each byte of a larger one. A photo of 45
 // million pixels as a progressive JPEG of poor quality takes 400 MiB, 90 for each of its bytes.
-constexpr double kAlwaysAllowed = double(256 << 20), kMemoryPerByte = 200;
+// A mask of 100 million pixels may be a thousand times smaller than its pixels, and takes 400 MiB.
+constexpr double kAlwaysAllowed = double(512 << 20), kMemoryPerByte = 200;
 constexpr double kMostPixels = double(1 << 29);  // more is a damaged header
 // Usual progressive JPEGs have 10 scans, and each takes the time of a whole decode.
 constexpr std::uint64_t kUsualScans = 24, kMostScans = 100;
@@ -155,7 +156,13 @@ class JpegWalk {
 void read_png(const File& file, std::string_view start, PictureHeader& header) {
   header.width = big(start, 16, 4);
   header.height = big(start, 20, 4);
-  header.bytes_per_pixel = big(start, 24, 1) == 16 ? 8 : 4;
+  const std::uint64_t color_type =
+      big(start, 25, 1);  // 0 gray, 2 color, 3 palette; 4, 6: with alpha
+  const std::uint64_t channels = color_type == 0   ? 1
+                                 : color_type == 4 ? 2
+                                 : color_type == 2 ? 3
+                                                   : 4;
+  header.bytes_per_pixel = big(start, 24, 1) == 16 ? 2 * channels : channels;
   for (std::uint64_t at = 8; at < file.size() && header.packed_texts <= kMostPackedTexts;) {
     const std::string chunk = file.bytes(at, 8);
     const std::string_view kind =

@@ -102,8 +102,10 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
     const std::string name = file.lexically_relative(root).generic_string();
     if (name.starts_with(kMasksFolder)) continue;
     if (printable(name) != name || name.find('\n') != name.npos) {  // COLMAP reads names by lines
-      log_warning("a photo is left out, because its name has control characters; rename it: {}",
-                  printable(name));
+      log_warning(
+          "a photo is left out, because its name is not UTF-8 or has invisible characters; rename "
+          "it: {}",
+          printable(name));
       ++unreadable;
       continue;
     }

@@ -3,6 +3,8 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <sstream>
+
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "gs_app/run/text.h"
 #include "gs_core/log.h"
@@ -38,7 +40,8 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, OutputLock
       run_colmap(job, [&](ColmapStage stage, std::int64_t done, std::int64_t total) {
         hooks.show_colmap(stage, done, total);
       });
-  log_info("{}", describe(result));
+  std::istringstream lines(describe(result));
+  for (std::string line; std::getline(lines, line);) log_info("{}", line);
   move_source(dataset, scene);
 }
 

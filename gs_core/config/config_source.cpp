@@ -10,6 +10,7 @@
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/config/read_toml.h"
 #include "gs_core/error.h"
+#include "gs_core/text_file.h"
 
 namespace gs {
 namespace {
@@ -65,8 +66,8 @@ ConfigSource read_file(const fs::path& file, const ConfigChain& chain) {
   try {
     std::error_code error;  // of a pipe of the shell, whose name leads nowhere
     const fs::path canonical = fs::weakly_canonical(file, error);
-    return {file.string(), (error ? file : canonical).string(), file.parent_path(),
-            read_toml_text(file)};
+    const fs::path folder = is_pipe_of_shell(file) ? fs::path() : file.parent_path();
+    return {file.string(), (error ? file : canonical).string(), folder, read_toml_text(file)};
   } catch (const Error& error) {
     throw Error(fmt::format("{}; a config{} is a text file that you may read", error.what(),
                             as_base_of(chain, file.string())));

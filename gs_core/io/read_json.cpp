@@ -22,7 +22,7 @@ constexpr std::uint64_t kMostComparisons = 200'000'000;
 /// What a text will cost. It need not be valid JSON; the parser finds that out.
 class JsonMeasure {
  public:
-  explicit JsonMeasure(std::string_view text) {
+  JsonMeasure(std::string_view text, bool searches_keys) {
     for (std::size_t at = 0; at < text.size() && is_fine(); ++at) {
       switch (text[at]) {
         case '"': at = end_of_string(text, at); break;
@@ -35,7 +35,7 @@ class JsonMeasure {
         case ',': tree_bytes_ += kValueBytes; break;
         case ':':
           tree_bytes_ += kKeyBytes;
-          if (!keys_.empty()) comparisons_ += keys_.back()++;
+          if (searches_keys && !keys_.empty()) comparisons_ += keys_.back()++;
           break;
         default: break;
       }
@@ -66,9 +66,9 @@ class JsonMeasure {
 
 }  // namespace
 
-void measure_json(const std::filesystem::path& path, std::string_view text,
-                  std::string_view remedy) {
-  const JsonMeasure measure(text);
+void measure_json(const std::filesystem::path& path, std::string_view text, std::string_view remedy,
+                  bool searches_keys) {
+  const JsonMeasure measure(text, searches_keys);
   if (measure.is_too_deep())
     cannot_read(path, fmt::format("it nests deeper than {} levels; {}", kDeepestJson, remedy));
   if (measure.is_too_large())

@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
+#include <type_traits>
 
 namespace gs {
 
@@ -20,9 +21,9 @@ inline constexpr std::uint64_t kLargestJson = std::uint64_t(128) << 20;  // byte
 inline constexpr int kDeepestJson = 64;                                  // real files nest below 10
 
 /// Throws Error for a text that nests too deep or would take too much memory or time. `remedy` ends
-/// each message: "write it again".
-void measure_json(const std::filesystem::path& path, std::string_view text,
-                  std::string_view remedy);
+/// each message: "write it again". `searches_keys`: its objects compare each key with all before it.
+void measure_json(const std::filesystem::path& path, std::string_view text, std::string_view remedy,
+                  bool searches_keys);
 
 namespace detail {
 [[noreturn]] void no_json(const std::filesystem::path& path, std::size_t byte,
@@ -35,7 +36,7 @@ namespace detail {
 /// The value of a text that stands in the file `path`.
 template <class Json = nlohmann::ordered_json>
 Json parse_json(const std::filesystem::path& path, std::string_view text, std::string_view remedy) {
-  measure_json(path, text, remedy);
+  measure_json(path, text, remedy, std::is_same_v<Json, nlohmann::ordered_json>);
   try {
     return Json::parse(text.begin(), text.end());
   } catch (const typename Json::parse_error& error) {

@@ -3,6 +3,7 @@
 // an Error that names the file.
 #include <gmock/gmock.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "gs_core/config/config.h"
 #include "gs_core/config/read_toml.h"
@@ -112,6 +113,19 @@ TEST_F(SmallFiles, FifosAndDevicesAreRefusedAtOnce) {
   Config config;
   EXPECT_THAT(error_of([&] { load_config(config, file()); }), HasSubstr("not a regular file"));
   EXPECT_THAT(error_of([&] { read_text_file("/dev/zero", 100); }), HasSubstr("not a regular file"));
+}
+
+// As in `train -c <(cat c.toml)`: the config is asked for several times.
+TEST_F(SmallFiles, APipeOfTheShellGivesItsTextEachTime) {
+  int ends[2];
+  ASSERT_EQ(::pipe(ends), 0);
+  ASSERT_EQ(::write(ends[1], "a = 1", 5), 5);
+  ::close(ends[1]);
+  const fs::path pipe = "/dev/fd/" + std::to_string(ends[0]);
+  EXPECT_TRUE(is_pipe_of_shell(pipe));
+  EXPECT_EQ(read_text_file(pipe, 100), "a = 1");
+  EXPECT_EQ(read_text_file(pipe, 100), "a = 1");
+  ::close(ends[0]);
 }
 
 TEST_F(SmallFiles, TomlThatNestsDeepIsRefusedBeforeItIsParsed) {

@@ -70,6 +70,20 @@ TEST_F(PictureHeaders, HugePicturesInTinyFilesAreRefused) {
     EXPECT_THAT(refusal_of(bytes), AllOf(HasSubstr("photo.jpg"), HasSubstr("its header says")));
 }
 
+/// The header of a PNG of 8 bits.
+std::string png_of(unsigned width, unsigned height, char color_type) {
+  return "\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR"s + "\0\0"s + two(width) + "\0\0"s + two(height) +
+         "\x08"s + color_type + "\0\0\0"s;
+}
+
+TEST_F(PictureHeaders, MasksOfLargeCamerasAreAllowed) {
+  const std::string rest(100'000, '\0');                      // a mask packs a thousand to one
+  EXPECT_EQ(refusal_of(png_of(9504, 6336, 0) + rest), "");    // 60 million pixels, gray
+  EXPECT_EQ(refusal_of(png_of(11648, 8736, 6) + rest), "");   // 102 million, color and alpha
+  EXPECT_EQ(refusal_of(png_of(14204, 10652, 0) + rest), "");  // 151 million, gray
+  EXPECT_NE(refusal_of(png_of(22000, 22000, 6) + rest), "");
+}
+
 TEST_F(PictureHeaders, AProgressiveJpegOfThousandsOfScansIsRefused) {
   EXPECT_EQ(header_of(jpeg_of(100, 100, 10)).scans, 10u);
   EXPECT_EQ(refusal_of(jpeg_of(100, 100, 10)), "");

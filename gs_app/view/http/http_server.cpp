@@ -220,7 +220,10 @@ class HttpServer::Impl {
       if (is_full && !replace_one()) return pause();
       std::string address;
       Descriptor socket = accept_from(listener_, address);
-      if (socket < 0) return errno == EMFILE || errno == ENFILE ? pause() : void();
+      if (socket < 0) {
+        const bool may_go_on = errno == EAGAIN || errno == EINTR || errno == ECONNABORTED;
+        return may_go_on ? void() : pause();  // no descriptors or memory: ask again later
+      }
       const auto added =
           connections_.try_emplace(++last_number_, std::move(socket), std::move(address)).first;
       advance_or_close(added->first, added->second);  // mostly the request is there already

@@ -2,12 +2,12 @@
 #include "gs_app/view/http/http_workers.h"
 
 #include <iterator>
-#include <system_error>
 #include <utility>
 
 #include "gs_core/error.h"
 #include "gs_core/low_priority.h"
 #include "gs_core/parallel.h"
+#include "gs_core/start_threads.h"
 
 namespace gs {
 namespace {
@@ -45,11 +45,8 @@ std::unique_ptr<HttpReply> reply_or_null(const HttpHandler& handler, const HttpJ
 
 HttpWorkers::HttpWorkers(HttpHandler handler, int threads, std::function<void()> on_result)
     : handler_(std::move(handler)), on_result_(std::move(on_result)) {
-  try {
-    for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { serve(); });
-  } catch (const std::system_error&) {  // the system allows no more threads
-    if (threads_.empty()) throw Error("cannot start the threads of a server; end other programs");
-  }
+  start_threads(threads_, threads, [this] { serve(); });
+  if (threads_.empty()) throw Error("cannot start the threads of a server; end other programs");
 }
 
 HttpWorkers::~HttpWorkers() {
