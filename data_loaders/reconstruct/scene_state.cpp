@@ -154,9 +154,12 @@ void SceneFolder::finish_taking_models() {
                             models.string(), paths_.sparse().string(), error.message()));
 }
 
+// What the file says in between belongs to no photos, so that after a kill every command starts over.
 void SceneFolder::start_over(const std::string& made_of) {
-  owned_.remove_all();
   state_.complete.clear();
+  state_.made_of.clear();
+  save();
+  owned_.remove_all();
   state_.made_of = made_of;
   save();
 }
@@ -183,6 +186,8 @@ std::unique_ptr<SceneFolder> prepare_folder(const ColmapPlan& plan, const Colmap
         "to {}.bak-N first",
         job.scene.string(), state ? ", of other photos or settings" : "", job.scene.string()));
   auto folder = std::make_unique<SceneFolder>(files, state.value_or(fresh));
+  // Pictures that an earlier command put there are the photos of this one.
+  if (plan.photos_in_place) folder->files().forget("images/");
   if (state && !is_same) {
     log_warning("photos or settings differ from those of the unfinished scene in {}: starting over",
                 job.scene.string());

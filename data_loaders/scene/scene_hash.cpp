@@ -13,6 +13,7 @@
 
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/find_scene.h"
+#include "data_loaders/scene/scene_files.h"
 #include "gs_core/io/fnv1a.h"
 
 namespace gs {
@@ -72,7 +73,7 @@ std::vector<std::uint64_t> photo_hashes(const DatasetConfig& dataset,
                                         const std::vector<std::string>& names) {
   const fs::path folder = find_scene(dataset).images;
   std::vector<std::uint64_t> hashes;
-  for (const std::string& name : names) hashes.push_back(photo_hash(folder / name));
+  for (const fs::path& file : match_photos(names, folder)) hashes.push_back(photo_hash(file));
   return hashes;
 }
 

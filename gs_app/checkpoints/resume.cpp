@@ -122,8 +122,10 @@ bool is_same(const ViewRecord& a, const ViewRecord& b) {
 void remove_leftovers_below(const fs::path& root) {
   std::vector<fs::path> folders = {root};
   std::error_code ignored;
-  for (const auto& entry : fs::recursive_directory_iterator(root, ignored))
-    if (entry.is_directory()) folders.push_back(entry.path());
+  constexpr auto kOptions = fs::directory_options::skip_permission_denied;
+  for (fs::recursive_directory_iterator entry(root, kOptions, ignored), end;
+       !ignored && entry != end; entry.increment(ignored))
+    if (entry->is_directory(ignored)) folders.push_back(entry->path());
   for (const fs::path& folder : folders) remove_leftovers(folder);
 }
 

@@ -76,7 +76,9 @@ TrainSession::~TrainSession() = default;
 
 SessionEnd TrainSession::run() {
   lock_folder();
-  if (is_finished() && missing_exports(request_.exports, *folder_).empty()) {
+  const bool lacks_exports =
+      goes_on_in_place() && !missing_exports(request_.exports, *folder_).empty();
+  if (is_finished() && !lacks_exports) {
     log_info("the run in {} is finished; --iterations +N extends it by N steps",
              resumed_->source.string());
     return SessionEnd::nothing_left;
@@ -94,7 +96,8 @@ SessionEnd TrainSession::run() {
   }
   hooks_.before_writing(*folder_, *scene_, config_);
   checkpoints_.emplace(folder_->checkpoints(), config_, record_);
-  if (resumed_ && resumed_->is_extended) save_resumed_state();  // before old results are moved
+  if (resumed_ && resumed_->is_extended && goes_on_in_place())
+    save_resumed_state();  // before old results are moved
   start_folder();
   if (resumed_ && !goes_on_in_place()) save_resumed_state();
   if (start_) save_start();
@@ -291,6 +294,7 @@ void TrainSession::naming_what_is_kept(const std::function<void()>& f) {
     f();
   } catch (const Error& error) {
     observers_->progress.clear();
+    observers_->lost.say_again();
     throw Error(error.what() + what_is_kept(error.code()), error.code());
   }
 }

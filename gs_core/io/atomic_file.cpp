@@ -42,12 +42,17 @@ void ask_hook(WritePoint point, const std::filesystem::path& file) {
   if (WriteHook* const hook = write_hook) hook->before(point, file);
 }
 
+constexpr std::size_t kRandomDigits = 16;  // of temporary_name()
+
 // The process in the name ".NAME.PROCESS.RANDOM.tmp"; 0 for other names.
 pid_t owner_of(const std::string& name) {
   if (!name.starts_with('.') || !name.ends_with(".tmp")) return 0;
   const std::size_t end = name.rfind('.', name.size() - 5);
   const std::size_t begin = end == name.npos || end == 0 ? name.npos : name.rfind('.', end - 1);
   if (begin == name.npos || begin == 0) return 0;
+  const std::string_view random(name.data() + end + 1, name.size() - end - 5);
+  if (random.size() != kRandomDigits || random.find_first_not_of("0123456789abcdef") != random.npos)
+    return 0;
   pid_t owner = 0;
   const auto [rest, failure] = std::from_chars(name.data() + begin + 1, name.data() + end, owner);
   return failure == std::errc() && rest == name.data() + end ? owner : 0;

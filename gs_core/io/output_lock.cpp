@@ -79,8 +79,10 @@ bool is_still(const fs::path& file, int descriptor) {
 int open_lock(const fs::path& file) {
   constexpr int kFlags = O_CREAT | O_NOFOLLOW;  // and no O_CLOEXEC: children inherit it
   const int descriptor = ::open(file.c_str(), kFlags | O_RDWR, 0666);
-  return descriptor < 0 && errno == EACCES ? ::open(file.c_str(), O_NOFOLLOW | O_RDONLY)
-                                           : descriptor;
+  if (descriptor >= 0 || errno != EACCES) return descriptor;
+  const int of_another = ::open(file.c_str(), O_NOFOLLOW | O_RDONLY);
+  if (of_another < 0 && errno == ENOENT) errno = EACCES;  // the folder is why none could be made
+  return of_another;
 }
 
 fs::path real(const fs::path& path) { return fs::weakly_canonical(fs::absolute(path)); }

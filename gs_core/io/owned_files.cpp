@@ -119,6 +119,7 @@ void OwnedFiles::place(const std::map<std::string, fs::path>& sources,
   }
   if (missing.empty()) return;
   claim(missing);
+  bool are_times_kept = true;
   for (const auto& [name, stamp] : missing) {
     std::error_code error;
     fs::create_directories(path(name).parent_path(), error);
@@ -127,7 +128,18 @@ void OwnedFiles::place(const std::map<std::string, fs::path>& sources,
       throw Error(
           fmt::format("cannot copy {} to {}: {}; free some space or choose another folder with -o",
                       sources.at(name).string(), path(name).string(), error.message()));
+    // Some file systems round the time of a copy.
+    if (const std::string made = stamp_of(path(name)); made != stamp) {
+      files_[name] = made;
+      are_times_kept = false;
+    }
   }
+  if (!are_times_kept) save_(files_);
+}
+
+void OwnedFiles::forget(const std::string& beginning) {
+  if (std::erase_if(files_, [&](const auto& file) { return file.first.starts_with(beginning); }))
+    save_(files_);
 }
 
 void OwnedFiles::remove_all() {

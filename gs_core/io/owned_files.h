@@ -40,6 +40,8 @@ class OwnedFiles {
   /// already are passed over. Throws UsageError as claim(), and Error if the disk is full.
   void place(const std::map<std::string, std::filesystem::path>& sources,
              const std::function<std::filesystem::path()>& work);
+  /// Takes names that begin so off the list: those files are the user's from now on.
+  void forget(const std::string& beginning);
   /// Whether there is something with this name, and it is ours and unchanged.
   bool holds(const std::string& name) const;
   /// Removes all files of the list that are ours and unchanged, then the folders that are empty

@@ -223,12 +223,26 @@ std::optional<fs::path> find_program(const std::string& name) {
 
 fs::path own_program() { return fs::read_symlink("/proc/self/exe"); }
 
+namespace {
+
+// A program may have been started with SIGCHLD ignored. Then the kernel forgets how children ended,
+// and a failed one would count as a success.
+void keep_ends_of_children() {
+  struct sigaction action {};
+  if (::sigaction(SIGCHLD, nullptr, &action) != 0) return;
+  const bool is_ignored = action.sa_handler == SIG_IGN || (action.sa_flags & SA_NOCLDWAIT) != 0;
+  if (is_ignored) std::signal(SIGCHLD, SIG_DFL);
+}
+
+}  // namespace
+
 pid_t start_child(const std::vector<std::string>& arguments, const ChildOptions& options) {
   const std::string& name = arguments.at(0);
   const std::string program = find_program(name).value_or(name).string();
   const std::vector<std::string> environment = environment_with(options.variables);
   const std::vector<char*> argument_pointers = pointers_to(arguments);
   const std::vector<char*> environment_pointers = pointers_to(environment);
+  keep_ends_of_children();
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) cannot_start(name, errno);
   const Descriptor trouble(ends[0]);
@@ -256,8 +270,11 @@ ProcessEnd wait_for_child(pid_t child) {
   }
   guards().dismiss(child);
   int status = 0;
-  while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  pid_t ended = 0;
+  while ((ended = ::waitpid(child, &status, 0)) < 0 && errno == EINTR) {
   }
+  if (ended != child)
+    throw Error("cannot learn how a program ended: another part of this process waited for it");
   return end_of(status);
 }
 

@@ -5,16 +5,45 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <ctime>
 
 #include "gs_core/error.h"
 
 namespace gs {
 
-SignalHandlers::SignalHandlers(void (*handler)(int), Calls calls) {
+namespace {
+
+constexpr std::int64_t kOneWish = 1000;  // ms
+
+std::int64_t now() {
+  timespec time{};
+  ::clock_gettime(CLOCK_MONOTONIC, &time);
+  return 1000 * std::int64_t(time.tv_sec) + time.tv_nsec / 1'000'000 + 1;
+}
+
+}  // namespace
+
+void SignalHandlers::dispatch(int signal) {
+  const int error = errno;
+  if (SignalHandlers* const handlers = current_) handlers->receive(signal);
+  errno = error;
+}
+
+void SignalHandlers::receive(int signal) {
+  std::int64_t none = 0;
+  const std::int64_t time = now();
+  if (first_.compare_exchange_strong(none, time)) return handler_(signal);
+  if (signal == SIGHUP || time - first_ < kOneWish) return;
+  if (calls_ == Calls::all) return handler_(signal);
+  std::signal(signal, SIG_DFL);
+  ::raise(signal);  // takes effect when this handler has returned
+}
+
+SignalHandlers::SignalHandlers(void (*handler)(int), Calls calls)
+    : handler_(handler), calls_(calls), before_(current_.exchange(this)) {
   struct sigaction action {};
-  action.sa_handler = handler;
+  action.sa_handler = dispatch;
   action.sa_flags = SA_RESTART;
-  if (calls == Calls::first) action.sa_flags |= int(SA_RESETHAND);
   for (std::size_t i = 0; i < kStopSignals.size(); ++i) {
     sigaction(kStopSignals[i], nullptr, &old_[i]);
     const bool is_ignored = kStopSignals[i] == SIGHUP && old_[i].sa_handler == SIG_IGN;
@@ -25,6 +54,7 @@ SignalHandlers::SignalHandlers(void (*handler)(int), Calls calls) {
 SignalHandlers::~SignalHandlers() {
   for (std::size_t i = 0; i < kStopSignals.size(); ++i)
     sigaction(kStopSignals[i], &old_[i], nullptr);
+  current_ = before_;
 }
 
 SignalWait::Pipe::Pipe() {

@@ -5,7 +5,9 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <csignal>
+#include <cstdint>
 
 namespace gs {
 
@@ -16,11 +18,13 @@ inline void ignore_file_size_signal() { std::signal(SIGXFSZ, SIG_IGN); }
 inline constexpr std::array<int, 3> kStopSignals = {SIGINT, SIGTERM, SIGHUP};
 
 /// While it lives, the stop signals call `handler`, which may only do what POSIX allows in a signal
-/// handler.
+/// handler. After the first signal, those that follow within a second are passed over, and every
+/// SIGHUP: a terminal that closes sends two, and `timeout` sends SIGTERM twice, and neither is a
+/// second wish.
 class SignalHandlers {
  public:
   enum class Calls {
-    first,  // the first one of each kind; a second one ends the program at once
+    first,  // a second signal ends the program at once
     all
   };
   explicit SignalHandlers(void (*handler)(int), Calls calls = Calls::first);
@@ -29,6 +33,14 @@ class SignalHandlers {
   SignalHandlers& operator=(const SignalHandlers&) = delete;
 
  private:
+  static void dispatch(int signal);
+  void receive(int signal);
+
+  static inline std::atomic<SignalHandlers*> current_ = nullptr;
+  void (*const handler_)(int);
+  const Calls calls_;
+  std::atomic<std::int64_t> first_ = 0;  // ms on the monotonic clock; 0: none yet
+  SignalHandlers* const before_;
   std::array<struct sigaction, kStopSignals.size()> old_;
 };
 

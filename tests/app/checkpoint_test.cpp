@@ -279,11 +279,12 @@ TEST_F(Checkpoints, OnlyLeftoversOfProcessesThatAreGoneAreRemoved) {
   if (gone == 0) ::_exit(0);
   ::waitpid(gone, nullptr, 0);
   const auto name = [](const std::string& of, pid_t process) {
-    return "." + of + "." + std::to_string(process) + ".3.tmp";
+    return "." + of + "." + std::to_string(process) + ".0123456789abcdef.tmp";
   };
   for (const std::string& kept :
        {name("step_5.ckpt", ::getpid()), std::string("notes.tmp"), std::string(".tmp"),
-        std::string("..tmp"), std::string(".a.b.tmp"), std::string("step_5.ckpt")})
+        std::string("..tmp"), ".notes." + std::to_string(gone) + ".backup.tmp",
+        std::string("step_5.ckpt")})
     write_bytes(path() / kept, "x");
   write_bytes(path() / name("step_5.ckpt", gone), "x");
   remove_leftovers(path());

@@ -273,6 +273,19 @@ TEST_F(FakeColmap, StartingOverRemovesOnlyWhatWePutThere) {
   EXPECT_THAT(read_bytes(photos() / "a.png"), Not(testing::IsEmpty()));
 }
 
+// The photos that an earlier command placed are the input of this one, and may be the only ones left.
+TEST_F(FakeColmap, StartingOverKeepsPhotosThatAreItsOwnInput) {
+  install("#!/bin/sh\ncase \"$*\" in *\" -h\") exit 0;; feature*) exit 0;; esac\nexit 7\n");
+  error_of(job());
+  fs::remove_all(photos());
+  ColmapJob in_place = job();
+  in_place.photos = scene();
+  in_place.settings.max_features = 1000;
+  install(kGoodColmap);
+  EXPECT_EQ(run_colmap(in_place, kSilent).registered, 3u);
+  for (const char* name : {"a.png", "b.png"}) EXPECT_TRUE(fs::exists(scene() / "images" / name));
+}
+
 TEST_F(FakeColmap, ModelsOfTheUsersAreNotReplaced) {
   install("#!/bin/sh\ncase \"$*\" in *\" -h\") exit 0;; feature*) exit 0;; esac\nexit 7\n");
   error_of(job());
