@@ -28,12 +28,12 @@ gs_header_library(gs_spdlog spdlog/spdlog.h)
 gs_header_library(gs_xxhash xxhash.h)
 target_link_libraries(gs_spdlog INTERFACE gs_fmt)
 target_compile_definitions(gs_spdlog INTERFACE SPDLOG_FMT_EXTERNAL)
-# The compiled library of fmt halves the time that our files take to compile. Packed headers have none.
-set(GS_FMT_LIBRARY "")
+# Files compile in two thirds of the time with the compiled library of fmt. Packed headers have
+# none. The name must not be set before: find_library() leaves a variable that exists alone.
 if(NOT GS_DEPS_INCLUDE)
   find_library(GS_FMT_LIBRARY fmt)
 endif()
-if(GS_FMT_LIBRARY)
+if(GS_FMT_LIBRARY AND NOT GS_DEPS_INCLUDE)
   target_link_libraries(gs_fmt INTERFACE ${GS_FMT_LIBRARY})
 else()
   target_compile_definitions(gs_fmt INTERFACE FMT_HEADER_ONLY)
