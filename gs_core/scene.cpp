@@ -3,9 +3,9 @@
 
 #include <algorithm>
 
-#include "gs_core/geometry.h"
+#include "gs_core/geometry/outliers.h"
+#include "gs_core/geometry/vectors.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/outliers.h"
 
 namespace gs {
 namespace {

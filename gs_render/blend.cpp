@@ -4,7 +4,7 @@
 // one.
 #include "gs_core/math/blend.h"
 
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 #include "gs_render/tile_loop.h"

@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 #include "gs_render/tile_loop.h"

@@ -6,9 +6,9 @@
 #include <numbers>
 #include <numeric>
 
-#include "gs_core/geometry.h"
+#include "gs_core/geometry/outliers.h"
+#include "gs_core/geometry/vectors.h"
 #include "gs_core/math/quaternion.h"
-#include "gs_core/outliers.h"
 
 namespace gs {
 namespace {

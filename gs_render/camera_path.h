@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "gs_core/scene_frame.h"
+#include "gs_core/geometry/scene_frame.h"
 #include "gs_render/camera_spline.h"
 
 namespace gs {

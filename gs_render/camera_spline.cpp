@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "gs_core/error.h"
-#include "gs_core/geometry.h"
+#include "gs_core/geometry/vectors.h"
 #include "gs_core/math/quaternion.h"
 #include "gs_core/math/rotation.h"
 

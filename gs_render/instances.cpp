@@ -5,8 +5,8 @@
 
 #include "gs_core/error.h"
 #include "gs_core/math/depth_key.h"
-#include "gs_core/parallel.h"
 #include "gs_core/radix_sort.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 

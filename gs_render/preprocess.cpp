@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas.
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 7: each visible Gaussian sums the gradients of its instances and pulls the sum back to its
 // parameters.
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The scalar renderer: the stages in order.
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_render/renderer.h"
 #include "gs_render/stages.h"
 

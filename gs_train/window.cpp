@@ -3,7 +3,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/math/ssim.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -16,7 +16,7 @@
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {

@@ -6,7 +6,7 @@
 #include "data_loaders/video/film_writer.h"
 #include "gs_app/report/report_page.h"
 #include "gs_app/view/view_server.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -16,7 +16,7 @@
 #include "gs_app/session/load_run_scene.h"
 #include "gs_core/error.h"
 #include "gs_core/foreign_text.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -15,7 +15,7 @@
 #include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -23,7 +23,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/output_lock.h"
 #include "gs_core/log.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -14,7 +14,7 @@
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -15,8 +15,8 @@
 #include "gs_app/run/provenance.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
-#include "gs_core/io/signals.h"
 #include "gs_core/log.h"
+#include "gs_core/processes/signals.h"
 
 namespace gs {
 namespace {

@@ -22,7 +22,7 @@
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/density/contribution.h"
 #include "gs_train/density/floaters.h"
 #include "gs_train/metrics.h"

@@ -17,8 +17,8 @@
 #include "gs_app/run/provenance.h"
 #include "gs_core/error.h"
 #include "gs_core/io/move_aside.h"
-#include "gs_core/io/signals.h"
-#include "gs_core/parallel.h"
+#include "gs_core/processes/signals.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_core/version.h"
 
 namespace gs {

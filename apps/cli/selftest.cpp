@@ -12,7 +12,7 @@
 #include "gs_app/checks/self_checks.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_core/version.h"
 
 namespace gs {

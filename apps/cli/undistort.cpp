@@ -11,7 +11,7 @@
 #include "data_loaders/scene/undistort_scene.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -10,9 +10,9 @@
 #include "gs_app/run/text.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
-#include "gs_core/io/process.h"
-#include "gs_core/io/signals.h"
-#include "gs_core/parallel.h"
+#include "gs_core/processes/process.h"
+#include "gs_core/processes/signals.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

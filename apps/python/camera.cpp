@@ -9,7 +9,7 @@
 
 #include "apps/python/arrays.h"
 #include "gs_core/error.h"
-#include "gs_core/geometry.h"
+#include "gs_core/geometry/vectors.h"
 #include "gs_core/math/constants.h"
 
 namespace gs::python {

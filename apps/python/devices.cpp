@@ -7,7 +7,7 @@
 
 #include "gs_app/run/make_backend.h"
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs::python {
 namespace {

@@ -16,7 +16,7 @@
 #include "gs_app/run/make_backend.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_core/version.h"
 
 namespace py = pybind11;

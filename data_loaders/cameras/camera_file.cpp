@@ -7,7 +7,7 @@
 
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/photos/photo_names.h"
-#include "gs_core/geometry.h"
+#include "gs_core/geometry/vectors.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/byte_reader.h"
 #include "gs_core/io/read_json.h"

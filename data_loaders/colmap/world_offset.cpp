@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "gs_core/geometry.h"
+#include "gs_core/geometry/outliers.h"
+#include "gs_core/geometry/vectors.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/math/rotation.h"
-#include "gs_core/outliers.h"
 
 namespace gs {
 namespace {

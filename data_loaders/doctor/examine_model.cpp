@@ -10,9 +10,9 @@
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
+#include "gs_core/geometry/scene_frame.h"
+#include "gs_core/geometry/scene_sight.h"
 #include "gs_core/math/rotation.h"
-#include "gs_core/scene_frame.h"
-#include "gs_core/scene_sight.h"
 
 namespace gs {
 namespace {

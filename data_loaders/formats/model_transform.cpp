@@ -8,7 +8,7 @@
 
 #include "gs_core/math/rotation.h"
 #include "gs_core/math/sh.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

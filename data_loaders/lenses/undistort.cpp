@@ -9,7 +9,7 @@
 #include <numbers>
 
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 #ifdef GS_HAVE_OPENCV
 #include <opencv2/core.hpp>

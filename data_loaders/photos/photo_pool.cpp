@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
-#include "gs_core/start_threads.h"
+#include "gs_core/threads/parallel.h"
+#include "gs_core/threads/start_threads.h"
 
 namespace gs {
 namespace {

@@ -10,7 +10,7 @@
 #include "data_loaders/photos/picture_header.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "gs_core/io/atomic_file.h"
-#include "gs_core/io/subprocess.h"
+#include "gs_core/processes/subprocess.h"
 
 namespace gs {
 namespace {

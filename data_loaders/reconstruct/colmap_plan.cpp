@@ -8,7 +8,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/fnv1a.h"
 #include "gs_core/io/move_aside.h"
-#include "gs_core/io/subprocess.h"
+#include "gs_core/processes/subprocess.h"
 
 namespace gs {
 namespace {

@@ -17,8 +17,8 @@
 #include "data_loaders/reconstruct/scene_state.h"
 #include "data_loaders/reconstruct/take_pictures.h"
 #include "gs_core/error.h"
-#include "gs_core/io/subprocess.h"
 #include "gs_core/log.h"
+#include "gs_core/processes/subprocess.h"
 
 namespace gs {
 namespace {

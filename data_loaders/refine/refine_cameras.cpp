@@ -15,7 +15,7 @@
 #include "data_loaders/refine/refine_residuals.h"
 #include "data_loaders/refine/rigid_motion.h"
 #include "gs_core/log.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "gs_core/geometry.h"
+#include "gs_core/geometry/vectors.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/types.h"
 

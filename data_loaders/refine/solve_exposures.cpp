@@ -5,7 +5,7 @@
 
 #include "data_loaders/refine/refine_exposure.h"
 #include "gs_core/log.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -25,7 +25,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/host_ram.h"
 #include "gs_core/log.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

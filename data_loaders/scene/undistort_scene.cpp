@@ -20,7 +20,7 @@
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/output_lock.h"
 #include "gs_core/log.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "gs_core/error.h"
-#include "gs_core/geometry.h"
+#include "gs_core/geometry/vectors.h"
 #include "gs_core/math/quaternion.h"
 #include "gs_core/math/rotation.h"
 

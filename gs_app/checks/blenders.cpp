@@ -7,7 +7,7 @@
 
 #include "gs_core/log.h"
 #include "gs_core/math/blend.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -8,8 +8,8 @@
 
 #include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/parallel.h"
 #include "gs_core/random.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -6,7 +6,7 @@
 #include <iostream>
 
 #include "gs_core/error.h"
-#include "gs_core/io/subprocess.h"
+#include "gs_core/processes/subprocess.h"
 
 namespace gs {
 namespace {

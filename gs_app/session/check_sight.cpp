@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "gs_core/error.h"
+#include "gs_core/geometry/scene_sight.h"
 #include "gs_core/log.h"
-#include "gs_core/scene_sight.h"
 
 namespace gs {
 

@@ -9,8 +9,8 @@
 #include "gs_app/observers/train_observers.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/config/config.h"
-#include "gs_core/parallel.h"
 #include "gs_core/scene.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/loop/trainer.h"
 
 namespace gs {

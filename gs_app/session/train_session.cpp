@@ -18,7 +18,7 @@
 #include "gs_app/session/start_model.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

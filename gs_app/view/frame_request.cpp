@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "gs_core/error.h"
-#include "gs_core/geometry.h"
+#include "gs_core/geometry/vectors.h"
 
 namespace gs {
 namespace {

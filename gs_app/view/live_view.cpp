@@ -13,8 +13,8 @@
 #include "gs_core/error.h"
 #include "gs_core/io/scratch_folder.h"
 #include "gs_core/log.h"
-#include "gs_core/low_priority.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/low_priority.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {

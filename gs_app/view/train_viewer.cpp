@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/view/train_viewer.h"
 
-#include "gs_core/io/signals.h"
 #include "gs_core/log.h"
+#include "gs_core/processes/signals.h"
 
 namespace gs {
 

@@ -10,8 +10,8 @@
 
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
+#include "gs_core/geometry/scene_frame.h"
 #include "gs_core/scene.h"
-#include "gs_core/scene_frame.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {

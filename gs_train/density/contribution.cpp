@@ -2,7 +2,7 @@
 #include "gs_train/density/contribution.h"
 
 #include "gs_core/math/sh.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 

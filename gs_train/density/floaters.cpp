@@ -7,7 +7,7 @@
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/projection.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/density/contribution.h"
 
 namespace gs {

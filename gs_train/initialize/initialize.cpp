@@ -2,11 +2,11 @@
 #include "gs_train/initialize/initialize.h"
 
 #include "gs_core/error.h"
-#include "gs_core/kd_tree.h"
+#include "gs_core/geometry/kd_tree.h"
 #include "gs_core/log.h"
 #include "gs_core/math/splat.h"
-#include "gs_core/parallel.h"
 #include "gs_core/random.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/initialize/downsample_points.h"
 
 namespace gs {

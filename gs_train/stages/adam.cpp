@@ -3,7 +3,7 @@
 #include "gs_core/math/adam.h"
 
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_train/stages/scalar_stages.h"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The MCMC strategy's additions to stage 8: gradients of the regularizers before Adam, noise on the
 // means after it.
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/stages/scalar_stages.h"
 
 namespace gs {

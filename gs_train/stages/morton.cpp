@@ -5,8 +5,8 @@
 
 #include <numeric>
 
-#include "gs_core/parallel.h"
 #include "gs_core/radix_sort.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/stages/scalar_stages.h"
 
 namespace gs {

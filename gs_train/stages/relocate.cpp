@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "gs_core/math/mcmc.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/stages/scalar_stages.h"
 
 namespace gs {

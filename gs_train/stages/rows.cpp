@@ -5,7 +5,7 @@
 #include <cstddef>
 
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/stages/scalar_stages.h"
 
 namespace gs {

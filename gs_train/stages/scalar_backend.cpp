@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The scalar CPU backend: the contracts in their simplest form.
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/named_row.h"
 #include "gs_train/stages/scalar_stages.h"
 

@@ -14,7 +14,7 @@
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "gs_app/view/view_server.h"
-#include "gs_core/io/process.h"
+#include "gs_core/processes/process.h"
 #include "tests/support/program.h"
 #include "tests/support/raw_connection.h"
 

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which way is up, what cameras look at, and the small geometry below that.
-#include "gs_core/geometry.h"
+#include "gs_core/geometry/vectors.h"
 
 #include <gmock/gmock.h>
 
 #include <cmath>
 #include <numbers>
 
+#include "gs_core/geometry/scene_frame.h"
 #include "gs_core/math/rotation.h"
-#include "gs_core/scene_frame.h"
 #include "gs_render/camera_path.h"
 
 namespace gs {

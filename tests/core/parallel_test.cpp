@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What cameras see of points: honest scenes are neither blind nor doubtful, and for others the reason
 // and a remedy are named.
-#include "gs_core/scene_sight.h"
+#include "gs_core/geometry/scene_sight.h"
 
 #include <gmock/gmock.h>
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pools where the system refuses threads: the work is done by those that started, or by the caller.
-#include "gs_core/start_threads.h"
+#include "gs_core/threads/start_threads.h"
 
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <system_error>
 
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -9,7 +9,7 @@
 #include "data_loaders/formats/sog/zip_file.h"
 #include "data_loaders/formats/spz/spz_layout.h"
 #include "gs_core/log.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "tests/support/damage.h"
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"

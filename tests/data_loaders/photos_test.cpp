@@ -7,7 +7,7 @@
 
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/tiny_photos.h"

@@ -8,7 +8,7 @@
 #include "data_loaders/refine/refine_exposure.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/tracked_scene.h"
 

@@ -8,8 +8,8 @@
 
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
 #include "gs_core/random.h"
+#include "gs_core/threads/parallel.h"
 #include "tests/support/colmap_writer.h"
 
 namespace gs {

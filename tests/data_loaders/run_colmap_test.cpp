@@ -19,7 +19,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/output_lock.h"
-#include "gs_core/io/subprocess.h"
+#include "gs_core/processes/subprocess.h"
 #include "tests/support/avi_writer.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/scenes.h"

@@ -10,7 +10,7 @@
 #include <limits>
 
 #include "gs_core/math/ssim.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_render/renderer.h"
 #include "gs_render/stages.h"
 #include "gs_train/backend.h"

@@ -10,7 +10,7 @@
 
 #include <string>
 
-#include "gs_core/io/process.h"
+#include "gs_core/processes/process.h"
 
 namespace gs {
 

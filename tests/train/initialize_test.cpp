@@ -8,7 +8,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/math/projection.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "tests/support/models.h"
 
 namespace gs {

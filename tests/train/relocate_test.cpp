@@ -8,7 +8,7 @@
 #include <limits>
 #include <map>
 
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"
 

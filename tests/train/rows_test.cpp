@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"
 

@@ -9,7 +9,7 @@
 
 #include "gs_core/config/config_words.h"
 #include "gs_core/error.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/metrics.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"

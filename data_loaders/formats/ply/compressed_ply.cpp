@@ -10,7 +10,7 @@
 #include "data_loaders/formats/coding/quantize.h"
 #include "data_loaders/formats/ply/ply_layout.h"
 #include "gs_core/io/atomic_file.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

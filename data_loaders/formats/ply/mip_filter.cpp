@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "gs_core/math/activations.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

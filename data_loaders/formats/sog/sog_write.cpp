@@ -13,7 +13,7 @@
 #include "data_loaders/formats/sog/zip_file.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_core/version.h"
 
 namespace gs {

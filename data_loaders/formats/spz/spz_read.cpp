@@ -13,7 +13,7 @@
 #include "data_loaders/formats/spz/spz_layout.h"
 #include "gs_core/io/byte_reader.h"
 #include "gs_core/log.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

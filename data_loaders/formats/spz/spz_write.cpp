@@ -12,7 +12,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/log.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

@@ -22,7 +22,7 @@
 #include "gs_app/view/http/http_workers.h"
 #include "gs_app/view/http/listen_socket.h"
 #include "gs_core/error.h"
-#include "gs_core/low_priority.h"
+#include "gs_core/threads/low_priority.h"
 
 namespace gs {
 namespace {

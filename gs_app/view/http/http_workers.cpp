@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "gs_core/error.h"
-#include "gs_core/low_priority.h"
-#include "gs_core/parallel.h"
-#include "gs_core/start_threads.h"
+#include "gs_core/threads/low_priority.h"
+#include "gs_core/threads/parallel.h"
+#include "gs_core/threads/start_threads.h"
 
 namespace gs {
 namespace {

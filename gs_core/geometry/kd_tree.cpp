@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/kd_tree.h"
+#include "gs_core/geometry/kd_tree.h"
 
 #include <algorithm>
 #include <limits>

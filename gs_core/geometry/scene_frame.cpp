@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/scene_frame.h"
+#include "gs_core/geometry/scene_frame.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "gs_core/error.h"
-#include "gs_core/geometry.h"
-#include "gs_core/outliers.h"
+#include "gs_core/geometry/outliers.h"
+#include "gs_core/geometry/vectors.h"
 
 namespace gs {
 namespace {

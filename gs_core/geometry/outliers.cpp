@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/outliers.h"
+#include "gs_core/geometry/outliers.h"
 
 #include <algorithm>
 
-#include "gs_core/geometry.h"
+#include "gs_core/geometry/vectors.h"
 
 namespace gs {
 namespace {

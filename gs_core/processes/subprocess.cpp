@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/io/subprocess.h"
+#include "gs_core/processes/subprocess.h"
 
 #include <fcntl.h>
 #include <signal.h>
@@ -10,7 +10,7 @@
 #include <cstring>
 
 #include "gs_core/error.h"
-#include "gs_core/io/signals.h"
+#include "gs_core/processes/signals.h"
 
 namespace gs {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/start_threads.h"
+#include "gs_core/threads/start_threads.h"
 
 #include <atomic>
 #include <exception>

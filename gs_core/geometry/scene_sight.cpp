@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/scene_sight.h"
+#include "gs_core/geometry/scene_sight.h"
 
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
 
 #include "gs_core/math/projection.h"
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {

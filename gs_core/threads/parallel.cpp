@@ -2,7 +2,7 @@
 // A small pool of threads. The calling thread takes chunks like every other one, and waits only for
 // chunks that another thread has begun. So a loop ends in good time also on a machine that is busy
 // with other work; OpenMP's barriers made training several times slower there.
-#include "gs_core/parallel.h"
+#include "gs_core/threads/parallel.h"
 
 #include <atomic>
 #include <condition_variable>
@@ -12,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "gs_core/start_threads.h"
+#include "gs_core/threads/start_threads.h"
 
 namespace gs {
 namespace {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "gs_core/io/process.h"
+#include "gs_core/processes/process.h"
 
 namespace gs {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/io/process.h"
+#include "gs_core/processes/process.h"
 
 #include <fcntl.h>
 #include <signal.h>
@@ -22,7 +22,7 @@
 #include <string_view>
 
 #include "gs_core/error.h"
-#include "gs_core/io/signals.h"
+#include "gs_core/processes/signals.h"
 
 extern char** environ;
 

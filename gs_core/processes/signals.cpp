@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/io/signals.h"
+#include "gs_core/processes/signals.h"
 
 #include <fcntl.h>
 #include <unistd.h>
