@@ -10,7 +10,7 @@ source "$(dirname "$0")/common.sh"
 # The second compiler, clang++, makes the CPU half with every library, under ThreadSanitizer: the
 # tests of the thread pool, the photo pool and the viewer's server, and the program, which they run.
 test_threads_with_clang() {
-  command -v clang++ >/dev/null || apt_install clang libclang-rt-14-dev || die "clang cannot be installed"
+  install_clang
   gs_configure_args=(-DCMAKE_CXX_COMPILER=clang++)
   build thread thread_tests
   gs_configure_args=()
@@ -24,7 +24,7 @@ test_with_sanitizers() {
 }
 
 test_with_clang() {
-  command -v clang++ >/dev/null || apt_install clang || die "clang cannot be installed"
+  install_clang
   build clang all
   ctest --test-dir build/clang --output-on-failure --no-tests=error --progress -j"$(nproc)"
 }

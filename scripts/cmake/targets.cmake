@@ -27,6 +27,9 @@ elseif(GS_SANITIZE STREQUAL "thread")
   target_compile_options(gs_flags INTERFACE "${gs_cxx}-fsanitize=thread;-fno-omit-frame-pointer>")
   target_link_options(gs_flags INTERFACE -fsanitize=thread)
 endif()
+if(GS_FUZZ)  # coverage for libFuzzer; only gs_fuzz_target() links its main()
+  target_compile_options(gs_flags INTERFACE "${gs_cxx}-fsanitize=fuzzer-no-link>")
+endif()
 
 # gs_library(name [EXPORT name] SOURCES ... PUBLIC ... PRIVATE ...): makes a static library. With
 # EXPORT it is installed as gemsplat::name.
@@ -73,6 +76,14 @@ function(gs_test path)
     add_custom_target(${folder}_tests)
   endif()
   add_dependencies(${folder}_tests ${name})
+endfunction()
+
+# gs_fuzz_target(name): builds tests/fuzz/<name>.cpp as fuzz_<name>, a program of libFuzzer.
+function(gs_fuzz_target name)
+  add_executable(fuzz_${name} fuzz/${name}.cpp)
+  target_link_libraries(fuzz_${name} PRIVATE fuzz_main gs_test_support gs_experiment gs_view)
+  target_link_options(fuzz_${name} PRIVATE -fsanitize=fuzzer)
+  add_dependencies(fuzz_targets fuzz_${name})
 endfunction()
 
 # gs_benchmark(path): builds tests/<path>.cpp with Google Benchmark. Without it the benchmark is left
