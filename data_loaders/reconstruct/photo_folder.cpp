@@ -9,6 +9,7 @@
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
+#include "gs_core/io/byte_reader.h"
 #include "gs_core/log.h"
 
 namespace gs {
@@ -31,13 +32,11 @@ bool is_ours(const fs::path& folder) {
          fs::exists(folder / "cfg_args", ignored);
 }
 
-// The files in a folder, and below it where `deep`; sorted.
+// The files in a folder, and below it where `deep`; sorted. Throws AccessError if a folder cannot be
+// listed: a scene of a part of the photos would look whole.
 std::vector<fs::path> files_in(const fs::path& folder, bool deep, const fs::path& without = {}) {
   std::vector<fs::path> files;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error)) {
-    const fs::path& path = entry->path();
+  for (const fs::path& path : entries_of(folder)) {
     std::error_code ignored;
     if (is_hidden(path)) continue;
     if (fs::is_regular_file(path, ignored)) files.push_back(path);
@@ -87,6 +86,19 @@ bool is_pose_file(const fs::path& file) {
       unreadable ? fmt::format(" that can be read ({} cannot)", unreadable) : "", remedy));
 }
 
+// A decoder does not say whether a photo is damaged or the system has refused it a moment ago, say
+// for lack of descriptors. So what it refuses is tried once more.
+PhotoSize size_of(const fs::path& photo) {
+  try {
+    return read_photo_size(photo);
+  } catch (const AccessError&) {
+    throw;
+  } catch (const Error& error) {
+    if (error.code() == ExitCode::out_of_memory) throw;
+    return read_photo_size(photo);
+  }
+}
+
 }  // namespace
 
 std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& without) {
@@ -110,8 +122,11 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
       continue;
     }
     try {
-      photos.push_back({file, name, read_photo_size(file)});
+      photos.push_back({file, name, size_of(file)});
+    } catch (const AccessError&) {  // a scene without it would look whole
+      throw;
     } catch (const Error& error) {
+      if (error.code() == ExitCode::out_of_memory) throw;
       log_warning("a photo is left out: {}", error.what());
       ++unreadable;
     }

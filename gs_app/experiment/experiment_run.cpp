@@ -23,6 +23,8 @@ bool has_same_settings(const ExperimentRun& run) {
   Config written;
   try {
     load_config(written, run.settings_file());
+  } catch (const AccessError&) {  // else a run that cannot be read now would be moved away
+    throw;
   } catch (const Error&) {
     return false;
   }

@@ -21,7 +21,7 @@ bool LostWrites::attempt(const std::string& what, const std::function<void()>& w
     if (error.code() == ExitCode::out_of_memory) throw;
     why = error.what();
   } catch (const std::filesystem::filesystem_error& error) {
-    why = error.what();
+    why = plain_message(error);
   }
   const auto known = [&](const Loss& loss) { return loss.what == what; };
   if (std::erase_if(losses_, known) == 0)  // each only once

@@ -70,7 +70,7 @@ void keep_experiment_report(const fs::path& output) {
   try {
     write_report(output / "report.html", experiment_report(output));
   } catch (const std::exception& error) {
-    log_warning("{} was not written: {}", (output / "report.html").string(), error.what());
+    log_warning("{} was not written: {}", (output / "report.html").string(), plain_message(error));
   }
 }
 

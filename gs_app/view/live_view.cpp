@@ -177,7 +177,7 @@ void LiveView::encode_all() {
     try {
       snapshot = encode(model);
     } catch (const std::exception& error) {
-      trouble = error.what();
+      trouble = plain_message(error);
       log_warning("no snapshot for the viewer: {}", trouble);
     }
     lock.lock();

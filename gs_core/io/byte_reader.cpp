@@ -21,6 +21,22 @@ void cannot_read(const std::filesystem::path& path, const std::string& what) {
   throw Error(fmt::format("cannot read {}: {}", path.string(), what));
 }
 
+void cannot_access(const std::filesystem::path& path, const std::string& what) {
+  throw AccessError(fmt::format("cannot read {}: {}", path.string(), what));
+}
+
+std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> entries;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error))
+    entries.push_back(entry->path());
+  if (error && error != std::errc::no_such_file_or_directory && error != std::errc::not_a_directory)
+    cannot_access(folder, error.message() + "; check its permissions and the disk");
+  std::sort(entries.begin(), entries.end());
+  return entries;
+}
+
 ByteReader::ByteReader(std::filesystem::path path) : path_(std::move(path)) {
   std::error_code error;
   const auto status = std::filesystem::status(path_, error);
@@ -32,9 +48,9 @@ ByteReader::ByteReader(std::filesystem::path path) : path_(std::move(path)) {
     cannot_read(path_, "this is not a regular file; save it to disk first");
   }
   file_.reset(std::fopen(path_.c_str(), "rb"));
-  if (!file_) cannot_read(path_, fmt::format("{}; check its permissions", std::strerror(errno)));
+  if (!file_) cannot_access(path_, fmt::format("{}; check its permissions", std::strerror(errno)));
   size_ = std::filesystem::file_size(path_, error);
-  if (error) cannot_read(path_, error.message() + "; check the disk");
+  if (error) cannot_access(path_, error.message() + "; check the disk");
 }
 
 const std::uint8_t* ByteReader::peek(std::size_t bytes) {
@@ -61,7 +77,7 @@ void ByteReader::skip(std::uint64_t bytes) {
   read_ = position() + bytes;
   begin_ = end_ = 0;
   if (fseeko(file_.get(), off_t(read_), SEEK_SET) != 0) {
-    cannot_read(path_, fmt::format("{} at byte {}; check the disk", std::strerror(errno), read_));
+    cannot_access(path_, fmt::format("{} at byte {}; check the disk", std::strerror(errno), read_));
   }
 }
 
@@ -108,11 +124,11 @@ void ByteReader::fill(std::size_t bytes) {
   read_ += got;
   end_ += got;
   if (got == wanted) return;
-  cannot_read(path_,
-              fmt::format("{} at byte {}; check the disk",
-                          std::ferror(file_.get()) ? std::strerror(errno)
-                                                   : "the file became shorter while it was read",
-                          read_));
+  cannot_access(path_,
+                fmt::format("{} at byte {}; check the disk",
+                            std::ferror(file_.get()) ? std::strerror(errno)
+                                                     : "the file became shorter while it was read",
+                            read_));
 }
 
 }  // namespace gs

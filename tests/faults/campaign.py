@@ -182,7 +182,7 @@ def is_backup(name):
 
 def differences(slot, verb, reference, errors, may_lack):
     """How the files differ from those of the undisturbed command. With `may_lack`, a file may be
-    missing if a warning names it; its time is over."""
+    missing, or an older one left over, if a warning says so."""
     now = {name: content for name, content in slot.contents().items() if not is_backup(name)}
     wanted = {name: c for name, c in reference.after.items() if not is_backup(name)}
     for name, content in wanted.items():
@@ -192,19 +192,24 @@ def differences(slot, verb, reference, errors, may_lack):
         if not is_told:
             yield f"{'differs' if name in now else 'is missing'}: {name}"
     for name in now.keys() - wanted.keys():
-        if not (may_lack and name.endswith(".ckpt") and "no checkpoint of step" in errors):
+        is_older = name.endswith(".ckpt") and "no checkpoint of step" in errors
+        is_named = any(part.startswith(".gemsplat-") and part in errors for part in Path(name).parts)
+        if not (may_lack and (is_older or is_named)):
             yield f"is left over: {name}"
 
 
-def go_on(slot, verb, reference, loses_growth):
-    """Runs the same command undisturbed, and says what is wrong then."""
+def go_on(slot, verb, reference, loses_growth, first_errors=""):
+    """Runs the same command undisturbed, and says what is wrong then. What the first one said it
+    could not write may be missing."""
     again = slot.run(verb, more=verb.again)
     wrong = [f"going on: {text}" for text in faults_of_ending(again)]
     if again.code != 0:
         return wrong + [f"going on: exit code {again.code}: {again.errors[-600:]}"]
     wrong += lost_files(slot, verb, reference)
     if not loses_growth:
-        wrong += [f"going on: {d}" for d in differences(slot, verb, reference, again.errors, False)]
+        told = "\n".join(re.findall(r".*was not written.*", first_errors))
+        found = differences(slot, verb, reference, told, bool(told))
+        wrong += [f"going on: {d}" for d in found]
     return wrong
 
 

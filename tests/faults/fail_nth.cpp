@@ -13,8 +13,9 @@
 //   GS_FAULT_DEPTH=1       not this program, but the programs of our own that it starts (each
 //                          counts for itself); 0, the default, leaves all children alone
 //
-// What a library calls while it is being loaded does not count: an exception from there would end
-// every program. Threads are refused there, too, once the N-th thread was ("N+").
+// Threads and memory fail where our own code asks for them. What another library, such as OpenCV,
+// asks for is passed over, since its own mistakes cannot be mended here; the next call that is ours
+// fails. Once the N-th thread was refused, "N+" refuses those of libraries, too.
 // A call to the C library from within that library cannot be replaced. So stdio counts at its own
 // functions: fwrite and fflush fail where their write would.
 #include <dirent.h>
@@ -68,7 +69,8 @@ char root[4096] = "";
 int log_file = -1;
 std::atomic<bool> is_counting{false};
 std::atomic<long> counts[kKinds];
-thread_local int libraries_loading = 0;
+std::atomic<bool> has_fired{false};
+thread_local int libraries_loading = 0;  // their many allocations do not count
 
 // ---- the log, without allocations ----------------------------------------------------------------
 
@@ -100,14 +102,35 @@ void log_counts() {
 
 // ---- which call fails ----------------------------------------------------------------------------
 
+// Parts of the names of files whose code counts as ours.
+constexpr const char* kOurs[] = {"gemsplat", "fail_nth", "libstdc++", "libc.so",  "libm.so",
+                                 "libgcc",   "libfmt",   "libspdlog", "ld-linux", "san.so"};
+
+bool another_library_calls() {
+  void* frames[256];
+  const int count = backtrace(frames, 256);
+  for (int i = 0; i < count; ++i) {
+    Dl_info info{};
+    if (dladdr(frames[i], &info) == 0 || !info.dli_fname) continue;
+    const char* const slash = strrchr(info.dli_fname, '/');
+    bool is_ours = false;
+    for (const char* name : kOurs)
+      is_ours |= strstr(slash ? slash : info.dli_fname, name) != nullptr;
+    if (!is_ours) return true;
+  }
+  return false;
+}
+
 // Counts a call. Returns whether it fails; errno then says why.
 bool fails(Kind kind, const char* call, const char* file = "") {
   if (!is_counting.load(std::memory_order_relaxed)) return false;
-  if (libraries_loading > 0 && (kind != kThread || counts[kind] < fault.first)) return false;
   const long n = ++counts[kind];
   if (kind != fault.kind || n < fault.first) return false;
-  if (n > fault.first && !fault.and_all_after) return false;
-  if (n == fault.first) {
+  const bool is_first = !has_fired;
+  if (!is_first && !fault.and_all_after) return false;
+  const bool may_be_of_a_library = kind == kMemory || (kind == kThread && is_first);
+  if (may_be_of_a_library && another_library_calls()) return false;
+  if (is_first && !has_fired.exchange(true)) {
     is_counting = false;  // what the log needs does not count
     log_line("fired %s:%ld %s %s\n", kNames[kind], n, call, file);
     log_stack();
@@ -405,7 +428,7 @@ extern "C" void* dlopen(const char* file, int flags) noexcept {
 namespace {
 
 void* allocate(size_t bytes, size_t alignment = 0) noexcept {
-  if (fails(kMemory, "operator new")) return nullptr;
+  if (libraries_loading == 0 && fails(kMemory, "operator new")) return nullptr;
   if (bytes == 0) bytes = 1;
   if (alignment == 0) return malloc(bytes);
   return aligned_alloc(alignment, (bytes + alignment - 1) / alignment * alignment);

@@ -66,7 +66,7 @@ def inject(slot, verb, fault):
         if not loses_growth:
             result.wrong += campaign.differences(slot, verb, reference, outcome.errors, True)
     elif outcome.code > 0:
-        result.wrong += campaign.go_on(slot, verb, reference, loses_growth)
+        result.wrong += campaign.go_on(slot, verb, reference, loses_growth, outcome.errors)
     return [result]
 
 

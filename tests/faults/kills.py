@@ -37,16 +37,18 @@ def children_of(process):
 def kill_at_a_moment(slot, verb, seconds, draw, of_child):
     """Starts the command, and kills it or one of its children after a random time."""
     begin = time.monotonic()
-    process = slot.start([*verb.arguments])
+    process = slot.start(verb.arguments)
     time.sleep(draw.random() * seconds)
-    targets = children_of(process.pid) if of_child else [process.pid]
-    for target in targets[:1] if not of_child else draw.sample(targets, min(1, len(targets))):
+    targets = [process.pid]
+    if of_child:  # it waits for one
+        while not (targets := children_of(process.pid)) and process.poll() is None:
+            time.sleep(0.002)
+    if process.poll() is None:
         try:
-            if process.poll() is None:
-                os.kill(target, signal.SIGKILL)
-        except ProcessLookupError:
+            os.kill(draw.choice(targets), signal.SIGKILL)
+        except ProcessLookupError:  # the child has ended meanwhile
             pass
-    return slot.wait(process, begin), bool(targets)
+    return slot.wait(process, begin)
 
 
 def kills_of_one_run(slot, verb, kills, seed):
@@ -64,8 +66,7 @@ def kills_of_one_run(slot, verb, kills, seed):
             outcome = slot.run(verb, fault)
         else:
             fault = way
-            outcome, _ = kill_at_a_moment(slot, verb, reference.outcome.seconds, draw,
-                                          way == "child")
+            outcome = kill_at_a_moment(slot, verb, reference.outcome.seconds, draw, way == "child")
         result = campaign.Result(verb.name, way, f"{seed}:{fault}", outcome.code, [],
                                  errors=outcome.errors, log=outcome.log)
         if outcome.code != -signal.SIGKILL:

@@ -36,6 +36,7 @@ name = 'plain'
 # A stand-in for COLMAP: each command writes something, and the mapper copies the model beside it.
 COLMAP = """#!/bin/sh
 here=$(dirname "$0")
+sleep 0.05
 case "$*" in *" -h") echo "  --SiftExtraction.use_gpu arg (=1)"; exit 0;; esac
 case "$1" in
   feature_extractor)
@@ -49,7 +50,6 @@ case "$1" in
   mapper)
     echo "Registering image #3 (3)"; echo "  => Image sees 119 / 933 points"
     while [ "$1" != --output_path ]; do shift; done
-    sleep 0.02
     cp -r "$here/model" "$2/0";;
 esac
 """

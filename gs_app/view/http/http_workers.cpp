@@ -20,7 +20,7 @@ HttpAnswer answer_of(const HttpHandler& handler, const HttpRequest& request) {
   try {
     return handler(request);
   } catch (const std::exception& error) {
-    return http_error(500, printable(error.what()));
+    return http_error(500, plain_message(error));
   }
 }
 
