@@ -40,6 +40,8 @@ std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folde
 ByteReader::ByteReader(std::filesystem::path path) : path_(std::move(path)) {
   std::error_code error;
   const auto status = std::filesystem::status(path_, error);
+  if (status.type() == std::filesystem::file_type::none)
+    cannot_access(path_, error.message() + "; check its permissions and the disk");
   if (!std::filesystem::exists(status)) cannot_read(path_, "there is no such file; check the path");
   if (std::filesystem::is_directory(status)) {
     cannot_read(path_, "this is a folder; name a file in it");

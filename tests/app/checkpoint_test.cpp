@@ -199,6 +199,15 @@ TEST_F(Checkpoints, WithoutAnyThereIsNone) {
   EXPECT_FALSE(folder().newest());
 }
 
+// A link that leads to itself stands for a file that the system does not let us read, also for root.
+TEST_F(Checkpoints, OneThatCannotBeReadNowIsAnErrorAndStays) {
+  ASSERT_TRUE(save(folder(), 5));
+  fs::create_symlink("step_10.ckpt", file(10));
+  EXPECT_THROW(newest_checkpoint(path()), AccessError);
+  EXPECT_TRUE(fs::is_symlink(file(10)));
+  EXPECT_TRUE(fs::exists(file(5)));
+}
+
 TEST_F(Checkpoints, AFullDiskIsSeenBeforehandAndNothingIsLost) {
   for (const int step : {5, 10}) ASSERT_TRUE(save(folder(), step));
   EXPECT_FALSE(save(folder([](const fs::path&) { return std::uint64_t(1000); }), 15));
