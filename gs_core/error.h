@@ -3,7 +3,6 @@
 // program (`GS_CHECK`).
 #pragma once
 
-#include <exception>
 #include <stdexcept>
 #include <string>
 
@@ -23,10 +22,6 @@ enum class ExitCode : int {
 /// Messages quote files, and files may hold any bytes.
 std::string printable(std::string text);
 
-/// The message of any exception in a user's words: an Error's own, and for those of the library what
-/// the system says, without names of C++.
-std::string plain_message(const std::exception& error);
-
 /// A failure of the world outside, such as a damaged file. The message says what happened, to which
 /// file or value, and what to try. Thrown anywhere, caught once, in main().
 class Error : public std::runtime_error {
@@ -43,14 +38,6 @@ class Error : public std::runtime_error {
 class UsageError : public Error {
  public:
   explicit UsageError(const std::string& message) : Error(message, ExitCode::usage) {}
-};
-
-/// A file or folder that the system does not let us read: the disk fails, too many files are open, a
-/// right is missing. Its content may be fine. So nothing may follow from it, as it may from a
-/// damaged file, which is an Error of its own.
-class AccessError : public Error {
- public:
-  explicit AccessError(const std::string& message) : Error(message) {}
 };
 
 namespace detail {

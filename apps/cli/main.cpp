@@ -18,6 +18,7 @@
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
+#include "gs_core/plain_message.h"
 #include "gs_core/processes/signals.h"
 
 namespace gs {

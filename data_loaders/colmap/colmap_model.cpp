@@ -12,8 +12,8 @@
 #include <cstring>
 
 #include "data_loaders/colmap/colmap_files.h"
+#include "gs_core/access.h"
 #include "gs_core/error.h"
-#include "gs_core/io/byte_reader.h"
 #include "gs_core/log.h"
 
 namespace gs {

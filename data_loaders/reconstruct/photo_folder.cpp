@@ -8,8 +8,8 @@
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/photos/photo_names.h"
+#include "gs_core/access.h"
 #include "gs_core/error.h"
-#include "gs_core/io/byte_reader.h"
 #include "gs_core/log.h"
 
 namespace gs {

@@ -8,6 +8,7 @@
 #include <algorithm>
 
 #include "data_loaders/colmap/colmap_model.h"
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"

@@ -16,7 +16,7 @@
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/scene_files.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/access.h"
 #include "gs_core/io/fnv1a.h"
 
 namespace gs {

@@ -7,9 +7,9 @@
 #include <charconv>
 #include <limits>
 
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
-#include "gs_core/io/byte_reader.h"
 #include "gs_core/log.h"
 
 namespace gs {

@@ -3,6 +3,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include "gs_core/access.h"
 #include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
 #include "gs_core/io/output_lock.h"

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
 

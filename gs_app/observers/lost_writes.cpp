@@ -8,6 +8,7 @@
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
+#include "gs_core/plain_message.h"
 
 namespace gs {
 

@@ -8,6 +8,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
+#include "gs_core/plain_message.h"
 
 namespace gs {
 namespace {

@@ -2,6 +2,7 @@
 #include "gs_app/session/export_run.h"
 
 #include "gs_app/export/export_model.h"
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
 #include "gs_core/log.h"

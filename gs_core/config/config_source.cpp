@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "gs_core/access.h"
 #include "gs_core/config/config_presets.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/config/read_toml.h"

@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -19,22 +20,6 @@ constexpr std::size_t kLongestLineBytes = std::size_t(1) << 26;  // a longer lin
 
 void cannot_read(const std::filesystem::path& path, const std::string& what) {
   throw Error(fmt::format("cannot read {}: {}", path.string(), what));
-}
-
-void cannot_access(const std::filesystem::path& path, const std::string& what) {
-  throw AccessError(fmt::format("cannot read {}: {}", path.string(), what));
-}
-
-std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder) {
-  std::vector<std::filesystem::path> entries;
-  std::error_code error;
-  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error))
-    entries.push_back(entry->path());
-  if (error && error != std::errc::no_such_file_or_directory && error != std::errc::not_a_directory)
-    cannot_access(folder, error.message() + "; check its permissions and the disk");
-  std::sort(entries.begin(), entries.end());
-  return entries;
 }
 
 ByteReader::ByteReader(std::filesystem::path path) : path_(std::move(path)) {

@@ -17,19 +17,12 @@ namespace gs {
 /// Throws Error "cannot read PATH: WHAT".
 [[noreturn]] void cannot_read(const std::filesystem::path& path, const std::string& what);
 
-/// Throws AccessError "cannot read PATH: WHAT".
-[[noreturn]] void cannot_access(const std::filesystem::path& path, const std::string& what);
-
-/// The entries of a folder, sorted; none if there is no such folder. Throws AccessError if they
-/// cannot be listed: a part of them would look like all.
-std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder);
-
 /// One regular file, read front to back. The results of take(), peek() and take_line() stay valid
 /// until the next call. Every function throws Error, which names the file, if the file ends too
-/// early, and AccessError if the disk fails.
+/// early or the disk fails.
 class ByteReader {
  public:
-  /// Throws Error if the file is missing or is a folder, and AccessError if it may not be read.
+  /// Throws Error if the file is missing, is a folder, or may not be read.
   explicit ByteReader(std::filesystem::path path);
 
   const std::filesystem::path& path() const { return path_; }

@@ -11,6 +11,7 @@
 #include <csignal>
 
 #include "gs_app/checkpoints/checkpoint_folder.h"
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "tests/support/models.h"

@@ -5,10 +5,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "gs_core/access.h"
 #include "gs_core/config/config.h"
 #include "gs_core/config/read_toml.h"
 #include "gs_core/error.h"
-#include "gs_core/io/byte_reader.h"
 #include "gs_core/io/read_json.h"
 #include "gs_core/text_file.h"
 #include "tests/support/temp_folder.h"

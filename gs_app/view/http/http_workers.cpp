@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "gs_core/error.h"
+#include "gs_core/plain_message.h"
 #include "gs_core/threads/low_priority.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_core/threads/start_threads.h"
