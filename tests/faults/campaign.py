@@ -24,6 +24,9 @@ EXIT_CODES = (0, 2, 3, 4, 5)  # docs/conventions.md; 1 would be a bug of the pro
 # Text that belongs to a debugger, and not to a user.
 RAW_TEXT = re.compile(r"std::|bad_alloc|terminate called|json\.exception|basic_string|what\(\)|"
                       r"filesystem error|_M_|internal error|Sanitizer|\[json|vector::")
+# The words of warnings about files that are missing or left over.
+TELLS_A_LOSS = re.compile(r"could not be written|was not written|is missing or incomplete|"
+                          r"no checkpoint of step|older checkpoints may stay|cannot be removed now")
 # Memory that runs out in training costs growth, and the program says so: the model then differs.
 LESS_GROWTH = re.compile(r"and the model stays at \d+ Gaussians|is skipped for lack of memory")
 
@@ -41,7 +44,7 @@ class Outcome:
 
 
 class Slot:
-    """The folder of one worker. Its path is the same for every run in it, since files hold paths."""
+    """The folder of one worker. Its path is the same for all runs in it, since files hold paths."""
 
     def __init__(self, folder, program, library):
         self.folder, self.program, self.library = folder, program, library
@@ -85,6 +88,9 @@ class Slot:
                          "ASAN_OPTIONS": "verify_asan_link_order=0:detect_leaks=0"}
         begin = time.monotonic()
         outcome = self.wait(self.start([*verb.arguments, *more], variables), begin)
+        if verb.faults_in_children:
+            for file in sorted(self.case.rglob("train.log")):
+                outcome.errors += file.read_text(errors="replace")
         if log.exists():
             outcome.log = log.read_text(errors="replace")
         for line in outcome.log.splitlines():
@@ -102,8 +108,8 @@ class Slot:
         shutil.copytree(self.folder / verb.name, self.case, symlinks=True)
 
     def prepare(self, verb):
-        """Makes the folder before the command, runs the command undisturbed, and keeps what is there
-        then: all later runs are compared with it."""
+        """Makes the folder before the command, runs the command undisturbed, and keeps what is
+        there then: all later runs are compared with it."""
         if verb.name in self.prepared:
             return self.prepared[verb.name]
         shutil.rmtree(self.case, ignore_errors=True)
@@ -180,24 +186,26 @@ def lost_files(slot, verb, reference):
             yield f"lost: {name}"
 
 
-def is_backup(name):
-    return re.search(r"\.bak-\d+", name) is not None
+def is_backup_or_lock(name):
+    """Older files that were kept, and lock files that a kill has left, which lock nothing."""
+    return re.search(r"\.bak-\d+|(^|/)\.[^/]+\.lock$", name) is not None
 
 
 def differences(slot, verb, reference, errors, may_lack):
     """How the files differ from those of the undisturbed command. With `may_lack`, a file may be
     missing, or an older one left over, if a warning says so."""
-    now = {name: content for name, content in slot.contents().items() if not is_backup(name)}
-    wanted = {name: c for name, c in reference.after.items() if not is_backup(name)}
+    now = {name: c for name, c in slot.contents().items() if not is_backup_or_lock(name)}
+    wanted = {name: c for name, c in reference.after.items() if not is_backup_or_lock(name)}
+    told = "\n".join(line for line in errors.splitlines() if TELLS_A_LOSS.search(line))
     for name, content in wanted.items():
         if now.get(name) == content:
             continue
-        is_told = may_lack and name.startswith(verb.may_lack or ("//",)) and Path(name).name in errors
-        if not is_told:
+        is_ours_to_lack = may_lack and verb.may_lack and name.startswith(verb.may_lack)
+        if not (is_ours_to_lack and Path(name).name in told):
             yield f"{'differs' if name in now else 'is missing'}: {name}"
     for name in now.keys() - wanted.keys():
-        is_older = name.endswith(".ckpt") and "no checkpoint of step" in errors
-        is_named = any(part.startswith(".gemsplat-") and part in errors for part in Path(name).parts)
+        is_older = name.endswith(".ckpt") and "no checkpoint of step" in told
+        is_named = any(p.startswith(".gemsplat-") and p in told for p in Path(name).parts)
         if not (may_lack and (is_older or is_named)):
             yield f"is left over: {name}"
 
@@ -214,7 +222,7 @@ def go_on(slot, verb, reference, loses_growth, first_errors=""):
     wrong += lost_files(slot, verb, reference)
     if not loses_growth:
         told = "\n".join(re.findall(r".*was not written.*", first_errors))
-        found = differences(slot, verb, reference, told, bool(told))
+        found = differences(slot, verb, reference, told, may_lack=bool(told))
         wrong += [f"going on: {d}" for d in found]
     return wrong
 

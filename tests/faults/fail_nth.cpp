@@ -241,8 +241,9 @@ int __libc_start_main(Main* main, int argc, char** argv, void (*init)(), void (*
   using Start = int(Main*, int, char**, void (*)(), void (*)(), void (*)(), void*);
   const auto real = reinterpret_cast<Start*>(dlsym(RTLD_NEXT, "__libc_start_main"));
   // A program that is not ours, such as the shell in COLMAP's place, runs undisturbed.
-  const char* const name = strrchr(argv[0], '/');
-  if (strcmp(name ? name + 1 : argv[0], "gemsplat") != 0)
+  char file[4097] = "";
+  if (readlink("/proc/self/exe", file, sizeof file - 1) < 0 || !strstr(file, "/gemsplat") ||
+      strcmp(strrchr(file, '/'), "/gemsplat") != 0)
     return real(main, argc, argv, init, fini, rtld_fini, stack_end);
   real_main = main;
   return real(counted_main, argc, argv, init, fini, rtld_fini, stack_end);

@@ -35,12 +35,14 @@ def chosen(kind, count, budget, draw):
         yield f"{kind}:{n}{last}:{ERRORS[kind][(i + n // 2) % len(ERRORS[kind])]}"
 
 
-def plan(counts, budget, draw):
-    """Divides the budget among pairs of verb and kind: kinds with few calls get them all."""
-    pairs = sorted(((count, verb, kind) for (verb, kind), count in counts.items() if count > 0))
+def plan(counts, seconds, budget, draw):
+    """Divides the budget among pairs of verb and kind. Kinds with few calls get them all, and verbs
+    that take long get fewer."""
+    pairs = sorted((count, verb, kind) for (verb, kind), count in counts.items() if count > 0)
     faults = []
     for i, (count, verb, kind) in enumerate(pairs):
-        share = max(1, (budget - len(faults)) // (len(pairs) - i))
+        weights = [1 / seconds[v] for _, v, _ in pairs[i:]]
+        share = max(1, round((budget - len(faults)) * weights[0] / sum(weights)))
         faults += [(verb, fault) for fault in chosen(kind, count, min(share, count), draw)]
     draw.shuffle(faults)
     return faults
@@ -83,11 +85,12 @@ def main():
         faults = [(verb.name, arguments.only) for verb in verbs]
     else:
         slot = all_faults.free[-1]
-        counts = {}
+        counts, seconds = {}, {}
         for verb in verbs:
-            of_verb = slot.prepare(verb).outcome.counts
-            counts.update({(verb.name, kind): of_verb.get(kind, 0) for kind in kinds})
-        faults = plan(counts, arguments.faults, random.Random(arguments.seed))
+            outcome = slot.prepare(verb).outcome
+            counts.update({(verb.name, kind): outcome.counts.get(kind, 0) for kind in kinds})
+            seconds[verb.name] = outcome.seconds
+        faults = plan(counts, seconds, arguments.faults, random.Random(arguments.seed))
     tasks = [lambda slot, v=verb, f=fault: inject(slot, scenarios.VERBS[v], f)
              for verb, fault in faults]
     all_faults.work(tasks, len(tasks))

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Kills the program by SIGKILL, at random moments and in place of chosen calls, until the same command
-has ended well, and checks that it ends in the bytes of a run that was never killed. See README.md."""
+"""Kills the program by SIGKILL, at random moments and in place of chosen calls, until the same
+command has ended well, and checks that it ends in the bytes of a run that was never killed. See
+README.md beside this file."""
 
 import os
 import random
@@ -59,7 +60,7 @@ def kills_of_one_run(slot, verb, kills, seed):
     results = []
     counts = reference.outcome.counts
     for i in range(kills):
-        way = draw.choice(("moment", "call", "child") if counts.get("spawn") else ("moment", "call"))
+        way = draw.choice(["moment", "call"] + ["child"] * bool(counts.get("spawn")))
         if way == "call":
             kind = draw.choice([k for k in CALLS if counts.get(k)])
             fault = f"{kind}:{draw.randint(1, counts[kind])}:KILL"
@@ -72,7 +73,8 @@ def kills_of_one_run(slot, verb, kills, seed):
         if outcome.code != -signal.SIGKILL:
             result.wrong = campaign.faults_of_ending(outcome)
         result.wrong += campaign.lost_files(slot, verb, reference)
-        if outcome.code == -signal.SIGKILL or (way == "child" and outcome.code != 0) or result.wrong:
+        is_killed = outcome.code == -signal.SIGKILL or (way == "child" and outcome.code != 0)
+        if is_killed or result.wrong:
             results.append(result)
         if outcome.code == 0:
             break  # it was over before

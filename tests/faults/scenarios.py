@@ -61,7 +61,8 @@ esac
 def write_png(path, rows):
     """A PNG of 8-bit RGB rows."""
     def chunk(kind, data):
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        check = struct.pack(">I", zlib.crc32(kind + data))
+        return struct.pack(">I", len(data)) + kind + data + check
 
     header = struct.pack(">IIBBBBB", len(rows[0]) // 3, len(rows), 8, 2, 0, 0, 0)
     pixels = zlib.compress(b"".join(b"\0" + row for row in rows))
@@ -88,7 +89,8 @@ def write_model(folder):
     for p in range(POINTS):
         u, v, w = (p * 0.618034 % 1, p * 0.754878 % 1, p * 0.569840 % 1)
         z = 3 + 2 * w
-        points.append(f"{p + 1} {(u - 0.5) * z:.5f} {(v - 0.5) * z * 0.8:.5f} {z:.5f} 120 130 140 0.5\n")
+        x, y = (u - 0.5) * z, (v - 0.5) * z * 0.8
+        points.append(f"{p + 1} {x:.5f} {y:.5f} {z:.5f} 120 130 140 0.5\n")
     (folder / "points3D.txt").write_text("".join(points))
 
 
@@ -176,8 +178,8 @@ class Verb:
 
 
 def train(*more):
-    return ("train", "scene", "-o", "run", *TRAIN, "--iterations", str(STEPS), "--export", "spz,sog",
-            "--resume", "auto", *more)
+    return ("train", "scene", "-o", "run", *TRAIN, "--iterations", str(STEPS), "--export",
+            "spz,sog", "--resume", "auto", *more)
 
 
 RUN_FILES = ("run/point_cloud/", "run/metrics.csv", "run/profile.csv", "run/report.html",
