@@ -2,6 +2,7 @@
 #include "data_loaders/reconstruct/photo_folder.h"
 
 #include <spdlog/fmt/fmt.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <set>
@@ -44,6 +45,10 @@ std::vector<fs::path> files_in(const fs::path& folder, bool deep, const fs::path
     if (fs::is_symlink(path, ignored)) continue;  // may lead back up
     if (is_ours(path)) continue;
     if (!without.empty() && fs::equivalent(path, without, ignored)) continue;
+    if (::access(path.c_str(), R_OK | X_OK) != 0) {  // such as lost+found
+      log_warning("{} is left out: it may not be read", path.string());
+      continue;
+    }
     const std::vector<fs::path> below = files_in(path, deep, without);
     files.insert(files.end(), below.begin(), below.end());
   }
