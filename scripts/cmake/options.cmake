@@ -31,6 +31,7 @@ option(GS_FUZZ "Instrument everything for libFuzzer and build the targets of tes
 if(GS_FUZZ AND NOT CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
   message(FATAL_ERROR "GS_FUZZ needs clang++ with libFuzzer; `cmake --preset fuzz` chooses it (Debian: clang, libclang-rt-14-dev).")
 endif()
+option(GS_PRECOMPILE_HEADERS "Read the headers of libraries once for all files" ON)
 option(GS_BUILD_TESTS "Build the tests" ON)
 option(GS_BUILD_BENCHMARKS "Build the benchmarks in tests/bench" ON)
 set(GS_PYTHON "" CACHE FILEPATH "The Python interpreter to build the module for; the first with NumPy where empty")
