@@ -2,15 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 # Checks that CI has no time for: threads under ThreadSanitizer, all tests under AddressSanitizer and
 # UndefinedBehaviorSanitizer, all tests of a program that clang++ has compiled, and clang-tidy over
-# the whole tree. They take some two hours on 2 cores.
-#   scripts/check_more.sh [threads] [sanitizers] [clang] [tidy]      only these; without names, all
+# the whole tree, and calls that fail and kills (docs/reliability.md). They take some three hours on 2
+# cores.
+#   scripts/check_more.sh [threads] [sanitizers] [clang] [tidy] [faults]    only these; without names, all
+#   scripts/check_more.sh faults-asan                    the faults with a program under AddressSanitizer
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
 
 # The second compiler, clang++, makes the CPU half with every library, under ThreadSanitizer: the
 # tests of the thread pool, the photo pool and the viewer's server, and the program, which they run.
 test_threads_with_clang() {
-  command -v clang++ >/dev/null || apt_install clang libclang-rt-14-dev || die "clang cannot be installed"
+  install_clang
   gs_configure_args=(-DCMAKE_CXX_COMPILER=clang++)
   build thread thread_tests
   gs_configure_args=()
@@ -24,13 +26,21 @@ test_with_sanitizers() {
 }
 
 test_with_clang() {
-  command -v clang++ >/dev/null || apt_install clang || die "clang cannot be installed"
+  install_clang
   build clang all
   ctest --test-dir build/clang --output-on-failure --no-tests=error --progress -j"$(nproc)"
 }
 
+# test_faults preset: 1,200 calls that fail one after the other, and 500 kills.
+test_faults() {
+  build "$1" faults_tests
+  local campaign=(--program "build/$1/bin/gemsplat" --library "build/$1/tests/libfail_nth.so")
+  tests/faults/inject.py "${campaign[@]}" --faults 1200 --json "build/$1/faults.json"
+  tests/faults/kills.py "${campaign[@]}" --kills 500 --json "build/$1/kills.json"
+}
+
 install_packages
-for check in "${@:-threads sanitizers clang tidy}"; do
+for check in "${@:-threads sanitizers clang tidy faults}"; do
   for name in $check; do
     say "$name"
     case $name in
@@ -38,7 +48,9 @@ for check in "${@:-threads sanitizers clang tidy}"; do
       sanitizers) test_with_sanitizers ;;
       clang) test_with_clang ;;
       tidy) scripts/tidy.sh ;;
-      *) die "there is no check $name; there are threads, sanitizers, clang and tidy" ;;
+      faults) test_faults default ;;
+      faults-asan) test_faults debug ;;
+      *) die "there is no check $name; there are threads, sanitizers, clang, tidy, faults and faults-asan" ;;
     esac
   done
 done

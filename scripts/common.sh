@@ -48,6 +48,11 @@ apt_install() {
   fi
 }
 
+# The second compiler, with the runtimes of its sanitizers and of libFuzzer.
+install_clang() {
+  command -v clang++ >/dev/null || apt_install clang libclang-rt-14-dev || die "clang cannot be installed"
+}
+
 # Can the compiler see the headers that the build cannot do without? `have_headers -I DIR` looks there too.
 have_headers() {
   local header

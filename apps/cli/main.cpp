@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdio>
+#include <cstdlib>
+#include <exception>
 #include <filesystem>
 #include <memory>
 #include <new>
@@ -18,6 +20,7 @@
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
+#include "gs_core/plain_message.h"
 #include "gs_core/processes/signals.h"
 
 namespace gs {
@@ -127,36 +130,65 @@ int run(int argc, const char* const* argv) {
   return int(ExitCode::done);
 }
 
+// Says why run() failed, in a handler of its exception.
+int explain() {
+  try {
+    throw;
+  } catch (const Error& error) {
+    if (error.code() == ExitCode::interrupted) {  // it was asked for, and is no error
+      std::fprintf(stderr, "%s\n", error.what());
+      return int(error.code());
+    }
+    return fail(error.what(), int(error.code()));
+  } catch (const std::filesystem::filesystem_error& error) {
+    return fail(plain_message(error) + "; check the path and its permissions",
+                int(ExitCode::bad_data));
+  } catch (const std::system_error& error) {
+    return fail("the system refuses what is needed (" + plain_message(error) +
+                    "); close other programs, or raise the limits (ulimit -a)",
+                int(ExitCode::bad_data));
+  } catch (const std::logic_error& error) {  // those of GS_CHECK ask for a report themselves
+    const std::string message = error.what();
+    const bool asks = message.find("please report") != message.npos;
+    return fail(printable(asks ? message : "internal error: " + message + "; please report this"),
+                kInternalError);
+  } catch (const std::bad_alloc&) {
+    throw;
+  } catch (const std::exception& error) {
+    return fail(plain_message(error), int(ExitCode::bad_data));
+  }
+}
+
+constexpr const char* kNoMemory = "error: out of memory; close other programs\n";
+
+// Some functions of libraries let no exception out and yet ask for memory, such as CLI11's and those
+// that list folders. Where that fails, the C++ runtime calls this.
+[[noreturn]] void give_up() {
+  try {
+    if (std::current_exception()) throw;
+  } catch (const std::bad_alloc&) {
+    std::fputs(kNoMemory, stderr);
+    std::_Exit(int(ExitCode::out_of_memory));
+  } catch (...) {
+  }
+  std::fputs("error: internal error: an exception was not caught; please report this\n", stderr);
+  std::abort();
+}
+
 }  // namespace
 }  // namespace gs
 
 int main(int argc, char** argv) {
   gs::ignore_file_size_signal();
+  std::set_terminate(gs::give_up);
   try {
-    return gs::run(argc, argv);
-  } catch (const gs::Error& error) {
-    if (error.code() == gs::ExitCode::interrupted) {  // it was asked for, and is no error
-      std::fprintf(stderr, "%s\n", error.what());
-      return int(error.code());
+    try {
+      return gs::run(argc, argv);
+    } catch (...) {
+      return gs::explain();
     }
-    return gs::fail(error.what(), int(error.code()));
-  } catch (const std::bad_alloc&) {
-    return gs::fail("out of memory; close other programs", int(gs::ExitCode::out_of_memory));
-  } catch (const std::filesystem::filesystem_error& error) {
-    return gs::fail(gs::printable("cannot get at " + error.path1().string() + ": " +
-                                  error.code().message() + "; check the path and its permissions"),
-                    int(gs::ExitCode::bad_data));
-  } catch (const std::system_error& error) {
-    return gs::fail(gs::printable("the system refuses what is needed (" + error.code().message() +
-                                  "); close other programs, or raise the limits (ulimit -a)"),
-                    int(gs::ExitCode::bad_data));
-  } catch (const std::logic_error& error) {  // those of GS_CHECK ask for a report themselves
-    const std::string message = error.what();
-    const bool asks = message.find("please report") != message.npos;
-    return gs::fail(
-        gs::printable(asks ? message : "internal error: " + message + "; please report this"),
-        gs::kInternalError);
-  } catch (const std::exception& error) {
-    return gs::fail(gs::printable(error.what()), int(gs::ExitCode::bad_data));
+  } catch (...) {  // no memory is left, not even for words
+    std::fputs(gs::kNoMemory, stderr);
+    return int(gs::ExitCode::out_of_memory);
   }
 }

@@ -12,6 +12,7 @@
 #include <cstring>
 
 #include "data_loaders/colmap/colmap_files.h"
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 
@@ -158,12 +159,8 @@ void check_models_are_visible(const fs::path& scene) {
 }
 
 std::vector<fs::path> colmap_models_in(const fs::path& folder) {
-  std::vector<fs::path> models;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error))
-    if (is_colmap_model(entry->path())) models.push_back(entry->path());
-  std::sort(models.begin(), models.end());
+  std::vector<fs::path> models = entries_of(folder);
+  std::erase_if(models, [](const fs::path& entry) { return !is_colmap_model(entry); });
   return models;
 }
 
@@ -195,6 +192,8 @@ ColmapModel read_colmap_model(const fs::path& folder, Tracks tracks) {
   try {
     if (fs::exists(file("rigs")))
       (binary ? colmap::read_binary_rigs : colmap::read_text_rigs)(file("rigs"), builder);
+  } catch (const AccessError&) {
+    throw;
   } catch (const Error& error) {  // programs other than COLMAP write them in their own ways
     log_warning("{}; going on without rigs", error.what());
     model.rigs.clear();

@@ -2,12 +2,16 @@
 #include "data_loaders/formats/sidecar.h"
 
 #include <cmath>
+#include <new>
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "gs_core/access.h"
+#include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
+#include "gs_core/plain_message.h"
 
 namespace gs {
 namespace {
@@ -99,8 +103,12 @@ void take_sidecar(const fs::path& file, GaussianModel& model) {
     model.world_offset = format->adds_world_offset ? model.world_offset + offset : offset;
     model.antialiased = antialiased;
     model.is_ours = true;
+  } catch (const AccessError&) {  // without it the model would stand elsewhere
+    throw;
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::exception& error) {
-    log_warning("{} is ignored: {}", sidecar.string(), error.what());
+    log_warning("{} is ignored: {}", sidecar.string(), plain_message(error));
   }
 }
 

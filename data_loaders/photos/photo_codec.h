@@ -15,6 +15,9 @@ namespace gs {
 /// Throws Error: cannot read photo FILE: `what`.
 [[noreturn]] void cannot_read_photo(const std::filesystem::path& path, const std::string& what);
 
+/// Throws AccessError: cannot read photo FILE, for the reason that errno has.
+[[noreturn]] void cannot_access_photo(const std::filesystem::path& path);
+
 /// Throws Error for sizes that no photo has.
 void check_photo_size(const std::filesystem::path& path, const PhotoSize& size);
 

@@ -5,6 +5,8 @@
 #include <array>
 #include <string_view>
 
+#include "gs_core/access.h"
+
 namespace gs {
 namespace {
 
@@ -53,6 +55,9 @@ std::vector<std::string> picture_names_in(const fs::path& folder) {
     else if (is_picture(entry->path()) && entry->is_regular_file(ignored))
       names.push_back(entry->path().lexically_relative(folder).generic_string());
   }
+  if (error && error != std::errc::no_such_file_or_directory &&
+      error != std::errc::not_a_directory && error != std::errc::permission_denied)
+    cannot_access(folder, error.message() + "; check the disk");
   std::sort(names.begin(), names.end());
   return names;
 }

@@ -4,12 +4,16 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <new>
 
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/picture_header.h"
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
+#include "gs_core/plain_message.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -41,7 +45,7 @@ auto with_sound_file(const fs::path& path, Decode&& decode) {
                             path.string()),
                 ExitCode::out_of_memory);
   } catch (const std::exception& error) {
-    cannot_read_photo(path, error.what());
+    cannot_read_photo(path, plain_message(error));
   }
 }
 
@@ -91,6 +95,11 @@ void cannot_read_photo(const fs::path& path, const std::string& what) {
   throw Error(
       fmt::format("cannot read photo {}: {}; copy it again, or leave it out of the COLMAP model",
                   path.string(), what));
+}
+
+void cannot_access_photo(const fs::path& path) {
+  throw AccessError(fmt::format("cannot read photo {}: {}; check its permissions and the disk",
+                                path.string(), std::strerror(errno)));
 }
 
 void check_photo_size(const fs::path& path, const PhotoSize& size) {

@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <limits>
 #include <string>
 #include <string_view>
@@ -38,7 +37,7 @@ class File {
   explicit File(const fs::path& path) : path_(path) {
     // Without O_NONBLOCK, opening a FIFO waits for its writer.
     descriptor_ = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-    if (descriptor_ < 0) cannot_read_photo(path, std::strerror(errno));
+    if (descriptor_ < 0) cannot_access_photo(path);
     struct stat status {};
     if (::fstat(descriptor_, &status) == 0 && S_ISREG(status.st_mode)) {
       size_ = std::uint64_t(status.st_size);
@@ -60,7 +59,7 @@ class File {
       const ssize_t got =
           ::pread(descriptor_, result.data() + done, result.size() - done, off_t(offset + done));
       if (got < 0 && errno == EINTR) continue;
-      if (got < 0) cannot_read_photo(path_, std::strerror(errno));
+      if (got < 0) cannot_access_photo(path_);
       if (got == 0) break;  // it became shorter meanwhile
       done += std::size_t(got);
     }

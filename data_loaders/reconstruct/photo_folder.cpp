@@ -2,12 +2,14 @@
 #include "data_loaders/reconstruct/photo_folder.h"
 
 #include <spdlog/fmt/fmt.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <set>
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/photos/photo_names.h"
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 
@@ -31,13 +33,11 @@ bool is_ours(const fs::path& folder) {
          fs::exists(folder / "cfg_args", ignored);
 }
 
-// The files in a folder, and below it where `deep`; sorted.
+// The files in a folder, and below it where `deep`; sorted. Throws AccessError if a folder cannot be
+// listed: a scene of a part of the photos would look whole.
 std::vector<fs::path> files_in(const fs::path& folder, bool deep, const fs::path& without = {}) {
   std::vector<fs::path> files;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error)) {
-    const fs::path& path = entry->path();
+  for (const fs::path& path : entries_of(folder)) {
     std::error_code ignored;
     if (is_hidden(path)) continue;
     if (fs::is_regular_file(path, ignored)) files.push_back(path);
@@ -45,6 +45,10 @@ std::vector<fs::path> files_in(const fs::path& folder, bool deep, const fs::path
     if (fs::is_symlink(path, ignored)) continue;  // may lead back up
     if (is_ours(path)) continue;
     if (!without.empty() && fs::equivalent(path, without, ignored)) continue;
+    if (::access(path.c_str(), R_OK | X_OK) != 0) {  // such as lost+found
+      log_warning("{} is left out: it may not be read", path.string());
+      continue;
+    }
     const std::vector<fs::path> below = files_in(path, deep, without);
     files.insert(files.end(), below.begin(), below.end());
   }
@@ -87,6 +91,19 @@ bool is_pose_file(const fs::path& file) {
       unreadable ? fmt::format(" that can be read ({} cannot)", unreadable) : "", remedy));
 }
 
+// A decoder does not say whether a photo is damaged or the system has refused it a moment ago, say
+// for lack of descriptors. So what it refuses is tried once more.
+PhotoSize size_of(const fs::path& photo) {
+  try {
+    return read_photo_size(photo);
+  } catch (const AccessError&) {
+    throw;
+  } catch (const Error& error) {
+    if (error.code() == ExitCode::out_of_memory) throw;
+    return read_photo_size(photo);
+  }
+}
+
 }  // namespace
 
 std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& without) {
@@ -110,8 +127,11 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
       continue;
     }
     try {
-      photos.push_back({file, name, read_photo_size(file)});
+      photos.push_back({file, name, size_of(file)});
+    } catch (const AccessError&) {  // a scene without it would look whole
+      throw;
     } catch (const Error& error) {
+      if (error.code() == ExitCode::out_of_memory) throw;
       log_warning("a photo is left out: {}", error.what());
       ++unreadable;
     }

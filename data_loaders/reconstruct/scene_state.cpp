@@ -8,6 +8,7 @@
 #include <algorithm>
 
 #include "data_loaders/colmap/colmap_model.h"
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
@@ -78,6 +79,8 @@ std::optional<SceneState> read_state(const SceneFiles& files) {
       if (!is_work_folder(state.work)) state.work.clear();
       return state;
     });
+  } catch (const AccessError&) {
+    throw;
   } catch (const Error&) {
     throw UsageError(fmt::format(
         "{} is damaged, or not of gemsplat reconstruct, so the folder is left alone; {}",
@@ -98,7 +101,7 @@ SceneFolder::SceneFolder(const SceneFiles& files, SceneState state)
 SceneFolder::~SceneFolder() {
   try {
     remove_work();
-  } catch (const Error&) {  // the next process removes it
+  } catch (const std::exception&) {  // the next process removes it
   }
 }
 
@@ -130,7 +133,11 @@ const fs::path& SceneFolder::work() {
 
 void SceneFolder::remove_work() {
   if (state_.work.empty()) return;
-  remove_work_folder(paths_.root / state_.work);
+  const fs::path work = paths_.root / state_.work;
+  if (!remove_work_folder(work)) {  // it stays on record
+    log_warning("{} cannot be removed now; the same command tries again", work.string());
+    return;
+  }
   state_.work.clear();
   work_.clear();
   save();

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cstdint>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <string_view>
@@ -14,12 +16,18 @@
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/scene_files.h"
+#include "gs_core/access.h"
 #include "gs_core/io/fnv1a.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
+
+// The hash of a part would be that of another scene.
+[[noreturn]] void fail(const fs::path& file) {
+  cannot_access(file, std::string(std::strerror(errno)) + "; check its permissions and the disk");
+}
 
 void add_file(Fnv1a& hash, const fs::path& file) {
   std::error_code ignored;
@@ -28,6 +36,7 @@ void add_file(Fnv1a& hash, const fs::path& file) {
   std::array<char, 1 << 16> block;
   while (stream.read(block.data(), block.size()), stream.gcount() > 0)
     hash.add({block.data(), std::size_t(stream.gcount())});
+  if (!stream.eof()) fail(file);
 }
 
 bool belongs_to_model(const fs::path& file) {
@@ -39,11 +48,8 @@ bool belongs_to_model(const fs::path& file) {
 }
 
 std::vector<fs::path> model_files(const fs::path& folder) {
-  std::vector<fs::path> files;
-  std::error_code ignored;
-  for (const auto& entry : fs::directory_iterator(folder, ignored))
-    if (belongs_to_model(entry.path())) files.push_back(entry.path());
-  std::sort(files.begin(), files.end());
+  std::vector<fs::path> files = entries_of(folder);
+  std::erase_if(files, [](const fs::path& file) { return !belongs_to_model(file); });
   return files;
 }
 
@@ -54,14 +60,14 @@ std::uint64_t photo_hash(const fs::path& file) {
   const std::uint64_t bytes = fs::file_size(file, error);  // an error for what is no regular file
   if (error) return 0;
   std::ifstream stream(file, std::ios::binary);
-  if (!stream) return 0;
+  if (!stream) fail(file);
   Fnv1a hash;
   hash.add(fmt::format("{}\n", bytes));
   std::vector<char> sample(std::min(bytes, kSampleBytes));
   const std::uint64_t last = bytes - sample.size();
   for (const std::uint64_t start : {std::uint64_t(0), last / 2, last}) {
     stream.seekg(std::streamoff(start));
-    if (!stream.read(sample.data(), std::streamsize(sample.size()))) return 0;
+    if (!stream.read(sample.data(), std::streamsize(sample.size()))) fail(file);
     hash.add({sample.data(), sample.size()});
   }
   return std::max<std::uint64_t>(hash.value(), 1);

@@ -7,6 +7,7 @@
 #include <charconv>
 #include <limits>
 
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/log.h"
@@ -34,10 +35,9 @@ int step_of(const std::string& name) {
 
 std::vector<CheckpointPath> checkpoints_in(const fs::path& folder) {
   std::vector<CheckpointPath> found;
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator(folder, error)) {
-    const int step = step_of(entry.path().filename().string());
-    if (step >= 0) found.push_back({step, entry.path()});
+  for (const fs::path& file : entries_of(folder)) {
+    const int step = step_of(file.filename().string());
+    if (step >= 0) found.push_back({step, file});
   }
   std::sort(found.begin(), found.end(),
             [](const CheckpointPath& a, const CheckpointPath& b) { return a.step > b.step; });
@@ -48,6 +48,8 @@ std::optional<Checkpoint> newest_checkpoint(const fs::path& folder) {
   for (const CheckpointPath& candidate : checkpoints_in(folder)) {
     try {
       return read_checkpoint(candidate.file);
+    } catch (const AccessError&) {
+      throw;
     } catch (const Error& error) {
       if (error.code() == ExitCode::out_of_memory) throw;
       log_warning("{}; it is renamed to {}.refused, and the older checkpoint is used", error.what(),
@@ -109,10 +111,13 @@ std::optional<TrainingState> CheckpointFolder::newest() {
   return std::move(found->state);
 }
 
-void CheckpointFolder::remove_all_but(std::size_t count) {
+// If the folder cannot be listed now, a later call removes them.
+void CheckpointFolder::remove_all_but(std::size_t count) try {
   const std::vector<CheckpointPath> found = checkpoints_in(folder_);
   std::error_code ignored;
   for (std::size_t i = count; i < found.size(); ++i) fs::remove(found[i].file, ignored);
+} catch (const AccessError& error) {
+  log_warning("older checkpoints may stay: {}", error.what());
 }
 
 }  // namespace gs

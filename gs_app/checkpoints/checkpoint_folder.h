@@ -17,11 +17,12 @@ struct CheckpointPath {
   std::filesystem::path file;
 };
 
-/// The files of a folder with names of checkpoints, the latest step first.
+/// The files of a folder with names of checkpoints, the latest step first. Throws AccessError if
+/// the folder cannot be listed.
 std::vector<CheckpointPath> checkpoints_in(const std::filesystem::path& folder);
 
 /// The latest checkpoint that is whole. A damaged file is named in a warning, and renamed to
-/// FILE.refused.
+/// FILE.refused. Throws AccessError if a file cannot be read now: it may be whole.
 std::optional<Checkpoint> newest_checkpoint(const std::filesystem::path& folder);
 
 /// The free space of the folder's file system, in bytes.

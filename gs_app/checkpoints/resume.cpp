@@ -10,6 +10,7 @@
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "gs_app/checkpoints/checkpoint_folder.h"
+#include "gs_core/access.h"
 #include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
@@ -119,14 +120,16 @@ bool is_same(const ViewRecord& a, const ViewRecord& b) {
          x.cam_from_world_translation == y.cam_from_world_translation && a.exposure == b.exposure;
 }
 
+// Folders that cannot be listed now are left out.
 void remove_leftovers_below(const fs::path& root) {
-  std::vector<fs::path> folders = {root};
-  std::error_code ignored;
-  constexpr auto kOptions = fs::directory_options::skip_permission_denied;
-  for (fs::recursive_directory_iterator entry(root, kOptions, ignored), end;
-       !ignored && entry != end; entry.increment(ignored))
-    if (entry->is_directory(ignored)) folders.push_back(entry->path());
-  for (const fs::path& folder : folders) remove_leftovers(folder);
+  remove_leftovers(root);
+  try {
+    std::error_code ignored;
+    for (const fs::path& entry : entries_of(root))
+      if (fs::symlink_status(entry, ignored).type() == fs::file_type::directory)
+        remove_leftovers_below(entry);
+  } catch (const AccessError&) {
+  }
 }
 
 // A kill before the first file is whole leaves empty folders, which do not count.

@@ -3,6 +3,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include "gs_core/access.h"
 #include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
 #include "gs_core/io/output_lock.h"
@@ -23,6 +24,8 @@ bool has_same_settings(const ExperimentRun& run) {
   Config written;
   try {
     load_config(written, run.settings_file());
+  } catch (const AccessError&) {  // else a run that cannot be read now would be moved away
+    throw;
   } catch (const Error&) {
     return false;
   }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
 
@@ -25,10 +26,12 @@ const std::vector<Metric> kMetrics = {
     {"peak_gpu_bytes", "GPU memory / MiB", false, kMiB, 0},
 };
 
-// Null if the file is missing or damaged.
+// Null if the file is missing or damaged. Throws AccessError if it cannot be read now.
 Json read_results(const ExperimentRun& run) {
   try {
     return read_json(run.folder.results());
+  } catch (const AccessError&) {
+    throw;
   } catch (const Error&) {
     return nullptr;
   }

@@ -8,6 +8,7 @@
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
+#include "gs_core/plain_message.h"
 
 namespace gs {
 
@@ -21,7 +22,7 @@ bool LostWrites::attempt(const std::string& what, const std::function<void()>& w
     if (error.code() == ExitCode::out_of_memory) throw;
     why = error.what();
   } catch (const std::filesystem::filesystem_error& error) {
-    why = error.what();
+    why = plain_message(error);
   }
   const auto known = [&](const Loss& loss) { return loss.what == what; };
   if (std::erase_if(losses_, known) == 0)  // each only once

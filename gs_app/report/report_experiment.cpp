@@ -8,6 +8,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
+#include "gs_core/plain_message.h"
 
 namespace gs {
 namespace {
@@ -70,7 +71,7 @@ void keep_experiment_report(const fs::path& output) {
   try {
     write_report(output / "report.html", experiment_report(output));
   } catch (const std::exception& error) {
-    log_warning("{} was not written: {}", (output / "report.html").string(), error.what());
+    log_warning("{} was not written: {}", (output / "report.html").string(), plain_message(error));
   }
 }
 

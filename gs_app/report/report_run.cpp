@@ -12,6 +12,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
+#include "gs_core/plain_message.h"
 #include "gs_core/text_file.h"
 
 namespace gs {
@@ -87,7 +88,7 @@ void write_final_report(const RunFolder& folder, const std::string& results_json
     write_report(folder.report(), run_report(folder, Json::parse(results_json)));
   } catch (const std::exception& error) {
     log_warning("{} was not written: {}; `gemsplat report {}` writes it", folder.report().string(),
-                error.what(), folder.root().string());
+                plain_message(error), folder.root().string());
   }
 }
 

@@ -11,6 +11,7 @@
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/refine/exposure_file.h"
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
@@ -87,9 +88,8 @@ bool RunFolder::holds_run() const {
 
 std::optional<int> RunFolder::newest_step() const {
   std::optional<int> newest;
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator(root_ / "point_cloud", error)) {
-    const std::string name = entry.path().filename().string();
+  for (const fs::path& entry : entries_of(root_ / "point_cloud")) {
+    const std::string name = entry.filename().string();
     constexpr std::string_view kPrefix = "iteration_";
     int step = 0;
     if (!name.starts_with(kPrefix)) continue;

@@ -2,6 +2,9 @@
 #include "gs_app/session/export_run.h"
 
 #include "gs_app/export/export_model.h"
+#include "gs_core/access.h"
+#include "gs_core/error.h"
+#include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
 
 namespace gs {
@@ -21,6 +24,19 @@ Viewpoints viewpoints_of(Trainer& trainer) {
 std::filesystem::path export_file(const std::string& format, const RunFolder& folder, int step) {
   std::filesystem::path file = folder.ply(step);
   return file.replace_extension(format_named(format).ending);
+}
+
+// A sidecar gets the figures of a lossy format last, after minutes of rendering.
+bool is_complete(const std::string& format, const std::filesystem::path& file) {
+  if (!std::filesystem::exists(file) || !std::filesystem::exists(sidecar_of(file))) return false;
+  if (!is_lossy({.file = file}, kMaxShDegree)) return true;
+  try {
+    return read_json(sidecar_of(file)).contains("fidelity");
+  } catch (const AccessError&) {
+    throw;
+  } catch (const Error&) {  // it is damaged
+    return false;
+  }
 }
 
 }  // namespace

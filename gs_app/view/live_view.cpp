@@ -13,6 +13,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/scratch_folder.h"
 #include "gs_core/log.h"
+#include "gs_core/plain_message.h"
 #include "gs_core/threads/low_priority.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
@@ -177,7 +178,7 @@ void LiveView::encode_all() {
     try {
       snapshot = encode(model);
     } catch (const std::exception& error) {
-      trouble = error.what();
+      trouble = plain_message(error);
       log_warning("no snapshot for the viewer: {}", trouble);
     }
     lock.lock();

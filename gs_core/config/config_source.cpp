@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "gs_core/access.h"
 #include "gs_core/config/config_presets.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/config/read_toml.h"
@@ -68,6 +69,8 @@ ConfigSource read_file(const fs::path& file, const ConfigChain& chain) {
     const fs::path canonical = fs::weakly_canonical(file, error);
     const fs::path folder = is_pipe_of_shell(file) ? fs::path() : file.parent_path();
     return {file.string(), (error ? file : canonical).string(), folder, read_toml_text(file)};
+  } catch (const AccessError&) {
+    throw;
   } catch (const Error& error) {
     throw Error(fmt::format("{}; a config{} is a text file that you may read", error.what(),
                             as_base_of(chain, file.string())));

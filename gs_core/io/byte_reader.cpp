@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -24,6 +25,8 @@ void cannot_read(const std::filesystem::path& path, const std::string& what) {
 ByteReader::ByteReader(std::filesystem::path path) : path_(std::move(path)) {
   std::error_code error;
   const auto status = std::filesystem::status(path_, error);
+  if (status.type() == std::filesystem::file_type::none)
+    cannot_access(path_, error.message() + "; check its permissions and the disk");
   if (!std::filesystem::exists(status)) cannot_read(path_, "there is no such file; check the path");
   if (std::filesystem::is_directory(status)) {
     cannot_read(path_, "this is a folder; name a file in it");
@@ -32,9 +35,9 @@ ByteReader::ByteReader(std::filesystem::path path) : path_(std::move(path)) {
     cannot_read(path_, "this is not a regular file; save it to disk first");
   }
   file_.reset(std::fopen(path_.c_str(), "rb"));
-  if (!file_) cannot_read(path_, fmt::format("{}; check its permissions", std::strerror(errno)));
+  if (!file_) cannot_access(path_, fmt::format("{}; check its permissions", std::strerror(errno)));
   size_ = std::filesystem::file_size(path_, error);
-  if (error) cannot_read(path_, error.message() + "; check the disk");
+  if (error) cannot_access(path_, error.message() + "; check the disk");
 }
 
 const std::uint8_t* ByteReader::peek(std::size_t bytes) {
@@ -61,7 +64,7 @@ void ByteReader::skip(std::uint64_t bytes) {
   read_ = position() + bytes;
   begin_ = end_ = 0;
   if (fseeko(file_.get(), off_t(read_), SEEK_SET) != 0) {
-    cannot_read(path_, fmt::format("{} at byte {}; check the disk", std::strerror(errno), read_));
+    cannot_access(path_, fmt::format("{} at byte {}; check the disk", std::strerror(errno), read_));
   }
 }
 
@@ -108,11 +111,11 @@ void ByteReader::fill(std::size_t bytes) {
   read_ += got;
   end_ += got;
   if (got == wanted) return;
-  cannot_read(path_,
-              fmt::format("{} at byte {}; check the disk",
-                          std::ferror(file_.get()) ? std::strerror(errno)
-                                                   : "the file became shorter while it was read",
-                          read_));
+  cannot_access(path_,
+                fmt::format("{} at byte {}; check the disk",
+                            std::ferror(file_.get()) ? std::strerror(errno)
+                                                     : "the file became shorter while it was read",
+                            read_));
 }
 
 }  // namespace gs

@@ -168,10 +168,11 @@ bool is_work_folder(const std::string& name) {
                      [](unsigned char c) { return std::isalnum(c); });
 }
 
-void remove_work_folder(const fs::path& folder) {
+bool remove_work_folder(const fs::path& folder) {
   GS_CHECK(is_work_folder(folder.filename().string()));
-  std::error_code ignored;
-  fs::remove_all(folder, ignored);
+  std::error_code error;
+  fs::remove_all(folder, error);
+  return !is_there(folder);
 }
 
 }  // namespace gs

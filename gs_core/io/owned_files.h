@@ -65,7 +65,7 @@ std::filesystem::path make_work_folder(const std::filesystem::path& parent);
 /// Whether a name has the form of those folders. Other names may come from a damaged file.
 bool is_work_folder(const std::string& name);
 
-/// Removes such a folder with all that it holds.
-void remove_work_folder(const std::filesystem::path& folder);
+/// Removes such a folder with all that it holds. Returns whether nothing of it is left.
+bool remove_work_folder(const std::filesystem::path& folder);
 
 }  // namespace gs

@@ -4,7 +4,9 @@
 #include <atomic>
 #include <exception>
 
+#include "gs_core/error.h"
 #include "gs_core/log.h"
+#include "gs_core/plain_message.h"
 
 namespace gs {
 namespace {
@@ -24,7 +26,7 @@ void start_threads(std::vector<std::thread>& threads, int count,
     }
   } catch (const std::exception& error) {  // no thread, or no memory for one
     log_warning("{} of {} threads could be started ({}): the work goes on, and takes longer",
-                started, count, error.what());
+                started, count, plain_message(error));
   }
 }
 

@@ -27,6 +27,40 @@ elseif(GS_SANITIZE STREQUAL "thread")
   target_compile_options(gs_flags INTERFACE "${gs_cxx}-fsanitize=thread;-fno-omit-frame-pointer>")
   target_link_options(gs_flags INTERFACE -fsanitize=thread)
 endif()
+if(GS_FUZZ)  # coverage for libFuzzer; only gs_fuzz_target() links its main()
+  target_compile_options(gs_flags INTERFACE "${gs_cxx}-fsanitize=fuzzer-no-link>")
+endif()
+
+# gs_precompile(target [QUICKLY] [PROGRAM] headers...): headers that most files include, read once for
+# all files of libraries, or of programs. Files have to include what they use all the same: the preset
+# `minimal` builds without this.
+function(gs_precompile target)
+  cmake_parse_arguments(arg "QUICKLY;PROGRAM" "" "" ${ARGN})
+  file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/${target}.cpp CONTENT "// Needed by CMake: ${target} has headers alone.\n")
+  add_library(${target} OBJECT ${PROJECT_BINARY_DIR}/${target}.cpp)
+  target_link_libraries(${target} PRIVATE gs_flags gs_glm gs_spdlog gs_json)
+  target_precompile_headers(${target} PRIVATE
+    ${PROJECT_SOURCE_DIR}/gs_core/types.h <spdlog/fmt/fmt.h> <nlohmann/json.hpp> <algorithm> <filesystem> <functional>
+    <map> <memory> <optional> <string> <vector> ${arg_UNPARSED_ARGUMENTS})
+  if(arg_QUICKLY)
+    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
+  endif()
+  if(arg_PROGRAM)  # as CMake compiles the sources of a program
+    set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
+    target_compile_options(${target} PRIVATE -fPIE)
+  endif()
+endfunction()
+
+# gs_use_precompiled(target from): a compiler takes them only with the flags that they were made with.
+function(gs_use_precompiled target from)
+  if(GS_PRECOMPILE_HEADERS)
+    target_precompile_headers(${target} REUSE_FROM ${from})
+  endif()
+endfunction()
+if(GS_PRECOMPILE_HEADERS)
+  gs_precompile(gs_headers)
+  gs_precompile(gs_headers_quick QUICKLY)
+endif()
 
 # gs_library(name [EXPORT name] SOURCES ... PUBLIC ... PRIVATE ...): makes a static library. With
 # EXPORT it is installed as gemsplat::name.
@@ -40,6 +74,9 @@ function(gs_library name)
     endif()
     target_link_libraries(${name} PRIVATE ${library})
   endforeach()
+  if(NOT name STREQUAL gs_cuda)  # nvcc has no such headers
+    gs_use_precompiled(${name} gs_headers)
+  endif()
   if(arg_EXPORT)
     gs_install_library(${name} ${arg_EXPORT})
   endif()
@@ -48,6 +85,7 @@ endfunction()
 # gs_compile_quickly(target): for code that is compiled often and whose speed does not matter.
 function(gs_compile_quickly target)
   target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
+  gs_use_precompiled(${target} gs_headers_quick)
 endfunction()
 
 # gs_test(path [LINK ...]): builds tests/<path>.cpp and links everything. If a library of LINK is
@@ -65,6 +103,7 @@ function(gs_test path)
   add_executable(${name} ${path}.cpp)
   target_link_libraries(${name} PRIVATE gs_test_support GTest::gmock_main ${arg_LINK})
   gs_compile_quickly(${name})
+  gs_use_precompiled(${name} gs_headers_of_tests)
   get_filename_component(folder ${path} DIRECTORY)
   gtest_discover_tests(${name} TEST_PREFIX "${path}." PROPERTIES LABELS ${folder} TIMEOUT 600
                        ENVIRONMENT XDG_CACHE_HOME=${CMAKE_CURRENT_BINARY_DIR}/cache
@@ -73,6 +112,14 @@ function(gs_test path)
     add_custom_target(${folder}_tests)
   endif()
   add_dependencies(${folder}_tests ${name})
+endfunction()
+
+# gs_fuzz_target(name): builds tests/fuzz/<name>.cpp as fuzz_<name>, a program of libFuzzer.
+function(gs_fuzz_target name)
+  add_executable(fuzz_${name} fuzz/${name}.cpp)
+  target_link_libraries(fuzz_${name} PRIVATE fuzz_main gs_test_support gs_experiment gs_view)
+  target_link_options(fuzz_${name} PRIVATE -fsanitize=fuzzer)
+  add_dependencies(fuzz_targets fuzz_${name})
 endfunction()
 
 # gs_benchmark(path): builds tests/<path>.cpp with Google Benchmark. Without it the benchmark is left

@@ -11,6 +11,7 @@
 #include <csignal>
 
 #include "gs_app/checkpoints/checkpoint_folder.h"
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "tests/support/models.h"
@@ -197,6 +198,15 @@ TEST_F(Checkpoints, WithoutAnyThereIsNone) {
   write_bytes(path() / "step_x.ckpt", "not one");
   write_bytes(path() / "step_3.ckpt", "damaged");
   EXPECT_FALSE(folder().newest());
+}
+
+// A link that leads to itself stands for a file that the system does not let us read, also for root.
+TEST_F(Checkpoints, OneThatCannotBeReadNowIsAnErrorAndStays) {
+  ASSERT_TRUE(save(folder(), 5));
+  fs::create_symlink("step_10.ckpt", file(10));
+  EXPECT_THROW(newest_checkpoint(path()), AccessError);
+  EXPECT_TRUE(fs::is_symlink(file(10)));
+  EXPECT_TRUE(fs::exists(file(5)));
 }
 
 TEST_F(Checkpoints, AFullDiskIsSeenBeforehandAndNothingIsLost) {

@@ -153,6 +153,20 @@ TEST_F(Files, ExportsThatAKillHasCutOffAreWrittenByTheSameCommand) {
   EXPECT_THAT(train("run", formats + " --resume auto").err, HasSubstr("extends it"));
 }
 
+TEST_F(Files, AnExportThatAKillHasCutOffWhileItWasMeasuredIsMeasuredByTheSameCommand) {
+  const std::string formats = "--export spz";
+  const Outcome whole = train("run", formats);
+  if (whole.err.find("has no zlib") != std::string::npos) GTEST_SKIP() << "built without zlib";
+  ASSERT_EQ(whole.code, 0) << whole.err;
+  const std::string sidecar = "run/point_cloud/iteration_20/point_cloud.spz.transforms.json";
+  const std::string before = read_bytes(path(sidecar));
+  auto unmeasured = json(sidecar);
+  ASSERT_EQ(unmeasured.erase("fidelity"), 1u);
+  write_bytes(path(sidecar), unmeasured.dump());
+  EXPECT_THAT(train("run", formats + " --resume auto").err, HasSubstr("exports are missing"));
+  EXPECT_EQ(read_bytes(path(sidecar)), before);
+}
+
 TEST_F(Files, APathThatIsNotUtf8IsRefusedBeforeTraining) {
   write_scene(
       path("sc\xff"

@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "gs_core/access.h"
 #include "gs_core/config/config.h"
 #include "gs_core/config/read_toml.h"
 #include "gs_core/error.h"
@@ -167,6 +168,13 @@ TEST_F(SmallFiles, AHugeValueIsToldTheLargestOne) {
               HasSubstr("from 0 to 1048576"));
   EXPECT_THAT(error_of([&] { apply_setting(config, "optimizer.sh0_lr=1e300"); }),
               HasSubstr("at most 3.4e+38"));
+}
+
+TEST_F(SmallFiles, AFolderThatCannotBeListedIsNotTakenForAnEmptyOne) {
+  const TempFolder temp;
+  EXPECT_TRUE(entries_of(temp.path() / "nothing").empty());
+  fs::create_symlink("loop", temp.path() / "loop");
+  EXPECT_THROW(entries_of(temp.path() / "loop"), AccessError);
 }
 
 TEST_F(SmallFiles, AKeyOfThousandsOfBytesIsNotRepeatedWhole) {

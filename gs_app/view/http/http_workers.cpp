@@ -6,6 +6,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/log.h"
+#include "gs_core/plain_message.h"
 #include "gs_core/threads/low_priority.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_core/threads/start_threads.h"
@@ -19,7 +20,7 @@ constexpr std::size_t kCrowd = 16;
 
 // The reason is for who started the program, not for who asks: it may name folders of this machine.
 HttpAnswer internal_error(const std::exception& error) {
-  log_warning("the viewer could not answer a request: {}", printable(error.what()));
+  log_warning("the viewer could not answer a request: {}", plain_message(error));
   return http_error(500, "this could not be computed; the messages of the program say why");
 }
 

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// The folder of a run or an experiment as `report` and the tables of experiments read it. Its files
+// stand one behind the other in an input.
+#include "gs_app/run/run_folder.h"
+
+#include "data_loaders/formats/ply/ply.h"
+#include "gs_app/experiment/table_rows.h"
+#include "gs_app/experiment/table_scenes.h"
+#include "gs_app/report/report_folder.h"
+#include "gs_app/run/csv.h"
+#include "gs_core/config/config.h"
+#include "tests/fuzz/fuzz_target.h"
+#include "tests/support/random_model.h"
+
+#include <nlohmann/json.hpp>
+
+namespace gs::fuzz {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The folder of a run with a model, and with the settings of its experiment.
+ExperimentRun make_run() {
+  ExperimentRun run;
+  run.scene = "scene";
+  run.config = "default";
+  run.folder = RunFolder(folder() / "run");
+  write_gaussian_ply(run.folder.ply(7), random_model(2, 0));
+  write_text(run.settings_file(), to_toml(run.settings));
+  return run;
+}
+
+void make_tables(const ExperimentRun& run) {
+  Experiment experiment;
+  experiment.scenes.push_back({"scene", folder(), {}});
+  const std::vector<RunRow> rows = rows_of({run}, {});
+  scenes_of(experiment, rows);
+  for (const Group& group : groups_of(rows))
+    for (const Metric& metric : metrics_in(rows)) spread_of(group, metric);
+  summary_of(run);
+}
+
+void read(std::string_view bytes) {
+  static const ExperimentRun run = make_run();
+  write_files(bytes, {"run/results.json", "run/metrics.csv", "run/profile.csv", "run/split.json",
+                      "run/per_view.json", "run/cameras.json", "run/config.toml"});
+  takes([&] { folder_report(run.folder.root()); });
+  takes([&] { make_tables(run); });
+  takes([&] {
+    csv_rows_up_to(run.folder.metrics(), "step,loss", 7);
+    last_step_in(run.folder.metrics());
+  });
+}
+
+const Registered registered{"run_folder", read};
+
+}  // namespace
+}  // namespace gs::fuzz

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Small JSON files beside models and scenes: the sidecar of an export, exposure.json, split.json and
+// reconstruct.json, whose list of files says what may be removed.
+#include "data_loaders/formats/sidecar.h"
+
+#include "data_loaders/reconstruct/colmap_plan.h"
+#include "data_loaders/reconstruct/scene_state.h"
+#include "data_loaders/refine/exposure_file.h"
+#include "gs_app/run/run_folder.h"
+#include "tests/fuzz/fuzz_target.h"
+
+namespace gs::fuzz {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Nothing is removed here. It is only checked that no name leads out of the folder.
+void check_names(const SceneState& state) {
+  const OwnedFiles files(folder(), state.files, [](const OwnedFiles::Stamps&) {});
+  for (const auto& [name, stamp] : files.names()) {
+    const fs::path place = (folder() / name).lexically_normal();
+    const fs::path inside = place.lexically_relative(folder());
+    require(!inside.empty() && *inside.begin() != ".." && *inside.begin() != ".",
+            "a name on the list of files leads out of the folder");
+    takes([&, &file = name] { files.holds(file); });
+  }
+  require(state.work.empty() || is_work_folder(state.work), "a work folder is not ours");
+}
+
+void read(std::string_view bytes) {
+  GaussianModel model;
+  takes([&] {
+    const fs::path file = folder() / "model.ply";
+    file_of("model.ply.transforms.json", bytes);
+    take_sidecar(file, model);
+  });
+  takes([&] { read_exposures(file_of("exposure.json", bytes)); });
+  takes([&] {
+    file_of("split.json", bytes);
+    split_names(RunFolder(folder()), "test");
+  });
+  takes([&] {
+    file_of("reconstruct.json", bytes);
+    if (const auto state = read_state({folder()})) check_names(*state);
+  });
+}
+
+const Registered registered{"sidecars", read};
+
+}  // namespace
+}  // namespace gs::fuzz
