@@ -70,30 +70,27 @@ GS_HD T blur_of(const SplatSettings& settings) {
   return T(settings.antialias ? kBlurAntialias : kBlur);
 }
 
-/// Projects one Gaussian into a view: everything but its color.
-///                                       Kerbl et al. 2023, Sec. 4; Faster-GS, fused activations
-///
-/// Not visible: degenerate rotation, depth outside [near, far], image covariance singular or beyond
-/// the scalar's range, opacity under the truncation rule's threshold, or any value that is not
-/// finite.
 template <class T>
-GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const Vec3<T>& mean,
-                                         const Vec3<T>& log_scale, const Quat<T>& rotation,
-                                         const T& logit_opacity, const SplatSettings& settings) {
-  ProjectedGaussian<T> result;
-  const Vec3<T> p = to_camera(camera, mean);
-  result.depth = p.z;
-  if (!(p.z >= T(settings.near_plane) && p.z <= T(settings.far_plane))) return result;
-  if (is_degenerate(rotation)) return result;
+GS_HD bool is_between_planes(const T& depth, const SplatSettings& settings) {
+  return depth >= T(settings.near_plane) && depth <= T(settings.far_plane);
+}
 
-  const Sym3<T> sigma = covariance(rotation_matrix(rotation), variance(log_scale));
+/// Projects the ellipsoid at p, in camera coordinates, with a world covariance and an opacity. Not
+/// visible: image covariance singular or beyond the scalar's range, opacity under the truncation
+/// rule's threshold, or any value that is not finite.
+template <class T>
+GS_HD ProjectedGaussian<T> project_ellipsoid(const PinholeCamera<T>& camera, const Vec3<T>& p,
+                                             const Sym3<T>& sigma, const T& opacity,
+                                             const SplatSettings& settings) {
+  ProjectedGaussian<T> result;
+  result.depth = p.z;
   const T blur = blur_of<T>(settings);
   result.cov2d = project_covariance(projection_jacobian(camera, p), sigma, blur);
   const T det = determinant(result.cov2d);
   if (!(det >= T(kMinCovarianceDeterminant) && det < T(kMaxCovarianceDeterminant))) return result;
 
   BasicSplat<T>& splat = result.splat;
-  splat.opacity = sigmoid(logit_opacity);
+  splat.opacity = opacity;
   if (settings.antialias) splat.opacity *= antialias_factor(result.cov2d, blur);
   splat.cutoff = cutoff_of(settings.truncation, splat.opacity);
   if (!(splat.cutoff >= T(0))) return result;
@@ -104,6 +101,20 @@ GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const V
   const T sum = splat.mean2d.x + splat.mean2d.y + splat.opacity;
   result.is_visible = sum - sum == T(0);  // false for NaN and infinity
   return result;
+}
+
+/// Projects one Gaussian into a view: everything but its color.
+///                                       Kerbl et al. 2023, Sec. 4; Faster-GS, fused activations
+///
+/// Not visible: degenerate rotation, depth outside [near, far], or as project_ellipsoid() says.
+template <class T>
+GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const Vec3<T>& mean,
+                                         const Vec3<T>& log_scale, const Quat<T>& rotation,
+                                         const T& logit_opacity, const SplatSettings& settings) {
+  const Vec3<T> p = to_camera(camera, mean);
+  if (!is_between_planes(p.z, settings) || is_degenerate(rotation)) return {};
+  const Sym3<T> sigma = covariance(rotation_matrix(rotation), variance(log_scale));
+  return project_ellipsoid(camera, p, sigma, sigmoid(logit_opacity), settings);
 }
 
 /// Projects one Gaussian into a view: project_shape() and its color. Not visible where that is not
@@ -130,6 +141,42 @@ struct GaussianGradient {
   T logit_opacity;
   Vec3<T> sh0;
 };
+template <class T>
+struct EllipsoidGradient {
+  Vec3<T> mean;  // in world coordinates
+  Sym3<T> sigma;
+  T opacity;
+};
+/// Gradients of project_ellipsoid(), for one that was visible.
+template <class T>
+GS_HD EllipsoidGradient<T> project_ellipsoid_vjp(const PinholeCamera<T>& camera, const Vec3<T>& p,
+                                                 const Sym3<T>& sigma, const T& opacity,
+                                                 const SplatSettings& settings,
+                                                 const BasicSplatGradient<T>& dL_dsplat) {
+  const Mat23<T> A = projection_jacobian(camera, p);
+  const T blur = blur_of<T>(settings);
+  const Sym2<T> cov2d = project_covariance(A, sigma, blur);
+
+  EllipsoidGradient<T> gradient;
+  // Opacity, and the antialiasing factor.
+  Sym2<T> dL_dcov2d = conic_vjp(conic_of(cov2d), dL_dsplat.conic);
+  gradient.opacity = dL_dsplat.opacity;
+  if (settings.antialias) {
+    if (!settings.antialias_detach) {
+      const Sym2<T> dL = antialias_factor_vjp(cov2d, blur, dL_dsplat.opacity * opacity);
+      dL_dcov2d = {dL_dcov2d.xx + dL.xx, dL_dcov2d.xy + dL.xy, dL_dcov2d.yy + dL.yy};
+    }
+    gradient.opacity *= antialias_factor(cov2d, blur);
+  }
+  // Covariance, and through the Jacobian the mean.
+  const ProjectCovarianceGradient<T> dL_projection = project_covariance_vjp(A, sigma, dL_dcov2d);
+  gradient.sigma = dL_projection.sigma;
+  const Vec3<T> dL_dp = project_mean_vjp(camera, p, dL_dsplat.mean2d) +
+                        projection_jacobian_vjp(camera, p, dL_projection.A);
+  gradient.mean = to_camera_vjp(camera, dL_dp);
+  return gradient;
+}
+
 /// Gradients of project_shape(), for a Gaussian that was visible; sh0 and the color's part of the
 /// mean are left out. Everything but the parameters is computed again.
 template <class T>
@@ -137,37 +184,19 @@ GS_HD GaussianGradient<T> project_shape_vjp(const PinholeCamera<T>& camera, cons
                                             const Vec3<T>& log_scale, const Quat<T>& rotation,
                                             const T& logit_opacity, const SplatSettings& settings,
                                             const BasicSplatGradient<T>& dL_dsplat) {
-  const Vec3<T> p = to_camera(camera, mean);
   const Mat3<T> R = rotation_matrix(rotation);
   const Vec3<T> variances = variance(log_scale);
-  const Sym3<T> sigma = covariance(R, variances);
-  const Mat23<T> A = projection_jacobian(camera, p);
-  const T blur = blur_of<T>(settings);
-  const Sym2<T> cov2d = project_covariance(A, sigma, blur);
+  const T opacity = sigmoid(logit_opacity);
+  const EllipsoidGradient<T> dL = project_ellipsoid_vjp(
+      camera, to_camera(camera, mean), covariance(R, variances), opacity, settings, dL_dsplat);
 
   GaussianGradient<T> gradient;
   gradient.sh0 = Vec3<T>(T(0));
-  // Opacity, and the antialiasing factor.
-  Sym2<T> dL_dcov2d = conic_vjp(conic_of(cov2d), dL_dsplat.conic);
-  const T opacity = sigmoid(logit_opacity);
-  T dL_dopacity = dL_dsplat.opacity;
-  if (settings.antialias) {
-    if (!settings.antialias_detach) {
-      const Sym2<T> dL = antialias_factor_vjp(cov2d, blur, dL_dsplat.opacity * opacity);
-      dL_dcov2d = {dL_dcov2d.xx + dL.xx, dL_dcov2d.xy + dL.xy, dL_dcov2d.yy + dL.yy};
-    }
-    dL_dopacity *= antialias_factor(cov2d, blur);
-  }
-  gradient.logit_opacity = sigmoid_vjp(opacity, dL_dopacity);
-
-  // Covariance: to scale and rotation, and through the Jacobian to the mean.
-  const ProjectCovarianceGradient<T> dL_projection = project_covariance_vjp(A, sigma, dL_dcov2d);
-  const CovarianceGradient<T> dL_covariance = covariance_vjp(R, variances, dL_projection.sigma);
+  gradient.logit_opacity = sigmoid_vjp(opacity, dL.opacity);
+  const CovarianceGradient<T> dL_covariance = covariance_vjp(R, variances, dL.sigma);
   gradient.log_scale = variance_vjp(variances, dL_covariance.variance);
   gradient.rotation = rotation_matrix_vjp(rotation, dL_covariance.R);
-  const Vec3<T> dL_dp = project_mean_vjp(camera, p, dL_dsplat.mean2d) +
-                        projection_jacobian_vjp(camera, p, dL_projection.A);
-  gradient.mean = to_camera_vjp(camera, dL_dp);
+  gradient.mean = dL.mean;
   return gradient;
 }
 

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_core/math/spacetime_splat.h"
+
+#include <gtest/gtest.h>
+
+#include "gs_core/camera.h"
+#include "tests/support/jet_oracle.h"
+
+namespace gs {
+namespace {
+
+constexpr std::size_t kRest = kShBasisCount - 1;
+constexpr std::size_t kParameters = 65;
+constexpr double kTime = 0.4;
+
+/// The parameters in one flat array: those of the Gaussian in space, then of time.
+template <class T>
+struct FlatGaussian {
+  std::array<Vec3<T>, kRest> sh_rest;
+  SpacetimeParameters<T> parameters;
+  explicit FlatGaussian(const std::array<T, kParameters>& flat) {
+    Unflatten in(flat);
+    parameters.space = {in.vec3(), in.vec3(), in.quat(), in.scalar(), in.vec3(), sh_rest.data()};
+    sh_rest = in.template vec3s<kRest>();
+    parameters.right_rotation = in.quat();
+    parameters.time_mean = in.scalar();
+    parameters.log_time_scale = in.scalar();
+  }
+  FlatGaussian(const FlatGaussian&) = delete;  // `parameters` points into it
+};
+
+template <class T>
+PinholeCamera<T> camera_of() {
+  PinholeCamera<T> camera;
+  camera.width = 64;
+  camera.height = 48;
+  camera.fx = T(50);
+  camera.fy = T(45);
+  camera.cx = T(32);
+  camera.cy = T(24);
+  camera.cam_from_world_rotation = {{T(0.8), T(0), T(0.6)}, {T(0), T(1), T(0)},
+                                    {T(-0.6), T(0), T(0.8)}};
+  camera.cam_from_world_translation = {T(0.3), T(-0.2), T(0.5)};
+  return camera;
+}
+
+/// In view and alive at kTime. The mean in space is where the Gaussian is at its mean in time.
+std::array<double, kParameters> draw_gaussian(TestRandom& random) {
+  const PinholeCamera<double> camera = camera_of<double>();
+  for (;;) {
+    const Vec3d p{random.uniform(-1.0, 1.0), random.uniform(-0.8, 0.8), random.uniform(2.0, 5.0)};
+    std::array<Vec3d, kRest> sh_rest;
+    for (Vec3d& c : sh_rest) c = random.uniform3(-0.5, 0.5);
+    const Vec3d mean =
+        multiply_transposed(camera.cam_from_world_rotation, p - camera.cam_from_world_translation);
+    const auto x =
+        flatten(mean, random.uniform3(-3.5, -1.5), random.quaternion(), random.uniform(-1.0, 5.0),
+                random.uniform3(-2.0, 2.0), sh_rest, random.quaternion(),
+                kTime + random.uniform(-0.3, 0.3), random.uniform(-2.0, 0.0));
+    const FlatGaussian<double> g(x);
+    if (project_gaussian(camera, g.parameters, kTime, {}).is_visible) return x;
+  }
+}
+
+double worst_error(const SplatSettings& settings) {
+  const auto camera = camera_of<double>();
+  return worst_gradient_error(
+      [&](const auto& x) {
+        using T = std::decay_t<decltype(x[0])>;
+        const FlatGaussian<T> g(x);
+        const auto splat =
+            project_gaussian(camera_of<T>(), g.parameters, T(kTime), settings).splat;
+        return flatten(splat.mean2d, splat.conic, splat.opacity, splat.color);
+      },
+      [&](const auto& x, const auto& dL) {
+        const FlatGaussian<double> g(x);
+        Unflatten in(dL);
+        const Vec2<double> dL_dmean2d = in.vec2();
+        const Sym2<double> dL_dconic = gradient_matrix(in.sym2());
+        const double dL_dopacity = in.scalar();
+        std::array<Vec3d, kRest> dL_drest{};
+        const auto dL_dx = project_gaussian_vjp(
+            camera, g.parameters, kTime, settings,
+            BasicSplatGradient<double>{dL_dmean2d, dL_dconic, dL_dopacity, in.vec3()},
+            dL_drest.data());
+        return flatten(dL_dx.space.mean, dL_dx.space.log_scale, dL_dx.space.rotation,
+                       dL_dx.space.logit_opacity, dL_dx.space.sh0, dL_drest, dL_dx.right_rotation,
+                       dL_dx.time_mean, dL_dx.log_time_scale);
+      },
+      draw_gaussian);
+}
+
+TEST(ProjectAtATime, GradientByEveryParameterMatchesJetForEveryDegree) {
+  for (int degree = 0; degree <= 3; ++degree)
+    EXPECT_LT(worst_error({.sh_degree = degree}), kJetTolerance) << "degree " << degree;
+}
+
+TEST(ProjectAtATime, GradientThroughTheAntialiasFactorMatchesJet) {
+  EXPECT_LT(worst_error({.antialias = true, .antialias_detach = false}), kJetTolerance);
+}
+
+// A pair of quaternions that turns space alone, and a mean in time that is now: the Gaussian of
+// rotation.h and splat.h, to the last digits.
+TEST(ProjectAtATime, OfAGaussianThatStandsIsThatOfItsEllipsoid) {
+  TestRandom random;
+  for (int i = 0; i < 200; ++i) {
+    const auto x = draw_gaussian(random);
+    FlatGaussian<double> g(x);
+    g.parameters.space.rotation = g.parameters.right_rotation = {1, 0, 0, 0};
+    g.parameters.time_mean = kTime;
+    const auto moving = project_gaussian(camera_of<double>(), g.parameters, kTime, {});
+    const auto still = project_gaussian(camera_of<double>(), g.parameters.space, {});
+    ASSERT_EQ(moving.is_visible, still.is_visible);
+    EXPECT_EQ(moving.depth, still.depth);
+    EXPECT_EQ(flatten(moving.splat.mean2d, moving.splat.conic, moving.splat.opacity,
+                      moving.splat.color),
+              flatten(still.splat.mean2d, still.splat.conic, still.splat.opacity,
+                      still.splat.color));
+  }
+}
+
+TEST(ProjectAtATime, IsInvisibleOutsideItsTime) {
+  TestRandom random;
+  FlatGaussian<double> g(draw_gaussian(random));
+  g.parameters.space.rotation = g.parameters.right_rotation = {1, 0, 0, 0};
+  g.parameters.time_mean = kTime;
+  const double sigma = std::exp(g.parameters.log_time_scale);
+  const auto is_visible_after = [&](double sigmas) {
+    return project_gaussian(camera_of<double>(), g.parameters, kTime + sigmas * sigma, {})
+        .is_visible;
+  };
+  EXPECT_TRUE(is_visible_after(2.4));  // exp(-2.4^2 / 2) = 0.056
+  EXPECT_FALSE(is_visible_after(2.5));  // 0.044
+  EXPECT_FALSE(is_visible_after(-2.5));
+}
+
+}  // namespace
+}  // namespace gs
