@@ -39,9 +39,8 @@ GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
                                             const SplatSettings& settings) {
   const GaussianParameters<T>& space = gaussian.space;
   if (is_degenerate(space.rotation) || is_degenerate(gaussian.right_rotation)) return {};
-  const SpacetimeCovariance<T> S =
-      covariance(rotation_matrix(rotations_of(gaussian)),
-                 variance(space.log_scale, gaussian.log_time_scale));
+  const SpacetimeCovariance<T> S = covariance(rotation_matrix(rotations_of(gaussian)),
+                                              variance(space.log_scale, gaussian.log_time_scale));
   const Moment<T> moment = condition(S, time - gaussian.time_mean);
   if (!is_alive(moment.marginal)) return {};
   const Vec3<T> mean = space.mean + moment.shift;
@@ -87,9 +86,8 @@ GS_HD SpacetimeGradient<T> project_gaussian_vjp(const PinholeCamera<T>& camera,
   SpacetimeGradient<T> gradient;
   // Color: to the coefficients, and through the viewing direction to the mean at the moment.
   const Vec3<T> eye = camera.position();
-  const ShColorGradient<T> dL_color =
-      sh_color_vjp(settings.sh_degree, unit_direction(eye, mean), space.sh_rest, dL_dsplat.color,
-                   dL_dsh_rest);
+  const ShColorGradient<T> dL_color = sh_color_vjp(settings.sh_degree, unit_direction(eye, mean),
+                                                   space.sh_rest, dL_dsplat.color, dL_dsh_rest);
   gradient.space.sh0 = dL_color.sh0;
   dL.mean += unit_direction_vjp(eye, mean, dL_color.direction);
   gradient.space.mean = dL.mean;

@@ -38,8 +38,8 @@ PinholeCamera<T> camera_of() {
   camera.fy = T(45);
   camera.cx = T(32);
   camera.cy = T(24);
-  camera.cam_from_world_rotation = {{T(0.8), T(0), T(0.6)}, {T(0), T(1), T(0)},
-                                    {T(-0.6), T(0), T(0.8)}};
+  camera.cam_from_world_rotation = {
+      {T(0.8), T(0), T(0.6)}, {T(0), T(1), T(0)}, {T(-0.6), T(0), T(0.8)}};
   camera.cam_from_world_translation = {T(0.3), T(-0.2), T(0.5)};
   return camera;
 }
@@ -68,8 +68,7 @@ double worst_error(const SplatSettings& settings) {
       [&](const auto& x) {
         using T = std::decay_t<decltype(x[0])>;
         const FlatGaussian<T> g(x);
-        const auto splat =
-            project_gaussian(camera_of<T>(), g.parameters, T(kTime), settings).splat;
+        const auto splat = project_gaussian(camera_of<T>(), g.parameters, T(kTime), settings).splat;
         return flatten(splat.mean2d, splat.conic, splat.opacity, splat.color);
       },
       [&](const auto& x, const auto& dL) {
@@ -112,10 +111,9 @@ TEST(ProjectAtATime, OfAGaussianThatStandsIsThatOfItsEllipsoid) {
     const auto still = project_gaussian(camera_of<double>(), g.parameters.space, {});
     ASSERT_EQ(moving.is_visible, still.is_visible);
     EXPECT_EQ(moving.depth, still.depth);
-    EXPECT_EQ(flatten(moving.splat.mean2d, moving.splat.conic, moving.splat.opacity,
-                      moving.splat.color),
-              flatten(still.splat.mean2d, still.splat.conic, still.splat.opacity,
-                      still.splat.color));
+    EXPECT_EQ(
+        flatten(moving.splat.mean2d, moving.splat.conic, moving.splat.opacity, moving.splat.color),
+        flatten(still.splat.mean2d, still.splat.conic, still.splat.opacity, still.splat.color));
   }
 }
 
@@ -129,7 +127,7 @@ TEST(ProjectAtATime, IsInvisibleOutsideItsTime) {
     return project_gaussian(camera_of<double>(), g.parameters, kTime + sigmas * sigma, {})
         .is_visible;
   };
-  EXPECT_TRUE(is_visible_after(2.4));  // exp(-2.4^2 / 2) = 0.056
+  EXPECT_TRUE(is_visible_after(2.4));   // exp(-2.4^2 / 2) = 0.056
   EXPECT_FALSE(is_visible_after(2.5));  // 0.044
   EXPECT_FALSE(is_visible_after(-2.5));
 }
