@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+
+// This include comes first, because OpenImageIO's headers bring a second copy of fmt's library into
+// files that have not included fmt.
+#include <spdlog/fmt/fmt.h>
+
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
-#include <spdlog/fmt/fmt.h>
 
 #include "data_loaders/photos/exr.h"
 #include "data_loaders/photos/photo_codec.h"

@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Photos through OpenImageIO: JPEG, PNG, TIFF, EXR, WebP and all else that the installed library
 // knows.
+
+// This include comes first, because OpenImageIO's headers bring a second copy of fmt's library into
+// files that have not included fmt.
+#include <spdlog/fmt/fmt.h>
+
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
