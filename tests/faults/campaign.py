@@ -204,7 +204,7 @@ def differences(slot, verb, reference, errors, may_lack):
         if not (is_ours_to_lack and Path(name).name in told):
             yield f"{'differs' if name in now else 'is missing'}: {name}"
     for name in now.keys() - wanted.keys():
-        is_older = name.endswith(".ckpt") and "no checkpoint of step" in told
+        is_older = name.endswith(".ckpt") and re.search("no checkpoint of|older check", told)
         is_named = any(p.startswith(".gemsplat-") and p in told for p in Path(name).parts)
         if not (may_lack and (is_older or is_named)):
             yield f"is left over: {name}"
@@ -221,8 +221,8 @@ def go_on(slot, verb, reference, loses_growth, first_errors=""):
         return wrong + [f"going on: exit code {again.code}: {again.errors[-600:]}"]
     wrong += lost_files(slot, verb, reference)
     if not loses_growth:
-        told = "\n".join(re.findall(r".*was not written.*", first_errors))
-        found = differences(slot, verb, reference, told, may_lack=bool(told))
+        told = TELLS_A_LOSS.search(first_errors) is not None
+        found = differences(slot, verb, reference, first_errors, may_lack=told)
         wrong += [f"going on: {d}" for d in found]
     return wrong
 
