@@ -26,7 +26,8 @@ RAW_TEXT = re.compile(r"std::|bad_alloc|terminate called|json\.exception|basic_s
                       r"filesystem error|_M_|internal error|Sanitizer|\[json|vector::")
 # The words of warnings about files that are missing or left over.
 TELLS_A_LOSS = re.compile(r"could not be written|was not written|is missing or incomplete|"
-                          r"no checkpoint of step|older checkpoints may stay|cannot be removed now")
+                          r"no checkpoint of step|older checkpoints may stay|"
+                          r"cannot be removed now|is still on record")
 # Memory that runs out in training costs growth, and the program says so: the model then differs.
 LESS_GROWTH = re.compile(r"and the model stays at \d+ Gaussians|is skipped for lack of memory")
 
