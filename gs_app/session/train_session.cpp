@@ -310,8 +310,18 @@ void TrainSession::naming_what_is_kept(const std::function<void()>& f) {
   }
 }
 
+// Part of the message of another failure, which counts more than one here.
 std::string TrainSession::what_is_kept(ExitCode code) const {
   std::string text;
+  try {
+    add_what_is_kept(text, code);
+  } catch (const Error&) {
+  } catch (const fs::filesystem_error&) {
+  }
+  return text;
+}
+
+void TrainSession::add_what_is_kept(std::string& text, ExitCode code) const {
   const int last = trainer_->step();
   if (fs::exists(folder_->ply(last)))
     text += fmt::format("; the model is in {}", folder_->ply(last).string());
@@ -321,7 +331,6 @@ std::string TrainSession::what_is_kept(ExitCode code) const {
                         code == ExitCode::out_of_memory
                             ? " and a lower --max-gaussians, or on another machine"
                             : "");
-  return text;
 }
 
 }  // namespace gs

@@ -97,6 +97,7 @@ class TrainSession {
   void guarded(const char* what, const std::function<void()>& f);
   void naming_what_is_kept(const std::function<void()>& f);
   std::string what_is_kept(ExitCode code) const;
+  void add_what_is_kept(std::string& text, ExitCode code) const;
 
   TrainRequest request_;
   SessionHooks& hooks_;

@@ -200,7 +200,7 @@ VERBS = {verb.name: verb for verb in [
     Verb("its runs", ("experiment", "e.toml"), ("scene",), ("out/notes.txt",),
          faults_in_children=True, may_lack=("out/scene/",)),
     Verb("reconstruct", ("reconstruct", "photos", "-o", "rec", "--colmap", "./colmap"), ("photos",),
-         ("rec/mapping/notes.txt", "rec/photos.txt")),
+         ("rec/mapping/notes.txt", "rec/photos.txt"), may_lack=("rec/reconstruct.json",)),
     Verb("photos", ("train", "photos", "-o", "run", "--device", "cpu", "--iterations", "5",
                     "--resume", "auto", "--set", "reconstruct.colmap=./colmap"),
          ("photos",), ("run/notes.txt",), may_lack=RUN_FILES),

@@ -30,25 +30,26 @@ ExperimentRun make_run() {
   return run;
 }
 
-void make_tables(const ExperimentRun& run) {
+void make_tables(const std::vector<ExperimentRun>& runs) {
   Experiment experiment;
   experiment.scenes.push_back({"scene", folder(), {}});
-  const std::vector<RunRow> rows = rows_of({run}, {});
+  const std::vector<RunRow> rows = rows_of(runs, {});
   scenes_of(experiment, rows);
   for (const Group& group : groups_of(rows))
     for (const Metric& metric : metrics_in(rows)) spread_of(group, metric);
-  summary_of(run);
+  summary_of(runs[0]);
 }
 
 void read(std::string_view bytes) {
-  static const ExperimentRun run = make_run();
+  static const std::vector<ExperimentRun> runs = {make_run()};
+  const RunFolder& run = runs[0].folder;
   write_files(bytes, {"run/results.json", "run/metrics.csv", "run/profile.csv", "run/split.json",
                       "run/per_view.json", "run/cameras.json", "run/config.toml"});
-  takes([&] { folder_report(run.folder.root()); });
-  takes([&] { make_tables(run); });
+  takes([&] { folder_report(run.root()); });
+  takes([&] { make_tables(runs); });
   takes([&] {
-    csv_rows_up_to(run.folder.metrics(), "step,loss", 7);
-    last_step_in(run.folder.metrics());
+    csv_rows_up_to(run.metrics(), "step,loss", 7);
+    last_step_in(run.metrics());
   });
 }
 
