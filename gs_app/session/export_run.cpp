@@ -15,7 +15,7 @@ Viewpoints viewpoints_of(Trainer& trainer) {
   Viewpoints viewpoints{
       trainer.backend(), trainer.model().gaussians.span(), trainer.evaluation_settings(), {}};
   const Scene& scene = trainer.scene();
-  if (scene.test_views.empty()) viewpoints.what = "training";
+  if (scene.test_views.empty()) viewpoints.what = "{} training views";
   for (const View& view : scene.test_views.empty() ? scene.train_views : scene.test_views)
     viewpoints.cameras.push_back(view.camera);
   return viewpoints;
