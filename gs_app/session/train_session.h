@@ -108,6 +108,7 @@ class TrainSession {
   std::unique_ptr<Backend> backend_;
   std::optional<Scene> loaded_scene_;
   const Scene* scene_ = nullptr;  // the loaded one, or that of the request
+  bool has_made_scene_ = false;   // in the run's folder, from bare photos
   std::string scene_hash_;        // of its files before they were read
   SceneRecord record_;
   std::optional<CheckpointFolder> checkpoints_;
