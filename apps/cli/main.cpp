@@ -2,6 +2,8 @@
 // gemsplat VERB: reads the command line, runs one verb, and tells the user what went wrong. This is
 // the only place that catches errors.
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -48,9 +50,23 @@ std::string suggestion(const CLI::App& app, const std::string& argument) {
   return nearest.empty() ? "" : "; did you mean " + nearest + "?";
 }
 
+// "MODEL is missing: a run's folder, or a PLY": the first argument that the verb needs and did not get.
+std::string missing_argument(const CLI::App& app) {
+  for (const CLI::Option* option : app.get_options()) {
+    if (!option->get_required() || option->count() > 0) continue;
+    std::string name = option->get_name();
+    if (option->get_positional()) std::transform(name.begin(), name.end(), name.begin(), ::toupper);
+    return name + " is missing: " + option->get_description();
+  }
+  return "";
+}
+
 int fail_to_parse(const CLI::App& program, const CLI::ParseError& error) {
   const CLI::App& app = active(program);
   std::string message = error.what();
+  if (const std::string missing = missing_argument(app);
+      !missing.empty() && dynamic_cast<const CLI::RequiredError*>(&error))
+    message = missing;
   if (const std::vector<std::string> extra = program.remaining(true); !extra.empty()) {
     const std::string own = own_flag(app.get_name(), extra.front());
     message = "there is no flag, verb or further argument " + extra.front() +

@@ -9,6 +9,7 @@
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/reconstruct/colmap_log.h"
+#include "gs_core/foreign_text.h"
 
 namespace gs {
 namespace {
@@ -94,7 +95,8 @@ std::string describe(const Reconstruction& result) {
         fmt::format("{} models that do not fit together; the largest is sparse/0\n", result.models);
   const std::size_t shown = std::min(result.missing.size(), kMissingShown);
   for (std::size_t i = 0; i < shown; ++i)
-    lines += fmt::format("missing: {}: {}\n", result.missing[i].name, result.missing[i].reason);
+    lines += fmt::format("missing: {}: {}\n", printable(result.missing[i].name),
+                         printable(result.missing[i].reason));
   if (shown < result.missing.size())
     lines += fmt::format("missing: {} more\n", result.missing.size() - shown);
   return lines;

@@ -240,13 +240,18 @@ void restore_scene(const ResumedRun& run, Scene& scene) {
   scene.world_offset = ours.world_offset;
 }
 
-void prepare_fresh_start(const RunFolder& folder, const Config& config, OutputLock& lock,
-                         const std::vector<fs::path>& needed) {
-  remove_leftovers_below(folder.root());
+void move_trained_run_aside(const RunFolder& folder, OutputLock& lock,
+                            const std::vector<fs::path>& needed) {
   for (const fs::path& made :
        {folder.root() / "point_cloud", folder.results(), folder.checkpoints()})
     if (holds_a_file(made)) return move_run_aside(folder, lock, needed);
-  if (!holds_text(folder.config(), to_toml(config))) move_run_aside(folder, lock, needed);
+}
+
+void prepare_fresh_start(const RunFolder& folder, const Config& config, OutputLock& lock,
+                         const std::vector<fs::path>& needed) {
+  remove_leftovers_below(folder.root());
+  move_trained_run_aside(folder, lock, needed);
+  if (!holds_text(folder.config(), to_toml(config))) set_aside(folder.config());
 }
 
 void prepare_resumed_folder(const RunFolder& folder, const ResumedRun& run) {

@@ -53,9 +53,14 @@ bool has_solved_views(const ResumedRun& run);
 /// check_same_scene() comes first.
 void restore_scene(const ResumedRun& run, Scene& scene);
 
-/// Makes the folder ready for a start from step 0. A killed run may have left files there without a
-/// checkpoint: they are moved aside, unless this run writes the same files at once. Throws
-/// UsageError if a path of `needed` would have to move with them.
+/// Moves the folder aside (move_run_aside()) if a killed run has left models or results there. A run
+/// that was killed before that stays, so that a scene that was made from its photos is kept.
+void move_trained_run_aside(const RunFolder& folder, OutputLock& lock,
+                            const std::vector<std::filesystem::path>& needed);
+
+/// Makes the folder ready for a start from step 0 where there is no checkpoint. Models and results
+/// are moved aside with the folder, other settings are renamed to config.toml.bak-N, and this run
+/// writes the other files anew. Throws UsageError if a path of `needed` would have to move.
 void prepare_fresh_start(const RunFolder& folder, const Config& config, OutputLock& lock,
                          const std::vector<std::filesystem::path>& needed);
 

@@ -26,8 +26,8 @@ void move_source(DatasetConfig& dataset, const fs::path& scene) {
 
 }  // namespace
 
-void reconstruct_bare_photos(Config& config, const RunFolder& folder, OutputLock& lock,
-                             const std::vector<fs::path>& needed, SessionHooks& hooks) {
+void reconstruct_bare_photos(Config& config, const RunFolder& folder,
+                             const std::function<void()>& clear_folder, SessionHooks& hooks) {
   DatasetConfig& dataset = config.dataset;
   const bool places_are_named = !dataset.model.empty() || dataset.images != DatasetConfig{}.images;
   if (places_are_named || !holds_only_photos(dataset.source)) return;
@@ -35,7 +35,7 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder, OutputLock
   const auto scene = fs::absolute(folder.root() / "scene").lexically_normal();
   const ColmapJob job{dataset.source, scene, config.reconstruct, config.train.threads};
   check_reconstruction(job);
-  move_run_aside(folder, lock, needed);  // with its scene, so the check comes before
+  clear_folder();
   const Reconstruction result =
       run_colmap(job, [&](ColmapStage stage, std::int64_t done, std::int64_t total) {
         hooks.show_colmap(stage, done, total);

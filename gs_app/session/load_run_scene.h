@@ -3,6 +3,8 @@
 // loaded.
 #pragma once
 
+#include <functional>
+
 #include "data_loaders/doctor/forecast.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_app/session/session_hooks.h"
@@ -13,10 +15,10 @@
 namespace gs {
 
 /// Makes a scene in OUT/scene where dataset.source is a folder of photos alone, or a video, and
-/// points the config to it. Does nothing for other sources. A run that OUT, whose lock this is,
-/// holds is moved aside with its scene (move_run_aside()). Throws as run_colmap() does.
-void reconstruct_bare_photos(Config& config, const RunFolder& folder, OutputLock& lock,
-                             const std::vector<std::filesystem::path>& needed, SessionHooks& hooks);
+/// points the config to it. Does nothing for other sources. `clear_folder` moves an older run in OUT
+/// aside; it is called once COLMAP is known to be able to start. Throws as run_colmap() does.
+void reconstruct_bare_photos(Config& config, const RunFolder& folder,
+                             const std::function<void()>& clear_folder, SessionHooks& hooks);
 
 /// Loads the scene at dataset.source, and logs its size. Throws as load_scene() does.
 Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks);

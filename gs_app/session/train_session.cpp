@@ -159,9 +159,20 @@ void TrainSession::check_output() const {
     check_is_free(*folder_, request_.force, inputs());
 }
 
+// A run that --force replaces moves away with the scene that was made of its photos. One that was
+// killed before its first checkpoint keeps it, since COLMAP may have worked for hours.
+void TrainSession::clear_folder_for_photos() {
+  if (request_.resume.empty())
+    move_run_aside(*folder_, *lock_, inputs());
+  else
+    move_trained_run_aside(*folder_, *lock_, inputs());
+}
+
 void TrainSession::get_scene() {
   scene_ = request_.scene;
-  if (!scene_ && !resumed_) reconstruct_bare_photos(config_, *folder_, *lock_, inputs(), hooks_);
+  if (!scene_ && !resumed_)
+    reconstruct_bare_photos(
+        config_, *folder_, [&] { clear_folder_for_photos(); }, hooks_);
   describe_scene();
   if (!scene_) scene_ = &loaded_scene_.emplace(load_run_scene(config_.dataset, hooks_));
   log_forecast(config_, *scene_, *backend_);

@@ -76,6 +76,7 @@ class TrainSession {
   std::vector<std::filesystem::path> inputs() const;
   void lock_folder();
   void check_output() const;
+  void clear_folder_for_photos();
   void get_scene();
   void describe_scene();
   void record_scene();

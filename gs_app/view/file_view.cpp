@@ -52,7 +52,8 @@ void take_photos(ViewScene& scene, const DatasetConfig& dataset, const Vec3d& wo
   try {
     scene.photos = photos_of(dataset, world_offset);
   } catch (const Error& error) {
-    scene.notes.push_back(fmt::format("no photos: {}", error.what()));
+    log_warning("{}", error.what());  // not for the page: it names folders of this machine
+    scene.notes.push_back("no photos: they cannot be read; the messages of the program say why");
     return;
   }
   std::map<std::string, const View*> views;
@@ -70,7 +71,7 @@ void take_photos(ViewScene& scene, const DatasetConfig& dataset, const Vec3d& wo
   }
   if (missing > 0)
     scene.notes.push_back(fmt::format("{} of {} cameras have no photo of their size in {}", missing,
-                                      scene.cameras.size(), dataset.source));
+                                      scene.cameras.size(), name_of(dataset.source)));
   if (dataset.refine_cameras)
     scene.notes.push_back(
         "the run refined its cameras: undistorted photos are shown as before the refinement, and "

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/view/view_server.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <charconv>
 #include <mutex>
 
 #include "apps/web/pages.h"
 #include "data_loaders/photos/photos.h"
 #include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 #include "gs_core/log.h"
 #include "gs_train/metrics.h"
 
@@ -41,20 +44,29 @@ HttpAnswer state_answer(ViewSource& source, const HttpRequest& request) {
   return json_answer(source.state(after_step));
 }
 
+// Decodes one photo at a time, so that a run needs little memory for them.
+Image8 shown_alone(const View& view, const Vec3f& background) {
+  static std::mutex one_at_a_time;
+  const std::lock_guard lock(one_at_a_time);
+  return shown_photo(*with_photo(view), background);
+}
+
 HttpAnswer photo_answer(const ViewScene& scene, std::string_view number) {
   std::size_t index = 0;
   const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), index);
   if (error != std::errc() || end != number.data() + number.size() ||
       index >= scene.cameras.size() || !scene.cameras[index].view)
     return http_error(404, "there is no such photo");
-  // Decodes one photo at a time, so that a run needs little memory for them.
-  static std::mutex one_at_a_time;
-  const Image8 shown = [&] {
-    const std::lock_guard lock(one_at_a_time);
-    return shown_photo(*with_photo(*scene.cameras[index].view), scene.background);
-  }();
-  const auto jpeg = encode_jpeg(shown, kPhotoQuality);
-  return http_text(std::string(jpeg.begin(), jpeg.end()), kJpeg);
+  const View& view = *scene.cameras[index].view;
+  try {
+    const auto jpeg = encode_jpeg(shown_alone(view, scene.background), kPhotoQuality);
+    return http_text(std::string(jpeg.begin(), jpeg.end()), kJpeg);
+  } catch (const Error& error) {
+    log_warning("the viewer has no photo of {}: {}", printable(view.name), error.what());
+    return http_error(500, fmt::format("the photo {} cannot be shown; the messages of the program "
+                                       "say why",
+                                       printable(view.name)));
+  }
 }
 
 }  // namespace

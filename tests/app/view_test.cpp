@@ -23,6 +23,7 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 /// A FileView behind a server of its own.
@@ -115,7 +116,7 @@ TEST(Http, WhatAHandlerThrowsIsAnAnswer) {
       {"127.0.0.1", 0}, [](const HttpRequest&) -> HttpAnswer { throw Error("no such\x1bthing"); });
   const auto answer = httplib::Client("127.0.0.1", server.port()).Get("/");
   EXPECT_EQ(answer->status, 500);
-  EXPECT_EQ(answer->body, "no such\\x1bthing");
+  EXPECT_THAT(answer->body, Not(HasSubstr("thing")));  // the terminal learns it
 }
 
 TEST_F(View, OfARunHasItsCamerasWithSplitsAndPhotos) {
@@ -222,7 +223,8 @@ TEST_F(View, WithoutItsSceneARunHasNoPhotosAndSaysSo) {
   ASSERT_EQ(scene.at("cameras").size(), std::size_t(kViews));
   EXPECT_TRUE(scene.at("cameras").at(0).at("photo").is_null());
   EXPECT_EQ(scene.at("cameras").at(0).at("split"), "test");
-  EXPECT_THAT(scene.at("notes").at(0), HasSubstr("no photos: "));
+  EXPECT_THAT(scene.at("notes").at(0),
+              AllOf(HasSubstr("no photos: "), Not(HasSubstr(path("scene").string()))));
 
   DatasetConfig dataset;
   dataset.source = text("elsewhere");
@@ -235,7 +237,7 @@ TEST_F(View, AMissingPhotoFailsAloneAndInWords) {
   fs::remove(path("scene/images/view_3.png"));
   const auto photo = served.get("/photo/1");
   EXPECT_EQ(photo->status, 500);
-  EXPECT_THAT(photo->body, HasSubstr("view_3.png"));
+  EXPECT_THAT(photo->body, AllOf(HasSubstr("view_3.png"), Not(HasSubstr(path("scene").string()))));
   EXPECT_EQ(served.get("/photo/0")->status, 200);
 }
 

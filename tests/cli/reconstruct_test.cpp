@@ -81,6 +81,25 @@ TEST_F(Reconstruct, TrainOnBarePhotosMakesTheSceneFirstAndNamesItInItsConfig) {
   EXPECT_EQ(run("eval " + path("run") + " --split train"), 0) << printed();
 }
 
+TEST_F(Reconstruct, ARunKilledBeforeItsFirstCheckpointKeepsTheSceneOfItsPhotos) {
+  const std::string train = "train " + path("photos") + " -o " + path("run") +
+                            " --iterations 5 --device cpu --resume auto" +
+                            " --set reconstruct.colmap=" + path("colmap");
+  ASSERT_EQ(run(train), 0) << printed();
+  for (const char* made : {"checkpoints", "point_cloud", "results.json"})
+    fs::remove_all(path("run") + "/" + made);  // as if killed at the first step
+  write_bytes(path("run/scene/database.db"), "hours of work");
+  EXPECT_EQ(run(train), 0) << printed();
+  EXPECT_EQ(read_bytes(path("run/scene/database.db")), "hours of work");
+  fs::remove_all(path("run/checkpoints"));
+  fs::remove_all(path("run/point_cloud"));
+  fs::remove(path("run/results.json"));
+  EXPECT_EQ(run(train + " --set train.seed=3"), 0) << printed();
+  EXPECT_EQ(read_bytes(path("run/scene/database.db")), "hours of work");
+  EXPECT_TRUE(fs::exists(path("run/config.toml.bak-1")));
+  EXPECT_FALSE(fs::exists(path("run.bak-1")));
+}
+
 TEST_F(Reconstruct, TrainWithForceKeepsTheOldRunInPlaceWhereColmapIsMissing) {
   write_bytes(path("run/cfg_args"), "an older run");
   EXPECT_EQ(run("train " + path("photos") + " -o " + path("run") +

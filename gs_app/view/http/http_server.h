@@ -34,8 +34,8 @@ HttpAnswer http_text(std::string text, std::string type);
 /// An error with a sentence for people.
 HttpAnswer http_error(int status, std::string sentence);
 
-/// Called from several threads at a time. An exception becomes status 500 with the exception's
-/// message.
+/// Called from several threads at a time. An exception becomes status 500. Its message goes to
+/// the log alone, because it may name folders of this machine.
 using HttpHandler = std::function<HttpAnswer(const HttpRequest&)>;
 
 inline constexpr int kFirstPort = 7070;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "gs_core/error.h"
+#include "gs_core/log.h"
 #include "gs_core/plain_message.h"
 #include "gs_core/threads/low_priority.h"
 #include "gs_core/threads/parallel.h"
@@ -17,11 +18,17 @@ namespace {
 // not wait for all requests that came before.
 constexpr std::size_t kCrowd = 16;
 
+// The reason is for who started the program, not for who asks: it may name folders of this machine.
+HttpAnswer internal_error(const std::exception& error) {
+  log_warning("the viewer could not answer a request: {}", plain_message(error));
+  return http_error(500, "this could not be computed; the messages of the program say why");
+}
+
 HttpAnswer answer_of(const HttpHandler& handler, const HttpRequest& request) {
   try {
     return handler(request);
   } catch (const std::exception& error) {
-    return http_error(500, plain_message(error));
+    return internal_error(error);
   }
 }
 
@@ -29,7 +36,7 @@ std::unique_ptr<HttpReply> reply_of(const HttpAnswer& answer, bool has_body) {
   try {
     return std::make_unique<HttpReply>(answer, has_body);
   } catch (const Error& error) {  // its file cannot be read
-    return std::make_unique<HttpReply>(http_error(500, error.what()), has_body);
+    return std::make_unique<HttpReply>(internal_error(error), has_body);
   }
 }
 

@@ -8,6 +8,7 @@
 #include <spdlog/fmt/fmt.h>
 #include <sys/socket.h>
 
+#include <cerrno>
 #include <memory>
 
 #include "gs_core/error.h"
@@ -36,6 +37,7 @@ Addresses addresses_of(const std::string& host, int port) {
   return {found, freeaddrinfo};
 }
 
+// Negative with errno if this address cannot be had.
 Descriptor listening(const addrinfo& address) {
   Descriptor socket(::socket(address.ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (socket < 0) return socket;
@@ -43,16 +45,23 @@ Descriptor listening(const addrinfo& address) {
   set_option(socket, SOL_SOCKET, SO_REUSEADDR, 1);
   if (address.ai_family == AF_INET6) set_option(socket, IPPROTO_IPV6, IPV6_V6ONLY, 0);
   if (::bind(socket, address.ai_addr, address.ai_addrlen) != 0 ||
-      ::listen(socket, kWaitingConnections) != 0)
+      ::listen(socket, kWaitingConnections) != 0) {
+    const int error = errno;
     socket.close();
+    errno = error;
+  }
   return socket;
 }
 
-// At the first address of the host that can be had; negative if there is none.
+// At the first address of the host that this machine has; negative if there is none, or if another
+// program listens there. A browser tries the addresses in the same order: where `localhost` is ::1
+// and 127.0.0.1 and another program has ::1, a server at 127.0.0.1 would never be asked.
 Descriptor listening(const std::string& host, int port) {
   const Addresses addresses = addresses_of(host, port);
-  for (const addrinfo* address = addresses.get(); address; address = address->ai_next)
+  for (const addrinfo* address = addresses.get(); address; address = address->ai_next) {
     if (Descriptor socket = listening(*address); socket >= 0) return socket;
+    if (errno == EADDRINUSE) break;
+  }
   return Descriptor(-1);
 }
 
