@@ -33,6 +33,9 @@ inline constexpr float kMinCovarianceDeterminant = 1e-6f;  // pixels^4; below it
 inline constexpr float kMaxCovarianceDeterminant = 1e30f;  // pixels^4; above it 1 / det loses its range in float
 inline constexpr float kMinQuaternionNorm2 = 1e-8f;     // below it a Gaussian is degenerate [FGS]
 
+// Time.
+inline constexpr float kMinMarginal = 0.05f;            // a Gaussian whose opacity is scaled by less is not rendered [FGS]
+
 // Spherical harmonics, normalization of the real basis functions.
 inline constexpr double kSh0 = 0.28209479177387814;     // 1/2 sqrt(1/pi)
 inline constexpr double kSh1 = 0.48860251190291987;     // 1/2 sqrt(3/pi)
