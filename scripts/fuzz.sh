@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Builds the fuzz targets of tests/fuzz with clang++ and runs them, one on each core.
 #   scripts/fuzz.sh [--seconds N] [TARGET...]     N seconds each (60); without names, all targets
+#   scripts/fuzz.sh --runs N [TARGET...]          N inputs each, always the same ones; for CI
 # What a target learns is kept in build/fuzz/corpus and used by the next run. A finding is kept in
 # build/fuzz/findings, and is an error at the end.
 set -euo pipefail
@@ -12,15 +13,17 @@ source "$(dirname "$0")/common.sh"
 readonly limits=(-timeout=5 -malloc_limit_mb=300 -rss_limit_mb=600)
 readonly seeds=tests/fuzz/corpus learned=build/fuzz/corpus findings=build/fuzz/findings
 
-seconds=60 targets=()
+is_number() { [[ ${2-} =~ ^[1-9][0-9]*$ ]] || die "$1 takes a whole number from 1 on"; }
+
+length=(-max_total_time=60) words="60 s" targets=()
 while [[ $# -gt 0 ]]; do
   case $1 in
-    --seconds) seconds=${2:?--seconds needs a number}; shift 2 ;;
-    -*) die "there is no flag $1; usage: scripts/fuzz.sh [--seconds N] [TARGET...]" ;;
+    --seconds) is_number "$@"; length=(-max_total_time="$2") words="$2 s"; shift 2 ;;
+    --runs) is_number "$@"; length=(-runs="$2" -seed=1) words="$2 inputs"; shift 2 ;;
+    -*) die "there is no flag $1; usage: scripts/fuzz.sh [--seconds N | --runs N] [TARGET...]" ;;
     *) targets+=("$1"); shift ;;
   esac
 done
-[[ $seconds =~ ^[1-9][0-9]*$ ]] || die "--seconds takes a whole number from 1 on, not $seconds"
 if [[ ${#targets[@]} -eq 0 ]]; then mapfile -t targets < <(ls $seeds); fi
 for target in "${targets[@]}"; do
   [[ -d $seeds/$target ]] || die "there is no target $target; there are: $(ls -x -w 999 $seeds)"
@@ -32,7 +35,7 @@ fuzz() {
   mkdir -p "$learned/$target"
   [[ ! -f tests/fuzz/$target.dict ]] || flags+=("-dict=tests/fuzz/$target.dict")
   # Standard input is no pipe: a config may name it as its base.
-  "$program" "${flags[@]}" -max_total_time="$seconds" -max_len=16384 -print_final_stats=1 \
+  "$program" "${flags[@]}" "${length[@]}" -max_len=16384 -print_final_stats=1 \
     -artifact_prefix="$findings/$target-" "$learned/$target" "$seeds/$target" \
     </dev/null >"$log" 2>&1 || found=1
   awk -v target="$target" '
@@ -59,7 +62,7 @@ mkdir -p $findings $learned
 TMPDIR=$(mktemp -d "$([[ -w /dev/shm ]] && echo /dev/shm || echo /tmp)/gemsplat-fuzz.XXXXXX")
 trap 'rm -rf "$TMPDIR"' EXIT
 export TMPDIR
-say "Fuzzing ${#targets[@]} targets, $seconds s each, $(nproc) at a time"
+say "Fuzzing ${#targets[@]} targets, $words each, $(nproc) at a time"
 found=0
 for target in "${targets[@]}"; do
   if [[ $(jobs -rp | wc -l) -ge $(nproc) ]]; then wait -n || found=1; fi

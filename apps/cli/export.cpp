@@ -6,6 +6,7 @@
 #include <iostream>
 #include <memory>
 #include <set>
+#include <utility>
 
 #include "apps/cli/devices.h"
 #include "apps/cli/options.h"
@@ -98,8 +99,8 @@ std::vector<NamedCamera> cameras_of(const ExportCommand& command, const OpenedMo
   const bool has_scene = command.has("dataset.source");
   const bool has_cameras = opened.run && std::filesystem::exists(opened.run->cameras());
   const bool has_split = opened.run && std::filesystem::exists(opened.run->split());
-  for (const char* split : {"test", "all"}) {
-    what = split;
+  for (const auto& [split, words] : {std::pair{"test", "{} test views"}, {"all", "all {} views"}}) {
+    what = words;
     if (has_scene)
       cameras = cameras_of_scene(config.dataset, split, offset);
     else if (has_cameras && (has_split || split != std::string_view("test")))

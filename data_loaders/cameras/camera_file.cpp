@@ -168,8 +168,13 @@ std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path,
     positions.push_back(position);
   }
   const bool is_far = are_nearer_to(world_offset, positions);
-  for (std::size_t i = 0; i < cameras.size(); ++i)
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
     place(cameras[i].camera, is_far ? positions[i] - world_offset : positions[i]);
+    if (!is_finite(cameras[i].camera.position()))
+      cannot_read(path, fmt::format("the position of camera {} of the list does not fit single "
+                                    "precision; correct the entry or write the file again",
+                                    i));
+  }
   return cameras;
 }
 

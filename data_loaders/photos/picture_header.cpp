@@ -273,7 +273,7 @@ PictureHeader read_picture_header(const fs::path& path) {
     read_tiff(file, start, header);
   } else if (start.starts_with("BM")) {
     read_bmp(start, header);
-  } else if (start.starts_with("RIFF") && start.substr(8, 4) == "WEBP") {
+  } else if (start.starts_with("RIFF") && start.find("WEBP") == 8) {
     read_webp(start, header);
   } else if (start.size() > 12 && start.substr(4, 4) == "ftyp") {
     read_heif(long_start(), header);

@@ -20,12 +20,14 @@ std::optional<std::string_view> after(std::string_view line, std::string_view ke
   return line.substr(0, line.find_last_not_of(kBlanks) + 1);
 }
 
+constexpr std::int64_t kLargestCount = 1'000'000'000;  // of photos or blocks; more is another text
+
 // Cuts a whole number off the front, and what stands before it.
 std::optional<std::int64_t> take_number(std::string_view& text) {
   text.remove_prefix(std::min(text.find_first_of("0123456789"), text.size()));
   std::int64_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc()) return std::nullopt;
+  if (error != std::errc() || value > kLargestCount) return std::nullopt;
   text.remove_prefix(std::size_t(end - text.data()));
   return value;
 }

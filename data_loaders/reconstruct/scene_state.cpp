@@ -101,7 +101,9 @@ SceneFolder::SceneFolder(const SceneFiles& files, SceneState state)
 SceneFolder::~SceneFolder() {
   try {
     remove_work();
-  } catch (const std::exception&) {  // the next process removes it
+  } catch (const Error& error) {
+    log_warning("the work folder is still on record: {}; the same command tidies up", error.what());
+  } catch (const std::exception&) {  // no memory: the next process tidies up
   }
 }
 

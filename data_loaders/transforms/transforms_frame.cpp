@@ -74,7 +74,8 @@ fs::path TransformsFrame::mask() const {
         "copy the masks below that folder and name them relative to it",
         "");
   const fs::path mask = file_.folder() / *name;
-  if (!fs::is_regular_file(mask))
+  std::error_code ignored;  // of a name that no file can have
+  if (!fs::is_regular_file(mask, ignored))
     fail(fmt::format("names the mask {}, which is not there; copy it there, or leave mask_path out",
                      mask.string()),
          "");

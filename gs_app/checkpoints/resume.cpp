@@ -248,10 +248,14 @@ void move_trained_run_aside(const RunFolder& folder, OutputLock& lock,
 }
 
 void prepare_fresh_start(const RunFolder& folder, const Config& config, OutputLock& lock,
-                         const std::vector<fs::path>& needed) {
+                         const std::vector<fs::path>& needed, bool holds_made_scene) {
   remove_leftovers_below(folder.root());
   move_trained_run_aside(folder, lock, needed);
-  if (!holds_text(folder.config(), to_toml(config))) set_aside(folder.config());
+  if (holds_text(folder.config(), to_toml(config))) return;
+  if (holds_made_scene)  // it is trained on now
+    set_aside(folder.config());
+  else
+    move_run_aside(folder, lock, needed);
 }
 
 void prepare_resumed_folder(const RunFolder& folder, const ResumedRun& run) {

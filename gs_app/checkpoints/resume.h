@@ -58,11 +58,13 @@ void restore_scene(const ResumedRun& run, Scene& scene);
 void move_trained_run_aside(const RunFolder& folder, OutputLock& lock,
                             const std::vector<std::filesystem::path>& needed);
 
-/// Makes the folder ready for a start from step 0 where there is no checkpoint. Models and results
-/// are moved aside with the folder, other settings are renamed to config.toml.bak-N, and this run
-/// writes the other files anew. Throws UsageError if a path of `needed` would have to move.
+/// Makes the folder ready for a start from step 0 where there is no checkpoint. What a killed run has
+/// left there is moved aside with the folder, unless this run writes the same files at once. If the
+/// folder holds a scene that was made from the photos (`holds_made_scene`), it stays, and only
+/// config.toml is renamed to config.toml.bak-N. Throws UsageError if a path of `needed` would have
+/// to move.
 void prepare_fresh_start(const RunFolder& folder, const Config& config, OutputLock& lock,
-                         const std::vector<std::filesystem::path>& needed);
+                         const std::vector<std::filesystem::path>& needed, bool holds_made_scene);
 
 /// Makes the folder ready to go on in. Results of fewer steps, checkpoints that are newer than the
 /// one taken, and a config.toml whose settings have changed are renamed to FILE.bak-N. What killed

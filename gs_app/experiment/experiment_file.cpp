@@ -67,6 +67,12 @@ void visit_list(const fs::path& file, const toml::table& root, const char* key, 
   for (const toml::node& element : *node->as_array()) visit(element);
 }
 
+// False also for a name that no file can have.
+bool is_there(const fs::path& path) {
+  std::error_code ignored;
+  return fs::exists(path, ignored);
+}
+
 ExperimentScene scene_of(const fs::path& file, const toml::node& node) {
   ExperimentScene scene;
   std::string path;
@@ -81,7 +87,7 @@ ExperimentScene scene_of(const fs::path& file, const toml::node& node) {
   if (path.empty()) refuse(file, node, "a scene needs the path of its folder");
   scene.path = fs::absolute(file.parent_path() / path).lexically_normal();
   if (!scene.path.has_filename()) scene.path = scene.path.parent_path();  // "scenes/a/"
-  if (!fs::exists(scene.path))
+  if (!is_there(scene.path))
     throw Error(place_in(file, node) + "there is no scene " + scene.path.string() +
                 "; give a path that is relative to the experiment's file");
   scene.name = folder_name(scene.name.empty() ? scene.path.filename().string() : scene.name);
@@ -92,7 +98,7 @@ ExperimentScene scene_of(const fs::path& file, const toml::node& node) {
 std::string base_of(const fs::path& file, const std::string& name) {
   if (name.empty()) return name;
   const fs::path beside = fs::absolute(file.parent_path() / name).lexically_normal();
-  return fs::exists(beside) ? beside.string() : name;
+  return is_there(beside) ? beside.string() : name;
 }
 
 std::vector<ExperimentConfig> configs_of(const fs::path& file, const toml::node& node) {
@@ -187,6 +193,7 @@ Experiment read_experiment(const fs::path& file) {
   visit_list(file, root, "configs", [&](const auto& node) {
     for (ExperimentConfig& config : configs_of(file, node))
       experiment.configs.push_back(std::move(config));
+    if (experiment.configs.size() > kMostRuns) refuse_runs(place_in(file, node));
   });
   visit_list(file, root, "seeds",
              [&](const auto& node) { experiment.seeds.push_back(seed_of(file, node)); });
@@ -197,6 +204,10 @@ Experiment read_experiment(const fs::path& file) {
   experiment.slurm = slurm_options(file, root);
   check_names(experiment, experiment.scenes, "scenes");
   check_names(experiment, experiment.configs, "configs");
+  if (double(experiment.scenes.size()) * double(experiment.configs.size()) *
+          double(experiment.seeds.size()) >
+      double(kMostRuns))
+    refuse_runs(file.string() + ": ");
   if (std::set<std::uint64_t>(experiment.seeds.begin(), experiment.seeds.end()).size() !=
       experiment.seeds.size())
     throw UsageError(file.string() + " names a seed twice; leave one out");

@@ -42,6 +42,13 @@ std::string place_in(const fs::path& file, const toml::node& node) {
   return fmt::format("{}:{}: ", file.string(), node.source().begin.line);
 }
 
+void refuse_runs(const std::string& place) {
+  throw UsageError(fmt::format(
+      "{}scenes, configs and seeds make more than {} runs; leave out values of a grid, or divide "
+      "the file into several",
+      place, kMostRuns));
+}
+
 std::string value_text(const toml::node& node) {
   if (const auto text = node.value_exact<std::string>()) return *text;
   return assignment_text("", node).substr(1);
@@ -71,6 +78,7 @@ std::vector<ExperimentConfig> unrolled(const fs::path& file, const ExperimentCon
     const toml::array* values = node.as_array();
     if (!values || values->empty())
       throw UsageError(place_in(file, node) + key + " in a grid must be a list of values");
+    if (values->size() > kMostRuns / points.size()) refuse_runs(place_in(file, node));
     std::vector<ExperimentConfig> finer;
     for (const ExperimentConfig& point : points)
       for (const toml::node& value : *values) {

@@ -16,6 +16,11 @@ namespace gs {
 /// "file:line: "
 std::string place_in(const std::filesystem::path& file, const toml::node& node);
 
+/// Of one experiment. Ten lists of ten values would be ten billion.
+inline constexpr std::size_t kMostRuns = 10'000;
+/// Throws the UsageError for more; `place` is in front of the message.
+[[noreturn]] void refuse_runs(const std::string& place);
+
 /// A value on one line: a string without its quotes, any other value as TOML.
 std::string value_text(const toml::node& node);
 
@@ -28,7 +33,8 @@ std::vector<PlacedSetting> flat_settings(const std::filesystem::path& file,
                                          const toml::table& table);
 
 /// All combinations of the grid's lists, e.g. {density.every = [50, 100], ...}, as configs named
-/// NAME+every=50+.... The last key changes fastest. Throws UsageError if a value is not a list.
+/// NAME+every=50+.... The last key changes fastest. Throws UsageError if a value is not a list, and for more
+/// than kMostRuns configs.
 std::vector<ExperimentConfig> unrolled(const std::filesystem::path& file,
                                        const ExperimentConfig& config, const toml::table& grid);
 

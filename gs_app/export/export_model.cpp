@@ -115,8 +115,9 @@ std::string summary(const ExportedFile& exported, const Viewpoints* viewpoints) 
   std::string text = fmt::format("{}: {}, {:.1f} bytes per Gaussian", exported.file.string(),
                                  size_text(exported.bytes), exported.bytes_per_gaussian());
   if (const auto& fidelity = exported.fidelity)
-    text += fmt::format("; {:.2f} dB PSNR, {:.4f} SSIM against the model on {} {} views",
-                        fidelity->psnr, fidelity->ssim, fidelity->num_views, viewpoints->what);
+    text += fmt::format("; {:.2f} dB PSNR, {:.4f} SSIM against the model on {}", fidelity->psnr,
+                        fidelity->ssim,
+                        fmt::format(fmt::runtime(viewpoints->what), fidelity->num_views));
   return text;
 }
 

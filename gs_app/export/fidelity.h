@@ -16,7 +16,7 @@ struct Viewpoints {
   GaussiansSpan original;  // in the backend's memory
   RenderSettings settings;
   std::vector<Camera> cameras;
-  const char* what = "test";  // "on 7 test views"
+  const char* what = "{} test views";  // with the number of views in the place of {}
 };
 
 /// Renders both from each camera. `kept` lies in the frame of the original; its SH degree may be

@@ -3,6 +3,8 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
+
 #include "gs_app/report/report_curves.h"
 #include "gs_app/report/report_page.h"
 #include "gs_core/error.h"
@@ -20,6 +22,12 @@ constexpr std::size_t kMostRows = 300;  // of each run's curves
 
 fs::path results_file(const fs::path& output) { return output / "results.json"; }
 
+// results.json may come from a stranger: no file outside of OUTPUT is read for it.
+bool stays_inside(const fs::path& folder) {
+  return folder.is_relative() && std::none_of(folder.begin(), folder.end(),
+                                              [](const fs::path& part) { return part == ".."; });
+}
+
 Json run_json(const fs::path& output, const Json& run, std::vector<std::string>& notes) {
   // The run's folder inside OUTPUT, not the path in results.json: OUTPUT may have been moved since.
   const std::string folder =
@@ -28,12 +36,19 @@ Json run_json(const fs::path& output, const Json& run, std::vector<std::string>&
   Json json;
   for (const char* key : {"scene", "config", "seed", "state", "settings", "results"})
     json[key] = run.at(key);
+  if (!stays_inside(folder)) {
+    notes.push_back(fmt::format(
+        "{} leads out of the experiment's folder, so its curves are left out.", folder));
+    return json;
+  }
   try {
     json["metrics"] = metrics_columns(output / folder / "metrics.csv", kMostRows);
   } catch (const Error& error) {
     notes.push_back(error.what());
   }
-  if (fs::exists(output / folder / "report.html")) json["report"] = folder + "/report.html";
+  std::error_code ignored;
+  if (fs::exists(output / folder / "report.html", ignored))
+    json["report"] = folder + "/report.html";
   return json;
 }
 

@@ -15,7 +15,7 @@ Viewpoints viewpoints_of(Trainer& trainer) {
   Viewpoints viewpoints{
       trainer.backend(), trainer.model().gaussians.span(), trainer.evaluation_settings(), {}};
   const Scene& scene = trainer.scene();
-  if (scene.test_views.empty()) viewpoints.what = "training";
+  if (scene.test_views.empty()) viewpoints.what = "{} training views";
   for (const View& view : scene.test_views.empty() ? scene.train_views : scene.test_views)
     viewpoints.cameras.push_back(view.camera);
   return viewpoints;
@@ -27,7 +27,7 @@ std::filesystem::path export_file(const std::string& format, const RunFolder& fo
 }
 
 // A sidecar gets the figures of a lossy format last, after minutes of rendering.
-bool is_complete(const std::string& format, const std::filesystem::path& file) {
+bool is_complete(const std::filesystem::path& file) {
   if (!std::filesystem::exists(file) || !std::filesystem::exists(sidecar_of(file))) return false;
   if (!is_lossy({.file = file}, kMaxShDegree)) return true;
   try {
@@ -48,9 +48,7 @@ std::vector<std::string> missing_exports(const std::vector<std::string>& formats
   if (!step) return missing;
   for (const std::string& format : formats) {
     const std::filesystem::path file = export_file(format, folder, *step);
-    const bool is_there = file == folder.ply(*step) || (std::filesystem::exists(file) &&
-                                                        std::filesystem::exists(sidecar_of(file)));
-    if (!is_there) missing.push_back(format);
+    if (file != folder.ply(*step) && !is_complete(file)) missing.push_back(format);
   }
   return missing;
 }

@@ -26,11 +26,11 @@ void move_source(DatasetConfig& dataset, const fs::path& scene) {
 
 }  // namespace
 
-void reconstruct_bare_photos(Config& config, const RunFolder& folder,
+bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
                              const std::function<void()>& clear_folder, SessionHooks& hooks) {
   DatasetConfig& dataset = config.dataset;
   const bool places_are_named = !dataset.model.empty() || dataset.images != DatasetConfig{}.images;
-  if (places_are_named || !holds_only_photos(dataset.source)) return;
+  if (places_are_named || !holds_only_photos(dataset.source)) return false;
   log_info("{} holds photos without camera poses: COLMAP computes them first", dataset.source);
   const auto scene = fs::absolute(folder.root() / "scene").lexically_normal();
   const ColmapJob job{dataset.source, scene, config.reconstruct, config.train.threads};
@@ -43,6 +43,7 @@ void reconstruct_bare_photos(Config& config, const RunFolder& folder,
   std::istringstream lines(describe(result));
   for (std::string line; std::getline(lines, line);) log_info("{}", line);
   move_source(dataset, scene);
+  return true;
 }
 
 Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks) {

@@ -16,8 +16,9 @@ namespace gs {
 
 /// Makes a scene in OUT/scene where dataset.source is a folder of photos alone, or a video, and
 /// points the config to it. Does nothing for other sources. `clear_folder` moves an older run in OUT
-/// aside; it is called once COLMAP is known to be able to start. Throws as run_colmap() does.
-void reconstruct_bare_photos(Config& config, const RunFolder& folder,
+/// aside; it is called once COLMAP is known to be able to start. Returns whether the source was
+/// photos. Throws as run_colmap() does.
+bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
                              const std::function<void()>& clear_folder, SessionHooks& hooks);
 
 /// Loads the scene at dataset.source, and logs its size. Throws as load_scene() does.

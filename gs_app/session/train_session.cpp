@@ -171,7 +171,7 @@ void TrainSession::clear_folder_for_photos() {
 void TrainSession::get_scene() {
   scene_ = request_.scene;
   if (!scene_ && !resumed_)
-    reconstruct_bare_photos(
+    has_made_scene_ = reconstruct_bare_photos(
         config_, *folder_, [&] { clear_folder_for_photos(); }, hooks_);
   describe_scene();
   if (!scene_) scene_ = &loaded_scene_.emplace(load_run_scene(config_.dataset, hooks_));
@@ -222,7 +222,7 @@ void TrainSession::start_folder() {
     prepare_resumed_folder(*folder_, *resumed_);
     if (holds_text(folder_->config(), to_toml(config_))) return;  // so the other files fit as well
   } else if (!resumed_ && !request_.resume.empty()) {
-    prepare_fresh_start(*folder_, config_, *lock_, inputs());
+    prepare_fresh_start(*folder_, config_, *lock_, inputs(), has_made_scene_);
   } else {
     move_run_aside(*folder_, *lock_, inputs());
   }
@@ -310,8 +310,18 @@ void TrainSession::naming_what_is_kept(const std::function<void()>& f) {
   }
 }
 
+// Part of the message of another failure, which counts more than one here.
 std::string TrainSession::what_is_kept(ExitCode code) const {
   std::string text;
+  try {
+    add_what_is_kept(text, code);
+  } catch (const Error&) {
+  } catch (const fs::filesystem_error&) {
+  }
+  return text;
+}
+
+void TrainSession::add_what_is_kept(std::string& text, ExitCode code) const {
   const int last = trainer_->step();
   if (fs::exists(folder_->ply(last)))
     text += fmt::format("; the model is in {}", folder_->ply(last).string());
@@ -321,7 +331,6 @@ std::string TrainSession::what_is_kept(ExitCode code) const {
                         code == ExitCode::out_of_memory
                             ? " and a lower --max-gaussians, or on another machine"
                             : "");
-  return text;
 }
 
 }  // namespace gs

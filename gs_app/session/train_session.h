@@ -97,6 +97,7 @@ class TrainSession {
   void guarded(const char* what, const std::function<void()>& f);
   void naming_what_is_kept(const std::function<void()>& f);
   std::string what_is_kept(ExitCode code) const;
+  void add_what_is_kept(std::string& text, ExitCode code) const;
 
   TrainRequest request_;
   SessionHooks& hooks_;
@@ -107,6 +108,7 @@ class TrainSession {
   std::unique_ptr<Backend> backend_;
   std::optional<Scene> loaded_scene_;
   const Scene* scene_ = nullptr;  // the loaded one, or that of the request
+  bool has_made_scene_ = false;   // in the run's folder, from bare photos
   std::string scene_hash_;        // of its files before they were read
   SceneRecord record_;
   std::optional<CheckpointFolder> checkpoints_;

@@ -79,6 +79,7 @@ void place(Camera& camera, const Matrix& matrix) {
     fail("m", "it is not a rotation and a position");
   camera.cam_from_world_rotation = {Vec3f(R.row0), Vec3f(R.row1), Vec3f(R.row2)};
   camera.cam_from_world_translation = Vec3f(-multiply(R, Vec3d(m[3], m[7], m[11])));
+  if (!is_finite(camera.position())) fail("m", "its position is too far away");
 }
 
 Quantity quantity_named(const std::string& name) {

@@ -15,18 +15,21 @@ namespace {
 
 constexpr std::uint64_t kLargestToml = std::uint64_t(1) << 20;  // bytes; a run's config has 20,000
 
-/// Walks through a text without parsing it and stops where it nests too deep. Like the parser, it
-/// takes a string of one line to end with its line.
-class DepthOfToml {
+/// Walks through a text without parsing it and stops where the parser must not go. Like the parser,
+/// it takes a string of one line to end with its line.
+class TomlWalk {
  public:
-  explicit DepthOfToml(std::string_view text) : text_(text) {
-    while (at_ < text_.size() && depth() <= kDeepestToml) step();
+  explicit TomlWalk(std::string_view text) : text_(text) {
+    while (at_ < text_.size() && !is_too_deep() && !has_bad_name_) step();
   }
-  /// The line that nests too deep; 0 if there is none.
-  int line_too_deep() const { return depth() > kDeepestToml ? line_ : 0; }
+  int line() const { return line_; }  // where it has stopped
+  /// Tables, lists and parts of a key nest deeper than kDeepestToml.
+  bool is_too_deep() const { return brackets_ + dots_ > kDeepestToml; }
+  /// A table's name, as in [name], begins with a character that no key has. toml++ 3.3 takes it for
+  /// granted that there is none, and checks that by assert().
+  bool has_bad_name() const { return has_bad_name_; }
 
  private:
-  int depth() const { return brackets_ + dots_; }
   void step() {
     switch (const char c = text_[at_]) {
       case '#': at_ = std::min(text_.find('\n', at_), text_.size()); return;
@@ -34,15 +37,29 @@ class DepthOfToml {
       case '\'': skip_string(c); return;
       case '.': ++dots_; break;
       case '[':
+        has_bad_name_ = brackets_ == 0 && !is_value_ && !is_name(text_.substr(at_ + 1));
+        ++brackets_, dots_ = 0;
+        break;
       case '{': ++brackets_, dots_ = 0; break;
       case ']':
       case '}': brackets_ = std::max(0, brackets_ - 1), dots_ = 0; break;
-      case '\n': ++line_, dots_ = 0; break;
-      case '=':
+      case '\n': ++line_, dots_ = 0, is_value_ = false; break;
+      case '=': is_value_ = true, dots_ = 0; break;
       case ',': dots_ = 0; break;
       default: break;  // part of a key or value
     }
     ++at_;
+  }
+  /// Whether the parser may look for a key in what follows the first [ of a table: "name]",
+  /// "[name]]". It has errors of its own for a ] and for the end of the text.
+  static bool is_name(std::string_view rest) {
+    constexpr std::string_view kBlanks = " \t";
+    if (rest.starts_with('[')) rest.remove_prefix(1);
+    const std::size_t first = rest.find_first_not_of(kBlanks);
+    if (first == rest.npos) return true;
+    const char c = rest[first];
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+           std::string_view("_-\"']").find(c) != std::string_view::npos;
   }
   void skip_string(char quote) {
     const bool has_lines = text_.substr(at_, 3) == std::string(3, quote);
@@ -64,6 +81,7 @@ class DepthOfToml {
   std::string_view text_;
   std::size_t at_ = 0;
   int line_ = 1, brackets_ = 0, dots_ = 0;
+  bool is_value_ = false, has_bad_name_ = false;  // behind the = of a line
 };
 
 }  // namespace
@@ -73,11 +91,17 @@ std::string read_toml_text(const std::filesystem::path& file) {
 }
 
 toml::table parse_toml(std::string_view text, const std::string& shown) {
-  if (const int line = DepthOfToml(text).line_too_deep())
+  const TomlWalk walk(text);
+  if (walk.is_too_deep())
     throw UsageError(
         fmt::format("{}:{}: tables, lists and parts of a key nest deeper than {} levels; a config "
                     "needs three, so check what the file is",
-                    shown, line, kDeepestToml));
+                    shown, walk.line(), kDeepestToml));
+  if (walk.has_bad_name())
+    throw UsageError(
+        fmt::format("{}:{}: the name of a table begins with a letter, a digit, _, - or "
+                    "a quote, as in [train]; correct the line",
+                    shown, walk.line()));
   try {
     return toml::parse(text, shown);
   } catch (const toml::parse_error& error) {

@@ -166,7 +166,7 @@ TEST_F(LiveRun, SendsTheLossesFromTheFirstStepOnAndEachOnce) {
   EXPECT_EQ(all.at(0).at(1), metrics_.losses()[0].loss);
   const int newest = all.back().at(0);
   EXPECT_TRUE(view_.state(newest).at("losses").empty());
-  EXPECT_EQ(view_.state(newest - 1).at("losses"), Json::array({all.back()}));
+  EXPECT_EQ(view_.state(newest - 1).at("losses"), nlohmann::ordered_json::array({all.back()}));
 }
 
 TEST_F(LiveRun, TakesBackTheLossesOfARolledBackRun) {

@@ -196,7 +196,7 @@ TEST_F(Export, RunsWithoutASplitOrCamerasAreExported) {
   fs::remove(path("run/split.json"));
   const Outcome all = export_run(text("a.spz"));
   EXPECT_EQ(all.code, 0) << all.err;
-  EXPECT_THAT(all.out, HasSubstr("on 6 all views"));
+  EXPECT_THAT(all.out, HasSubstr("on all 6 views"));
   fs::remove(path("run/cameras.json"));
   const Outcome none = export_run(text("b.spz"));
   EXPECT_EQ(none.code, 0) << none.err;

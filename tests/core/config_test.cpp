@@ -193,6 +193,13 @@ TEST_F(ConfigFile, NumbersBeyondTheirTypeAreRefusedNotWrapped) {
   EXPECT_THAT(refusal("[loss]\nlambda_dssim = nan\n"), HasSubstr("loss.lambda_dssim"));
 }
 
+TEST_F(ConfigFile, ATableWhoseNameIsNoNameIsRefused) {
+  for (const char* name :
+       {"[$train]", "[[$train]]", "[ =", "[\n]", "\xEF\xBB\xBF[.a]", " [\xC3\xA4]"})
+    EXPECT_THAT(refusal(std::string(name) + "\nseed = 1\n"), HasSubstr("run.toml:1: ")) << name;
+  EXPECT_NO_THROW(load("[ \"train\" ]\nsave_steps = [\n  1,\n  2]\n['model']\nsh_degree = 2\n"));
+}
+
 TEST_F(ConfigFile, TextThatIsNoTomlNamesFileAndLine) {
   EXPECT_THAT(refusal("[train]\niterations = \n"), HasSubstr("run.toml:2: "));
 }

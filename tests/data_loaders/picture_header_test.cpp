@@ -90,6 +90,15 @@ TEST_F(PictureHeaders, AProgressiveJpegOfThousandsOfScansIsRefused) {
   EXPECT_THAT(refusal_of(jpeg_of(100, 100, 3000)), HasSubstr("scans"));
 }
 
+TEST_F(PictureHeaders, AHeaderMayEndAnywhere) {
+  const std::string webp = "RIFF\0\0\0\0WEBPVP8X\x0A\0\0\0\0\0\0\0\x01\0\0\0\0\0"s;
+  const std::string tiff = "II*\0\x08\0\0\0\x01\0\0\x01\x03\0\x01\0\0\0\x02\0\0\0"s;
+  const std::string bmp = "BM"s + std::string(12, '\0') + "\x28\0\0\0\x02\0\0\0\x01\0\0\0"s;
+  for (const std::string& bytes : {webp, tiff, bmp, jpeg_of(2, 1, 2), png_of(2, 1, 0)})
+    for (std::size_t length = 0; length < bytes.size(); ++length)
+      EXPECT_NO_THROW(header_of(bytes.substr(0, length))) << bytes.substr(0, 4) << length;
+}
+
 TEST_F(PictureHeaders, AFifoIsRefusedAtOnce) {
   ASSERT_EQ(mkfifo(file().c_str(), 0600), 0);
   EXPECT_THROW(read_picture_header(file()), Error);

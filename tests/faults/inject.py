@@ -59,6 +59,7 @@ def inject(slot, verb, fault):
     if "fired " not in outcome.log:
         if outcome.code != 0:  # threads take another order from run to run
             result.wrong = [f"no fault was injected, and yet exit code {outcome.code}"]
+            result.wrong += campaign.faults_of_ending(outcome)
         return [result] if result.wrong else []
     result.wrong = campaign.faults_of_ending(outcome)
     result.wrong += campaign.lost_files(slot, verb, reference)

@@ -8,12 +8,14 @@
 namespace gs::fuzz {
 namespace {
 
-/// A config that is taken is written so that it reads back.
+/// A config that is taken is written so that it reads back. That takes ten times as long as
+/// reading, so it is tried on texts of some lengths only.
 void read_config(const std::filesystem::path& file) {
   Config config;
   SettingOrigins origins;
   load_config(config, file, &origins);
   takes([&] { validate(config, origins); });
+  if (std::filesystem::file_size(file) % 16 != 0) return;
   const std::string text = to_toml(config);
   Config again;
   if (takes([&] { load_config(again, file_of("again.toml", text)); }))

@@ -83,7 +83,7 @@ class Refusals(TestCase):
         self.refuse(r"rotations must have the shape \(50, 4\), but has \(49, 4\)", rotations=np.ones((49, 4)))
         self.refuse(r"logit_opacities must have the shape \(50,\), but has \(50, 1\)",
                     logit_opacities=np.zeros((50, 1)))
-        self.refuse("0, 3, 8 or 15 coefficients .*, but has 4", sh_rest=np.zeros((50, 4, 3)))
+        self.refuse("0, 3, 8 or 15 coefficients .*, and has 4", sh_rest=np.zeros((50, 4, 3)))
 
     def test_wrong_types(self):
         self.refuse("means must hold real numbers, but is of dtype complex128", means=np.zeros((50, 3), complex))

@@ -90,7 +90,7 @@ inline void replace_bytes(const std::filesystem::path& file, const std::string& 
 }
 
 /// Runs a reader on a damaged file. Returns what is wrong with its reaction, or nothing.
-inline std::string trouble_of(const std::function<void()>& read) {
+inline std::string trouble_of(const std::function<void()>& read, double most_seconds = 1) {
   const auto begin = std::chrono::steady_clock::now();
   largest_allocation = 0;
   std::string trouble;
@@ -105,7 +105,7 @@ inline std::string trouble_of(const std::function<void()>& read) {
     trouble = std::string("not an Error: ") + error.what();
   }
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
-  if (seconds.count() > 1) trouble += " took " + std::to_string(seconds.count()) + " s";
+  if (seconds.count() > most_seconds) trouble += " took " + std::to_string(seconds.count()) + " s";
   if (largest_allocation > kLargestAllocation)
     trouble += " asked for " + std::to_string(largest_allocation) + " bytes";
   return trouble;
