@@ -42,8 +42,8 @@ FilmWriter::FilmWriter(fs::path path, int width, int height, double frames_per_s
     std::error_code ignored;
     fs::remove(temporary_, ignored);
     cannot_write_film(path_,
-                      "OpenCV has no encoder for MP4 here; install libopencv-videoio with ffmpeg's "
-                      "libavcodec, or write pictures into a folder");
+                      "OpenCV cannot begin an MP4 here; free some space, or install libopencv-videoio "
+                      "with ffmpeg's libavcodec, or write pictures into a folder");
   }
   log_warning(
       "{} is encoded as MPEG-4 Part 2, which browsers do not play: the local ffmpeg has no H.264; "

@@ -3,10 +3,9 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include <algorithm>
-#include <sstream>
+#include <cctype>
 
-#include "gs_core/config/config_text.h"
+#include "gs_core/config/read_toml.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -27,15 +26,6 @@ void visit_leaves(const toml::table& table, const std::string& prefix, Visitor&&
   }
 }
 
-std::string assignment_text(const std::string& key, const toml::node& node) {
-  if (const auto number = node.value_exact<double>()) return key + "=" + toml_text(*number);
-  std::ostringstream stream;
-  node.visit([&](const auto& value) { stream << value; });
-  std::string text = stream.str();
-  std::replace(text.begin(), text.end(), '\n', ' ');  // long lists are printed on many lines
-  return key + "=" + text;
-}
-
 }  // namespace
 
 std::string place_in(const fs::path& file, const toml::node& node) {
@@ -51,7 +41,7 @@ void refuse_runs(const std::string& place) {
 
 std::string value_text(const toml::node& node) {
   if (const auto text = node.value_exact<std::string>()) return *text;
-  return assignment_text("", node).substr(1);
+  return text_of(node);
 }
 
 std::string folder_name(std::string text) {
@@ -66,7 +56,7 @@ std::string folder_name(std::string text) {
 std::vector<PlacedSetting> flat_settings(const fs::path& file, const toml::table& table) {
   std::vector<PlacedSetting> settings;
   visit_leaves(table, "", [&](const std::string& key, const toml::node& node) {
-    settings.push_back({assignment_text(key, node), place_in(file, node)});
+    settings.push_back({key + "=" + text_of(node), place_in(file, node)});
   });
   return settings;
 }
@@ -85,7 +75,7 @@ std::vector<ExperimentConfig> unrolled(const fs::path& file, const ExperimentCon
         ExperimentConfig next = point;
         next.name +=
             folder_name(fmt::format("+{}={}", key.substr(key.rfind('.') + 1), value_text(value)));
-        next.settings.push_back({assignment_text(key, value), place_in(file, value)});
+        next.settings.push_back({key + "=" + text_of(value), place_in(file, value)});
         finer.push_back(std::move(next));
       }
     points = std::move(finer);

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <array>
 #include <optional>
-#include <sstream>
 
 #include "gs_core/config/config_fields.h"
 #include "gs_core/config/config_source.h"
@@ -22,12 +21,6 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string text_of(const toml::node& node) {
-  std::ostringstream stream;
-  node.visit([&](const auto& value) { stream << value; });
-  return stream.str();
-}
 
 // `where` is "file:line: " or empty.
 [[noreturn]] void refuse(std::string_view where, std::string_view key, std::string_view value,

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <sstream>
 
+#include "gs_core/config/config_text.h"
 #include "gs_core/error.h"
 #include "gs_core/foreign_text.h"
 #include "gs_core/text_file.h"
@@ -108,6 +110,27 @@ toml::table parse_toml(std::string_view text, const std::string& shown) {
     throw UsageError(fmt::format("{}:{}: {}; the file must be TOML", shown,
                                  error.source().begin.line, shown_word(error.description())));
   }
+}
+
+std::string text_of(const toml::node& node) {
+  std::string text;
+  const auto add = [&](const std::string& item) { text += (text.empty() ? "" : ", ") + item; };
+  if (const toml::array* items = node.as_array()) {
+    for (const toml::node& item : *items) add(text_of(item));
+    return "[" + text + "]";
+  }
+  if (const toml::table* entries = node.as_table()) {
+    for (const auto& [key, value] : *entries)
+      add(toml_text(std::string(key.str())) + " = " + text_of(value));
+    return "{" + text + "}";
+  }
+  if (const auto string = node.value_exact<std::string>()) return toml_text(*string);
+  if (const auto number = node.value_exact<double>()) return toml_text(*number);
+  if (const auto number = node.value_exact<std::int64_t>()) return toml_text(*number);
+  if (const auto truth = node.value_exact<bool>()) return toml_text(*truth);
+  std::ostringstream date_or_time;
+  node.visit([&](const auto& value) { date_or_time << value; });
+  return date_or_time.str();
 }
 
 }  // namespace gs

@@ -21,4 +21,8 @@ std::string read_toml_text(const std::filesystem::path& file);
 /// UsageError "SHOWN:LINE: ..." for what is no TOML or nests deeper than kDeepestToml.
 toml::table parse_toml(std::string_view text, const std::string& shown);
 
+/// A value as TOML on one line: "[0.01, 'a']" comes back as [0.01, "a"]. (toml++ has a formatter, but
+/// of version 3.3 the one for lists casts the negative logarithm of 0.01 to an unsigned number.)
+std::string text_of(const toml::node& node);
+
 }  // namespace gs

@@ -16,6 +16,7 @@
 #include "gs_core/config/config_table.h"
 #include "gs_core/config/config_text.h"
 #include "gs_core/config/nearest_word.h"
+#include "gs_core/config/read_toml.h"
 #include "gs_core/error.h"
 #include "tests/support/temp_folder.h"
 
@@ -444,6 +445,13 @@ TEST(Validate, ChecksFieldsAgainstEachOther) {
                 validate(config, {{"train.steps_scaler", "a.toml:2"}});
               }),
               HasSubstr("a.toml:2: train.steps_scaler"));
+}
+
+TEST(TomlText, IsOneLineThatReadsBack) {
+  const std::string text =
+      R"([0.01, -0.5, 7, -3, true, "a\"b\n", [], {"k.1" = 1e-30, "l" = [2.0]}, 1979-05-27])";
+  const toml::table table = parse_toml("x = " + text, "text");
+  EXPECT_EQ(text_of(*table.get("x")), text);
 }
 
 TEST(NearestWord, CountsEditsAndKnowsWhenNothingIsNear) {
