@@ -41,9 +41,10 @@ FilmWriter::FilmWriter(fs::path path, int width, int height, double frames_per_s
   if (!opens("mp4v")) {
     std::error_code ignored;
     fs::remove(temporary_, ignored);
-    cannot_write_film(path_,
-                      "OpenCV cannot begin an MP4 here; free some space, or install libopencv-videoio "
-                      "with ffmpeg's libavcodec, or write pictures into a folder");
+    cannot_write_film(
+        path_,
+        "OpenCV cannot begin an MP4 here; free some space, or install libopencv-videoio "
+        "with ffmpeg's libavcodec, or write pictures into a folder");
   }
   log_warning(
       "{} is encoded as MPEG-4 Part 2, which browsers do not play: the local ffmpeg has no H.264; "
