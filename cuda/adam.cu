@@ -48,6 +48,7 @@ class CudaOptimizer final : public Optimizer {
 
 AdamSteps adam_steps(int t, const LearningRates& rates) {
   AdamSteps steps;
+  steps.has_time = true;
   for_each_array([&](const char*, AdamStep& step, float rate) { step = adam_step(t, rate); }, steps,
                  rates);
   return steps;

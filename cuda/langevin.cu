@@ -3,6 +3,7 @@
 // gradients are stored, and noise on the means after Adam. The fused update of
 // preprocess_backward.cu adds the regularizers' gradients itself.
 #include "cuda/stages.cuh"
+#include "gs_train/row_rules.h"
 
 namespace gs::cuda {
 namespace {
@@ -23,9 +24,7 @@ __global__ void position_noise_kernel(GaussiansSpan gaussians, PositionNoise noi
                                       const std::uint32_t* halted) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= gaussians.mean.size || (halted && *halted)) return;
-  gaussians.mean[i] +=
-      position_noise(gaussians.log_scale[i], gaussians.rotation[i], gaussians.logit_opacity[i],
-                     noise.normal(i), noise.scale * rate);
+  gaussians.mean[i] += position_noise(gaussians, i, noise, rate);
 }
 
 }  // namespace

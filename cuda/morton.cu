@@ -59,14 +59,15 @@ cudaError_t reduce_to_bounds(void* scratch, std::size_t& bytes, Span<const Vec3f
 #endif
 }
 
-__global__ void morton_kernel(Span<const Vec3f> means, const Bounds* bounds,
-                              Span<std::uint64_t> codes) {
+__global__ void morton_kernel(Span<const Vec3f> means, Span<const float> time_means,
+                              const Bounds* bounds, Span<std::uint64_t> codes) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= means.size) return;
   const Vec3f edges = bounds->high - bounds->low;
   const float size =
       max_of(max_of(edges.x, edges.y), max_of(edges.z, std::numeric_limits<float>::min()));
-  codes[i] = morton_code(means[i], bounds->low, size);
+  const std::uint64_t code = morton_code(means[i], bounds->low, size);
+  codes[i] = time_means.empty() ? code : time_binned(code, time_means[i]);
 }
 
 __global__ void row_numbers_kernel(Span<std::uint32_t> row_numbers) {
@@ -95,7 +96,7 @@ Span<const std::uint32_t> sort_rows(Context& context, const char* stage,
 }
 
 Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& workspace,
-                                       Span<const Vec3f> means) {
+                                       Span<const Vec3f> means, Span<const float> time_means) {
   workspace.keys.resize_discard(means.size);
   if (means.empty()) return {};
   workspace.bounds.resize_discard(1);
@@ -103,7 +104,7 @@ Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& work
     return reduce_to_bounds(scratch, bytes, means, workspace.bounds.data(), context.stream());
   });
   context.launch("morton", morton_kernel, blocks_for(means.size, kThreads), kThreads, means,
-                 workspace.bounds.data(), workspace.keys.span());
+                 time_means, workspace.bounds.data(), workspace.keys.span());
   return sort_rows(context, "morton", workspace, 3 * kMortonBits);
 }
 

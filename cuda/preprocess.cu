@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas. A thread projects one
-// Gaussian. The threads of a warp read the parameters of their 32 Gaussians together, in whole
+// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, and
+// spacetime_splat.h for those of Gaussians in space and time. A thread projects one Gaussian. The threads of a warp read the parameters of their 32 Gaussians together, in whole
 // cache lines. They also share the tile rows of the 32 splats evenly when they count tiles.
 // Faster-GS, fused activations, exact and balanced tile culling
 #include <algorithm>
@@ -9,6 +9,7 @@
 #include "cuda/sh_rows.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/math/depth_key.h"
+#include "gs_core/math/spacetime_splat.h"
 
 namespace gs::cuda {
 namespace {
@@ -19,12 +20,14 @@ constexpr int kThreads = 128;  // four warps; shared memory lets 28 warps run on
 struct Parameters {
   float mean[3 * kWarp], log_scale[3 * kWarp], sh0[3 * kWarp], rotation[4 * kWarp],
       logit_opacity[kWarp];
+  // of Gaussians in space and time
+  float right_rotation[4 * kWarp], time_mean[kWarp], log_time_scale[kWarp];
 };
 
 struct alignas(16) WarpShared {
   union {
     Parameters parameters;                 // at first
-    float sh_rows[kWarp * kShRowNumbers];  // once the parameters were read
+    float sh_rows[kWarp * kShRowNumbers];  // once the parameters were read; more than they are
   };
   TileRows tile_rows;
   std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
@@ -43,14 +46,22 @@ __device__ const float* numbers_from(const Span<T>& array, std::size_t first) {
   return reinterpret_cast<const float*>(array.data + first);
 }
 
-// One Gaussian's parameters without SH.
+// One Gaussian's parameters without SH. Those of time are undefined where it has none.
 struct Gaussian {
   Vec3f mean, log_scale, sh0;
   Quatf rotation;
   float logit_opacity;
+  Quatf right_rotation;
+  float time_mean, log_time_scale;
 };
 
+__device__ Quatf quaternion_of(const float* rows, int lane) {
+  const float4 q = reinterpret_cast<const float4*>(rows)[lane];
+  return {q.x, q.y, q.z, q.w};
+}
+
 // The whole warp: loads its Gaussians, all numbers at once, so that it waits for memory only once.
+template <bool has_time>
 __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gaussians,
                                   std::size_t first, int rows) {
   start_copy<3>(shared.mean, numbers_from(gaussians.mean, first), rows);
@@ -58,19 +69,51 @@ __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gauss
   start_copy<3>(shared.sh0, numbers_from(gaussians.sh0, first), rows);
   start_copy<4>(shared.rotation, numbers_from(gaussians.rotation, first), rows);
   start_copy<1>(shared.logit_opacity, numbers_from(gaussians.logit_opacity, first), rows);
+  if constexpr (has_time) {
+    start_copy<4>(shared.right_rotation, numbers_from(gaussians.right_rotation, first), rows);
+    start_copy<1>(shared.time_mean, numbers_from(gaussians.time_mean, first), rows);
+    start_copy<1>(shared.log_time_scale, numbers_from(gaussians.log_time_scale, first), rows);
+  }
   finish_copies();
   const int lane = lane_of_thread();
   const auto vector = [&](const float* of) {
     return Vec3f(of[3 * lane], of[3 * lane + 1], of[3 * lane + 2]);
   };
-  const float4 q = reinterpret_cast<const float4*>(shared.rotation)[lane];
-  const Gaussian gaussian{vector(shared.mean),
-                          vector(shared.log_scale),
-                          vector(shared.sh0),
-                          {q.x, q.y, q.z, q.w},
-                          shared.logit_opacity[lane]};
+  Gaussian gaussian;
+  gaussian.mean = vector(shared.mean);
+  gaussian.log_scale = vector(shared.log_scale);
+  gaussian.sh0 = vector(shared.sh0);
+  gaussian.rotation = quaternion_of(shared.rotation, lane);
+  gaussian.logit_opacity = shared.logit_opacity[lane];
+  if constexpr (has_time) {
+    gaussian.right_rotation = quaternion_of(shared.right_rotation, lane);
+    gaussian.time_mean = shared.time_mean[lane];
+    gaussian.log_time_scale = shared.log_time_scale[lane];
+  }
   __syncwarp();
   return gaussian;
+}
+
+// One Gaussian in the view. Where it is visible and has a time, its mean becomes that of the moment.
+template <bool has_time>
+__device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaussian,
+                                            const SplatSettings& settings) {
+  if constexpr (has_time) {
+    const ProjectedMoment<float> moment =
+        project_shape(camera,
+                      SpacetimeShape<float>{gaussian.mean,
+                                            gaussian.log_scale,
+                                            {gaussian.rotation, gaussian.right_rotation},
+                                            gaussian.logit_opacity,
+                                            gaussian.time_mean,
+                                            gaussian.log_time_scale},
+                      camera.time, settings);
+    gaussian.mean = moment.mean;
+    return moment.projected;
+  } else {
+    return project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
+                         gaussian.logit_opacity, settings);
+  }
 }
 
 // The whole warp: counts the tiles that each lane's splat hits. `pixels` is empty where a lane has
@@ -100,7 +143,7 @@ struct Output {
 };
 constexpr std::uint32_t kCulledKey = (1u << kDepthKeyBits) - 1;  // sorts behind every depth
 
-template <int degree>
+template <int degree, bool has_time>
 __global__ void __launch_bounds__(kThreads)
     preprocess_kernel(GaussiansSpan gaussians, Camera camera, SplatSettings settings, int tiles_x,
                       int tiles_y, Output out) {
@@ -110,13 +153,12 @@ __global__ void __launch_bounds__(kThreads)
   const std::size_t count = gaussians.mean.size, first = i - lane_of_thread();
   if (first >= count) return;  // the whole warp
   const int rows = int(min(count - first, std::size_t(kWarp)));
-  const Gaussian gaussian = load_gaussian(shared.parameters, gaussians, first, rows);
+  Gaussian gaussian = load_gaussian<has_time>(shared.parameters, gaussians, first, rows);
 
   ProjectedGaussian<float> projected;
   Rect pixels{0, 0, 0, 0};
   if (i < count) {
-    projected = project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
-                              gaussian.logit_opacity, settings);
+    projected = project<has_time>(camera, gaussian, settings);
     if (projected.is_visible)
       pixels = pixels_of(settings.bounds, projected.splat.mean2d, projected.cov2d,
                          projected.splat.cutoff, tiles_x, tiles_y);
@@ -156,9 +198,10 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
       pass.splats.data(),          pass.depths.data(),
       workspace.depth_keys.data(), pass.pixel_rects.data(),
       pass.tile_counts.data(),     depth_keys(settings.near_plane, settings.far_plane)};
-  with_sh_degree(settings.sh_degree, [&](auto degree) {
-    context.launch("preprocess", preprocess_kernel<degree()>, blocks_for(count, kThreads), kThreads,
-                   gaussians, camera, settings, pass.tiles_x, pass.tiles_y, out);
+  with_form(settings.sh_degree, gaussians.has_time, [&](auto degree, auto has_time) {
+    context.launch("preprocess", preprocess_kernel<degree(), has_time()>,
+                   blocks_for(count, kThreads), kThreads, gaussians, camera, settings, pass.tiles_x,
+                   pass.tiles_y, out);
   });
 }
 

@@ -111,7 +111,25 @@ __device__ Vec3f color_backward(WarpShared& shared, const Vec3f& mean, const Cam
   return unit_direction_vjp(camera.position(), mean, sh_basis_vjp(degree, direction, dL_dbasis));
 }
 
-template <int degree, class Sink>
+// dL/d(parameters) of a visible Gaussian, without the color's part.
+__device__ RowGradient pull_back(const Camera& camera, const Shape& shape,
+                                 const SplatSettings& settings, const SplatGradient& dL_dsplat) {
+  return {project_shape_vjp(camera, shape.mean, shape.log_scale, shape.rotation,
+                            shape.logit_opacity, settings, dL_dsplat)};
+}
+// The same in space and time. `by_color` is the color's part of dL/d(mean at the moment).
+__device__ RowGradient pull_back_in_time(const Camera& camera, const Shape& shape,
+                                         const SplatSettings& settings,
+                                         const SplatGradient& dL_dsplat, const Vec3f& by_color) {
+  const SpacetimeShape<float> dL = project_shape_vjp(camera, shape.in_spacetime(), camera.time,
+                                                     settings, dL_dsplat, by_color);
+  return {{dL.mean, dL.log_scale, dL.rotations.left, dL.logit_opacity, Vec3f(0.0f)},
+          dL.rotations.right,
+          dL.time_mean,
+          dL.log_time_scale};
+}
+
+template <int degree, bool has_time, class Sink>
 __global__ void __launch_bounds__(kThreads)
     preprocess_backward_kernel(std::size_t count, Camera camera, SplatSettings settings,
                                const std::uint32_t* tile_counts, const Splat* splats,
@@ -125,7 +143,7 @@ __global__ void __launch_bounds__(kThreads)
   // All loads come first, before any store, so that the warp waits for memory only once.
   if (degree > 0) start_sh_rows<degree>(shared, sink.sh_rest, first, rows);
   const bool is_halted = sink.is_halted(), is_row = i < count;
-  Shares<Sink> shares(sink, first, rows);
+  Shares<Sink, has_time> shares(sink, first, rows);
   const typename Sink::Statistics statistics =
       is_row ? sink.load_statistics(i) : typename Sink::Statistics{};
   const SplatGradientSum sum = is_row ? load_in_vectors(sums + i) : SplatGradientSum{};
@@ -136,21 +154,29 @@ __global__ void __launch_bounds__(kThreads)
 
   const Shape shape = shares.row(shared.numbers, rows);
   SplatGradient dL_dsplat{};
-  GaussianGradient<float> gradient{};
+  RowGradient gradient{};
   Vec2f by_mean2d(0.0f);
   if (is_visible) {
     dL_dsplat = masked(sum, color);
     by_mean2d = sink.by_mean2d(sum);
-    gradient = project_shape_vjp(camera, shape.mean, shape.log_scale, shape.rotation,
-                                 shape.logit_opacity, settings, dL_dsplat);
-    gradient.sh0 = float(kSh0) * dL_dsplat.color;
   }
-  gradient.mean += color_backward<degree>(shared, shape.mean, camera, first, rows, is_visible,
-                                          dL_dsplat.color, sink.sh_rest);
+  if constexpr (has_time) {
+    // The color's part of the mean reaches the time, too, so that it comes first.
+    const Vec3f mean =
+        is_visible ? mean_at(shape.in_spacetime(), camera.time) : Vec3f(0.0f);
+    const Vec3f by_color = color_backward<degree>(shared, mean, camera, first, rows, is_visible,
+                                                  dL_dsplat.color, sink.sh_rest);
+    if (is_visible) gradient = pull_back_in_time(camera, shape, settings, dL_dsplat, by_color);
+  } else {
+    if (is_visible) gradient = pull_back(camera, shape, settings, dL_dsplat);
+    gradient.mean += color_backward<degree>(shared, shape.mean, camera, first, rows, is_visible,
+                                            dL_dsplat.color, sink.sh_rest);
+  }
+  if (is_visible) gradient.sh0 = float(kSh0) * dL_dsplat.color;
   sink.regularize(shape, gradient);
   if (is_row) sink.note(i, statistics, by_mean2d, is_visible);
   __syncwarp();
-  stage(shared.numbers, gradient);
+  stage<has_time>(shared.numbers, gradient);
   __syncwarp();
   shares.finish(sink, first, rows, shared.numbers);
 }
@@ -159,8 +185,8 @@ template <class Sink>
 void launch(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
             const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
             const Sink& sink) {
-  with_sh_degree(settings.sh_degree, [&](auto degree) {
-    context.launch("preprocess backward", preprocess_backward_kernel<degree(), Sink>,
+  with_form(settings.sh_degree, gaussians.has_time, [&](auto degree, auto has_time) {
+    context.launch("preprocess backward", preprocess_backward_kernel<degree(), has_time(), Sink>,
                    blocks_for(gaussians.mean.size, kThreads), kThreads, gaussians.mean.size, camera,
                    settings, pass.tile_counts.data(), pass.splats.data(),
                    workspace.splat_gradients.data(), sink);
@@ -186,6 +212,9 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
                             numbers(gaussians.logit_opacity, gradients.logit_opacity),
                             numbers(gaussians.sh0, gradients.sh0),
                             numbers(gaussians.sh_rest, gradients.sh_rest),
+                            numbers(gaussians.right_rotation, gradients.right_rotation),
+                            numbers(gaussians.time_mean, gradients.time_mean),
+                            numbers(gaussians.log_time_scale, gradients.log_time_scale),
                             dL_dmean2d.data,
                             settings.absolute_gradient};
   launch(context, gaussians, camera, settings, workspace, pass, sink);
@@ -208,6 +237,9 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
       numbers(rows.logit_opacity, m.logit_opacity, v.logit_opacity, steps.logit_opacity),
       numbers(rows.sh0, m.sh0, v.sh0, steps.sh0),
       numbers(rows.sh_rest, m.sh_rest, v.sh_rest, steps.sh_rest),
+      numbers(rows.right_rotation, m.right_rotation, v.right_rotation, steps.right_rotation),
+      numbers(rows.time_mean, m.time_mean, v.time_mean, steps.time_mean),
+      numbers(rows.log_time_scale, m.log_time_scale, v.log_time_scale, steps.log_time_scale),
       density.gather_statistics ? model.statistics.visits.data() : nullptr,
       model.statistics.gradient_norm.data(),
       pass.width,

@@ -11,7 +11,7 @@
 
 #include "cuda/cub_scratch.cuh"
 #include "cuda/stages.cuh"
-#include "gs_core/math/mcmc.h"
+#include "gs_train/row_rules.h"
 
 namespace gs::cuda {
 namespace {
@@ -24,8 +24,7 @@ __global__ void weights_kernel(GaussiansSpan rows, float dead_opacity,
                                Span<std::uint64_t> weights) {
   const std::size_t i = thread_number();
   if (i >= weights.size) return;
-  weights[i] = draw_weight(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
-                           dead_opacity);
+  weights[i] = draw_weight(rows, i, dead_opacity);
 }
 
 /// True for rows without a weight; for CUB.

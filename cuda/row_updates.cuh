@@ -8,7 +8,7 @@
 #include "cuda/stages.cuh"
 #include "cuda/warp.cuh"
 #include "gs_core/math/density.h"
-#include "gs_core/math/splat.h"
+#include "gs_core/math/spacetime_splat.h"
 
 namespace gs::cuda {
 
@@ -19,6 +19,8 @@ inline constexpr int kMostArrays = 3;  // of a quantity: the parameters and both
 struct RowNumbers {
   float mean[3 * kWarp], log_scale[3 * kWarp], rotation[4 * kWarp], logit_opacity[kWarp],
       sh0[3 * kWarp];
+  // of Gaussians in space and time
+  float right_rotation[4 * kWarp], time_mean[kWarp], log_time_scale[kWarp];
 };
 
 /// The numbers of one quantity, for WriteGradients: finish() writes the gradient to an array.
@@ -51,11 +53,23 @@ struct AdamNumbers {
   }
 };
 
-/// The parameters of one Gaussian without color.
+/// The parameters of one Gaussian without color. Those of time are undefined where it has none.
 struct Shape {
   Vec3f mean, log_scale;
   Quatf rotation;
   float logit_opacity;
+  Quatf right_rotation;
+  float time_mean, log_time_scale;
+
+  __device__ SpacetimeShape<float> in_spacetime() const {
+    return {mean, log_scale, {rotation, right_rotation}, logit_opacity, time_mean, log_time_scale};
+  }
+};
+
+/// The gradients of one row without the SH rest.
+struct RowGradient : GaussianGradient<float> {
+  Quatf right_rotation{};
+  float time_mean = 0, log_time_scale = 0;
 };
 
 /// A sink for the gradients of all quantities: writes them to arrays, and dL/d(mean2d) to another
@@ -63,6 +77,7 @@ struct Shape {
 struct WriteGradients {
   using Numbers = GradientNumbers;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
+  Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
   Vec2f* dL_dmean2d;
   bool is_absolute;  // dL_dmean2d
 
@@ -81,6 +96,7 @@ struct WriteGradients {
 struct UpdateByAdam {
   using Numbers = AdamNumbers;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
+  Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
   float* visits;  // null: no statistics
   float* gradient_norm;
   int width, height;
@@ -148,18 +164,55 @@ struct Share {
   }
 };
 
-/// This lane's shares of all quantities without SH.
+/// This lane's shares of the quantities of time; none where rows have no time.
+template <class Sink, bool has_time>
+struct TimeShares {
+  using Numbers = typename Sink::Numbers;
+  Share<4, Numbers> right_rotation;
+  Share<1, Numbers> time_mean, log_time_scale;
+
+  __device__ TimeShares(const Sink& sink, std::size_t first, int rows)
+      : right_rotation(sink.right_rotation, first, rows), time_mean(sink.time_mean, first, rows),
+        log_time_scale(sink.log_time_scale, first, rows) {}
+  __device__ void lay_out(int rows, RowNumbers& shared) const {
+    right_rotation.lay_out(rows, shared.right_rotation);
+    time_mean.lay_out(rows, shared.time_mean);
+    log_time_scale.lay_out(rows, shared.log_time_scale);
+  }
+  __device__ void read(const RowNumbers& shared, int lane, Shape& shape) const {
+    const float* const q = shared.right_rotation + 4 * lane;
+    shape.right_rotation = {q[0], q[1], q[2], q[3]};
+    shape.time_mean = shared.time_mean[lane];
+    shape.log_time_scale = shared.log_time_scale[lane];
+  }
+  __device__ void finish(const Sink& sink, std::size_t first, int rows,
+                         const RowNumbers& gradients) {
+    right_rotation.finish(sink.right_rotation, first, rows, gradients.right_rotation);
+    time_mean.finish(sink.time_mean, first, rows, gradients.time_mean);
+    log_time_scale.finish(sink.log_time_scale, first, rows, gradients.log_time_scale);
+  }
+};
 template <class Sink>
+struct TimeShares<Sink, false> {
+  __device__ TimeShares(const Sink&, std::size_t, int) {}
+  __device__ void lay_out(int, RowNumbers&) const {}
+  __device__ void read(const RowNumbers&, int, Shape&) const {}
+  __device__ void finish(const Sink&, std::size_t, int, const RowNumbers&) {}
+};
+
+/// This lane's shares of all quantities without SH.
+template <class Sink, bool has_time>
 struct Shares {
   using Numbers = typename Sink::Numbers;
   Share<3, Numbers> mean, log_scale, sh0;
   Share<4, Numbers> rotation;
   Share<1, Numbers> logit_opacity;
+  TimeShares<Sink, has_time> time;
 
   __device__ Shares(const Sink& sink, std::size_t first, int rows)
       : mean(sink.mean, first, rows), log_scale(sink.log_scale, first, rows),
         sh0(sink.sh0, first, rows), rotation(sink.rotation, first, rows),
-        logit_opacity(sink.logit_opacity, first, rows) {}
+        logit_opacity(sink.logit_opacity, first, rows), time(sink, first, rows) {}
   /// The whole warp: returns this lane's row of parameters; the lanes exchange them through shared
   /// memory.
   __device__ Shape row(RowNumbers& shared, int rows) const {
@@ -167,16 +220,19 @@ struct Shares {
     log_scale.lay_out(rows, shared.log_scale);
     rotation.lay_out(rows, shared.rotation);
     logit_opacity.lay_out(rows, shared.logit_opacity);
+    time.lay_out(rows, shared);
     __syncwarp();
     const int lane = lane_of_thread();
     const auto vector = [&](const float* of) {
       return Vec3f(of[3 * lane], of[3 * lane + 1], of[3 * lane + 2]);
     };
     const float* const q = shared.rotation + 4 * lane;
-    const Shape shape{vector(shared.mean),
-                      vector(shared.log_scale),
-                      {q[0], q[1], q[2], q[3]},
-                      shared.logit_opacity[lane]};
+    Shape shape;
+    shape.mean = vector(shared.mean);
+    shape.log_scale = vector(shared.log_scale);
+    shape.rotation = {q[0], q[1], q[2], q[3]};
+    shape.logit_opacity = shared.logit_opacity[lane];
+    time.read(shared, lane, shape);
     __syncwarp();
     return shape;
   }
@@ -187,22 +243,32 @@ struct Shares {
     sh0.finish(sink.sh0, first, rows, gradients.sh0);
     rotation.finish(sink.rotation, first, rows, gradients.rotation);
     logit_opacity.finish(sink.logit_opacity, first, rows, gradients.logit_opacity);
+    time.finish(sink, first, rows, gradients);
   }
 };
 
+__device__ inline void stage_quaternion(float* to, const Quatf& q) {
+  to[0] = q.w;
+  to[1] = q.x;
+  to[2] = q.y;
+  to[3] = q.z;
+}
 /// Writes this lane's row of gradients to shared memory.
-__device__ inline void stage(RowNumbers& to, const GaussianGradient<float>& gradient) {
+template <bool has_time>
+__device__ void stage(RowNumbers& to, const RowGradient& gradient) {
   const int lane = lane_of_thread();
   for (int c = 0; c < 3; ++c) {
     to.mean[3 * lane + c] = gradient.mean[c];
     to.log_scale[3 * lane + c] = gradient.log_scale[c];
     to.sh0[3 * lane + c] = gradient.sh0[c];
   }
-  to.rotation[4 * lane] = gradient.rotation.w;
-  to.rotation[4 * lane + 1] = gradient.rotation.x;
-  to.rotation[4 * lane + 2] = gradient.rotation.y;
-  to.rotation[4 * lane + 3] = gradient.rotation.z;
+  stage_quaternion(to.rotation + 4 * lane, gradient.rotation);
   to.logit_opacity[lane] = gradient.logit_opacity;
+  if constexpr (has_time) {
+    stage_quaternion(to.right_rotation + 4 * lane, gradient.right_rotation);
+    to.time_mean[lane] = gradient.time_mean;
+    to.log_time_scale[lane] = gradient.log_time_scale;
+  }
 }
 
 /// An array as plain numbers.

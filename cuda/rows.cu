@@ -11,6 +11,7 @@
 #include "cuda/cub_scratch.cuh"
 #include "cuda/relocate.cuh"
 #include "cuda/stages.cuh"
+#include "gs_train/row_rules.h"
 
 namespace gs::cuda {
 namespace {
@@ -40,11 +41,6 @@ struct Counts {
 
 __device__ std::size_t thread_number() { return std::size_t(blockIdx.x) * kThreads + threadIdx.x; }
 
-__device__ bool row_is_pruned(const GaussiansSpan& rows, std::size_t i,
-                              const AdaptiveRules& rules) {
-  return is_pruned(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], rules);
-}
-
 // Decides the action of each row by statistics and rules, pruning included.
 __global__ void row_actions_kernel(GaussiansSpan rows, Span<const float> visits,
                                    Span<const float> gradient_norm, AdaptiveRules rules,
@@ -53,7 +49,7 @@ __global__ void row_actions_kernel(GaussiansSpan rows, Span<const float> visits,
   if (i >= action.size) return;
   const bool grows = wants_growth(visits[i], gradient_norm[i], rules.gradient_threshold);
   const bool small = is_small(rows.log_scale[i], rules.small_scale);
-  const bool pruned = row_is_pruned(rows, i, rules);
+  const bool pruned = is_pruned(rows, i, rules);
   // A row too large to keep may still be split into halves that are not.
   action[i] = grows && !small ? RowAction::split
               : pruned        ? RowAction::prune
@@ -92,22 +88,7 @@ __global__ void limit_growth_kernel(GaussiansSpan rows, AdaptiveRules rules,
   const std::uint32_t i = order[k];
   const bool grows = action[i] == RowAction::clone || action[i] == RowAction::split;
   if (!grows || std::int64_t(k) < rules.max_gaussians - staying) return;
-  action[i] = row_is_pruned(rows, i, rules) ? RowAction::prune : RowAction::keep;
-}
-
-/// The values of a row that splitting changes.
-struct Half {
-  Vec3f mean, log_scale;
-};
-
-// Half `number` of all halves of a step, from a row that has its parent's values: moved by a draw
-// of its own, and shrunk.
-__device__ Half half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t number,
-                        const Random& random, int step) {
-  const Vec4f normal = random.normal4(std::uint64_t(step), number);
-  const Vec3f& log_scale = rows.log_scale[i];
-  return {split_mean(rows.mean[i], log_scale, rows.rotation[i], {normal.x, normal.y, normal.z}),
-          split_log_scale(log_scale)};
+  action[i] = is_pruned(rows, i, rules) ? RowAction::prune : RowAction::keep;
 }
 
 // Decides for each half whether it is kept or pruned. Halves 2k and 2k + 1 are those of parent k.
@@ -117,10 +98,8 @@ __global__ void half_row_actions_kernel(GaussiansSpan rows, Span<const std::uint
   const std::size_t k = thread_number();
   if (k >= action.size) return;
   const std::uint32_t i = parents[k / 2];
-  const Half half = half_of(rows, i, std::uint32_t(k), random, step);
-  const bool pruned =
-      is_pruned(half.mean, half.log_scale, rows.rotation[i], rows.logit_opacity[i], rules);
-  action[k] = pruned ? RowAction::prune : RowAction::keep;
+  const HalfRow half = half_of(rows, i, std::uint32_t(k), random, step);
+  action[k] = is_pruned(half, rows, i, rules) ? RowAction::prune : RowAction::keep;
 }
 
 // The rows that the kept halves come from.
@@ -135,18 +114,14 @@ __global__ void move_halves_kernel(GaussiansSpan rows, std::size_t first,
                                    Span<const std::uint32_t> halves, Random random, int step) {
   const std::size_t k = thread_number();
   if (k >= halves.size) return;
-  const Half half = half_of(rows, first + k, halves[k], random, step);
-  rows.mean[first + k] = half.mean;
-  rows.log_scale[first + k] = half.log_scale;
+  write_half(rows, first + k, half_of(rows, first + k, halves[k], random, step));
 }
 
 __global__ void visible_row_actions_kernel(GaussiansSpan rows, float min_opacity,
                                            Span<RowAction> action) {
   const std::size_t i = thread_number();
   if (i >= action.size) return;
-  const bool invisible = is_invisible(rows.mean[i], rows.log_scale[i], rows.rotation[i],
-                                      rows.logit_opacity[i], min_opacity);
-  action[i] = invisible ? RowAction::prune : RowAction::keep;
+  action[i] = is_invisible(rows, i, min_opacity) ? RowAction::prune : RowAction::keep;
 }
 
 __global__ void reset_opacity_kernel(Span<float> logit_opacity, float highest) {
@@ -250,7 +225,9 @@ class CudaRowOps final : public RowOps {
 
   void sort_by_morton(TrainingModel& model) override {
     StageScope scope(context_, "morton");
-    gather_all(model, morton_order(context_, order_workspace_, model.gaussians.mean.span()));
+    const Gaussians& rows = model.gaussians;
+    gather_all(model, morton_order(context_, order_workspace_, rows.mean.span(),
+                                   rows.time_mean.span()));
   }
 
  private:

@@ -61,4 +61,15 @@ void with_sh_degree(int degree, F&& f) {
   GS_CHECK(!"an SH degree from 0 to 3");
 }
 
+/// The same with std::true_type for Gaussians in space and time, else std::false_type.
+template <class F>
+void with_form(int degree, bool has_time, F&& f) {
+  with_sh_degree(degree, [&](auto sh_degree) {
+    if (has_time)
+      f(sh_degree, std::true_type());
+    else
+      f(sh_degree, std::false_type());
+  });
+}
+
 }  // namespace gs::cuda

@@ -18,6 +18,9 @@ struct PinholeCamera {
   T fx{}, fy{}, cx{}, cy{};   // pixels
   Mat3<T> cam_from_world_rotation{{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(0), T(0), T(1)}};
   Vec3<T> cam_from_world_translation{T(0), T(0), T(0)};  // world units
+  // When the picture is taken: 0 is the scene's begin, 1 its end. Only Gaussians in space and time
+  // look at it.
+  T time{};
 
   /// The camera center in world space.
   GS_HD Vec3<T> position() const {
@@ -60,7 +63,8 @@ PinholeCamera<To> camera_as(const PinholeCamera<From>& camera) {
           To(camera.cx),
           To(camera.cy),
           {Vec3<To>(W.row0), Vec3<To>(W.row1), Vec3<To>(W.row2)},
-          Vec3<To>(camera.cam_from_world_translation)};
+          Vec3<To>(camera.cam_from_world_translation),
+          To(camera.time)};
 }
 
 }  // namespace gs

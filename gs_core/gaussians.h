@@ -26,11 +26,16 @@ struct GaussianArrays {
   Array<float> logit_opacity;  // (N)
   Array<Vec3f> sh0;            // (N, 3)      color = 0.5 + C0 * sh0 + ...
   Array<ShRest> sh_rest;       // (N, 15, 3)  zero beyond the degree in use
+  // Gaussians in space and time (math/spacetime.h) have three arrays more; of others they are empty.
+  bool has_time = false;
+  Array<Quatf> right_rotation{};  // (N, 4)   w x y z, any length > 0; `rotation` is the left one
+  Array<float> time_mean{};       // (N)      in units of the scene's time (PinholeCamera::time)
+  Array<float> log_time_scale{};  // (N)      log of such units
 };
 
-/// Calls f(name, a.array, b.array, ...) for each learned quantity, in a fixed order. Adam, gather,
-/// prune, files and checkpoints are one such loop each, so that a new quantity is a few lines in
-/// this file.
+/// Calls f(name, a.array, b.array, ...) for each learned quantity that `first` has, in a fixed
+/// order. Adam, gather, prune, files and checkpoints are one such loop each, so that a new quantity
+/// is a few lines in this file.
 template <class F, class First, class... Rest>
 void for_each_array(F&& f, First&& first, Rest&&... rest) {
   f("mean", first.mean, rest.mean...);
@@ -39,6 +44,10 @@ void for_each_array(F&& f, First&& first, Rest&&... rest) {
   f("logit_opacity", first.logit_opacity, rest.logit_opacity...);
   f("sh0", first.sh0, rest.sh0...);
   f("sh_rest", first.sh_rest, rest.sh_rest...);
+  if (!first.has_time) return;
+  f("right_rotation", first.right_rotation, rest.right_rotation...);
+  f("time_mean", first.time_mean, rest.time_mean...);
+  f("log_time_scale", first.log_time_scale, rest.log_time_scale...);
 }
 
 using GaussiansSpan = GaussianArrays<Span>;
@@ -48,8 +57,13 @@ struct Gaussians : GaussianArrays<Buffer> {
   explicit Gaussians(Memory& memory = host_memory())
       : GaussianArrays<Buffer>{Buffer<Vec3f>(memory), Buffer<Vec3f>(memory),
                                Buffer<Quatf>(memory), Buffer<float>(memory),
-                               Buffer<Vec3f>(memory), Buffer<ShRest>(memory)} {}
-  Gaussians(std::size_t count, Memory& memory) : Gaussians(memory) { resize(count); }
+                               Buffer<Vec3f>(memory), Buffer<ShRest>(memory),
+                               false,                 Buffer<Quatf>(memory),
+                               Buffer<float>(memory), Buffer<float>(memory)} {}
+  Gaussians(std::size_t count, Memory& memory, bool with_time = false) : Gaussians(memory) {
+    has_time = with_time;
+    resize(count);
+  }
 
   std::size_t count() const { return mean.size(); }
   Memory& memory() const { return mean.memory(); }
@@ -61,6 +75,7 @@ struct Gaussians : GaussianArrays<Buffer> {
   }
   GaussiansSpan span() const {
     GaussiansSpan result;
+    result.has_time = has_time;
     for_each_array([](const char*, auto& to, const auto& from) { to = from.span(); }, result,
                    *this);
     return result;
@@ -69,7 +84,7 @@ struct Gaussians : GaussianArrays<Buffer> {
 
 /// A second set of Gaussians with the same contents, in the same memory.
 inline Gaussians copy_of(const Gaussians& from) {
-  Gaussians copy(from.count(), from.memory());
+  Gaussians copy(from.count(), from.memory(), from.has_time);
   for_each_array(
       [](const char*, auto& to, const auto& array) {
         if (array.size())
@@ -81,7 +96,7 @@ inline Gaussians copy_of(const Gaussians& from) {
 
 /// Host memory only: rows source[0], source[1], ... of `from`.
 inline Gaussians rows_of(const Gaussians& from, const std::vector<std::uint32_t>& source) {
-  Gaussians rows(source.size(), host_memory());
+  Gaussians rows(source.size(), host_memory(), from.has_time);
   for_each_array(
       [&](const char*, auto& to, const auto& array) {
         for (std::size_t i = 0; i < source.size(); ++i) to[i] = array[source[i]];
@@ -101,7 +116,8 @@ struct GaussianModel {
 
 /// Downloads Gaussians from the memory in which they lie.
 inline GaussianModel host_copy(const Gaussians& from, int sh_degree, bool antialiased) {
-  GaussianModel model{Gaussians(from.count(), host_memory()), sh_degree, true, antialiased};
+  GaussianModel model{Gaussians(from.count(), host_memory(), from.has_time), sh_degree, true,
+                      antialiased};
   for_each_array(
       [](const char*, auto& to, const auto& array) {
         if (array.size())
@@ -113,7 +129,7 @@ inline GaussianModel host_copy(const Gaussians& from, int sh_degree, bool antial
 
 /// Uploads the Gaussians of a file to a backend's memory, ready to render.
 inline Gaussians copy_to(Memory& memory, const GaussianModel& from) {
-  Gaussians copy(from.gaussians.count(), memory);
+  Gaussians copy(from.gaussians.count(), memory, from.gaussians.has_time);
   for_each_array(
       [&](const char*, auto& to, const auto& array) {
         if (array.size())

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas.
+// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, and
+// spacetime_splat.h for those of Gaussians in space and time.
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
@@ -15,7 +16,9 @@ void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
   parallel_for(count, 512, [&](std::size_t i) {
     pass.tile_counts[i] = 0;
     const ProjectedGaussian<float> projected =
-        project_gaussian(camera, parameters_of(gaussians, i), settings);
+        gaussians.has_time
+            ? project_gaussian(camera, spacetime_parameters_of(gaussians, i), camera.time, settings)
+            : project_gaussian(camera, parameters_of(gaussians, i), settings);
     if (!projected.is_visible) return;
     const Splat& splat = projected.splat;
     const Rect pixels = pixels_of(settings.bounds, splat.mean2d, projected.cov2d, splat.cutoff,

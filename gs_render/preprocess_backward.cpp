@@ -17,6 +17,19 @@ void write_row(const GaussiansSpan& gradients, std::size_t i,
   gradients.sh0[i] = gradient.sh0;
 }
 
+void write_row(const GaussiansSpan& gradients, std::size_t i,
+               const SpacetimeGradient<float>& gradient) {
+  const SpacetimeShape<float>& shape = gradient.shape;
+  gradients.mean[i] = shape.mean;
+  gradients.log_scale[i] = shape.log_scale;
+  gradients.rotation[i] = shape.rotations.left;
+  gradients.logit_opacity[i] = shape.logit_opacity;
+  gradients.sh0[i] = gradient.sh0;
+  gradients.right_rotation[i] = shape.rotations.right;
+  gradients.time_mean[i] = shape.time_mean;
+  gradients.log_time_scale[i] = shape.log_time_scale;
+}
+
 SplatGradient sum_of_instances(const RenderPass& pass, const ScalarScratch& scratch,
                                std::size_t i) {
   SplatGradient sum{};
@@ -57,9 +70,15 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
     }
     const SplatGradient dL_dsplat = sum_of_instances(pass, scratch, i);
     gradients.sh_rest[i] = {};  // degrees that are not in use have gradient 0
-    write_row(gradients, i,
-              project_gaussian_vjp(camera, parameters_of(gaussians, i), settings, dL_dsplat,
-                                   gradients.sh_rest[i].coefficient));
+    Vec3f* const dL_dsh_rest = gradients.sh_rest[i].coefficient;
+    if (gaussians.has_time)
+      write_row(gradients, i,
+                project_gaussian_vjp(camera, spacetime_parameters_of(gaussians, i), camera.time,
+                                     settings, dL_dsplat, dL_dsh_rest));
+    else
+      write_row(gradients, i,
+                project_gaussian_vjp(camera, parameters_of(gaussians, i), settings, dL_dsplat,
+                                     dL_dsh_rest));
     dL_dmean2d[i] =
         settings.absolute_gradient ? absolute_sum_of_instances(pass, scratch, i) : dL_dsplat.mean2d;
   });

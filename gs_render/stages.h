@@ -6,6 +6,7 @@
 
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
+#include "gs_core/math/spacetime_splat.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {
@@ -60,6 +61,11 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
 inline GaussianParameters<float> parameters_of(const GaussiansSpan& gaussians, std::size_t i) {
   return {gaussians.mean[i],          gaussians.log_scale[i], gaussians.rotation[i],
           gaussians.logit_opacity[i], gaussians.sh0[i],       gaussians.sh_rest[i].coefficient};
+}
+inline SpacetimeParameters<float> spacetime_parameters_of(const GaussiansSpan& gaussians,
+                                                          std::size_t i) {
+  return {parameters_of(gaussians, i), gaussians.right_rotation[i], gaussians.time_mean[i],
+          gaussians.log_time_scale[i]};
 }
 
 }  // namespace gs

@@ -6,6 +6,7 @@ namespace gs {
 void Backend::step(TrainingModel& model, const View& view, const RenderSettings& settings,
                    const LossSettings& loss_settings, const LearningRates& rates,
                    const DensityStep& density) {
+  gradients_.has_time = model.gaussians.has_time;
   gradients_.resize(model.count());
   dL_dmean2d_.resize(model.count());
   const GaussiansSpan gaussians = model.gaussians.span();

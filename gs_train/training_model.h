@@ -29,6 +29,10 @@ struct TrainingModel {
   explicit TrainingModel(Memory& memory = host_memory())
       : gaussians(memory), first_moment(memory), second_moment(memory), statistics(memory) {}
   std::size_t count() const { return gaussians.count(); }
+  /// Says whether the Gaussians live in space and time. Call it before rows are added.
+  void set_has_time(bool has_time) {
+    gaussians.has_time = first_moment.has_time = second_moment.has_time = has_time;
+  }
 };
 
 /// What an array holds. It decides what the row of a new Gaussian starts with.
@@ -70,6 +74,7 @@ void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
 /// step: zeros.
 inline void clear_history(TrainingModel& model) {
   const std::size_t count = model.count();
+  model.set_has_time(model.gaussians.has_time);
   for_each_row_array(
       [count](const RowArray& which, auto& array) {
         if (which.role == RowRole::parameter) return;
@@ -83,6 +88,7 @@ inline void clear_history(TrainingModel& model) {
 /// A copy of everything, in another memory.
 inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
   TrainingModel model(memory);
+  model.set_has_time(from.gaussians.has_time);
   for_each_row_array(
       [](const RowArray&, auto& to, const auto& array) { to.upload(array.download()); }, model,
       from);

@@ -80,6 +80,7 @@ inline constexpr float kExtentMargin = 1.1f;            // of the farthest camer
 inline constexpr float kMinNeighborDistance2 = 1e-7f;  // world units^2 [3DGS]
 
 // Morton order.
+inline constexpr int kTimeBinBits = 5;                  // 32 bins of the Morton order in time [FGS]
 inline constexpr int kMortonBits = 21;                  // per axis, 63 in all [FGS]
 
 // clang-format on

@@ -60,13 +60,20 @@ GS_HD RegularizerGradient<T> regularizer_vjp(const Vec3<T>& log_scale, const T& 
 ///
 /// normal  three independent standard normal numbers
 /// rate    1 / world units: the learning rate of the means times the scale of the noise
-/// Zero for a Gaussian without a rotation.   world units
+/// world units
+template <class T>
+GS_HD Vec3<T> position_noise(const Sym3<T>& sigma, const T& logit_opacity, const Vec3<T>& normal,
+                             const T& rate) {
+  const T gate = sigmoid(T(-kNoiseSteepness) * (sigmoid(logit_opacity) - T(kNoiseOpacity)));
+  return rate * gate * multiply(sigma, normal);
+}
+/// The same from the stored parameters. Zero for a Gaussian without a rotation.
 template <class T>
 GS_HD Vec3<T> position_noise(const Vec3<T>& log_scale, const Quat<T>& rotation,
                              const T& logit_opacity, const Vec3<T>& normal, const T& rate) {
   if (is_degenerate(rotation)) return Vec3<T>(T(0));
-  const T gate = sigmoid(T(-kNoiseSteepness) * (sigmoid(logit_opacity) - T(kNoiseOpacity)));
-  return rate * gate * multiply(covariance(rotation_matrix(rotation), variance(log_scale)), normal);
+  return position_noise(covariance(rotation_matrix(rotation), variance(log_scale)), logit_opacity,
+                        normal, rate);
 }
 
 /// A Gaussian's weight in the draw of sources for copies: its opacity in units of 2^-24. It is 0
@@ -76,12 +83,6 @@ GS_HD Vec3<T> position_noise(const Vec3<T>& log_scale, const Quat<T>& rotation,
 GS_HD std::uint32_t draw_weight(float logit_opacity, float dead_opacity) {
   const double opacity = sigmoid(double(logit_opacity));
   return opacity > double(dead_opacity) ? std::uint32_t(opacity * 0x1p24 + 0.5) : 0;
-}
-/// The same for a whole row: a row that is degenerate or not finite is dead.
-GS_HD std::uint32_t draw_weight(const Vec3f& mean, const Vec3f& log_scale, const Quatf& rotation,
-                                float logit_opacity, float dead_opacity) {
-  if (is_invisible(mean, log_scale, rotation, logit_opacity, 0.0f)) return 0;
-  return draw_weight(logit_opacity, dead_opacity);
 }
 
 /// The opacity of each of `copies` equal Gaussians in one place that together have the opacity of

@@ -18,49 +18,117 @@ struct SpacetimeParameters {
   T log_time_scale;  // log of the standard deviation along the fourth axis
 };
 
+/// The same without color. A gradient by the parameters has this type, too.
 template <class T>
-GS_HD QuatPair<T> rotations_of(const SpacetimeParameters<T>& gaussian) {
-  return {gaussian.space.rotation, gaussian.right_rotation};
+struct SpacetimeShape {
+  Vec3<T> mean, log_scale;
+  QuatPair<T> rotations;
+  T logit_opacity, time_mean, log_time_scale;
+};
+template <class T>
+GS_HD SpacetimeShape<T> shape_of(const SpacetimeParameters<T>& gaussian) {
+  const GaussianParameters<T>& space = gaussian.space;
+  return {space.mean,          space.log_scale,    {space.rotation, gaussian.right_rotation},
+          space.logit_opacity, gaussian.time_mean, gaussian.log_time_scale};
 }
+
 template <class T>
 GS_HD Vec4<T> variance(const Vec3<T>& log_scale, const T& log_time_scale) {
   using std::exp;
   const Vec3<T> v = variance(log_scale);
   return {v.x, v.y, v.z, exp(T(2) * log_time_scale)};
 }
+template <class T>
+GS_HD SpacetimeCovariance<T> covariance(const SpacetimeShape<T>& shape) {
+  return covariance(rotation_matrix(shape.rotations),
+                    variance(shape.log_scale, shape.log_time_scale));
+}
+/// Where the mean of a Gaussian is at a time.   world units
+template <class T>
+GS_HD Vec3<T> mean_at(const SpacetimeShape<T>& shape, const T& time) {
+  return shape.mean + velocity(covariance(shape)) * (time - shape.time_mean);
+}
 
-/// Projects one Gaussian into a view at a time: exactly what project_ellipsoid() makes of the
-/// Gaussian at that moment. The color is that of the direction to its mean at that moment.
+/// A Gaussian of space and time in a view, and its mean at the moment.
+template <class T>
+struct ProjectedMoment {
+  ProjectedGaussian<T> projected;
+  Vec3<T> mean = Vec3<T>(T(0));  // world units; undefined if it is not visible
+};
+/// Projects one Gaussian into a view at a time, without its color: exactly what project_ellipsoid()
+/// makes of the Gaussian at that moment.
 ///
 /// Not visible: a degenerate quaternion, a marginal below kMinMarginal, and as in 3D.
+template <class T>
+GS_HD ProjectedMoment<T> project_shape(const PinholeCamera<T>& camera,
+                                       const SpacetimeShape<T>& shape, const T& time,
+                                       const SplatSettings& settings) {
+  if (is_degenerate(shape.rotations.left) || is_degenerate(shape.rotations.right)) return {};
+  const Moment<T> moment = condition(covariance(shape), time - shape.time_mean);
+  if (!is_alive(moment.marginal)) return {};
+  ProjectedMoment<T> result;
+  result.mean = shape.mean + moment.shift;
+  const Vec3<T> p = to_camera(camera, result.mean);
+  if (is_between_planes(p.z, settings))
+    result.projected = project_ellipsoid(camera, p, moment.covariance,
+                                         sigmoid(shape.logit_opacity) * moment.marginal, settings);
+  return result;
+}
+
+/// project_shape() and the color, which is that of the direction to the mean at the moment.
 template <class T>
 GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
                                             const SpacetimeParameters<T>& gaussian, const T& time,
                                             const SplatSettings& settings) {
-  const GaussianParameters<T>& space = gaussian.space;
-  if (is_degenerate(space.rotation) || is_degenerate(gaussian.right_rotation)) return {};
-  const SpacetimeCovariance<T> S = covariance(rotation_matrix(rotations_of(gaussian)),
-                                              variance(space.log_scale, gaussian.log_time_scale));
-  const Moment<T> moment = condition(S, time - gaussian.time_mean);
-  if (!is_alive(moment.marginal)) return {};
-  const Vec3<T> mean = space.mean + moment.shift;
-  const Vec3<T> p = to_camera(camera, mean);
-  if (!is_between_planes(p.z, settings)) return {};
-  ProjectedGaussian<T> result = project_ellipsoid(
-      camera, p, moment.covariance, sigmoid(space.logit_opacity) * moment.marginal, settings);
+  ProjectedMoment<T> moment = project_shape(camera, shape_of(gaussian), time, settings);
+  ProjectedGaussian<T>& result = moment.projected;
   if (!result.is_visible) return result;
-  result.splat.color = sh_color(settings.sh_degree, unit_direction(camera.position(), mean),
-                                space.sh0, space.sh_rest);
+  result.splat.color =
+      sh_color(settings.sh_degree, unit_direction(camera.position(), moment.mean),
+               gaussian.space.sh0, gaussian.space.sh_rest);
   result.is_visible = is_finite(result.splat.color);
   return result;
+}
+
+/// Gradients of project_shape() by the parameters, for a Gaussian that was visible.
+///
+/// dL_dmean  what the color adds to dL/d(mean at the moment)
+template <class T>
+GS_HD SpacetimeShape<T> project_shape_vjp(const PinholeCamera<T>& camera,
+                                          const SpacetimeShape<T>& shape, const T& time,
+                                          const SplatSettings& settings,
+                                          const BasicSplatGradient<T>& dL_dsplat,
+                                          const Vec3<T>& dL_dmean) {
+  const Mat4<T> R = rotation_matrix(shape.rotations);
+  const Vec4<T> variances = variance(shape.log_scale, shape.log_time_scale);
+  const SpacetimeCovariance<T> S = covariance(R, variances);
+  const T elapsed = time - shape.time_mean;
+  const Moment<T> moment = condition(S, elapsed);
+  const T opacity = sigmoid(shape.logit_opacity);
+  const EllipsoidGradient<T> dL =
+      project_ellipsoid_vjp(camera, to_camera(camera, shape.mean + moment.shift),
+                            moment.covariance, opacity * moment.marginal, settings, dL_dsplat);
+
+  SpacetimeShape<T> gradient;
+  gradient.mean = dL.mean + dL_dmean;
+  gradient.logit_opacity = sigmoid_vjp(opacity, dL.opacity * moment.marginal);
+  // The moment: to the covariance in 4D and the mean in time.
+  const ConditionGradient<T> dL_condition =
+      condition_vjp(S, elapsed, moment, Moment<T>{dL.sigma, gradient.mean, dL.opacity * opacity});
+  gradient.time_mean = -dL_condition.elapsed;
+  const SpacetimeCovarianceGradient<T> dL_covariance = covariance_vjp(R, variances, dL_condition.S);
+  const Vec4<T> dL_dlog = T(2) * variances * dL_covariance.variance;
+  gradient.log_scale = {dL_dlog.x, dL_dlog.y, dL_dlog.z};
+  gradient.log_time_scale = dL_dlog.w;
+  gradient.rotations = rotation_matrix_vjp(shape.rotations, dL_covariance.R);
+  return gradient;
 }
 
 /// dL/d(parameters) of a Gaussian in space and time; the SH rest is written through a pointer.
 template <class T>
 struct SpacetimeGradient {
-  GaussianGradient<T> space;
-  Quat<T> right_rotation;
-  T time_mean, log_time_scale;
+  SpacetimeShape<T> shape;
+  Vec3<T> sh0;
 };
 /// Gradients of project_gaussian() at a time, for a Gaussian that was visible then. Writes the
 /// gradients of the SH coefficients in use into dL_dsh_rest.
@@ -70,41 +138,15 @@ GS_HD SpacetimeGradient<T> project_gaussian_vjp(const PinholeCamera<T>& camera,
                                                 const T& time, const SplatSettings& settings,
                                                 const BasicSplatGradient<T>& dL_dsplat,
                                                 Vec3<T>* dL_dsh_rest) {
-  const GaussianParameters<T>& space = gaussian.space;
-  const QuatPair<T> rotations = rotations_of(gaussian);
-  const Mat4<T> R = rotation_matrix(rotations);
-  const Vec4<T> variances = variance(space.log_scale, gaussian.log_time_scale);
-  const SpacetimeCovariance<T> S = covariance(R, variances);
-  const T elapsed = time - gaussian.time_mean;
-  const Moment<T> moment = condition(S, elapsed);
-  const Vec3<T> mean = space.mean + moment.shift;
-  const T opacity = sigmoid(space.logit_opacity);
-
-  EllipsoidGradient<T> dL =
-      project_ellipsoid_vjp(camera, to_camera(camera, mean), moment.covariance,
-                            opacity * moment.marginal, settings, dL_dsplat);
-  SpacetimeGradient<T> gradient;
+  const SpacetimeShape<T> shape = shape_of(gaussian);
   // Color: to the coefficients, and through the viewing direction to the mean at the moment.
-  const Vec3<T> eye = camera.position();
-  const ShColorGradient<T> dL_color = sh_color_vjp(settings.sh_degree, unit_direction(eye, mean),
-                                                   space.sh_rest, dL_dsplat.color, dL_dsh_rest);
-  gradient.space.sh0 = dL_color.sh0;
-  dL.mean += unit_direction_vjp(eye, mean, dL_color.direction);
-  gradient.space.mean = dL.mean;
-  gradient.space.logit_opacity = sigmoid_vjp(opacity, dL.opacity * moment.marginal);
-
-  // The moment: to the covariance in 4D and the mean in time.
-  const ConditionGradient<T> dL_condition =
-      condition_vjp(S, elapsed, moment, Moment<T>{dL.sigma, dL.mean, dL.opacity * opacity});
-  gradient.time_mean = -dL_condition.elapsed;
-  const SpacetimeCovarianceGradient<T> dL_covariance = covariance_vjp(R, variances, dL_condition.S);
-  const Vec4<T> dL_dlog = T(2) * variances * dL_covariance.variance;
-  gradient.space.log_scale = {dL_dlog.x, dL_dlog.y, dL_dlog.z};
-  gradient.log_time_scale = dL_dlog.w;
-  const QuatPair<T> dL_rotations = rotation_matrix_vjp(rotations, dL_covariance.R);
-  gradient.space.rotation = dL_rotations.left;
-  gradient.right_rotation = dL_rotations.right;
-  return gradient;
+  const Vec3<T> eye = camera.position(), mean = mean_at(shape, time);
+  const ShColorGradient<T> dL_color =
+      sh_color_vjp(settings.sh_degree, unit_direction(eye, mean), gaussian.space.sh_rest,
+                   dL_dsplat.color, dL_dsh_rest);
+  return {project_shape_vjp(camera, shape, time, settings, dL_dsplat,
+                            unit_direction_vjp(eye, mean, dL_color.direction)),
+          dL_color.sh0};
 }
 
 }  // namespace gs

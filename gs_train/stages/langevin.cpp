@@ -2,6 +2,7 @@
 // The MCMC strategy's additions to stage 8: gradients of the regularizers before Adam, noise on the
 // means after it.
 #include "gs_core/threads/parallel.h"
+#include "gs_train/row_rules.h"
 #include "gs_train/stages/scalar_stages.h"
 
 namespace gs {
@@ -20,9 +21,7 @@ void add_regularizer_gradients(const GaussiansSpan& gaussians, const Regularizer
 void add_position_noise(const GaussiansSpan& gaussians, const PositionNoise& noise,
                         float position_rate) {
   parallel_for(gaussians.mean.size, 4096, [&](std::size_t i) {
-    gaussians.mean[i] +=
-        position_noise(gaussians.log_scale[i], gaussians.rotation[i], gaussians.logit_opacity[i],
-                       noise.normal(i), noise.scale * position_rate);
+    gaussians.mean[i] += position_noise(gaussians, i, noise, position_rate);
   });
 }
 

@@ -11,7 +11,7 @@
 
 namespace gs {
 
-Buffer<std::uint32_t> morton_order(Span<const Vec3f> means) {
+Buffer<std::uint32_t> morton_order(Span<const Vec3f> means, Span<const float> time_means) {
   Vec3f low(1e30f), high(-1e30f);
   for (const Vec3f& mean : means)
     for (int axis = 0; axis < 3; ++axis) {
@@ -24,7 +24,10 @@ Buffer<std::uint32_t> morton_order(Span<const Vec3f> means) {
 
   std::vector<std::uint64_t> codes(means.size);
   parallel_for(means.size, 4096,
-               [&](std::size_t i) { codes[i] = morton_code(means[i], low, size); });
+               [&](std::size_t i) {
+                 codes[i] = morton_code(means[i], low, size);
+                 if (!time_means.empty()) codes[i] = time_binned(codes[i], time_means[i]);
+               });
   Buffer<std::uint32_t> order(means.size, host_memory()), scratch;
   std::iota(order.begin(), order.end(), 0u);
   radix_sort_by_key(order.span(), scratch, [&](std::uint32_t i) { return codes[i]; });

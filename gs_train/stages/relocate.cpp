@@ -4,8 +4,8 @@
 // together look like the row before.
 #include <algorithm>
 
-#include "gs_core/math/mcmc.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_train/row_rules.h"
 #include "gs_train/stages/scalar_stages.h"
 
 namespace gs {
@@ -24,8 +24,7 @@ std::vector<std::uint64_t> weight_sums(const TrainingModel& model, float dead_op
   const GaussiansSpan rows = model.gaussians.span();
   std::vector<std::uint64_t> sums(model.count());
   parallel_for(sums.size(), 4096, [&](std::size_t i) {
-    sums[i] = draw_weight(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
-                          dead_opacity);
+    sums[i] = draw_weight(rows, i, dead_opacity);
   });
   for (std::size_t i = 1; i < sums.size(); ++i) sums[i] += sums[i - 1];
   return sums;

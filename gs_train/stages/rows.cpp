@@ -6,6 +6,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_train/row_rules.h"
 #include "gs_train/stages/scalar_stages.h"
 
 namespace gs {
@@ -36,10 +37,6 @@ bool all_finite(const T& row) {
                      [](float number) { return std::isfinite(number); });
 }
 
-bool row_is_pruned(const GaussiansSpan& rows, std::size_t i, const AdaptiveRules& rules) {
-  return is_pruned(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], rules);
-}
-
 // The action of each row by its statistics and the rules, including pruning.
 std::vector<RowAction> actions(const TrainingModel& model, const AdaptiveRules& rules) {
   const GaussiansSpan rows = model.gaussians.span();
@@ -48,7 +45,7 @@ std::vector<RowAction> actions(const TrainingModel& model, const AdaptiveRules& 
     const bool grows = wants_growth(model.statistics.visits[i], model.statistics.gradient_norm[i],
                                     rules.gradient_threshold);
     const bool small = is_small(rows.log_scale[i], rules.small_scale);
-    const bool pruned = row_is_pruned(rows, i, rules);
+    const bool pruned = is_pruned(rows, i, rules);
     // A row too large to keep may still be split into halves that are not.
     action[i] = grows && !small ? RowAction::split
                 : pruned        ? RowAction::prune
@@ -76,8 +73,8 @@ void limit_growth(std::vector<RowAction>& action, const TrainingModel& model,
            statistics.gradient_norm[b] * std::max(statistics.visits[a], 1.0f);
   });
   for (std::size_t k = std::size_t(allowed); k < growing.size(); ++k)
-    action[growing[k]] = row_is_pruned(model.gaussians.span(), growing[k], rules) ? RowAction::prune
-                                                                                  : RowAction::keep;
+    action[growing[k]] = is_pruned(model.gaussians.span(), growing[k], rules) ? RowAction::prune
+                                                                              : RowAction::keep;
 }
 
 class ScalarRowOps final : public RowOps {
@@ -124,9 +121,7 @@ class ScalarRowOps final : public RowOps {
 
   std::size_t prune(TrainingModel& model, float opacity) override {
     return prune_rows(model, [&](std::size_t i) {
-      const Gaussians& rows = model.gaussians;
-      return is_invisible(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
-                          opacity);
+      return is_invisible(model.gaussians.span(), i, opacity);
     });
   }
 
@@ -146,7 +141,8 @@ class ScalarRowOps final : public RowOps {
   }
 
   void sort_by_morton(TrainingModel& model) override {
-    gather_rows(model, morton_order(model.gaussians.mean.span()).span());
+    const Gaussians& rows = model.gaussians;
+    gather_rows(model, morton_order(rows.mean.span(), rows.time_mean.span()).span());
   }
 
  private:
@@ -161,15 +157,6 @@ class ScalarRowOps final : public RowOps {
         model);
   }
 
-  // Turns a row with its parent's values into half `number` of all halves of this step: moved by
-  // its own draw, and shrunk.
-  static void make_half(Vec3f& mean, Vec3f& log_scale, const Quatf& rotation, std::uint32_t number,
-                        const Random& random, int step) {
-    const Vec4f normal = random.normal4(std::uint64_t(step), number);
-    mean = split_mean(mean, log_scale, rotation, {normal.x, normal.y, normal.z});
-    log_scale = split_log_scale(log_scale);
-  }
-
   // The numbers of the halves that are not pruned at once. Halves 2 k and 2 k + 1 are those of
   // parent k.
   static std::vector<std::uint32_t> kept_halves(const GaussiansSpan& rows,
@@ -179,9 +166,8 @@ class ScalarRowOps final : public RowOps {
     std::vector<std::uint8_t> is_kept(2 * parents.size());
     parallel_for(is_kept.size(), 4096, [&](std::size_t k) {
       const std::uint32_t i = parents[k / 2];
-      Vec3f mean = rows.mean[i], log_scale = rows.log_scale[i];
-      make_half(mean, log_scale, rows.rotation[i], std::uint32_t(k), random, step);
-      is_kept[k] = !is_pruned(mean, log_scale, rows.rotation[i], rows.logit_opacity[i], rules);
+      const HalfRow half = half_of(rows, i, std::uint32_t(k), random, step);
+      is_kept[k] = !is_pruned(half, rows, i, rules);
     });
     std::vector<std::uint32_t> kept;
     for (std::uint32_t k = 0; k < is_kept.size(); ++k)
@@ -195,7 +181,7 @@ class ScalarRowOps final : public RowOps {
                           int step) {
     parallel_for(halves.size(), 4096, [&](std::size_t k) {
       const std::size_t i = first + k;
-      make_half(rows.mean[i], rows.log_scale[i], rows.rotation[i], halves[k], random, step);
+      write_half(rows, i, half_of(rows, i, halves[k], random, step));
     });
   }
 

@@ -30,7 +30,7 @@ RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::u
 void gather_rows(TrainingModel& model, Span<const std::uint32_t> source);
 
 /// Row numbers along the Morton curve of the means in their bounding cube. Rows of equal codes keep
-/// their order.
-Buffer<std::uint32_t> morton_order(Span<const Vec3f> means);
+/// their order. With `time_means`, which may be empty, rows are ordered by their bin of time first.
+Buffer<std::uint32_t> morton_order(Span<const Vec3f> means, Span<const float> time_means);
 
 }  // namespace gs

@@ -82,9 +82,9 @@ double worst_error(const SplatSettings& settings) {
             camera, g.parameters, kTime, settings,
             BasicSplatGradient<double>{dL_dmean2d, dL_dconic, dL_dopacity, in.vec3()},
             dL_drest.data());
-        return flatten(dL_dx.space.mean, dL_dx.space.log_scale, dL_dx.space.rotation,
-                       dL_dx.space.logit_opacity, dL_dx.space.sh0, dL_drest, dL_dx.right_rotation,
-                       dL_dx.time_mean, dL_dx.log_time_scale);
+        const SpacetimeShape<double>& by = dL_dx.shape;
+        return flatten(by.mean, by.log_scale, by.rotations.left, by.logit_opacity, dL_dx.sh0,
+                       dL_drest, by.rotations.right, by.time_mean, by.log_time_scale);
       },
       draw_gaussian);
 }

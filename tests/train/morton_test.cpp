@@ -75,14 +75,14 @@ TEST(MortonOrder, RunsAlongTheCurveAndEqualCodesByRow) {
   std::stable_sort(expected.begin(), expected.end(), [&](auto a, auto b) {
     return morton_code(means[a], low, size) < morton_code(means[b], low, size);
   });
-  EXPECT_EQ(morton_order(means.span()).download(), expected);
+  EXPECT_EQ(morton_order(means.span(), {}).download(), expected);
 }
 
 TEST(MortonOrder, BringsNeighborsTogether) {
   Draws draws(3);
   Buffer<Vec3f> means(20'000, host_memory());
   for (Vec3f& mean : means) mean = draws.uniform3(0, 1);
-  const Buffer<std::uint32_t> order = morton_order(means.span());
+  const Buffer<std::uint32_t> order = morton_order(means.span(), {});
   double step = 0;
   for (std::size_t k = 1; k < means.size(); ++k) {
     const Vec3f offset = means[order[k]] - means[order[k - 1]];
@@ -94,10 +94,10 @@ TEST(MortonOrder, BringsNeighborsTogether) {
 
 TEST(MortonOrder, TakesDegenerateSetsOfPoints) {
   Buffer<Vec3f> means(4, host_memory());
-  EXPECT_EQ(morton_order({means.data(), 0}).size(), 0u);
-  EXPECT_EQ(morton_order({means.data(), 1}).download(), (std::vector<std::uint32_t>{0}));
+  EXPECT_EQ(morton_order({means.data(), 0}, {}).size(), 0u);
+  EXPECT_EQ(morton_order({means.data(), 1}, {}).download(), (std::vector<std::uint32_t>{0}));
   std::fill(means.begin(), means.end(), Vec3f(2.5f));
-  EXPECT_EQ(morton_order(means.span()).download(), (std::vector<std::uint32_t>{0, 1, 2, 3}));
+  EXPECT_EQ(morton_order(means.span(), {}).download(), (std::vector<std::uint32_t>{0, 1, 2, 3}));
 }
 
 TEST(MortonOrder, IsNotBlindedByValuesThatAreNotFinite) {
@@ -108,7 +108,7 @@ TEST(MortonOrder, IsNotBlindedByValuesThatAreNotFinite) {
   means[3] = Vec3f(std::numeric_limits<float>::quiet_NaN());
   means[4] = Vec3f(2.0f);
   std::vector<std::uint32_t> finite;
-  for (const std::uint32_t i : morton_order(means.span()))
+  for (const std::uint32_t i : morton_order(means.span(), {}))
     if (i % 2 == 0) finite.push_back(i);
   EXPECT_EQ(finite, (std::vector<std::uint32_t>{2, 4, 0}));
 }
@@ -119,7 +119,7 @@ TEST(SortByMorton, MovesRowsWholeToTheirPlaceOnTheCurve) {
   std::vector<Vec3f> means(50);
   for (Vec3f& mean : means) mean = draws.uniform3(-1, 1);
   model.gaussians.mean.upload(means);
-  const std::vector<std::uint32_t> order = morton_order(model.gaussians.mean.span()).download();
+  const std::vector<std::uint32_t> order = morton_order(model.gaussians.mean.span(), {}).download();
   make_scalar_row_ops()->sort_by_morton(model);
   for (std::size_t i = 0; i < 50; ++i) {
     EXPECT_EQ(model.gaussians.mean[i], means[order[i]]);

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 9 for row i of the Gaussians, as both backends apply it: who is pruned, what splitting
+// makes, who is drawn. The formulas are in gs_core/math/density.h, mcmc.h and spacetime_density.h.
+#pragma once
+
+#include "gs_core/gaussians.h"
+#include "gs_core/math/mcmc.h"
+#include "gs_core/math/spacetime_density.h"
+#include "gs_core/math/spacetime_splat.h"
+#include "gs_train/optimizer.h"
+
+namespace gs {
+
+/// True if the row can never be visible: transparent, without a rotation, or not finite.
+GS_HD bool is_invisible(const GaussiansSpan& rows, std::size_t i, float min_opacity) {
+  if (is_invisible(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
+                   min_opacity))
+    return true;
+  return rows.has_time &&
+         !has_moments(rows.right_rotation[i], rows.time_mean[i], rows.log_time_scale[i]);
+}
+
+/// True if a refinement removes the row: it cannot be visible, or it is too large.
+GS_HD bool is_pruned(const GaussiansSpan& rows, std::size_t i, const AdaptiveRules& rules) {
+  if (is_pruned(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], rules))
+    return true;
+  return rows.has_time &&
+         !has_moments(rows.right_rotation[i], rows.time_mean[i], rows.log_time_scale[i]);
+}
+
+/// The row's weight in the draw of sources for copies; see draw_weight() in mcmc.h.
+GS_HD std::uint32_t draw_weight(const GaussiansSpan& rows, std::size_t i, float dead_opacity) {
+  if (is_invisible(rows, i, 0.0f)) return 0;
+  return draw_weight(rows.logit_opacity[i], dead_opacity);
+}
+
+/// The values of a row that splitting changes. Those of time are 0 where rows have no time.
+struct HalfRow {
+  Vec3f mean, log_scale;
+  float time_mean = 0, log_time_scale = 0;
+};
+
+/// Half `number` of all halves of a step, from a row that has its parent's values: moved by a draw
+/// of its own, and shrunk.
+GS_HD HalfRow half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t number,
+                      const Random& random, int step) {
+  const Vec4f normal = random.normal4(std::uint64_t(step), number);
+  const Vec3f& log_scale = rows.log_scale[i];
+  HalfRow half;
+  half.log_scale = split_log_scale(log_scale);
+  if (!rows.has_time) {
+    half.mean = split_mean(rows.mean[i], log_scale, rows.rotation[i], {normal.x, normal.y, normal.z});
+    return half;
+  }
+  const Vec4f moved = split_move(QuatPair<float>{rows.rotation[i], rows.right_rotation[i]},
+                                 log_scale, rows.log_time_scale[i], normal);
+  half.mean = rows.mean[i] + Vec3f(moved.x, moved.y, moved.z);
+  half.time_mean = rows.time_mean[i] + moved.w;
+  half.log_time_scale = split_log_time_scale(rows.log_time_scale[i]);
+  return half;
+}
+
+/// True if a refinement removes the half at once.
+GS_HD bool is_pruned(const HalfRow& half, const GaussiansSpan& rows, std::size_t parent,
+                     const AdaptiveRules& rules) {
+  if (is_pruned(half.mean, half.log_scale, rows.rotation[parent], rows.logit_opacity[parent], rules))
+    return true;
+  return rows.has_time &&
+         !has_moments(rows.right_rotation[parent], half.time_mean, half.log_time_scale);
+}
+
+/// Gives a row that has its parent's values those of the half.
+GS_HD void write_half(const GaussiansSpan& rows, std::size_t i, const HalfRow& half) {
+  rows.mean[i] = half.mean;
+  rows.log_scale[i] = half.log_scale;
+  if (!rows.has_time) return;
+  rows.time_mean[i] = half.time_mean;
+  rows.log_time_scale[i] = half.log_time_scale;
+}
+
+/// The noise on the row's mean after a step; see position_noise() in mcmc.h. A Gaussian in space and
+/// time moves along its extent in space.
+GS_HD Vec3f position_noise(const GaussiansSpan& rows, std::size_t i, const PositionNoise& noise,
+                           float position_rate) {
+  const float rate = noise.scale * position_rate;
+  const Vec3f normal = noise.normal(i);
+  if (!rows.has_time)
+    return position_noise(rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], normal, rate);
+  const QuatPair<float> rotations{rows.rotation[i], rows.right_rotation[i]};
+  if (is_degenerate(rotations.left) || is_degenerate(rotations.right)) return Vec3f(0.0f);
+  const SpacetimeCovariance<float> S = covariance(
+      rotation_matrix(rotations), variance(rows.log_scale[i], rows.log_time_scale[i]));
+  return position_noise(S.space, rows.logit_opacity[i], normal, rate);
+}
+
+}  // namespace gs
