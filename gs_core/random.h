@@ -17,7 +17,8 @@ enum class RandomStream : std::uint32_t {
   test,
   relocate,
   grow,
-  position_noise
+  position_noise,
+  initial_time
 };
 
 struct RandomBits {

@@ -39,6 +39,12 @@ std::size_t photo_bytes(const View& view) {
          std::size_t(view.camera.height);
 }
 
+std::string text_of_moving_scene(std::size_t time_count) {
+  return "the scene moves: its photos were taken at " + std::to_string(time_count) +
+         " different times; it is trained as a static scene, so everything that moves becomes "
+         "blurred; train it with -c dynamic";
+}
+
 std::vector<std::size_t> outlier_cameras(const std::vector<View>& views) {
   std::vector<Vec3d> positions;
   for (const View& view : views) positions.push_back(Vec3d(view.camera.position()));

@@ -114,9 +114,13 @@ struct Scene {
   float extent = 1;
   // Subtracted from all coordinates; add it to have those of the COLMAP model. Mostly 0.
   Vec3d world_offset{0.0, 0.0, 0.0};
+  std::size_t time_count = 0;  // different times of its photos; 2 and more: it moves
   std::optional<CameraRefinement> refinement;  // if cameras were refined
   std::optional<ExposureSummary> exposure;     // if exposures were solved for
 };
+
+/// The warning for such a scene, where it is taken for a static one.
+std::string text_of_moving_scene(std::size_t time_count);
 
 /// Cameras far away from all others (outlier_positions), mostly because of a wrong pose. Indices,
 /// ascending; at most a tenth of all.

@@ -44,8 +44,17 @@ LearningRates Schedule::learning_rates(int step) const {
   const double t = std::min(1.0, double(step) / steps_);
   const double position = std::exp((1 - t) * std::log(rates_.position_lr_initial) +
                                    t * std::log(rates_.position_lr_final));
-  return {float(position * extent_), rates_.log_scale_lr, rates_.rotation_lr,
-          rates_.opacity_lr,         rates_.sh0_lr,       rates_.sh_rest_lr};
+  LearningRates rates;
+  rates.mean = float(position * extent_);
+  rates.log_scale = rates_.log_scale_lr;
+  rates.rotation = rates.right_rotation = rates_.rotation_lr;
+  rates.logit_opacity = rates_.opacity_lr;
+  rates.sh0 = rates_.sh0_lr;
+  rates.sh_rest = rates_.sh_rest_lr;
+  rates.has_time = true;  // whether or not the model has
+  rates.time_mean = rates_.time_mean_lr;
+  rates.log_time_scale = rates_.log_time_scale_lr;
+  return rates;
 }
 
 bool Schedule::refine(int step) const {

@@ -45,6 +45,7 @@ std::string camera_line(const std::string& name, const Camera& camera, std::size
   json["fx"] = camera.fx;
   json["cx"] = camera.cx;
   json["cy"] = camera.cy;
+  if (camera.time != 0) json["time"] = camera.time;
   return json.dump(-1, ' ', false, FloatJson::error_handler_t::replace);
 }
 
@@ -71,6 +72,7 @@ class CameraReader {
     camera.fy = positive("fy");
     camera.cx = json_.contains("cx") ? number(at("cx"), "cx") : 0.5f * float(camera.width);
     camera.cy = json_.contains("cy") ? number(at("cy"), "cy") : 0.5f * float(camera.height);
+    camera.time = json_.contains("time") ? number(at("time"), "time") : 0.0f;
     camera.cam_from_world_rotation = rotation();
     return {std::move(result), position()};
   }

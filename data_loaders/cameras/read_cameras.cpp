@@ -50,6 +50,7 @@ Camera single_precision_camera(PinholeCamera<double> camera, const ColmapImage& 
                                const fs::path& path) {
   camera.cam_from_world_rotation = rotation_matrix(image.cam_from_world_rotation);
   camera.cam_from_world_translation = image.cam_from_world_translation;
+  camera.time = image.time;
   const Camera result = camera_as<float>(camera);
   if (!is_finite(result.position()))
     cannot_read(path, fmt::format("the pose of {} does not fit single precision; leave it out",

@@ -70,6 +70,7 @@ struct ColmapImage {
   Vec3d cam_from_world_translation{0.0, 0.0, 0.0};   // world units
   std::vector<ColmapObservation> observations{};     // empty unless asked for
   std::filesystem::path mask{};                      // of the photo, if the model names one
+  double time = 0;                                   // when it was taken: Camera::time
 };
 
 /// One triangulated point. Of its track only the length is kept.

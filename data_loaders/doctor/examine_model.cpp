@@ -120,7 +120,7 @@ bool read_model(Examination& examination) {
     text += fmt::format(", {} of {}", counted(model.frames.size(), "frame"),
                         counted(model.rigs.size(), "rig"));
   examination.add(Level::good, "model", text);
-  if (scene.moves())
+  if (scene.moves() && !examination.config.model.dynamic)
     examination.add(Level::warning, "model", text_of_moving_scene(scene.time_count));
   if (model.images.size() < kFewPhotos)
     examination.add(Level::warning, "model",

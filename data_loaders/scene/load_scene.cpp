@@ -254,8 +254,6 @@ void check_scene(const DatasetConfig& dataset) {
 
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress, PhotoLoading loading) {
   ScenePlan plan = plan_scene(dataset, progress);
-  if (plan.time_count > 1 && loading == PhotoLoading::as_they_fit)
-    log_warning("{}", text_of_moving_scene(plan.time_count));
   Scene scene;
   scene.source = dataset.source;
   std::vector<View> views = make_views(dataset, std::move(plan.views), progress, loading);
@@ -265,6 +263,7 @@ Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress, Pho
   split_views(std::move(views), plan.is_test, scene);
   scene.points = std::move(plan.points);
   scene.world_offset = plan.world_offset;
+  scene.time_count = plan.time_count;
   scene.refinement = plan.refinement;
   scene.extent = camera_extent(scene.train_views);
   for (const std::size_t outlier : outlier_cameras(scene.train_views))

@@ -74,6 +74,7 @@ Camera single_precision_camera(const ViewPlan& plan, const ColmapImage& image) {
   PinholeCamera<double> posed = plan.target;
   posed.cam_from_world_rotation = rotation_matrix(image.cam_from_world_rotation);
   posed.cam_from_world_translation = image.cam_from_world_translation;
+  posed.time = image.time;
   const Camera camera = camera_as<float>(posed);
   if (!is_finite(camera.position()) || !is_finite(Vec3f(camera.fx, camera.cx, 0)) ||
       !is_finite(Vec3f(camera.fy, camera.cy, 0)))

@@ -114,13 +114,6 @@ std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel&
   return is_test;
 }
 
-std::string text_of_moving_scene(std::size_t time_count) {
-  return fmt::format(
-      "the scene moves: its photos were taken at {} different times (`time` of the frames); it is "
-      "trained as a static scene, so everything that moves becomes blurred",
-      time_count);
-}
-
 SceneModel read_model_and_split(const DatasetConfig& dataset, const SceneFolders& folders,
                                 Tracks tracks) {
   SceneModel scene;

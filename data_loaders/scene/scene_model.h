@@ -27,9 +27,6 @@ struct SceneModel {
   bool moves() const { return time_count > 1; }
 };
 
-/// The warning for a scene that moves, since training takes it for a static one.
-std::string text_of_moving_scene(std::size_t time_count);
-
 /// Whether each image of the model is a test view, in the order of model.images, which are sorted
 /// by name. With dataset.eval, every test_every-th frame is held out, beginning with the first. The
 /// photos that a rig took at one moment are one frame and stay together, because they show nearly

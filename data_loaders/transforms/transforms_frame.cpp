@@ -19,6 +19,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 constexpr int kLongestSide = 65520;          // pixels; a JPEG's most in whole blocks of 16
+constexpr double kMostTime = 1e9;            // in any unit; more is a mistake
 constexpr double kRotationTolerance = 0.01;  // three digits are enough; a scaled matrix is refused
 
 /// The reason why the rows of R are not the axes of a camera; "" if they are.
@@ -127,7 +128,9 @@ void TransformsFrame::read_pose(ColmapImage& image) const {
 std::optional<double> TransformsFrame::time() const {
   const Json* time = value_of(frame_, "time");
   if (!time || !time->is_number()) return std::nullopt;  // other programs' notes are no fault
-  return time->get<double>();
+  const double value = time->get<double>();
+  if (!(std::abs(value) <= kMostTime)) fail("has a time beyond 1e9");
+  return value;
 }
 
 void TransformsFrame::fail(const std::string& what, const char* remedy) const {

@@ -50,13 +50,21 @@ class FrameCollector {
             image.name));
       image.camera_id = id_of(frame.camera(image.name));
       frame.read_pose(image);
-      if (const auto time = frame.time()) times_.insert(*time);
+      if (const auto time = frame.time()) times_.insert(image.time = *time);
       model_.images.push_back(std::move(image));
     }
   }
 
   /// Different times at which photos were taken.
   std::size_t time_count() const { return times_.size(); }
+
+  /// Times that leave 0 to 1 are moved and scaled, so that the first photo has 0 and the last 1.
+  void normalize_times() {
+    if (times_.empty() || (*times_.begin() >= 0 && *times_.rbegin() <= 1)) return;
+    const double first = *times_.begin(), duration = *times_.rbegin() - first;
+    for (ColmapImage& image : model_.images)
+      image.time = duration > 0 ? (image.time - first) / duration : 0;
+  }
 
  private:
   std::uint32_t id_of(ColmapCamera camera) {
@@ -152,13 +160,16 @@ TransformsScene read_transforms(const fs::path& folder) {
   }
   scene.model.points = read_transforms_points(first);
   scene.time_count = collector.time_count();
+  collector.normalize_times();
   return scene;
 }
 
 ColmapModel read_transforms_file(const fs::path& file) {
   ColmapModel model;
   model.folder = file.parent_path();
-  FrameCollector(model).add_frames(open_transforms_file(file));
+  FrameCollector collector(model);
+  collector.add_frames(open_transforms_file(file));
+  collector.normalize_times();
   return model;
 }
 

@@ -49,8 +49,8 @@ struct TransformsScene {
 ///   split    transforms_train.json and transforms_test.json, or transforms_val.json if there is no
 ///            test; or the lists train_filenames and test_filenames (or else val_filenames). Frames
 ///            in none of the lists are left out; without train_filenames, they are trained on.
-///   time     of a frame: only counted. Its values are 0 to 1 in the D-NeRF scenes (Pumarola et al.
-///            2021).
+///   time     of a frame: 0 to 1 in the D-NeRF scenes (Pumarola et al. 2021). If a time lies outside,
+///            all are moved and scaled, so that the first photo has 0 and the last 1.
 ///
 /// Throws Error that names the file, the frame, the key and the remedy. Refused are, for example, a
 /// matrix that scales, shears or mirrors, and names that occur twice or lead out of the folder. No

@@ -77,6 +77,8 @@ nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& m
 
 // ---- views -------------------------------------------------------------------------------------
 
+constexpr std::uint64_t kHasTime = 1;  // behind the count of Gaussians in space and time
+
 struct ViewNumbers {
   std::int32_t is_test, width, height;
   float fx, fy, cx, cy;
@@ -138,6 +140,18 @@ std::vector<ViewRecord> read_views(CheckedReader& file) {
     begin = end + 1;
   }
   return views;
+}
+
+// The times of the views are in a section of their own, which only models in space and time have.
+void write_times(CheckedWriter& file, const std::vector<ViewRecord>& views) {
+  file.section("view_times", views.size() * sizeof(float));
+  for (const ViewRecord& view : views) file.write(&view.camera.time, sizeof view.camera.time);
+}
+
+void read_times(CheckedReader& file, std::vector<ViewRecord>& views) {
+  const std::vector<float> times = file.values<float>("view_times");
+  if (times.size() != views.size()) file.damaged();
+  for (std::size_t i = 0; i < views.size(); ++i) views[i].camera.time = times[i];
 }
 
 // ---- arrays ------------------------------------------------------------------------------------
@@ -257,7 +271,8 @@ bool is_sound(const ViewRecord& view) {
   return is_side(camera.width) && is_side(camera.height) && camera.fx > 0 && camera.fy > 0 &&
          is_finite(Vec3f(camera.fx, camera.fy, 0)) && is_finite(Vec3f(camera.cx, camera.cy, 0)) &&
          is_finite(R.row0) && is_finite(R.row1) && is_finite(R.row2) &&
-         is_finite(camera.cam_from_world_translation) && is_finite(view.exposure);
+         is_finite(camera.cam_from_world_translation) && is_finite(view.exposure) &&
+         std::isfinite(camera.time);
 }
 
 void check(const std::filesystem::path& path, const Checkpoint& checkpoint) {
@@ -282,9 +297,10 @@ SceneRecord::SceneRecord(const Scene& scene)
     views.push_back({view.name, true, view.camera, view.exposure});
 }
 
-std::uint64_t checkpoint_bytes(std::size_t gaussians, std::size_t views) {
+std::uint64_t checkpoint_bytes(std::size_t gaussians, std::size_t views, bool has_time) {
   std::uint64_t row = 0;
-  const TrainingModel none;
+  TrainingModel none;
+  none.set_has_time(has_time);
   for_each_row_array([&](const RowArray&, const auto& array) { row += sizeof(*array.data()); },
                      none);
   return gaussians * row + views * 512;
@@ -299,8 +315,11 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
   write_views(file, scene.views);
   write_values(file, "strikes", progress.strikes);
   write_values(file, "view_order", progress.view_order);
-  const std::uint64_t count = model.count();
-  write_values(file, "gaussians", std::vector<std::uint64_t>{count});
+  const bool has_time = model.gaussians.has_time;
+  std::vector<std::uint64_t> count_and_kind{model.count()};
+  if (has_time) count_and_kind.push_back(kHasTime);
+  write_values(file, "gaussians", count_and_kind);
+  if (has_time) write_times(file, scene.views);
   for_each_row_array(
       [&](const RowArray& which, const auto& array) {
         write_array(file, which.key(), array.data(), array.size(), array.memory());
@@ -319,7 +338,9 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   checkpoint.state.progress.strikes = file.values<int>("strikes");
   checkpoint.state.progress.view_order = file.values<std::uint32_t>("view_order");
   const auto count = file.values<std::uint64_t>("gaussians");
-  if (count.size() != 1) file.damaged();
+  if (count.size() != 1 && !(count.size() == 2 && count[1] == kHasTime)) file.damaged();
+  checkpoint.state.model.set_has_time(count.size() == 2);
+  if (count.size() == 2) read_times(file, checkpoint.scene.views);
   read_model(file, count[0], checkpoint.state.model);
   file.finish();
   try {

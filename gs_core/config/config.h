@@ -54,7 +54,10 @@ struct ModelConfig {
   float initial_opacity = 0.1f;
   float initial_scale = 1;     // times the distance to the nearest points
   int random_points = 100000;  // used when the model has no points
+  float random_box = 0;        // half the edge of the box of random points; 0: around the cameras
   int most_points = 2000000;   // to start from; denser clouds are downsampled
+  bool dynamic = false;        // Gaussians in space and time, for scenes that move
+  float initial_time_scale = 0.45f;  // standard deviation, as a fraction of the scene's duration
 };
 
 /// How Gaussians are drawn; gs_render/render_settings.h turns it into what the renderer takes.
@@ -85,6 +88,8 @@ struct OptimizerConfig {
   float opacity_lr = 0.025f;
   float sh0_lr = 2.5e-3f;
   float sh_rest_lr = 1.25e-4f;
+  float time_mean_lr = 8e-4f;
+  float log_time_scale_lr = 5e-3f;
 };
 
 inline constexpr std::int64_t kAutoCount = -1;  // the word auto: the program finds the count itself

@@ -80,7 +80,10 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("model.initial_opacity",        model.initial_opacity,        "",            between(1e-4, 0.999),    retrain, "opacity of every Gaussian at the start", kKerbl);
   field("model.initial_scale",          model.initial_scale,          "",            above(0),                retrain, "scale of a Gaussian at the start, as a multiple of the distance to its nearest points");
   field("model.random_points",          model.random_points,          "points",      steps_from(1),           retrain, "random points to start from if the COLMAP model has none", kKerbl);
+  field("model.random_box",             model.random_box,             "world units", at_least(0),             retrain, "half the edge of the box of random points, which lies around the scene's origin; 0: three extents, around the cameras", kKerbl);
   field("model.most_points",            model.most_points,            "points",      steps_from(1),           retrain, "most points to start from; a denser COLMAP model is downsampled: one point of each cell of a grid is kept");
+  field("model.dynamic",                model.dynamic,                "",            any(),                   retrain, "Gaussians in space and time, for scenes that move; the photos need times (docs/data.md)", "Yang et al. 2024");
+  field("model.initial_time_scale",     model.initial_time_scale,     "duration",    above(0),                retrain, "standard deviation in time of a Gaussian at the start, if dynamic", "Yang et al. 2024");
 
   auto& render = config.render;
   field("render.background",            render.background,            "",            one_of<Background>(),    retrain, "color behind the Gaussians; random: another color in each step", kKerbl);
@@ -106,6 +109,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.opacity_lr",         optimizer.opacity_lr,         "",            at_least(0),             retrain, "learning rate of the logits of the opacities", kFaster);
   field("optimizer.sh0_lr",             optimizer.sh0_lr,             "",            at_least(0),             retrain, "learning rate of SH degree 0", kKerbl);
   field("optimizer.sh_rest_lr",         optimizer.sh_rest_lr,         "",            at_least(0),             retrain, "learning rate of SH degrees 1 to 3", kKerbl);
+  field("optimizer.time_mean_lr",       optimizer.time_mean_lr,       "duration",    at_least(0),             retrain, "learning rate of the means in time, if model.dynamic");
+  field("optimizer.log_time_scale_lr",  optimizer.log_time_scale_lr,  "",            at_least(0),             retrain, "learning rate of the logarithms of the scales in time, if model.dynamic", "Yang et al. 2024");
 
   auto& density = config.density;
   field("density.strategy",             density.strategy,             "",            one_of(kStrategyWords),  retrain, "how Gaussians are added and removed: adaptive clones, splits and prunes them; mcmc moves them and adds samples (needs max_gaussians)");

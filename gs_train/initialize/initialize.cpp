@@ -22,13 +22,18 @@ bool sees(const Camera& camera, const Vec3f& point, float near_plane) {
          pixel.y < float(camera.height);
 }
 
-// Uniform in a box around the training cameras; only points that some training camera sees.
+// Uniform in the box of the config, or else in one around the training cameras; only points that
+// some training camera sees.
 std::vector<ScenePoint> random_points(const Scene& scene, const Config& config) {
   const Random random{config.train.seed, RandomStream::initialize};
   Vec3f center(0.0f);
   for (const View& view : scene.train_views) center += view.camera.position();
   center /= float(scene.train_views.size());
-  const float half = kRandomBoxSize * scene.extent;
+  float half = kRandomBoxSize * scene.extent;
+  if (config.model.random_box > 0) {
+    center = -Vec3f(scene.world_offset);
+    half = config.model.random_box;
+  }
 
   std::vector<ScenePoint> points;
   for (int i = 0; i < config.model.random_points; ++i) {
@@ -72,6 +77,19 @@ std::vector<ScenePoint> starting_points(const Scene& scene, const Config& config
   return kept;
 }
 
+// Gaussians stand still, and their means in time are uniform in the scene's duration and a little
+// beyond.   Yang et al. 2024
+void spread_in_time(const Gaussians& start, const Config& config) {
+  constexpr float kBeyond = 0.1f;
+  const Random random{config.train.seed, RandomStream::initial_time};
+  parallel_for(start.count(), 4096, [&](std::size_t i) {
+    start.right_rotation[i] = {1, 0, 0, 0};
+    const float u = random.uniform4(0, std::uint32_t(i)).x;
+    start.time_mean[i] = (1 + 2 * kBeyond) * u - kBeyond;
+    start.log_time_scale[i] = std::log(config.model.initial_time_scale);
+  });
+}
+
 }  // namespace
 
 TrainingModel initial_model(const Scene& scene, const Config& config, Memory& memory) {
@@ -80,7 +98,7 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
   for (std::size_t i = 0; i < points.size(); ++i) means[i] = points[i].position;
   const KdTree tree({means.data(), means.size()});
 
-  Gaussians start(points.size(), host_memory());
+  Gaussians start(points.size(), host_memory(), config.model.dynamic);
   parallel_for(points.size(), 256, [&](std::size_t i) {
     const float distance2 =
         std::max(tree.mean_squared_distance(i, kInitialNeighbors), kMinNeighborDistance2);
@@ -92,8 +110,10 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
       start.sh0[i][c] = (float(points[i].color[c]) / 255.0f - kColorOffset) / float(kSh0);
     start.sh_rest[i] = {};
   });
+  if (start.has_time) spread_in_time(start, config);
 
   TrainingModel model(memory);
+  model.set_has_time(start.has_time);
   for_each_array([](const char*, auto& to, const auto& from) { to.upload(from.download()); },
                  model.gaussians, start);
   clear_history(model);

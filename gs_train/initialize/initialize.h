@@ -12,7 +12,8 @@ namespace gs {
 /// as its scale the root mean squared distance to the three nearest neighbors (Kerbl et al. 2023,
 /// Sec. 5.1), times model.initial_scale. A scene without points starts from random ones that at
 /// least one training camera sees. Of more points than model.most_points or density.max_gaussians
-/// allows, a sample is taken (downsample_points.h). Throws Error where there are no points.
+/// allows, a sample is taken (downsample_points.h). With model.dynamic each point gets a random time
+/// (Yang et al. 2024). Throws Error where there are no points.
 TrainingModel initial_model(const Scene& scene, const Config& config, Memory& memory);
 
 }  // namespace gs

@@ -7,6 +7,7 @@
 
 #include "gs_core/bytes.h"
 #include "gs_core/error.h"
+#include "gs_core/log.h"
 #include "gs_core/math/activations.h"
 #include "gs_render/render_settings.h"
 #include "gs_train/density/gaussian_budget.h"
@@ -58,6 +59,8 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
            render_settings(config), std::move(model), nullptr},
       recovery_(run_), views_(scene.train_views.size(), config.train.seed), views_ahead_(views_) {
   backend.use_loss(config.loss.kind);
+  if (scene.time_count > 1 && !run_.model.gaussians.has_time)
+    log_warning("{}", text_of_moving_scene(scene.time_count));
   backend.upload_views(scene.train_views,
                        std::size_t(double(config.train.photo_gib) * kBytesPerGib));
   run_.settings.sh_degree = 0;  // raised by the schedule

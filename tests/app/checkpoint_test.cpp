@@ -136,7 +136,7 @@ TEST_F(Checkpoints, KnowTheirScene) {
 
 TEST_F(Checkpoints, TakeAsMuchSpaceAsForetold) {
   ASSERT_TRUE(save(folder(), 12, 1000));
-  const auto foretold = double(checkpoint_bytes(1000, 4));
+  const auto foretold = double(checkpoint_bytes(1000, 4, false));
   EXPECT_NEAR(double(fs::file_size(file(12))), foretold, 16384);
 }
 

@@ -84,6 +84,30 @@ class CudaStep : public CudaTest {
   }
 };
 
+TEST_F(CudaStep, FusedStepInSpaceAndTimeIsTheScalarOne) {
+  std::vector<View> views = some_views(131, 77, 3);
+  for (std::size_t i = 0; i < views.size(); ++i) views[i].camera.time = 0.4f + 0.1f * float(i);
+  LearningRates rates = kRates;
+  rates.right_rotation = 1e-3f;
+  rates.time_mean = 8e-4f;
+  rates.log_time_scale = 5e-3f;
+  for (const int degree : {0, 1, 2, 3}) {
+    SCOPED_TRACE(degree);
+    RenderSettings settings;
+    settings.sh_degree = degree;
+    settings.background = {0.3f, 0.6f, 0.9f};
+    TrainingModel expected = model_of(in_spacetime(
+        random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)), 8));
+    TrainingModel actual = on_gpu(expected);
+    for (const View& view : views) {
+      cpu().step(expected, view, settings, {0.2f}, rates, {true});
+      gpu().step(actual, view, settings, {0.2f}, rates, {true});
+    }
+    gpu().synchronize(actual);
+    expect_same(on_host(actual), expected, 2e-2);
+  }
+}
+
 TEST_F(CudaStep, FusedStepIsTheScalarOne) {
   const std::vector<View> views = some_views(131, 77, 3);
   for (const int degree : {0, 1, 2, 3})

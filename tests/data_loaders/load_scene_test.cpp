@@ -206,14 +206,23 @@ void write_timed_scene(const std::filesystem::path& folder, double first, double
   write_bytes(folder / "transforms.json", "{\"fl_x\": 10, \"frames\": [" + frames + "]}");
 }
 
-TEST(LoadScene, SceneThatMovesIsSaidToBeTrainedAsAStaticOne) {
+TEST(LoadScene, ViewsHaveTheTimesOfTheirFrames) {
   const TempFolder temp;
   write_timed_scene(temp.path(), 0.25, 0.25);
-  EXPECT_THAT(log_of(dataset_at(temp.path())), Not(HasSubstr("moves")));
+  EXPECT_EQ(load_scene(dataset_at(temp.path())).time_count, 1u);
   write_timed_scene(temp.path(), 0.25, 0.75);
-  EXPECT_THAT(log_of(dataset_at(temp.path())),
-              AllOf(HasSubstr("the scene moves"), HasSubstr("at 2 different times"),
-                    HasSubstr("trained as a static scene")));
+  const Scene scene = load_scene(dataset_at(temp.path()));
+  EXPECT_EQ(scene.time_count, 2u);
+  EXPECT_EQ(scene.train_views[0].camera.time, 0.25f);
+  EXPECT_EQ(scene.train_views[1].camera.time, 0.75f);
+}
+
+TEST(LoadScene, TimesBeyondOneAreScaledToTheScenesDuration) {
+  const TempFolder temp;
+  write_timed_scene(temp.path(), 30, 10);
+  const Scene scene = load_scene(dataset_at(temp.path()));
+  EXPECT_EQ(scene.train_views[0].camera.time, 1.0f);
+  EXPECT_EQ(scene.train_views[1].camera.time, 0.0f);
 }
 
 TEST(LoadScene, MissingPhotosAreNamedAndCounted) {

@@ -56,6 +56,7 @@ void forward(const SmallScene& scene, Backward& result) {
                                   result.pass);
 }
 void backward(const SmallScene& scene, const Buffer<float>& dL_dimage, Backward& result) {
+  result.gradients.has_time = scene.gaussians.has_time;
   result.gradients.resize(scene.gaussians.count());
   result.dL_dmean2d.resize(scene.gaussians.count());
   make_scalar_renderer()->backward(scene.gaussians.span(), scene.camera, scene.settings,
@@ -103,14 +104,16 @@ Slopes slopes_of(const SmallScene& scene, const PictureLoss& loss) {
   return slopes;
 }
 
-/// Parameters of one kind: mean, log_scale, rotation, logit_opacity, sh0, sh_rest.
+/// Parameters of one kind, in the order of DoubleGaussian.
 struct Kind {
   const char* name;
   int begin, end;
 };
 constexpr Kind kKinds[] = {{"mean", 0, 3},      {"log_scale", 3, 6},
                            {"rotation", 6, 10}, {"logit_opacity", 10, 11},
-                           {"sh0", 11, 14},     {"sh_rest", 14, 59}};
+                           {"sh0", 11, 14},     {"sh_rest", 14, 59},
+                           {"right_rotation", 59, 63}, {"time_mean", 63, 64},
+                           {"log_time_scale", 64, 65}};
 
 /// Relative to the largest component of its kind. Floats round at 6e-8, and the terms of a gradient
 /// (over pixels, fragments, window, conic) cancel up to two digits of that: the worst error seen is
@@ -191,6 +194,17 @@ TEST(Gradient, IsTheSlopeAtEveryShDegree) {
   for (int degree = 0; degree < kMaxShDegree; ++degree) {
     SmallScene scene;
     scene.settings.sh_degree = degree;
+    expect_gradient_of_linear_loss(scene);
+  }
+}
+
+TEST(Gradient, IsTheSlopeInSpaceAndTime) {
+  for (const bool antialias : {false, true}) {
+    SmallScene scene;
+    scene.settings.antialias = antialias;
+    scene.settings.antialias_detach = false;
+    scene.gaussians = in_spacetime(scene.gaussians, 41);
+    scene.camera.time = 0.5f;
     expect_gradient_of_linear_loss(scene);
   }
 }

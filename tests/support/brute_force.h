@@ -6,12 +6,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
 #include "gs_core/gaussians.h"
 #include "gs_core/math/blend.h"
-#include "gs_core/math/splat.h"
+#include "gs_core/math/spacetime_splat.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {
@@ -23,20 +24,31 @@ struct DoubleGaussian {
   Quat<double> rotation;
   double logit_opacity;
   Vec3d sh0, sh_rest[kShRestCount];
+  Quat<double> right_rotation{};  // of Gaussians in space and time
+  double time_mean = 0, log_time_scale = 0;
+  bool has_time = false;
 
   double& number(int k) { return reinterpret_cast<double*>(this)[k]; }
 };
-inline constexpr int kNumbersPerGaussian = 59;
-static_assert(sizeof(DoubleGaussian) == kNumbersPerGaussian * sizeof(double));
+inline constexpr int kNumbersPerGaussian = 65;
+static_assert(offsetof(DoubleGaussian, has_time) == kNumbersPerGaussian * sizeof(double));
 
 inline std::vector<DoubleGaussian> in_double(const Gaussians& from) {
   std::vector<DoubleGaussian> result(from.count());
   for (std::size_t i = 0; i < from.count(); ++i) {
     const Quatf& q = from.rotation[i];
-    result[i] = {Vec3d(from.mean[i]),   Vec3d(from.log_scale[i]), {q.w, q.x, q.y, q.z},
-                 from.logit_opacity[i], Vec3d(from.sh0[i]),       {}};
-    for (int k = 0; k < kShRestCount; ++k)
-      result[i].sh_rest[k] = Vec3d(from.sh_rest[i].coefficient[k]);
+    DoubleGaussian& g = result[i];
+    g.mean = Vec3d(from.mean[i]);
+    g.log_scale = Vec3d(from.log_scale[i]);
+    g.rotation = {q.w, q.x, q.y, q.z};
+    g.logit_opacity = from.logit_opacity[i];
+    g.sh0 = Vec3d(from.sh0[i]);
+    for (int k = 0; k < kShRestCount; ++k) g.sh_rest[k] = Vec3d(from.sh_rest[i].coefficient[k]);
+    if (!(g.has_time = from.has_time)) continue;
+    const Quatf& r = from.right_rotation[i];
+    g.right_rotation = {r.w, r.x, r.y, r.z};
+    g.time_mean = from.time_mean[i];
+    g.log_time_scale = from.log_time_scale[i];
   }
   return result;
 }
@@ -75,7 +87,15 @@ ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians, c
         T(g.logit_opacity),
         Vec3<T>(g.sh0),
         sh_rest};
-    const ProjectedGaussian<T> p = project_gaussian(camera_t, parameters, settings);
+    const Quat<double>& r = g.right_rotation;
+    const ProjectedGaussian<T> p =
+        g.has_time ? project_gaussian(camera_t,
+                                      SpacetimeParameters<T>{parameters,
+                                                             {T(r.w), T(r.x), T(r.y), T(r.z)},
+                                                             T(g.time_mean),
+                                                             T(g.log_time_scale)},
+                                      camera_t.time, settings)
+                   : project_gaussian(camera_t, parameters, settings);
     if (!p.is_visible) continue;
     const BasicSplat<T>& s = p.splat;
     result.entries.push_back({i,

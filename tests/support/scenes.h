@@ -154,9 +154,28 @@ inline Gaussians random_gaussians(const Recipe& recipe, std::size_t count, const
   return gaussians;
 }
 
+/// The same Gaussians in space and time: each moves about its own extent in the scene's duration.
+/// Most are visible at the middle of it.
+inline Gaussians in_spacetime(const Gaussians& still, std::uint64_t seed) {
+  Draws draws(seed);
+  Gaussians moving = copy_of(still);
+  moving.has_time = true;
+  moving.resize(still.count());
+  for (std::size_t i = 0; i < moving.count(); ++i) {
+    const Quatf q = still.rotation[i], tilt = draws.quaternion();
+    // A pair of q and its conjugate turns space alone; a little more tilts it into time.
+    const float n = 1 / std::sqrt(squared_norm(q)), some = 0.1f;
+    moving.right_rotation[i] = {n * q.w + some * tilt.w, some * tilt.x - n * q.x,
+                                some * tilt.y - n * q.y, some * tilt.z - n * q.z};
+    moving.time_mean[i] = draws.uniform(0.2f, 0.8f);
+    moving.log_time_scale[i] = draws.uniform(-2, 0);
+  }
+  return moving;
+}
+
 /// All rows of `a`, then all of `b`.
 inline Gaussians joined(const Gaussians& a, const Gaussians& b) {
-  Gaussians all(a.count() + b.count(), host_memory());
+  Gaussians all(a.count() + b.count(), host_memory(), a.has_time);
   for_each_array(
       [](const char*, auto& to, const auto& first, const auto& second) {
         std::copy(second.begin(), second.end(), std::copy(first.begin(), first.end(), to.begin()));

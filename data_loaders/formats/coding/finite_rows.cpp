@@ -29,7 +29,11 @@ std::vector<std::uint32_t> finite_rows(const Gaussians& gaussians, int sh_degree
   std::vector<std::uint32_t> rows;
   rows.reserve(gaussians.count());
   for (std::size_t i = 0; i < gaussians.count(); ++i) {
-    if (all_finite(gaussians.mean[i], 3) && all_finite(gaussians.log_scale[i], 3) &&
+    const bool is_timeless = !gaussians.has_time;
+    if ((is_timeless || (all_finite(gaussians.right_rotation[i], 4) &&
+                         is_finite(gaussians.time_mean[i]) &&
+                         is_finite(gaussians.log_time_scale[i]))) &&
+        all_finite(gaussians.mean[i], 3) && all_finite(gaussians.log_scale[i], 3) &&
         all_finite(gaussians.rotation[i], 4) && is_finite(gaussians.logit_opacity[i]) &&
         all_finite(gaussians.sh0[i], 3) && all_finite(gaussians.sh_rest[i], rest_floats)) {
       rows.push_back(std::uint32_t(i));
@@ -66,6 +70,7 @@ GaussianModel rows_of(const GaussianModel& model, const std::vector<std::uint32_
 GaussianModel finite_model(const GaussianModel& model) {
   GaussianModel result = rows_of(model, finite_rows(model.gaussians, model.sh_degree));
   for (Quatf& q : result.gaussians.rotation) normalize(&q.w);
+  for (Quatf& q : result.gaussians.right_rotation) normalize(&q.w);
   for (ShRest& rest : result.gaussians.sh_rest)
     for (int k = sh_rest_count(model.sh_degree); k < kShRestCount; ++k)
       rest.coefficient[k] = Vec3f(0);

@@ -56,9 +56,10 @@ void append_columns(std::vector<PlyColumn>& columns, const Buffer<T>& buffer,
                           list_of(missing)));
 }
 
-void check_properties(const PlyElement& vertex, int sh_degree, const PlyFile& file) {
+void check_properties(const PlyElement& vertex, int sh_degree, bool has_time, const PlyFile& file) {
   std::vector<std::string> missing;
-  for (const PlyColumn& column : gaussian_columns(Gaussians(), sh_degree)) {
+  const Gaussians none(0, host_memory(), has_time);
+  for (const PlyColumn& column : gaussian_columns(none, sh_degree)) {
     if (vertex.find(column.property) < 0) missing.push_back(column.property);
   }
   if (!missing.empty()) fail_without(missing, vertex, file);
@@ -151,7 +152,12 @@ std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degre
   }
   append_columns(columns, gaussians.logit_opacity, {"opacity"});
   append_columns(columns, gaussians.log_scale, {"scale_0", "scale_1", "scale_2"});
-  append_columns(columns, gaussians.rotation, {"rot_0", "rot_1", "rot_2", "rot_3"});
+  append_columns(columns, gaussians.rotation, {kFirstOfRotation, "rot_1", "rot_2", "rot_3"});
+  if (!gaussians.has_time) return columns;
+  append_columns(columns, gaussians.right_rotation,
+                 {kFirstOfRightRotation, "right_rot_1", "right_rot_2", "right_rot_3"});
+  append_columns(columns, gaussians.time_mean, {kTimeMean});
+  append_columns(columns, gaussians.log_time_scale, {"time_scale"});
   return columns;
 }
 
@@ -162,8 +168,10 @@ GaussianModel read_gaussian_ply(const std::filesystem::path& path) {
   if (is_compressed_ply(file.header())) return read_compressed_ply(file);
   GaussianModel model;
   model.sh_degree = sh_degree_of(*vertex, path);
-  check_properties(*vertex, model.sh_degree, file);
+  const bool has_time = vertex->find(kTimeMean) >= 0;
+  check_properties(*vertex, model.sh_degree, has_time, file);
   take_comments(file.header(), model);
+  model.gaussians.has_time = has_time;
   model.gaussians.resize(vertex->count);
   if (model.sh_degree < kMaxShDegree) model.gaussians.sh_rest.fill_zero();
   std::vector<PlyColumn> columns = gaussian_columns(model.gaussians, model.sh_degree);

@@ -19,7 +19,16 @@ namespace gs {
 ///   opacity                            logit_opacity
 ///   scale_0..2                         log_scale                natural log of world units
 ///   rot_0..3                           rotation                 w x y z
+/// and of Gaussians in space and time
+///   right_rot_0..3                     right_rotation           w x y z
+///   time_mean                          time_mean                0 to 1 is the scene's duration
+///   time_scale                         log_time_scale           natural log of durations
 std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degree);
+
+/// The columns of the quaternions begin with these; that of the mean in time tells that rows have one.
+inline constexpr const char* kFirstOfRotation = "rot_0";
+inline constexpr const char* kFirstOfRightRotation = "right_rot_0";
+inline constexpr const char* kTimeMean = "time_mean";
 
 /// The SH degree that has this number of f_rest_ properties. Throws Error that names `path` where
 /// no degree has.

@@ -56,7 +56,10 @@ std::size_t write_gaussian_ply(const std::filesystem::path& path, const Gaussian
   const std::size_t width = columns.size() + std::size(kNormals);  // floats in a row
 
   std::string header = header_begin(comments_of(model), rows.size());
+  std::vector<std::size_t> quaternions;  // where they begin within a row of floats
   for (std::size_t c = 0; c < columns.size(); ++c) {
+    if (columns[c].property == kFirstOfRotation || columns[c].property == kFirstOfRightRotation)
+      quaternions.push_back(float_in_row(c));
     if (c == 3) {
       for (const char* name : kNormals) header += property_line(name);
     }
@@ -74,7 +77,8 @@ std::size_t write_gaussian_ply(const std::filesystem::path& path, const Gaussian
       for (std::size_t i = 0; i < count; ++i)
         to[i * width] = from[rows[first + i] * columns[c].stride];
     }
-    for (std::size_t i = 0; i < count; ++i) normalize(&block[(i + 1) * width - 4]);
+    for (const std::size_t quaternion : quaternions)
+      for (std::size_t i = 0; i < count; ++i) normalize(&block[i * width + quaternion]);
     file.write(block.data(), count * width * sizeof(float));
   }
   file.commit();
