@@ -390,7 +390,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
       EXPECT_EQ(values.size(), std::size(Words<T>::kTable)) << key;
       EXPECT_FALSE(value_of_word<T>("nonsense").has_value());
       EXPECT_THAT(message_of([&] { apply_setting(config, key + "=nonsense"); }),
-                  AllOf(HasSubstr(key + " = 'nonsense'"),
+                  AllOf(HasSubstr(key + " = \"nonsense\""),
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
@@ -449,7 +449,7 @@ TEST(Validate, ChecksFieldsAgainstEachOther) {
 
 TEST(TomlText, IsOneLineThatReadsBack) {
   const std::string text =
-      R"([0.01, -0.5, 7, -3, true, "a\"b\n", [], {"k.1" = 1e-30, "l" = [2.0]}, 1979-05-27])";
+      R"([0.01, -0.5, 7, -3, true, "a\"b\\c", [], {"k.1" = 1e-30, "l" = [2.0]}, 1979-05-27])";
   const toml::table table = parse_toml("x = " + text, "text");
   EXPECT_EQ(text_of(*table.get("x")), text);
 }

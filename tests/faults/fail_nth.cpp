@@ -36,6 +36,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <initializer_list>
 #include <new>
 
 extern char** environ;
