@@ -66,7 +66,7 @@ GS_HD ProjectedMoment<T> project_shape(const PinholeCamera<T>& camera,
   if (is_degenerate(shape.rotations.left) || is_degenerate(shape.rotations.right)) return {};
   const Moment<T> moment = condition(covariance(shape), time - shape.time_mean);
   if (!is_alive(moment.marginal)) return {};
-  ProjectedMoment<T> result;
+  ProjectedMoment<T> result{};
   result.mean = shape.mean + moment.shift;
   const Vec3<T> p = to_camera(camera, result.mean);
   if (is_between_planes(p.z, settings))

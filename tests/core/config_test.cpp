@@ -73,6 +73,7 @@ Config everything_changed() {
   config.dataset.resolution = 640;
   config.dataset.photo_ram_gib = 6.5f;
   config.model.sh_degree = 1;
+  config.model.random_box = 2;
   config.density.strategy = "mcmc";
   config.train.device = "cuda:12";
   config.reconstruct.camera_model = "OPENCV";
