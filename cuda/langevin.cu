@@ -18,6 +18,7 @@ __global__ void regularizer_kernel(GaussiansSpan gaussians, Regularizers of_each
       regularizer_vjp(gaussians.log_scale[i], gaussians.logit_opacity[i], of_each);
   gradients.log_scale[i] += gradient.log_scale;
   gradients.logit_opacity[i] += gradient.logit_opacity;
+  if (gaussians.has_time) add_spacetime_regularizer_gradients(gaussians, i, of_each, gradients);
 }
 
 __global__ void position_noise_kernel(GaussiansSpan gaussians, PositionNoise noise, float rate,

@@ -107,7 +107,7 @@ __device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaus
                                             gaussian.logit_opacity,
                                             gaussian.time_mean,
                                             gaussian.log_time_scale},
-                      camera.time, settings);
+                      time_of(camera, settings), settings);
     gaussian.mean = moment.mean;
     return moment.projected;
   } else {

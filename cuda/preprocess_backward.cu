@@ -121,12 +121,10 @@ __device__ RowGradient pull_back(const Camera& camera, const Shape& shape,
 __device__ RowGradient pull_back_in_time(const Camera& camera, const Shape& shape,
                                          const SplatSettings& settings,
                                          const SplatGradient& dL_dsplat, const Vec3f& by_color) {
-  const SpacetimeShape<float> dL = project_shape_vjp(camera, shape.in_spacetime(), camera.time,
-                                                     settings, dL_dsplat, by_color);
-  return {{dL.mean, dL.log_scale, dL.rotations.left, dL.logit_opacity, Vec3f(0.0f)},
-          dL.rotations.right,
-          dL.time_mean,
-          dL.log_time_scale};
+  RowGradient gradient{};
+  gradient.take(project_shape_vjp(camera, shape.in_spacetime(), time_of(camera, settings), settings,
+                                  dL_dsplat, by_color));
+  return gradient;
 }
 
 template <int degree, bool has_time, class Sink>
@@ -163,7 +161,7 @@ __global__ void __launch_bounds__(kThreads)
   if constexpr (has_time) {
     // The color's part of the mean reaches the time, too, so that it comes first.
     const Vec3f mean =
-        is_visible ? mean_at(shape.in_spacetime(), camera.time) : Vec3f(0.0f);
+        is_visible ? mean_at(shape.in_spacetime(), time_of(camera, settings)) : Vec3f(0.0f);
     const Vec3f by_color = color_backward<degree>(shared, mean, camera, first, rows, is_visible,
                                                   dL_dsplat.color, sink.sh_rest);
     if (is_visible) gradient = pull_back_in_time(camera, shape, settings, dL_dsplat, by_color);
@@ -173,7 +171,7 @@ __global__ void __launch_bounds__(kThreads)
                                             dL_dsplat.color, sink.sh_rest);
   }
   if (is_visible) gradient.sh0 = float(kSh0) * dL_dsplat.color;
-  sink.regularize(shape, gradient);
+  sink.template regularize<has_time>(shape, gradient);
   if (is_row) sink.note(i, statistics, by_mean2d, is_visible);
   __syncwarp();
   stage<has_time>(shared.numbers, gradient);

@@ -8,7 +8,7 @@
 #include "cuda/stages.cuh"
 #include "cuda/warp.cuh"
 #include "gs_core/math/density.h"
-#include "gs_core/math/spacetime_splat.h"
+#include "gs_core/math/spacetime_regularizer.h"
 
 namespace gs::cuda {
 
@@ -70,6 +70,20 @@ struct Shape {
 struct RowGradient : GaussianGradient<float> {
   Quatf right_rotation{};
   float time_mean = 0, log_time_scale = 0;
+
+  __device__ SpacetimeShape<float> in_spacetime() const {
+    return {mean, log_scale, {rotation, right_rotation}, logit_opacity, time_mean, log_time_scale};
+  }
+  /// Takes all but the color's gradients.
+  __device__ void take(const SpacetimeShape<float>& dL) {
+    mean = dL.mean;
+    log_scale = dL.log_scale;
+    rotation = dL.rotations.left;
+    right_rotation = dL.rotations.right;
+    logit_opacity = dL.logit_opacity;
+    time_mean = dL.time_mean;
+    log_time_scale = dL.log_time_scale;
+  }
 };
 
 /// A sink for the gradients of all quantities: writes them to arrays, and dL/d(mean2d) to another
@@ -90,14 +104,15 @@ struct WriteGradients {
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
     return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
   }
-  __device__ void regularize(const Shape&, GaussianGradient<float>&) const {}
+  template <bool has_time>
+  __device__ void regularize(const Shape&, RowGradient&) const {}
 };
 /// A sink that updates all parameters, and gathers the statistics of density control.
 struct UpdateByAdam {
   using Numbers = AdamNumbers;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
-  float* visits;  // null: no statistics
+  float* visits;                                      // null: no statistics
   float* gradient_norm;
   int width, height;
   const std::uint32_t* halted;
@@ -117,7 +132,8 @@ struct UpdateByAdam {
     gradient_norm[i] = before.gradient_norm + screen_gradient_norm(by_mean2d, width, height);
   }
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const { return sum.mean2d; }
-  __device__ void regularize(const Shape&, GaussianGradient<float>&) const {}
+  template <bool has_time>
+  __device__ void regularize(const Shape&, RowGradient&) const {}
 };
 /// The same with absolute gradients and regularizers. It has a kernel of its own, so that other
 /// runs do not pay for it.
@@ -128,11 +144,17 @@ struct UpdateByAdamAsAsked : UpdateByAdam {
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
     return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
   }
-  __device__ void regularize(const Shape& shape, GaussianGradient<float>& gradient) const {
+  template <bool has_time>
+  __device__ void regularize(const Shape& shape, RowGradient& gradient) const {
     const RegularizerGradient<float> added =
         regularizer_vjp(shape.log_scale, shape.logit_opacity, of_each);
     gradient.log_scale += added.log_scale;
     gradient.logit_opacity += added.logit_opacity;
+    if constexpr (has_time) {
+      SpacetimeShape<float> dL = gradient.in_spacetime();
+      add_spacetime_regularizer_vjp(shape.in_spacetime(), of_each, dL);
+      gradient.take(dL);
+    }
   }
 };
 

@@ -226,8 +226,8 @@ class CudaRowOps final : public RowOps {
   void sort_by_morton(TrainingModel& model) override {
     StageScope scope(context_, "morton");
     const Gaussians& rows = model.gaussians;
-    gather_all(model, morton_order(context_, order_workspace_, rows.mean.span(),
-                                   rows.time_mean.span()));
+    gather_all(model,
+               morton_order(context_, order_workspace_, rows.mean.span(), rows.time_mean.span()));
   }
 
  private:

@@ -55,11 +55,16 @@ using GaussiansSpan = GaussianArrays<Span>;
 /// Owns the arrays of N Gaussians. It can be moved; copy_of() makes a copy.
 struct Gaussians : GaussianArrays<Buffer> {
   explicit Gaussians(Memory& memory = host_memory())
-      : GaussianArrays<Buffer>{Buffer<Vec3f>(memory), Buffer<Vec3f>(memory),
-                               Buffer<Quatf>(memory), Buffer<float>(memory),
-                               Buffer<Vec3f>(memory), Buffer<ShRest>(memory),
-                               false,                 Buffer<Quatf>(memory),
-                               Buffer<float>(memory), Buffer<float>(memory)} {}
+      : GaussianArrays<Buffer>{Buffer<Vec3f>(memory),
+                               Buffer<Vec3f>(memory),
+                               Buffer<Quatf>(memory),
+                               Buffer<float>(memory),
+                               Buffer<Vec3f>(memory),
+                               Buffer<ShRest>(memory),
+                               false,
+                               Buffer<Quatf>(memory),
+                               Buffer<float>(memory),
+                               Buffer<float>(memory)} {}
   Gaussians(std::size_t count, Memory& memory, bool with_time = false) : Gaussians(memory) {
     has_time = with_time;
     resize(count);

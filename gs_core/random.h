@@ -18,7 +18,8 @@ enum class RandomStream : std::uint32_t {
   relocate,
   grow,
   position_noise,
-  initial_time
+  initial_time,
+  time_shift
 };
 
 struct RandomBits {

@@ -16,9 +16,9 @@ void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
   parallel_for(count, 512, [&](std::size_t i) {
     pass.tile_counts[i] = 0;
     const ProjectedGaussian<float> projected =
-        gaussians.has_time
-            ? project_gaussian(camera, spacetime_parameters_of(gaussians, i), camera.time, settings)
-            : project_gaussian(camera, parameters_of(gaussians, i), settings);
+        gaussians.has_time ? project_gaussian(camera, spacetime_parameters_of(gaussians, i),
+                                              time_of(camera, settings), settings)
+                           : project_gaussian(camera, parameters_of(gaussians, i), settings);
     if (!projected.is_visible) return;
     const Splat& splat = projected.splat;
     const Rect pixels = pixels_of(settings.bounds, splat.mean2d, projected.cov2d, splat.cutoff,

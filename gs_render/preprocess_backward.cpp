@@ -73,8 +73,8 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
     Vec3f* const dL_dsh_rest = gradients.sh_rest[i].coefficient;
     if (gaussians.has_time)
       write_row(gradients, i,
-                project_gaussian_vjp(camera, spacetime_parameters_of(gaussians, i), camera.time,
-                                     settings, dL_dsplat, dL_dsh_rest));
+                project_gaussian_vjp(camera, spacetime_parameters_of(gaussians, i),
+                                     time_of(camera, settings), settings, dL_dsplat, dL_dsh_rest));
     else
       write_row(gradients, i,
                 project_gaussian_vjp(camera, parameters_of(gaussians, i), settings, dL_dsplat,

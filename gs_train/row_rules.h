@@ -6,7 +6,7 @@
 #include "gs_core/gaussians.h"
 #include "gs_core/math/mcmc.h"
 #include "gs_core/math/spacetime_density.h"
-#include "gs_core/math/spacetime_splat.h"
+#include "gs_core/math/spacetime_regularizer.h"
 #include "gs_train/optimizer.h"
 
 namespace gs {
@@ -49,7 +49,8 @@ GS_HD HalfRow half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t nu
   HalfRow half;
   half.log_scale = split_log_scale(log_scale);
   if (!rows.has_time) {
-    half.mean = split_mean(rows.mean[i], log_scale, rows.rotation[i], {normal.x, normal.y, normal.z});
+    half.mean =
+        split_mean(rows.mean[i], log_scale, rows.rotation[i], {normal.x, normal.y, normal.z});
     return half;
   }
   const Vec4f moved = split_move(QuatPair<float>{rows.rotation[i], rows.right_rotation[i]},
@@ -63,7 +64,8 @@ GS_HD HalfRow half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t nu
 /// True if a refinement removes the half at once.
 GS_HD bool is_pruned(const HalfRow& half, const GaussiansSpan& rows, std::size_t parent,
                      const AdaptiveRules& rules) {
-  if (is_pruned(half.mean, half.log_scale, rows.rotation[parent], rows.logit_opacity[parent], rules))
+  if (is_pruned(half.mean, half.log_scale, rows.rotation[parent], rows.logit_opacity[parent],
+                rules))
     return true;
   return rows.has_time &&
          !has_moments(rows.right_rotation[parent], half.time_mean, half.log_time_scale);
@@ -78,6 +80,24 @@ GS_HD void write_half(const GaussiansSpan& rows, std::size_t i, const HalfRow& h
   rows.log_time_scale[i] = half.log_time_scale;
 }
 
+/// The row's parameters without color.
+GS_HD SpacetimeShape<float> spacetime_shape_of(const GaussiansSpan& rows, std::size_t i) {
+  return {rows.mean[i],          rows.log_scale[i], {rows.rotation[i], rows.right_rotation[i]},
+          rows.logit_opacity[i], rows.time_mean[i], rows.log_time_scale[i]};
+}
+
+/// gradients += those of spacetime_regularizer().
+GS_HD void add_spacetime_regularizer_gradients(const GaussiansSpan& rows, std::size_t i,
+                                               const Regularizers& of_each,
+                                               const GaussiansSpan& gradients) {
+  SpacetimeShape<float> dL = spacetime_shape_of(gradients, i);
+  add_spacetime_regularizer_vjp(spacetime_shape_of(rows, i), of_each, dL);
+  gradients.log_scale[i] = dL.log_scale;
+  gradients.rotation[i] = dL.rotations.left;
+  gradients.right_rotation[i] = dL.rotations.right;
+  gradients.log_time_scale[i] = dL.log_time_scale;
+}
+
 /// The noise on the row's mean after a step; see position_noise() in mcmc.h. A Gaussian in space and
 /// time moves along its extent in space.
 GS_HD Vec3f position_noise(const GaussiansSpan& rows, std::size_t i, const PositionNoise& noise,
@@ -88,8 +108,8 @@ GS_HD Vec3f position_noise(const GaussiansSpan& rows, std::size_t i, const Posit
     return position_noise(rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], normal, rate);
   const QuatPair<float> rotations{rows.rotation[i], rows.right_rotation[i]};
   if (is_degenerate(rotations.left) || is_degenerate(rotations.right)) return Vec3f(0.0f);
-  const SpacetimeCovariance<float> S = covariance(
-      rotation_matrix(rotations), variance(rows.log_scale[i], rows.log_time_scale[i]));
+  const SpacetimeCovariance<float> S =
+      covariance(rotation_matrix(rotations), variance(rows.log_scale[i], rows.log_time_scale[i]));
   return position_noise(S.space, rows.logit_opacity[i], normal, rate);
 }
 

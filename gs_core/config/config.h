@@ -115,6 +115,8 @@ struct DensityConfig {
   float noise_scale = 5e5f;           // times the learning rate of the means
   float opacity_regularizer = 0.01f;  // weight of the mean opacity in the loss
   float scale_regularizer = 0.01f;    // weight of the mean scale in the loss
+  float time_scale_regularizer = 0;   // weight of the mean of 1 / scale in time
+  float velocity_regularizer = 0;     // weight of the mean squared velocity
 };
 
 struct TrainConfig {
@@ -128,6 +130,7 @@ struct TrainConfig {
   bool deterministic = false;   // the same seed gives the same bytes on a GPU, too
   std::string device = "auto";  // cpu, cuda, cuda:N, auto
   float photo_gib = 4;          // GPU memory for photos; others are copied when they are needed
+  float time_noise = 0;         // on the times of photos, in mean intervals between them
   int extra_steps = 0;          // after the schedule's last step, at its final rates
   int checkpoint_every = 0;     // steps; 0: about a minute; -1: only when the run is stopped
   int log_every = 100;

@@ -130,6 +130,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.noise_scale",          density.noise_scale,          "",            at_least(0),             retrain, "strength of mcmc's noise on the means, as a multiple of their learning rate", kMcmc);
   field("density.opacity_regularizer",  density.opacity_regularizer,  "",            at_least(0),             retrain, "weight of the mean opacity in mcmc's loss", kMcmc);
   field("density.scale_regularizer",    density.scale_regularizer,    "1/world units", at_least(0),             retrain, "weight of the mean scale in mcmc's loss", kMcmc);
+  field("density.time_scale_regularizer", density.time_scale_regularizer, "duration",  at_least(0),             retrain, "if model.dynamic, weight in the loss of the mean of 1 / scale in time, so that Gaussians live long");
+  field("density.velocity_regularizer", density.velocity_regularizer, "(duration/world units)^2", at_least(0),  retrain, "if model.dynamic, weight in the loss of the mean squared velocity");
 
   auto& train = config.train;
   field("train.iterations",             train.iterations,             "steps",       steps_from(1),           proceed, "length of the training, one photo each step; the schedule scales with it", kKerbl);
@@ -142,6 +144,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("train.threads",                train.threads,                "",            between(0, 4096),        nothing, "CPU threads; 0: all cores; the result does not depend on it");
   field("train.device",                 train.device,                 "",            one_of(kDeviceWords),    proceed, "where to train; cuda:N is the GPU with that number");
   field("train.photo_gib",              train.photo_gib,              "GiB",         at_least(0),             nothing, "GPU memory for photos; photos that do not fit are copied one step ahead");
+  field("train.time_noise",             train.time_noise,             "intervals",   at_least(0),             retrain, "if model.dynamic, standard deviation of noise on the times of photos, in mean intervals between them; it falls to 0 at half of the steps", "Yang et al. 2024b");
   field("train.extra_steps",            train.extra_steps,            "steps",       steps_from(0),           proceed, "added after the schedule's last step, at its final learning rates; not scaled; --iterations +N sets it for a finished run");
   field("train.checkpoint_every",       train.checkpoint_every,       "steps",       steps_from(-1),          nothing, "interval between checkpoints; 0: one minute, or longer if that would cost over 1 % of the time; -1: only when the run is stopped");
   field("train.log_every",              train.log_every,              "steps",       steps_from(1),           nothing, "interval between rows of metrics.csv");

@@ -14,16 +14,20 @@
 
 namespace gs {
 
-/// Weights of the mean opacity and of the mean scale in the loss; 0: none.
+/// Weights of means over all Gaussians in the loss; 0: none. Those of Gaussians in space and time are
+/// in spacetime_regularizer.h.
 struct Regularizers {
   float opacity = 0;
-  float scale = 0;  // 1 / world units
+  float scale = 0;       // 1 / world units
+  float time_scale = 0;  // of 1 / the scale in time; durations
+  float velocity = 0;    // of its square; (durations / world units)^2
 
-  bool any() const { return opacity != 0 || scale != 0; }
+  bool any() const { return opacity != 0 || scale != 0 || time_scale != 0 || velocity != 0; }
   /// The weight of each single number if there are this many Gaussians.
   Regularizers of_each(std::size_t gaussians) const {
     const double count = gaussians > 0 ? double(gaussians) : 1.0;
-    return {float(opacity / count), float(scale / (3 * count))};
+    return {float(opacity / count), float(scale / (3 * count)), float(time_scale / count),
+            float(velocity / count)};
   }
 };
 

@@ -38,7 +38,8 @@ GS_HD std::uint64_t morton_code(const Vec3f& point, const Vec3f& low, float size
 /// and so is a NaN.   Faster-GS, 4D
 GS_HD std::uint64_t time_binned(std::uint64_t code, float time) {
   const float t = time > 0.0f ? min_of(time, 1.0f) : 0.0f;
-  const auto bin = std::uint64_t(min_of(int(t * float(1 << kTimeBinBits)), (1 << kTimeBinBits) - 1));
+  const auto bin =
+      std::uint64_t(min_of(int(t * float(1 << kTimeBinBits)), (1 << kTimeBinBits) - 1));
   return bin << (3 * kMortonBits - kTimeBinBits) | code >> kTimeBinBits;
 }
 

@@ -49,6 +49,12 @@ GS_HD Vec3<T> mean_at(const SpacetimeShape<T>& shape, const T& time) {
   return shape.mean + velocity(covariance(shape)) * (time - shape.time_mean);
 }
 
+/// The moment that a view shows.
+template <class T>
+GS_HD T time_of(const PinholeCamera<T>& camera, const SplatSettings& settings) {
+  return camera.time + T(settings.time_shift);
+}
+
 /// A Gaussian of space and time in a view, and its mean at the moment.
 template <class T>
 struct ProjectedMoment {
@@ -83,9 +89,8 @@ GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
   ProjectedMoment<T> moment = project_shape(camera, shape_of(gaussian), time, settings);
   ProjectedGaussian<T>& result = moment.projected;
   if (!result.is_visible) return result;
-  result.splat.color =
-      sh_color(settings.sh_degree, unit_direction(camera.position(), moment.mean),
-               gaussian.space.sh0, gaussian.space.sh_rest);
+  result.splat.color = sh_color(settings.sh_degree, unit_direction(camera.position(), moment.mean),
+                                gaussian.space.sh0, gaussian.space.sh_rest);
   result.is_visible = is_finite(result.splat.color);
   return result;
 }
@@ -106,8 +111,8 @@ GS_HD SpacetimeShape<T> project_shape_vjp(const PinholeCamera<T>& camera,
   const Moment<T> moment = condition(S, elapsed);
   const T opacity = sigmoid(shape.logit_opacity);
   const EllipsoidGradient<T> dL =
-      project_ellipsoid_vjp(camera, to_camera(camera, shape.mean + moment.shift),
-                            moment.covariance, opacity * moment.marginal, settings, dL_dsplat);
+      project_ellipsoid_vjp(camera, to_camera(camera, shape.mean + moment.shift), moment.covariance,
+                            opacity * moment.marginal, settings, dL_dsplat);
 
   SpacetimeShape<T> gradient;
   gradient.mean = dL.mean + dL_dmean;

@@ -16,10 +16,11 @@ class AdaptiveControl final : public DensityControl {
                                     config.density.prune_opacity,
                                     std::numeric_limits<float>::infinity(), 0},
         prune_scale_(config.density.prune_scale * scene_extent),
-        random_{config.train.seed, RandomStream::split_gaussians} {}
+        random_{config.train.seed, RandomStream::split_gaussians},
+        regularizers_(config.model.dynamic ? time_regularizers(config.density) : Regularizers{}) {}
 
   DensityStep of_step(int step) const override {
-    return {.gather_statistics = schedule_.gather_statistics(step)};
+    return {.gather_statistics = schedule_.gather_statistics(step), .regularizers = regularizers_};
   }
 
   RefineReport after_step(TrainingModel& model, Backend& backend, int step) override {
@@ -39,6 +40,7 @@ class AdaptiveControl final : public DensityControl {
   const AdaptiveRules rules_;
   const float prune_scale_;  // world units
   const Random random_;
+  const Regularizers regularizers_;
 };
 
 }  // namespace

@@ -12,8 +12,8 @@ ContributionMeter::ContributionMeter(Renderer& renderer, const GaussiansSpan& ga
       sh0_(gaussians.mean.size, renderer.memory()),
       host_gradient_(gaussians.mean.size, host_memory()), dL_dimage_(renderer.memory()),
       dL_dmean2d_(gaussians.mean.size, renderer.memory()),
-      gradients_(gaussians.mean.size, renderer.memory(), gaussians.has_time), pass_(renderer.memory()),
-      shares_(gaussians.mean.size) {
+      gradients_(gaussians.mean.size, renderer.memory(), gaussians.has_time),
+      pass_(renderer.memory()), shares_(gaussians.mean.size) {
   sh0_.fill_zero();  // gray, so that no channel is clamped
   gaussians_.sh0 = sh0_.span();
   settings_.sh_degree = 0;

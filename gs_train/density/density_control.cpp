@@ -19,6 +19,13 @@ constexpr Strategy kStrategies[] = {
 
 std::vector<std::string> density_strategies() { return names_of(kStrategies); }
 
+Regularizers time_regularizers(const DensityConfig& density) {
+  Regularizers weights;
+  weights.time_scale = density.time_scale_regularizer;
+  weights.velocity = density.velocity_regularizer;
+  return weights;
+}
+
 std::unique_ptr<DensityControl> make_density_control(const Config& config, const Schedule& schedule,
                                                      float scene_extent) {
   return row_named(kStrategies, config.density.strategy, "density.strategy")

@@ -47,6 +47,9 @@ class DensityControl {
 std::unique_ptr<DensityControl> make_density_control(const Config& config, const Schedule& schedule,
                                                      float scene_extent);
 
+/// The weights for Gaussians in space and time, which hold for every strategy.
+Regularizers time_regularizers(const DensityConfig& density);
+
 /// The names of all strategies.
 std::vector<std::string> density_strategies();
 

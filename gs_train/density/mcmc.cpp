@@ -15,7 +15,7 @@ class McmcControl final : public DensityControl {
  public:
   McmcControl(const Config& config, const Schedule& schedule)
       : DensityControl(config.density.max_gaussians), schedule_(schedule), density_(config.density),
-        seed_(config.train.seed) {
+        seed_(config.train.seed), is_dynamic_(config.model.dynamic) {
     if (density_.max_gaussians <= 0)
       throw UsageError(
           "density.strategy = \"mcmc\" needs a cap on the number of Gaussians; give it with "
@@ -23,7 +23,10 @@ class McmcControl final : public DensityControl {
   }
 
   DensityStep of_step(int step) const override {
-    return {.regularizers = {density_.opacity_regularizer, density_.scale_regularizer},
+    Regularizers weights = is_dynamic_ ? time_regularizers(density_) : Regularizers{};
+    weights.opacity = density_.opacity_regularizer;
+    weights.scale = density_.scale_regularizer;
+    return {.regularizers = weights,
             .noise = {density_.noise_scale, {seed_, RandomStream::position_noise}, step}};
   }
 
@@ -41,6 +44,7 @@ class McmcControl final : public DensityControl {
   const Schedule schedule_;
   const DensityConfig density_;
   const std::uint64_t seed_;
+  const bool is_dynamic_;
 };
 
 }  // namespace

@@ -45,6 +45,17 @@ Vec3f random_background(const Config& config, int step) {
   return {u.x, u.y, u.z};
 }
 
+// Early in training each photo stands for a little more than its own moment, so that Gaussians learn
+// what moments have in common.   Yang et al. 2024, "Deformable 3D Gaussians", annealed smoothing
+float time_shift(const TrainingRun& run, int step) {
+  const float strength = run.config.train.time_noise;
+  const float left = 1 - 2 * float(step) / float(run.schedule.steps());
+  if (strength == 0 || left <= 0 || run.scene.time_count < 2) return 0;
+  const Random random{run.config.train.seed, RandomStream::time_shift};
+  const float interval = 1 / float(run.scene.time_count - 1);
+  return strength * interval * left * random.normal4(std::uint64_t(step), 0).x;
+}
+
 std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians) {
   std::vector<std::uint32_t> rows;
   for (std::uint32_t i = 0; i < gaussians.count(); ++i)
@@ -119,6 +130,7 @@ void Trainer::take_step(int step) {
   const View& view = view_of(views_, step);
   if (run_.config.render.background == Background::random)
     run_.settings.background = random_background(run_.config, step);
+  if (run_.model.gaussians.has_time) run_.settings.time_shift = time_shift(run_, step);
   run_.backend.prefetch_next(view_of(views_, step + 1));
   run_.backend.step(run_.model, view, run_.settings, loss_settings(run_.config),
                     run_.schedule.learning_rates(step), run_.density->of_step(step));

@@ -15,6 +15,7 @@ void add_regularizer_gradients(const GaussiansSpan& gaussians, const Regularizer
         regularizer_vjp(gaussians.log_scale[i], gaussians.logit_opacity[i], of_each);
     gradients.log_scale[i] += gradient.log_scale;
     gradients.logit_opacity[i] += gradient.logit_opacity;
+    if (gaussians.has_time) add_spacetime_regularizer_gradients(gaussians, i, of_each, gradients);
   });
 }
 

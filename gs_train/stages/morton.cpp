@@ -23,11 +23,10 @@ Buffer<std::uint32_t> morton_order(Span<const Vec3f> means, Span<const float> ti
       std::max({high.x - low.x, high.y - low.y, high.z - low.z, std::numeric_limits<float>::min()});
 
   std::vector<std::uint64_t> codes(means.size);
-  parallel_for(means.size, 4096,
-               [&](std::size_t i) {
-                 codes[i] = morton_code(means[i], low, size);
-                 if (!time_means.empty()) codes[i] = time_binned(codes[i], time_means[i]);
-               });
+  parallel_for(means.size, 4096, [&](std::size_t i) {
+    codes[i] = morton_code(means[i], low, size);
+    if (!time_means.empty()) codes[i] = time_binned(codes[i], time_means[i]);
+  });
   Buffer<std::uint32_t> order(means.size, host_memory()), scratch;
   std::iota(order.begin(), order.end(), 0u);
   radix_sort_by_key(order.span(), scratch, [&](std::uint32_t i) { return codes[i]; });

@@ -23,9 +23,8 @@ void clear_moments(TrainingModel& model, std::size_t i) {
 std::vector<std::uint64_t> weight_sums(const TrainingModel& model, float dead_opacity) {
   const GaussiansSpan rows = model.gaussians.span();
   std::vector<std::uint64_t> sums(model.count());
-  parallel_for(sums.size(), 4096, [&](std::size_t i) {
-    sums[i] = draw_weight(rows, i, dead_opacity);
-  });
+  parallel_for(sums.size(), 4096,
+               [&](std::size_t i) { sums[i] = draw_weight(rows, i, dead_opacity); });
   for (std::size_t i = 1; i < sums.size(); ++i) sums[i] += sums[i - 1];
   return sums;
 }

@@ -73,8 +73,8 @@ void limit_growth(std::vector<RowAction>& action, const TrainingModel& model,
            statistics.gradient_norm[b] * std::max(statistics.visits[a], 1.0f);
   });
   for (std::size_t k = std::size_t(allowed); k < growing.size(); ++k)
-    action[growing[k]] = is_pruned(model.gaussians.span(), growing[k], rules) ? RowAction::prune
-                                                                              : RowAction::keep;
+    action[growing[k]] =
+        is_pruned(model.gaussians.span(), growing[k], rules) ? RowAction::prune : RowAction::keep;
 }
 
 class ScalarRowOps final : public RowOps {
@@ -120,9 +120,8 @@ class ScalarRowOps final : public RowOps {
   }
 
   std::size_t prune(TrainingModel& model, float opacity) override {
-    return prune_rows(model, [&](std::size_t i) {
-      return is_invisible(model.gaussians.span(), i, opacity);
-    });
+    return prune_rows(
+        model, [&](std::size_t i) { return is_invisible(model.gaussians.span(), i, opacity); });
   }
 
   std::size_t count_not_finite(const TrainingModel& model) override {

@@ -74,6 +74,8 @@ Config everything_changed() {
   config.dataset.photo_ram_gib = 6.5f;
   config.model.sh_degree = 1;
   config.model.random_box = 2;
+  config.density.time_scale_regularizer = config.density.velocity_regularizer = 0.5f;
+  config.train.time_noise = 0.1f;
   config.density.strategy = "mcmc";
   config.train.device = "cuda:12";
   config.reconstruct.camera_model = "OPENCV";

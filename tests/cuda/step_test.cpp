@@ -96,8 +96,8 @@ TEST_F(CudaStep, FusedStepInSpaceAndTimeIsTheScalarOne) {
     RenderSettings settings;
     settings.sh_degree = degree;
     settings.background = {0.3f, 0.6f, 0.9f};
-    TrainingModel expected = model_of(in_spacetime(
-        random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)), 8));
+    TrainingModel expected = model_of(
+        in_spacetime(random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)), 8));
     TrainingModel actual = on_gpu(expected);
     for (const View& view : views) {
       cpu().step(expected, view, settings, {0.2f}, rates, {true});

@@ -109,10 +109,14 @@ struct Kind {
   const char* name;
   int begin, end;
 };
-constexpr Kind kKinds[] = {{"mean", 0, 3},      {"log_scale", 3, 6},
-                           {"rotation", 6, 10}, {"logit_opacity", 10, 11},
-                           {"sh0", 11, 14},     {"sh_rest", 14, 59},
-                           {"right_rotation", 59, 63}, {"time_mean", 63, 64},
+constexpr Kind kKinds[] = {{"mean", 0, 3},
+                           {"log_scale", 3, 6},
+                           {"rotation", 6, 10},
+                           {"logit_opacity", 10, 11},
+                           {"sh0", 11, 14},
+                           {"sh_rest", 14, 59},
+                           {"right_rotation", 59, 63},
+                           {"time_mean", 63, 64},
                            {"log_time_scale", 64, 65}};
 
 /// Relative to the largest component of its kind. Floats round at 6e-8, and the terms of a gradient

@@ -30,9 +30,9 @@ std::vector<std::uint32_t> finite_rows(const Gaussians& gaussians, int sh_degree
   rows.reserve(gaussians.count());
   for (std::size_t i = 0; i < gaussians.count(); ++i) {
     const bool is_timeless = !gaussians.has_time;
-    if ((is_timeless || (all_finite(gaussians.right_rotation[i], 4) &&
-                         is_finite(gaussians.time_mean[i]) &&
-                         is_finite(gaussians.log_time_scale[i]))) &&
+    if ((is_timeless ||
+         (all_finite(gaussians.right_rotation[i], 4) && is_finite(gaussians.time_mean[i]) &&
+          is_finite(gaussians.log_time_scale[i]))) &&
         all_finite(gaussians.mean[i], 3) && all_finite(gaussians.log_scale[i], 3) &&
         all_finite(gaussians.rotation[i], 4) && is_finite(gaussians.logit_opacity[i]) &&
         all_finite(gaussians.sh0[i], 3) && all_finite(gaussians.sh_rest[i], rest_floats)) {
