@@ -24,6 +24,7 @@ struct ExportCommand : CommandLine {
   std::string model;
   std::vector<std::string> outputs;
   std::optional<int> step;
+  std::optional<double> time;
   ExportOptions options;
   std::vector<double> up;  // empty: no turn
   double scale = 1;
@@ -73,6 +74,7 @@ std::vector<ExportRequest> requests_of(const ExportCommand& command, const Gauss
   std::set<std::filesystem::path> names;
   for (const ExportRequest& request : requests) {
     check_export(request, command.force);
+    check_holds_time(request, model);
     if (!names.insert(std::filesystem::absolute(request.file).lexically_normal()).second)
       throw UsageError(request.file.string() + " is named twice");
   }
@@ -135,7 +137,8 @@ void export_all(const ExportCommand& command, const std::vector<ExportRequest>& 
 
 void run_export(const ExportCommand& command) {
   setup_log(command.verbosity());
-  const OpenedModel opened = open_model(command.model, command.step);
+  OpenedModel opened = open_model(command.model, command.step);
+  if (command.time) take_moment(opened, *command.time);
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
   const std::vector<ExportRequest> requests =
@@ -166,6 +169,8 @@ void add_export(CLI::App& program) {
   verb.add_option("--iteration", command->step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
+  add_time_option(verb, command->time,
+                  "write this moment of Gaussians in space and time, 0 to 1, as 3D Gaussians");
   verb.add_flag("--table", command->table,
                 "write every format into the folder FILE, with a table of their sizes and losses");
   verb.add_flag("--force", command->force, "if a file exists, move it to FILE.bak-N first");

@@ -134,6 +134,10 @@ void add_http_place(CLI::App& verb, HttpPlace& place, const std::string& prefix,
       ->group(group);
 }
 
+void add_time_option(CLI::App& verb, std::optional<double>& time, const std::string& help) {
+  verb.add_option("--time", time, help)->type_name("T")->check(CLI::Range(0.0, 1.0));
+}
+
 void add_camera_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
   add_setting(verb, line, scene_names, "dataset.source", "Scene");
   add_setting(verb, line, "--images", "dataset.images", "Scene");

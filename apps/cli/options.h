@@ -37,6 +37,9 @@ void add_setting(CLI::App& verb, CommandLine& line, const std::string& names,
 /// -c, --set, -q, -v, --threads, --device: what every verb that computes takes.
 void add_general_options(CLI::App& verb, CommandLine& line);
 
+/// --time: a moment of Gaussians in space and time.
+void add_time_option(CLI::App& verb, std::optional<double>& time, const std::string& help);
+
 /// The scene (`scene_names`: its flag's names), --images, -r, --test-every: all that poses and sizes of its cameras
 /// depend on.
 void add_camera_options(CLI::App& verb, CommandLine& line, const std::string& scene_names);

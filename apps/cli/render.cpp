@@ -70,6 +70,18 @@ void fit_cameras(const RenderCommand& command, std::vector<NamedCamera>& cameras
   for (auto& [name, camera] : cameras) camera.width = even.width, camera.height = even.height;
 }
 
+// A path plays the scene from its begin to its end, if nothing else is said.
+void set_times(const RenderCommand& command, bool has_time, std::vector<NamedCamera>& cameras) {
+  std::vector<float> times = command.times;
+  if (!has_time && !times.empty())
+    throw UsageError("the model holds 3D Gaussians, which have no time; leave --time out");
+  if (has_time && times.empty() && command.is_path()) times = {0, 1};
+  if (times.empty()) return;
+  const float steps = float(std::max<std::size_t>(cameras.size(), 2) - 1);
+  for (std::size_t i = 0; i < cameras.size(); ++i)
+    cameras[i].camera.time = times[0] + (times.back() - times[0]) * (float(i) / steps);
+}
+
 std::vector<Camera> without_names(const std::vector<NamedCamera>& cameras) {
   std::vector<Camera> result;
   for (const NamedCamera& named : cameras) result.push_back(named.camera);
@@ -193,6 +205,7 @@ void render(const RenderCommand& command) {
     path = std::move(film.description);
   }
   fit_cameras(command, cameras);
+  set_times(command, opened.model.gaussians.has_time, cameras);
   const DepthRange range = depth_range(command, pictures, cameras);
   RenderOutput output(command.output, names_of(cameras), range);
   if (is_described(command))

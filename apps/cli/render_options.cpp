@@ -178,6 +178,13 @@ void add_picture_options(CLI::App& verb, RenderFlags& flags) {
       ->type_name("F")
       ->check(CLI::Range(0.1, 240.0))
       ->group("Pictures");
+  verb.add_option("--time", command.times,
+                  "moment of Gaussians in space and time, 0 to 1, or those of the first and the "
+                  "last picture [those of the cameras; 0 1 for a --path]")
+      ->type_name("T [T]")
+      ->expected(1, 2)
+      ->check(CLI::Range(0.0, 1.0))
+      ->group("Pictures");
   verb.add_option("--depth-range", command.depth_range,
                   "range of depths that pictures show in color, in world units [that of 98 % of "
                   "the pixels]")

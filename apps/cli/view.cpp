@@ -20,10 +20,13 @@ namespace {
 struct ViewCommand : CommandLine {
   std::string model, cameras;
   std::optional<int> step;
+  std::optional<double> time;
   HttpPlace place;
   std::optional<bool> open;
   bool remote = false;
 };
+
+constexpr double kMiddleOfScene = 0.5;
 
 bool has_desktop() {
   const auto is_set = [](const char* name) {
@@ -59,7 +62,12 @@ void view(const ViewCommand& command) {
   setup_log(command.verbosity());
   check_can_view();
   SignalWait signal;
-  const OpenedModel opened = open_model(command.model, command.step);
+  OpenedModel opened = open_model(command.model, command.step);
+  if (command.time || opened.model.gaussians.has_time) {
+    const double time = command.time.value_or(kMiddleOfScene);
+    take_moment(opened, time);
+    log_info("the page shows the moment {:g} of the scene (--time)", time);
+  }
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
   const std::unique_ptr<FileView> source = view_of(command, opened, config);
@@ -82,6 +90,8 @@ void add_view(CLI::App& program) {
                   "a PLY, .spz, .sog, .splat or .csv of any trainer, or a run's folder")
       ->type_name("MODEL|RUN")
       ->required();
+  add_time_option(verb, command->time,
+                  "moment of Gaussians in space and time that the page shows, 0 to 1 [0.5]");
   verb.add_option("--iteration", command->step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");

@@ -6,8 +6,11 @@
 #include <cmath>
 #include <numbers>
 
+#include "gs_core/error.h"
+#include "gs_core/math/quaternion.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/math/sh.h"
+#include "gs_core/math/spacetime.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -55,11 +58,8 @@ ShRest turned(const ShRest& rest, const ShTurn& D, int sh_degree) {
   return result;
 }
 
-Quat<double> product(const Quat<double>& a, const Quat<double>& b) {
-  return {
-      a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
-      a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
-}
+Quat<double> in_double(const Quatf& q) { return {q.w, q.x, q.y, q.z}; }
+Quatf in_float(const Quat<double>& q) { return {float(q.w), float(q.x), float(q.y), float(q.z)}; }
 
 }  // namespace
 
@@ -94,15 +94,23 @@ void transform_model(GaussianModel& model, const ModelTransform& transform) {
   const Mat3<double> R = rotation_matrix(transform.turn);
   const bool turns = transform.turn.w != 1;
   const ShTurn D = sh_turn(R);
+  if (g.has_time && transform.scale != 1)
+    throw UsageError(
+        "Gaussians in space and time cannot be scaled, because their axes mix both; export one "
+        "moment with --time, or leave --scale out");
   const auto log_scale = float(std::log(transform.scale));
   parallel_for(g.count(), 4096, [&](std::size_t i) {
     const Vec3d from_center = Vec3d(g.mean[i]) - transform.center;
     g.mean[i] = Vec3f(transform.scale * (turns ? multiply(R, from_center) : from_center));
     g.log_scale[i] += Vec3f(log_scale);
     if (!turns) return;
-    const Quatf& q = g.rotation[i];
-    const Quat<double> p = product(transform.turn, {q.w, q.x, q.y, q.z});
-    g.rotation[i] = {float(p.w), float(p.x), float(p.y), float(p.z)};
+    if (g.has_time) {
+      const QuatPair<double> turn = turn_of_space(transform.turn);
+      g.rotation[i] = in_float(product(turn.left, in_double(g.rotation[i])));
+      g.right_rotation[i] = in_float(product(in_double(g.right_rotation[i]), turn.right));
+    } else {
+      g.rotation[i] = in_float(product(transform.turn, in_double(g.rotation[i])));
+    }
     g.sh_rest[i] = turned(g.sh_rest[i], D, model.sh_degree);
   });
   model.world_offset =

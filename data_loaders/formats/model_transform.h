@@ -25,7 +25,8 @@ Quat<double> turn_upright(const Vec3d& up);
 Vec3d median_mean(const GaussianModel& model);
 
 /// Applies the transform to every Gaussian. After a mere shift, mean + world_offset is what it was
-/// before; after a turn or a scaling the world offset is 0.
+/// before; after a turn or a scaling the world offset is 0. Throws UsageError where Gaussians in
+/// space and time would be scaled.
 void transform_model(GaussianModel& model, const ModelTransform& transform);
 
 /// Sets the SH degree to `degree` if that is lower, and the coefficients beyond it to 0.

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "gs_core/geometry/vectors.h"
+#include "gs_core/math/quaternion.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/types.h"
 
@@ -18,11 +19,6 @@ struct Motion {
   Vec3d translation{0.0, 0.0, 0.0};
 };
 
-inline Quat<double> product(const Quat<double>& a, const Quat<double>& b) {
-  return {
-      a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
-      a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
-}
 inline Quat<double> conjugate(const Quat<double>& q) { return {q.w, -q.x, -q.y, -q.z}; }
 inline Quat<double> unit(const Quat<double>& q) {
   const double n = 1 / std::sqrt(squared_norm(q));

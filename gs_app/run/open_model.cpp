@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/run/open_model.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/formats/foreign_files.h"
 #include "data_loaders/formats/formats.h"
+#include "data_loaders/formats/model_moment.h"
 #include "data_loaders/refine/exposure_file.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
@@ -49,6 +52,14 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
   // as it was trained
   if (!opened.model.is_ours) opened.config.render.blend_rule = BlendRule::classic;
   return opened;
+}
+
+void take_moment(OpenedModel& opened, double time) {
+  if (!opened.model.gaussians.has_time)
+    throw UsageError(fmt::format("{} holds 3D Gaussians, which have no time; leave --time out",
+                                 opened.ply.string()));
+  opened.model = moment_of(opened.model, time);
+  opened.is_moment = true;
 }
 
 Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene) {

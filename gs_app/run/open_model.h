@@ -18,6 +18,7 @@ struct OpenedModel {
   std::filesystem::path ply;     // or a file of another format
   std::optional<RunFolder> run;  // where a folder was named
   GaussianModel model;
+  bool is_moment = false;  // `model` is one moment of the file's
   // the run's, but its [train], or the defaults; SH degree, antialiasing and, where another trainer
   // wrote it, the classic blending rule of the PLY
   Config config;
@@ -26,6 +27,10 @@ struct OpenedModel {
 /// Opens a file of any format that can be read (formats.h). In a run's folder this is the newest
 /// PLY, or the PLY after `step`. Throws Error if there is none.
 OpenedModel open_model(const std::filesystem::path& path, std::optional<int> step);
+
+/// Puts the model's moment `time`, 0 to 1, in its place, as 3D Gaussians (model_moment.h). Throws
+/// UsageError where the model has no time.
+void take_moment(OpenedModel& opened, double time);
 
 /// The scene at dataset.source in the model's frame. A run's own scene gets the exposures that the
 /// run was trained with, if there are any.

@@ -9,6 +9,7 @@
 #include <new>
 
 #include "data_loaders/formats/formats.h"
+#include "data_loaders/formats/model_moment.h"
 #include "gs_app/view/served_model.h"
 #include "gs_core/error.h"
 #include "gs_core/io/scratch_folder.h"
@@ -59,7 +60,9 @@ ViewScene live_scene(std::string title, const Scene& scene, const Config& config
 // nor ends for the sake of the viewer.
 std::optional<GaussianModel> copy_if_it_fits(Trainer& trainer) {
   try {
-    return copied_model(trainer);
+    GaussianModel model = copied_model(trainer);
+    constexpr double kMiddleOfScene = 0.5;  // the page knows no time
+    return model.gaussians.has_time ? moment_of(model, kMiddleOfScene) : std::move(model);
   } catch (const std::bad_alloc&) {
     return {};
   } catch (const Error& error) {

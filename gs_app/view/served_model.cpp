@@ -59,12 +59,13 @@ ServedModel serve_model(const OpenedModel& opened) {
   model.gaussians = opened.model.gaussians.count();
   model.sh_degree = opened.model.sh_degree;
   model.antialiased = opened.model.antialiased;
-  if (is_served_as_it_is(opened.ply)) return model;
+  if (!opened.is_moment && is_served_as_it_is(opened.ply)) return model;
   model.scratch = std::make_shared<ScratchFolder>();
   model.file = model.scratch->path() / "model.ply";
   model.format = &format_named("ply");
   model.gaussians -= write_gaussian_ply(model.file, opened.model);
-  log_info("the viewer's page cannot read {}: making a PLY from it", opened.ply.string());
+  if (!opened.is_moment)
+    log_info("the viewer's page cannot read {}: making a PLY from it", opened.ply.string());
   return model;
 }
 

@@ -1,10 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// From rotation matrices to quaternions; math/rotation.h has the opposite direction.
+// From rotation matrices to quaternions (math/rotation.h has the opposite direction), and their
+// product.
 #pragma once
 
 #include "gs_core/types.h"
 
 namespace gs {
+
+/// The rotation b followed by a.
+template <class T>
+GS_HD Quat<T> product(const Quat<T>& a, const Quat<T>& b) {
+  return {
+      a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+      a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
+}
 
 /// The quaternion of length 1 of a rotation matrix, computed from the products of its components by
 /// way of the largest one.   Shepperd 1978

@@ -99,6 +99,14 @@ GS_HD QuatPair<T> rotation_matrix_vjp(const QuatPair<T>& q, const Mat4<T>& dR) {
   return {normalized_vjp(q.left, by_left), normalized_vjp(q.right, by_right)};
 }
 
+/// The pair that turns space as the quaternion q does, and leaves time alone. The fourth component of
+/// p = (x, y, z, t) belongs to k. So p k = (-t, z, -y, x) is a vector (z, -y, x) of space, which q
+/// turns, beside -t:  p' k = q' p k q'*  with q' = (q_w, q_z, -q_y, q_x).
+template <class T>
+GS_HD QuatPair<T> turn_of_space(const Quat<T>& q) {
+  return {{q.w, q.z, -q.y, q.x}, {q.w, q.z, -q.y, -q.x}};
+}
+
 /// Symmetric 4x4 matrix in the parts that a moment needs. A gradient held in it is the matrix G with
 /// dL = sum_ij G_ij dS_ij, as in Sym3: `mixed` holds half of the derivative by the stored entry.
 template <class T>

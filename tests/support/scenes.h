@@ -13,6 +13,7 @@
 #include "gs_core/image.h"
 #include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/math/spacetime.h"
 #include "gs_core/random.h"
 
 namespace gs {
@@ -162,11 +163,12 @@ inline Gaussians in_spacetime(const Gaussians& still, std::uint64_t seed) {
   moving.has_time = true;
   moving.resize(still.count());
   for (std::size_t i = 0; i < moving.count(); ++i) {
-    const Quatf q = still.rotation[i], tilt = draws.quaternion();
-    // A pair of q and its conjugate turns space alone; a little more tilts it into time.
-    const float n = 1 / std::sqrt(squared_norm(q)), some = 0.1f;
-    moving.right_rotation[i] = {n * q.w + some * tilt.w, some * tilt.x - n * q.x,
-                                some * tilt.y - n * q.y, some * tilt.z - n * q.z};
+    const QuatPair<float> still_pair = turn_of_space(still.rotation[i]);
+    const Quatf right = still_pair.right, tilt = draws.quaternion();
+    const float some = 0.1f * std::sqrt(squared_norm(right));  // tilts it into time a little
+    moving.rotation[i] = still_pair.left;
+    moving.right_rotation[i] = {right.w + some * tilt.w, right.x + some * tilt.x,
+                                right.y + some * tilt.y, right.z + some * tilt.z};
     moving.time_mean[i] = draws.uniform(0.2f, 0.8f);
     moving.log_time_scale[i] = draws.uniform(-2, 0);
   }

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// One moment of Gaussians in space and time, as 3D Gaussians that every viewer knows.
+#pragma once
+
+#include "gs_core/gaussians.h"
+
+namespace gs {
+
+/// The model at a time, 0 to 1: each Gaussian that is visible then, moved to where it is, with its
+/// covariance and opacity of that moment (math/spacetime.h). It looks the same from everywhere up to
+/// rounding, since the covariance is stored as a rotation and scales again. A model without time is
+/// copied.
+GaussianModel moment_of(const GaussianModel& model, double time);
+
+}  // namespace gs

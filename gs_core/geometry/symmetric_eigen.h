@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// The axes of an ellipsoid: eigenvalues and eigenvectors of a symmetric 3x3 matrix.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "gs_core/types.h"
+
+namespace gs {
+
+/// S = R diag(value) R^T with a rotation R; the eigenvectors are its columns. In no order.
+struct SymmetricEigen {
+  Vec3d value;
+  Mat3<double> R;
+};
+
+/// By Jacobi's method: each rotation makes the largest entry off the diagonal zero. S is finite.
+inline SymmetricEigen symmetric_eigen(const Sym3<double>& S) {
+  double A[3][3] = {{S.xx, S.xy, S.xz}, {S.xy, S.yy, S.yz}, {S.xz, S.yz, S.zz}};
+  double V[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  constexpr int kMostTurns = 50;  // each at least halves what is off the diagonal
+  for (int turn = 0; turn < kMostTurns; ++turn) {
+    int p = 0, q = 1;
+    for (const auto& [i, j] : {std::pair{0, 2}, {1, 2}})
+      if (std::abs(A[i][j]) > std::abs(A[p][q])) p = i, q = j;
+    if (A[p][q] == 0) break;
+    // tan of the angle that makes A_pq zero, the smaller one of two
+    const double theta = (A[q][q] - A[p][p]) / (2 * A[p][q]);
+    const double t = (theta >= 0 ? 1 : -1) / (std::abs(theta) + std::hypot(theta, 1.0));
+    const double c = 1 / std::hypot(t, 1.0), s = t * c;
+    const double change = t * A[p][q];
+    A[p][p] -= change;
+    A[q][q] += change;
+    A[p][q] = A[q][p] = 0;
+    const int r = 3 - p - q;
+    const double rp = A[r][p], rq = A[r][q];
+    A[r][p] = A[p][r] = c * rp - s * rq;
+    A[r][q] = A[q][r] = s * rp + c * rq;
+    for (auto& row : V) {
+      const double vp = row[p], vq = row[q];
+      row[p] = c * vp - s * vq;
+      row[q] = s * vp + c * vq;
+    }
+  }
+  return {{A[0][0], A[1][1], A[2][2]},
+          {{V[0][0], V[0][1], V[0][2]}, {V[1][0], V[1][1], V[1][2]}, {V[2][0], V[2][1], V[2][2]}}};
+}
+
+}  // namespace gs
