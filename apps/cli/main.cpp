@@ -3,6 +3,7 @@
 // the only place that catches errors.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <atomic>
 #include <cctype>
 #include <cstdio>
 #include <cstdlib>
@@ -161,15 +162,30 @@ int explain() {
 
 constexpr const char* kNoMemory = "error: out of memory; close other programs\n";
 
+std::atomic<bool> g_memory_ran_out = false;
+
+// What operator new calls where it finds no memory.
+[[noreturn]] void note_lack_of_memory() {
+  g_memory_ran_out = true;
+  throw std::bad_alloc();
+}
+
 // Some functions of libraries let no exception out and yet ask for memory, such as CLI11's and those
-// that list folders. Where that fails, the C++ runtime calls this.
+// that list folders. Where that fails, the C++ runtime calls this. The exception is then mostly the
+// current one, but not where g++ 13 or older has compiled the function as a region that must not
+// throw.
 [[noreturn]] void give_up() {
+  bool lacks_memory = false;
   try {
     if (std::current_exception()) throw;
+    lacks_memory = g_memory_ran_out && std::uncaught_exceptions() > 0;
   } catch (const std::bad_alloc&) {
+    lacks_memory = true;
+  } catch (...) {
+  }
+  if (lacks_memory) {
     std::fputs(kNoMemory, stderr);
     std::_Exit(int(ExitCode::out_of_memory));
-  } catch (...) {
   }
   std::fputs("error: internal error: an exception was not caught; please report this\n", stderr);
   std::abort();
@@ -181,6 +197,7 @@ constexpr const char* kNoMemory = "error: out of memory; close other programs\n"
 int main(int argc, char** argv) {
   gs::ignore_file_size_signal();
   std::set_terminate(gs::give_up);
+  std::set_new_handler(gs::note_lack_of_memory);
   try {
     try {
       return gs::run(argc, argv);

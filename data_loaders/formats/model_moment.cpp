@@ -50,8 +50,7 @@ void write_moment(const Gaussians& from, std::size_t from_row, double time, cons
   const SpacetimeShape<double> shape = shape_of(from, from_row);
   const Moment<double> moment = condition(covariance(shape), time - shape.time_mean);
   const SymmetricEigen axes = symmetric_eigen(moment.covariance);
-  const double least =
-      kLeastShare * std::max({axes.value.x, axes.value.y, axes.value.z, 1e-300});
+  const double least = kLeastShare * std::max({axes.value.x, axes.value.y, axes.value.z, 1e-300});
   to.mean[i] = Vec3f(shape.mean + moment.shift);
   for (int k = 0; k < 3; ++k)
     to.log_scale[i][k] = float(0.5 * std::log(std::max(axes.value[k], least)));
@@ -71,9 +70,8 @@ GaussianModel moment_of(const GaussianModel& model, double time) {
   const std::vector<std::uint32_t> rows = visible_rows(from, time);
   GaussianModel result{Gaussians(rows.size(), host_memory()), model.sh_degree, model.is_ours,
                        model.antialiased, model.world_offset};
-  parallel_for(rows.size(), 1024, [&](std::size_t i) {
-    write_moment(from, rows[i], time, result.gaussians, i);
-  });
+  parallel_for(rows.size(), 1024,
+               [&](std::size_t i) { write_moment(from, rows[i], time, result.gaussians, i); });
   return result;
 }
 

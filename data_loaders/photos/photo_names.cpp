@@ -46,6 +46,9 @@ std::string without_extension(const std::string& name) {
 std::vector<std::string> picture_names_in(const fs::path& folder) {
   std::vector<std::string> names;
   std::error_code error;
+  // Folders of others below, such as lost+found, are passed over, but not the folder itself.
+  if (fs::directory_iterator(folder, error); error == std::errc::permission_denied)
+    cannot_access(folder, error.message() + "; check its permissions");
   fs::recursive_directory_iterator entry(folder, fs::directory_options::skip_permission_denied,
                                          error);
   for (const fs::recursive_directory_iterator end; !error && entry != end; entry.increment(error)) {
@@ -55,8 +58,7 @@ std::vector<std::string> picture_names_in(const fs::path& folder) {
     else if (is_picture(entry->path()) && entry->is_regular_file(ignored))
       names.push_back(entry->path().lexically_relative(folder).generic_string());
   }
-  if (error && error != std::errc::no_such_file_or_directory &&
-      error != std::errc::not_a_directory && error != std::errc::permission_denied)
+  if (error && error != std::errc::no_such_file_or_directory && error != std::errc::not_a_directory)
     cannot_access(folder, error.message() + "; check the disk");
   std::sort(names.begin(), names.end());
   return names;

@@ -19,8 +19,8 @@ std::string lowercase_ending(const std::filesystem::path& file);
 std::string without_extension(const std::string& name);
 
 /// The pictures in a folder and below it, by their extension, as sorted paths relative to it with
-/// "/" between folders. Hidden files and folders are skipped. A folder that cannot be read is
-/// empty.
+/// "/" between folders. Hidden files and folders are skipped. A folder that is not there is empty.
+/// Throws AccessError for one that cannot be read; folders below it that nobody may read are skipped.
 std::vector<std::string> picture_names_in(const std::filesystem::path& folder);
 
 }  // namespace gs

@@ -51,8 +51,12 @@ TEST(SymmetricEigen, GivesTheAxesOfACovarianceBack) {
     const Sym3<double> S = covariance(R, variance);
     const SymmetricEigen eigen = symmetric_eigen(S);
     const Sym3<double> again = covariance(eigen.R, eigen.value);
-    for (const auto& [a, b] : {std::pair{S.xx, again.xx}, {S.xy, again.xy}, {S.xz, again.xz},
-                               {S.yy, again.yy}, {S.yz, again.yz}, {S.zz, again.zz}})
+    for (const auto& [a, b] : {std::pair{S.xx, again.xx},
+                               {S.xy, again.xy},
+                               {S.xz, again.xz},
+                               {S.yy, again.yy},
+                               {S.yz, again.yz},
+                               {S.zz, again.zz}})
       EXPECT_NEAR(a, b, 1e-14);
     const Vec3d third = eigen.R.row2;  // a rotation, and no reflection
     EXPECT_NEAR(inner(cross(eigen.R.row0, eigen.R.row1), third), 1, 1e-12);

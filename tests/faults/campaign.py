@@ -193,9 +193,10 @@ def is_backup_or_lock(name):
     return re.search(r"\.bak-\d+|(^|/)\.[^/]+\.lock$", name) is not None
 
 
-def differences(slot, verb, reference, errors, may_lack):
+def differences(slot, verb, reference, errors, may_lack, is_going_on=False):
     """How the files differ from those of the undisturbed command. With `may_lack`, a file may be
-    missing, or an older one left over, if a warning says so."""
+    missing, or an older one left over, if a warning says so. After going on, an older checkpoint may
+    stay beside the newest one."""
     now = {name: c for name, c in slot.contents().items() if not is_backup_or_lock(name)}
     wanted = {name: c for name, c in reference.after.items() if not is_backup_or_lock(name)}
     told = "\n".join(line for line in errors.splitlines() if TELLS_A_LOSS.search(line))
@@ -208,9 +209,10 @@ def differences(slot, verb, reference, errors, may_lack):
         if not (is_ours_to_lack and is_told):
             yield f"{'differs' if name in now else 'is missing'}: {name}"
     for name in now.keys() - wanted.keys():
-        is_older = name.endswith(".ckpt") and re.search("no checkpoint of|older check", told)
+        is_older = name.endswith(".ckpt") and (
+            is_going_on or may_lack and re.search("no checkpoint of|older check", told))
         is_named = any(p.startswith(".gemsplat-") and p in told for p in Path(name).parts)
-        if not (may_lack and (is_older or is_named)):
+        if not (is_older or may_lack and is_named):
             yield f"is left over: {name}"
 
 
@@ -226,7 +228,7 @@ def go_on(slot, verb, reference, loses_growth, first_errors=""):
     wrong += lost_files(slot, verb, reference)
     if not loses_growth:
         told = TELLS_A_LOSS.search(first_errors) is not None
-        found = differences(slot, verb, reference, first_errors, may_lack=told)
+        found = differences(slot, verb, reference, first_errors, told, is_going_on=True)
         wrong += [f"going on: {d}" for d in found]
     return wrong
 

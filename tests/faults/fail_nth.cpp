@@ -442,6 +442,7 @@ void* allocate(size_t bytes, size_t alignment = 0) noexcept {
 
 void* allocate_or_throw(size_t bytes, size_t alignment = 0) {
   if (void* const memory = allocate(bytes, alignment)) return memory;
+  if (const std::new_handler handler = std::get_new_handler()) handler();  // which throws
   throw std::bad_alloc();
 }
 
