@@ -143,10 +143,12 @@ BeforeNaming::BeforeNaming(std::filesystem::path file, std::function<void()> f)
 }
 BeforeNaming::~BeforeNaming() { before_naming = nullptr; }
 
-void remove_leftovers(const std::filesystem::path& folder) {
+void remove_leftovers(const std::filesystem::path& folder, const std::string& file_name) {
   std::error_code ignored;
+  const std::string prefix = file_name.empty() ? "." : "." + file_name + ".";
   for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
-    const pid_t owner = owner_of(entry.path().filename().string());
+    const std::string name = entry.path().filename().string();
+    const pid_t owner = name.starts_with(prefix) ? owner_of(name) : 0;
     if (owner > 0 && ::kill(owner, 0) != 0 && errno == ESRCH)
       std::filesystem::remove(entry.path(), ignored);
   }

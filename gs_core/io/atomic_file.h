@@ -39,8 +39,9 @@ class BeforeNaming {
 };
 
 /// Removes the temporary files of AtomicFile that killed processes left in a folder, and nothing
-/// else. Files of processes that still run stay.
-void remove_leftovers(const std::filesystem::path& folder);
+/// else. Files of processes that still run stay. With `file_name`, only those for this file and the
+/// ones beside it that begin with its name, such as its sidecar.
+void remove_leftovers(const std::filesystem::path& folder, const std::string& file_name = "");
 
 /// Makes an empty file beside `path` for a program that writes only to a name, such as a film's
 /// encoder: ".NAME.PROCESS.RANDOM" and `ending`. The name cannot be guessed, and the file is new, so

@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "gs_core/error.h"
+#include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
 #include "gs_core/log.h"
 
@@ -119,10 +120,12 @@ OutputLock::OutputLock(const fs::path& output, const fs::path& folder, Kind kind
     : output_(output), folder_(real(folder)), kind_(kind) {
   if (!folder_.has_filename()) folder_ = folder_.parent_path();  // "runs/a/"
   const bool is_folder = output == folder;
-  file_ = folder_ / (is_folder ? kLockOfFolder : "." + real(output).filename().string() + ".lock");
+  file_ = folder_ / (is_folder ? kLockOfFolder : "." + name_of_output() + ".lock");
   make_folder();
   acquire();
 }
+
+std::string OutputLock::name_of_output() const { return real(output_).filename().string(); }
 
 OutputLock::OutputLock(OutputLock&& other) noexcept
     : output_(std::move(other.output_)), folder_(std::move(other.folder_)),
@@ -173,6 +176,8 @@ void OutputLock::acquire() {
     ::close(std::exchange(descriptor_, -1));
   }
   write_holder(descriptor_);  // of many that share it, the last
+  if (kind_ == Kind::alone)
+    remove_leftovers(folder_, file_.filename() == kLockOfFolder ? "" : name_of_output());
 }
 
 // A file that others may share stays: they hold the lock of this file, and not of a new one.

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 #include <vector>
 
 namespace gs {
@@ -41,6 +42,7 @@ class OutputLock {
 
  private:
   OutputLock(const std::filesystem::path& output, const std::filesystem::path& folder, Kind kind);
+  std::string name_of_output() const;
   void make_folder();
   void acquire();
   void release(const std::filesystem::path& file);

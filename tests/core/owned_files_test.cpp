@@ -173,5 +173,20 @@ TEST_F(Owned, AKillWhileAFileIsWrittenLeavesNothingBehind) {
     GTEST_SKIP() << "this file system has no files without names";
 }
 
+TEST_F(Owned, ALockRemovesWhatAKilledWriterOfItsOutputHasLeft) {
+  constexpr const char* kOfDeadProcess = ".2147483646.0123456789abcdef.tmp";
+  const fs::path ours = path(std::string(".a.ply") + kOfDeadProcess),
+                 sidecar = path(std::string(".a.ply.transforms.json") + kOfDeadProcess),
+                 other = path(std::string(".b.ply") + kOfDeadProcess), users = path(".a.ply.tmp");
+  for (const fs::path& file : {ours, sidecar, other, users}) write_bytes(file, "x");
+  { const OutputLock lock = OutputLock::of_file(path("a.ply")); }
+  EXPECT_FALSE(fs::exists(ours));
+  EXPECT_FALSE(fs::exists(sidecar));
+  EXPECT_TRUE(fs::exists(other));
+  { const OutputLock lock = OutputLock::of_folder(path(".")); }
+  EXPECT_FALSE(fs::exists(other));
+  EXPECT_TRUE(fs::exists(users));
+}
+
 }  // namespace
 }  // namespace gs

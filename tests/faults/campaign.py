@@ -136,16 +136,23 @@ class Slot:
                 raise SystemExit("no run was cut off after a checkpoint; choose another N")
 
     def hashes(self):
-        return {name: scenarios.digest(path.read_bytes())
-                for name, path in scenarios.files_below(self.case).items()}
+        return {name: scenarios.digest(data) for name, data in self.bytes_of_files()}
 
     def folders(self):
         return {str(p.relative_to(self.case)) for p in self.case.rglob("*") if p.is_dir()}
 
     def contents(self):
-        return {name: scenarios.digest(scenarios.comparable(name, path.read_bytes()))
-                for name, path in scenarios.files_below(self.case).items()
-                if not name.startswith("cache/")}
+        return {name: scenarios.digest(scenarios.comparable(name, data))
+                for name, data in self.bytes_of_files() if not name.startswith("cache/")}
+
+    def bytes_of_files(self):
+        """All files with their bytes. A child of a killed process dies a moment after it, and may
+        remove the file of its lock meanwhile."""
+        for name, path in scenarios.files_below(self.case).items():
+            try:
+                yield name, path.read_bytes()
+            except FileNotFoundError:
+                pass
 
 
 @dataclass
