@@ -26,8 +26,9 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 /// A model in which all numbers differ, in the state after some step.
-TrainingState telling_state(std::size_t gaussians, int step) {
+TrainingState telling_state(std::size_t gaussians, int step, bool has_time = false) {
   TrainingState state;
+  state.model.set_has_time(has_time);
   state.model.gaussians.resize(gaussians);
   clear_history(state.model);
   float next = float(step);
@@ -109,6 +110,19 @@ TEST_F(Checkpoints, ComeBackBitForBit) {
     EXPECT_EQ(a.view_order, b.view_order);
     EXPECT_EQ(to_toml(read.config), to_toml(telling_config()));
   }
+}
+
+TEST_F(Checkpoints, OfGaussiansInSpaceAndTimeComeBackWithTheTimesOfTheViews) {
+  const TrainingState expected = telling_state(100, 12, true);
+  SceneRecord scene = telling_scene();
+  for (std::size_t i = 0; i < scene.views.size(); ++i) scene.views[i].camera.time = 0.1f * float(i);
+  fs::create_directories(path());
+  write_checkpoint(file(12), telling_config(), scene, expected.progress, expected.model);
+  const Checkpoint read = read_checkpoint(file(12));
+  ASSERT_TRUE(read.state.model.gaussians.has_time);
+  EXPECT_TRUE(same_bits(read.state.model, expected.model));
+  for (std::size_t i = 0; i < scene.views.size(); ++i)
+    EXPECT_EQ(read.scene.views[i].camera.time, 0.1f * float(i));
 }
 
 TEST_F(Checkpoints, KnowTheirScene) {

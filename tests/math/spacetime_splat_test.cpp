@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/spacetime_splat.h"
+#include "gs_core/math/spacetime_regularizer.h"
 
 #include <gtest/gtest.h>
 
@@ -96,6 +96,28 @@ TEST(ProjectAtATime, GradientByEveryParameterMatchesJetForEveryDegree) {
 
 TEST(ProjectAtATime, GradientThroughTheAntialiasFactorMatchesJet) {
   EXPECT_LT(worst_error({.antialias = true, .antialias_detach = false}), kJetTolerance);
+}
+
+TEST(SpacetimeRegularizer, GradientMatchesJet) {
+  const Regularizers of_each{0, 0, 0.3f, 0.7f};
+  const double worst = worst_gradient_error(
+      [&](const auto& x) {
+        using T = std::decay_t<decltype(x[0])>;
+        const FlatGaussian<T> g(x);
+        return std::array<T, 1>{spacetime_regularizer(shape_of(g.parameters), of_each)};
+      },
+      [&](const auto& x, const auto& dL) {
+        const FlatGaussian<double> g(x);
+        SpacetimeShape<double> by{Vec3d(0.0), Vec3d(0.0), {{}, {}}, 0, 0, 0};
+        add_spacetime_regularizer_vjp(shape_of(g.parameters), of_each, by);
+        std::array<double, kParameters> all = flatten(
+            by.mean, by.log_scale, by.rotations.left, by.logit_opacity, Vec3d(0.0),
+            std::array<Vec3d, kRest>{}, by.rotations.right, by.time_mean, by.log_time_scale);
+        for (double& number : all) number *= dL[0];
+        return all;
+      },
+      draw_gaussian);
+  EXPECT_LT(worst, kJetTolerance);
 }
 
 // A pair of quaternions that turns space alone, and a mean in time that is now: the Gaussian of

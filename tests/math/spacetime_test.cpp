@@ -57,6 +57,21 @@ SpacetimeCovariance<double> random_covariance(TestRandom& random) {
   return covariance(rotation_matrix(q), Vec4<double>(v.x, v.y, v.z, random.uniform(0.05, 2.0)));
 }
 
+TEST(SpacetimeRotation, OfATurnOfSpaceIsThatTurnAndLeavesTime) {
+  TestRandom random;
+  for (int i = 0; i < 100; ++i) {
+    const Quat<double> q = random.quaternion();
+    const Mat3<double> R = rotation_matrix(q);
+    const Mat4<double> R4 = rotation_matrix(turn_of_space(q));
+    const Vec3d rows[3] = {R.row0, R.row1, R.row2};
+    for (int r = 0; r < 4; ++r)
+      for (int c = 0; c < 4; ++c) {
+        const double expected = r < 3 && c < 3 ? rows[r][c] : double(r == c);
+        EXPECT_NEAR(R4.row[r][c], expected, 1e-12) << r << " " << c;
+      }
+  }
+}
+
 TEST(SpacetimeRotation, IsARotation) {
   TestRandom random;
   for (int i = 0; i < 1000; ++i) {
