@@ -31,6 +31,8 @@ struct ModelInfo {
   float faint_share = 0;             // opacity below 1/255: never drawn
   float thin_share = 0;              // opacity below 0.05, the faint ones among them
   float solid_share = 0;             // opacity above 0.9
+  bool has_time = false;             // Gaussians in space and time
+  float median_time_scale = 0;       // of those, in durations of the scene
   std::vector<Suspicion> suspicions;
 };
 

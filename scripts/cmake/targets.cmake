@@ -15,7 +15,7 @@ target_compile_options(gs_flags INTERFACE "${gs_cxx}-ffp-contract=off;-fno-math-
 target_compile_options(gs_flags INTERFACE "$<BUILD_INTERFACE:${gs_cxx}-Wall;-Wextra;-fno-semantic-interposition>>")
 # GCC 12 warns of wrong copies in "text" + string, in its own header and wrongly (GCC bug 105651).
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
-  target_compile_options(gs_flags INTERFACE "$<BUILD_INTERFACE:${gs_cxx}-Wno-restrict;-Wno-array-bounds;-Wno-stringop-overflow>>")
+  target_compile_options(gs_flags INTERFACE "$<BUILD_INTERFACE:${gs_cxx}-Wno-restrict;-Wno-array-bounds;-Wno-stringop-overflow;-Wno-stringop-overread>>")
 endif()
 if(GS_NATIVE)
   target_compile_options(gs_flags INTERFACE "$<BUILD_INTERFACE:${gs_cxx}-march=native>>")
