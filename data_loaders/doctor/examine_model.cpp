@@ -107,6 +107,7 @@ bool read_model(Examination& examination) {
   SceneModel& scene = examination.scene;
   try {
     scene = read_model_and_split(examination.config.dataset, examination.folders);
+    find_times(examination.config.dataset, examination.folders, scene);
     move_near_origin(scene);
   } catch (const Error& error) {
     examination.add(Level::fatal, "model", error.what());

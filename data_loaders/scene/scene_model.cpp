@@ -9,6 +9,7 @@
 
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/photos/photo_names.h"
+#include "data_loaders/scene/photo_times.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -133,6 +134,24 @@ SceneModel read_model_and_split(const DatasetConfig& dataset, const SceneFolders
   return scene;
 }
 
+void find_times(const DatasetConfig& dataset, const SceneFolders& folders, SceneModel& scene) {
+  if (dataset.times == PhotoTimes::none) return;
+  if (folders.kind != SceneKind::colmap)
+    throw UsageError(
+        "dataset.times is for COLMAP models; the frames of a transforms.json have a `time` of "
+        "their own");
+  if (dataset.times == PhotoTimes::names) {
+    scene.time_count = set_times_by_name(scene.model);
+    return;
+  }
+  if (dataset.refine_cameras || dataset.exposure)
+    throw UsageError(
+        "dataset.times = \"frames\" goes neither with --refine-cameras nor with --exposure: the "
+        "points were seen in one frame of each camera only; refine the scene before, without "
+        "dataset.times");
+  scene.time_count = add_frames_of_cameras(folders.images, scene.model, scene.is_test);
+}
+
 void move_near_origin(SceneModel& scene) {
   scene.world_offset = world_offset_of(scene.model);
   if (scene.world_offset != Vec3d(0.0)) take_off(scene.model, scene.world_offset);
@@ -155,7 +174,9 @@ void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders,
 SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders) {
   SceneModel scene = read_model_and_split(dataset, folders);
   move_near_origin(scene);
-  if (dataset.model.empty()) check_registered(scene.model, folders.images);
+  if (dataset.model.empty() && dataset.times != PhotoTimes::frames)
+    check_registered(scene.model, folders.images);
+  find_times(dataset, folders, scene);
   find_scene_files(dataset, folders, scene);
   return scene;
 }

@@ -42,6 +42,9 @@ SceneModel read_model_and_split(const DatasetConfig& dataset, const SceneFolders
                                 Tracks tracks = Tracks::skip);
 /// Second: takes the offset off the coordinates of a scene far from the origin.
 void move_near_origin(SceneModel& scene);
+/// Gives the images times by dataset.times (photo_times.h). With `frames`, each image becomes the
+/// frames of its camera.
+void find_times(const DatasetConfig& dataset, const SceneFolders& folders, SceneModel& scene);
 /// Third: the files of photos and masks. Throws Error for a photo that is missing or whose name
 /// leads out of the images folder.
 void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders, SceneModel& scene);

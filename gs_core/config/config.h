@@ -27,10 +27,11 @@ struct DatasetConfig {
   int resolution = 1;  // 1, 2, 4, 8: divides the photos' size; 16 and more: the width in pixels
   bool eval = false;   // hold out every test_every-th view, sorted by name
   int test_every = 8;
-  float photo_ram_gib = 0;           // for decoded photos; 0: half of the machine's memory
-  std::string photo_cache = "auto";  // folder of undistorted and resized photos; auto, none
-  float photo_cache_gib = 20;        // most in that folder
-  bool refine_cameras = false;       // bundle adjustment before training
+  PhotoTimes times = PhotoTimes::none;  // of photos in scenes of COLMAP
+  float photo_ram_gib = 0;              // for decoded photos; 0: half of the machine's memory
+  std::string photo_cache = "auto";     // folder of undistorted and resized photos; auto, none
+  float photo_cache_gib = 20;           // most in that folder
+  bool refine_cameras = false;          // bundle adjustment before training
   bool exposure = false;  // solve for each photo's exposure and white balance before training
 };
 

@@ -25,6 +25,8 @@ enum class Precision { full, half };
 enum class MaskMode { automatic, ignore, background };
 /// Which pairs of photos COLMAP compares.
 enum class Matching { automatic, exhaustive, sequential };
+/// How the times of photos are found in scenes of COLMAP.
+enum class PhotoTimes { none, frames, names };
 /// Whether all photos were taken through one lens.
 enum class SingleCamera { automatic, yes, no };
 
@@ -86,6 +88,12 @@ template <>
 struct Words<SingleCamera> {
   static constexpr Word<SingleCamera> kTable[] = {
       {"auto", SingleCamera::automatic}, {"yes", SingleCamera::yes}, {"no", SingleCamera::no}};
+};
+
+template <>
+struct Words<PhotoTimes> {
+  static constexpr Word<PhotoTimes> kTable[] = {
+      {"none", PhotoTimes::none}, {"frames", PhotoTimes::frames}, {"names", PhotoTimes::names}};
 };
 
 /// Lists of words that stay text, since other code gives them their meaning. "cuda:N" stands for
