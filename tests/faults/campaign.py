@@ -203,7 +203,7 @@ def is_backup_or_lock(name):
 def differences(slot, verb, reference, errors, may_lack, is_going_on=False):
     """How the files differ from those of the undisturbed command. With `may_lack`, a file may be
     missing, or an older one left over, if a warning says so. After going on, an older checkpoint may
-    stay beside the newest one."""
+    stay beside the newest one, and the model of a run that was stopped."""
     now = {name: c for name, c in slot.contents().items() if not is_backup_or_lock(name)}
     wanted = {name: c for name, c in reference.after.items() if not is_backup_or_lock(name)}
     told = "\n".join(line for line in errors.splitlines() if TELLS_A_LOSS.search(line))
@@ -218,6 +218,8 @@ def differences(slot, verb, reference, errors, may_lack, is_going_on=False):
     for name in now.keys() - wanted.keys():
         is_older = name.endswith(".ckpt") and (
             is_going_on or may_lack and re.search("no checkpoint of|older check", told))
+        # A run that lost its experiment stops, and saves what it has.
+        is_older = is_older or is_going_on and re.search(r"point_cloud/iteration_\d+/", name)
         is_named = any(p.startswith(".gemsplat-") and p in told for p in Path(name).parts)
         if not (is_older or may_lack and is_named):
             yield f"is left over: {name}"
