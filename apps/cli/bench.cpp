@@ -77,11 +77,11 @@ BenchmarkSubject subject_of(const BenchCommand& command) {
   const bool is_generated = command.gaussians > 0;
   if (is_generated == !command.model.empty())
     throw UsageError(
-        "give one of these to time: a run's folder, a PLY with --data SCENE, or --gaussians N "
+        "give one of these to time: a run's folder, a model with --data SCENE, or --gaussians N "
         "for a generated scene");
   if (is_generated && (command.has("dataset.source") || command.has("dataset.resolution")))
     throw UsageError(
-        "--data and -r are for a run or a PLY; with --gaussians use --width and --height");
+        "--data and -r are for a run or a model; with --gaussians use --width and --height");
   return is_generated ? generated_subject(command) : trained_subject(command);
 }
 
@@ -165,8 +165,9 @@ void add_bench(CLI::App& program) {
   CLI::App& verb =
       *program.add_subcommand("bench", "Time training and rendering; on a GPU stage by stage");
   const auto command = std::make_shared<BenchCommand>();
-  verb.add_option("model", command->model, "a run's folder, or a PLY with --data")
-      ->type_name("RUN|PLY");
+  verb.add_option("model", command->model,
+                  "a run's folder, or with --data a model in any format that gemsplat reads")
+      ->type_name("RUN|MODEL");
   verb.add_option("--iteration", command->iteration,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");

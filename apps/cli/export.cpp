@@ -162,8 +162,11 @@ void add_export(CLI::App& program) {
                   "a model in any format that gemsplat reads, or a run's folder")
       ->type_name("MODEL|RUN")
       ->required();
-  verb.add_option("output", command->outputs,
-                  "files to write; the ending of a name chooses its format: " + format_names())
+  verb.add_option(
+          "output", command->outputs,
+          "files to write, each with a FILE.transforms.json that describes it; the ending of a "
+          "name chooses its format: " +
+              format_names())
       ->type_name("FILE")
       ->required();
   verb.add_option("--iteration", command->step,
@@ -172,13 +175,13 @@ void add_export(CLI::App& program) {
   add_time_option(verb, command->time,
                   "write this moment of Gaussians in space and time, 0 to 1, as 3D Gaussians");
   verb.add_flag("--table", command->table,
-                "write every format into the folder FILE, with a table of their sizes and losses");
+                "output is a folder: write every format into it, with a table of sizes and losses");
   verb.add_flag("--force", command->force, "if a file exists, move it to FILE.bak-N first");
   verb.add_option("--spz-version", command->options.spz_version,
                   "version of .spz files: 3, which Spark and splat-transform read, or 4, which "
                   "fewer programs read [3]")
       ->check(CLI::IsMember({3, 4}))
-      ->type_name("");
+      ->type_name("VERSION");
   verb.add_option("--up", command->up,
                   "up direction in the model's axes; the model is turned so that it becomes -y, "
                   "which viewers show at the top [no turn]")

@@ -93,8 +93,7 @@ int fail_for_memory(const CLI::App& program, const std::string& what) {
 }
 
 int run(int argc, const char* const* argv) {
-  CLI::App program("3D Gaussian Splatting: from photos with a COLMAP model to a trained scene",
-                   "gemsplat");
+  CLI::App program("3D Gaussian Splatting: from photos to a trained scene", "gemsplat");
   program.formatter(std::make_shared<HelpFormat>(help_width()));  // verbs inherit it
   program.set_version_flag("-V,--version", describe_build());
   program.require_subcommand(1);

@@ -222,8 +222,9 @@ void add_prune(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand(
       "prune", "Remove Gaussians that contribute little, and report the loss in PSNR");
   const auto command = std::make_shared<PruneCommand>();
-  verb.add_option("model", command->model, "a run's folder, or a PLY with --data")
-      ->type_name("RUN|PLY")
+  verb.add_option("model", command->model,
+                  "a run's folder, or with --data a model in any format that gemsplat reads")
+      ->type_name("RUN|MODEL")
       ->required();
   verb.add_option("-o,--output", command->output,
                   "file to write; its ending chooses the format (docs/formats.md)")

@@ -145,8 +145,8 @@ void train(const TrainCommand& command) {
 }  // namespace
 
 void add_train(CLI::App& program) {
-  CLI::App& verb =
-      *program.add_subcommand("train", "Train Gaussians on photos with a COLMAP model");
+  CLI::App& verb = *program.add_subcommand(
+      "train", "Train Gaussians on a scene, or on photos alone, which COLMAP places first");
   const auto command = std::make_shared<TrainCommand>();
   CommandLine& line = *command;
   add_dataset_options(verb, line, "scene,-s,--source-path,-d,--data");

@@ -13,7 +13,7 @@ try:
 except ModuleNotFoundError as error:
     import sys
 
-    error.msg = f"gemsplat needs NumPy, and {sys.executable} lacks it: install NumPy there, or use the Python that scripts/setup.sh names"
+    error.msg = f"gemsplat needs NumPy, and {sys.executable} lacks it: install NumPy there, or use the Python that the module was built for, often /usr/bin/python3"
     raise
 
 try:

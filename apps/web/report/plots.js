@@ -8,6 +8,7 @@
 //   2. Check that they are in the report's data: `gemsplat report RUN --json`. Every column of metrics.csv is there as
 //      metrics.COLUMN without further code; what profile.csv brings is gathered in gs_app/report/report_curves.cpp.
 //   3. Add a row to PLOTS below, and its title to the list in apps/web/tests/report_test.mjs.
+//   4. Build the target gemsplat, which the page is part of, and look: `gemsplat report RUN`.
 import {bytes, duration, fixed, isNumber, short, significant, whole} from '../shared/format.js';
 import {chart, smoothed, stacked} from '../shared/charts.js';
 
