@@ -47,10 +47,10 @@ std::vector<std::string> frames_of(const fs::path& images, const ColmapImage& im
 void check_same_count(const ColmapImage& first, std::size_t expected, const ColmapImage& image,
                       std::size_t count) {
   if (count == expected) return;
-  throw Error(
-      fmt::format("the camera of {} has {} frames, and that of {} has {}; frames of the same number "
-                  "must be of the same moment, so cut the films to the same length",
-                  image.name, count, first.name, expected));
+  throw Error(fmt::format(
+      "the camera of {} has {} frames, and that of {} has {}; frames of the same number "
+      "must be of the same moment, so cut the films to the same length",
+      image.name, count, first.name, expected));
 }
 
 // The last number in a name without its extension.
@@ -78,7 +78,8 @@ std::size_t add_frames_of_cameras(const fs::path& images, ColmapModel& model,
     const std::vector<std::string> names = frames_of(images, camera);
     if (!folders.insert(fs::path(names[0]).parent_path().generic_string()).second)
       throw Error(fmt::format(
-          "several images of the model lie in the folder of {}: with dataset.times = \"frames\" the "
+          "several images of the model lie in the folder of {}: with dataset.times = \"frames\" "
+          "the "
           "model has one image of each camera; a camera that moves has dataset.times = \"names\"",
           names[0]));
     if (i == 0) frames_each = names.size();

@@ -56,7 +56,8 @@ TEST(FilmsOfCameras, BecomeViewsWithThePoseOfTheCameraAndTheTimeOfTheFrame) {
   for (int i = 0; i < 6; ++i) {
     const View& view = scene.train_views[std::size_t(i)];
     const int camera = i / 3, frame = i % 3;
-    EXPECT_EQ(view.name, "cam" + std::to_string(camera) + "/" + std::to_string(100 + frame) + ".png");
+    EXPECT_EQ(view.name,
+              "cam" + std::to_string(camera) + "/" + std::to_string(100 + frame) + ".png");
     EXPECT_EQ(view.camera.position(), Vec3f(float(camera), 0, 0));
     EXPECT_EQ(view.camera.time, 0.5f * float(frame));
     EXPECT_EQ(view.photo.pixels[0], 100 * camera + 10 * frame);

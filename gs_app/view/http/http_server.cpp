@@ -14,8 +14,10 @@
 #include <cerrno>
 #include <chrono>
 #include <map>
+#include <string_view>
 #include <system_error>
 #include <thread>
+#include <unordered_map>
 
 #include "gs_app/view/http/http_connection.h"
 #include "gs_app/view/http/http_parse.h"
@@ -251,26 +253,29 @@ class HttpServer::Impl {
       const int kind = state == State::working ? 2 : state == State::sending ? 1 : 0;
       return std::pair(kind, connection.progress());
     };
-    std::vector<Connections::iterator> candidates;
-    for (auto it = connections_.begin(); it != connections_.end(); ++it)
-      if (it->second.address() == address) candidates.push_back(it);
-    std::sort(candidates.begin(), candidates.end(),
-              [&](auto a, auto b) { return rank(a->second) < rank(b->second); });
-    for (const auto candidate : candidates) {
-      const bool is_working = candidate->second.state() == State::working;
-      if (is_working && !workers_.drop(candidate->first)) continue;
-      connections_.erase(candidate);
-      return true;
+    // Mostly the first one can go. In a flood this is done for every connection, so nothing is sorted.
+    for (std::vector<std::uint64_t> under_way;;) {
+      auto worst = connections_.end();
+      for (auto it = connections_.begin(); it != connections_.end(); ++it)
+        if (it->second.address() == address &&
+            (worst == connections_.end() || rank(it->second) < rank(worst->second)) &&
+            std::find(under_way.begin(), under_way.end(), it->first) == under_way.end())
+          worst = it;
+      if (worst == connections_.end()) return false;
+      if (worst->second.state() != State::working || workers_.drop(worst->first)) {
+        connections_.erase(worst);
+        return true;
+      }
+      under_way.push_back(worst->first);  // at most one for each worker
     }
-    return false;
   }
 
   std::string busiest_address() const {
-    std::map<std::string, int> counts;
+    std::unordered_map<std::string_view, int> counts;
     for (const auto& [number, connection] : connections_) ++counts[connection.address()];
-    return std::max_element(counts.begin(), counts.end(),
-                            [](const auto& a, const auto& b) { return a.second < b.second; })
-        ->first;
+    const auto most = std::max_element(counts.begin(), counts.end(),
+                                       [](auto& a, auto& b) { return a.second < b.second; });
+    return std::string(most->first);
   }
 
   const std::string host_;

@@ -2,6 +2,8 @@
 #include "gs_app/view/http/http_workers.h"
 
 #include <iterator>
+#include <string_view>
+#include <unordered_map>
 #include <utility>
 
 #include "gs_core/error.h"
@@ -14,8 +16,8 @@
 namespace gs {
 namespace {
 
-// If more requests wait, the newest is answered first: in a flood, a person who opens the page does
-// not wait for all requests that came before.
+// If more requests wait, the newest one of the address with the fewest is answered first: in a flood,
+// a person who opens the page does not wait for all requests that came before.
 constexpr std::size_t kCrowd = 16;
 
 // The reason is for who started the program, not for who asks: it may name folders of this machine.
@@ -92,9 +94,15 @@ std::vector<HttpResult> HttpWorkers::results() {
 }
 
 HttpJob HttpWorkers::next_job() {
-  const bool is_crowded = waiting_.size() > kCrowd;
-  HttpJob job = std::move(is_crowded ? waiting_.back() : waiting_.front());
-  is_crowded ? waiting_.pop_back() : waiting_.pop_front();
+  auto next = waiting_.begin();
+  if (waiting_.size() > kCrowd) {
+    std::unordered_map<std::string_view, int> counts;
+    for (const HttpJob& job : waiting_) ++counts[job.request.client];
+    for (auto it = waiting_.begin(); it != waiting_.end(); ++it)
+      if (counts[it->request.client] <= counts[next->request.client]) next = it;
+  }
+  HttpJob job = std::move(*next);
+  waiting_.erase(next);
   return job;
 }
 
