@@ -158,6 +158,7 @@ Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
     evaluation.ssim += metrics.ssim;
     evaluation.psnr_exposure += metrics.psnr_exposure;
     evaluation.ssim_exposure += metrics.ssim_exposure;
+    metrics.time = view.camera.time;
     evaluation.views.push_back(std::move(metrics));
   });
   const double count = double(std::max<std::size_t>(evaluation.views.size(), 1));

@@ -39,6 +39,7 @@ struct ViewMetrics {
   std::string name;
   double psnr, ssim;
   double psnr_exposure = psnr, ssim_exposure = ssim;  // of the picture under the view's exposure
+  float time = 0;                                     // of the view (PinholeCamera::time)
 };
 
 /// Means over views, and the metrics of each view.

@@ -30,8 +30,11 @@ Json means(const Evaluation& evaluation) {
 
 Json by_view(const Evaluation& evaluation) {
   Json result = Json::object();
+  const bool has_times = std::any_of(evaluation.views.begin(), evaluation.views.end(),
+                                     [](const ViewMetrics& view) { return view.time != 0; });
   for (const ViewMetrics& view : evaluation.views) {
     Json& json = result[view.name] = {{"psnr", view.psnr}, {"ssim", view.ssim}};
+    if (has_times) json["time"] = view.time;
     if (!evaluation.has_exposures) continue;
     json["psnr_exposure"] = view.psnr_exposure;
     json["ssim_exposure"] = view.ssim_exposure;

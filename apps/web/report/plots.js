@@ -34,6 +34,7 @@ export const PLOTS = [
   {title: 'Gaussians', column: 'num_gaussians', unit: '', color: 1, format: whole, tick: short, zero: true, log: false, fill: 0.12},
   {title: 'Time per stage', draw: stageChart},
   {title: 'Memory', draw: memoryChart},
+  {title: 'PSNR over time', draw: momentsChart},
   {title: 'Speed', column: 'steps_per_second', unit: 'steps per second', color: 5, format: value => `${fixed(value, 1)} steps/s`, tick: short, zero: true},
 ];
 
@@ -87,6 +88,21 @@ function memoryChart({memory}, axis) {
   return chart({
     title: 'Memory', unit: series.length > 1 ? 'MiB' : `MiB, ${series[0].name}`, x: axis(memory.step), y: {tick: short, zero: true}, series, sync: SYNC,
     description: `Memory at the end: ${series.map(({name, values}) => `${name} ${short(values.at(-1))} MiB`).join(', ')}`});
+}
+
+// The PSNR of the views over their times, in a scene that moves.
+function momentsChart({views}) {
+  const timed = (views?.list ?? []).filter(view => isNumber(view.time) && isNumber(view.psnr))
+                    .sort((a, b) => a.time - b.time);
+  if (timed.length < 2) return null;
+  const worst = timed.reduce((low, view) => view.psnr < low.psnr ? view : low);
+  return chart({
+    title: 'PSNR over time', unit: `dB, ${views.split} views at their moments, 0 to 1`,
+    x: {label: 'time of the scene', values: timed.map(view => view.time), tick: significant,
+        describe: (_, i) => `${timed[i].name} at ${significant(timed[i].time)}`, range: () => [0, 1]},
+    y: {tick: significant},
+    series: [{name: 'PSNR', values: timed.map(view => view.psnr), color: 2, points: true, format: value => `${fixed(value, 2)} dB`}],
+    description: `PSNR over the time of the scene; the worst moment is ${significant(worst.time)} with ${fixed(worst.psnr, 2)} dB`});
 }
 
 const mean = list => list.length ? list.reduce((sum, value) => sum + value, 0) / list.length : 0;
