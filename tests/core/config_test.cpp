@@ -397,7 +397,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 9u);
+  EXPECT_EQ(settings, 10u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {
