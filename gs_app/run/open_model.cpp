@@ -5,11 +5,11 @@
 
 #include <algorithm>
 
+#include "data_loaders/cameras/exposure_file.h"
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/formats/foreign_files.h"
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/model_moment.h"
-#include "data_loaders/refine/exposure_file.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
 #include "gs_core/io/byte_reader.h"

@@ -8,9 +8,9 @@
 #include <iterator>
 
 #include "data_loaders/cameras/camera_file.h"
+#include "data_loaders/cameras/exposure_file.h"
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/formats/ply/ply.h"
-#include "data_loaders/refine/exposure_file.h"
 #include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "data_loaders/refine/exposure_file.h"
+#include "data_loaders/cameras/exposure_file.h"
 
 #include <gmock/gmock.h>
 

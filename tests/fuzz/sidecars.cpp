@@ -3,9 +3,9 @@
 // reconstruct.json, whose list of files says what may be removed.
 #include "data_loaders/formats/sidecar.h"
 
+#include "data_loaders/cameras/exposure_file.h"
 #include "data_loaders/reconstruct/colmap_plan.h"
 #include "data_loaders/reconstruct/scene_state.h"
-#include "data_loaders/refine/exposure_file.h"
 #include "gs_app/run/run_folder.h"
 #include "tests/fuzz/fuzz_target.h"
 
