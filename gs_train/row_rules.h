@@ -11,21 +11,27 @@
 
 namespace gs {
 
+/// True where rows have times and those of the row cannot be used: it would never be visible.
+GS_HD bool is_without_moments(const GaussiansSpan& rows, std::size_t i, float time_mean,
+                              float log_time_scale) {
+  return rows.has_time && !has_moments(rows.right_rotation[i], time_mean, log_time_scale);
+}
+GS_HD bool is_without_moments(const GaussiansSpan& rows, std::size_t i) {
+  return rows.has_time && is_without_moments(rows, i, rows.time_mean[i], rows.log_time_scale[i]);
+}
+
 /// True if the row can never be visible: transparent, without a rotation, or not finite.
 GS_HD bool is_invisible(const GaussiansSpan& rows, std::size_t i, float min_opacity) {
-  if (is_invisible(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
-                   min_opacity))
-    return true;
-  return rows.has_time &&
-         !has_moments(rows.right_rotation[i], rows.time_mean[i], rows.log_time_scale[i]);
+  return is_invisible(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
+                      min_opacity) ||
+         is_without_moments(rows, i);
 }
 
 /// True if a refinement removes the row: it cannot be visible, or it is too large.
 GS_HD bool is_pruned(const GaussiansSpan& rows, std::size_t i, const AdaptiveRules& rules) {
-  if (is_pruned(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], rules))
-    return true;
-  return rows.has_time &&
-         !has_moments(rows.right_rotation[i], rows.time_mean[i], rows.log_time_scale[i]);
+  return is_pruned(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
+                   rules) ||
+         is_without_moments(rows, i);
 }
 
 /// The row's weight in the draw of sources for copies; see draw_weight() in mcmc.h.
@@ -64,11 +70,9 @@ GS_HD HalfRow half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t nu
 /// True if a refinement removes the half at once.
 GS_HD bool is_pruned(const HalfRow& half, const GaussiansSpan& rows, std::size_t parent,
                      const AdaptiveRules& rules) {
-  if (is_pruned(half.mean, half.log_scale, rows.rotation[parent], rows.logit_opacity[parent],
-                rules))
-    return true;
-  return rows.has_time &&
-         !has_moments(rows.right_rotation[parent], half.time_mean, half.log_time_scale);
+  return is_pruned(half.mean, half.log_scale, rows.rotation[parent], rows.logit_opacity[parent],
+                   rules) ||
+         is_without_moments(rows, parent, half.time_mean, half.log_time_scale);
 }
 
 /// Gives a row that has its parent's values those of the half.
@@ -106,11 +110,9 @@ GS_HD Vec3f position_noise(const GaussiansSpan& rows, std::size_t i, const Posit
   const Vec3f normal = noise.normal(i);
   if (!rows.has_time)
     return position_noise(rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], normal, rate);
-  const QuatPair<float> rotations{rows.rotation[i], rows.right_rotation[i]};
-  if (is_degenerate(rotations.left) || is_degenerate(rotations.right)) return Vec3f(0.0f);
-  const SpacetimeCovariance<float> S =
-      covariance(rotation_matrix(rotations), variance(rows.log_scale[i], rows.log_time_scale[i]));
-  return position_noise(S.space, rows.logit_opacity[i], normal, rate);
+  const SpacetimeShape<float> shape = spacetime_shape_of(rows, i);
+  if (is_degenerate(shape.rotations)) return Vec3f(0.0f);
+  return position_noise(covariance(shape).space, shape.logit_opacity, normal, rate);
 }
 
 }  // namespace gs

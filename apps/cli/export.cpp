@@ -74,7 +74,7 @@ std::vector<ExportRequest> requests_of(const ExportCommand& command, const Gauss
   std::set<std::filesystem::path> names;
   for (const ExportRequest& request : requests) {
     check_export(request, command.force);
-    check_holds_time(request, model);
+    check_holds_time(request.file, model);
     if (!names.insert(std::filesystem::absolute(request.file).lexically_normal()).second)
       throw UsageError(request.file.string() + " is named twice");
   }

@@ -7,6 +7,7 @@
 
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "data_loaders/formats/model_moment.h"
 #include "gs_app/run/text.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
@@ -25,8 +26,6 @@ struct ViewCommand : CommandLine {
   std::optional<bool> open;
   bool remote = false;
 };
-
-constexpr double kMiddleOfScene = 0.5;
 
 bool has_desktop() {
   const auto is_set = [](const char* name) {

@@ -113,8 +113,8 @@ GaussianModel read_model(const Path& path) {
   return read_gaussian_ply(path);
 }
 
-void check_holds_time(const Path& path, const ModelFormat& format, const GaussianModel& model) {
-  if (model.gaussians.has_time && format.name != "ply")
+void check_holds_time(const Path& path, const GaussianModel& model) {
+  if (model.gaussians.has_time && format_to_write(path).name != "ply")
     throw UsageError(fmt::format(
         "{}: only .ply holds Gaussians in space and time; write the moment T as 3D Gaussians with "
         "`gemsplat export --time T`",
@@ -124,7 +124,7 @@ void check_holds_time(const Path& path, const ModelFormat& format, const Gaussia
 std::size_t write_model(const Path& path, const GaussianModel& model,
                         const ExportOptions& options) {
   const ModelFormat& format = format_to_write(path);
-  check_holds_time(path, format, model);
+  check_holds_time(path, model);
   if (format.name == "ply") return model.gaussians.count() - write_gaussian_ply(path, model);
   const GaussianModel finite = finite_model(model);
   format.write(path, finite, options);

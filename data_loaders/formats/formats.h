@@ -52,9 +52,8 @@ const ModelFormat* find_format(const std::filesystem::path& path);
 /// The same for a file to write. Throws UsageError with a list of the endings.
 const ModelFormat& format_to_write(const std::filesystem::path& path);
 
-/// Throws UsageError where the model has a time and the format has none: only PLY has.
-void check_holds_time(const std::filesystem::path& path, const ModelFormat& format,
-                      const GaussianModel& model);
+/// Throws UsageError where the model has a time and the file's format has none: only PLY has.
+void check_holds_time(const std::filesystem::path& path, const GaussianModel& model);
 
 /// Reads trained Gaussians in the format of the file's name; a file of another name is read as PLY.
 /// Throws Error as the readers do, and one that names the kind of file for formats that are not

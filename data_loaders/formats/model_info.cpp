@@ -94,6 +94,11 @@ void measure(const Gaussians& gaussians, const std::vector<std::size_t>& rows, M
     return (s.x + s.y + s.z) / 3;
   });
   info.median_scale = std::exp(percentile(values, 0.5));
+  info.has_time = gaussians.has_time;
+  if (info.has_time) {
+    gather([&](std::size_t i) { return gaussians.log_time_scale[i]; });
+    info.median_time_scale = std::exp(percentile(values, 0.5));
+  }
 
   const auto share_of = [&](auto&& holds) {
     const auto count = std::count_if(
@@ -176,15 +181,6 @@ void suspect(const Gaussians& gaussians, const std::vector<std::size_t>& rows, M
   }
 }
 
-// Of Gaussians of which one at least is finite.
-float median_time_scale(const Gaussians& gaussians) {
-  std::vector<float> scales = gaussians.log_time_scale.download();
-  std::erase_if(scales, [](float scale) { return !std::isfinite(scale); });
-  const auto middle = scales.begin() + std::ptrdiff_t(scales.size() / 2);
-  std::nth_element(scales.begin(), middle, scales.end());
-  return std::exp(*middle);
-}
-
 }  // namespace
 
 bool is_ply_with_filter_3d(const std::filesystem::path& file) {
@@ -208,7 +204,6 @@ ModelInfo inspect(const GaussianModel& model) {
   const std::vector<std::size_t> rows = finite_rows(gaussians, info);
   if (rows.empty()) return info;
   measure(gaussians, rows, info);
-  if ((info.has_time = gaussians.has_time)) info.median_time_scale = median_time_scale(gaussians);
   suspect(gaussians, rows, info);
   return info;
 }

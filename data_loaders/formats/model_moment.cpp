@@ -27,7 +27,7 @@ SpacetimeShape<double> shape_of(const Gaussians& gaussians, std::size_t i) {
 
 double marginal_of(const Gaussians& gaussians, std::size_t i, double time) {
   const SpacetimeShape<double> shape = shape_of(gaussians, i);
-  if (is_degenerate(shape.rotations.left) || is_degenerate(shape.rotations.right)) return 0;
+  if (is_degenerate(shape.rotations)) return 0;
   return condition(covariance(shape), time - shape.time_mean).marginal;
 }
 

@@ -80,10 +80,6 @@ void check_export(const ExportRequest& request, bool force, std::string_view how
     check_place(file, force, how_to_force);
 }
 
-void check_holds_time(const ExportRequest& request, const GaussianModel& model) {
-  gs::check_holds_time(request.file, format_to_write(request.file), model);
-}
-
 bool is_lossy(const ExportRequest& request, int sh_degree) {
   const ModelFormat& format = format_to_write(request.file);
   return format.read && (!format.is_lossless || request.sh_degree < sh_degree);

@@ -38,9 +38,6 @@ void keep_older_aside(const std::filesystem::path& file);
 void check_export(const ExportRequest& request, bool force,
                   std::string_view how_to_force = "add --force");
 
-/// Throws UsageError where the model has a time and the format has none.
-void check_holds_time(const ExportRequest& request, const GaussianModel& model);
-
 /// Whether the file will differ from a model of SH degree `sh_degree` and can be read again, so
 /// that the difference can be measured.
 bool is_lossy(const ExportRequest& request, int sh_degree);

@@ -61,7 +61,6 @@ ViewScene live_scene(std::string title, const Scene& scene, const Config& config
 std::optional<GaussianModel> copy_if_it_fits(Trainer& trainer) {
   try {
     GaussianModel model = copied_model(trainer);
-    constexpr double kMiddleOfScene = 0.5;  // the page knows no time
     return model.gaussians.has_time ? moment_of(model, kMiddleOfScene) : std::move(model);
   } catch (const std::bad_alloc&) {
     return {};

@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "gs_core/math/constants.h"
+#include "gs_core/math/rotation.h"
 #include "gs_core/types.h"
 
 namespace gs {
@@ -29,6 +30,10 @@ template <class T>
 struct QuatPair {
   Quat<T> left, right;
 };
+template <class T>
+GS_HD bool is_degenerate(const QuatPair<T>& q) {
+  return is_degenerate(q.left) || is_degenerate(q.right);
+}
 
 /// The matrix of p -> q p, where p is the quaternion with the components (x, y, z, t) in that order.
 template <class T>

@@ -33,9 +33,7 @@ GS_HD void add_spacetime_regularizer_vjp(const SpacetimeShape<T>& shape,
                                          const Regularizers& of_each, SpacetimeShape<T>& dL) {
   using std::exp;
   dL.log_time_scale -= T(of_each.time_scale) * exp(-shape.log_time_scale);
-  const bool is_degenerate_pair =
-      is_degenerate(shape.rotations.left) || is_degenerate(shape.rotations.right);
-  if (of_each.velocity == 0 || is_degenerate_pair) return;
+  if (of_each.velocity == 0 || is_degenerate(shape.rotations)) return;
   const Mat4<T> R = rotation_matrix(shape.rotations);
   const Vec4<T> variances = variance(shape.log_scale, shape.log_time_scale);
   const SpacetimeCovariance<T> S = covariance(R, variances);

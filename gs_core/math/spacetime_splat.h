@@ -69,7 +69,7 @@ template <class T>
 GS_HD ProjectedMoment<T> project_shape(const PinholeCamera<T>& camera,
                                        const SpacetimeShape<T>& shape, const T& time,
                                        const SplatSettings& settings) {
-  if (is_degenerate(shape.rotations.left) || is_degenerate(shape.rotations.right)) return {};
+  if (is_degenerate(shape.rotations)) return {};
   const Moment<T> moment = condition(covariance(shape), time - shape.time_mean);
   if (!is_alive(moment.marginal)) return {};
   ProjectedMoment<T> result{};

@@ -6,6 +6,7 @@
 #include "data_loaders/lenses/undistort.h"
 #include "gs_core/error.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/load_scene.h"
 #include "tests/support/tiny_photos.h"
 
 namespace gs {
@@ -15,22 +16,6 @@ using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Not;
-
-DatasetConfig dataset_at(const std::filesystem::path& folder) {
-  DatasetConfig dataset;
-  dataset.source = folder.string();
-  return dataset;
-}
-
-std::string error_of(const DatasetConfig& dataset) {
-  try {
-    load_scene(dataset);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  ADD_FAILURE() << "load_scene threw no Error";
-  return "";
-}
 
 std::vector<std::string> names_of(const std::vector<View>& views) {
   std::vector<std::string> names;

@@ -9,6 +9,7 @@
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/load_scene.h"
 #include "tests/support/tiny_photos.h"
 
 namespace gs {
@@ -21,22 +22,6 @@ using testing::HasSubstr;
 using testing::Not;
 
 constexpr int kWidth = 12, kHeight = 8;  // of small_model()'s photos
-
-DatasetConfig dataset_at(const std::filesystem::path& folder) {
-  DatasetConfig dataset;
-  dataset.source = folder.string();
-  return dataset;
-}
-
-std::string error_of(const DatasetConfig& dataset) {
-  try {
-    load_scene(dataset);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  ADD_FAILURE() << "load_scene threw no Error";
-  return "";
-}
 
 /// The log of load_scene().
 std::string log_of(const DatasetConfig& dataset) {

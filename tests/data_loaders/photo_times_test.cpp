@@ -9,6 +9,7 @@
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/load_scene.h"
 
 namespace gs {
 namespace {
@@ -32,19 +33,9 @@ void write_films(const std::filesystem::path& folder, const std::vector<int>& fr
 }
 
 DatasetConfig dataset_at(const std::filesystem::path& folder, PhotoTimes times) {
-  DatasetConfig dataset;
-  dataset.source = folder.string();
+  DatasetConfig dataset = gs::dataset_at(folder);
   dataset.times = times;
   return dataset;
-}
-
-std::string error_of(const DatasetConfig& dataset) {
-  try {
-    load_scene(dataset);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "no error";
 }
 
 TEST(FilmsOfCameras, BecomeViewsWithThePoseOfTheCameraAndTheTimeOfTheFrame) {
