@@ -45,10 +45,17 @@ void set_pose(PinholeCamera<double>& camera, const py::object& pose) {
       throw UsageError("the translation of cam_from_world must be finite");
 }
 
+double checked_time(double time) {
+  if (!(time >= 0 && time <= 1))
+    throw UsageError(fmt::format("the time must lie between 0 and 1, but is {}", time));
+  return time;
+}
+
 NamedCamera make_camera(int width, int height, double fx, std::optional<double> fy,
                         std::optional<double> cx, std::optional<double> cy, const py::object& pose,
-                        const std::string& name) {
+                        const std::string& name, double time) {
   PinholeCamera<double> camera;
+  camera.time = checked_time(time);
   camera.width = width;
   camera.height = height;
   camera.fx = fx;
@@ -93,6 +100,11 @@ py::array_t<double> position(const NamedCamera& named) {
   return array;
 }
 
+NamedCamera at_other_time(NamedCamera named, double time) {
+  named.camera.time = float(checked_time(time));
+  return named;
+}
+
 NamedCamera at_other_resolution(const NamedCamera& named, int resolution) {
   if (resolution < 1) throw UsageError("the resolution must be 1 or more");
   return {named.name, at_resolution(named.camera, resolution)};
@@ -117,10 +129,10 @@ axes are x right, y down, z forward, as in COLMAP and OpenCV. Numbers are kept a
       py::init(&make_camera),
       R"(width, height, fx, fy, cx, cy in pixels; without fy it is fx, without cx and cy the picture's
 center. cam_from_world: (3, 4) or (4, 4), a rotation and a translation in world units; without it
-the camera is at the origin and looks along z.)",
+the camera is at the origin and looks along z. time: the moment of a scene that moves, from 0 to 1.)",
       py::arg("width"), py::arg("height"), py::arg("fx"), py::arg("fy") = py::none(),
       py::arg("cx") = py::none(), py::arg("cy") = py::none(),
-      py::arg("cam_from_world") = py::none(), py::arg("name") = "");
+      py::arg("cam_from_world") = py::none(), py::arg("name") = "", py::arg("time") = 0.0);
   camera.def_readonly("name", &NamedCamera::name, "Name of its photo, if it has one.");
   camera.def_property_readonly(
       "width", [](const NamedCamera& self) { return self.camera.width; }, "Pixels.");
@@ -138,6 +150,11 @@ the camera is at the origin and looks along z.)",
                                "(4, 4) float64: from world to camera coordinates. A copy.");
   camera.def_property_readonly("position", position,
                                "(3,) float64: the camera's center, world units. A copy.");
+  camera.def_property_readonly(
+      "time", [](const NamedCamera& self) { return self.camera.time; },
+      "The moment of a scene that moves, from 0 to 1: a model that moves is rendered as it is "
+      "then.");
+  camera.def("at_time", at_other_time, py::arg("time"), "The same view at another moment, 0 to 1.");
   camera.def("at_resolution", at_other_resolution, py::arg("resolution"),
              "The same view in a smaller picture: 1 to 8 divides its size, a larger number is its "
              "new width in pixels.");

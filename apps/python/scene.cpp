@@ -6,6 +6,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <set>
 
 #include "apps/python/arrays.h"
 #include "apps/python/devices.h"
@@ -112,6 +113,10 @@ ScenePointer scene_from(const py::iterable& train, const py::iterable& test,
   scene.points = points_from(points, point_colors);
   scene.source = "arrays";
   scene.extent = camera_extent(scene.train_views);
+  std::set<float> times;
+  for (const std::vector<View>* views : {&scene.train_views, &scene.test_views})
+    for (const View& view : *views) times.insert(view.camera.time);
+  scene.time_count = times.size();
   return made;
 }
 

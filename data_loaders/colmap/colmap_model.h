@@ -71,6 +71,8 @@ struct ColmapImage {
   std::vector<ColmapObservation> observations{};     // empty unless asked for
   std::filesystem::path mask{};                      // of the photo, if the model names one
   double time = 0;                                   // when it was taken: Camera::time
+  std::filesystem::path video{};                     // of which it is a frame; empty: a photo
+  std::int64_t frame = 0;                            // its number in the video, from 0
 };
 
 /// One triangulated point. Of its track only the length is kept.

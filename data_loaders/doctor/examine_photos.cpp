@@ -3,12 +3,15 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <map>
 #include <mutex>
+#include <tuple>
 
 #include "data_loaders/doctor/examination.h"
 #include "data_loaders/photos/photo_fit.h"
 #include "data_loaders/photos/picture_quality.h"
 #include "data_loaders/scene/view_picture.h"
+#include "data_loaders/video/film_frames.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
 
@@ -107,12 +110,32 @@ struct Header {
   int orientation = 1;
 };
 
+bool is_frame(const Examination& examination, std::size_t image) {
+  return !examination.model().images[image].video.empty();
+}
+
+std::pair<PhotoSize, Header> read_video_header(const fs::path& video) {
+  try {
+    const Image8 first = read_frame(video, 0);
+    return {{first.width, first.height}, {}};
+  } catch (const Error& error) {
+    return {{}, {error.what(), 1}};
+  }
+}
+
 std::vector<Header> read_headers(Examination& examination) {
   const std::vector<fs::path>& files = examination.scene.photos;
   examination.photo_sizes.resize(files.size());
   std::vector<Header> headers(files.size());
+  std::map<fs::path, std::pair<PhotoSize, Header>> of_videos;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    if (!is_frame(examination, i)) continue;
+    const auto [known, is_new] = of_videos.try_emplace(files[i]);
+    if (is_new) known->second = read_video_header(files[i]);
+    std::tie(examination.photo_sizes[i], headers[i]) = known->second;
+  }
   parallel_for(files.size(), 8, [&](std::size_t i) {
-    if (files[i].empty()) return;
+    if (files[i].empty() || is_frame(examination, i)) return;
     try {
       examination.photo_sizes[i] = read_photo_size(files[i]);
       headers[i].orientation = read_photo_orientation(files[i]);
@@ -129,7 +152,7 @@ void match_photo_files(Examination& examination) {
   std::vector<std::string> names;
   for (const ColmapImage& image : examination.model().images) names.push_back(image.name);
   std::vector<fs::path>& photos = examination.scene.photos;
-  photos = match_photos(names, examination.folders.images);
+  photos = match_photos(examination.model(), examination.folders.images);
   std::vector<std::size_t> missing;
   for (std::size_t i = 0; i < names.size(); ++i)
     if (photos[i].empty()) missing.push_back(i);
@@ -239,18 +262,42 @@ void examine_pictures(Examination& examination) {
   std::vector<char> is_damaged(usable.size(), false);
   std::mutex mutex;
   std::size_t done = 0;
+  const auto rate = [&](std::size_t k, const PhotoWithAlpha& read) {
+    qualities[k] = quality_of(read.photo);
+    shares[k] = trained_share(read_mask(scene.masks, scene.mask_files[usable[k]], read));
+  };
+  const auto count = [&] {
+    const std::lock_guard lock(mutex);
+    if (examination.progress) examination.progress(++done, usable.size());
+  };
+  std::map<fs::path, std::vector<std::size_t>> of_videos;
+  for (std::size_t k = 0; k < usable.size(); ++k)
+    if (is_frame(examination, usable[k])) of_videos[scene.photos[usable[k]]].push_back(k);
   parallel_for(usable.size(), 1, [&](std::size_t k) {
+    if (is_frame(examination, usable[k])) return;
     try {
-      const std::size_t i = usable[k];
-      const PhotoWithAlpha read = read_photo_with_alpha(scene.photos[i]);
-      qualities[k] = quality_of(read.photo);
-      shares[k] = trained_share(read_mask(scene.masks, scene.mask_files[i], read));
+      rate(k, read_photo_with_alpha(scene.photos[usable[k]]));
     } catch (const Error&) {
       is_damaged[k] = true;
     }
-    const std::lock_guard lock(mutex);
-    if (examination.progress) examination.progress(++done, usable.size());
+    count();
   });
+  for (const auto& [video, own] : of_videos) {
+    std::vector<VideoFrame> frames;
+    for (const std::size_t k : own) {
+      frames.push_back({video, scene.model.images[usable[k]].frame});
+      is_damaged[k] = true;
+    }
+    const auto is_wanted = [](std::size_t) { return true; };
+    try {
+      for_each_frame(frames, is_wanted, [&](std::size_t i, Image8 frame) {
+        rate(own[i], {std::move(frame), {}});
+        is_damaged[own[i]] = false;
+        count();
+      });
+    } catch (const Error&) {  // the frames that remain are damaged
+    }
+  }
   std::vector<std::size_t> damaged, readable;
   std::vector<PictureQuality> readable_qualities;
   std::vector<double> readable_shares;

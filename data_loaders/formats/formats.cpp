@@ -45,23 +45,24 @@ void require_for_sog(const ExportOptions&) { require_webp(); }
 }  // namespace
 
 const std::vector<ModelFormat>& model_formats() {
-  constexpr bool kLossless = true, kLossy = false, kAddsOffset = true, kNoOffset = false;
+  constexpr bool kLossless = true, kLossy = false, kAddsOffset = true, kNoOffset = false,
+                 kTime = true, kNoTime = false;
   static const std::vector<ModelFormat> kFormats = {
-      {"ply", ".ply", "everything, as floats", kLossless, kNoOffset, kPlyAxes, read_gaussian_ply,
-       without_options<write_gaussian_ply>, require_nothing},
-      {"csv", ".csv", "everything, as text", kLossless, kAddsOffset, kPlyAxes, read_csv,
+      {"ply", ".ply", "everything, as floats", kLossless, kNoOffset, kTime, kPlyAxes,
+       read_gaussian_ply, without_options<write_gaussian_ply>, require_nothing},
+      {"csv", ".csv", "everything, as text", kLossless, kAddsOffset, kNoTime, kPlyAxes, read_csv,
        without_options<write_csv>, require_nothing},
-      {"glb", ".glb", "everything, as floats after activation", kLossy, kNoOffset, kHalfTurnZ,
-       nullptr, without_options<write_glb>, require_nothing},
+      {"glb", ".glb", "everything, as floats after activation", kLossy, kNoOffset, kNoTime,
+       kHalfTurnZ, nullptr, without_options<write_glb>, require_nothing},
       {"compressed.ply", ".compressed.ply", "fractions of the range of 256 neighbors", kLossy,
-       kNoOffset, kPlyAxes, read_gaussian_ply, without_options<write_compressed_ply>,
+       kNoOffset, kNoTime, kPlyAxes, read_gaussian_ply, without_options<write_compressed_ply>,
        require_nothing},
-      {"spz", ".spz", "bytes, positions in 24 bits, compressed", kLossy, kNoOffset, kHalfTurnX,
-       read_spz, write_spz_version, require_for_spz},
-      {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kNoOffset, kPlyAxes,
-       read_sog, without_options<write_sog>, require_for_sog},
-      {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kNoOffset, kPlyAxes, read_splat,
-       without_options<write_splat>, require_nothing},
+      {"spz", ".spz", "bytes, positions in 24 bits, compressed", kLossy, kNoOffset, kNoTime,
+       kHalfTurnX, read_spz, write_spz_version, require_for_spz},
+      {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kNoOffset, kNoTime,
+       kPlyAxes, read_sog, without_options<write_sog>, require_for_sog},
+      {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kNoOffset, kNoTime, kPlyAxes,
+       read_splat, without_options<write_splat>, require_nothing},
   };
   return kFormats;
 }
@@ -113,12 +114,19 @@ GaussianModel read_model(const Path& path) {
   return read_gaussian_ply(path);
 }
 
+void check_holds_time(const ModelFormat& format, std::string_view file) {
+  if (format.holds_time) return;
+  std::string others;
+  for (const ModelFormat& other : model_formats())
+    if (other.holds_time) others += (others.empty() ? "" : ", ") + std::string(other.ending);
+  throw UsageError(fmt::format(
+      "{}: {} does not hold Gaussians in space and time, but {} does; write the moment T "
+      "as 3D Gaussians with `gemsplat export --time T`",
+      file, format.ending, others));
+}
+
 void check_holds_time(const Path& path, const GaussianModel& model) {
-  if (model.gaussians.has_time && format_to_write(path).name != "ply")
-    throw UsageError(fmt::format(
-        "{}: only .ply holds Gaussians in space and time; write the moment T as 3D Gaussians with "
-        "`gemsplat export --time T`",
-        path.string()));
+  if (model.gaussians.has_time) check_holds_time(format_to_write(path), path.string());
 }
 
 std::size_t write_model(const Path& path, const GaussianModel& model,

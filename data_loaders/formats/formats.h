@@ -33,6 +33,7 @@ struct ModelFormat {
   std::string_view holds;   // in a few words
   bool is_lossless;         // reading gives the same bits again, SH degree included
   bool adds_world_offset;   // positions are mean + world_offset, in double precision
+  bool holds_time;          // of Gaussians in space and time
   AxisSigns signs;          // of the file's axes relative to the PLY's
   GaussianModel (*read)(const std::filesystem::path&);  // null: gemsplat only writes it
   void (*write)(const std::filesystem::path&, const GaussianModel&, const ExportOptions&);
@@ -52,7 +53,10 @@ const ModelFormat* find_format(const std::filesystem::path& path);
 /// The same for a file to write. Throws UsageError with a list of the endings.
 const ModelFormat& format_to_write(const std::filesystem::path& path);
 
-/// Throws UsageError where the model has a time and the file's format has none: only PLY has.
+/// Throws UsageError for a format that does not hold Gaussians in space and time. `file` is what the
+/// message begins with.
+void check_holds_time(const ModelFormat& format, std::string_view file);
+/// The same where the model has a time, for the format of the file's name.
 void check_holds_time(const std::filesystem::path& path, const GaussianModel& model);
 
 /// Reads trained Gaussians in the format of the file's name; a file of another name is read as PLY.

@@ -118,6 +118,12 @@ struct Hash {
   }
 };
 
+std::string digits_of(const Hash& hash) {
+  std::string digits;
+  for (const unsigned char byte : hash.value().digest) digits += fmt::format("{:02x}", byte);
+  return digits;
+}
+
 // Of an entry of this key and size.
 Header header_of(const std::string& key, int width, int height, int channels) {
   GS_CHECK(key.size() <= kKeyLength);
@@ -198,9 +204,20 @@ std::string PhotoCache::key_of(const fs::path& path, const std::string& recipe) 
   }
   if (!file.eof()) throw Error("cannot read " + path.string() + "; check the disk and its rights");
   hash.add(recipe.data(), recipe.size());
-  std::string key;
-  for (const unsigned char byte : hash.value().digest) key += fmt::format("{:02x}", byte);
-  return key;
+  return digits_of(hash);
+}
+
+std::string PhotoCache::key_of_text(const std::string& text) {
+  Hash hash;
+  hash.add(text.data(), text.size());
+  return digits_of(hash);
+}
+
+bool PhotoCache::has(const std::string& key) {
+  std::error_code error;
+  if (!fs::is_regular_file(path_of(key), error)) return false;
+  fs::last_write_time(path_of(key), fs::file_time_type::clock::now(), error);
+  return true;
 }
 
 std::optional<Image8> PhotoCache::find(const std::string& key, int width, int height,
@@ -276,6 +293,8 @@ void PhotoCache::write(const std::string& key, const Image8& image) {
 
 bool can_cache_photos() { return false; }
 std::string PhotoCache::key_of(const fs::path&, const std::string&) { return {}; }
+std::string PhotoCache::key_of_text(const std::string&) { return {}; }
+bool PhotoCache::has(const std::string&) { return false; }
 std::optional<Image8> PhotoCache::find(const std::string&, int, int, int) { return std::nullopt; }
 void PhotoCache::store(const std::string&, const Image8&) {}
 void PhotoCache::write(const std::string&, const Image8&) {}

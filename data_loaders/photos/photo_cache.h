@@ -33,6 +33,11 @@ class PhotoCache {
   /// kinds. Throws Error if the file cannot be read.
   static std::string key_of(const std::filesystem::path& file, const std::string& recipe);
 
+  /// The key of an entry that `text` describes whole, such as the key of a file and a part of it.
+  static std::string key_of_text(const std::string& text);
+
+  /// Whether there is an entry of this key, which may be damaged. It counts as used.
+  bool has(const std::string& key);
   /// The entry, if it exists, is undamaged and has this size. A damaged one is removed.
   std::optional<Image8> find(const std::string& key, int width, int height, int channels);
   /// Adds an entry. If it does not fit, the entries used longest ago are removed first, but none

@@ -9,6 +9,7 @@
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/photos/photo_names.h"
+#include "data_loaders/video/film_frames.h"
 #include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -21,8 +22,6 @@ namespace fs = std::filesystem;
 // Formats that both COLMAP and gemsplat read.
 const std::set<std::string> kPhotoEndings = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff"};
 constexpr const char* kMasksFolder = "masks/";  // beside the photos; holds no photos (masks.h)
-const std::set<std::string> kVideoEndings = {".mp4",  ".mov", ".m4v",  ".avi", ".mkv",
-                                             ".webm", ".mpg", ".mpeg", ".mts", ".3gp"};
 
 bool is_hidden(const fs::path& path) { return path.filename().string().starts_with('.'); }
 
@@ -114,7 +113,7 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
   std::vector<PhotoFile> photos;
   std::size_t unreadable = 0, videos = 0;
   for (const fs::path& file : files_in(root, true, without)) {
-    if (kVideoEndings.contains(lowercase_ending(file))) ++videos;
+    if (is_video(file)) ++videos;
     if (!kPhotoEndings.contains(lowercase_ending(file))) continue;
     const std::string name = file.lexically_relative(root).generic_string();
     if (name.starts_with(kMasksFolder)) continue;
@@ -148,12 +147,10 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
 
 std::vector<fs::path> find_videos(const fs::path& source) {
   std::error_code ignored;
-  if (fs::is_regular_file(source, ignored) && kVideoEndings.contains(lowercase_ending(source)))
-    return {source};
+  if (fs::is_regular_file(source, ignored) && is_video(source)) return {source};
   if (!fs::is_directory(source, ignored) || has_photos(photo_root(source))) return {};
   std::vector<fs::path> videos = files_in(source, false);
-  std::erase_if(
-      videos, [](const fs::path& file) { return !kVideoEndings.contains(lowercase_ending(file)); });
+  std::erase_if(videos, [](const fs::path& file) { return !is_video(file); });
   return videos;
 }
 

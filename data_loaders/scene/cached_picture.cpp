@@ -8,6 +8,7 @@
 
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/photos/photo_codec.h"
+#include "data_loaders/video/video_frames.h"
 #include "gs_core/bytes.h"
 #include "gs_core/log.h"
 
@@ -22,8 +23,9 @@ constexpr std::int64_t kWorthCaching = std::int64_t(1) << 20;
 
 /// Everything besides the photo's bytes that changes the result of make_picture().
 std::string recipe_of(const ViewPlan& plan) {
-  std::string text = fmt::format("{} {} {}x{}", kPictureVersion, codec_name(), plan.target.width,
-                                 plan.target.height);
+  std::string text =
+      fmt::format("{} {} {}x{}", kPictureVersion, plan.is_frame ? video_codec_name() : codec_name(),
+                  plan.target.width, plan.target.height);
   if (!plan.mask_file.empty())
     text += fmt::format(" mask {} {}", plan.masks.invert, PhotoCache::key_of(plan.mask_file, ""));
   else
@@ -64,26 +66,52 @@ const std::string& CachedPictures::key_of(std::size_t view, const ViewPlan& plan
   }
   if (!known.name.empty() && known.bytes == now.bytes && known.changed == now.changed)
     return known.name;
-  now.name = PhotoCache::key_of(plan.file, recipe_of(plan));
+  now.name =
+      plan.is_frame ? key_of_frame(plan, now) : PhotoCache::key_of(plan.file, recipe_of(plan));
   known = std::move(now);
   return known.name;
 }
 
-Picture CachedPictures::picture(std::size_t view, const ViewPlan& plan) {
-  const std::string key = key_of(view, plan);
+// `now`: size and date of the video, and of a mask.
+std::string CachedPictures::key_of_frame(const ViewPlan& plan, const Key& now) {
+  const std::lock_guard lock(mutex_);
+  Key& video = videos_[plan.file];
+  if (video.name.empty() || video.bytes != now.bytes || video.changed != now.changed)
+    video = {PhotoCache::key_of(plan.file, ""), now.bytes, now.changed};
+  return PhotoCache::key_of_text(
+      fmt::format("{} frame {} {}", video.name, plan.frame, recipe_of(plan)));
+}
+
+bool CachedPictures::has(std::size_t view, const ViewPlan& plan) {
+  const std::string& key = key_of(view, plan);
+  return cache_.has(key) || (plan.may_be_masked && cache_.has(masked_key(key)));
+}
+
+std::optional<Picture> CachedPictures::find(std::size_t view, const ViewPlan& plan) {
+  const std::string& key = key_of(view, plan);
   const int width = plan.target.width, height = plan.target.height;
   if (plan.may_be_masked)
     if (auto both = cache_.find(masked_key(key), width, height, 4)) {
       PhotoWithAlpha apart = separated(std::move(*both));
-      return {std::move(apart.photo), std::move(apart.alpha)};
+      return Picture{std::move(apart.photo), std::move(apart.alpha)};
     }
-  if (auto photo = cache_.find(key, width, height, 3)) return {std::move(*photo), {}};
-  Picture picture = make_picture(plan);
-  if (key_of(view, plan) != key) return picture;  // a file was changed meanwhile
+  if (auto photo = cache_.find(key, width, height, 3)) return Picture{std::move(*photo), {}};
+  return std::nullopt;
+}
+
+void CachedPictures::store(std::size_t view, const ViewPlan& plan, const Picture& picture) {
+  const std::string key = keys_.at(view).name;
+  if (key_of(view, plan) != key) return;
   if (picture.mask.empty())
     cache_.store(key, picture.photo);
   else
     cache_.store(masked_key(key), joined(picture));
+}
+
+Picture CachedPictures::picture(std::size_t view, const ViewPlan& plan) {
+  if (auto found = find(view, plan)) return std::move(*found);
+  Picture picture = make_picture(plan);
+  store(view, plan, picture);
   return picture;
 }
 
@@ -94,7 +122,7 @@ std::shared_ptr<CachedPictures> cache_for(const DatasetConfig& dataset,
   const bool helps = std::any_of(plans.begin(), plans.end(), [&](const ViewPlan& plan) {
     const std::int64_t pixels = std::int64_t(plan.photo_size.width) * plan.photo_size.height;
     return (!all_fit || plan.has_lens() || plan.is_resized()) &&
-           (is_named || pixels >= kWorthCaching);
+           (is_named || pixels >= kWorthCaching || (plan.is_frame && !all_fit));
   });
   if (!helps) return nullptr;
   if (!can_cache_photos()) {

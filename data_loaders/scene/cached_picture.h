@@ -3,7 +3,10 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +25,13 @@ class CachedPictures {
   /// make_picture() from the cache, which is given the pictures that it lacks.
   Picture picture(std::size_t view, const ViewPlan& plan);
 
+  /// The parts of picture(), for pictures that somebody else makes. has() tells whether the cache
+  /// seems to hold the picture; store() comes after has() or find(), and does nothing if the files
+  /// were changed since then.
+  bool has(std::size_t view, const ViewPlan& plan);
+  std::optional<Picture> find(std::size_t view, const ViewPlan& plan);
+  void store(std::size_t view, const ViewPlan& plan, const Picture& picture);
+
   const std::filesystem::path& folder() const { return cache_.folder(); }
 
  private:
@@ -32,13 +42,17 @@ class CachedPictures {
     std::filesystem::file_time_type changed;
   };
   const std::string& key_of(std::size_t view, const ViewPlan& plan);
+  std::string key_of_frame(const ViewPlan& plan, const Key& now);
 
   PhotoCache cache_;
   std::vector<Key> keys_;  // of each view
+  std::mutex mutex_;
+  std::map<std::filesystem::path, Key> videos_;  // their bytes are hashed once
 };
 
 /// The cache of dataset.photo_cache, or null if it would save no work: photos that are neither
 /// undistorted nor resized are only worth it if they are decoded again and again (not `all_fit`).
+/// Frames of videos are always worth it then.
 std::shared_ptr<CachedPictures> cache_for(const DatasetConfig& dataset,
                                           const std::vector<ViewPlan>& plans, bool all_fit);
 

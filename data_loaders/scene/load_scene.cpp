@@ -21,6 +21,7 @@
 #include "data_loaders/scene/plan_views.h"
 #include "data_loaders/scene/scene_model.h"
 #include "data_loaders/scene/view_picture.h"
+#include "data_loaders/video/film_frames.h"
 #include "gs_core/bytes.h"
 #include "gs_core/error.h"
 #include "gs_core/io/host_ram.h"
@@ -110,14 +111,39 @@ View empty_view(const ViewPlan& plan) {
   return view;
 }
 
-/// `cache` may be null.
-View load_view(std::size_t index, const ViewPlan& plan, CachedPictures* cache) {
+View view_with(Picture picture, const ViewPlan& plan) {
   View view = empty_view(plan);
-  Picture picture = cache ? cache->picture(index, plan) : make_picture(plan);
   view.photo = std::move(picture.photo);
   view.mask = std::move(picture.mask);
   view.over_background = plan.masks.over_background && !view.mask.empty();
   return view;
+}
+
+/// `cache` may be null.
+View load_view(std::size_t index, const ViewPlan& plan, CachedPictures* cache) {
+  return view_with(cache ? cache->picture(index, plan) : make_picture(plan), plan);
+}
+
+bool has_frames(const std::vector<ViewPlan>& plans) {
+  return std::ranges::any_of(plans, [](const ViewPlan& plan) { return plan.is_frame; });
+}
+
+/// Makes the pictures of frames of videos, each video decoded once (for_each_frame()).
+void for_each_film_picture(const std::vector<ViewPlan>& plans,
+                           const std::function<bool(std::size_t view)>& wants,
+                           const std::function<void(std::size_t view, Picture picture)>& take) {
+  std::vector<std::size_t> views;
+  std::vector<VideoFrame> frames;
+  for (std::size_t i = 0; i < plans.size(); ++i) {
+    if (!plans[i].is_frame) continue;
+    views.push_back(i);
+    frames.push_back({plans[i].file, plans[i].frame});
+  }
+  for_each_frame(
+      frames, [&](std::size_t k) { return wants(views[k]); },
+      [&](std::size_t k, Image8 frame) {
+        take(views[k], make_picture(plans[views[k]], {std::move(frame), {}}));
+      });
 }
 
 /// All photos decoded.
@@ -127,18 +153,65 @@ std::vector<View> load_views(const std::vector<ViewPlan>& plans, CachedPictures*
   std::atomic<bool> has_failed = false;  // then the others need not be decoded
   std::mutex mutex;
   std::size_t done = 0;
+  const auto count = [&] {
+    const std::lock_guard lock(mutex);
+    if (progress) progress(LoadStage::photos, ++done, plans.size());
+  };
   parallel_for(plans.size(), 1, [&](std::size_t i) {
     if (has_failed) return;
     try {
-      views[i] = load_view(i, plans[i], cache);
+      std::optional<Picture> cached = cache ? cache->find(i, plans[i]) : std::nullopt;
+      if (!cached && plans[i].is_frame) return;
+      views[i] = cached ? view_with(std::move(*cached), plans[i]) : load_view(i, plans[i], cache);
     } catch (...) {
       has_failed = true;
       throw;
     }
-    const std::lock_guard lock(mutex);
-    if (progress) progress(LoadStage::photos, ++done, plans.size());
+    count();
   });
+  for_each_film_picture(
+      plans, [&](std::size_t i) { return views[i].photo.empty(); },
+      [&](std::size_t i, Picture picture) {
+        if (cache) cache->store(i, plans[i], picture);
+        views[i] = view_with(std::move(picture), plans[i]);
+        count();
+      });
   return views;
+}
+
+/// Puts the frames of videos into the cache, because a PhotoPool asks for them in any order. Warns
+/// of those that it does not take. `cache` may be null.
+void keep_frames(const std::vector<ViewPlan>& plans, CachedPictures* cache,
+                 const LoadProgress& progress) {
+  const auto frames =
+      std::size_t(std::ranges::count_if(plans, [](const ViewPlan& plan) { return plan.is_frame; }));
+  if (frames == 0) return;
+  std::size_t kept = 0;
+  if (cache) {
+    std::mutex mutex;
+    const auto count = [&] {
+      const std::lock_guard lock(mutex);
+      if (progress) progress(LoadStage::photos, ++kept, frames);
+    };
+    for_each_film_picture(
+        plans,
+        [&](std::size_t i) {
+          const bool is_kept = cache->has(i, plans[i]);
+          if (is_kept) count();
+          return !is_kept;
+        },
+        [&](std::size_t i, Picture picture) {
+          cache->store(i, plans[i], picture);
+          if (cache->has(i, plans[i])) count();
+        });
+  }
+  if (kept < frames)
+    log_warning(
+        "{} of {} frames of videos fit neither into memory (--photo-ram) nor into the photo cache "
+        "(dataset.photo_cache, dataset.photo_cache_gib): whenever one of them is needed, its video "
+        "is decoded from the beginning, which is slow; give one of the two more, or train at a "
+        "lower resolution (-r)",
+        frames - kept, frames);
 }
 
 /// Whether all photos fit into memory at once while the last ones are still being decoded.
@@ -182,7 +255,9 @@ std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan>
   }
   if (loading == PhotoLoading::when_asked) {
     const std::size_t budget = std::max(kBytesForLooking, PhotoPool::least_budget(costs));
-    return lazy_views(std::move(plans), std::move(costs), budget, nullptr);
+    const std::shared_ptr<CachedPictures> kept =  // by training, perhaps
+        has_frames(plans) ? cache_for(dataset, plans, false) : nullptr;
+    return lazy_views(std::move(plans), std::move(costs), budget, kept);
   }
   std::size_t budget = photo_ram_bytes(dataset);
   const bool all_fit = fit_into_ram(costs, budget);
@@ -201,6 +276,7 @@ std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan>
       "the photos take {:.3g} GiB when decoded, but may take {:.3g} GiB of memory (--photo-ram): "
       "they are decoded just before their turn",
       held / kBytesPerGib, double(budget) / kBytesPerGib);
+  keep_frames(plans, cache.get(), progress);
   return lazy_views(std::move(plans), std::move(costs), budget, cache);
 }
 

@@ -8,6 +8,8 @@
 #include <set>
 
 #include "data_loaders/photos/photo_names.h"
+#include "data_loaders/video/film_frames.h"
+#include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -22,26 +24,44 @@ bool is_folder(const fs::path& path) {
   return fs::is_directory(path, ignored);
 }
 
-// The folder with the frames of the camera that an image stands for, relative to `images`; empty if
-// there is none.
-std::string folder_of_frames(const fs::path& images, const std::string& image) {
-  const std::string stem = without_extension(image);
-  if (is_folder(images / stem)) return stem;
-  return fs::path(image).parent_path().generic_string();
+struct Frame {
+  std::string name;
+  fs::path video;  // empty: the frame is a picture of that name
+  std::int64_t number = 0;
+};
+
+std::vector<Frame> frames_in_folder(const fs::path& images, const std::string& folder) {
+  std::vector<Frame> frames;
+  if (!folder.empty() && is_folder(images / folder))
+    for (const std::string& name : picture_names_in(images / folder))
+      frames.push_back({folder + "/" + name, {}, 0});
+  return frames;
 }
 
-std::vector<std::string> frames_of(const fs::path& images, const ColmapImage& image) {
-  const std::string folder = folder_of_frames(images, image.name);
-  std::vector<std::string> names;
-  if (!folder.empty()) names = picture_names_in(images / folder);
-  if (names.empty())
-    throw Error(fmt::format(
-        "the camera of {} has no frames (dataset.times = \"frames\"): put them into the folder {}, "
-        "for example with `ffmpeg -i VIDEO {}/%05d.png`",
-        image.name, (images / without_extension(image.name)).string(),
-        (images / without_extension(image.name)).string()));
-  for (std::string& name : names) name = folder + "/" + name;
-  return names;
+std::vector<Frame> frames_in_video(const fs::path& images, const std::string& camera) {
+  std::vector<Frame> frames;
+  const fs::path video = video_of_camera(images, camera);
+  if (video.empty()) return frames;
+  const std::int64_t count = count_frames(video);
+  for (std::int64_t i = 0; i < count; ++i)
+    frames.push_back({fmt::format("{}/{:05d}.png", camera, i + 1), video, i});
+  return frames;
+}
+
+// The frames of the camera that an image stands for.
+std::vector<Frame> frames_of(const fs::path& images, const ColmapImage& image) {
+  const std::string camera = without_extension(image.name);
+  const std::string folder = fs::path(image.name).parent_path().generic_string();
+  std::vector<Frame> frames = frames_in_folder(images, camera);
+  if (frames.empty()) frames = frames_in_video(images, camera);
+  if (frames.empty()) frames = frames_in_folder(images, folder);
+  if (frames.empty() && !folder.empty()) frames = frames_in_video(images, folder);
+  if (frames.empty())
+    throw Error(
+        fmt::format("the camera of {} has no frames (dataset.times = \"frames\"): name its "
+                    "video {}.mp4, or put its frames into the folder {}",
+                    image.name, (images / camera).string(), (images / camera).string()));
+  return frames;
 }
 
 void check_same_count(const ColmapImage& first, std::size_t expected, const ColmapImage& image,
@@ -67,27 +87,47 @@ std::optional<double> number_in(const std::string& name) {
 
 }  // namespace
 
+fs::path video_of_camera(const fs::path& images, const std::string& camera) {
+  const fs::path stem = images / camera;
+  std::vector<fs::path> videos;
+  std::error_code error;
+  for (fs::directory_iterator entry(stem.parent_path(), error), end; !error && entry != end;
+       entry.increment(error)) {
+    const fs::path file = entry->path();
+    std::error_code ignored;
+    if (file.stem() == stem.filename() && is_video(file) && fs::is_regular_file(file, ignored))
+      videos.push_back(file);
+  }
+  if (videos.size() > 1)
+    throw Error(fmt::format("the camera {} has two videos, {} and {}; leave one there", camera,
+                            std::min(videos[0], videos[1]).string(),
+                            std::max(videos[0], videos[1]).filename().string()));
+  return videos.empty() ? fs::path() : videos[0];
+}
+
 std::size_t add_frames_of_cameras(const fs::path& images, ColmapModel& model,
                                   std::vector<bool>& is_test) {
   std::vector<ColmapImage> all;
   std::vector<bool> all_test;
-  std::set<std::string> folders;
+  std::set<std::string> sources;
   std::size_t frames_each = 0;
   for (std::size_t i = 0; i < model.images.size(); ++i) {
     const ColmapImage& camera = model.images[i];
-    const std::vector<std::string> names = frames_of(images, camera);
-    if (!folders.insert(fs::path(names[0]).parent_path().generic_string()).second)
+    const std::vector<Frame> frames = frames_of(images, camera);
+    if (!sources.insert(fs::path(frames[0].name).parent_path().generic_string()).second)
       throw Error(fmt::format(
           "several images of the model lie in the folder of {}: with dataset.times = \"frames\" "
           "the "
           "model has one image of each camera; a camera that moves has dataset.times = \"names\"",
-          names[0]));
-    if (i == 0) frames_each = names.size();
-    check_same_count(model.images[0], frames_each, camera, names.size());
-    for (std::size_t frame = 0; frame < names.size(); ++frame) {
+          frames[0].name));
+    if (i == 0) frames_each = frames.size();
+    check_same_count(model.images[0], frames_each, camera, frames.size());
+    for (std::size_t frame = 0; frame < frames.size(); ++frame) {
       ColmapImage image = camera;
       image.id = std::uint32_t(all.size() + 1);
-      image.name = names[frame];
+      image.name = frames[frame].name;
+      image.video = frames[frame].video;
+      image.frame = frames[frame].number;
       image.time = frames_each > 1 ? double(frame) / double(frames_each - 1) : 0.0;
       image.observations.clear();
       all.push_back(std::move(image));

@@ -11,6 +11,7 @@
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/photos/photo_fit.h"
 #include "data_loaders/photos/photo_names.h"
+#include "data_loaders/video/film_frames.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/rotation.h"
@@ -85,11 +86,18 @@ Camera single_precision_camera(const ViewPlan& plan, const ColmapImage& image) {
   return camera;
 }
 
-/// JPEG has no alpha.
+/// Neither JPEG nor videos have alpha.
 bool may_be_masked(const ViewPlan& plan) {
   const std::string ending = lowercase_ending(plan.file);
-  return !plan.mask_file.empty() || (plan.masks.use_alpha && ending != ".jpg" && ending != ".jpeg");
+  return !plan.mask_file.empty() ||
+         (plan.masks.use_alpha && !plan.is_frame && ending != ".jpg" && ending != ".jpeg");
 }
+
+/// Bytes that a decoder of videos holds for a pixel: up to 16 frames of 1.5 bytes that later ones
+/// refer to, and a picture of 3 bytes before it is turned into ours.
+constexpr std::size_t kBytesOfDecoder = 16 * 3 / 2 + 3;
+
+std::size_t pixels(const PhotoSize& size) { return std::size_t(size.width) * size.height; }
 
 /// Bytes of the photo with its mask, and the most that make_picture() holds at a time.
 PhotoCost cost_of(const ViewPlan& plan) {
@@ -100,25 +108,48 @@ PhotoCost cost_of(const ViewPlan& plan) {
   const std::size_t photo = bytes(plan.photo_size), undistorted = bytes(plan.undistorted),
                     target = bytes(plan.target);
   PhotoCost cost{target, channels == 4 ? 2 * photo : photo};  // as decoded, and then apart
+  if (plan.is_frame) cost.decoding += kBytesOfDecoder * pixels(plan.photo_size);
   if (plan.has_lens()) cost.decoding = std::max(cost.decoding, photo + undistorted);
   if (plan.is_resized()) cost.decoding = std::max(cost.decoding, undistorted + target);
   return cost;
 }
+
+/// The size of a photo, or of the video that it is a frame of. A video is opened once.
+class PhotoSizes {
+ public:
+  PhotoSize of(const ViewPlan& plan) {
+    if (!plan.is_frame) return read_photo_size(plan.file);
+    const std::lock_guard lock(mutex_);
+    const auto [known, is_new] = of_videos_.try_emplace(plan.file);
+    if (is_new) {
+      const Image8 first = read_frame(plan.file, 0);
+      known->second = {first.width, first.height};
+    }
+    return known->second;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::map<fs::path, PhotoSize> of_videos_;
+};
 
 /// Names, files and sizes.
 std::vector<ViewPlan> read_headers(const SceneModel& scene,
                                    const std::function<void(std::size_t, std::size_t)>& progress) {
   std::vector<ViewPlan> plans(scene.photos.size());
   constexpr std::size_t kHeadersPerChunk = 8;
+  PhotoSizes sizes;
   std::mutex mutex;
   std::size_t done = 0;
   parallel_for(plans.size(), kHeadersPerChunk, [&](std::size_t i) {
     ViewPlan& plan = plans[i];
     plan.name = scene.model.images[i].name;
     plan.file = scene.photos[i];
+    plan.is_frame = !scene.model.images[i].video.empty();
+    plan.frame = scene.model.images[i].frame;
     plan.mask_file = scene.mask_files[i];
     plan.masks = scene.masks;
-    plan.photo_size = read_photo_size(plan.file);
+    plan.photo_size = sizes.of(plan);
     if (!plan.mask_file.empty()) check_mask_size(plan.mask_file, plan.file, plan.photo_size);
     const std::lock_guard lock(mutex);
     if (progress) progress(++done, plans.size());

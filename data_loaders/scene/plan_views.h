@@ -17,7 +17,9 @@ namespace gs {
 /// All that is known of a view before its photo is decoded.
 struct ViewPlan {
   std::string name;
-  std::filesystem::path file;
+  std::filesystem::path file;  // of the photo, or the video that it is a frame of
+  bool is_frame = false;
+  std::int64_t frame = 0;           // its number in the video, from 0
   std::filesystem::path mask_file;  // empty: none
   MaskUse masks;
   PhotoSize photo_size;

@@ -194,13 +194,25 @@ std::vector<std::string> pictures_besides(const std::vector<fs::path>& files,
   return names;
 }
 
-std::vector<fs::path> find_photos(const std::vector<std::string>& names, const fs::path& folder) {
-  std::vector<fs::path> paths = match_photos(names, folder);
+std::vector<fs::path> match_photos(const ColmapModel& model, const fs::path& folder) {
+  std::vector<std::string> names;
+  for (const ColmapImage& image : model.images)
+    if (image.video.empty()) names.push_back(image.name);
+  const std::vector<fs::path> photos = match_photos(names, folder);
+  std::vector<fs::path> paths;
+  std::size_t next = 0;
+  for (const ColmapImage& image : model.images)
+    paths.push_back(image.video.empty() ? photos[next++] : image.video);
+  return paths;
+}
+
+std::vector<fs::path> find_photos(const ColmapModel& model, const fs::path& folder) {
+  std::vector<fs::path> paths = match_photos(model, folder);
   std::set<std::string> missing;
-  for (std::size_t i = 0; i < names.size(); ++i)
-    if (paths[i].empty()) missing.insert(names[i]);
+  for (std::size_t i = 0; i < paths.size(); ++i)
+    if (paths[i].empty()) missing.insert(model.images[i].name);
   if (missing.empty()) return paths;
-  fail_missing(missing, names.size(), pictures_besides(paths, folder), folder);
+  fail_missing(missing, paths.size(), pictures_besides(paths, folder), folder);
 }
 
 MaskSource find_masks(const DatasetConfig& dataset, const SceneFolders& folders) {

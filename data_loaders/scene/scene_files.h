@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/photos/photos.h"
 #include "data_loaders/scene/find_scene.h"
 #include "gs_core/config/config.h"
@@ -20,8 +21,12 @@ namespace gs {
 std::vector<std::filesystem::path> match_photos(const std::vector<std::string>& names,
                                                 const std::filesystem::path& folder);
 
-/// match_photos(), but throws Error that lists the missing photos.
-std::vector<std::filesystem::path> find_photos(const std::vector<std::string>& names,
+/// match_photos() for the images of a model. Those of a video get the video.
+std::vector<std::filesystem::path> match_photos(const ColmapModel& model,
+                                                const std::filesystem::path& folder);
+
+/// The same, but throws Error that lists the missing photos.
+std::vector<std::filesystem::path> find_photos(const ColmapModel& model,
                                                const std::filesystem::path& folder);
 
 /// The pictures in and below a folder that are not in `files`: sorted paths relative to the folder.
@@ -51,7 +56,7 @@ MaskSource find_masks(const DatasetConfig& dataset, const SceneFolders& folders)
 ///   a/b.jpg.png   COLMAP's        a/b.jpg       the same name
 ///   a/b.png       another ending, if no other photo has that name
 ///   a/b.mask.png, a/b_mask.png
-/// Any other picture's ending may stand for .png, if there is one such file. Warns with a count if
+/// For a frame of the video a.mp4, they are followed by a.mp4.png, a mask of all its frames. Any other picture's ending may stand for .png, if there is one such file. Warns with a count if
 /// some photos have no mask. Throws Error if a photo could have two masks, and if none of the
 /// photos has one in the folder named by dataset.masks.
 ///

@@ -10,12 +10,15 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <string_view>
 #include <vector>
 
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/find_scene.h"
+#include "data_loaders/scene/photo_times.h"
 #include "data_loaders/scene/scene_files.h"
+#include "data_loaders/video/film_frames.h"
 #include "gs_core/access.h"
 #include "gs_core/io/fnv1a.h"
 
@@ -53,6 +56,14 @@ std::vector<fs::path> model_files(const fs::path& folder) {
   return files;
 }
 
+std::vector<std::string> video_names_in(const fs::path& folder) {
+  std::vector<std::string> names;
+  for (const fs::path& file : entries_of(folder))
+    if (is_video(file)) names.push_back(file.filename().string());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
 constexpr std::uint64_t kSampleBytes = 1 << 14;
 
 std::uint64_t photo_hash(const fs::path& file) {
@@ -78,15 +89,30 @@ std::uint64_t photo_hash(const fs::path& file) {
 std::vector<std::uint64_t> photo_hashes(const DatasetConfig& dataset,
                                         const std::vector<std::string>& names) {
   const fs::path folder = find_scene(dataset).images;
+  std::map<std::string, std::uint64_t> of_cameras;  // that have videos
   std::vector<std::uint64_t> hashes;
-  for (const fs::path& file : match_photos(names, folder)) hashes.push_back(photo_hash(file));
+  for (const fs::path& file : match_photos(names, folder)) {
+    const std::string camera = fs::path(names[hashes.size()]).parent_path().generic_string();
+    if (!file.empty() || dataset.times != PhotoTimes::frames) {
+      hashes.push_back(photo_hash(file));
+      continue;
+    }
+    const auto [known, is_new] = of_cameras.try_emplace(camera);
+    if (is_new) known->second = photo_hash(video_of_camera(folder, camera));
+    hashes.push_back(known->second);
+  }
   return hashes;
 }
 
 std::string scene_hash(const DatasetConfig& dataset) {
   const SceneFolders folders = find_scene(dataset);
   Fnv1a hash;
-  for (const std::string& name : picture_names_in(folders.images)) {
+  std::vector<std::string> names = picture_names_in(folders.images);
+  if (dataset.times == PhotoTimes::frames) {
+    const std::vector<std::string> videos = video_names_in(folders.images);
+    names.insert(names.end(), videos.begin(), videos.end());
+  }
+  for (const std::string& name : names) {
     std::error_code ignored;
     hash.add(fmt::format("{}\n{}\n", name, fs::file_size(folders.images / name, ignored)));
   }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <set>
+#include <sstream>
 #include <unordered_map>
 
 #include "data_loaders/colmap/world_offset.h"
@@ -52,6 +53,43 @@ std::vector<bool> split_of_files(const TransformsScene& transforms, const Colmap
   return is_test;
 }
 
+/// Whether `name` of dataset.test_names means the image: its name, its name without the ending, or a
+/// folder that it lies in.
+bool is_meant(const std::string& name, const std::string& image) {
+  return image == name || without_extension(image) == name || image.starts_with(name + "/");
+}
+
+std::vector<std::string> separated(const std::string& names) {
+  std::vector<std::string> result;
+  std::istringstream stream(names);
+  for (std::string name; std::getline(stream, name, ',');) {
+    name.erase(0, name.find_first_not_of(' '));
+    name.erase(name.find_last_not_of(' ') + 1);
+    if (!name.empty()) result.push_back(name);
+  }
+  return result;
+}
+
+/// The split by dataset.test_names.
+std::vector<bool> split_by_names(const DatasetConfig& dataset, const ColmapModel& model) {
+  std::vector<bool> is_test(model.images.size(), false);
+  for (const std::string& name : separated(dataset.test_names)) {
+    bool is_found = false;
+    for (std::size_t i = 0; i < is_test.size(); ++i)
+      if (is_meant(name, model.images[i].name)) is_test[i] = is_found = true;
+    if (!is_found)
+      throw UsageError(fmt::format(
+          "dataset.test_names has {}, but no image in {} has this name; the first image is {}",
+          name, model.folder.string(), model.images.front().name));
+  }
+  if (std::find(is_test.begin(), is_test.end(), false) == is_test.end())
+    throw UsageError(
+        fmt::format("no view is left to train on: dataset.test_names holds out all {}; name fewer, "
+                    "or train without dataset.eval",
+                    is_test.size()));
+  return is_test;
+}
+
 void sort_by_name(ColmapModel& model) {
   std::sort(model.images.begin(), model.images.end(),
             [](const ColmapImage& a, const ColmapImage& b) { return a.name < b.name; });
@@ -95,6 +133,7 @@ std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel&
         model.folder.string()));
   std::vector<bool> is_test(model.images.size(), false);
   if (!dataset.eval) return is_test;
+  if (!dataset.test_names.empty()) return split_by_names(dataset, model);
   if (dataset.test_every < 1)
     throw UsageError(fmt::format("dataset.test_every is {}; give 2 or more", dataset.test_every));
 
@@ -129,8 +168,9 @@ SceneModel read_model_and_split(const DatasetConfig& dataset, const SceneFolders
     scene.is_split_by_files = transforms.has_split;
   }
   sort_by_name(scene.model);
-  scene.is_test = scene.is_split_by_files && dataset.eval ? split_of_files(transforms, scene.model)
-                                                          : test_views_of(dataset, scene.model);
+  const bool follows_files = scene.is_split_by_files && dataset.eval && dataset.test_names.empty();
+  scene.is_test =
+      follows_files ? split_of_files(transforms, scene.model) : test_views_of(dataset, scene.model);
   return scene;
 }
 
@@ -167,7 +207,7 @@ void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders,
     masks_of_model.push_back(image.mask);
   }
   scene.masks = find_masks(dataset, folders);
-  scene.photos = find_photos(names, folders.images);
+  scene.photos = find_photos(scene.model, folders.images);
   scene.mask_files = match_masks(scene.masks, names, scene.photos, masks_of_model);
 }
 

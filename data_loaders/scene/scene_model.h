@@ -21,17 +21,18 @@ struct SceneModel {
   std::size_t time_count = 0;         // different times of the photos; 2 and more: it moves
   Vec3d world_offset{0.0, 0.0, 0.0};  // taken off the model's coordinates (world_offset.h)
   MaskSource masks;
-  std::vector<std::filesystem::path> photos;      // (images)
+  std::vector<std::filesystem::path> photos;      // (images)   the video of an image of a video
   std::vector<std::filesystem::path> mask_files;  // (images)   empty: none
 
   bool moves() const { return time_count > 1; }
 };
 
 /// Whether each image of the model is a test view, in the order of model.images, which are sorted
-/// by name. With dataset.eval, every test_every-th frame is held out, beginning with the first. The
-/// photos that a rig took at one moment are one frame and stay together, because they show nearly
+/// by name. With dataset.eval, those of dataset.test_names are held out, or else every test_every-th
+/// frame, beginning with the first. The photos that a rig took at one moment are one frame and stay together, because they show nearly
 /// the same. Every other photo is a frame of its own. Frames are counted in the order of their
-/// first names. Throws Error for a model without images; UsageError if nothing is left to train on.
+/// first names. Throws Error for a model without images; UsageError if nothing is left to train on,
+/// and for a name that no image has.
 std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel& model);
 
 /// The three steps of read_scene_model(), for callers that report faults instead of stopping.

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "data_loaders/lenses/undistort.h"
+#include "data_loaders/video/film_frames.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -55,10 +56,14 @@ void fit_to_camera(Picture& picture, const ViewPlan& plan) {
 }  // namespace
 
 Picture make_picture(const ViewPlan& plan) {
-  PhotoWithAlpha read = read_photo_with_alpha(plan.file);
+  if (plan.is_frame) return make_picture(plan, {read_frame(plan.file, plan.frame), {}});
+  return make_picture(plan, read_photo_with_alpha(plan.file));
+}
+
+Picture make_picture(const ViewPlan& plan, PhotoWithAlpha read) {
   if (read.photo.width != plan.photo_size.width || read.photo.height != plan.photo_size.height)
-    throw Error(fmt::format("photo {} has changed since the scene was loaded; start again",
-                            plan.file.string()));
+    throw Error(
+        fmt::format("{} has changed since the scene was loaded; start again", plan.file.string()));
   Picture picture{{}, read_mask(plan.masks, plan.mask_file, read)};
   picture.photo = std::move(read.photo);
   fit_to_camera(picture, plan);

@@ -17,8 +17,11 @@ struct Picture {
 /// Raise it when make_picture() gives other bytes: it is part of the names in the photo cache.
 inline constexpr int kPictureVersion = 1;
 
-/// The picture of a view. Throws Error that names the file.
+/// The picture of a view. Throws Error that names the file. For a frame of a video, all frames
+/// before it are decoded, too.
 Picture make_picture(const ViewPlan& plan);
+/// The same from the decoded file.
+Picture make_picture(const ViewPlan& plan, PhotoWithAlpha read);
 
 /// The mask of a photo, (height, width, 1) of its size, 255 where it trains: from the file, or else
 /// (`mask` empty) from the photo's alpha. Empty if there is neither, and if all of it is 255. In a

@@ -32,7 +32,7 @@ constexpr double kEndedEarly = 0.9;  // of the frames in the header, which may b
       video.string(), what));
 }
 
-cv::VideoCapture open_video(const fs::path& video) {
+cv::VideoCapture open_capture(const fs::path& video) {
   std::error_code error;
   if (!fs::is_regular_file(video, error)) cannot_read_video(video, "there is no such file");
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // we say it ourselves
@@ -52,6 +52,22 @@ Image8 picture_of(const cv::Mat& frame) {
   return picture;
 }
 
+class OpenCvReader final : public VideoReader {
+ public:
+  explicit OpenCvReader(const fs::path& video) : video_(video), capture_(open_capture(video)) {}
+  bool next() override { return capture_.grab(); }
+  Image8 picture() override {
+    cv::Mat frame;
+    if (!capture_.retrieve(frame) || frame.empty())
+      cannot_read_video(video_, "a frame cannot be decoded");
+    return picture_of(frame);
+  }
+
+ private:
+  const fs::path video_;
+  cv::VideoCapture capture_;
+};
+
 struct Frame {
   std::int64_t number = -1;
   Image8 picture;
@@ -61,9 +77,14 @@ struct Frame {
 }  // namespace
 
 bool can_read_videos() { return true; }
+std::string video_codec_name() { return "OpenCV " CV_VERSION; }
+
+std::unique_ptr<VideoReader> open_video(const fs::path& video) {
+  return std::make_unique<OpenCvReader>(video);
+}
 
 std::int64_t count_frames(const fs::path& video) {
-  cv::VideoCapture capture = open_video(video);
+  cv::VideoCapture capture = open_capture(video);
   const double stated = capture.get(cv::CAP_PROP_FRAME_COUNT);
   if (stated >= 1 && stated < 1e9) return std::int64_t(stated);
   std::int64_t count = 0;
@@ -77,7 +98,7 @@ std::vector<std::string> take_frames(const fs::path& video, std::int64_t total, 
                                      const FrameProgress& progress) {
   GS_CHECK(total > 0 && wanted > 0);
   wanted = std::min(wanted, total);
-  cv::VideoCapture capture = open_video(video);
+  cv::VideoCapture capture = open_capture(video);
   std::vector<std::string> names;
   Frame best;
   const auto keep_best = [&] {
@@ -111,15 +132,17 @@ namespace {
 
 [[noreturn]] void fail_without_opencv(const fs::path& video) {
   throw Error(
-      fmt::format("cannot take frames out of video {}: this build has no OpenCV; build with it, or "
-                  "take them out with ffmpeg "
-                  "-i VIDEO -vf fps=2 -qscale:v 2 FRAMES/%05d.jpg and name FRAMES",
+      fmt::format("cannot read video {}: this build has no OpenCV with videoio; install it "
+                  "(libopencv-dev in Debian and Ubuntu) and build again, or take frames out with "
+                  "ffmpeg -i VIDEO -vf fps=2 -qscale:v 2 FRAMES/%05d.jpg and name FRAMES",
                   video.string()));
 }
 
 }  // namespace
 
 bool can_read_videos() { return false; }
+std::string video_codec_name() { return {}; }
+std::unique_ptr<VideoReader> open_video(const fs::path& video) { fail_without_opencv(video); }
 std::int64_t count_frames(const fs::path& video) { fail_without_opencv(video); }
 std::vector<std::string> take_frames(const fs::path& video, std::int64_t, std::int64_t,
                                      const fs::path&, const std::string&, const FrameProgress&) {

@@ -223,6 +223,8 @@ void check_same_scene(const ResumedRun& run, const SceneRecord& here, const std:
                          now.camera.height, was.camera.width, was.camera.height));
     if (!has_solved_views(run) && !is_same(now, was))
       refuse("the camera of " + now.name + " differs");
+    if (run.config.model.dynamic && now.camera.time != was.camera.time)  // else it is not recorded
+      refuse(fmt::format("{} has the time {}, not {}", now.name, now.camera.time, was.camera.time));
     if (has_same_photos && now.photo && was.photo && now.photo != was.photo)
       refuse("the file of " + now.name + " is another photo than it was");
   }

@@ -29,9 +29,25 @@ void zero_above_degree(Gaussians& gaussians, int degree) {
               gaussians.sh_rest[i].coefficient + kShRestCount, Vec3f(0));
 }
 
+// Throws UsageError for Gaussians of the other kind.
+void check_kind(const std::filesystem::path& file, const GaussianModel& model,
+                const Config& config) {
+  if (model.gaussians.has_time == config.model.dynamic) return;
+  throw UsageError(
+      file.string() +
+      (config.model.dynamic
+           ? " holds 3D Gaussians, but this run trains Gaussians in space and time "
+             "(model.dynamic); "
+             "start from a model of such a run, or train without -c dynamic"
+           : " holds Gaussians in space and time, but this run trains 3D Gaussians; add -c "
+             "dynamic, "
+             "or start from one moment of it that `gemsplat export --time T` has written"));
+}
+
 GaussianModel read_start(const Config& config) {
   const std::filesystem::path file = config.model.start_from;
   OpenedModel opened = open_model(file, std::nullopt);
+  check_kind(file, opened.model, config);
   const std::size_t all = opened.model.gaussians.count();
   GaussianModel model = finite_model(opened.model);
   if (model.gaussians.count() < all)

@@ -13,7 +13,8 @@ namespace gs {
 /// read or a run's folder. Adam's moments and the statistics of density control are zero. Spherical
 /// harmonics are trained from the first step on up to the degree that the file holds; higher ones
 /// follow as train.sh_degree_every says. A file of a higher degree than model.sh_degree loses the
-/// coefficients above it. Throws Error where the file cannot be read or holds no Gaussian.
+/// coefficients above it. Throws Error where the file cannot be read or holds no Gaussian,
+/// UsageError where it holds Gaussians in space and time and model.dynamic is off, or the reverse.
 TrainingState state_from_model(const Config& config, const Scene& scene);
 
 }  // namespace gs

@@ -27,6 +27,7 @@ struct DatasetConfig {
   int resolution = 1;  // 1, 2, 4, 8: divides the photos' size; 16 and more: the width in pixels
   bool eval = false;   // hold out every test_every-th view, sorted by name
   int test_every = 8;
+  std::string test_names;               // photos or cameras held out instead, separated by commas
   PhotoTimes times = PhotoTimes::none;  // of photos in scenes of COLMAP
   float photo_ram_gib = 0;              // for decoded photos; 0: half of the machine's memory
   std::string photo_cache = "auto";     // folder of undistorted and resized photos; auto, none

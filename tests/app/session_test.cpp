@@ -101,6 +101,27 @@ class Session : public ::testing::Test {
     request.writes_report = false;
     return request;
   }
+  // The same with Gaussians in space and time, on a scene whose first photo was taken later.
+  TrainRequest moving_request(const std::string& out, const std::string& start_from = "") {
+    TrainRequest moving = request(out, start_from);
+    moving.settings = [settings = moving.settings](const Config& start) {
+      Config config = settings(start);
+      config.model.dynamic = true;
+      return config;
+    };
+    scene_.train_views.front().camera.time = 1;
+    scene_.time_count = 2;
+    return moving;
+  }
+  std::string error_of_run(const TrainRequest& request) {
+    try {
+      run(request);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    ADD_FAILURE() << "no Error";
+    return "";
+  }
   fs::path ply(const std::string& out, int step = 20) const {
     return RunFolder(path(out)).ply(step);
   }
@@ -363,6 +384,51 @@ TEST_F(Session, ARunFromAModelThatIsStoppedGoesOnToTheSameBytes) {
   asked.resume = "auto";
   ASSERT_EQ(run(asked), SessionEnd::finished);
   EXPECT_TRUE(read_bytes(ply("out")) == read_bytes(ply("whole")));
+}
+
+TEST_F(Session, AModelOfTheOtherKindIsNoStart) {
+  ASSERT_EQ(run(request("still")), SessionEnd::finished);
+  ASSERT_EQ(run(moving_request("moving")), SessionEnd::finished);
+  EXPECT_THAT(error_of_run(request("out", ply("moving").string())),
+              AllOf(HasSubstr(ply("moving").string()), HasSubstr("add -c dynamic")));
+  EXPECT_THAT(error_of_run(moving_request("out", ply("still").string())),
+              HasSubstr("holds 3D Gaussians, but this run"));
+  EXPECT_FALSE(fs::exists(path("out")));
+  EXPECT_EQ(run(moving_request("out", ply("moving").string())), SessionEnd::finished);
+}
+
+TEST_F(Session, AnExportThatHoldsNoTimeIsRefusedBeforeTraining) {
+  TrainRequest asked = moving_request("out");
+  asked.exports = {"ply", "splat"};
+  EXPECT_THAT(error_of_run(asked), AllOf(HasSubstr("--export splat: .splat does not hold"),
+                                         HasSubstr(".ply"), HasSubstr("--time T")));
+  EXPECT_FALSE(fs::exists(path("out")));
+}
+
+TEST_F(Session, AResumedRunNoticesOtherTimes) {
+  TestHooks hooks;
+  hooks.watcher.on_step = [](int step, Trainer& trainer) {
+    if (step == 5) trainer.stop();
+  };
+  TrainRequest asked = moving_request("out");
+  ASSERT_EQ(TrainSession(asked, hooks).run(), SessionEnd::stopped);
+  asked.resume = "auto";
+  scene_.train_views.front().camera.time = 0.5f;
+  EXPECT_THAT(error_of_run(asked), HasSubstr("has the time 0.5, not 1"));
+  scene_.train_views.front().camera.time = 1;
+  EXPECT_EQ(run(asked), SessionEnd::finished);
+}
+
+TEST_F(Session, ARunOf3DGaussiansIsResumedOnASceneThatMoves) {
+  TestHooks hooks;
+  hooks.watcher.on_step = [](int step, Trainer& trainer) {
+    if (step == 5) trainer.stop();
+  };
+  moving_request("unused");
+  TrainRequest asked = request("out");
+  ASSERT_EQ(TrainSession(asked, hooks).run(), SessionEnd::stopped);
+  asked.resume = "auto";
+  EXPECT_EQ(run(asked), SessionEnd::finished);
 }
 
 TEST_F(Session, AModelThatCannotBeStartedFromLeavesNoFolder) {

@@ -5,7 +5,9 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <mutex>
 
+#include "data_loaders/video/film_frames.h"
 #include "gs_core/error.h"
 #include "tests/support/avi_writer.h"
 #include "tests/support/foreign_leaks.h"
@@ -95,6 +97,35 @@ TEST_F(VideoFrames, DamagedFileIsNamedWithARemedy) {
   EXPECT_THAT(error_of_take(), AllOf(HasSubstr(video().string()), HasSubstr("ffmpeg")));
   fs::remove(video());
   EXPECT_THAT(error_of_take(), HasSubstr("no such file"));
+}
+
+TEST_F(VideoFrames, AnyFrameIsTheOneOfItsNumber) {
+  write(20, {0, 7, 19});
+  for (const int i : {19, 0, 7}) EXPECT_EQ(read_frame(video(), i).pixels, sharp(i).pixels);
+  EXPECT_EQ(read_frame(video(), 8).pixels, blurred(8).pixels);
+  EXPECT_THROW(read_frame(video(), 20), Error);
+}
+
+TEST_F(VideoFrames, WantedOnesOfSeveralVideosComeInOnePass) {
+  write(20, {3, 7});
+  const fs::path other = temp_.path() / "other.avi";
+  write_avi(other, {blurred(50), sharp(51)});
+  const std::vector<VideoFrame> frames = {
+      {video(), 7}, {other, 1}, {video(), 3}, {other, 0}, {video(), 9}};
+  std::vector<Image8> taken(frames.size());
+  std::mutex mutex;
+  for_each_frame(
+      frames, [](std::size_t i) { return i != 3; },
+      [&](std::size_t i, Image8 picture) {
+        const std::lock_guard lock(mutex);
+        EXPECT_TRUE(taken[i].empty());
+        taken[i] = std::move(picture);
+      });
+  EXPECT_EQ(taken[0].pixels, sharp(7).pixels);
+  EXPECT_EQ(taken[1].pixels, sharp(51).pixels);
+  EXPECT_EQ(taken[2].pixels, sharp(3).pixels);
+  EXPECT_TRUE(taken[3].empty());
+  EXPECT_EQ(taken[4].pixels, blurred(9).pixels);
 }
 
 TEST_F(VideoFrames, OfAVideoCutShortTheBeginningIsUsed) {

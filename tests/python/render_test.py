@@ -56,6 +56,25 @@ class AgainstTheProgram(TestCase):
         self.assertEqual(len(found.views), expected["num_views"])
 
 
+class Moments(TestCase):
+    def test_a_model_that_moves_is_rendered_at_the_time_of_the_camera_as_the_program_does(self):
+        views = gemsplat.Scene.load(COURTYARD, resolution=8).train_views[:6]
+        photos = [(view.camera.at_time(i % 2), view.photo // (1 + 3 * (i % 2))) for i, view in enumerate(views)]
+        run = self.folder / "run"
+        config = {"model": {"dynamic": True, "random_box": 3.0, "initial_time_scale": 0.2}}
+        trained = gemsplat.train(gemsplat.Scene(photos), config, iterations=60, device="cpu", output=run)
+        camera = views[0].camera
+        first, last = gemsplat.render(trained.model, [camera.at_time(0), camera.at_time(1)], depth=False, **CPU)
+        self.assertGreater(first.color.mean(), last.color.mean() + 0.02)  # the photos of the end are dark
+        run_program("render", run, "-o", self.folder / "late", "--cameras", run / "cameras.json", "--time", "1",
+                    "--device", "cpu", "-q")
+        model = gemsplat.load(run)
+        for named in gemsplat.load_cameras(run / "cameras.json")[:2]:
+            file = (self.folder / "late" / named.name).with_suffix(".png")
+            picture = gemsplat.render(model, named.at_time(1), depth=False, **CPU)
+            np.testing.assert_array_equal(in_8_bits(picture.color), png_as_photo(file, named), named.name)
+
+
 class Pictures(TestCase):
     def test_one_large_gaussian_gives_its_color_its_depth_and_its_normal(self):
         model = gemsplat.Model(means=[[0, 0, 1]], rotations=[[1, 0, 0, 0]], scales=[[5, 5, 0.01]], opacities=[0.9],

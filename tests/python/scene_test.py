@@ -84,6 +84,14 @@ class Cameras(TestCase):
         half = made.at_resolution(2)
         self.assertEqual((half.width, half.height, half.fx, half.cy), (20, 15, 25, 8))
 
+    def test_a_camera_has_a_time(self):
+        made = gemsplat.Camera(40, 30, 50, name="a", time=0.25)
+        self.assertEqual((made.time, made.at_resolution(2).time, gemsplat.Camera(40, 30, 50).time), (0.25, 0.25, 0))
+        later = made.at_time(1)
+        self.assertEqual((later.time, later.name, later.fx, made.time), (1, "a", 50, 0.25))
+        self.assert_refused("time must lie between 0 and 1, but is 2", made.at_time, 2)
+        self.assert_refused("time must lie between 0 and 1", gemsplat.Camera, 40, 30, 50, time=float("nan"))
+
     def test_what_is_no_camera_is_refused(self):
         refuse = lambda pattern, *arguments, **keywords: self.assert_refused(
             pattern, gemsplat.Camera, *arguments, **keywords)

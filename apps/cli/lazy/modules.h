@@ -39,6 +39,8 @@ struct PhotoModule {
 /// The module gemsplat_video.so: video_frames.h and film_encoder.h.
 struct VideoModule {
   void (*set_log_sink)(void (*)(detail::LogLevel, std::string_view));
+  std::string (*video_codec_name)();
+  std::unique_ptr<VideoReader> (*open_video)(const std::filesystem::path&);
   std::int64_t (*count_frames)(const std::filesystem::path&);
   std::vector<std::string> (*take_frames)(const std::filesystem::path&, std::int64_t, std::int64_t,
                                           const std::filesystem::path&, const std::string&,

@@ -14,6 +14,10 @@ const VideoModule& module() {
 }  // namespace
 
 bool can_read_videos() { return true; }
+std::string video_codec_name() { return module().video_codec_name(); }
+std::unique_ptr<VideoReader> open_video(const std::filesystem::path& video) {
+  return module().open_video(video);
+}
 std::int64_t count_frames(const std::filesystem::path& video) {
   return module().count_frames(video);
 }

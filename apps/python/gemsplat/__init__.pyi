@@ -79,6 +79,7 @@ class Camera:
         cy: Optional[float] = None,
         cam_from_world: Optional[ArrayLike] = None,
         name: str = "",
+        time: float = 0.0,
     ) -> None: ...
     @property
     def name(self) -> str: ...
@@ -98,6 +99,9 @@ class Camera:
     def cam_from_world(self) -> NDArray[np.float64]: ...  # (4, 4)
     @property
     def position(self) -> NDArray[np.float64]: ...  # (3,)
+    @property
+    def time(self) -> float: ...
+    def at_time(self, time: float) -> Camera: ...
     def at_resolution(self, resolution: int) -> Camera: ...
 
 class View:
