@@ -161,10 +161,9 @@ void match_photo_files(Examination& examination) {
                     fmt::format("all {} of the model are there", counted(names.size(), "photo")));
   else
     examination.add(Level::fatal, "photos",
-                    fmt::format("{} of the model's {} are not in {}; copy them there, or name "
-                                "another folder with --set dataset.images=FOLDER",
-                                missing.size(), counted(names.size(), "photo"),
-                                examination.folders.images.string()),
+                    fmt::format("{} of the model's {} are not in {}; {}", missing.size(),
+                                counted(names.size(), "photo"), examination.folders.images.string(),
+                                remedy_of_missing(names[missing[0]], examination.folders.images)),
                     examination.names_of(missing));
   report_unused(examination);
 }

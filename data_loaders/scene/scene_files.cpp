@@ -11,6 +11,7 @@
 
 #include "data_loaders/counted.h"
 #include "data_loaders/photos/photo_names.h"
+#include "data_loaders/scene/photo_times.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 
@@ -88,10 +89,9 @@ std::unordered_map<std::string, std::string> pair_off(std::set<std::string>& mis
                      : fmt::format(" ({} not in the model or match several names: {}{})",
                                    counted(unused.size(), "photo", "there is", "there are"),
                                    unused.front(), unused.size() > 1 ? ", ..." : "");
-  throw Error(fmt::format(
-      "{} of the model's {} photos are not in {}: {}{}; copy them there or name another folder "
-      "with --set dataset.images=FOLDER",
-      missing.size(), name_count, folder.string(), list, others));
+  throw Error(fmt::format("{} of the model's {} photos are not in {}: {}{}; {}", missing.size(),
+                          name_count, folder.string(), list, others,
+                          remedy_of_missing(*missing.begin(), folder)));
 }
 
 // --- Masks
@@ -192,6 +192,16 @@ std::vector<std::string> pictures_besides(const std::vector<fs::path>& files,
   std::vector<std::string> names = picture_names_in(folder);
   std::erase_if(names, [&](const std::string& name) { return taken.contains(name); });
   return names;
+}
+
+std::string remedy_of_missing(const std::string& name, const fs::path& folder) {
+  const fs::path video = video_of_camera(folder, without_extension(name));
+  if (video.empty())
+    return "copy them there or name another folder with --set dataset.images=FOLDER";
+  return fmt::format(
+      "there is the video {}: if cameras stand still and film, add --set "
+      "dataset.times=frames",
+      video.filename().string());
 }
 
 std::vector<fs::path> match_photos(const ColmapModel& model, const fs::path& folder) {

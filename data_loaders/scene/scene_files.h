@@ -29,6 +29,9 @@ std::vector<std::filesystem::path> match_photos(const ColmapModel& model,
 std::vector<std::filesystem::path> find_photos(const ColmapModel& model,
                                                const std::filesystem::path& folder);
 
+/// What to do about a photo that is missing: in words, for the end of a message.
+std::string remedy_of_missing(const std::string& name, const std::filesystem::path& folder);
+
 /// The pictures in and below a folder that are not in `files`: sorted paths relative to the folder.
 /// Each entry of `files` is empty or begins with the folder.
 std::vector<std::string> pictures_besides(const std::vector<std::filesystem::path>& files,

@@ -225,9 +225,9 @@ TEST_F(VideosOfCameras, AnotherVideoOfTheSameNameHasItsOwnFrames) {
 
 TEST_F(VideosOfCameras, WithoutMemoryAndCacheAreStillRight) {
   write_videos(folder(), {10, 10});
-  testing::internal::CaptureStderr();
+  testing::internal::CaptureStdout();
   const Scene scene = load_scene(dataset_of_little_memory());
-  EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("20 of 20 frames of videos fit"));
+  EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("20 of 20 frames of videos fit"));
   expect_frames(scene, 10);
 }
 
@@ -239,6 +239,12 @@ TEST_F(VideosOfCameras, MayHaveOneMaskForAllFrames) {
   const Scene scene = load_scene(dataset());
   EXPECT_TRUE(scene.train_views[2].mask.empty());
   for (int i = 3; i < 6; ++i) EXPECT_FALSE(scene.train_views[std::size_t(i)].mask.empty());
+}
+
+TEST_F(VideosOfCameras, AreMentionedWherePhotosAreMissing) {
+  write_videos(folder(), {3, 3});
+  EXPECT_THAT(error_of(gs::dataset_at(folder())),
+              AllOf(HasSubstr("there is the video cam0.avi"), HasSubstr("dataset.times=frames")));
 }
 
 TEST_F(VideosOfCameras, OfDifferentLengthAreRefused) {
