@@ -132,6 +132,8 @@ std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel&
         "dataset.model=FOLDER",
         model.folder.string()));
   std::vector<bool> is_test(model.images.size(), false);
+  if (!dataset.eval && !dataset.test_names.empty())
+    log_warning("dataset.test_names holds nothing out without --eval");
   if (!dataset.eval) return is_test;
   if (!dataset.test_names.empty()) return split_by_names(dataset, model);
   if (dataset.test_every < 1)
