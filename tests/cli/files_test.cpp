@@ -9,6 +9,9 @@
 #include <map>
 #include <thread>
 
+#include "data_loaders/photos/photo_cache.h"
+#include "data_loaders/video/video_frames.h"
+#include "tests/support/avi_writer.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -135,6 +138,36 @@ TEST_F(Files, APhotoThatWasReplacedIsNoticedWhenARunGoesOn) {
   const Outcome refused = run("train " + text("other") + resume);
   EXPECT_EQ(refused.code, 3);
   EXPECT_THAT(refused.err, HasSubstr("the file of view_2.png is another photo than it was"));
+}
+
+TEST_F(Files, ARunOnVideosGoesOnToTheSameBytesWithTheFramesOnDisk) {
+  if (!can_read_videos() || !can_cache_photos()) GTEST_SKIP() << "built without a library for it";
+  write_scene(path("scene"));
+  for (int v = 0; v < kViews; ++v) {
+    const fs::path photo = path("scene/images/view_" + std::to_string(v) + ".png");
+    std::vector<Image8> frames(4, read_photo(photo));
+    for (int i = 0; i < 4; ++i)
+      for (std::uint8_t& value : frames[std::size_t(i)].pixels)
+        value = std::uint8_t(value - 20 * i);
+    write_avi(fs::path(photo).replace_extension(".avi"), frames);
+    fs::remove(photo);
+  }
+  const std::string films =
+      "--set dataset.times=frames --set model.dynamic=true --iterations 400 "
+      "--set dataset.test_names=view_0,view_4 --checkpoint-every 50 ";
+  const std::string cached = films + "--photo-ram 6.5e-5 --photo-cache " + text("cache");
+  const Outcome whole = run(command("scene", "whole") + films);
+  ASSERT_EQ(whole.code, 0) << whole.err;
+  const pid_t child = start(command("scene", "out") + cached);
+  ASSERT_TRUE(wait_for_file(path("out/checkpoints/step_50.ckpt"), child));
+  ::kill(child, SIGKILL);
+  end_of(child);
+  EXPECT_EQ(contents("cache").size(), 24u);
+  const Outcome resumed = run(command("scene", "out") + cached + " --resume");
+  ASSERT_EQ(resumed.code, 0) << resumed.err;
+  const std::string ply = "point_cloud/iteration_400/point_cloud.ply";
+  EXPECT_TRUE(read_bytes(path("out/" + ply)) == read_bytes(path("whole/" + ply)));
+  EXPECT_EQ(json("out/split.json").at("test").size(), 8u);
 }
 
 TEST_F(Files, ExportsThatAKillHasCutOffAreWrittenByTheSameCommand) {
