@@ -289,7 +289,7 @@ void examine_pictures(Examination& examination) {
     }
     const auto is_wanted = [](std::size_t) { return true; };
     try {
-      for_each_frame(frames, is_wanted, [&](std::size_t i, Image8 frame) {
+      for_each_frame(frames, 1, is_wanted, [&](std::size_t i, Image8 frame) {
         rate(own[i], {std::move(frame), {}});
         is_damaged[own[i]] = false;
         count();

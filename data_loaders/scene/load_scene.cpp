@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <limits>
 #include <mutex>
 
 #include "data_loaders/colmap/world_offset.h"
@@ -128,19 +129,23 @@ bool has_frames(const std::vector<ViewPlan>& plans) {
   return std::ranges::any_of(plans, [](const ViewPlan& plan) { return plan.is_frame; });
 }
 
-/// Makes the pictures of frames of videos, each video decoded once (for_each_frame()).
-void for_each_film_picture(const std::vector<ViewPlan>& plans,
+/// Makes the pictures of frames of videos within `budget` bytes, each video decoded once
+/// (for_each_frame()).
+void for_each_film_picture(const std::vector<ViewPlan>& plans, std::size_t budget,
                            const std::function<bool(std::size_t view)>& wants,
                            const std::function<void(std::size_t view, Picture picture)>& take) {
   std::vector<std::size_t> views;
   std::vector<VideoFrame> frames;
+  std::size_t cost = 1;  // bytes of one frame in the making
   for (std::size_t i = 0; i < plans.size(); ++i) {
     if (!plans[i].is_frame) continue;
     views.push_back(i);
     frames.push_back({plans[i].file, plans[i].frame});
+    cost = std::max(cost, plans[i].cost.decoding);
   }
+  const std::size_t most_at_once = std::clamp<std::size_t>(budget / cost, 1, thread_count());
   for_each_frame(
-      frames, [&](std::size_t k) { return wants(views[k]); },
+      frames, most_at_once, [&](std::size_t k) { return wants(views[k]); },
       [&](std::size_t k, Image8 frame) {
         take(views[k], make_picture(plans[views[k]], {std::move(frame), {}}));
       });
@@ -170,7 +175,8 @@ std::vector<View> load_views(const std::vector<ViewPlan>& plans, CachedPictures*
     count();
   });
   for_each_film_picture(
-      plans, [&](std::size_t i) { return views[i].photo.empty(); },
+      plans, std::numeric_limits<std::size_t>::max(),  // fit_into_ram() has counted all threads
+      [&](std::size_t i) { return views[i].photo.empty(); },
       [&](std::size_t i, Picture picture) {
         if (cache) cache->store(i, plans[i], picture);
         views[i] = view_with(std::move(picture), plans[i]);
@@ -181,7 +187,7 @@ std::vector<View> load_views(const std::vector<ViewPlan>& plans, CachedPictures*
 
 /// Puts the frames of videos into the cache, because a PhotoPool asks for them in any order. Warns
 /// of those that it does not take. `cache` may be null.
-void keep_frames(const std::vector<ViewPlan>& plans, CachedPictures* cache,
+void keep_frames(const std::vector<ViewPlan>& plans, CachedPictures* cache, std::size_t budget,
                  const LoadProgress& progress) {
   const auto frames =
       std::size_t(std::ranges::count_if(plans, [](const ViewPlan& plan) { return plan.is_frame; }));
@@ -194,7 +200,7 @@ void keep_frames(const std::vector<ViewPlan>& plans, CachedPictures* cache,
       if (progress) progress(LoadStage::photos, ++kept, frames);
     };
     for_each_film_picture(
-        plans,
+        plans, budget,
         [&](std::size_t i) {
           const bool is_kept = cache->has(i, plans[i]);
           if (is_kept) count();
@@ -276,7 +282,7 @@ std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan>
       "the photos take {:.3g} GiB when decoded, but may take {:.3g} GiB of memory (--photo-ram): "
       "they are decoded just before their turn",
       held / kBytesPerGib, double(budget) / kBytesPerGib);
-  keep_frames(plans, cache.get(), progress);
+  keep_frames(plans, cache.get(), budget, progress);
   return lazy_views(std::move(plans), std::move(costs), budget, cache);
 }
 

@@ -28,6 +28,20 @@ namespace fs = std::filesystem;
                   video.string(), frames));
 }
 
+/// The frames of one video, in its order.
+using Film = std::vector<std::size_t>;
+
+std::vector<Film> films_of(const std::vector<VideoFrame>& frames) {
+  std::map<fs::path, Film> of_videos;
+  for (std::size_t i = 0; i < frames.size(); ++i) of_videos[frames[i].video].push_back(i);
+  std::vector<Film> films;
+  for (auto& [video, film] : of_videos) {
+    std::ranges::sort(film, {}, [&](std::size_t i) { return frames[i].number; });
+    films.push_back(std::move(film));
+  }
+  return films;
+}
+
 }  // namespace
 
 bool is_video(const fs::path& file) {
@@ -43,32 +57,31 @@ Image8 read_frame(const fs::path& video, std::int64_t number) {
   return reader->picture();
 }
 
-void for_each_frame(const std::vector<VideoFrame>& frames,
+void for_each_frame(const std::vector<VideoFrame>& frames, std::size_t most_at_once,
                     const std::function<bool(std::size_t i)>& wants,
                     const std::function<void(std::size_t i, Image8 picture)>& take) {
-  std::map<fs::path, std::vector<std::size_t>> of_videos;
-  for (std::size_t i = 0; i < frames.size(); ++i) of_videos[frames[i].video].push_back(i);
-  std::vector<std::vector<std::size_t>> films;  // the frames of one video, in its order
-  for (auto& [video, film] : of_videos) {
-    std::ranges::sort(film, {}, [&](std::size_t i) { return frames[i].number; });
-    films.push_back(std::move(film));
-  }
+  GS_CHECK(most_at_once > 0);
+  const std::vector<Film> films = films_of(frames);
+  std::atomic<std::size_t> next = 0;
   std::atomic<bool> has_failed = false;  // then the other videos need not be decoded
-  parallel_for(films.size(), 1, [&](std::size_t f) {
-    std::vector<std::size_t>& film = films[f];
+  const auto decode = [&](Film film) {
     std::erase_if(film, [&](std::size_t i) { return !wants(i); });
     if (film.empty()) return;
-    try {
-      const fs::path& video = frames[film[0]].video;
-      const std::unique_ptr<VideoReader> reader = open_video(video);
-      std::int64_t read = 0;
-      for (const std::size_t i : film) {
-        for (; read <= frames[i].number; ++read) {
-          if (has_failed) return;
-          if (!reader->next()) fail_ended_early(video, read);
-        }
-        take(i, reader->picture());
+    const fs::path& video = frames[film[0]].video;
+    const std::unique_ptr<VideoReader> reader = open_video(video);
+    std::int64_t read = 0;
+    for (const std::size_t i : film) {
+      for (; read <= frames[i].number; ++read) {
+        if (has_failed) return;
+        if (!reader->next()) fail_ended_early(video, read);
       }
+      take(i, reader->picture());
+    }
+  };
+  parallel_for(std::min(most_at_once, films.size()), 1, [&](std::size_t) {
+    try {
+      for (std::size_t film = next++; film < films.size() && !has_failed; film = next++)
+        decode(films[film]);
     } catch (...) {
       has_failed = true;
       throw;

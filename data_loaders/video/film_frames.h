@@ -25,9 +25,10 @@ struct VideoFrame {
 };
 
 /// Calls take(i, picture) with the picture of each of the frames for which wants(i) is true. Each
-/// video is decoded once, from its beginning to the last frame that is wanted. Both functions are
-/// called from several threads at once, one for each video. Throws Error like read_frame().
-void for_each_frame(const std::vector<VideoFrame>& frames,
+/// video is decoded once, from its beginning to the last frame that is wanted, and up to
+/// `most_at_once` (> 0) videos are at a time, by threads that call both functions. Throws Error like
+/// read_frame().
+void for_each_frame(const std::vector<VideoFrame>& frames, std::size_t most_at_once,
                     const std::function<bool(std::size_t i)>& wants,
                     const std::function<void(std::size_t i, Image8 picture)>& take);
 

@@ -115,7 +115,7 @@ TEST_F(VideoFrames, WantedOnesOfSeveralVideosComeInOnePass) {
   std::vector<Image8> taken(frames.size());
   std::mutex mutex;
   for_each_frame(
-      frames, [](std::size_t i) { return i != 3; },
+      frames, 2, [](std::size_t i) { return i != 3; },
       [&](std::size_t i, Image8 picture) {
         const std::lock_guard lock(mutex);
         EXPECT_TRUE(taken[i].empty());
