@@ -66,18 +66,19 @@ const std::string& CachedPictures::key_of(std::size_t view, const ViewPlan& plan
   }
   if (!known.name.empty() && known.bytes == now.bytes && known.changed == now.changed)
     return known.name;
-  now.name =
-      plan.is_frame ? key_of_frame(plan, now) : PhotoCache::key_of(plan.file, recipe_of(plan));
+  now.name = plan.is_frame ? key_of_frame(plan) : PhotoCache::key_of(plan.file, recipe_of(plan));
   known = std::move(now);
   return known.name;
 }
 
-// `now`: size and date of the video, and of a mask.
-std::string CachedPictures::key_of_frame(const ViewPlan& plan, const Key& now) {
+std::string CachedPictures::key_of_frame(const ViewPlan& plan) {
+  std::error_code error;
+  const auto bytes = fs::file_size(plan.file, error);
+  const auto changed = fs::last_write_time(plan.file, error);
   const std::lock_guard lock(mutex_);
   Key& video = videos_[plan.file];
-  if (video.name.empty() || video.bytes != now.bytes || video.changed != now.changed)
-    video = {PhotoCache::key_of(plan.file, ""), now.bytes, now.changed};
+  if (video.name.empty() || video.bytes != bytes || video.changed != changed)
+    video = {PhotoCache::key_of(plan.file, ""), bytes, changed};
   return PhotoCache::key_of_text(
       fmt::format("{} frame {} {}", video.name, plan.frame, recipe_of(plan)));
 }

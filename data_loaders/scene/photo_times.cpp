@@ -19,6 +19,8 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kMostDigits = 15;  // of a number in a name; a double holds it exactly
 
+constexpr std::int64_t kMostFrames = 1'000'000;  // of a video: nine hours
+
 bool is_folder(const fs::path& path) {
   std::error_code ignored;
   return fs::is_directory(path, ignored);
@@ -43,6 +45,11 @@ std::vector<Frame> frames_in_video(const fs::path& images, const std::string& ca
   const fs::path video = video_of_camera(images, camera);
   if (video.empty()) return frames;
   const std::int64_t count = count_frames(video);
+  if (count > kMostFrames)
+    throw Error(
+        fmt::format("video {} has {} frames by its header, and more than {} are not read: it "
+                    "is damaged, or has to be cut",
+                    video.string(), count, kMostFrames));
   for (std::int64_t i = 0; i < count; ++i)
     frames.push_back({fmt::format("{}/{:05d}.png", camera, i + 1), video, i});
   return frames;

@@ -7,7 +7,10 @@
 #include <random>
 
 #include "data_loaders/photos/picture_quality.h"
+#include "data_loaders/video/video_frames.h"
+#include "tests/support/avi_writer.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/scenes.h"
 #include "tests/support/tiny_photos.h"
 
 namespace gs {
@@ -54,6 +57,28 @@ TEST(Doctor, HasNothingAgainstAGoodScene) {
   EXPECT_THAT(the(diagnosis, Level::good, "points").text, HasSubstr("error 0.50 pixels"));
   EXPECT_THAT(the(diagnosis, Level::note, "forecast").text,
               AllOf(HasSubstr("training on the CPU"), Not(HasSubstr("H200"))));
+}
+
+TEST(Doctor, NamesTheFramesThatAVideoLacks) {
+  if (!can_read_videos()) GTEST_SKIP() << "built without OpenCV";
+  const TempFolder temp;
+  ColmapModel model = small_model(2);
+  model.images[0].name = "cam0.png";
+  model.images[1].name = "cam1.png";
+  write_binary_model(temp.path() / "sparse" / "0", model);
+  const std::vector<Image8> frames(30, random_photo(12, 8, 1));
+  write_avi(temp.path() / "images/cam0.avi", frames);
+  write_avi(temp.path() / "images/cam1.avi", frames);
+  const std::filesystem::path cut = temp.path() / "images/cam1.avi";
+  write_bytes(cut, read_bytes(cut).substr(0, 15 * (3 * 12 * 8 + 8)));
+  Config config;
+  config.dataset.source = temp.path().string();
+  config.dataset.times = PhotoTimes::frames;
+  const Finding damaged = the(examine(config, true), Level::fatal, "photos");
+  EXPECT_THAT(damaged.text, HasSubstr("damaged"));
+  EXPECT_GE(damaged.names.size(), 15u);
+  EXPECT_LE(damaged.names.size(), 20u);
+  EXPECT_THAT(damaged.names, testing::Each(HasSubstr("cam1/000")));
 }
 
 TEST(Doctor, ForecastOfMemoryKeepsToTheBudgetOfPhotos) {
