@@ -204,6 +204,29 @@ TEST(HttpLimits, SlowReadersMakeWayForAPage) {
   EXPECT_THAT(small_answer(server), EndsWith("small"));
 }
 
+// More than are served at a time to one address.
+TEST(HttpLimits, EachConnectionOfACrowdGetsItsTurn) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient(100));
+  std::deque<RawConnection> crowd;
+  for (int i = 0; i < 60; ++i) crowd.emplace_back(server.port());  // silent, until all are there
+  EXPECT_THAT(small_answer(server), EndsWith("small"));
+  for (const RawConnection& connection : crowd) connection.say(get_request("/small"));
+  int answered = 0;  // the others gave way to the one above and to each other
+  for (const RawConnection& connection : crowd) answered += connection.answer().ends_with("small");
+  EXPECT_GE(answered, 20);
+  for (int i = 0; i < 60; ++i) crowd.emplace_back(server.port()).say(get_request("/small"));
+  for (int i = 60; i < 120; ++i) EXPECT_THAT(crowd[std::size_t(i)].answer(), EndsWith("small"));
+}
+
+TEST(HttpLimits, ACrowdHoldsUpNoOtherAddress) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient(100));
+  std::deque<RawConnection> crowd;
+  for (int i = 0; i < 200; ++i) crowd.emplace_back(server.port()).say(get_request("/large"));
+  const RawConnection other(server.port(), "127.0.0.2");
+  other.say(get_request("/small"));
+  EXPECT_THAT(other.answer(), EndsWith("small"));
+}
+
 TEST(HttpLimits, AReaderThatReadsKeepsItsConnectionBesideSilentOnes) {
   const HttpServer server({"127.0.0.1", 0}, answer, patient(8));
   const RawConnection reader(server.port());
