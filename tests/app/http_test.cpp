@@ -7,6 +7,7 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <chrono>
 #include <deque>
 #include <filesystem>
@@ -216,6 +217,19 @@ TEST(HttpLimits, EachConnectionOfACrowdGetsItsTurn) {
   EXPECT_GE(answered, 20);
   for (int i = 0; i < 60; ++i) crowd.emplace_back(server.port()).say(get_request("/small"));
   for (int i = 60; i < 120; ++i) EXPECT_THAT(crowd[std::size_t(i)].answer(), EndsWith("small"));
+}
+
+TEST(HttpLimits, ACrowdIsServedAFewAtATime) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient(400));
+  std::deque<RawConnection> crowd;
+  for (int i = 0; i < 300; ++i) crowd.emplace_back(server.port()).say(get_request("/large"));
+  const RawConnection other(server.port(), "127.0.0.2");
+  other.say(get_request("/small"));
+  EXPECT_THAT(other.answer(), EndsWith("small"));  // so all others were accepted
+  const auto served =
+      std::count_if(crowd.begin(), crowd.end(),
+                    [](const RawConnection& connection) { return connection.has_answer(); });
+  EXPECT_LT(served, 150);  // 32 at once and ten a second, of which some may pass
 }
 
 TEST(HttpLimits, ACrowdHoldsUpNoOtherAddress) {

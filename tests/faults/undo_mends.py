@@ -60,6 +60,12 @@ def run(folder, mend):
                                        f"exit code {test.returncode}")
 
 
+def is_built_here(folder, mend):
+    """Whether the build has the test: those of cuda/ need nvcc and a GPU."""
+    return subprocess.run(["ninja", "-C", folder, "-t", "query", targets_of(mend)[0]],
+                          capture_output=True, cwd=ROOT).returncode == 0
+
+
 def is_committed(file):
     return subprocess.run(["git", "diff", "--quiet", "HEAD", "--", file], cwd=ROOT).returncode == 0
 
@@ -105,6 +111,9 @@ def main():
         return table()
     chosen = [mend for mend in MENDS if not arguments.defects or
               mend.defect in arguments.defects or mend.defect.rstrip("abcd") in arguments.defects]
+    for mend in [mend for mend in chosen if not is_built_here(arguments.build, mend)]:
+        print(f"skip   {mend.defect:4} {mend.test}: this build does not have it")
+        chosen.remove(mend)
     for mend in chosen:
         undone(mend)  # before minutes are spent
         if not is_committed(mend.file):

@@ -40,6 +40,11 @@ class RawConnection {
       answer.append(piece, std::size_t(got));
     return answer;
   }
+  /// Whether bytes of an answer are there.
+  bool has_answer() const {
+    pollfd one{socket_, POLLIN, 0};
+    return ::poll(&one, 1, 0) > 0 && (one.revents & POLLIN) != 0;
+  }
   char first_byte() const {
     char byte = 0;
     ::recv(socket_, &byte, 1, 0);
