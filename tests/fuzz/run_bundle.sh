@@ -53,7 +53,7 @@ fuzz() {
 keep() {
   local target=$1
   mkdir "$work/kept/$target"
-  start "$target" -merge=1 -max_total_time=50 "$work/kept/$target" "$bundle/seeds/$target" \
+  start "$target" -merge=1 -max_total_time=50 "-artifact_prefix=$work/temp/" "$work/kept/$target" "$bundle/seeds/$target" \
     "$work/learned/$target" >"$work/logs/$target.merge" 2>&1
 }
 
