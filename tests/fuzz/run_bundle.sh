@@ -53,8 +53,9 @@ fuzz() {
 keep() {
   local target=$1
   mkdir "$work/kept/$target"
-  start "$target" -merge=1 -max_total_time=50 "-artifact_prefix=$work/temp/" "$work/kept/$target" "$bundle/seeds/$target" \
-    "$work/learned/$target" >"$work/logs/$target.merge" 2>&1
+  start "$target" -merge=1 -max_total_time=50 "-artifact_prefix=$work/temp/" \
+    "$work/kept/$target" "$bundle/seeds/$target" "$work/learned/$target" \
+    >"$work/logs/$target.merge" 2>&1
 }
 
 # summary TARGET: one line of the table.
