@@ -22,14 +22,16 @@ constexpr std::uint64_t kLargestToml = std::uint64_t(1) << 20;  // bytes; a run'
 class TomlWalk {
  public:
   explicit TomlWalk(std::string_view text) : text_(text) {
-    while (at_ < text_.size() && !is_too_deep() && !has_bad_name_) step();
+    while (at_ < text_.size() && !is_too_deep() && !has_bad_name_ && !has_wrong_brace_) step();
   }
   int line() const { return line_; }  // where it has stopped
   /// Tables, lists and parts of a key nest deeper than kDeepestToml.
-  bool is_too_deep() const { return brackets_ + dots_ > kDeepestToml; }
+  bool is_too_deep() const { return int(brackets_.size()) + dots_ > kDeepestToml; }
   /// A table's name, as in [name], begins with a character that no key has. toml++ 3.3 takes it for
   /// granted that there is none, and checks that by assert().
   bool has_bad_name() const { return has_bad_name_; }
+  /// A } stands where a list is open; toml++ takes it for granted that none does.
+  bool has_wrong_brace() const { return has_wrong_brace_; }
 
  private:
   void step() {
@@ -39,12 +41,16 @@ class TomlWalk {
       case '\'': skip_string(c); return;
       case '.': ++dots_; break;
       case '[':
-        has_bad_name_ = brackets_ == 0 && !is_value_ && !is_name(text_.substr(at_ + 1));
-        ++brackets_, dots_ = 0;
+        has_bad_name_ = brackets_.empty() && !is_value_ && !is_name(text_.substr(at_ + 1));
+        brackets_ += c, dots_ = 0;
         break;
-      case '{': ++brackets_, dots_ = 0; break;
+      case '{': brackets_ += c, dots_ = 0; break;
       case ']':
-      case '}': brackets_ = std::max(0, brackets_ - 1), dots_ = 0; break;
+      case '}':
+        has_wrong_brace_ = c == '}' && brackets_.ends_with('[');
+        if (!brackets_.empty()) brackets_.pop_back();
+        dots_ = 0;
+        break;
       case '\n': ++line_, dots_ = 0, is_value_ = false; break;
       case '=': is_value_ = true, dots_ = 0; break;
       case ',': dots_ = 0; break;
@@ -82,8 +88,10 @@ class TomlWalk {
 
   std::string_view text_;
   std::size_t at_ = 0;
-  int line_ = 1, brackets_ = 0, dots_ = 0;
-  bool is_value_ = false, has_bad_name_ = false;  // behind the = of a line
+  int line_ = 1, dots_ = 0;
+  std::string brackets_;   // that are open
+  bool is_value_ = false;  // behind the = of a line
+  bool has_bad_name_ = false, has_wrong_brace_ = false;
 };
 
 }  // namespace
@@ -104,6 +112,9 @@ toml::table parse_toml(std::string_view text, const std::string& shown) {
         fmt::format("{}:{}: the name of a table begins with a letter, a digit, _, - or "
                     "a quote, as in [train]; correct the line",
                     shown, walk.line()));
+  if (walk.has_wrong_brace())
+    throw UsageError(fmt::format("{}:{}: a }} closes a list, which ends with ]; correct the line",
+                                 shown, walk.line()));
   try {
     return toml::parse(text, shown);
   } catch (const toml::parse_error& error) {

@@ -145,6 +145,13 @@ TEST_F(SmallFiles, TomlThatNestsDeepIsRefusedBeforeItIsParsed) {
       HasSubstr("cannot be used"));
 }
 
+TEST_F(SmallFiles, ABraceThatClosesAListInTomlIsRefused) {
+  write_bytes(toml(), "# as a fuzz target found\na = {b = [1, }\n");
+  Config config;
+  EXPECT_THAT(error_of([&] { load_config(config, toml()); }), HasSubstr("a.toml:2: a } closes a"));
+  EXPECT_EQ(parse_toml("a = [{b = [1, '}']}, {}]", "here")["a"].as_array()->size(), 2u);
+}
+
 TEST_F(SmallFiles, DotsInStringsNumbersAndCommentsNestNothing) {
   const std::string dots(1000, '.');
   const std::string text = "# " + dots + "\na = \"" + dots + "\\\"" + dots + "\"\nb = '" + dots +
