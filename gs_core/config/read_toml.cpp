@@ -22,7 +22,8 @@ constexpr std::uint64_t kLargestToml = std::uint64_t(1) << 20;  // bytes; a run'
 class TomlWalk {
  public:
   explicit TomlWalk(std::string_view text) : text_(text) {
-    while (at_ < text_.size() && !is_too_deep() && !has_bad_name_ && !has_wrong_brace_) step();
+    if (text_.starts_with("\xEF\xBB\xBF")) at_ = 3;  // a mark of UTF-8
+    while (at_ < text_.size() && !is_too_deep() && !has_bad_name_ && !fault_) step();
   }
   int line() const { return line_; }  // where it has stopped
   /// Tables, lists and parts of a key nest deeper than kDeepestToml.
@@ -30,8 +31,8 @@ class TomlWalk {
   /// A table's name, as in [name], begins with a character that no key has. toml++ 3.3 takes it for
   /// granted that there is none, and checks that by assert().
   bool has_bad_name() const { return has_bad_name_; }
-  /// A } stands where a list is open; toml++ takes it for granted that none does.
-  bool has_wrong_brace() const { return has_wrong_brace_; }
+  /// What else toml++ takes for granted, or calls unreachable; null if there is nothing.
+  const char* fault() const { return fault_; }
 
  private:
   void step() {
@@ -47,14 +48,17 @@ class TomlWalk {
       case '{': brackets_ += c, dots_ = 0; break;
       case ']':
       case '}':
-        has_wrong_brace_ = c == '}' && brackets_.ends_with('[');
+        if (c == '}' && brackets_.ends_with('[')) fault_ = "a } closes a list, which ends with ]";
         if (!brackets_.empty()) brackets_.pop_back();
         dots_ = 0;
         break;
       case '\n': ++line_, dots_ = 0, is_value_ = false; break;
       case '=': is_value_ = true, dots_ = 0; break;
       case ',': dots_ = 0; break;
-      default: break;  // part of a key or value
+      default:  // part of a key or value
+        if (static_cast<unsigned char>(c) >= 0x80)
+          fault_ = "a key or value has letters beyond ASCII and no quotes";
+        break;
     }
     ++at_;
   }
@@ -91,7 +95,8 @@ class TomlWalk {
   int line_ = 1, dots_ = 0;
   std::string brackets_;   // that are open
   bool is_value_ = false;  // behind the = of a line
-  bool has_bad_name_ = false, has_wrong_brace_ = false;
+  bool has_bad_name_ = false;
+  const char* fault_ = nullptr;
 };
 
 }  // namespace
@@ -112,9 +117,8 @@ toml::table parse_toml(std::string_view text, const std::string& shown) {
         fmt::format("{}:{}: the name of a table begins with a letter, a digit, _, - or "
                     "a quote, as in [train]; correct the line",
                     shown, walk.line()));
-  if (walk.has_wrong_brace())
-    throw UsageError(fmt::format("{}:{}: a }} closes a list, which ends with ]; correct the line",
-                                 shown, walk.line()));
+  if (const char* const fault = walk.fault())
+    throw UsageError(fmt::format("{}:{}: {}; correct the line", shown, walk.line(), fault));
   try {
     return toml::parse(text, shown);
   } catch (const toml::parse_error& error) {

@@ -152,6 +152,17 @@ TEST_F(SmallFiles, ABraceThatClosesAListInTomlIsRefused) {
   EXPECT_EQ(parse_toml("a = [{b = [1, '}']}, {}]", "here")["a"].as_array()->size(), 2u);
 }
 
+TEST_F(SmallFiles, LettersBeyondAsciiInTomlNeedQuotes) {
+  for (const char* text : {"gr\u00f6\u00dfe = 1", "a = gr\u00f6\u00dfe", "[gr\u00f6\u00dfe]"}) {
+    write_bytes(toml(), text);
+    Config config;
+    EXPECT_THAT(error_of([&] { load_config(config, toml()); }), HasSubstr("a.toml:1: ")) << text;
+  }
+  const toml::table table =
+      parse_toml("\xEF\xBB\xBF\"gr\u00f6\u00dfe\" = '\u00e9' # \u00e9", "here");
+  EXPECT_EQ(table["gr\u00f6\u00dfe"].value<std::string>(), "\u00e9");
+}
+
 TEST_F(SmallFiles, DotsInStringsNumbersAndCommentsNestNothing) {
   const std::string dots(1000, '.');
   const std::string text = "# " + dots + "\na = \"" + dots + "\\\"" + dots + "\"\nb = '" + dots +
