@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # Checks that CI has no time for: threads under ThreadSanitizer, all tests under AddressSanitizer and
 # UndefinedBehaviorSanitizer, all tests of a program that clang++ has compiled, and clang-tidy over
-# the whole tree, and calls that fail and kills (docs/reliability.md). They take some three hours on 2
-# cores.
-#   scripts/check_more.sh [threads] [sanitizers] [clang] [tidy] [faults]    only these; without names, all
+# the whole tree, calls that fail and kills (docs/reliability.md), and tests that have to notice when a
+# mend is gone. They take some four hours on 2 cores.
+#   scripts/check_more.sh [threads] [sanitizers] [clang] [tidy] [faults] [mends]    only these; without names, all
 #   scripts/check_more.sh faults-asan                    the faults with a program under AddressSanitizer
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
@@ -39,8 +39,13 @@ test_faults() {
   tests/faults/kills.py "${campaign[@]}" --kills 500 --json "build/$1/kills.json"
 }
 
+test_mends() {
+  build default all
+  tests/faults/undo_mends.py --build build/default
+}
+
 install_packages
-for check in "${@:-threads sanitizers clang tidy faults}"; do
+for check in "${@:-threads sanitizers clang tidy faults mends}"; do
   for name in $check; do
     say "$name"
     case $name in
@@ -50,7 +55,8 @@ for check in "${@:-threads sanitizers clang tidy faults}"; do
       tidy) scripts/tidy.sh ;;
       faults) test_faults default ;;
       faults-asan) test_faults debug ;;
-      *) die "there is no check $name; there are threads, sanitizers, clang, tidy, faults and faults-asan" ;;
+      mends) test_mends ;;
+      *) die "there is no check $name; there are threads, sanitizers, clang, tidy, faults, faults-asan and mends" ;;
     esac
   done
 done

@@ -12,8 +12,10 @@
 #include <stb_image_write.h>
 #pragma GCC diagnostic pop
 
+#include <algorithm>
 #include <climits>
 #include <memory>
+#include <numeric>
 
 #include "data_loaders/photos/photo_codec.h"
 #include "gs_core/error.h"
@@ -22,12 +24,39 @@
 namespace gs {
 namespace {
 
-constexpr std::uint8_t kEndOfImage = 0xD9;
+constexpr std::uint8_t kHuffmanTables = 0xC4, kEndOfImage = 0xD9, kStartOfScan = 0xDA;
+constexpr std::size_t kPngSignature = 8;
+constexpr std::uint64_t kHeadBytes = 1 << 20;  // in which most files have all before their pixels
 
-/// Whether a JPEG file reaches its end marker. stb_image fills what is missing with gray and says
-/// nothing. Walks the segments; in the entropy-coded data behind a start of scan, FF is always
-/// followed by 00 or a restart marker (ITU-T T.81, B.1.1).
-bool reaches_its_end(const std::uint8_t* bytes, std::size_t size) {
+/// Whether the Huffman tables of a DHT segment (ITU-T T.81, B.2.4.2) have at most 256 symbols each.
+/// stb_image 2.27 counts more of them into memory that is not theirs.
+bool has_sound_tables(const std::uint8_t* segment, std::size_t size) {
+  constexpr std::size_t kLengths = 16, kMostSymbols = 256;
+  for (std::size_t at = 0; at < size;) {
+    if (size - at < 1 + kLengths) return false;
+    const std::uint8_t* const counts = segment + at + 1;
+    const std::size_t symbols = std::accumulate(counts, counts + kLengths, std::size_t(0));
+    if (symbols > kMostSymbols || symbols > size - at - 1 - kLengths) return false;
+    at += 1 + kLengths + symbols;
+  }
+  return true;
+}
+
+std::size_t load_big(const std::uint8_t* bytes) {
+  std::size_t value = 0;
+  for (int i = 0; i < 4; ++i) value = value << 8 | bytes[i];
+  return value;
+}
+
+bool is_jpeg(const std::uint8_t* bytes, std::size_t size) {
+  return size >= 2 && bytes[0] == 0xFF && bytes[1] == 0xD8;
+}
+
+/// Whether a JPEG reaches a marker. stb_image fills what is missing with gray and says nothing. Throws
+/// Error for damaged Huffman tables before it. Walks the segments; in the entropy-coded data behind a
+/// start of scan, FF is always followed by 00 or a restart marker (ITU-T T.81, B.1.1).
+bool reaches(std::uint8_t last, const std::filesystem::path& path, const std::uint8_t* bytes,
+             std::size_t size) {
   std::size_t at = 2;  // behind the start-of-image marker
   while (at + 1 < size) {
     if (bytes[at] != 0xFF) {
@@ -36,17 +65,39 @@ bool reaches_its_end(const std::uint8_t* bytes, std::size_t size) {
     }
     const std::uint8_t marker = bytes[at + 1];
     const bool stands_alone = marker == 0x00 || (marker >= 0xD0 && marker <= 0xD8);
-    if (marker == kEndOfImage) return true;
+    if (marker == last) return true;
+    if (marker == kEndOfImage) return false;
     if (marker == 0xFF) {
       ++at;  // a fill byte
     } else if (stands_alone) {
       at += 2;
     } else {
       if (at + 3 >= size) return false;
-      at += 2 + std::size_t(bytes[at + 2] << 8 | bytes[at + 3]);  // the segment's length
+      const std::size_t length = std::size_t(bytes[at + 2] << 8 | bytes[at + 3]);
+      if (length > size - at - 2) return false;
+      if (marker == kHuffmanTables && (length < 2 || !has_sound_tables(bytes + at + 4, length - 2)))
+        cannot_read_photo(path, "its JPEG data has damaged Huffman tables");
+      at += 2 + length;
     }
   }
   return false;
+}
+
+bool is_png(const std::uint8_t* bytes, std::size_t size) {
+  constexpr std::uint8_t kSignature[kPngSignature] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
+  return size >= kPngSignature && std::equal(kSignature, kSignature + kPngSignature, bytes);
+}
+
+/// Whether all chunks of a PNG have the length that they promise. stb_image asks for that much memory
+/// before it looks. Bytes at the end that are too few for a chunk are passed over.
+bool is_whole_png(const std::uint8_t* bytes, std::size_t size) {
+  constexpr std::size_t kBeforeData = 8, kBehindData = 4;  // length and type; checksum
+  for (std::size_t at = kPngSignature; size - at >= kBeforeData;) {
+    const std::size_t length = load_big(bytes + at), left = size - at - kBeforeData;
+    if (length > left || left - length < kBehindData) return false;
+    at += kBeforeData + length + kBehindData;
+  }
+  return true;
 }
 
 void append(void* context, void* data, int size) {
@@ -63,8 +114,10 @@ Image8 decode_photo(const std::filesystem::path& path) {
   if (file.size() > INT_MAX) cannot_read_photo(path, "it is larger than 2 GiB");
   const std::size_t size = file.size();
   const std::uint8_t* bytes = file.take(size);
-  if (bytes[0] == 0xFF && bytes[1] == 0xD8 && !reaches_its_end(bytes, size))
+  if (is_jpeg(bytes, size) && !reaches(kEndOfImage, path, bytes, size))
     cannot_read_photo(path, "the JPEG data is cut short");
+  if (is_png(bytes, size) && !is_whole_png(bytes, size))
+    cannot_read_photo(path, "the PNG data is cut short");
 
   int width = 0, height = 0, channels = 0;
   const std::unique_ptr<stbi_uc, decltype(&stbi_image_free)> pixels(
@@ -77,8 +130,15 @@ Image8 decode_photo(const std::filesystem::path& path) {
 
 PhotoSize decode_photo_size(const std::filesystem::path& path) {
   PhotoSize size;
-  int channels = 0;
-  if (!stbi_info(path.c_str(), &size.width, &size.height, &channels))
+  ByteReader file(path);
+  const auto read_from = [&](std::uint64_t count) {
+    const std::uint8_t* const bytes = file.peek(std::size_t(count));
+    int channels = 0;
+    return (!is_jpeg(bytes, count) || reaches(kStartOfScan, path, bytes, count)) &&
+           stbi_info_from_memory(bytes, int(count), &size.width, &size.height, &channels);
+  };
+  const auto most = std::min<std::uint64_t>(file.size(), INT_MAX);
+  if (!read_from(std::min(most, kHeadBytes)) && !read_from(most))
     cannot_read_photo(path, std::string(stbi_failure_reason()) +
                                 " (this build reads JPEG and PNG; OpenImageIO would read more)");
   check_photo_size(path, size);

@@ -117,10 +117,11 @@ class JpegWalk {
     return marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
   }
   void take_frame(int marker, std::string_view segment) {
-    header_.height = big(segment, 3, 2);
-    header_.width = big(segment, 5, 2);
+    // A damaged file may have several frames, and decoders may take the first.
+    header_.height = std::max(header_.height, big(segment, 3, 2));
+    header_.width = std::max(header_.width, big(segment, 5, 2));
     components_ = big(segment, 7, 1);
-    header_.bytes_per_pixel = std::max<std::uint64_t>(components_, 3);
+    header_.bytes_per_pixel = std::max<std::uint64_t>({header_.bytes_per_pixel, components_, 3});
     is_progressive_ = (marker & 3) == 2;
   }
   /// The next marker that has a segment, or the end of the picture; 0 at the end of the file.

@@ -51,6 +51,15 @@ Image8 shown_alone(const View& view, const Vec3f& background) {
   return shown_photo(*with_photo(view), background);
 }
 
+// The page has 3 MB, which all answers share.
+HttpAnswer page_answer() {
+  static const auto page = std::make_shared<const std::string>(view_page());
+  HttpAnswer answer;
+  answer.type = "text/html; charset=utf-8";
+  answer.body = page;
+  return answer;
+}
+
 HttpAnswer photo_answer(const ViewScene& scene, std::string_view number) {
   std::size_t index = 0;
   const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), index);
@@ -91,7 +100,7 @@ Json finished_state(std::size_t gaussians) {
 
 HttpAnswer view_answer(ViewSource& source, const HttpRequest& request) {
   const std::string& path = request.path;
-  if (path == "/") return http_text(std::string(view_page()), "text/html; charset=utf-8");
+  if (path == "/") return page_answer();
   if (path == "/scene.json") return scene_answer(source);
   if (path == "/state.json") return state_answer(source, request);
   if (path == "/model") return source.model();

@@ -22,14 +22,17 @@ constexpr std::uint64_t kLargestToml = std::uint64_t(1) << 20;  // bytes; a run'
 class TomlWalk {
  public:
   explicit TomlWalk(std::string_view text) : text_(text) {
-    while (at_ < text_.size() && !is_too_deep() && !has_bad_name_) step();
+    if (text_.starts_with("\xEF\xBB\xBF")) at_ = 3;  // a mark of UTF-8
+    while (at_ < text_.size() && !is_too_deep() && !has_bad_name_ && !fault_) step();
   }
   int line() const { return line_; }  // where it has stopped
   /// Tables, lists and parts of a key nest deeper than kDeepestToml.
-  bool is_too_deep() const { return brackets_ + dots_ > kDeepestToml; }
+  bool is_too_deep() const { return int(brackets_.size()) + dots_ > kDeepestToml; }
   /// A table's name, as in [name], begins with a character that no key has. toml++ 3.3 takes it for
   /// granted that there is none, and checks that by assert().
   bool has_bad_name() const { return has_bad_name_; }
+  /// What else toml++ takes for granted, or calls unreachable; null if there is nothing.
+  const char* fault() const { return fault_; }
 
  private:
   void step() {
@@ -39,16 +42,23 @@ class TomlWalk {
       case '\'': skip_string(c); return;
       case '.': ++dots_; break;
       case '[':
-        has_bad_name_ = brackets_ == 0 && !is_value_ && !is_name(text_.substr(at_ + 1));
-        ++brackets_, dots_ = 0;
+        has_bad_name_ = brackets_.empty() && !is_value_ && !is_name(text_.substr(at_ + 1));
+        brackets_ += c, dots_ = 0;
         break;
-      case '{': ++brackets_, dots_ = 0; break;
+      case '{': brackets_ += c, dots_ = 0; break;
       case ']':
-      case '}': brackets_ = std::max(0, brackets_ - 1), dots_ = 0; break;
+      case '}':
+        if (c == '}' && brackets_.ends_with('[')) fault_ = "a } closes a list, which ends with ]";
+        if (!brackets_.empty()) brackets_.pop_back();
+        dots_ = 0;
+        break;
       case '\n': ++line_, dots_ = 0, is_value_ = false; break;
       case '=': is_value_ = true, dots_ = 0; break;
       case ',': dots_ = 0; break;
-      default: break;  // part of a key or value
+      default:  // part of a key or value
+        if (static_cast<unsigned char>(c) >= 0x80)
+          fault_ = "a key or value has letters beyond ASCII and no quotes";
+        break;
     }
     ++at_;
   }
@@ -82,8 +92,11 @@ class TomlWalk {
 
   std::string_view text_;
   std::size_t at_ = 0;
-  int line_ = 1, brackets_ = 0, dots_ = 0;
-  bool is_value_ = false, has_bad_name_ = false;  // behind the = of a line
+  int line_ = 1, dots_ = 0;
+  std::string brackets_;   // that are open
+  bool is_value_ = false;  // behind the = of a line
+  bool has_bad_name_ = false;
+  const char* fault_ = nullptr;
 };
 
 }  // namespace
@@ -104,6 +117,8 @@ toml::table parse_toml(std::string_view text, const std::string& shown) {
         fmt::format("{}:{}: the name of a table begins with a letter, a digit, _, - or "
                     "a quote, as in [train]; correct the line",
                     shown, walk.line()));
+  if (const char* const fault = walk.fault())
+    throw UsageError(fmt::format("{}:{}: {}; correct the line", shown, walk.line(), fault));
   try {
     return toml::parse(text, shown);
   } catch (const toml::parse_error& error) {

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <limits>
 
 #include "gs_app/checkpoints/checkpoint_folder.h"
 #include "gs_core/access.h"
@@ -186,6 +187,30 @@ TEST_F(Checkpoints, WithAFlippedBitAnywhereAreRefusedByName) {
     }
     bytes[i] ^= char(1 << i % 8);
   }
+}
+
+// Their checksum is right.
+TEST_F(Checkpoints, WithForgedNumbersAreRefusedByName) {
+  const TrainingState sound = telling_state(1, 12);
+  const auto error_of = [&](const RunProgress& progress) {
+    const fs::path forged = path() / "forged";
+    write_checkpoint(forged, telling_config(), telling_scene(), progress, sound.model);
+    try {
+      read_checkpoint(forged);
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+    return std::string("taken");
+  };
+  EXPECT_EQ(error_of(sound.progress), "taken");
+  RunProgress before_the_start = sound.progress, too_many_degrees = sound.progress,
+              no_loss = sound.progress;
+  before_the_start.step = -1;
+  too_many_degrees.sh_degree = std::numeric_limits<int>::max();
+  no_loss.loss = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THAT(error_of(before_the_start), HasSubstr("forged: step is no whole number from 0"));
+  EXPECT_THAT(error_of(too_many_degrees), HasSubstr("forged: sh_degree is no whole number from 0"));
+  EXPECT_THAT(error_of(no_loss), HasSubstr("forged: loss is no number"));
 }
 
 TEST_F(Checkpoints, OnlyTheLastTwoAreKept) {

@@ -7,6 +7,7 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <chrono>
 #include <deque>
 #include <filesystem>
@@ -202,6 +203,42 @@ TEST(HttpLimits, SlowReadersMakeWayForAPage) {
   std::deque<RawConnection> slow;
   for (int i = 0; i < 100; ++i) slow.emplace_back(server.port()).say(get_request("/large"));
   EXPECT_THAT(small_answer(server), EndsWith("small"));
+}
+
+// More than are served at a time to one address.
+TEST(HttpLimits, EachConnectionOfACrowdGetsItsTurn) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient(100));
+  std::deque<RawConnection> crowd;
+  for (int i = 0; i < 60; ++i) crowd.emplace_back(server.port());  // silent, until all are there
+  EXPECT_THAT(small_answer(server), EndsWith("small"));
+  for (const RawConnection& connection : crowd) connection.say(get_request("/small"));
+  int answered = 0;  // the others gave way to the one above and to each other
+  for (const RawConnection& connection : crowd) answered += connection.answer().ends_with("small");
+  EXPECT_GE(answered, 20);
+  for (int i = 0; i < 60; ++i) crowd.emplace_back(server.port()).say(get_request("/small"));
+  for (int i = 60; i < 120; ++i) EXPECT_THAT(crowd[std::size_t(i)].answer(), EndsWith("small"));
+}
+
+TEST(HttpLimits, ACrowdIsServedAFewAtATime) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient(400));
+  std::deque<RawConnection> crowd;
+  for (int i = 0; i < 300; ++i) crowd.emplace_back(server.port()).say(get_request("/large"));
+  const RawConnection other(server.port(), "127.0.0.2");
+  other.say(get_request("/small"));
+  EXPECT_THAT(other.answer(), EndsWith("small"));  // so all others were accepted
+  const auto served =
+      std::count_if(crowd.begin(), crowd.end(),
+                    [](const RawConnection& connection) { return connection.has_answer(); });
+  EXPECT_LT(served, 150);  // 32 at once and ten a second, of which some may pass
+}
+
+TEST(HttpLimits, ACrowdHoldsUpNoOtherAddress) {
+  const HttpServer server({"127.0.0.1", 0}, answer, patient(100));
+  std::deque<RawConnection> crowd;
+  for (int i = 0; i < 200; ++i) crowd.emplace_back(server.port()).say(get_request("/large"));
+  const RawConnection other(server.port(), "127.0.0.2");
+  other.say(get_request("/small"));
+  EXPECT_THAT(other.answer(), EndsWith("small"));
 }
 
 TEST(HttpLimits, AReaderThatReadsKeepsItsConnectionBesideSilentOnes) {

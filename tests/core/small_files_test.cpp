@@ -145,6 +145,24 @@ TEST_F(SmallFiles, TomlThatNestsDeepIsRefusedBeforeItIsParsed) {
       HasSubstr("cannot be used"));
 }
 
+TEST_F(SmallFiles, ABraceThatClosesAListInTomlIsRefused) {
+  write_bytes(toml(), "# as a fuzz target found\na = {b = [1, }\n");
+  Config config;
+  EXPECT_THAT(error_of([&] { load_config(config, toml()); }), HasSubstr("a.toml:2: a } closes a"));
+  EXPECT_EQ(parse_toml("a = [{b = [1, '}']}, {}]", "here")["a"].as_array()->size(), 2u);
+}
+
+TEST_F(SmallFiles, LettersBeyondAsciiInTomlNeedQuotes) {
+  for (const char* text : {"gr\u00f6\u00dfe = 1", "a = gr\u00f6\u00dfe", "[gr\u00f6\u00dfe]"}) {
+    write_bytes(toml(), text);
+    Config config;
+    EXPECT_THAT(error_of([&] { load_config(config, toml()); }), HasSubstr("a.toml:1: ")) << text;
+  }
+  const toml::table table =
+      parse_toml("\xEF\xBB\xBF\"gr\u00f6\u00dfe\" = '\u00e9' # \u00e9", "here");
+  EXPECT_EQ(table["gr\u00f6\u00dfe"].value<std::string>(), "\u00e9");
+}
+
 TEST_F(SmallFiles, DotsInStringsNumbersAndCommentsNestNothing) {
   const std::string dots(1000, '.');
   const std::string text = "# " + dots + "\na = \"" + dots + "\\\"" + dots + "\"\nb = '" + dots +

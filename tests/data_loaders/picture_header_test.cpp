@@ -70,6 +70,13 @@ TEST_F(PictureHeaders, HugePicturesInTinyFilesAreRefused) {
     EXPECT_THAT(refusal_of(bytes), AllOf(HasSubstr("photo.jpg"), HasSubstr("its header says")));
 }
 
+TEST_F(PictureHeaders, TheLargestFrameOfAJpegCounts) {
+  const std::string large = jpeg_of(20'000, 300, 0), small = jpeg_of(8, 400, 10);
+  const PictureHeader header = header_of(large.substr(0, large.size() - 2) + small.substr(2));
+  EXPECT_EQ(header.width, 20'000u);
+  EXPECT_EQ(header.height, 400u);
+}
+
 /// The header of a PNG of 8 bits.
 std::string png_of(unsigned width, unsigned height, char color_type) {
   return "\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR"s + "\0\0"s + two(width) + "\0\0"s + two(height) +

@@ -13,6 +13,7 @@
 #include <atomic>
 #include <cerrno>
 #include <chrono>
+#include <deque>
 #include <map>
 #include <string_view>
 #include <system_error>
@@ -32,14 +33,20 @@ namespace {
 using std::chrono::milliseconds;
 using State = HttpConnection::State;
 
-constexpr int kLeastConnections = 4, kMostConnections = 256;
+constexpr int kLeastConnections = 4, kMostConnections = 2048;
 constexpr int kFilesOfAConnection = 2;  // its socket, and the file that is sent
 constexpr int kMostWorkers = 8;
 constexpr std::size_t kPieceBytes = std::size_t(1) << 16;
 constexpr double kDrainSeconds = 2;        // for the peer to close, after its answer
 constexpr milliseconds kLongestWait{500};  // of poll(), so that limits of time are looked at
 constexpr milliseconds kForEver{-1};
-constexpr milliseconds kPause{50};                 // if no connection can be accepted
+constexpr milliseconds kPause{50};  // if no connection can be accepted
+// A browser opens 6 connections to a host. An address with many more is a crowd: the others wait for
+// their turn, which costs nothing, and one of them gets it in each interval.
+constexpr int kMostServed = 32;
+constexpr milliseconds kTurn{100};
+constexpr std::chrono::seconds kLongestWaitForTurn{30};
+constexpr std::chrono::seconds kStalled{1};        // without progress: another one gets its turn
 constexpr std::size_t kFirstPolledConnection = 2;  // after the waker and the listener
 
 // Wakes a thread that waits in poll().
@@ -68,6 +75,21 @@ bool is_wanted(const HttpHead& head, const std::string& host) {
          (!is_foreign || head.value("sec-fetch-dest") == "document");
 }
 
+// Shells mostly give 1024, and allow many more to a program that asks.
+void raise_limit_of_files() {
+  constexpr rlim_t kEnough = 16'384;
+  rlimit files{};
+  if (getrlimit(RLIMIT_NOFILE, &files) != 0 || files.rlim_cur >= kEnough) return;
+  files.rlim_cur = std::min(files.rlim_max, kEnough);
+  setrlimit(RLIMIT_NOFILE, &files);
+}
+
+std::size_t most_connections(const HttpLimits& limits) {
+  if (limits.connections > 0) return std::size_t(limits.connections);
+  raise_limit_of_files();
+  return std::size_t(default_connections());
+}
+
 }  // namespace
 
 int default_connections() {
@@ -81,9 +103,7 @@ int default_connections() {
 class HttpServer::Impl {
  public:
   Impl(const HttpPlace& place, HttpHandler handler, const HttpLimits& limits)
-      : host_(place.host), limits_(limits),
-        most_connections_(
-            std::size_t(limits.connections > 0 ? limits.connections : default_connections())),
+      : host_(place.host), limits_(limits), most_connections_(most_connections(limits)),
         listener_(listen_at(place)), port_(port_of(listener_)), space_(kPieceBytes),
         workers_(std::move(handler),
                  // so that never all connections are under way: these cannot be replaced
@@ -114,6 +134,12 @@ class HttpServer::Impl {
 
  private:
   using Connections = std::map<std::uint64_t, HttpConnection>;
+  // A connection of a crowd. Nothing is read from it, and no event of it is waited for.
+  struct Waiting {
+    Descriptor socket;
+    std::string address;
+    HttpClock::time_point since;
+  };
 
   void serve() {
     lower_priority_once();
@@ -125,10 +151,12 @@ class HttpServer::Impl {
         std::erase_if(connections_,
                       [](const auto& entry) { return entry.second.state() == State::closed; });
         if (accepts()) accept_all();
+        give_turn();
       } catch (const std::exception&) {  // too little memory: the others may end meanwhile
         std::this_thread::sleep_for(kPause);
       }
     }
+    crowd_.clear();
     connections_.clear();  // at once; the workers are waited for afterwards
     listener_.close();
   }
@@ -141,6 +169,7 @@ class HttpServer::Impl {
     for (const auto& [number, connection] : connections_)
       polled_.push_back({connection.socket(), connection.awaited_events(), 0});
     const milliseconds longest = !accepts()             ? kPause
+                                 : !crowd_.empty()      ? kTurn
                                  : connections_.empty() ? kForEver
                                                         : kLongestWait;
     if (::poll(polled_.data(), nfds_t(polled_.size()), int(longest.count())) <= 0)
@@ -217,7 +246,7 @@ class HttpServer::Impl {
 
   void accept_all() {
     for (std::size_t i = 0; i < most_connections_; ++i) {  // then the others have their turn
-      const bool is_full = connections_.size() >= most_connections_;
+      const bool is_full = connections_.size() + crowd_.size() >= most_connections_;
       if (is_full && !has_waiting_connection()) return;
       if (is_full && !replace_one()) return pause();
       std::string address;
@@ -226,10 +255,54 @@ class HttpServer::Impl {
         const bool may_go_on = errno == EAGAIN || errno == EINTR || errno == ECONNABORTED;
         return may_go_on ? void() : pause();  // no descriptors or memory: ask again later
       }
-      const auto added =
-          connections_.try_emplace(++last_number_, std::move(socket), std::move(address)).first;
-      advance_or_close(added->first, added->second);  // mostly the request is there already
+      if (has_to_wait(address))
+        crowd_.push_back({std::move(socket), std::move(address), HttpClock::now()});
+      else
+        begin(std::move(socket), std::move(address));
     }
+  }
+
+  void begin(Descriptor socket, std::string address) {
+    const auto added =
+        connections_.try_emplace(++last_number_, std::move(socket), std::move(address)).first;
+    advance_or_close(added->first, added->second);  // mostly the request is there already
+  }
+
+  std::ptrdiff_t served(const std::string& address) const {
+    return std::count_if(connections_.begin(), connections_.end(),
+                         [&](const auto& entry) { return entry.second.address() == address; });
+  }
+
+  bool has_to_wait(const std::string& address) const {
+    return std::any_of(crowd_.rbegin(), crowd_.rend(),
+                       [&](const Waiting& one) { return one.address == address; }) ||
+           served(address) >= kMostServed;
+  }
+
+  // Lets the newest of those that wait begin, so that a person who opens the page does not wait for
+  // all that came before.
+  void give_turn() {
+    const HttpClock::time_point now = HttpClock::now();
+    while (!crowd_.empty() && now - crowd_.front().since > kLongestWaitForTurn) crowd_.pop_front();
+    if (crowd_.empty() || now < next_turn_ || !has_room_for(crowd_.back().address, now)) return;
+    next_turn_ = now + kTurn;
+    Waiting newest = std::move(crowd_.back());
+    crowd_.pop_back();
+    begin(std::move(newest.socket), std::move(newest.address));
+  }
+
+  // Whether the address is served by fewer than it may be, if need be without one that makes no
+  // progress.
+  bool has_room_for(const std::string& address, HttpClock::time_point now) {
+    if (served(address) < kMostServed) return true;
+    auto slowest = connections_.end();
+    for (auto it = connections_.begin(); it != connections_.end(); ++it)
+      if (it->second.address() == address && it->second.state() != State::working &&
+          (slowest == connections_.end() || it->second.progress() < slowest->second.progress()))
+        slowest = it;
+    if (slowest == connections_.end() || now - slowest->second.progress() < kStalled) return false;
+    connections_.erase(slowest);
+    return true;
   }
 
   bool has_waiting_connection() const {
@@ -242,11 +315,13 @@ class HttpServer::Impl {
   // Some time without accepting connections; they wait in the system's queue.
   void pause() { accepts_from_ = HttpClock::now() + kPause; }
 
-  // Closes one of the connections of the address that has the most: first one whose request is not
+  // Closes the connection of a crowd that has waited for the longest time. If there is none, closes
+  // one of the connections of the address that has the most: first one whose request is not
   // complete or whose answer is sent, then one that takes its answer slowly, then one that waits
   // for a worker; of these the one that made no progress for the longest time. False if all are
   // under way.
   bool replace_one() {
+    if (!crowd_.empty()) return crowd_.pop_front(), true;
     const std::string address = busiest_address();
     const auto rank = [](const HttpConnection& connection) {
       const State state = connection.state();
@@ -288,8 +363,9 @@ class HttpServer::Impl {
 
   // Of the loop's thread alone:
   Connections connections_;
+  std::deque<Waiting> crowd_;  // the newest at the end
   std::uint64_t last_number_ = 0;
-  HttpClock::time_point accepts_from_{};
+  HttpClock::time_point accepts_from_{}, next_turn_{};
   std::vector<pollfd> polled_;
   std::vector<char> space_;  // for a piece of a file
 

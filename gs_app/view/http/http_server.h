@@ -2,7 +2,8 @@
 // A small HTTP server in which one function answers every GET request. It is meant for people who
 // look at their own files: unless told otherwise it listens only to this machine, and it refuses
 // requests that another web page makes a browser send (DNS rebinding). Slow or silent connections,
-// however many there are, hold up nobody. There is one request on each connection.
+// however many there are, hold up nobody: of an address with more than 32, the others wait for their
+// turn. There is one request on each connection.
 #pragma once
 
 #include <cstdint>
@@ -56,8 +57,8 @@ struct HttpLimits {
   double piece_seconds = 30;  // in which a reader has to take 64 KiB
 };
 
-/// A quarter of the files that this process may open, at two files a connection; at most 256
-/// connections.
+/// A quarter of the files that this process may open, at two files a connection; at most 2048
+/// connections. The server asks the system for more files first.
 int default_connections();
 
 /// Whether a server that listens at `host` accepts a request whose Host header is `named`, with or
