@@ -25,7 +25,11 @@ namespace gs {
 /// Choices that a user has for some formats.
 struct ExportOptions {
   int spz_version = 3;  // or 4, which fewer programs read
+  double duration = 0;  // of a scene that moves, in seconds, for .gs4d; 0: not known
 };
+
+/// Which Gaussians a format can hold: 3D ones, ones in space and time, or either.
+enum class Holds { still, moving, both };
 
 struct ModelFormat {
   std::string_view name;    // as in --export: "spz"
@@ -34,6 +38,7 @@ struct ModelFormat {
   bool is_lossless;         // reading gives the same bits again, SH degree included
   bool adds_world_offset;   // positions are mean + world_offset, in double precision
   AxisSigns signs;          // of the file's axes relative to the PLY's
+  Holds gaussians;          // with time, without, or both
   GaussianModel (*read)(const std::filesystem::path&);  // null: gemsplat only writes it
   void (*write)(const std::filesystem::path&, const GaussianModel&, const ExportOptions&);
   void (*require)(const ExportOptions&);  // throws Error where this build lacks a library for it
@@ -52,7 +57,10 @@ const ModelFormat* find_format(const std::filesystem::path& path);
 /// The same for a file to write. Throws UsageError with a list of the endings.
 const ModelFormat& format_to_write(const std::filesystem::path& path);
 
-/// Throws UsageError where the model has a time and the file's format has none: only PLY has.
+/// Whether files of the format can hold the model: with time, without.
+bool holds(const ModelFormat& format, const GaussianModel& model);
+/// Throws UsageError where the model has a time and the file's format holds none, or the other way
+/// round. The message names formats that hold it.
 void check_holds_time(const std::filesystem::path& path, const GaussianModel& model);
 
 /// Reads trained Gaussians in the format of the file's name; a file of another name is read as PLY.

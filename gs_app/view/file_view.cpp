@@ -119,9 +119,11 @@ ViewScene view_scene_of(const OpenedModel& opened, const Config& config, bool ha
   return scene;
 }
 
-FileView::FileView(ViewScene scene, std::size_t gaussians, std::unique_ptr<FrameRenderer> renderer)
+FileView::FileView(ViewScene scene, const GaussianModel& model,
+                   std::unique_ptr<FrameRenderer> renderer)
     : scene_(std::move(scene)), renderer_(std::move(renderer)) {
-  model_.gaussians = gaussians;
+  model_.gaussians = model.gaussians.count();
+  scene_.moves = model.gaussians.has_time;
 }
 
 Json FileView::mode_and_model() {
