@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // The viewer plays a model that moves: its picture at two times is that of `gemsplat render --time`,
 // also after looping and scrubbing back; the controls; frames of the server.
-//   node view_time_test.mjs MODULES PROGRAM MODEL.ply OUT CHROMIUM
-// MODEL.ply: Gaussians in space and time, in front of the camera below (tests/interop/gs4d_test.py
-// makes one).
+//   node view_time_test.mjs MODULES PROGRAM OUT CHROMIUM [PYTHON]
+// tests/interop/gs4d_test.py makes the model.
 import assert from 'node:assert/strict';
 import {execFileSync, spawn} from 'node:child_process';
 import {existsSync} from 'node:fs';
 import {mkdir, readFile, rm, writeFile} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
+import {fileURLToPath} from 'node:url';
 import {Browser} from './browser.mjs';
 import {psnr} from './pictures.mjs';
 
 const SKIPPED = 77;  // as CTest is told
-const [modules, program, model, out] = process.argv.slice(2, 6).map(path => resolve(path)), chromium = process.argv[6];
+const [modules, program, out] = process.argv.slice(2, 5).map(path => resolve(path)), [chromium, python = 'python3'] = process.argv.slice(5);
 if (!chromium || !existsSync(chromium)) {
   console.log('skipped: no Chromium was found; install the package chromium');
   process.exit(SKIPPED);
@@ -27,8 +27,9 @@ const camera = {id: 0, img_name: 'front', width: WIDTH, height: HEIGHT, fx: 260,
 const gemsplat = (...words) => execFileSync(program, words, {stdio: ['ignore', 'pipe', 'inherit']}).toString();
 await rm(out, {recursive: true, force: true});
 await mkdir(out, {recursive: true});
-const cameras = join(out, 'cameras.json'), file = join(out, 'model.gs4d');
+const cameras = join(out, 'cameras.json'), model = join(out, 'model.ply'), file = join(out, 'model.gs4d');
 await writeFile(cameras, JSON.stringify([camera]));
+execFileSync(python, [fileURLToPath(new URL('../../../tests/interop/gs4d_test.py', import.meta.url)), '--make', model]);
 gemsplat('export', model, file, '--no-measure', '-q', '--duration', '4');
 const renders = {};
 for (const time of TIMES) {
