@@ -86,9 +86,10 @@ void add_view(CLI::App& program) {
                   "a PLY, .spz, .sog, .splat, .csv or .gs4d of any trainer, or a run's folder")
       ->type_name("MODEL|RUN")
       ->required();
-  add_time_option(verb, command->time,
-                  "moment of Gaussians in space and time at which the page begins, standing still, 0 to 1 "
-                  "[it plays from 0 on]");
+  add_time_option(
+      verb, command->time,
+      "moment of Gaussians in space and time at which the page begins, standing still, 0 to 1 "
+      "[it plays from 0 on]");
   verb.add_option("--iteration", command->step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");

@@ -21,12 +21,8 @@ using testing::HasSubstr;
 
 SpacetimeShape<double> random_shape(const Random& random, std::uint64_t i) {
   const auto l = random.normal4(i, 0), r = random.normal4(i, 1), s = random.normal4(i, 2);
-  return {{1, 2, 3},
-          {s.x, s.y, s.z},
-          {{l.x, l.y, l.z, l.w}, {r.x, r.y, r.z, r.w}},
-          0,
-          0.4,
-          double(s.w) - 1};
+  return {{1, 2, 3}, {s.x, s.y, s.z}, {{l.x, l.y, l.z, l.w}, {r.x, r.y, r.z, r.w}}, 0,
+          0.4,       double(s.w) - 1};
 }
 
 TEST(MovingGaussian, HasTheCovarianceIn4DThatItWasMadeFrom) {
@@ -79,7 +75,8 @@ TEST_F(Gs4d, HoldsNoGaussiansToo) {
 TEST_F(Gs4d, HasWhatIsSeenFirstInTheFirstChunk) {
   const std::size_t count = kGs4dChunk + 1000;
   GaussianModel model = random_moving_model(count, 0);
-  for (std::size_t i = 0; i < count; ++i) {  // only turns of space: nothing of them reaches into time
+  for (std::size_t i = 0; i < count;
+       ++i) {  // only turns of space: nothing of them reaches into time
     model.gaussians.rotation[i] = model.gaussians.right_rotation[i] = {1, 0, 0, 0};
     model.gaussians.log_time_scale[i] = -6;
     model.gaussians.time_mean[i] = i < 1000 ? 0.8f : 0.3f;  // the late ones come first in memory

@@ -28,7 +28,8 @@ Gs4dHeader checked_header(ByteReader& reader) {
   const Path& path = reader.path();
   if (reader.size() < sizeof(Gs4dHeader) ||
       load_little<std::uint32_t>(reader.peek(sizeof(Gs4dHeader))) != kGs4dMagic)
-    cannot_read(path, "this is not a .gs4d file: it does not begin with \"GS4D\"; check what it is");
+    cannot_read(path,
+                "this is not a .gs4d file: it does not begin with \"GS4D\"; check what it is");
   const auto header = load_little<Gs4dHeader>(reader.take(sizeof(Gs4dHeader)));
   if (header.version != kGs4dVersion)
     cannot_read(path, fmt::format("it is a .gs4d of version {}, but gemsplat reads version {}; "
@@ -50,17 +51,17 @@ std::vector<Gs4dChunk> checked_table(ByteReader& reader, const Gs4dHeader& heade
     chunk = load_little<Gs4dChunk>(reader.take(sizeof(Gs4dChunk)));
     if (chunk.count == 0 || chunk.count > kGs4dChunk ||
         chunk.bytes != Gs4dArrays(chunk.count, header.sh_degree).end)
-      damaged(reader.path(), fmt::format("a chunk promises {} Gaussians in {} bytes", chunk.count,
-                                         chunk.bytes));
+      damaged(reader.path(),
+              fmt::format("a chunk promises {} Gaussians in {} bytes", chunk.count, chunk.bytes));
     count += chunk.count;
     bytes += chunk.bytes;
   }
   if (count != header.count)
-    damaged(reader.path(), fmt::format("its header promises {} Gaussians and its table {}",
-                                       header.count, count));
+    damaged(reader.path(),
+            fmt::format("its header promises {} Gaussians and its table {}", header.count, count));
   if (bytes != reader.left())
-    damaged(reader.path(), fmt::format("its chunks have {} bytes, but {} follow the table", bytes,
-                                       reader.left()));
+    damaged(reader.path(),
+            fmt::format("its chunks have {} bytes, but {} follow the table", bytes, reader.left()));
   return table;
 }
 
@@ -99,7 +100,8 @@ void read_row(const std::uint8_t* chunk, const Gs4dArrays& at, const Gs4dBlock& 
   };
   MovingGaussian moving{};
   for (int k = 0; k < 3; ++k) {
-    moving.mean[k] = block.position_low[k] + block.position_step[k] * float(word(at.positions, 3 * i + k));
+    moving.mean[k] =
+        block.position_low[k] + block.position_step[k] * float(word(at.positions, 3 * i + k));
     moving.drift[k] = block.drift_step[k] * float(std::int16_t(word(at.drifts, 3 * i + k)));
     moving.log_scale[k] = log_of(block.log_scale, chunk[at.scales + 3 * i + k]);
     to.sh0[row][k] = block.sh0.value(chunk[at.colors + 3 * i + k]);

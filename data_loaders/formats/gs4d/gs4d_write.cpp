@@ -38,34 +38,28 @@ std::uint32_t packed_rotation(const Quat<double>& q) {
   std::uint32_t word = std::uint32_t(parts.largest) << 30;
   for (int i = 0; i < 3; ++i) {
     const long steps = std::lround(parts.others[i] / kSqrtHalf * kGs4dRotationSteps);
-    word |= (std::uint32_t(std::clamp<long>(steps, -kGs4dRotationSteps, kGs4dRotationSteps)) & 1023u)
-            << 10 * i;
+    word |=
+        (std::uint32_t(std::clamp<long>(steps, -kGs4dRotationSteps, kGs4dRotationSteps)) & 1023u)
+        << 10 * i;
   }
   return word;
 }
 
 Row row_of(const Gaussians& g, std::uint32_t i) {
   const auto quat = [](const Quatf& q) { return Quat<double>{q.w, q.x, q.y, q.z}; };
-  SpacetimeShape<double> shape{Vec3d(g.mean[i]),
-                               Vec3d(g.log_scale[i]),
-                               {quat(g.rotation[i]), quat(g.right_rotation[i])},
-                               g.logit_opacity[i],
-                               g.time_mean[i],
-                               g.log_time_scale[i]};
+  SpacetimeShape<double> shape{
+      Vec3d(g.mean[i]),   Vec3d(g.log_scale[i]), {quat(g.rotation[i]), quat(g.right_rotation[i])},
+      g.logit_opacity[i], g.time_mean[i],        g.log_time_scale[i]};
   const bool is_drawn = !is_degenerate(shape.rotations);
   if (!is_drawn) shape.rotations = {{1, 0, 0, 0}, {1, 0, 0, 0}};
   for (int k = 0; k < 3; ++k)
     shape.log_scale[k] = std::clamp(shape.log_scale[k], -kMostLog, kMostLog);
   shape.log_time_scale = std::clamp(shape.log_time_scale, -kMostLog, kMostLog);
   const MovingGaussian moving = moving_gaussian(shape);
-  return {within(moving.mean, kMostUnits),
-          within(moving.drift, kMostUnits),
-          within(moving.log_scale, kMostLog),
-          within(moving.time_mean, kMostUnits),
-          within(moving.log_time_scale, kMostLog),
-          is_drawn ? sigmoid(g.logit_opacity[i]) : 0.0f,
-          packed_rotation(moving.rotation),
-          i};
+  return {within(moving.mean, kMostUnits),         within(moving.drift, kMostUnits),
+          within(moving.log_scale, kMostLog),      within(moving.time_mean, kMostUnits),
+          within(moving.log_time_scale, kMostLog), is_drawn ? sigmoid(g.logit_opacity[i]) : 0.0f,
+          packed_rotation(moving.rotation),        i};
 }
 
 /// The times, cut to 0..1, between which a Gaussian is drawn; first > last if it never is.

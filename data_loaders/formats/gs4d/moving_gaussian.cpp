@@ -89,8 +89,7 @@ QuatPair<double> pair_of(const Matrix4& R) {
       const Mat4<double> basis = multiply(left_factor(unit(i)), right_factor(unit(j)));
       product[i][j] = 0;
       for (int k = 0; k < 4; ++k)
-        product[i][j] +=
-            inner({R.m[k][0], R.m[k][1], R.m[k][2], R.m[k][3]}, basis.row[k]) / 4;
+        product[i][j] += inner({R.m[k][0], R.m[k][1], R.m[k][2], R.m[k][3]}, basis.row[k]) / 4;
       norm2 += product[i][j] * product[i][j];
     }
     if (norm2 > largest) best = i, largest = norm2;
@@ -117,15 +116,13 @@ MovingGaussian moving_gaussian(const SpacetimeShape<double>& shape) {
   moving.drift = S.mixed / std::sqrt(S.time);
   moving.time_mean = shape.time_mean;
   moving.log_time_scale = 0.5 * std::log(S.time);
-  for (int k = 0; k < 3; ++k)
-    moving.log_scale[k] = half_log(axes.value[k], kLeastShare * largest);
+  for (int k = 0; k < 3; ++k) moving.log_scale[k] = half_log(axes.value[k], kLeastShare * largest);
   moving.rotation = quaternion_of(axes.R);
   return moving;
 }
 
 SpacetimeShape<double> shape_of(const MovingGaussian& moving) {
-  const Sym3<double> C =
-      covariance(rotation_matrix(moving.rotation), variance(moving.log_scale));
+  const Sym3<double> C = covariance(rotation_matrix(moving.rotation), variance(moving.log_scale));
   const Vec3d& d = moving.drift;
   const double s = std::exp(moving.log_time_scale);
   const Matrix4 S{{{C.xx + d.x * d.x, C.xy + d.x * d.y, C.xz + d.x * d.z, d.x * s},

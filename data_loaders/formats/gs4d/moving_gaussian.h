@@ -9,11 +9,11 @@ namespace gs {
 /// With S the covariance in 4D: time_scale = sqrt(S_tt), drift = S_xyz,t / time_scale, and rotation
 /// and scales are those of the conditional covariance S_xyz - drift drift^T.
 struct MovingGaussian {
-  Vec3d mean;            // at the time time_mean, world units
-  Vec3d drift;           // the way in the time of one time scale, world units
-  double time_mean;      // 0 to 1 is the scene's duration
+  Vec3d mean;        // at the time time_mean, world units
+  Vec3d drift;       // the way in the time of one time scale, world units
+  double time_mean;  // 0 to 1 is the scene's duration
   double log_time_scale;
-  Vec3d log_scale;       // of standard deviations, world units
+  Vec3d log_scale;        // of standard deviations, world units
   Quat<double> rotation;  // of length 1
 };
 
