@@ -48,12 +48,11 @@ void open_browser(const std::string& url, std::optional<bool> wish) {
 std::unique_ptr<FileView> view_of(const ViewCommand& command, const OpenedModel& opened,
                                   const Config& config) {
   ViewScene scene = view_scene_of(opened, config, command.has("dataset.source"), command.cameras);
-  scene.moves = opened.model.gaussians.has_time;
   scene.time = command.time;
   for (const std::string& note : scene.notes) log_warning("{}", note);
   if (!command.remote) return std::make_unique<FileView>(std::move(scene), serve_model(opened));
   return std::make_unique<FileView>(
-      std::move(scene), opened.model,
+      std::move(scene), opened.model.gaussians.count(),
       std::make_unique<FrameRenderer>(config.train.device, opened.model,
                                       view_settings(opened, config)));
 }

@@ -115,15 +115,14 @@ ViewScene view_scene_of(const OpenedModel& opened, const Config& config, bool ha
   } else if (opened.run) {
     take_cameras_of_run(scene, opened, config);
   }
+  scene.moves = opened.model.gaussians.has_time;
   scene.frame = frame_of(scene.cameras, opened.model.gaussians.mean.span());
   return scene;
 }
 
-FileView::FileView(ViewScene scene, const GaussianModel& model,
-                   std::unique_ptr<FrameRenderer> renderer)
+FileView::FileView(ViewScene scene, std::size_t gaussians, std::unique_ptr<FrameRenderer> renderer)
     : scene_(std::move(scene)), renderer_(std::move(renderer)) {
-  model_.gaussians = model.gaussians.count();
-  scene_.moves = model.gaussians.has_time;
+  model_.gaussians = gaussians;
 }
 
 Json FileView::mode_and_model() {

@@ -16,8 +16,8 @@ class FileView final : public ViewSource {
  public:
   FileView(ViewScene scene, ServedModel model)
       : scene_(std::move(scene)), model_(std::move(model)) {}
-  /// Serves frames of `model` from `renderer` instead of the file. `renderer` is not null.
-  FileView(ViewScene scene, const GaussianModel& model, std::unique_ptr<FrameRenderer> renderer);
+  /// Serves frames from `renderer` instead of the file. `renderer` is not null.
+  FileView(ViewScene scene, std::size_t gaussians, std::unique_ptr<FrameRenderer> renderer);
 
   const ViewScene& scene() const override { return scene_; }
   nlohmann::ordered_json mode_and_model() override;
