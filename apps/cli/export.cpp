@@ -48,10 +48,12 @@ std::filesystem::path table_file(const std::string& folder) {
   return std::filesystem::path(folder) / "formats.md";
 }
 
-// The files of --table: one in each format that this build writes.
-std::vector<std::string> files_of_table(const std::string& folder, const ExportOptions& options) {
+// The files of --table: one in each format that this build writes and that holds the model.
+std::vector<std::string> files_of_table(const std::string& folder, const ExportOptions& options,
+                                        const GaussianModel& model) {
   std::vector<std::string> files;
   for (const ModelFormat& format : model_formats()) {
+    if (!holds(format, model.gaussians.has_time)) continue;
     try {
       format.require(options);
       files.push_back(folder + "/model" + std::string(format.ending));
@@ -69,12 +71,12 @@ std::vector<ExportRequest> requests_of(const ExportCommand& command, const Gauss
   if (command.table && command.outputs.size() != 1)
     throw UsageError("--table takes one folder, in which it writes a file of each format");
   for (const std::string& file :
-       command.table ? files_of_table(command.outputs[0], command.options) : command.outputs)
+       command.table ? files_of_table(command.outputs[0], command.options, model) : command.outputs)
     requests.push_back({file, command.options, transform, sh_degree});
   std::set<std::filesystem::path> names;
   for (const ExportRequest& request : requests) {
     check_export(request, command.force);
-    check_holds_time(request.file, model);
+    check_holds(format_to_write(request.file), model.gaussians.has_time, request.file.string());
     if (!names.insert(std::filesystem::absolute(request.file).lexically_normal()).second)
       throw UsageError(request.file.string() + " is named twice");
   }
@@ -182,6 +184,11 @@ void add_export(CLI::App& program) {
                   "fewer programs read [3]")
       ->check(CLI::IsMember({3, 4}))
       ->type_name("VERSION");
+  verb.add_option("--duration", command->options.duration,
+                  "duration of a scene that moves, in seconds: .gs4d files say it to players [not "
+                  "known]")
+      ->check(CLI::Range(0.0, 1e6))
+      ->type_name("SECONDS");
   verb.add_option("--up", command->up,
                   "up direction in the model's axes; the model is turned so that it becomes -y, "
                   "which viewers show at the top [no turn]")

@@ -7,7 +7,6 @@
 
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
-#include "data_loaders/formats/model_moment.h"
 #include "gs_app/run/text.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
@@ -49,6 +48,7 @@ void open_browser(const std::string& url, std::optional<bool> wish) {
 std::unique_ptr<FileView> view_of(const ViewCommand& command, const OpenedModel& opened,
                                   const Config& config) {
   ViewScene scene = view_scene_of(opened, config, command.has("dataset.source"), command.cameras);
+  scene.time = command.time;
   for (const std::string& note : scene.notes) log_warning("{}", note);
   if (!command.remote) return std::make_unique<FileView>(std::move(scene), serve_model(opened));
   return std::make_unique<FileView>(
@@ -61,12 +61,8 @@ void view(const ViewCommand& command) {
   setup_log(command.verbosity());
   check_can_view();
   SignalWait signal;
-  OpenedModel opened = open_model(command.model, command.step);
-  if (command.time || opened.model.gaussians.has_time) {
-    const double time = command.time.value_or(kMiddleOfScene);
-    take_moment(opened, time);
-    log_info("the page shows the moment {:g} of the scene (--time)", time);
-  }
+  const OpenedModel opened = open_model(command.model, command.step);
+  if (command.time) check_has_time(opened);
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
   const std::unique_ptr<FileView> source = view_of(command, opened, config);
@@ -86,11 +82,13 @@ void add_view(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand("view", "Show a trained model in the browser");
   const auto command = std::make_shared<ViewCommand>();
   verb.add_option("model", command->model,
-                  "a PLY, .spz, .sog, .splat or .csv of any trainer, or a run's folder")
+                  "a PLY, .spz, .sog, .splat, .csv or .gs4d of any trainer, or a run's folder")
       ->type_name("MODEL|RUN")
       ->required();
-  add_time_option(verb, command->time,
-                  "moment of Gaussians in space and time that the page shows, 0 to 1 [0.5]");
+  add_time_option(
+      verb, command->time,
+      "moment of Gaussians in space and time at which the page begins, standing still, 0 to 1 "
+      "[it plays from 0 on]");
   verb.add_option("--iteration", command->step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");

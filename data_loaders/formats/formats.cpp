@@ -11,6 +11,7 @@
 #include "data_loaders/formats/csv.h"
 #include "data_loaders/formats/foreign_files.h"
 #include "data_loaders/formats/glb.h"
+#include "data_loaders/formats/gs4d/gs4d.h"
 #include "data_loaders/formats/ply/compressed_ply.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/sog/sog.h"
@@ -35,6 +36,9 @@ void without_options(const Path& path, const GaussianModel& model, const ExportO
 void write_spz_version(const Path& path, const GaussianModel& model, const ExportOptions& options) {
   write_spz(path, model, options.spz_version);
 }
+void write_gs4d_with(const Path& path, const GaussianModel& model, const ExportOptions& options) {
+  write_gs4d(path, model, options.duration);
+}
 
 void require_nothing(const ExportOptions&) {}
 void require_for_spz(const ExportOptions& options) {
@@ -45,24 +49,25 @@ void require_for_sog(const ExportOptions&) { require_webp(); }
 }  // namespace
 
 const std::vector<ModelFormat>& model_formats() {
-  constexpr bool kLossless = true, kLossy = false, kAddsOffset = true, kNoOffset = false,
-                 kTime = true, kNoTime = false;
+  constexpr bool kLossless = true, kLossy = false, kAddsOffset = true, kNoOffset = false;
   static const std::vector<ModelFormat> kFormats = {
-      {"ply", ".ply", "everything, as floats", kLossless, kNoOffset, kTime, kPlyAxes,
+      {"ply", ".ply", "everything, as floats", kLossless, kNoOffset, kPlyAxes, Holds::both,
        read_gaussian_ply, without_options<write_gaussian_ply>, require_nothing},
-      {"csv", ".csv", "everything, as text", kLossless, kAddsOffset, kNoTime, kPlyAxes, read_csv,
-       without_options<write_csv>, require_nothing},
-      {"glb", ".glb", "everything, as floats after activation", kLossy, kNoOffset, kNoTime,
-       kHalfTurnZ, nullptr, without_options<write_glb>, require_nothing},
+      {"csv", ".csv", "everything, as text", kLossless, kAddsOffset, kPlyAxes, Holds::still,
+       read_csv, without_options<write_csv>, require_nothing},
+      {"glb", ".glb", "everything, as floats after activation", kLossy, kNoOffset, kHalfTurnZ,
+       Holds::still, nullptr, without_options<write_glb>, require_nothing},
       {"compressed.ply", ".compressed.ply", "fractions of the range of 256 neighbors", kLossy,
-       kNoOffset, kNoTime, kPlyAxes, read_gaussian_ply, without_options<write_compressed_ply>,
+       kNoOffset, kPlyAxes, Holds::still, read_gaussian_ply, without_options<write_compressed_ply>,
        require_nothing},
-      {"spz", ".spz", "bytes, positions in 24 bits, compressed", kLossy, kNoOffset, kNoTime,
-       kHalfTurnX, read_spz, write_spz_version, require_for_spz},
-      {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kNoOffset, kNoTime,
-       kPlyAxes, read_sog, without_options<write_sog>, require_for_sog},
-      {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kNoOffset, kNoTime, kPlyAxes,
+      {"spz", ".spz", "bytes, positions in 24 bits, compressed", kLossy, kNoOffset, kHalfTurnX,
+       Holds::still, read_spz, write_spz_version, require_for_spz},
+      {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kNoOffset, kPlyAxes,
+       Holds::still, read_sog, without_options<write_sog>, require_for_sog},
+      {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kNoOffset, kPlyAxes, Holds::still,
        read_splat, without_options<write_splat>, require_nothing},
+      {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kNoOffset,
+       kPlyAxes, Holds::moving, read_gs4d, write_gs4d_with, require_nothing},
   };
   return kFormats;
 }
@@ -114,25 +119,27 @@ GaussianModel read_model(const Path& path) {
   return read_gaussian_ply(path);
 }
 
-void check_holds_time(const ModelFormat& format, std::string_view file) {
-  if (format.holds_time) return;
-  std::string others;
-  for (const ModelFormat& other : model_formats())
-    if (other.holds_time) others += (others.empty() ? "" : ", ") + std::string(other.ending);
-  throw UsageError(fmt::format(
-      "{}: {} does not hold Gaussians in space and time, but {} does; write the moment T "
-      "as 3D Gaussians with `gemsplat export --time T`",
-      file, format.ending, others));
+bool holds(const ModelFormat& format, bool has_time) {
+  return format.gaussians == Holds::both || (format.gaussians == Holds::moving) == has_time;
 }
 
-void check_holds_time(const Path& path, const GaussianModel& model) {
-  if (model.gaussians.has_time) check_holds_time(format_to_write(path), path.string());
+void check_holds(const ModelFormat& format, bool has_time, std::string_view file) {
+  if (holds(format, has_time)) return;
+  if (!has_time)
+    throw UsageError(
+        fmt::format("{}: {} holds Gaussians in space and time, and these are 3D Gaussians; choose "
+                    ".spz or .sog for the web, or .ply",
+                    file, format.ending));
+  throw UsageError(
+      fmt::format("{}: {} does not hold Gaussians in space and time, but .ply and .gs4d do; write "
+                  "the moment T as 3D Gaussians with `gemsplat export --time T`",
+                  file, format.ending));
 }
 
 std::size_t write_model(const Path& path, const GaussianModel& model,
                         const ExportOptions& options) {
   const ModelFormat& format = format_to_write(path);
-  check_holds_time(path, model);
+  check_holds(format, model.gaussians.has_time, path.string());
   if (format.name == "ply") return model.gaussians.count() - write_gaussian_ply(path, model);
   const GaussianModel finite = finite_model(model);
   format.write(path, finite, options);

@@ -25,7 +25,11 @@ namespace gs {
 /// Choices that a user has for some formats.
 struct ExportOptions {
   int spz_version = 3;  // or 4, which fewer programs read
+  double duration = 0;  // of a scene that moves, in seconds, for .gs4d; 0: not known
 };
+
+/// Which Gaussians a format can hold: 3D ones, ones in space and time, or either.
+enum class Holds { still, moving, both };
 
 struct ModelFormat {
   std::string_view name;    // as in --export: "spz"
@@ -33,8 +37,8 @@ struct ModelFormat {
   std::string_view holds;   // in a few words
   bool is_lossless;         // reading gives the same bits again, SH degree included
   bool adds_world_offset;   // positions are mean + world_offset, in double precision
-  bool holds_time;          // of Gaussians in space and time
   AxisSigns signs;          // of the file's axes relative to the PLY's
+  Holds gaussians;          // with time, without, or both
   GaussianModel (*read)(const std::filesystem::path&);  // null: gemsplat only writes it
   void (*write)(const std::filesystem::path&, const GaussianModel&, const ExportOptions&);
   void (*require)(const ExportOptions&);  // throws Error where this build lacks a library for it
@@ -53,11 +57,10 @@ const ModelFormat* find_format(const std::filesystem::path& path);
 /// The same for a file to write. Throws UsageError with a list of the endings.
 const ModelFormat& format_to_write(const std::filesystem::path& path);
 
-/// Throws UsageError for a format that does not hold Gaussians in space and time. `file` is what the
-/// message begins with.
-void check_holds_time(const ModelFormat& format, std::string_view file);
-/// The same where the model has a time, for the format of the file's name.
-void check_holds_time(const std::filesystem::path& path, const GaussianModel& model);
+/// Whether files of the format can hold a model with time (`has_time`) or without.
+bool holds(const ModelFormat& format, bool has_time);
+/// Throws UsageError where they cannot. The message begins with `file` and names formats that can.
+void check_holds(const ModelFormat& format, bool has_time, std::string_view file);
 
 /// Reads trained Gaussians in the format of the file's name; a file of another name is read as PLY.
 /// Throws Error as the readers do, and one that names the kind of file for formats that are not

@@ -6,9 +6,6 @@
 
 namespace gs {
 
-/// The moment that pages show which know no time.
-inline constexpr double kMiddleOfScene = 0.5;
-
 /// The model at a time, 0 to 1: each Gaussian that is visible then, moved to where it is, with its
 /// covariance and opacity of that moment (math/spacetime.h). It looks the same from everywhere up to
 /// rounding, since the covariance is stored as a rotation and scales again. A model without time is

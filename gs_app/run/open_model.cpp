@@ -54,10 +54,14 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
   return opened;
 }
 
-void take_moment(OpenedModel& opened, double time) {
+void check_has_time(const OpenedModel& opened) {
   if (!opened.model.gaussians.has_time)
     throw UsageError(fmt::format("{} holds 3D Gaussians, which have no time; leave --time out",
                                  opened.ply.string()));
+}
+
+void take_moment(OpenedModel& opened, double time) {
+  check_has_time(opened);
   opened.model = moment_of(opened.model, time);
   opened.is_moment = true;
 }

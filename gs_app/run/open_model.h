@@ -28,6 +28,8 @@ struct OpenedModel {
 /// PLY, or the PLY after `step`. Throws Error if there is none.
 OpenedModel open_model(const std::filesystem::path& path, std::optional<int> step);
 
+/// Throws UsageError where the model has no time.
+void check_has_time(const OpenedModel& opened);
 /// Puts the model's moment `time`, 0 to 1, in its place, as 3D Gaussians (model_moment.h). Throws
 /// UsageError where the model has no time.
 void take_moment(OpenedModel& opened, double time);

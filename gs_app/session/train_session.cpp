@@ -76,9 +76,8 @@ TrainSession::~TrainSession() = default;
 
 SessionEnd TrainSession::run() {
   lock_folder();
-  if (config_.model.dynamic)
-    for (const std::string& name : request_.exports)
-      check_holds_time(format_named(name), "--export " + name);
+  for (const std::string& name : request_.exports)
+    check_holds(format_named(name), config_.model.dynamic, "--export " + name);
   const bool lacks_exports =
       goes_on_in_place() && !missing_exports(request_.exports, *folder_).empty();
   if (is_finished() && !lacks_exports) {

@@ -115,6 +115,7 @@ ViewScene view_scene_of(const OpenedModel& opened, const Config& config, bool ha
   } else if (opened.run) {
     take_cameras_of_run(scene, opened, config);
   }
+  scene.moves = opened.model.gaussians.has_time;
   scene.frame = frame_of(scene.cameras, opened.model.gaussians.mean.span());
   return scene;
 }

@@ -82,6 +82,11 @@ void place(Camera& camera, const Matrix& matrix) {
   if (!is_finite(camera.position())) fail("m", "its position is too far away");
 }
 
+float time_of(double value) {
+  if (!(value >= 0 && value <= 1)) fail("t", fmt::format("{} is not a time from 0 to 1", value));
+  return float(value);
+}
+
 Quantity quantity_named(const std::string& name) {
   if (name == "color") return Quantity::color;
   if (name == "depth") return Quantity::depth;
@@ -101,6 +106,7 @@ FrameRequest frame_request_of(const HttpRequest& request) {
   frame.camera.cx = float(given.number("cx"));
   frame.camera.cy = float(given.number("cy"));
   place(frame.camera, matrix_of(given.text("m")));
+  if (given.has("t")) frame.camera.time = time_of(given.number("t"));
   if (given.has("mode")) frame.quantity = quantity_named(given.text("mode"));
   if (given.has("q")) frame.quality = given.whole("q", 100);
   frame.client = given.has("client") ? given.text("client") : request.client;

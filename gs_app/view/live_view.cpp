@@ -9,7 +9,6 @@
 #include <new>
 
 #include "data_loaders/formats/formats.h"
-#include "data_loaders/formats/model_moment.h"
 #include "gs_app/view/served_model.h"
 #include "gs_core/error.h"
 #include "gs_core/io/scratch_folder.h"
@@ -26,7 +25,9 @@ using Json = nlohmann::ordered_json;
 
 // The fastest to write of the formats that the page reads and that keep all SH coefficients:
 // docs/viewer.md has times.
-constexpr const char* kSnapshotFormat = "compressed.ply";
+const ModelFormat& snapshot_format(bool has_time) {
+  return format_named(has_time ? "gs4d" : "compressed.ply");
+}
 
 constexpr std::size_t kMostLosses = 2000;  // in one answer: more than the page's chart has pixels
 
@@ -49,6 +50,7 @@ ViewScene live_scene(std::string title, const Scene& scene, const Config& config
   ViewScene live;
   live.title = std::move(title);
   take_settings(live, render_settings(config));
+  live.moves = config.model.dynamic;
   live.cameras = viewed_cameras(scene);
   std::vector<Vec3f> points;
   for (const ScenePoint& point : scene.points) points.push_back(point.position);
@@ -60,8 +62,7 @@ ViewScene live_scene(std::string title, const Scene& scene, const Config& config
 // nor ends for the sake of the viewer.
 std::optional<GaussianModel> copy_if_it_fits(Trainer& trainer) {
   try {
-    GaussianModel model = copied_model(trainer);
-    return model.gaussians.has_time ? moment_of(model, kMiddleOfScene) : std::move(model);
+    return copied_model(trainer);
   } catch (const std::bad_alloc&) {
     return {};
   } catch (const Error& error) {
@@ -198,7 +199,7 @@ void LiveView::encode_all() {
 
 LiveView::Snapshot LiveView::encode(const GaussianModel& model) const {
   const GaussianModel visible = visible_part(model);
-  const ModelFormat& format = format_named(kSnapshotFormat);
+  const ModelFormat& format = snapshot_format(model.gaussians.has_time);
   const ScratchFolder scratch;
   const std::filesystem::path path = scratch.path() / ("snapshot" + std::string(format.ending));
   const std::size_t written = write_model(path, visible);
@@ -216,7 +217,7 @@ Json LiveView::mode_and_model() {
   Json json = {{"mode", "live"}};
   if (version_ > 0)
     json["model"] =
-        model_json(format_named(kSnapshotFormat), fmt::format("snapshot {}", version_),
+        model_json(snapshot_format(scene_.moves), fmt::format("snapshot {}", version_),
                    newest_.gaussians, newest_.file->size(), newest_.sh_degree, newest_.antialiased);
   return json;
 }

@@ -22,6 +22,8 @@ bool is_plain(const PlyHeader& header) {
   if (is_compressed_ply(header)) return true;
   if (has_filter_3d(header)) return false;  // browsers would ignore it
   const PlyElement& vertex = header.elements.front();
+  const auto has_time = [](const PlyProperty& property) { return property.name == "time_mean"; };
+  if (std::any_of(vertex.properties.begin(), vertex.properties.end(), has_time)) return false;
   return vertex.name == "vertex" && std::all_of(vertex.properties.begin(), vertex.properties.end(),
                                                 [](const PlyProperty& property) {
                                                   return property.type == PlyType::float32 &&
@@ -48,7 +50,7 @@ bool is_served_as_it_is(const std::filesystem::path& file) {
   const std::string_view name = format_of(file).name;
   if (name == "ply" || name == "compressed.ply") return is_plain(PlyFile(file).header());
   if (name == "spz") return !is_newer_spz(file);
-  return name == "sog" || name == "splat";
+  return name == "sog" || name == "splat" || name == "gs4d";
 }
 
 ServedModel serve_model(const OpenedModel& opened) {
@@ -59,12 +61,13 @@ ServedModel serve_model(const OpenedModel& opened) {
   model.gaussians = opened.model.gaussians.count();
   model.sh_degree = opened.model.sh_degree;
   model.antialiased = opened.model.antialiased;
+  const bool has_time = opened.model.gaussians.has_time;
   if (!opened.is_moment && is_served_as_it_is(opened.ply)) return model;
   model.scratch = std::make_shared<ScratchFolder>();
-  model.file = model.scratch->path() / "model.ply";
-  model.format = &format_named("ply");
-  model.gaussians -= write_gaussian_ply(model.file, opened.model);
-  if (!opened.is_moment)
+  model.format = &format_named(has_time ? "gs4d" : "ply");
+  model.file = model.scratch->path() / ("model" + std::string(model.format->ending));
+  model.gaussians = write_model(model.file, opened.model);
+  if (!has_time && !opened.is_moment)
     log_info("the viewer's page cannot read {}: making a PLY from it", opened.ply.string());
   return model;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The model's file as the page gets it: the original if the page can read it, otherwise a PLY made
-// from it.
+// The model's file as the page gets it: the original if the page can read it, otherwise a file made
+// from it: a .gs4d of Gaussians in space and time, a PLY of others.
 #pragma once
 
 #include <filesystem>
@@ -25,10 +25,11 @@ struct ServedModel {
 };
 
 /// Whether the page can read the file: a binary little-endian PLY whose properties are all floats,
-/// a compressed PLY, .spz up to version 3, .sog or .splat. Throws Error if the file cannot be read.
+/// a compressed PLY, .spz up to version 3, .sog, .splat or .gs4d. Throws Error if the file cannot be
+/// read.
 bool is_served_as_it_is(const std::filesystem::path& file);
 
-/// Makes the PLY if one is needed. Throws Error if it cannot be written.
+/// Makes another file if one is needed. Throws Error if it cannot be written.
 ServedModel serve_model(const OpenedModel& opened);
 
 /// "model" of /scene.json: {"format", "gaussians", "bytes", "sh_degree", "antialiased", "name",

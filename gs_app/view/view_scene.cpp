@@ -55,7 +55,9 @@ Json scene_json(const ViewScene& scene) {
                {"radius", scene.frame.radius},
                {"near", scene.near_plane},
                {"far", scene.far_plane},
+               {"moves", scene.moves},
                {"notes", scene.notes}};
+  if (scene.time) json["time"] = *scene.time;
   Json cameras = Json::array();
   for (std::size_t i = 0; i < scene.cameras.size(); ++i)
     cameras.push_back(camera_json(scene.cameras[i], i));

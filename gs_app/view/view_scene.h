@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,8 @@ struct ViewScene {
   float near_plane = 0.2f, far_plane = 10000;
   std::vector<ViewedCamera> cameras;
   SceneFrame frame;
+  bool moves = false;                        // the model has a time, which the page can choose
+  std::optional<double> time = {};           // at which the page begins; it plays if there is none
   std::vector<std::string> notes;            // sentences for the user: what is missing, and why
   std::shared_ptr<const Scene> photos = {};  // owner of the views; null if the caller owns them
 };

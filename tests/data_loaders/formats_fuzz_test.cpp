@@ -54,6 +54,7 @@ const Reader kReaders[] = {
     {"Spz4", ".spz", 1, {4}, damaged_outside},
     {"Sog", ".sog", 1, {}, damaged_outside},
     {"SogInside", ".sog", 1, {}, damaged_sog},
+    {"Gs4d", ".gs4d", 1, {}, damaged_outside},
 };
 
 void PrintTo(const Reader& reader, std::ostream* out) { *out << reader.name; }
@@ -72,7 +73,11 @@ TEST_P(FormatsFuzz, DamagedFilesAreReadOrRefused) {
   const SerialLoops no_threads;  // as many tests as cores run at the same time
   const TempFolder folder;
   const auto file = folder.path() / (std::string("model") + GetParam().ending);
-  write_model(file, random_model(4, GetParam().sh_degree), GetParam().options);
+  const ModelFormat& format = *find_format(GetParam().ending);
+  const GaussianModel model = format.gaussians == Holds::moving
+                                  ? random_moving_model(4, GetParam().sh_degree)
+                                  : random_model(4, GetParam().sh_degree);
+  write_model(file, model, GetParam().options);
   const std::string bytes = read_bytes(file);
   EXPECT_EQ(read_model(file).gaussians.count(), 4u);
   const FuzzCases cases;

@@ -163,9 +163,15 @@ TEST_F(Formats, NoGaussiansAreHeldOrRefusedWithAdvice) {
         AllOf(HasSubstr("no Gaussians"), HasSubstr("choose .ply")));
 }
 
+/// A model that the format can hold.
+GaussianModel model_for(const ModelFormat& format, std::size_t count, int sh_degree) {
+  return format.gaussians == Holds::moving ? random_moving_model(count, sh_degree)
+                                           : moderate_model(count, sh_degree);
+}
+
 TEST_F(Formats, SameModelGivesSameBytes) {
-  const GaussianModel model = moderate_model(500, 3);
   for (const ModelFormat& format : model_formats()) {
+    const GaussianModel model = model_for(format, 500, 3);
     const std::string ending(format.ending);
     write_model(file(std::string("a").append(ending)), model);
     write_model(file(std::string("b").append(ending)), model);
@@ -177,7 +183,7 @@ TEST_F(Formats, SameModelGivesSameBytes) {
 
 TEST_F(Formats, RowsThatAreNotFiniteAreLeftOut) {
   for (const ModelFormat& format : model_formats()) {
-    GaussianModel model = moderate_model(5, 1);
+    GaussianModel model = model_for(format, 5, 1);
     model.gaussians.mean[1].y = NAN;
     model.gaussians.logit_opacity[3] = INFINITY;
     EXPECT_EQ(write_model(file(std::string("m").append(format.ending)), model), 3u) << format.name;

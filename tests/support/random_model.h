@@ -33,6 +33,21 @@ inline GaussianModel random_model(std::size_t count, int sh_degree) {
   return model;
 }
 
+/// The same in space and time.
+inline GaussianModel random_moving_model(std::size_t count, int sh_degree) {
+  GaussianModel model = random_model(count, sh_degree);
+  model.gaussians.has_time = true;
+  model.gaussians.resize(count);
+  const Random random{8, RandomStream::test};
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto q = random.normal4(i, 0), time = random.normal4(i, 1);
+    model.gaussians.right_rotation[i] = {q.x, q.y, q.z, q.w};
+    model.gaussians.time_mean[i] = 0.5f + 0.3f * time.x;
+    model.gaussians.log_time_scale[i] = -1 + 0.5f * time.y;
+  }
+  return model;
+}
+
 /// The message of the Error that `action` throws; the test fails if it throws none.
 template <class Action>
 std::string error_of(Action&& action) {

@@ -57,7 +57,7 @@ export class FramePicture {
     const from = performance.now();
     const frame = await askForFrame({
       w: width, h: height, fx, fy, cx, cy, m: rowsOfPose(view.pose).map(x => Number(x.toPrecision(9))).join(','),
-      mode: view.mode, q: view.scale < 1 ? QUALITY_MOVING : QUALITY_STILL, client: this.client});
+      mode: view.mode, ...(view.time === undefined ? {} : {t: Number(view.time.toFixed(6))}), q: view.scale < 1 ? QUALITY_MOVING : QUALITY_STILL, client: this.client});
     if (!frame) return;  // a newer request has replaced it
     this.latency = performance.now() - from;
     this.render = frame.milliseconds;

@@ -18,7 +18,10 @@ const KEYS = [
   ]],
   ['Cameras and photos', [
     ['← →', 'previous, next camera'], ['N', 'nearest camera'], ['F', 'show or hide the cameras'],
-    ['C', 'render, slider, blend, photo'], ['Space, held', 'show the photo'], ['1 2 3', 'with --remote: color, depth, normals'],
+    ['C', 'render, slider, blend, photo'], ['X, held; Space, held', 'show the photo (Space: where nothing moves)'], ['1 2 3', 'with --remote: color, depth, normals'],
+  ]],
+  ['Time, where the scene moves', [
+    ['Space', 'play, pause'], [', .', 'a hundredth back, ahead'], ['Home End', 'begin, end'], ['[ ]', 'slower, faster'], ['J', 'loop'],
   ]],
   ['Page', [
     ['I', 'model panel'], ['G', 'list of cameras'], ['P', 'settings'], ['H', 'hide everything but the picture'], ['?', 'this help'], ['Esc', 'close'],

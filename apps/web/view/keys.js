@@ -2,7 +2,7 @@
 // Binds keys to actions. help.js lists them for people: change both together.
 
 export function bindKeys(viewer) {
-  const {panels, rig, controls, compare} = viewer;
+  const {panels, rig, controls, compare, player} = viewer;
   const frames = mode => viewer.stage.isRemote && viewer.showFrames(mode);
   const actions = {
     ArrowLeft: () => viewer.stepCamera(-1), ArrowRight: () => viewer.stepCamera(1), n: () => viewer.goToNearest(),
@@ -10,24 +10,32 @@ export function bindKeys(viewer) {
     i: () => panels.model.toggle(), h: () => viewer.setInterface(viewer.isBare), r: () => viewer.reset(), l: () => rig.level(), u: () => viewer.flipUp(),
     o: () => viewer.navigate(controls.mode === 'orbit' ? 'fly' : 'orbit'), '?': () => viewer.help.showModal(),
     1: () => frames('color'), 2: () => frames('depth'), 3: () => frames('normal'),
+    j: () => player?.setLoop(!player.loops), ',': () => player?.nudge(-1), '.': () => player?.nudge(1),
+    '[': () => player?.changeSpeed(-1), ']': () => player?.changeSpeed(1), Home: () => player?.seek(0), End: () => player?.seek(1),
     Escape: () => Object.values(panels).forEach(panel => panel.toggle(false)),
   };
   const types = target => target.closest?.('input:not([type=range]), select, textarea, dialog') !== null;
   addEventListener('keydown', event => {
     if (event.ctrlKey || event.metaKey || types(event.target)) return;
-    if (event.key === ' ' && !event.target.closest?.('button')) {
+    const isFlip = event.key.toLowerCase() === 'x' || event.key === ' ' && !player;
+    if (isFlip && !event.target.closest?.('button')) {
       compare.flip(true);
+      return event.preventDefault();
+    }
+    if (event.key === ' ' && !event.target.closest?.('button')) {
+      if (!event.repeat) player.toggle();
       return event.preventDefault();
     }
     if (controls.press(event)) return event.preventDefault();
     const ranges = event.target.closest?.('input[type=range]') && event.key.startsWith('Arrow');
+    const steps = [',', '.'].includes(event.key);
     const act = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-    if (!act || event.repeat && !event.key.startsWith('Arrow') || ranges || event.altKey) return;
+    if (!act || event.repeat && !steps && !event.key.startsWith('Arrow') || ranges || event.altKey) return;
     event.preventDefault();
     act();
   });
   addEventListener('keyup', event => {
     controls.release(event);
-    if (event.key === ' ') compare.flip(false);
+    if ([' ', 'x', 'X'].includes(event.key)) compare.flip(false);
   });
 }

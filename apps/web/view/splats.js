@@ -2,6 +2,8 @@
 // The picture that the browser draws: Spark on three.js, set up to agree with gemsplat's renderer
 // (docs/viewer.md).
 import {SparkRenderer, SplatFileType, SplatMesh} from '@sparkjsdev/spark';
+import {readGs4d} from './gs4d.js';
+import {MovingModel} from './moving.js';
 import {HalfFloatType, LinearFilter, Matrix4, Mesh, PerspectiveCamera, PlaneGeometry, Raycaster, Scene, ShaderMaterial,
         UnsignedByteType, Vector2, Vector3, WebGLRenderTarget} from 'three';
 import {compositeFragmentShader, compositeVertexShader, fragmentShader, vertexShader} from './shaders.js';
@@ -28,6 +30,8 @@ export class SplatPicture {
     this.changed = changed;
     this.precise = (model?.gaussians ?? 0) * BYTES_PER_GAUSSIAN <= MOST_BYTES;
     this.mesh = null;
+    this.time = 0;                // of a model that moves
+    this.timeOf = new WeakMap();  // of what Spark has gathered
     this.scene = new Scene();
     this.camera = new PerspectiveCamera();
     this.spark = new SparkRenderer({
@@ -65,8 +69,11 @@ export class SplatPicture {
     this.changed();
   }
 
-  // Reads a model completely, then replaces the shown one with it. read: {stream, length}.
-  async load(model, read) {
+  // Reads a model completely, then replaces the shown one with it; a first model that moves is shown
+  // while it arrives. read: {stream, length}; played({duration, loaded}): called as more of a model
+  // that moves can be played
+  async load(model, read, played) {
+    if (model.format === 'gs4d') return this.loadMoving(read, played);
     const fileType = FILE_TYPES[model.format];
     if (!fileType) throw new Error(`This page does not read .${model.format} files.`);
     const next = new SplatMesh({stream: read.stream, streamLength: read.length, fileType, extSplats: this.precise});
@@ -79,6 +86,38 @@ export class SplatPicture {
     if (model.world_from_file) new Matrix4().set(...model.world_from_file).decompose(next.position, next.quaternion, next.scale);
     if (this.shDegree !== undefined) next.maxSh = this.shDegree;
     this.setAntialiased(model.antialiased ?? false);
+    this.replaceWith(next);
+  }
+
+  async loadMoving({stream}, played) {
+    const {header, chunks} = await readGs4d(stream), {duration, table} = header;
+    const next = new MovingModel(), isFirst = this.mesh === null;
+    if (this.shDegree !== undefined) next.maxSh = this.shDegree;
+    const show = () => {
+      next.time = this.time;
+      this.setAntialiased(header.antialiased);
+      this.replaceWith(next);
+    };
+    try {
+      let arrived = 0;
+      for await (const chunk of chunks) {
+        next.add(chunk);
+        const loaded = Math.min(Infinity, ...table.slice(++arrived).map(({begin}) => begin));
+        if (!isFirst) continue;
+        if (this.mesh !== next && loaded > this.time) show();
+        if (this.mesh === next) played({duration, loaded: Math.min(1, loaded)});
+        this.changed();
+        await new Promise(done => setTimeout(done));  // the page stays alive
+      }
+    } catch (error) {
+      if (this.mesh !== next) next.dispose();
+      throw error;
+    }
+    if (this.mesh !== next) show();
+    played({duration, loaded: 1});
+  }
+
+  replaceWith(next) {
     this.scene.add(next);
     if (this.mesh) {
       this.scene.remove(this.mesh);
@@ -89,7 +128,22 @@ export class SplatPicture {
   }
 
   get gaussians() { return this.mesh?.numSplats ?? 0; }
-  get isPending() { return this.spark.sorting || this.spark.sortDirty || this.spark.dirty; }
+  get isPending() { return this.spark.sorting || this.spark.sortDirty || this.spark.dirty || !this.showsItsTime; }
+
+  setTime(time) {
+    if (time === this.time) return;
+    this.time = time;
+    if (this.mesh instanceof MovingModel) this.mesh.time = time;
+    this.changed();
+  }
+  // The picture is that of the time, and sorted for it.
+  get showsItsTime() { return !(this.mesh instanceof MovingModel) || this.timeOf.get(this.spark.display) === this.time; }
+  // Remembers the time of what Spark has gathered last.
+  noteTime() {
+    if (this.spark.current === this.noted) return;
+    this.noted = this.spark.current;
+    this.timeOf.set(this.noted, this.time);
+  }
 
   // pose: {position, quaternion}; projection: Matrix4
   place({position, quaternion}, projection) {
@@ -106,6 +160,7 @@ export class SplatPicture {
     this.renderer.setClearColor(0, 0);
     this.renderer.clear();
     this.renderer.render(this.scene, this.camera);
+    this.noteTime();
     this.renderer.setRenderTarget(null);
     this.renderer.render(this.last, this.camera);
   }
@@ -113,7 +168,9 @@ export class SplatPicture {
   // Sorts for exactly this view: while the view moves, Spark sorts for one some milliseconds ago.
   async settle() {
     if (!this.mesh) return;
-    await this.spark.update({scene: this.scene, camera: this.camera});
+    const update = this.spark.update({scene: this.scene, camera: this.camera});
+    this.noteTime();
+    await update;
     while (this.spark.sorting || this.spark.sortDirty) await new Promise(done => setTimeout(done, 4));
     this.changed();
   }

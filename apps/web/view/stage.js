@@ -86,6 +86,14 @@ export class Stage {
     if (!this.requested) this.requested = requestAnimationFrame(now => this.frame(now));
   }
 
+  // Of a model that moves, 0 to 1.
+  setTime(time) {
+    if (time === this.time) return;
+    this.time = time;
+    this.splats?.setTime(time);
+    this.touch();
+  }
+
   setFullSize(on) {
     this.fullSize = on;
     this.scale = 1;
@@ -126,7 +134,7 @@ export class Stage {
     this.isStale = false;
     const view = {pose: this.pose, lens: this.lens(), at: this.rig.at};
     if (this.isRemote) {
-      this.frames.want({...view, lens: this.lens(this.pixelRatio), window: view.lens}, this.isMoving);
+      this.frames.want({...view, time: this.time, lens: this.lens(this.pixelRatio), window: view.lens}, this.isMoving);
       if (!this.frames.hasShown) this.overlay(view);
       return;
     }

@@ -3,6 +3,7 @@
 // connects them. Start reading here; main.js makes one of these.
 import {Vector3} from 'three';
 import {el} from '../shared/dom.js';
+import {isNumber} from '../shared/format.js';
 import {CameraList, cameraBar} from './camera_list.js';
 import {Compare} from './compare.js';
 import {Controls} from './controls.js';
@@ -13,6 +14,7 @@ import {Live} from './live.js';
 import {Messages} from './messages.js';
 import {modelFacts} from './model_panel.js';
 import {iconButton, panel} from './parts.js';
+import {Player} from './player.js';
 import {Rig} from './rig.js';
 import {askForModel, askForScene} from './server.js';
 import {settings} from './settings.js';
@@ -20,7 +22,7 @@ import {Stage} from './stage.js';
 
 const FIELD_OF_VIEW = 60;  // degrees, where there is no camera to take it from
 // CSS pixels of page.css: the head or bar with a gap on both sides.
-const HEAD = 70, HEAD_NARROW = 62, BAR_NARROW = 104;
+const HEAD = 70, HEAD_NARROW = 62, BAR_NARROW = 104, TIME_BAR = 50;
 // CSS pixels: a narrower page has one column for all panels, and they start closed.
 const NARROW = 720;
 
@@ -44,6 +46,7 @@ export class Viewer {
     this.compare = new Compare();
     this.list = new CameraList(scene.cameras, {go: index => this.goTo(index), mark: index => this.mark(index)});
     this.bar = cameraBar(scene.cameras, {step: by => this.stepCamera(by), nearest: () => this.goToNearest()}, this.compare.controls);
+    if (scene.moves) this.player = new Player({time: scene.time ?? (scene.mode === 'live' ? 0.5 : 0), show: time => this.stage.setTime(time), wake: () => this.stage.request()});
     this.facts = modelFacts(this);
     this.help = helpDialog();
     this.settings = settings(this);
@@ -83,11 +86,12 @@ export class Viewer {
            iconButton('reset', 'reset view (R)', () => this.reset()), iconButton('help', 'mouse, fingers and keys (?)', () => this.help.showModal()),
            document.fullscreenEnabled && full));
     this.app.replaceChildren(this.stage.node, this.mat, this.compare.node,
-        el('div.interface', {onclick: releaseFocus}, this.head, Object.values(this.panels).map(each => each.node), this.bar.node, this.messages.node), this.help);
+        el('div.interface', {onclick: releaseFocus}, this.head, Object.values(this.panels).map(each => each.node), el('div.bottom', {}, this.player?.node, this.bar.node), this.messages.node), this.help);
   }
 
   async start(options) {
     this.setInterface(options.get('ui') !== '0');
+    if (this.player) this.startPlayer(options);
     this.stage.resize();
     const first = options.get('camera') ?? options.get('c');
     if (this.scene.cameras[first]) this.goTo(Number(first), {jump: true});
@@ -96,6 +100,16 @@ export class Viewer {
     for (const note of this.scene.notes ?? []) this.messages.add(note);
     if (this.live) this.live.start();
     else if (!this.stage.isRemote) await this.load(0);
+  }
+
+  // The scene plays, unless the program or the address named a time, the user wants little motion,
+  // or the model is one that trains.
+  startPlayer(options) {
+    const time = Number.parseFloat(options.get('t'));
+    if (Number.isFinite(time)) this.player.seek(time);
+    const isStill = options.has('t') || isNumber(this.scene.time) || this.scene.mode === 'live' || matchMedia('(prefers-reduced-motion: reduce)').matches;
+    if (this.stage.isRemote) this.player.take({duration: 0, loaded: 1});
+    this.player.play(options.has('play') ? options.get('play') !== '0' : !isStill);
   }
 
   // The first view: that of the first camera, free to move; without cameras, one that has the whole
@@ -116,7 +130,7 @@ export class Viewer {
     const bar = this.messages.progress(this.stage.splats.gaussians ? null : 'Loading the model');
     try {
       const read = await askForModel(version, this.scene.model.bytes, share => bar.set(share));
-      await this.stage.splats.load(this.scene.model, read);
+      await this.stage.splats.load(this.scene.model, read, played => this.player.take(played));
       this.facts.show();
     } catch (error) {
       throw new Error(`The model cannot be shown: ${error.message ?? error}`);
@@ -140,7 +154,8 @@ export class Viewer {
 
   step(seconds) {
     this.controls.step(seconds);
-    return this.controls.isHeld;
+    this.player?.step(performance.now());
+    return this.controls.isHeld || Boolean(this.player?.isPlaying);
   }
 
   drawn(view) {
@@ -250,15 +265,15 @@ export class Viewer {
   // not jump from camera to camera.
   margins() {
     if (this.isBare) return {above: 0, below: 0};
-    const hasPhotos = this.scene.cameras.some(camera => camera.photo);
-    return innerWidth < NARROW ? {above: HEAD_NARROW, below: hasPhotos ? BAR_NARROW : HEAD_NARROW} : {above: HEAD, below: HEAD};
+    const hasPhotos = this.scene.cameras.some(camera => camera.photo), time = this.player ? TIME_BAR : 0;
+    return innerWidth < NARROW ? {above: HEAD_NARROW, below: (hasPhotos ? BAR_NARROW : HEAD_NARROW) + time} : {above: HEAD, below: HEAD + time};
   }
 
   state() {
     const {rig, stage} = this;
     return {mode: this.scene.mode, camera: rig.at, gaussians: stage.splats?.gaussians ?? this.scene.model?.gaussians ?? null,
             position: rig.position.toArray(), quaternion: rig.quaternion.toArray(), target: rig.target.toArray(), lens: {...rig.lens},
-            version: this.live?.version ?? null, compare: this.compare.mode, latency: stage.frames?.latency ?? null};
+            version: this.live?.version ?? null, compare: this.compare.mode, time: this.player?.time ?? null, isPlaying: this.player?.isPlaying ?? null, loaded: this.player?.loaded ?? null, latency: stage.frames?.latency ?? null};
   }
 }
 
