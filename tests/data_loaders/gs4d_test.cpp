@@ -122,7 +122,7 @@ TEST_F(Gs4d, IsForModelsWithTime) {
               HasSubstr("choose .spz or .sog"));
   EXPECT_FALSE(std::filesystem::exists(file("still.gs4d")));
   EXPECT_THAT(error_of([&] { write_model(file("a.spz"), random_moving_model(3, 1)); }),
-              HasSubstr("only .ply and .gs4d hold"));
+              HasSubstr("but .ply and .gs4d do"));
 }
 
 TEST_F(Gs4d, RefusesDamagedFiles) {
