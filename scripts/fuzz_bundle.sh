@@ -31,4 +31,5 @@ done
 cp -r tests/fuzz/corpus "$bundle/seeds"
 cp tests/fuzz/*.dict "$bundle/dictionaries/"
 cp tests/fuzz/run_bundle.sh "$bundle/run.sh"
-say "$bundle/run.sh SECONDS OUTPUT runs the $(ls "$bundle/bin" | wc -l) targets ($(du -sh "$bundle" | cut -f1))"
+programs=("$bundle"/bin/*)
+say "$bundle/run.sh SECONDS OUTPUT runs the ${#programs[@]} targets ($(du -sh "$bundle" | cut -f1))"
