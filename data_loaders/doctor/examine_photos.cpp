@@ -281,10 +281,11 @@ void examine_pictures(Examination& examination) {
     }
     count();
   });
-  for (const auto& [video, own] : of_videos) {
+  for (const auto& of_video : of_videos) {
+    const std::vector<std::size_t>& own = of_video.second;
     std::vector<VideoFrame> frames;
     for (const std::size_t k : own) {
-      frames.push_back({video, scene.model.images[usable[k]].frame});
+      frames.push_back({of_video.first, scene.model.images[usable[k]].frame});
       is_damaged[k] = true;
     }
     const auto is_wanted = [](std::size_t) { return true; };
