@@ -3,12 +3,13 @@
 // and a run that trains.
 //   node view_program_test.mjs MODULES PROGRAM SCENE OUT CHROMIUM
 import assert from 'node:assert/strict';
-import {execFileSync, spawn} from 'node:child_process';
+import {execFileSync} from 'node:child_process';
 import {existsSync} from 'node:fs';
 import {mkdir, readFile, rm} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
 import {Browser} from './browser.mjs';
 import {colorsAt, psnr} from './pictures.mjs';
+import {serveProgram} from './serve_program.mjs';
 
 const SKIPPED = 77;  // as CTest is told
 const STOPPED = 5;   // the program's exit code after a signal
@@ -22,24 +23,7 @@ const SETTINGS = ['--device', 'cpu', '-q', '-r', '4', '--eval', '--set', 'densit
 const run = join(out, 'run'), renders = join(out, 'renders');
 const gemsplat = (...words) => execFileSync(program, words, {stdio: ['ignore', 'pipe', 'inherit']}).toString();
 
-// Starts the program and waits for the address that it prints: {url, end()}.
-async function serve(...words) {
-  const child = spawn(program, words, {stdio: ['ignore', 'pipe', 'pipe']});
-  process.on('exit', () => child.kill());
-  const ended = new Promise(done => child.on('exit', code => done(code)));
-  let said = '';
-  const url = await new Promise((done, fail) => {
-    const hear = data => {
-      said += data;
-      const address = said.match(/http:\/\/127\.0\.0\.1:\d+\//);
-      if (address) done(address[0]);
-    };
-    child.stdout.on('data', hear);
-    child.stderr.on('data', hear);
-    ended.then(code => fail(new Error(`the program ended with ${code}: ${said}`)));
-  });
-  return {url, child, ended, end: () => { child.kill('SIGINT'); return ended; }};
-}
+const serve = (...words) => serveProgram(program, ...words);
 const serveRun = (name, ...words) => serve('train', scene, '-o', join(out, name), '--viewer', '--viewer-port', '0', ...words, ...SETTINGS.filter(word => word !== '-q'));
 const ready = page => page.waitForFunction(() => gemsplatViewer.ready.then(() => gemsplatViewer.settled()).then(() => true));
 const settled = page => page.waitForFunction(() => gemsplatViewer.settled().then(() => true));

@@ -4,13 +4,14 @@
 //   node view_time_test.mjs MODULES PROGRAM OUT CHROMIUM [PYTHON]
 // tests/interop/gs4d_test.py makes the model.
 import assert from 'node:assert/strict';
-import {execFileSync, spawn} from 'node:child_process';
+import {execFileSync} from 'node:child_process';
 import {existsSync} from 'node:fs';
 import {mkdir, readFile, rm, writeFile} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
 import {fileURLToPath} from 'node:url';
 import {Browser} from './browser.mjs';
 import {psnr} from './pictures.mjs';
+import {serveProgram} from './serve_program.mjs';
 
 const SKIPPED = 77;  // as CTest is told
 const [modules, program, out] = process.argv.slice(2, 5).map(path => resolve(path)), [chromium, python = 'python3'] = process.argv.slice(5);
@@ -38,20 +39,7 @@ for (const time of TIMES) {
   renders[time] = await readFile(join(folder, 'front.png'));
 }
 
-async function serve(...words) {
-  const child = spawn(program, ['view', ...words, '--cameras', cameras, '--no-open', '--port', '0'], {stdio: ['ignore', 'pipe', 'inherit']});
-  process.on('exit', () => child.kill());
-  const url = await new Promise((done, fail) => {
-    let said = '';
-    child.stdout.on('data', data => {
-      said += data;
-      const address = said.match(/http:\/\/127\.0\.0\.1:\d+\//);
-      if (address) done(address[0]);
-    });
-    child.on('exit', code => fail(new Error(`the program ended with ${code}: ${said}`)));
-  });
-  return {url, end: () => child.kill('SIGINT')};
-}
+const serve = (...words) => serveProgram(program, 'view', ...words, '--cameras', cameras, '--no-open', '--port', '0');
 const state = page => page.evaluate(() => gemsplatViewer.state());
 const settled = page => page.waitForFunction(() => gemsplatViewer.ready.then(() => gemsplatViewer.settled()).then(() => true));
 const at = async (page, time) => {

@@ -6,11 +6,7 @@ const HEADER = 32, ENTRY = 16, BLOCK_FLOATS = 18;  // bytes; floats
 const MOST_IN_CHUNK = 32768, IN_BLOCK = 256;       // Gaussians
 const ROTATION_UNIT = Math.SQRT1_2 / 511;
 const SH_NUMBERS = [0, 9, 24, 45];                 // of each SH degree, beyond degree 0
-const MIN_MARGINAL = 0.05;                         // kMinMarginal of gs_core/math/constants.h
-
-/// A Gaussian is drawn up to this many time scales from its time mean.
-export const REACH = Math.sqrt(-2 * Math.log(MIN_MARGINAL));
-export {MIN_MARGINAL};
+export const MIN_MARGINAL = 0.05;                  // kMinMarginal of gs_core/math/constants.h
 
 const damaged = what => new Error(`The model's file is damaged: ${what}.`);
 
