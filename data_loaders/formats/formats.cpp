@@ -130,10 +130,13 @@ void check_holds(const ModelFormat& format, bool has_time, std::string_view file
         fmt::format("{}: {} holds Gaussians in space and time, and these are 3D Gaussians; choose "
                     ".spz or .sog for the web, or .ply",
                     file, format.ending));
+  std::string others;
+  for (const ModelFormat& other : model_formats())
+    if (holds(other, true)) others += (others.empty() ? "" : " and ") + std::string(other.ending);
   throw UsageError(
-      fmt::format("{}: {} does not hold Gaussians in space and time, but .ply and .gs4d do; write "
-                  "the moment T as 3D Gaussians with `gemsplat export --time T`",
-                  file, format.ending));
+      fmt::format("{}: {} does not hold Gaussians in space and time, but {} do; write the moment T "
+                  "as 3D Gaussians with `gemsplat export --time T`",
+                  file, format.ending, others));
 }
 
 std::size_t write_model(const Path& path, const GaussianModel& model,

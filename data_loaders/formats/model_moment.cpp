@@ -16,17 +16,8 @@ constexpr double kLeastShare = 1e-12;
 
 Quat<double> in_double(const Quatf& q) { return {q.w, q.x, q.y, q.z}; }
 
-SpacetimeShape<double> shape_of(const Gaussians& gaussians, std::size_t i) {
-  return {Vec3d(gaussians.mean[i]),
-          Vec3d(gaussians.log_scale[i]),
-          {in_double(gaussians.rotation[i]), in_double(gaussians.right_rotation[i])},
-          gaussians.logit_opacity[i],
-          gaussians.time_mean[i],
-          gaussians.log_time_scale[i]};
-}
-
 double marginal_of(const Gaussians& gaussians, std::size_t i, double time) {
-  const SpacetimeShape<double> shape = shape_of(gaussians, i);
+  const SpacetimeShape<double> shape = spacetime_shape_of(gaussians, i);
   if (is_degenerate(shape.rotations)) return 0;
   return condition(covariance(shape), time - shape.time_mean).marginal;
 }
@@ -47,7 +38,7 @@ std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians, double time)
 // Row i of `to` becomes what Gaussian `from_row` is at the time.
 void write_moment(const Gaussians& from, std::size_t from_row, double time, const Gaussians& to,
                   std::size_t i) {
-  const SpacetimeShape<double> shape = shape_of(from, from_row);
+  const SpacetimeShape<double> shape = spacetime_shape_of(from, from_row);
   const Moment<double> moment = condition(covariance(shape), time - shape.time_mean);
   const SymmetricEigen axes = symmetric_eigen(moment.covariance);
   const double least = kLeastShare * std::max({axes.value.x, axes.value.y, axes.value.z, 1e-300});
@@ -62,6 +53,15 @@ void write_moment(const Gaussians& from, std::size_t from_row, double time, cons
 }
 
 }  // namespace
+
+SpacetimeShape<double> spacetime_shape_of(const Gaussians& gaussians, std::size_t i) {
+  return {Vec3d(gaussians.mean[i]),
+          Vec3d(gaussians.log_scale[i]),
+          {in_double(gaussians.rotation[i]), in_double(gaussians.right_rotation[i])},
+          gaussians.logit_opacity[i],
+          gaussians.time_mean[i],
+          gaussians.log_time_scale[i]};
+}
 
 GaussianModel moment_of(const GaussianModel& model, double time) {
   const Gaussians& from = model.gaussians;

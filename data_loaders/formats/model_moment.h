@@ -3,8 +3,12 @@
 #pragma once
 
 #include "gs_core/gaussians.h"
+#include "gs_core/math/spacetime_splat.h"
 
 namespace gs {
+
+/// The parameters of a row without color, in double precision. The Gaussians have a time.
+SpacetimeShape<double> spacetime_shape_of(const Gaussians& gaussians, std::size_t i);
 
 /// The model at a time, 0 to 1: each Gaussian that is visible then, moved to where it is, with its
 /// covariance and opacity of that moment (math/spacetime.h). It looks the same from everywhere up to

@@ -58,7 +58,8 @@ Image8 joined(const Picture& picture) {
 // The content of the files decides. Their sizes and dates only tell whether to read them again.
 const std::string& CachedPictures::key_of(std::size_t view, const ViewPlan& plan) {
   std::error_code error;
-  Key now{"", fs::file_size(plan.file, error), fs::last_write_time(plan.file, error)};
+  const Key file{"", fs::file_size(plan.file, error), fs::last_write_time(plan.file, error)};
+  Key now = file;
   Key& known = keys_.at(view);
   if (!plan.mask_file.empty()) {
     now.bytes += fs::file_size(plan.mask_file, error);
@@ -66,19 +67,17 @@ const std::string& CachedPictures::key_of(std::size_t view, const ViewPlan& plan
   }
   if (!known.name.empty() && known.bytes == now.bytes && known.changed == now.changed)
     return known.name;
-  now.name = plan.is_frame ? key_of_frame(plan) : PhotoCache::key_of(plan.file, recipe_of(plan));
+  now.name =
+      plan.is_frame ? key_of_frame(plan, file) : PhotoCache::key_of(plan.file, recipe_of(plan));
   known = std::move(now);
   return known.name;
 }
 
-std::string CachedPictures::key_of_frame(const ViewPlan& plan) {
-  std::error_code error;
-  const auto bytes = fs::file_size(plan.file, error);
-  const auto changed = fs::last_write_time(plan.file, error);
+std::string CachedPictures::key_of_frame(const ViewPlan& plan, const Key& file) {
   const std::lock_guard lock(mutex_);
   Key& video = videos_[plan.file];
-  if (video.name.empty() || video.bytes != bytes || video.changed != changed)
-    video = {PhotoCache::key_of(plan.file, ""), bytes, changed};
+  if (video.name.empty() || video.bytes != file.bytes || video.changed != file.changed)
+    video = {PhotoCache::key_of(plan.file, ""), file.bytes, file.changed};
   return PhotoCache::key_of_text(
       fmt::format("{} frame {} {}", video.name, plan.frame, recipe_of(plan)));
 }

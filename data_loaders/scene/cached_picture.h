@@ -42,7 +42,7 @@ class CachedPictures {
     std::filesystem::file_time_type changed;
   };
   const std::string& key_of(std::size_t view, const ViewPlan& plan);
-  std::string key_of_frame(const ViewPlan& plan);
+  std::string key_of_frame(const ViewPlan& plan, const Key& file);
 
   PhotoCache cache_;
   std::vector<Key> keys_;  // of each view

@@ -165,9 +165,12 @@ std::vector<View> load_views(const std::vector<ViewPlan>& plans, CachedPictures*
   parallel_for(plans.size(), 1, [&](std::size_t i) {
     if (has_failed) return;
     try {
-      std::optional<Picture> cached = cache ? cache->find(i, plans[i]) : std::nullopt;
-      if (!cached && plans[i].is_frame) return;
-      views[i] = cached ? view_with(std::move(*cached), plans[i]) : load_view(i, plans[i], cache);
+      if (!plans[i].is_frame)
+        views[i] = load_view(i, plans[i], cache);
+      else if (auto kept = cache ? cache->find(i, plans[i]) : std::nullopt)
+        views[i] = view_with(std::move(*kept), plans[i]);
+      else
+        return;  // decoded below, in the order of its video
     } catch (...) {
       has_failed = true;
       throw;

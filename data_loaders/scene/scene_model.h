@@ -29,9 +29,9 @@ struct SceneModel {
 
 /// Whether each image of the model is a test view, in the order of model.images, which are sorted
 /// by name. With dataset.eval, those of dataset.test_names are held out, or else every test_every-th
-/// frame, beginning with the first. The photos that a rig took at one moment are one frame and stay together, because they show nearly
-/// the same. Every other photo is a frame of its own. Frames are counted in the order of their
-/// first names. Throws Error for a model without images; UsageError if nothing is left to train on,
+/// frame, beginning with the first. The photos that a rig took at one moment are one frame and stay
+/// together, because they show nearly the same. Every other photo is a frame of its own. Frames are
+/// counted in the order of their first names. Throws Error for a model without images; UsageError if nothing is left to train on,
 /// and for a name that no image has.
 std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel& model);
 

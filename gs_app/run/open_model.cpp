@@ -63,7 +63,6 @@ void check_has_time(const OpenedModel& opened) {
 void take_moment(OpenedModel& opened, double time) {
   check_has_time(opened);
   opened.model = moment_of(opened.model, time);
-  opened.is_moment = true;
 }
 
 Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene) {

@@ -18,7 +18,6 @@ struct OpenedModel {
   std::filesystem::path ply;     // or a file of another format
   std::optional<RunFolder> run;  // where a folder was named
   GaussianModel model;
-  bool is_moment = false;  // `model` is one moment of the file's
   // the run's, but its [train], or the defaults; SH degree, antialiasing and, where another trainer
   // wrote it, the classic blending rule of the PLY
   Config config;

@@ -62,12 +62,12 @@ ServedModel serve_model(const OpenedModel& opened) {
   model.sh_degree = opened.model.sh_degree;
   model.antialiased = opened.model.antialiased;
   const bool has_time = opened.model.gaussians.has_time;
-  if (!opened.is_moment && is_served_as_it_is(opened.ply)) return model;
+  if (is_served_as_it_is(opened.ply)) return model;
   model.scratch = std::make_shared<ScratchFolder>();
   model.format = &format_named(has_time ? "gs4d" : "ply");
   model.file = model.scratch->path() / ("model" + std::string(model.format->ending));
   model.gaussians = write_model(model.file, opened.model);
-  if (!has_time && !opened.is_moment)
+  if (!has_time)
     log_info("the viewer's page cannot read {}: making a PLY from it", opened.ply.string());
   return model;
 }

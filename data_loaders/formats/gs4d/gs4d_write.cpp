@@ -10,6 +10,7 @@
 #include "data_loaders/formats/gs4d/gs4d.h"
 #include "data_loaders/formats/gs4d/gs4d_layout.h"
 #include "data_loaders/formats/gs4d/moving_gaussian.h"
+#include "data_loaders/formats/model_moment.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/threads/parallel.h"
@@ -46,10 +47,7 @@ std::uint32_t packed_rotation(const Quat<double>& q) {
 }
 
 Row row_of(const Gaussians& g, std::uint32_t i) {
-  const auto quat = [](const Quatf& q) { return Quat<double>{q.w, q.x, q.y, q.z}; };
-  SpacetimeShape<double> shape{
-      Vec3d(g.mean[i]),   Vec3d(g.log_scale[i]), {quat(g.rotation[i]), quat(g.right_rotation[i])},
-      g.logit_opacity[i], g.time_mean[i],        g.log_time_scale[i]};
+  SpacetimeShape<double> shape = spacetime_shape_of(g, i);
   const bool is_drawn = !is_degenerate(shape.rotations);
   if (!is_drawn) shape.rotations = {{1, 0, 0, 0}, {1, 0, 0, 0}};
   for (int k = 0; k < 3; ++k)

@@ -31,31 +31,12 @@ Eigen4 symmetric_eigen4(Matrix4 S) {
   constexpr int kMostSweeps = 30;  // the error is squared in each of the last ones
   for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
     bool is_diagonal = true;
-    for (int p = 0; p < 3; ++p) {
+    for (int p = 0; p < 3; ++p)
       for (int q = p + 1; q < 4; ++q) {
         if (A[p][q] == 0) continue;
         is_diagonal = false;
-        // tan of the angle that makes A_pq zero, the smaller one of two
-        const double theta = (A[q][q] - A[p][p]) / (2 * A[p][q]);
-        const double t = (theta >= 0 ? 1 : -1) / (std::abs(theta) + std::hypot(theta, 1.0));
-        const double c = 1 / std::hypot(t, 1.0), s = t * c;
-        const double change = t * A[p][q];
-        A[p][p] -= change;
-        A[q][q] += change;
-        A[p][q] = A[q][p] = 0;
-        for (int r = 0; r < 4; ++r) {
-          if (r != p && r != q) {
-            const double rp = A[r][p], rq = A[r][q];
-            A[r][p] = A[p][r] = c * rp - s * rq;
-            A[r][q] = A[q][r] = s * rp + c * rq;
-          }
-          double* const v = result.R.m[r];
-          const double vp = v[p], vq = v[q];
-          v[p] = c * vp - s * vq;
-          v[q] = s * vp + c * vq;
-        }
+        jacobi_turn(A, result.R.m, p, q);
       }
-    }
     if (is_diagonal) break;
   }
   for (int i = 0; i < 4; ++i) result.value[i] = A[i][i];
