@@ -14,6 +14,7 @@
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/log.h"
 #include "gs_core/memory.h"
+#include "tests/support/error_of.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
 
@@ -114,13 +115,7 @@ class Session : public ::testing::Test {
     return moving;
   }
   std::string error_of_run(const TrainRequest& request) {
-    try {
-      run(request);
-    } catch (const Error& error) {
-      return error.what();
-    }
-    ADD_FAILURE() << "no Error";
-    return "";
+    return error_of([&] { run(request); });
   }
   fs::path ply(const std::string& out, int step = 20) const {
     return RunFolder(path(out)).ply(step);

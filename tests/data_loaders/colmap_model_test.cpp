@@ -8,6 +8,7 @@
 
 #include "gs_core/error.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/error_of.h"
 
 namespace gs {
 namespace {
@@ -29,13 +30,7 @@ ColmapModel rich_model() {
 
 /// The message of the Error that reading `folder` throws; any other exception fails the test.
 std::string error_of(const std::filesystem::path& folder) {
-  try {
-    read_colmap_model(folder);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  ADD_FAILURE() << "read_colmap_model threw no Error";
-  return "";
+  return gs::error_of([&] { read_colmap_model(folder); });
 }
 
 void expect_same(const ColmapModel& a, const ColmapModel& b) {

@@ -11,6 +11,7 @@
 #include "data_loaders/formats/gs4d/gs4d_layout.h"
 #include "data_loaders/formats/gs4d/moving_gaussian.h"
 #include "tests/support/damage.h"
+#include "tests/support/error_of.h"
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"
 

@@ -8,6 +8,7 @@
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
+#include "tests/support/error_of.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/tiny_photos.h"
@@ -32,13 +33,7 @@ Image8 decoded(const std::string& bytes, const char* name) {
 }
 
 std::string error_of(const std::filesystem::path& path) {
-  try {
-    read_photo(path);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  ADD_FAILURE() << "read_photo threw no Error";
-  return "";
+  return gs::error_of([&] { read_photo(path); });
 }
 
 /// A picture of noise, the same on every run.

@@ -2,13 +2,11 @@
 // Loading a scene's folder as most tests do, and the error of one that must be refused.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <string>
 
 #include "data_loaders/scene/load_scene.h"
-#include "gs_core/error.h"
+#include "tests/support/error_of.h"
 
 namespace gs {
 
@@ -20,13 +18,7 @@ inline DatasetConfig dataset_at(const std::filesystem::path& folder) {
 
 /// The message of load_scene(), which must throw an Error.
 inline std::string error_of(const DatasetConfig& dataset) {
-  try {
-    load_scene(dataset);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  ADD_FAILURE() << "load_scene threw no Error";
-  return "";
+  return error_of([&] { load_scene(dataset); });
 }
 
 }  // namespace gs

@@ -48,16 +48,4 @@ inline GaussianModel random_moving_model(std::size_t count, int sh_degree) {
   return model;
 }
 
-/// The message of the Error that `action` throws; the test fails if it throws none.
-template <class Action>
-std::string error_of(Action&& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  ADD_FAILURE() << "no Error was thrown";
-  return "";
-}
-
 }  // namespace gs
