@@ -2,14 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """What hostile connections cost a run that is watched.
 
-Trains the bundled scene with --viewer, undisturbed and then with many connections of each kind, and
-says how much longer training takes, how much of a core the server's threads take, how long a page
-takes to come, and how long the program lives after its last file. Training is pinned to one core,
-which its one thread shares with the server; the connections come from the other cores, and a process
-of its own on the last core asks for the page. So the figures show what the server takes from
-training, and not what the attack takes from the machine. The connections come from 127.0.0.1, and the
-page is asked for from 127.0.0.2, since the server cannot tell a flood from a page that has the
-flood's address. It needs Linux and two cores, and is more exact with three that are idle.
+Trains the bundled scene with --viewer, one run for each kind of connection. Connections come and go
+by turns of some seconds, so that each turn with them is compared with the turns without them before
+and after it: a machine that is slower for a minute, or a model that grows, changes all three. The
+figures are how fast training is with the connections, how much of a core the server's threads take,
+how long a page takes to come, and how long the program lives after SIGTERM.
+
+Training is pinned to one core, which its one thread shares with the server; the connections come from
+the other cores, and a process of its own on the last core asks for the page, with and without the
+connections. So the figures show what the server takes from training, and not what the attack takes
+from the machine. The connections come from 127.0.0.1, and the page is asked for from 127.0.0.2,
+since the server cannot tell a flood from a page that has the flood's address. It needs Linux and two
+cores, and is more exact with three that are idle.
 
     tests/faults/connections.py --program build/default/bin/gemsplat --json connections.json
 """
@@ -20,6 +24,7 @@ import json
 import math
 import os
 import re
+import signal
 import statistics
 import subprocess
 import sys
@@ -34,6 +39,7 @@ HEAD = b"GET /state.json HTTP/1.1\r\nHost: localhost\r\n"
 PAGE = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
 # kind: (said at once, said every second, whether answers are read)
 KINDS = {
+    "none": None,  # what the method shows where nothing comes
     "silent": (b"", b"", True),
     "a byte a second": (HEAD, b"X", True),
     "a head without an end": (HEAD + b"X: ", b"y" * 1024, True),
@@ -58,8 +64,9 @@ async def hold(port, kind):
                 await writer.drain()
         except OSError:
             pass
-        if writer:
-            writer.close()
+        finally:
+            if writer:
+                writer.transport.abort()  # without waiting for what was not sent
         await asyncio.sleep(0.1)
 
 
@@ -75,9 +82,12 @@ class Attack:
         os.sched_setaffinity(0, FLOOD_CORES)
         asyncio.set_event_loop(self.loop)
         self.loop.set_exception_handler(lambda *_: None)
-        for _ in range(count):
-            self.loop.create_task(hold(port, kind))
+        tasks = [self.loop.create_task(hold(port, kind)) for _ in range(count if KINDS[kind] else 0)]
         self.loop.run_forever()
+        for task in tasks:
+            task.cancel()
+        self.loop.run_until_complete(asyncio.gather(*tasks, return_exceptions=True))
+        self.loop.close()
 
     def end(self):
         self.loop.call_soon_threadsafe(self.loop.stop)
@@ -89,6 +99,8 @@ CORES = sorted(os.sched_getaffinity(0))
 TRAINING_CORE, PROBE_CORE = {CORES[0]}, {CORES[-1]}
 FLOOD_CORES = set(CORES[1:-1]) or PROBE_CORE
 SERVER_NICE = 19  # of the server's threads, and of no others
+SETTLING_SECONDS = 1.5  # until a thousand connections are open, or closed
+STOPPED = 5  # the exit code of a run that a signal stopped
 
 
 def port_of(log, process):
@@ -132,61 +144,91 @@ class Probe:
         with log.open("w") as sink:
             self.process = subprocess.Popen([sys.executable, __file__, "--probe", str(port)], stdout=sink)
 
-    def end(self, last):
-        """The seconds that pages took until the moment `last`, at which the program still served. Of
-        one that had not come by then, the seconds so far, if they are more than one."""
+    def end(self, turns):
+        """The seconds that pages took that were asked for in one of the turns (begin, end). Of one
+        that had not come at the end, the seconds so far, if they are more than one."""
         self.process.kill()
         self.process.wait()
         pages = []
         for line in self.log.read_text().splitlines():
-            begin, *seconds = map(float, line.split())
-            if seconds and begin + seconds[0] <= last:
-                pages.append(seconds[0])
-            elif last - begin > 1:
-                pages.append(last - begin)
+            asked, *seconds = map(float, line.split())
+            for begin, end in turns:
+                if begin <= asked < end and seconds:
+                    pages.append(seconds[0])
+                elif begin <= asked < end - 1:
+                    pages.append(end - asked)
         return pages
 
 
 def server_seconds(process):
-    """The time of a core that the server's threads have taken; None if the process has ended."""
+    """The time of a core that the server's threads have taken."""
     total = 0
-    try:
-        for task in Path(f"/proc/{process.pid}/task").iterdir():
-            fields = (task / "stat").read_text().rpartition(")")[2].split()
-            if int(fields[16]) == SERVER_NICE:
-                total += int((task / "schedstat").read_text().split()[0]) / 1e9
-    except (OSError, IndexError):
-        return None
+    for task in Path(f"/proc/{process.pid}/task").iterdir():
+        fields = (task / "stat").read_text().rpartition(")")[2].split()
+        if int(fields[16]) == SERVER_NICE:
+            total += int((task / "schedstat").read_text().split()[0]) / 1e9
     return total
 
 
-def run(program, folder, iterations, kind, count):
+def progress(folder):
+    """(step, seconds of training) at the last whole row of metrics.csv."""
+    rows = (folder / "out" / "metrics.csv").read_text().rpartition("\n")[0].splitlines()
+    row = dict(zip(rows[0].split(","), rows[-1].split(",")))
+    return int(row["step"]), float(row["seconds"])
+
+
+def take_turn(process, folder, seconds):
+    """What a turn shows: its time, steps a second, and the server's share of a core."""
+    time.sleep(SETTLING_SECONDS)
+    begin, server = time.monotonic(), server_seconds(process)
+    first_step, first_seconds = progress(folder)
+    time.sleep(seconds)
+    if process.poll() is not None:
+        sys.exit("training ended too early:\n" + (folder / "log").read_text())
+    step, training_seconds = progress(folder)
+    end = time.monotonic()
+    return {"time": (begin, end),
+            "speed": (step - first_step) / (training_seconds - first_seconds),
+            "server_share": (server_seconds(process) - server) / (end - begin)}
+
+
+def run(arguments, folder, kind):
+    """One run, in which `arguments.turns` turns with connections lie between turns without."""
     log = folder / "log"
     with log.open("w") as sink:
         process = subprocess.Popen(
-            [program, "train", SCENE, "-o", folder / "out", "-r", "8", "--device", "cpu", "--set",
-             "train.threads=1", "--iterations", str(iterations), "--viewer", "--viewer-port", "0"],
+            [os.path.abspath(arguments.program), "train", SCENE, "-o", folder / "out", "-r", "8",
+             "--device", "cpu", "--iterations", "1000000", "--viewer", "--viewer-port", "0",
+             "--set", "train.threads=1", "--set", "train.log_every=5"],
             stdout=sink, stderr=sink, preexec_fn=lambda: os.sched_setaffinity(0, TRAINING_CORE))
     port = port_of(log, process)
-    begin, server, last = time.monotonic(), 0, 0
-    attack = Attack(port, kind, count) if kind else None
-    pages = Probe(port, folder / "pages")
-    while process.poll() is None and not (folder / "out" / "results.json").exists():
-        if (seconds := server_seconds(process)) is not None:
-            last = time.monotonic()
-            server = seconds / (last - begin)
-        time.sleep(0.2)
-    asked = pages.end(last)
-    end = time.monotonic()
-    code = process.wait(timeout=120)
-    end_seconds = time.monotonic() - end
-    if attack:
+    probe_process = Probe(port, folder / "pages")
+    time.sleep(SETTLING_SECONDS)
+    without, under = [take_turn(process, folder, arguments.seconds)], []
+    for turn in range(arguments.turns):
+        attack = Attack(port, kind, arguments.connections)
+        under.append(take_turn(process, folder, arguments.seconds))
+        if turn == arguments.turns - 1:
+            break
         attack.end()
-    if code:
+        without.append(take_turn(process, folder, arguments.seconds))
+    process.send_signal(signal.SIGTERM)
+    begin = time.monotonic()
+    code = process.wait(timeout=120)
+    end_seconds = time.monotonic() - begin
+    attack.end()
+    if code != STOPPED:
         sys.exit(f"exit code {code}:\n" + log.read_text())
-    results = json.loads((folder / "out" / "results.json").read_text())
-    return {"training_seconds": results["train_seconds"], "server_share": server, "pages": asked,
-            "end_seconds": end_seconds}
+    return {"under": under, "without": without, "end_seconds": end_seconds,
+            "pages": probe_process.end([turn["time"] for turn in under])}
+
+
+def speeds(run_of_kind):
+    """The speed of each turn with connections, of the mean of its neighbors without. The last one
+    has one neighbor, and does not count."""
+    under, without = run_of_kind["under"], run_of_kind["without"]
+    return [one["speed"] / statistics.mean((before["speed"], after["speed"]))
+            for one, before, after in zip(under, without, without[1:])]
 
 
 def main():
@@ -194,34 +236,33 @@ def main():
     arguments.add_argument("--program", required=True)
     arguments.add_argument("--kinds", nargs="*", help="parts of their names; none: all")
     arguments.add_argument("--connections", type=int, default=1000)
-    arguments.add_argument("--iterations", type=int, default=300)
-    arguments.add_argument("--repeat", type=int, default=3, help="runs of each kind; the median counts")
+    arguments.add_argument("--turns", type=int, default=9, help="with connections, of each kind")
+    arguments.add_argument("--seconds", type=float, default=4, help="of a turn")
     arguments.add_argument("--json", type=Path, help="write the figures here, too")
     arguments = arguments.parse_args()
     if len(CORES) < 2:
         sys.exit("this needs two cores")
+    if arguments.turns < 3:
+        sys.exit("a standard error needs three turns or more")
     kinds = [kind for kind in KINDS
              if not arguments.kinds or any(part in kind for part in arguments.kinds)]
-    rows, alone = [], None
-    print("| connections | training | server | page, median and worst | end |\n|---|---|---|---|---|")
-    for kind in [None, *kinds]:
-        runs = []
-        for _ in range(arguments.repeat):
-            with tempfile.TemporaryDirectory() as folder:
-                runs.append(run(os.path.abspath(arguments.program), Path(folder),
-                                arguments.iterations, kind, arguments.connections))
-        seconds = statistics.median(one["training_seconds"] for one in runs)
-        alone = alone or seconds
-        pages = [page for one in runs for page in one["pages"]]
-        rows.append({"kind": kind or "none", "training": seconds / alone,
-                     "server": statistics.median(one["server_share"] for one in runs),
-                     "page_median": statistics.median(pages or [math.inf]),
-                     "page_worst": max(pages, default=math.inf),
-                     "end": max(one["end_seconds"] for one in runs), "runs": runs})
-        row = rows[-1]
-        print(f"| {row['kind']} | {100 * row['training']:.1f} % | {100 * row['server']:.1f} % | "
-              f"{row['page_median']:.2f} s, "
-              f"{row['page_worst']:.2f} s | {row['end']:.1f} s |", flush=True)
+    rows = []
+    print("| connections | speed | server | page, median and worst | end |\n|---|---|---|---|---|")
+    for kind in kinds:
+        with tempfile.TemporaryDirectory() as folder:
+            measured = run(arguments, Path(folder), kind)
+        speed, pages = speeds(measured), measured["pages"] or [math.inf]
+        row = {"kind": kind, "speed": statistics.mean(speed),
+               "standard_error": statistics.stdev(speed) / math.sqrt(len(speed)),
+               "server": statistics.mean(turn["server_share"] for turn in measured["under"]),
+               "server_without": statistics.mean(turn["server_share"] for turn in measured["without"]),
+               "page_median": statistics.median(pages), "page_worst": max(pages),
+               "end": measured["end_seconds"], "run": measured}
+        rows.append(row)
+        print(f"| {kind} | {100 * row['speed']:.1f} ± {100 * row['standard_error']:.1f} % | "
+              f"{100 * row['server']:.1f} % ({100 * row['server_without']:.1f} % without) | "
+              f"{row['page_median']:.2f} s, {row['page_worst']:.2f} s | {row['end']:.1f} s |",
+              flush=True)
     if arguments.json:
         arguments.json.write_text(json.dumps(rows, indent=2))
 
