@@ -15,6 +15,7 @@
 #include <deque>
 #include <thread>
 #include <unordered_map>
+#include <utility>
 
 #include "cuda/renderer.cuh"
 #include "gs_core/math/density.h"
@@ -24,9 +25,9 @@ namespace gs::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-constexpr std::size_t kMostPending = 64;  // steps that the host may be ahead of the device
-constexpr double kGrowthMargin = 1.2;     // times the instances of a view's last visit
-constexpr double kUnseenMargin = 1.5;     // times the most instances per Gaussian seen so far
+constexpr std::size_t kMostPending = 128;  // photos that the host may be ahead of the device
+constexpr double kGrowthMargin = 1.2;      // times the instances of a view's last visit
+constexpr double kUnseenMargin = 1.5;      // times the most instances per Gaussian seen so far
 constexpr std::size_t kFirstCapacity = std::size_t(1) << 20;  // instances, before any view was seen
 constexpr std::size_t kCapacityStep = std::size_t(1) << 14;   // instances; capacities are multiples
 
@@ -44,7 +45,12 @@ __global__ void gather_kernel(Span<const std::uint32_t> tile_counts, const Vec2f
   gradient_norm[i] += screen_gradient_norm(dL_dmean2d[i], width, height);
 }
 
-// The reports of steps, in host memory that the device writes into.
+__global__ void add_kernel(Span<float> to, const float* from, float weight) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i < to.size) to[i] += weight * from[i];
+}
+
+// The reports of photos, in host memory that the device writes into.
 class Reports {
  public:
   Reports() {
@@ -115,7 +121,8 @@ class CudaBackend final : private Device, public Backend {
   explicit CudaBackend(int index)
       : Device(index), Backend(device_memory), photos_(context, device_memory),
         renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
-        optimizer_(make_optimizer(context)), rows_(make_row_ops(context, device_memory)) {}
+        optimizer_(make_optimizer(context)), sums_(device_memory),
+        rows_(make_row_ops(context, device_memory)) {}
   ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
 
   void make_current() override { check(cudaSetDevice(context.device()), "choosing the GPU"); }
@@ -143,40 +150,51 @@ class CudaBackend final : private Device, public Backend {
 
   void upload_views(const std::vector<View>& views, std::size_t photo_bytes) override {
     finish_pending();
+    next_ = nullptr;
     photos_.upload_views(views, photo_bytes);
     forecast_.forget();
   }
   void prefetch_decode(const View& view) override {
     if (!photos_.is_resident(view)) prefetch_photo(view);
   }
-  void prefetch_next(const View& view) override { photos_.prefetch_next(view); }
+  void prefetch_next(const View& view) override { next_ = &view; }
 
-  void step(TrainingModel& model, const View& view, const RenderSettings& settings,
-            const LossSettings& loss_settings, const LearningRates& rates,
+  using Backend::step;
+  void step(TrainingModel& model, Span<const TrainingPhoto> batch,
+            const LossSettings& loss_settings, const Update& update,
             const DensityStep& density) override {
+    GS_CHECK(batch.size >= 1 && batch.size <= std::size_t(kMostBatch));
     if (model_ != &model) finish_pending();
     model_ = &model;
     read_reports();
-    while (pending_.size() >= kMostPending) {  // the device has enough to do
+    while (pending_photos() + batch.size > kMostPending) {  // the device has enough to do
       std::this_thread::yield();
       read_reports();
     }
-    pending_.push_back({&view, settings, loss_settings, adam_steps(model.adam_steps + 1, rates),
-                        density, rates.mean, ++last_step_});
+    const std::uint32_t photos = std::uint32_t(batch.size);
+    pending_.push_back({{batch.begin(), batch.end()},
+                        loss_settings,
+                        adam_steps(model.adam_steps + update.rule.steps, update.rates),
+                        update.rule,
+                        density,
+                        update.rates.mean,
+                        last_photo_ + 1});
+    last_photo_ += photos;
     try {
       launch_pending();
     } catch (...) {  // for example, memory ran out: drop this step; earlier ones are launched later
       pending_.pop_back();
-      --last_step_;
+      last_photo_ -= photos;
       throw;
     }
-    ++model.adam_steps;
+    model.adam_steps += update.rule.steps;
   }
 
   void release_caches() override {
     release_pass();
     rows_->release_caches();
     renderer_.release_caches();
+    sums_ = BatchSums(device_memory);  // zero between steps; made anew for the next batch
   }
 
   void synchronize(TrainingModel&) override {
@@ -187,25 +205,45 @@ class CudaBackend final : private Device, public Backend {
   std::vector<StageTime> stage_times() override { return context.stage_times(); }
 
  protected:
-  void gather(TrainingModel& model, const RenderPass& pass, Span<const Vec2f> dL_dmean2d) override {
-    context.launch("statistics", gather_kernel, blocks_for(model.count(), kThreads), kThreads,
-                   Span<const std::uint32_t>{pass.tile_counts.data(), model.count()},
-                   dL_dmean2d.data, model.statistics.visits.data(),
-                   model.statistics.gradient_norm.data(), pass.width, pass.height);
+  void gather(const DensityStatistics& statistics, const RenderPass& pass,
+              Span<const Vec2f> dL_dmean2d) override {
+    context.launch("statistics", gather_kernel, blocks_for(dL_dmean2d.size, kThreads), kThreads,
+                   Span<const std::uint32_t>{pass.tile_counts.data(), dL_dmean2d.size},
+                   dL_dmean2d.data, statistics.visits.data(), statistics.gradient_norm.data(),
+                   pass.width, pass.height);
+  }
+  void add(const Gaussians& to, const Gaussians& from, float weight) override {
+    for_each_array([&](const char*, auto& sums,
+                       const auto& array) { add(numbers_of(sums), numbers_of(array), weight); },
+                   to, from);
+  }
+  void add(const DensityStatistics& to, const DensityStatistics& from) override {
+    add(to.visits.span(), from.visits.span(), 1);
+    add(to.gradient_norm.span(), from.gradient_norm.span(), 1);
   }
 
  private:
-  // A step that may have to be launched again.
+  // A step that may have to be launched again. Its photos have numbers of their own, in order.
   struct Step {
-    const View* view;
-    RenderSettings settings;
+    std::vector<TrainingPhoto> batch;
     LossSettings loss_settings;
     AdamSteps adam;
+    AdamRule rule;
     DensityStep density;
     float position_rate;  // Adam's rate for the means, which scales the noise
-    std::uint32_t number;
+    std::uint32_t first_photo;
     bool is_launched = false;
+
+    std::uint32_t last_photo() const { return first_photo + std::uint32_t(batch.size()) - 1; }
   };
+
+  void add(Span<float> to, Span<const float> from, float weight) {
+    context.launch("sums", add_kernel, blocks_for(to.size, kThreads), kThreads, to, from.data,
+                   weight);
+  }
+  std::size_t pending_photos() const {
+    return pending_.empty() ? 0 : last_photo_ + 1 - pending_.front().first_photo;
+  }
 
   // Launches the steps that are not launched yet, in order. A step that fails changes nothing; the
   // next call launches it again, with those after it.
@@ -217,26 +255,80 @@ class CudaBackend final : private Device, public Backend {
       } catch (...) {
         context.synchronize();  // a late report must not be mistaken for that of the next attempt
         renderer_.clear_gradients();
+        clear_sums();
         throw;
       }
       step.is_launched = true;
     }
   }
 
+  // One photo is differentiated and the model updated by one kernel. Several photos are summed up
+  // first.
   void enqueue(const Step& step) {
-    reports_.clear(step.number);
-    const Camera& camera = step.view->camera;
-    renderer_.reserve_gradients(model_->count(), step.settings);
-    renderer_.forward(model_->gaussians.span(), camera, step.settings, pass_,
-                      forecast_.capacity_for(*step.view, model_->count()),
-                      reports_.of_step(step.number), step.number);
-    loss_->forward_backward(pass_, *step.view, step.loss_settings, dL_dimage_);
-    blend_backward(context, step.settings, dL_dimage_.span(), renderer_.workspace(), pass_);
-    preprocess_backward_and_update(context, *model_, camera, step.settings, step.adam, step.density,
-                                   renderer_.workspace(), pass_);
+    if (step.batch.size() > 1) reserve_sums();
+    for (std::size_t i = 0; i < step.batch.size(); ++i) {
+      prefetch_after(step, i);
+      differentiate(step, step.batch[i], step.first_photo + std::uint32_t(i));
+    }
+    if (step.batch.size() > 1) update(step);
     if (step.density.noise.scale > 0)
       add_position_noise(context, model_->gaussians.span(), step.density.noise, step.position_rate,
                          renderer_.workspace().halted.data());
+  }
+
+  // Starts to copy the photo that comes after photo i of a step, so that it arrives meanwhile.
+  void prefetch_after(const Step& step, std::size_t i) {
+    const bool is_last = i + 1 == step.batch.size();
+    if (is_last && !next_) return;
+    photos_.prefetch_next(is_last ? *std::exchange(next_, nullptr) : *step.batch[i + 1].view);
+  }
+
+  void differentiate(const Step& step, const TrainingPhoto& photo, std::uint32_t number) {
+    reports_.clear(number);
+    const Camera& camera = photo.view->camera;
+    const RenderSettings& settings = photo.settings;
+    const GaussiansSpan gaussians = model_->gaussians.span();
+    Workspace& workspace = renderer_.workspace();
+    renderer_.reserve_gradients(model_->count(), settings);
+    renderer_.forward(gaussians, camera, settings, pass_,
+                      forecast_.capacity_for(*photo.view, model_->count()),
+                      reports_.of_step(number), number);
+    loss_->forward_backward(pass_, *photo.view, step.loss_settings, dL_dimage_);
+    blend_backward(context, settings, dL_dimage_.span(), workspace, pass_);
+    if (step.batch.size() > 1)
+      preprocess_backward_and_add(context, gaussians, camera, settings, step.density, workspace,
+                                  pass_, 1.0f / float(step.batch.size()), sums_);
+    else
+      preprocess_backward_and_update(context, *model_, camera, settings, step.adam, step.density,
+                                     workspace, pass_);
+  }
+
+  void update(const Step& step) {
+    const Regularizers& regularizers = step.density.regularizers;
+    if (regularizers.any())
+      add_regularizer_gradients(context, model_->gaussians.span(), regularizers,
+                                sums_.gradients.span());
+    update_by_sums(context, *model_, step.adam, step.rule, step.batch.back().settings.sh_degree,
+                   renderer_.workspace().halted.data(), sums_);
+  }
+
+  // The sums are zero between steps; rows have been added or removed since they were made.
+  void reserve_sums() {
+    const std::size_t count = model_->count();
+    const bool has_time = model_->gaussians.has_time;
+    Buffer<float>& last = sums_.statistics.gradient_norm;  // has its rows if all others have theirs
+    if (last.size() == count && sums_.gradients.has_time == has_time) return;
+    last.resize_discard(0);
+    sums_.gradients.has_time = has_time;
+    sums_.gradients.resize(count);
+    sums_.statistics.visits.resize_discard(count);
+    last.resize_discard(count);
+    clear_sums();
+  }
+  void clear_sums() {
+    sums_.gradients.fill_zero();
+    sums_.statistics.visits.fill_zero();
+    sums_.statistics.gradient_norm.fill_zero();
   }
 
   // Removes the steps that fitted into their buffers, and repeats the others. Waits only where it
@@ -244,22 +336,29 @@ class CudaBackend final : private Device, public Backend {
   void read_reports() {
     launch_pending();
     StepReport report;
-    while (!pending_.empty() && reports_.read(pending_.front().number, report)) {
+    while (!pending_.empty() && reports_.read(pending_.front().last_photo(), report)) {
       if (report.halted) return repeat_pending();
-      forecast_.note(*pending_.front().view, report.instances, model_->count());
+      note_instances(pending_.front());
       pending_.pop_front();
+    }
+  }
+
+  // Tells the forecast what the reports of a step say so far.
+  void note_instances(const Step& step) {
+    std::uint32_t number = step.first_photo;
+    for (const TrainingPhoto& photo : step.batch) {
+      StepReport report;
+      if (!reports_.read(number++, report)) continue;
+      check_can_be_sorted(report.instances);
+      forecast_.note(*photo.view, report.instances, model_->count());
     }
   }
 
   void repeat_pending() {
     context.synchronize();
-    for (const Step& step : pending_) {
-      StepReport report;
-      if (!reports_.read(step.number, report)) continue;
-      check_can_be_sorted(report.instances);
-      forecast_.note(*step.view, report.instances, model_->count());
-    }
+    for (const Step& step : pending_) note_instances(step);
     renderer_.workspace().halted.fill_zero();
+    clear_sums();
     for (Step& step : pending_) step.is_launched = false;
     launch_pending();
   }
@@ -276,12 +375,14 @@ class CudaBackend final : private Device, public Backend {
   const LossRow* loss_row_ = kLosses;
   std::unique_ptr<Loss> loss_;
   std::unique_ptr<Optimizer> optimizer_;
+  BatchSums sums_;
   std::unique_ptr<RowOps> rows_;
   Reports reports_;
   InstanceForecast forecast_;
   std::deque<Step> pending_;
   TrainingModel* model_ = nullptr;
-  std::uint32_t last_step_ = 0;
+  const View* next_ = nullptr;  // with which the next step begins, until its photo is prefetched
+  std::uint32_t last_photo_ = 0;
 };
 
 }  // namespace

@@ -138,6 +138,8 @@ __global__ void __launch_bounds__(kThreads)
   const std::size_t first = i - lane_of_thread();
   if (first >= count) return;  // the whole warp
   const int rows = int(min(count - first, std::size_t(kWarp)));
+  if constexpr (Sink::kSkipsInvisible)
+    if (!__any_sync(~0u, i < count && tile_counts[i] > 0)) return;
   // All loads come first, before any store, so that the warp waits for memory only once.
   if (degree > 0) start_sh_rows<degree>(shared, sink.sh_rest, first, rows);
   const bool is_halted = sink.is_halted(), is_row = i < count;
@@ -191,6 +193,12 @@ void launch(Context& context, const GaussiansSpan& gaussians, const Camera& came
   });
 }
 
+GatherStatistics gather_into(const DensityStatistics& statistics, const DensityStep& density,
+                             const RenderPass& pass, const Workspace& workspace) {
+  return {density.gather_statistics ? statistics.visits.data() : nullptr,
+          statistics.gradient_norm.data(), pass.width, pass.height, workspace.halted.data()};
+}
+
 }  // namespace
 
 void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
@@ -218,6 +226,29 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
   launch(context, gaussians, camera, settings, workspace, pass, sink);
 }
 
+void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussians,
+                                 const Camera& camera, const RenderSettings& settings,
+                                 const DensityStep& density, Workspace& workspace, RenderPass& pass,
+                                 float weight, const BatchSums& sums) {
+  const StageScope scope(context, "preprocess backward");
+  const GaussiansSpan to = sums.gradients.span();
+  const auto numbers = [weight](const auto& rows, const auto& sum) {
+    return SumNumbers{{numbers_of(rows), numbers_of(sum)}, weight};
+  };
+  const AddGradients sink{gather_into(sums.statistics, density, pass, workspace),
+                          numbers(gaussians.mean, to.mean),
+                          numbers(gaussians.log_scale, to.log_scale),
+                          numbers(gaussians.rotation, to.rotation),
+                          numbers(gaussians.logit_opacity, to.logit_opacity),
+                          numbers(gaussians.sh0, to.sh0),
+                          numbers(gaussians.sh_rest, to.sh_rest),
+                          numbers(gaussians.right_rotation, to.right_rotation),
+                          numbers(gaussians.time_mean, to.time_mean),
+                          numbers(gaussians.log_time_scale, to.log_time_scale),
+                          settings.absolute_gradient};
+  launch(context, gaussians, camera, settings, workspace, pass, sink);
+}
+
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
                                     const RenderSettings& settings, const AdamSteps& steps,
                                     const DensityStep& density, Workspace& workspace,
@@ -229,6 +260,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
     return AdamNumbers{{numbers_of(rows), numbers_of(m), numbers_of(v)}, step};
   };
   const UpdateByAdam sink{
+      gather_into(model.statistics, density, pass, workspace),
       numbers(rows.mean, m.mean, v.mean, steps.mean),
       numbers(rows.log_scale, m.log_scale, v.log_scale, steps.log_scale),
       numbers(rows.rotation, m.rotation, v.rotation, steps.rotation),
@@ -237,12 +269,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
       numbers(rows.sh_rest, m.sh_rest, v.sh_rest, steps.sh_rest),
       numbers(rows.right_rotation, m.right_rotation, v.right_rotation, steps.right_rotation),
       numbers(rows.time_mean, m.time_mean, v.time_mean, steps.time_mean),
-      numbers(rows.log_time_scale, m.log_time_scale, v.log_time_scale, steps.log_time_scale),
-      density.gather_statistics ? model.statistics.visits.data() : nullptr,
-      model.statistics.gradient_norm.data(),
-      pass.width,
-      pass.height,
-      workspace.halted.data()};
+      numbers(rows.log_time_scale, m.log_time_scale, v.log_time_scale, steps.log_time_scale)};
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
   if (is_absolute || density.regularizers.any())
     launch(context, rows, camera, settings, workspace, pass,

@@ -36,6 +36,21 @@ struct GradientNumbers {
   }
 };
 
+/// The numbers of one quantity, for AddGradients: finish() adds the gradient to a sum.
+struct SumNumbers {
+  static constexpr int kArrays = 2;
+  float* arrays[kArrays];  // parameters and sums
+  float weight;
+
+  template <class Vector>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient) const {
+    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
+      reinterpret_cast<float*>(&numbers[1])[k] +=
+          weight * reinterpret_cast<const float*>(&gradient)[k];
+    reinterpret_cast<Vector*>(arrays[1])[at] = numbers[1];
+  }
+};
+
 /// The numbers of one quantity, for UpdateByAdam: finish() updates the parameter and its moments.
 struct AdamNumbers {
   static constexpr int kArrays = 3;
@@ -89,6 +104,7 @@ struct RowGradient : GaussianGradient<float> {
 /// A sink for the gradients of all quantities: writes them to arrays, and dL/d(mean2d) to another
 /// one.
 struct WriteGradients {
+  static constexpr bool kSkipsInvisible = false;
   using Numbers = GradientNumbers;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
@@ -107,12 +123,9 @@ struct WriteGradients {
   template <bool has_time>
   __device__ void regularize(const Shape&, RowGradient&) const {}
 };
-/// A sink that updates all parameters, and gathers the statistics of density control.
-struct UpdateByAdam {
-  using Numbers = AdamNumbers;
-  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
-  Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
-  float* visits;                                      // null: no statistics
+/// The part of a sink that gathers the statistics of density control.
+struct GatherStatistics {
+  float* visits;  // null: no statistics
   float* gradient_norm;
   int width, height;
   const std::uint32_t* halted;
@@ -131,6 +144,29 @@ struct UpdateByAdam {
     visits[i] = before.visits + 1.0f;
     gradient_norm[i] = before.gradient_norm + screen_gradient_norm(by_mean2d, width, height);
   }
+};
+/// A sink that adds the gradients of one photo of a batch to sums. Warps without a visible Gaussian
+/// have nothing to add.
+struct AddGradients : GatherStatistics {
+  static constexpr bool kSkipsInvisible = true;
+  using Numbers = SumNumbers;
+  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
+  Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
+  bool is_absolute;                                   // the statistic
+
+  __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
+    return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
+  }
+  template <bool has_time>
+  __device__ void regularize(const Shape&, RowGradient&) const {}
+};
+/// A sink that updates all parameters.
+struct UpdateByAdam : GatherStatistics {
+  static constexpr bool kSkipsInvisible = false;
+  using Numbers = AdamNumbers;
+  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
+  Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
+
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const { return sum.mean2d; }
   template <bool has_time>
   __device__ void regularize(const Shape&, RowGradient&) const {}

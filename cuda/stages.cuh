@@ -132,6 +132,26 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                                     const DensityStep& density, Workspace& workspace,
                                     RenderPass& pass);
 
+/// What the photos of a batch add up to before the update. All zero between batches.
+struct BatchSums {
+  Gaussians gradients;
+  DensityStatistics statistics;
+  explicit BatchSums(Memory& memory) : gradients(memory), statistics(memory) {}
+};
+
+/// 7 for one photo of a batch  preprocess_backward.cu: sums += weight * the photo's gradients, and
+/// its statistics. Nothing is added while workspace.halted is raised.
+void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussians,
+                                 const Camera& camera, const RenderSettings& settings,
+                                 const DensityStep& density, Workspace& workspace, RenderPass& pass,
+                                 float weight, const BatchSums& sums);
+/// 8 for a batch  adam.cu: updates the parameters and the statistics by the sums, and clears these.
+/// SH coefficients beyond `sh_degree` have no gradients yet and stay. Nothing is updated while
+/// `halted` is raised.
+void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& steps,
+                    const AdamRule& rule, int sh_degree, const std::uint32_t* halted,
+                    const BatchSums& sums);
+
 /// Additions of the MCMC strategy to 8  langevin.cu: the regularizers' gradients before Adam, where
 /// gradients are stored, and noise on the means after Adam. No noise is added while `halted` is
 /// raised; `halted` may be null.

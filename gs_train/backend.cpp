@@ -2,23 +2,60 @@
 #include "gs_train/backend.h"
 
 namespace gs {
+namespace {
 
-void Backend::step(TrainingModel& model, const View& view, const RenderSettings& settings,
-                   const LossSettings& loss_settings, const LearningRates& rates,
+// Gives arrays the rows of a model.
+void prepare(Gaussians& arrays, const TrainingModel& model) {
+  arrays.has_time = model.gaussians.has_time;
+  arrays.resize(model.count());
+}
+
+}  // namespace
+
+void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
+                   const LossSettings& loss_settings, const Update& update,
                    const DensityStep& density) {
-  gradients_.has_time = model.gaussians.has_time;
-  gradients_.resize(model.count());
+  // A batch of several photos is summed up beside the model, so that nothing has changed where
+  // memory runs out in one of them.
+  const bool is_summed = batch.size > 1;
+  prepare(gradients_, model);
   dL_dmean2d_.resize(model.count());
-  const GaussiansSpan gaussians = model.gaussians.span();
+  if (is_summed) prepare_sums(model);
+  for (const TrainingPhoto& photo : batch) {
+    differentiate(model, photo, loss_settings);
+    if (!is_summed) break;
+    add(sum_, gradients_, 1.0f / float(batch.size));
+    if (density.gather_statistics) gather(statistics_sum_, pass_, dL_dmean2d_.span());
+  }
+  Gaussians& gradients = is_summed ? sum_ : gradients_;
+  if (density.regularizers.any()) optimizer().regularize(model, density.regularizers, gradients);
+  optimizer().step(model, gradients, update);
+  if (density.noise.scale > 0) optimizer().add_noise(model, density.noise, update.rates.mean);
+  if (!density.gather_statistics) return;
+  if (is_summed)
+    add(model.statistics, statistics_sum_);
+  else
+    gather(model.statistics, pass_, dL_dmean2d_.span());
+}
 
-  renderer().forward(gaussians, view.camera, settings, pass_);
-  loss().forward_backward(pass_, *with_photo(view), loss_settings, dL_dimage_);
-  renderer().backward(gaussians, view.camera, settings, pass_, dL_dimage_.span(), gradients_.span(),
-                      dL_dmean2d_.span());
-  if (density.regularizers.any()) optimizer().regularize(model, density.regularizers, gradients_);
-  optimizer().step(model, gradients_, rates);
-  if (density.noise.scale > 0) optimizer().add_noise(model, density.noise, rates.mean);
-  if (density.gather_statistics) gather(model, pass_, dL_dmean2d_.span());
+// Renders a photo's view, compares it with the photo, and pulls the gradients back.
+void Backend::differentiate(const TrainingModel& model, const TrainingPhoto& photo,
+                            const LossSettings& loss_settings) {
+  const GaussiansSpan gaussians = model.gaussians.span();
+  const Camera& camera = photo.view->camera;
+  renderer().forward(gaussians, camera, photo.settings, pass_);
+  loss().forward_backward(pass_, *with_photo(*photo.view), loss_settings, dL_dimage_);
+  renderer().backward(gaussians, camera, photo.settings, pass_, dL_dimage_.span(),
+                      gradients_.span(), dL_dmean2d_.span());
+}
+
+void Backend::prepare_sums(const TrainingModel& model) {
+  prepare(sum_, model);
+  sum_.fill_zero();
+  for (Buffer<float>* statistic : {&statistics_sum_.visits, &statistics_sum_.gradient_norm}) {
+    statistic->resize_discard(model.count());
+    statistic->fill_zero();
+  }
 }
 
 void Backend::release_caches() {
@@ -31,6 +68,8 @@ void Backend::release_pass() {
   dL_dimage_.release();
   dL_dmean2d_.release();
   gradients_ = Gaussians(gradients_.memory());
+  sum_ = Gaussians(sum_.memory());
+  statistics_sum_ = DensityStatistics(sum_.memory());
 }
 
 }  // namespace gs

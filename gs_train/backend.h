@@ -22,11 +22,18 @@ struct DensityStep {
   PositionNoise noise = {};        // on the means, after the update
 };
 
+/// One photo of a step: its view, and how it is rendered.
+struct TrainingPhoto {
+  const View* view;
+  RenderSettings settings;
+};
+
 /// Everything that the trainer needs from a device. The program makes it; it outlives the trainer.
 class Backend {
  public:
   explicit Backend(Memory& memory)
-      : pass_(memory), dL_dimage_(memory), dL_dmean2d_(memory), gradients_(memory) {}
+      : pass_(memory), dL_dimage_(memory), dL_dmean2d_(memory), gradients_(memory), sum_(memory),
+        statistics_sum_(memory) {}
   virtual ~Backend() = default;
   virtual std::string name() const = 0;  // as in results.json: "cpu", "cuda:0 (NVIDIA H200)"
   /// Makes its device the current one of the calling thread. A thread that may have used another
@@ -48,17 +55,27 @@ class Backend {
   /// Announces a view about kPhotosAhead steps before its step, so that its photo can be decoded in
   /// the background. Called in the order of the steps.
   virtual void prefetch_decode(const View& view) { prefetch_photo(view); }
-  /// Announces the view of the step after the next one, so that its photo can be uploaded during
-  /// the next one.
+  /// Announces the view with which the step after the next one begins, so that its photo can be
+  /// uploaded during the next one.
   virtual void prefetch_next(const View&) {}
 
-  /// One training step: render, compare, differentiate, update, and what density control adds. The
-  /// body in backend.cpp is the algorithm, stage by stage; a backend may override it with a fused
-  /// sequence that computes the same. Where memory runs out it throws Error (out of memory) and has
-  /// changed nothing, so that the step can be repeated.
-  virtual void step(TrainingModel& model, const View& view, const RenderSettings& settings,
-                    const LossSettings& loss_settings, const LearningRates& rates,
+  /// One training step: render, compare and differentiate each photo of a batch, update by the mean
+  /// of their gradients, and what density control adds. The statistics count each photo. The body in
+  /// backend.cpp is the algorithm, stage by stage; a backend may override it with a fused sequence
+  /// that computes the same. Where memory runs out it throws Error (out of memory) and has changed
+  /// nothing, so that the step can be repeated.
+  ///
+  /// batch   1 to kMostBatch photos; gradients are summed in their order
+  virtual void step(TrainingModel& model, Span<const TrainingPhoto> batch,
+                    const LossSettings& loss_settings, const Update& update,
                     const DensityStep& density);
+  /// The same for one photo.
+  void step(TrainingModel& model, const View& view, const RenderSettings& settings,
+            const LossSettings& loss_settings, const LearningRates& rates,
+            const DensityStep& density) {
+    const TrainingPhoto photo{&view, settings};
+    step(model, Span<const TrainingPhoto>{&photo, 1}, loss_settings, Update{rates}, density);
+  }
 
   /// Waits until all steps so far have updated the model. A device runs steps asynchronously, so
   /// call this before you read a model. Row operations do it themselves.
@@ -77,14 +94,23 @@ class Backend {
  protected:
   /// The part of release_caches() for the members below.
   void release_pass();
-  /// statistics += this step's visibility and image-plane gradients.
-  virtual void gather(TrainingModel& model, const RenderPass& pass,
+  /// statistics += the photo's visibility and image-plane gradients.
+  virtual void gather(const DensityStatistics& statistics, const RenderPass& pass,
                       Span<const Vec2f> dL_dmean2d) = 0;
+  /// to += weight * from, array by array.
+  virtual void add(const Gaussians& to, const Gaussians& from, float weight) = 0;
+  virtual void add(const DensityStatistics& to, const DensityStatistics& from) = 0;
+
+  void differentiate(const TrainingModel& model, const TrainingPhoto& photo,
+                     const LossSettings& loss_settings);
+  void prepare_sums(const TrainingModel& model);
 
   RenderPass pass_;
   Buffer<float> dL_dimage_;
   Buffer<Vec2f> dL_dmean2d_;
-  Gaussians gradients_;
+  Gaussians gradients_;               // of one photo
+  Gaussians sum_;                     // of a batch: the mean gradients of its photos so far
+  DensityStatistics statistics_sum_;  // of a batch
 };
 
 /// The scalar CPU backend. It is the reference: every other backend must compute the same.

@@ -2,6 +2,7 @@
 // The optimizer's contract.
 #pragma once
 
+#include "gs_core/math/adam.h"
 #include "gs_core/math/mcmc.h"
 #include "gs_core/random.h"
 #include "gs_train/training_model.h"
@@ -13,6 +14,12 @@ namespace gs {
 template <class T>
 using RateOf = float;
 using LearningRates = GaussianArrays<RateOf>;
+
+/// One update of the parameters.
+struct Update {
+  LearningRates rates;
+  AdamRule rule = {};
+};
 
 /// Noise on the means in one step. It depends on seed, step and row alone, so that every backend
 /// and a resumed run draw the same numbers.
@@ -33,9 +40,9 @@ class Optimizer {
   /// gradients += those of the regularizers, for every row.
   virtual void regularize(const TrainingModel& model, const Regularizers& regularizers,
                           Gaussians& gradients) = 0;
-  /// One Adam update of every row, visible or not (dense semantics). Increments model.adam_steps.
-  virtual void step(TrainingModel& model, const Gaussians& gradients,
-                    const LearningRates& rates) = 0;
+  /// One Adam update of every row, visible or not (dense semantics). Adds update.rule.steps to
+  /// model.adam_steps.
+  virtual void step(TrainingModel& model, const Gaussians& gradients, const Update& update) = 0;
   /// means += noise. `position_rate` is the learning rate of the means in this step.
   virtual void add_noise(TrainingModel& model, const PositionNoise& noise, float position_rate) = 0;
 };

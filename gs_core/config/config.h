@@ -94,6 +94,7 @@ struct OptimizerConfig {
   float log_time_scale_lr = 5e-3f;
 };
 
+inline constexpr int kMostBatch = 64;           // photos of one update
 inline constexpr std::int64_t kAutoCount = -1;  // the word auto: the program finds the count itself
 
 /// Density control: adaptive (Kerbl et al. 2023, Sec. 5.2) or mcmc (Kheradmand et al. 2024). Steps
@@ -123,7 +124,9 @@ struct DensityConfig {
 
 struct TrainConfig {
   int iterations = 30000;
-  float steps_scaler = 1;  // multiplies iterations and the whole schedule
+  int batch = 1;            // photos of one update; steps count photos
+  bool batch_rates = true;  // learning rates and betas that fit the batch
+  float steps_scaler = 1;   // multiplies iterations and the whole schedule
   int sh_degree_every = 1000;
   int morton_every = 5000;
   int morton_until = 15000;

@@ -137,6 +137,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
 
   auto& train = config.train;
   field("train.iterations",             train.iterations,             "steps",       steps_from(1),           proceed, "length of the training, one photo each step; the schedule scales with it", kKerbl);
+  field("train.batch",                  train.batch,                  "photos",      between(1, kMostBatch),  retrain, "photos of one update, which takes the mean of their gradients; steps go on counting photos", "Faster-GS (4D)");
+  field("train.batch_rates",            train.batch_rates,            "",            any(),                   retrain, "an update by B photos stands for B updates: learning rates * sqrt(B), betas to the power B; off: as for one photo", "Malladi et al. 2022");
   field("train.steps_scaler",           train.steps_scaler,           "",            above(0),                retrain, "multiplies iterations, and with it the schedule");
   field("train.sh_degree_every",        train.sh_degree_every,        "steps",       steps_from(1),           retrain, "interval between SH degrees, in steps of a 30,000-step run", kKerbl);
   field("train.morton_every",           train.morton_every,           "steps",       steps_from(1),           retrain, "interval between sorts along the Morton curve", kFaster);

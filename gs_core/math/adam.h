@@ -7,6 +7,28 @@
 
 namespace gs {
 
+/// How fast an update forgets earlier gradients.
+struct AdamRule {
+  float beta1 = float(kAdamBeta1), one_minus_beta1 = float(1.0 - kAdamBeta1);
+  float beta2 = float(kAdamBeta2), one_minus_beta2 = float(1.0 - kAdamBeta2);
+  float epsilon = kAdamEpsilon;
+  int steps = 1;  // of t, for which the update stands
+};
+
+/// One update by the mean gradient of `photos` photos stands for as many updates by one photo each:
+/// betas to that power, epsilon / sqrt(photos), and learning rates * batch_rate(photos).
+/// Malladi et al. 2022 (square root rule of Adam).
+inline AdamRule batch_rule(int photos) {
+  const double beta1 = std::pow(kAdamBeta1, photos), beta2 = std::pow(kAdamBeta2, photos);
+  return {float(beta1),
+          float(1.0 - beta1),
+          float(beta2),
+          float(1.0 - beta2),
+          float(kAdamEpsilon / std::sqrt(double(photos))),
+          photos};
+}
+inline float batch_rate(int photos) { return float(std::sqrt(double(photos))); }
+
 /// The values that all parameters of one quantity share in one step, including the bias
 /// corrections.
 struct AdamStep {
@@ -23,11 +45,12 @@ inline AdamStep adam_step(int t, float learning_rate) {
 
 /// m = b1 m + (1-b1) g;  v = b2 v + (1-b2) g^2;  p -= rate m / (sqrt(v) / sqrt(1-b2^t) + eps)
 /// Kingma & Ba 2015, Alg. 1, with bias corrections in AdamStep.
-GS_HD void adam_update(float& parameter, float& m, float& v, float gradient, const AdamStep& step) {
+GS_HD void adam_update(float& parameter, float& m, float& v, float gradient, const AdamStep& step,
+                       const AdamRule& rule = AdamRule()) {
   using std::sqrt;
-  m = float(kAdamBeta1) * m + float(1.0 - kAdamBeta1) * gradient;
-  v = float(kAdamBeta2) * v + float(1.0 - kAdamBeta2) * (gradient * gradient);
-  parameter -= step.rate * m / (sqrt(v) * step.inverse_sqrt_bias2 + kAdamEpsilon);
+  m = rule.beta1 * m + rule.one_minus_beta1 * gradient;
+  v = rule.beta2 * v + rule.one_minus_beta2 * (gradient * gradient);
+  parameter -= step.rate * m / (sqrt(v) * step.inverse_sqrt_bias2 + rule.epsilon);
 }
 
 }  // namespace gs

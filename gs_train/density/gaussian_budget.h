@@ -7,9 +7,16 @@
 
 namespace gs {
 
-/// The number of Gaussians that a backend can train with `free_bytes`, when its photos are loaded
-/// already, its pictures have `pixels` pixels, and `present` Gaussians are part of the memory in
-/// use.
+/// What decides how many Gaussians fit.
+struct RoomForGaussians {
+  std::size_t free_bytes;  // when the photos are loaded
+  std::size_t pixels;      // of the largest picture
+  std::size_t present;     // Gaussians, which are part of the memory in use
+  bool has_time = false;   // they have a place in time
+  int batch = 1;           // photos of one update
+};
+
+/// The number of Gaussians that a backend can train.
 ///
 ///   (0.85 free - 256 pixels + 708 present) / 2048     at least what is present, at most 2^28 - 1
 ///
@@ -17,13 +24,15 @@ namespace gs {
 ///                         by halves, statistics 8, splat and sorting about 150, eight instances in
 ///                         a view about 320, and scratch for gathering rows about 300; on the CPU,
 ///                         gradients 236 instead of a part of the scratch
+///   in time               six more parameters: 24 bytes where there are 236
+///   in batches            sums of the gradients 236, and of the statistics 8
 /// bytes of one pixel      picture, its gradient, the loss's moments and derivatives,
 ///                         last instances
-std::int64_t gaussians_for(std::size_t free_bytes, std::size_t pixels, std::size_t present);
+std::int64_t gaussians_for(const RoomForGaussians& room);
 
-/// The same for a scene whose photos are loaded, a model of it, and the memory of that model. Logs
-/// the number.
+/// The same for a scene whose photos are loaded, a model of it, the memory of that model, and
+/// batches of `batch` photos. Logs the number.
 std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model,
-                                  const Memory& memory);
+                                  const Memory& memory, int batch);
 
 }  // namespace gs

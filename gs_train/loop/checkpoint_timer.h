@@ -14,8 +14,9 @@ class CheckpointTimer {
   using Clock = std::chrono::steady_clock;
   explicit CheckpointTimer(int every) : every_(every) {}
 
-  bool due(int step) const {
-    if (every_ > 0) return step % every_ == 0;
+  /// Whether one is due after the steps (before, step].
+  bool due(int before, int step) const {
+    if (every_ > 0) return step / every_ != before / every_;
     return every_ == 0 && Clock::now() >= next_;
   }
   void note_written(Clock::time_point begin) {

@@ -157,16 +157,16 @@ void RunRecovery::roll_back() {
 
 // ---- checkpoints -------------------------------------------------------------------------------
 
-bool RunRecovery::checkpoint_or_roll_back(bool is_stopped) {
-  if (is_sound() && checkpoint_is_due(is_stopped)) keep_checkpoint();
+bool RunRecovery::checkpoint_or_roll_back(int before, bool is_stopped) {
+  if (is_sound() && checkpoint_is_due(before, is_stopped)) keep_checkpoint();
   if (is_sound()) return false;
   roll_back();
   return true;
 }
 
-bool RunRecovery::checkpoint_is_due(bool is_stopped) const {
+bool RunRecovery::checkpoint_is_due(int before, bool is_stopped) const {
   const bool is_kept_at_the_end = run_.config.train.checkpoint_every >= 0;
-  return is_stopped || (run_.is_over() && is_kept_at_the_end) || timer_.due(run_.step);
+  return is_stopped || (run_.is_over() && is_kept_at_the_end) || timer_.due(before, run_.step);
 }
 
 // Keeps a checkpoint only of a valid model, because a run could not go on from another one.

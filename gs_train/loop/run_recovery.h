@@ -38,6 +38,8 @@ class RunRecovery {
 
   /// False from the moment when a breakdown was seen until the run went back.
   bool is_sound() const { return breakdown_.empty(); }
+  /// Whether a breakdown is expected in a step (RunGuard).
+  bool is_watching(int step) const { return guard_.is_watching(step); }
   /// Looks at the loss and the parameters after a step in which a breakdown is expected (RunGuard).
   void check_watched_step();
   void check_loss(double loss);
@@ -45,9 +47,9 @@ class RunRecovery {
   /// removes.
   void check_parameters();
   void check_is_not_empty();
-  /// True where the model broke down and the run went back: to the last checkpoint, or to its
-  /// start.
-  bool checkpoint_or_roll_back(bool is_stopped);
+  /// Ends the steps after `before`. True where the model broke down and the run went back: to the
+  /// last checkpoint, or to its start.
+  bool checkpoint_or_roll_back(int before, bool is_stopped);
 
   /// The view that a step trains on in place of `view`: the next one where that one keeps breaking
   /// the model.
@@ -69,7 +71,7 @@ class RunRecovery {
   RunProgress progress();
   bool save();
   void keep_checkpoint();
-  bool checkpoint_is_due(bool is_stopped) const;
+  bool checkpoint_is_due(int before, bool is_stopped) const;
   void roll_back();
 
   TrainingRun& run_;

@@ -77,7 +77,8 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   run_.settings.sh_degree = 0;  // raised by the schedule
   std::int64_t& cap = run_.config.density.max_gaussians;
   const bool is_auto = cap == kAutoCount;
-  if (is_auto) cap = affordable_gaussians(scene, run_.model, backend.memory());
+  if (is_auto)
+    cap = affordable_gaussians(scene, run_.model, backend.memory(), run_.config.train.batch);
   run_.density = make_density_control(run_.config, run_.schedule, scene.extent);
   if (is_auto) run_.density->set_growth_cap(cap);  // so that checkpoints keep it
 }
@@ -97,12 +98,14 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
 void Trainer::run() {
   start();
   for (bool is_stopped = false; !run_.is_over() && !is_stopped;) {
-    advance(run_.step + 1);
+    const int before = run_.step;
+    advance(end_of_batch());
     is_stopped = stop_requested_;
     // Log, evaluate, save: never inside a step
-    if (recovery_.is_sound() && !run_.is_over())
-      notify([&](Observer& observer) { observer.after_step(run_.step, *this); });
-    if (recovery_.checkpoint_or_roll_back(is_stopped)) {
+    for (int step = before + 1; step <= run_.step; ++step)
+      if (recovery_.is_sound() && step < run_.schedule.steps())
+        notify([&](Observer& observer) { observer.after_step(step, *this); });
+    if (recovery_.checkpoint_or_roll_back(before, is_stopped)) {
       start();
       for (Observer* observer : observers_) observer->after_rollback(run_.step, *this);
     }
@@ -112,28 +115,52 @@ void Trainer::run() {
   notify([&](Observer& observer) { observer.after_run(*this); });
 }
 
-void Trainer::advance(int step) {
-  const TrainingTime time(run_);
-  // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec.
-  // "Optimization"
-  recovery_.guarded(fmt::format("step {}", step), [&] { take_step(step); });
-  run_.step = step;
-  prefetch_decode(step + int(kPhotosAhead), step + int(kPhotosAhead));
-  recovery_.check_watched_step();
-  // Clone, split, prune, reset: 3DGS Sec. 5.2; or relocate and grow: MCMC
-  if (recovery_.is_sound()) control_density(step);
-  // Unlock SH bands; keep neighbors adjacent in memory
-  if (recovery_.is_sound()) maintain(step);
+// The last step of the batch that comes next. Batches end at multiples of their size, wherever a run
+// was resumed. Where a photo is suspected of breaking the model, it is trained on alone.
+int Trainer::end_of_batch() const {
+  const int batch = recovery_.is_watching(run_.step + 1) ? 1 : run_.config.train.batch;
+  return std::min((run_.step / batch + 1) * batch, run_.schedule.steps());
 }
 
-void Trainer::take_step(int step) {
-  const View& view = view_of(views_, step);
+// Takes the steps up to `last_step` as one batch. What the schedule asks for after any of them
+// happens after the batch.
+void Trainer::advance(int last_step) {
+  const TrainingTime time(run_);
+  const int first_step = run_.step + 1;
+  // Render, compare, differentiate, update               3DGS Eq. 3-7; Faster-GS Sec.
+  // "Optimization"
+  recovery_.guarded(fmt::format("step {}", last_step), [&] { take_batch(last_step); });
+  run_.step = last_step;
+  prefetch_decode(first_step + int(kPhotosAhead), last_step + int(kPhotosAhead));
+  recovery_.check_watched_step();
+  for (int step = first_step; step <= last_step; ++step) {
+    // Clone, split, prune, reset: 3DGS Sec. 5.2; or relocate and grow: MCMC
+    if (recovery_.is_sound()) control_density(step);
+    // Unlock SH bands; keep neighbors adjacent in memory
+    if (recovery_.is_sound()) maintain(step);
+  }
+}
+
+void Trainer::take_batch(int last_step) {
+  batch_.clear();
+  for (int step = run_.step + 1; step <= last_step; ++step)
+    batch_.push_back({&view_of(views_, step), settings_of(step)});
+  run_.backend.prefetch_next(view_of(views_, last_step + 1));
+  const int photos = int(batch_.size());
+  Update update{run_.schedule.learning_rates(last_step)};
+  if (photos > 1 && run_.config.train.batch_rates) {
+    update.rule = batch_rule(photos);
+    for_each_array([&](const char*, float& rate) { rate *= batch_rate(photos); }, update.rates);
+  }
+  run_.backend.step(run_.model, {batch_.data(), batch_.size()}, loss_settings(run_.config), update,
+                    run_.density->of_step(last_step));
+}
+
+RenderSettings Trainer::settings_of(int step) {
   if (run_.config.render.background == Background::random)
     run_.settings.background = random_background(run_.config, step);
   if (run_.model.gaussians.has_time) run_.settings.time_shift = time_shift(run_, step);
-  run_.backend.prefetch_next(view_of(views_, step + 1));
-  run_.backend.step(run_.model, view, run_.settings, loss_settings(run_.config),
-                    run_.schedule.learning_rates(step), run_.density->of_step(step));
+  return run_.settings;
 }
 
 void Trainer::control_density(int step) {

@@ -28,6 +28,8 @@ class Trainer;
 class Observer {
  public:
   virtual ~Observer() = default;
+  /// Called once for each step, in order. In a run with batches the trainer may be up to
+  /// train.batch - 1 steps further, because a batch is taken as a whole.
   virtual void after_step(int step, Trainer& trainer) = 0;
   /// The run went back to the state after `step`. The steps after it come again.
   virtual void after_rollback([[maybe_unused]] int step, Trainer&) {}
@@ -58,7 +60,7 @@ class Trainer {
   /// memory) where memory is short even after all caches were released; the checkpoints have the
   /// state then.
   void run();
-  /// Asks run() to end as if the next step were the last. Safe to call from a signal handler.
+  /// Asks run() to end as if the next step, or batch, were the last. Safe to call from a signal handler.
   void stop() { stop_requested_ = true; }
   bool stopped_early() const { return stop_requested_; }
   /// Runs f() with a second attempt where memory runs out, as run() does with its own work. For
@@ -94,8 +96,10 @@ class Trainer {
  private:
   Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingModel model);
   void start();
-  void advance(int step);
-  void take_step(int step);
+  int end_of_batch() const;
+  void advance(int last_step);
+  void take_batch(int last_step);
+  RenderSettings settings_of(int step);
   void control_density(int step);
   void maintain(int step);
   void finish();
@@ -108,6 +112,7 @@ class Trainer {
   TrainingRun run_;
   RunRecovery recovery_;
   ViewSampler views_, views_ahead_;
+  std::vector<TrainingPhoto> batch_;
   std::vector<Observer*> observers_;
   std::optional<ClearSpace> clear_space_;     // found when the result is first looked at
   std::atomic<bool> stop_requested_ = false;  // a signal may come to any thread

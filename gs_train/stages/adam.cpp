@@ -21,24 +21,25 @@ class ScalarOptimizer final : public Optimizer {
     const HostStage stage("position noise");
     add_position_noise(model.gaussians.span(), noise, position_rate);
   }
-  void step(TrainingModel& model, const Gaussians& gradients, const LearningRates& rates) override {
+  void step(TrainingModel& model, const Gaussians& gradients, const Update& update) override {
     const HostStage stage("adam");
     GS_CHECK(gradients.count() == model.count());
-    const int t = ++model.adam_steps;
+    const int t = model.adam_steps += update.rule.steps;
     for_each_array(
         [&](const char*, auto& parameters, auto& m, auto& v, const auto& gradient, float rate) {
-          update(numbers_of(parameters), numbers_of(m), numbers_of(v), numbers_of(gradient),
-                 adam_step(t, rate));
+          update_numbers(numbers_of(parameters), numbers_of(m), numbers_of(v), numbers_of(gradient),
+                         adam_step(t, rate), update.rule);
         },
-        model.gaussians, model.first_moment, model.second_moment, gradients, rates);
+        model.gaussians, model.first_moment, model.second_moment, gradients, update.rates);
   }
 
  private:
-  static void update(Span<float> parameters, Span<float> m, Span<float> v,
-                     Span<const float> gradient, const AdamStep& step) {
+  static void update_numbers(Span<float> parameters, Span<float> m, Span<float> v,
+                             Span<const float> gradient, const AdamStep& step,
+                             const AdamRule& rule) {
     parallel_chunks(parameters.size, 16384, [=](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i)
-        adam_update(parameters[i], m[i], v[i], gradient[i], step);
+        adam_update(parameters[i], m[i], v[i], gradient[i], step, rule);
     });
   }
 };

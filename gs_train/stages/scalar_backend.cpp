@@ -32,16 +32,29 @@ class ScalarBackend final : public Backend {
   std::vector<StageTime> stage_times() override { return host_stage_clock().times(); }
 
  protected:
-  void gather(TrainingModel& model, const RenderPass& pass, Span<const Vec2f> dL_dmean2d) override {
-    parallel_for(model.count(), 4096, [&](std::size_t i) {
+  void gather(const DensityStatistics& statistics, const RenderPass& pass,
+              Span<const Vec2f> dL_dmean2d) override {
+    parallel_for(dL_dmean2d.size, 4096, [&](std::size_t i) {
       if (!pass.tile_counts[i]) return;
-      model.statistics.visits[i] += 1.0f;
-      model.statistics.gradient_norm[i] +=
-          screen_gradient_norm(dL_dmean2d[i], pass.width, pass.height);
+      statistics.visits[i] += 1.0f;
+      statistics.gradient_norm[i] += screen_gradient_norm(dL_dmean2d[i], pass.width, pass.height);
     });
+  }
+  void add(const Gaussians& to, const Gaussians& from, float weight) override {
+    for_each_array([&](const char*, auto& sums,
+                       const auto& array) { add(numbers_of(sums), numbers_of(array), weight); },
+                   to, from);
+  }
+  void add(const DensityStatistics& to, const DensityStatistics& from) override {
+    add(to.visits.span(), from.visits.span(), 1);
+    add(to.gradient_norm.span(), from.gradient_norm.span(), 1);
   }
 
  private:
+  static void add(Span<float> to, Span<const float> from, float weight) {
+    parallel_for(to.size, 16384, [=](std::size_t i) { to[i] += weight * from[i]; });
+  }
+
   std::unique_ptr<Renderer> renderer_ = make_scalar_renderer();
   const LossRow* loss_row_ = kLosses;
   std::unique_ptr<Loss> loss_ = loss_row_->make();

@@ -15,8 +15,8 @@ class CudaAdam : public CudaTest {
  protected:
   void step_both(TrainingModel& host, TrainingModel& device, const Gaussians& gradients) {
     const TrainingModel on_device = on_gpu(model_of(gradients));
-    cpu().optimizer().step(host, gradients, kRates);
-    gpu().optimizer().step(device, on_device.gaussians, kRates);
+    cpu().optimizer().step(host, gradients, {kRates});
+    gpu().optimizer().step(device, on_device.gaussians, {kRates});
   }
 };
 

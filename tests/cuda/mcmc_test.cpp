@@ -88,7 +88,7 @@ class CudaMcmc : public CudaTest {
       cpu().step(expected, view, settings, {0.2f}, rates, density);
       gpu().step(fused, view, settings, {0.2f}, rates, density);
       gpu().synchronize(fused);
-      gpu().Backend::step(unfused, view, settings, {0.2f}, rates, density);
+      unfused_step(unfused, view, settings, rates, density);
     }
     for (const TrainingModel* actual : {&fused, &unfused}) {
       SCOPED_TRACE(actual == &fused ? "fused" : "unfused");

@@ -129,8 +129,7 @@ TEST_F(CudaStep, FusedStepIsTheScalarOne) {
         gpu().step(actual, view, settings, {0.2f}, kRates, {true});
       }
       gpu().synchronize(actual);
-      for (const View& view : views)
-        gpu().Backend::step(unfused, view, settings, {0.2f}, kRates, {true});
+      for (const View& view : views) unfused_step(unfused, view, settings, kRates, {true});
       // Adam's first steps turn the sign of a tiny gradient into a whole step
       expect_same(on_host(actual), expected, 1e-2);
       expect_same(on_host(actual), on_host(unfused), 1e-2);
@@ -150,10 +149,104 @@ TEST_F(CudaStep, TooLittleRoomLosesNothing) {
     gpu().step(fused, views[step % 3], settings, {0.2f}, kRates, {true});
   gpu().synchronize(fused);
   for (int step = 0; step < 12; ++step)
-    gpu().Backend::step(plain, views[step % 3], settings, {0.2f}, kRates, {true});
+    unfused_step(plain, views[step % 3], settings, kRates, {true});
   EXPECT_EQ(fused.adam_steps, 12);
   expect_same(on_host(fused), on_host(plain), 2e-2);
 }
+
+// ---- batches -----------------------------------------------------------------------------------
+
+std::vector<TrainingPhoto> batch_of(const std::vector<View>& views,
+                                    const RenderSettings& settings) {
+  std::vector<TrainingPhoto> batch;
+  for (const View& view : views) batch.push_back({&view, settings});
+  return batch;
+}
+
+TEST_F(CudaStep, ABatchIsThatOfTheScalarBackend) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  for (const bool has_time : {false, true})
+    for (const int degree : {0, 1, 3}) {
+      SCOPED_TRACE(degree);
+      RenderSettings settings;
+      settings.sh_degree = degree;
+      settings.absolute_gradient = degree == 1;
+      std::vector<TrainingPhoto> batch = batch_of(views, settings);
+      for (std::size_t i = 0; i < batch.size(); ++i)
+        batch[i].settings.background = {0.1f * float(i), 0.6f, 0.9f};
+      Gaussians start = random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree));
+      if (has_time) start = in_spacetime(start, 8);
+      TrainingModel expected = model_of(start);
+      TrainingModel fused = on_gpu(expected), unfused = on_gpu(expected);
+      Update update{kRates, batch_rule(3)};
+      if (has_time) update.rates.right_rotation = update.rates.time_mean = 1e-3f;
+      const DensityStep density{.gather_statistics = true, .regularizers = {1e-3f, 1e-3f}};
+      for (int step = 0; step < 3; ++step) {
+        cpu().step(expected, {batch.data(), batch.size()}, {0.2f}, update, density);
+        gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, update, density);
+      }
+      gpu().synchronize(fused);
+      for (int step = 0; step < 3; ++step)
+        gpu().Backend::step(unfused, {batch.data(), batch.size()}, {0.2f}, update, density);
+      EXPECT_EQ(fused.adam_steps, 9);
+      expect_same(on_host(fused), expected, 2e-2);
+      expect_same(on_host(unfused), expected, 2e-2);
+    }
+}
+
+// The buffers are too small for some photos of a batch, which is then taken again as a whole.
+TEST_F(CudaStep, ABatchWithTooLittleRoomLosesNothing) {
+  const std::vector<View> views = some_views(320, 240, 3);
+  const Recipe large{
+      .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
+  const TrainingModel start = model_of(random_gaussians(large, 20000, views[0].camera, 3));
+  const std::vector<TrainingPhoto> batch = batch_of(views, {});
+  TrainingModel fused = on_gpu(start), plain = on_gpu(start);
+  for (int step = 0; step < 6; ++step)
+    gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
+  gpu().synchronize(fused);
+  for (int step = 0; step < 6; ++step)
+    gpu().Backend::step(plain, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
+  expect_same(on_host(fused), on_host(plain), 2e-2);
+}
+
+TEST_F(CudaStep, SteadyBatchesNeitherWaitNorAllocate) {
+  const std::vector<View> views = some_views(200, 150, 5);
+  TrainingModel model = on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7)));
+  gpu().upload_views(views, 1 << 30);
+  const std::vector<TrainingPhoto> batch = batch_of(views, {});
+  const auto run = [&](int steps) {
+    for (int step = 0; step < steps; ++step)
+      gpu().step(model, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
+  };
+  run(20);
+  gpu().synchronize(model);
+  waits = allocations = 0;
+  run(60);
+  EXPECT_EQ(waits, 0);
+  EXPECT_EQ(allocations, 0);
+  gpu().synchronize(model);
+}
+
+// Each photo of a batch is copied while the one before it is trained on.
+TEST_F(CudaStep, StreamedPhotosGiveTheSameBatches) {
+  const std::vector<View> views = some_views(200, 150, 7);
+  const TrainingModel start = model_of(random_gaussians(kTypical, 5000, views[0].camera, 7));
+  TrainingModel streamed = on_gpu(start), resident = on_gpu(start);
+  const std::vector<TrainingPhoto> batch = batch_of(views, {});
+  for (TrainingModel* model : {&streamed, &resident}) {
+    gpu().upload_views(views, model == &streamed ? 0 : 1 << 30);
+    for (int step = 0; step < 10; ++step) {
+      gpu().prefetch_next(views[0]);
+      gpu().step(*model, {batch.data(), batch.size()}, {0.2f}, {kRates}, {});
+    }
+    gpu().synchronize(*model);
+  }
+  EXPECT_LT(norm_difference(downloaded(streamed.gaussians.sh0), downloaded(resident.gaussians.sh0)),
+            1e-3);
+}
+
+// ---- hostile models ----------------------------------------------------------------------------
 
 TEST_F(CudaStep, MoreThan2To32InstancesAreRefused) {
   std::vector<View> views = some_views(16, 16, 1);

@@ -31,8 +31,8 @@ TEST(ScalarOptimizer, UpdatesEachNumberAtTheRateOfItsArray) {
   const TrainingModel start = model_of(model.gaussians);
   const Gaussians first = random_gradients(100, 2), second = random_gradients(100, 3);
   const auto optimizer = make_scalar_optimizer();
-  optimizer->step(model, first, kRates);
-  optimizer->step(model, second, kRates);
+  optimizer->step(model, first, {kRates});
+  optimizer->step(model, second, {kRates});
 
   const auto expect = [](const char* name, float rate, const auto& before, const auto& g1,
                          const auto& g2, const auto& after, const auto& m, const auto& v) {
@@ -64,8 +64,60 @@ TEST(ScalarOptimizer, CountsItsSteps) {
   TrainingModel model = model_of(random_gaussians(kTypical, 3, random_camera(40, 30), 4));
   const Gaussians gradients = random_gradients(3, 5);
   model.adam_steps = 17;
-  make_scalar_optimizer()->step(model, gradients, kRates);
+  make_scalar_optimizer()->step(model, gradients, {kRates});
   EXPECT_EQ(model.adam_steps, 18);
+}
+
+// Where all gradients are alike, the moments are those of as many updates by one photo each.
+TEST(ScalarOptimizer, ABatchStandsForAsManyUpdatesAsItHasPhotos) {
+  const TrainingModel start = model_of(random_gaussians(kTypical, 50, random_camera(40, 30), 9));
+  const Gaussians gradients = random_gradients(50, 10);
+  const auto optimizer = make_scalar_optimizer();
+  TrainingModel singles = model_of(start.gaussians), batch = model_of(start.gaussians);
+  for (int photo = 0; photo < 4; ++photo) optimizer->step(singles, gradients, {kRates});
+  optimizer->step(batch, gradients, {kRates, batch_rule(4)});
+  EXPECT_EQ(batch.adam_steps, 4);
+  const auto expect_near = [](const char* name, const auto& a, const auto& b) {
+    for (std::size_t i = 0; i < numbers_of(a).size; ++i)
+      ASSERT_NEAR(numbers_of(a)[i] / numbers_of(b)[i], 1, 1e-4) << name << " " << i;
+  };
+  for_each_array(expect_near, batch.first_moment, singles.first_moment);
+  for_each_array(expect_near, batch.second_moment, singles.second_moment);
+}
+
+TEST(BatchRule, ForOnePhotoIsTheRuleOfAdam) {
+  const AdamRule one = batch_rule(1), plain;
+  EXPECT_EQ(one.beta1, plain.beta1);
+  EXPECT_EQ(one.one_minus_beta1, plain.one_minus_beta1);
+  EXPECT_EQ(one.beta2, plain.beta2);
+  EXPECT_EQ(one.one_minus_beta2, plain.one_minus_beta2);
+  EXPECT_EQ(one.epsilon, plain.epsilon);
+  EXPECT_EQ(one.steps, plain.steps);
+  EXPECT_EQ(batch_rate(1), 1.0f);
+}
+
+// Malladi et al. 2022: gradients that are noise move a parameter as far in one update by B photos as
+// in B updates by one photo.
+TEST(BatchRule, KeepsHowFarNoiseMovesAParameter) {
+  constexpr int kPhotos = 16, kUpdates = 400, kParameters = 2000;
+  Draws draws(3);
+  double singles = 0, batches = 0;
+  for (int k = 0; k < kParameters; ++k) {
+    float single = 0, m = 0, v = 0, batch = 0, batch_m = 0, batch_v = 0;
+    for (int update = 1; update <= kUpdates; ++update) {
+      float mean = 0;
+      for (int photo = 0; photo < kPhotos; ++photo) {
+        const float gradient = draws.normal();
+        adam_update(single, m, v, gradient, adam_step((update - 1) * kPhotos + photo + 1, 1e-3f));
+        mean += gradient / kPhotos;
+      }
+      adam_update(batch, batch_m, batch_v, mean,
+                  adam_step(update * kPhotos, 1e-3f * batch_rate(kPhotos)), batch_rule(kPhotos));
+    }
+    singles += double(single) * single;
+    batches += double(batch) * batch;
+  }
+  EXPECT_NEAR(std::sqrt(batches / singles), 1, 0.1);
 }
 
 TEST(ScalarOptimizer, MovesRowsWithoutGradientOnByTheirMomentum) {
@@ -73,10 +125,10 @@ TEST(ScalarOptimizer, MovesRowsWithoutGradientOnByTheirMomentum) {
   Gaussians gradients(5, host_memory());
   for_each_array([](const char*, const auto& array) { number_rows(array, 1); }, gradients);
   const auto optimizer = make_scalar_optimizer();
-  optimizer->step(model, gradients, kRates);
+  optimizer->step(model, gradients, {kRates});
   const Gaussians before = copy_of(model.gaussians);
   gradients.fill_zero();
-  optimizer->step(model, gradients, kRates);
+  optimizer->step(model, gradients, {kRates});
   for_each_array(
       [](const char* name, const auto& a, const auto& b) {
         for (std::size_t i = 0; i < numbers_of(a).size; ++i)
@@ -91,7 +143,7 @@ TEST(ScalarOptimizer, GivesTheSameBitsForAnyNumberOfThreads) {
   TrainingModel models[2] = {model_of(start), model_of(start)};
   for (int i = 0; i < 2; ++i) {
     set_thread_count(i + 1);
-    make_scalar_optimizer()->step(models[i], gradients, kRates);
+    make_scalar_optimizer()->step(models[i], gradients, {kRates});
   }
   set_thread_count(0);
   EXPECT_TRUE(same_bits(models[0], models[1]));

@@ -11,14 +11,24 @@ namespace {
 constexpr std::size_t kGib = std::size_t(1) << 30;
 
 TEST(GaussiansFor, IsTheFormula) {
-  EXPECT_EQ(gaussians_for(10 * kGib, 1'000'000, 100'000),
+  EXPECT_EQ(gaussians_for({10 * kGib, 1'000'000, 100'000}),
             std::int64_t((0.85 * double(10 * kGib) - 256e6 + 708e5) / 2048));
 }
 
 TEST(GaussiansFor, IsNeverLessThanThereAreNorMoreThanCanBeNumbered) {
-  EXPECT_EQ(gaussians_for(0, 1'000'000, 100'000), 100'000);
-  EXPECT_EQ(gaussians_for(0, 1'000'000, 0), 1);
-  EXPECT_EQ(gaussians_for(100'000 * kGib, 0, 0), std::int64_t(kMostGaussians) - 1);
+  EXPECT_EQ(gaussians_for({0, 1'000'000, 100'000}), 100'000);
+  EXPECT_EQ(gaussians_for({0, 1'000'000, 0}), 1);
+  EXPECT_EQ(gaussians_for({100'000 * kGib, 0, 0}), std::int64_t(kMostGaussians) - 1);
+}
+
+TEST(GaussiansFor, CountsTheNumbersOfTimeAndTheSumsOfBatches) {
+  const RoomForGaussians room{10 * kGib, 0, 0};
+  RoomForGaussians in_time = room, in_batches = room;
+  in_time.has_time = true;
+  in_batches.batch = 4;
+  const double usable = 0.85 * double(10 * kGib);
+  EXPECT_EQ(gaussians_for(in_time), std::int64_t(usable / (2048 + 6 * 24)));
+  EXPECT_EQ(gaussians_for(in_batches), std::int64_t(usable / (2048 + 236 + 8)));
 }
 
 TEST(HostMemory, SaysHowMuchIsFree) {

@@ -126,6 +126,27 @@ TEST_F(Recovery, ARunThatIsStoppedAnywhereAndResumedEndsWithTheSameBits) {
   }
 }
 
+TEST_F(Recovery, ARunInBatchesThatIsStoppedAnywhereAndResumedEndsWithTheSameBits) {
+  Config config = eventful_run();
+  config.train.batch = 7;
+  const TrainingModel expected = undisturbed(config);
+  for (const int stop : {1, 7, 20, 63}) {
+    KeptStates kept;
+    After stopper([&](int step, Trainer& trainer) {
+      if (step == stop) trainer.stop();
+    });
+    Trainer first(scene_, config, *backend_);
+    first.keep_checkpoints_in(kept);
+    first.add_observer(stopper);
+    first.run();
+    EXPECT_EQ(first.step(), (stop + 6) / 7 * 7 + 7);  // the batch after stop() is the last
+    const auto other_backend = make_scalar_backend();
+    Trainer second(scene_, config, *other_backend, *kept.newest());
+    second.run();
+    EXPECT_TRUE(same_bits(second.model(), expected)) << "stopped after step " << stop;
+  }
+}
+
 TEST_F(Recovery, EveryCheckpointLeadsToTheSameBits) {
   const Config config = eventful_run();
   KeptStates kept;
@@ -287,12 +308,12 @@ Config brief_run() {
 }
 
 // While the run finishes, the state before that is kept: see the next test.
-TEST_F(Recovery, AFailureOfAnySingleAllocationIsSurvived) {
+void expect_any_failure_is_survived(const Scene& scene, const Config& config) {
   int failures = 0, while_finishing = 0;
   for (int k = 1;; ++k, ++failures) {
     const auto backend = make_scalar_backend();
     KeptStates kept;
-    Trainer trainer(scene_, brief_run(), *backend);
+    Trainer trainer(scene, config, *backend);
     trainer.keep_checkpoints_in(kept);
     FailingMemory memory(k);
     ASSERT_NO_THROW(trainer.run()) << "allocation " << k;
@@ -304,6 +325,15 @@ TEST_F(Recovery, AFailureOfAnySingleAllocationIsSurvived) {
   }
   EXPECT_GT(failures, 50);
   EXPECT_LT(while_finishing, 10);
+}
+
+TEST_F(Recovery, AFailureOfAnySingleAllocationIsSurvived) {
+  expect_any_failure_is_survived(scene_, brief_run());
+}
+TEST_F(Recovery, AFailureOfAnySingleAllocationInBatchesIsSurvived) {
+  Config config = brief_run();
+  config.train.batch = 5;
+  expect_any_failure_is_survived(scene_, config);
 }
 
 /// Keeps states; after that of the last step is kept, memory runs out.
