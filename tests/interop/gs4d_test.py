@@ -3,7 +3,7 @@
 that gemsplat wrote the file from: where it is at several times, its covariance, opacity and color.
 
   python3 gs4d_test.py PROGRAM FOLDER      exit code 1 if a value differs by more than its rounding
-  python3 gs4d_test.py --make FILE.ply     only writes the model that moves
+  python3 gs4d_test.py --make FILE.ply [COUNT LONGEST]     only writes a model that moves
 """
 
 import math
@@ -29,12 +29,13 @@ def unit(values):
     return [v / length for v in values]
 
 
-def make_ply(path, degree, still=False):
-    """Round and long Gaussians about the origin, which move a little and come and go."""
+def make_ply(path, degree, still=False, count=COUNT, longest=0.6):
+    """Round and long Gaussians about the origin, which move a little and come and go. `longest` is
+    the largest scale in time."""
     rng = random.Random(4 + degree)
     names = columns(degree)[:-6] if still else columns(degree)
     rows = []
-    for _ in range(COUNT):
+    for _ in range(count):
         left = unit([rng.gauss(0, 1) for _ in range(4)])
         # The right factor of a turn of space is (w, x, -y, -z) of this left one's own quaternion; a
         # small tilt makes the Gaussian move.
@@ -45,9 +46,9 @@ def make_ply(path, degree, still=False):
         row += [rng.uniform(-0.3, 0.3) for _ in range(3 * ((degree + 1) ** 2 - 1))]
         row += [rng.uniform(-1, 4)] + [math.log(rng.uniform(0.03, 0.2)) for _ in range(3)] + left
         if not still:
-            row += right + [rng.uniform(-0.1, 1.1), math.log(rng.uniform(0.05, 0.6))]
+            row += right + [rng.uniform(-0.1, 1.1), math.log(rng.uniform(longest / 12, longest))]
         rows.append(row)
-    head = "ply\nformat binary_little_endian 1.0\n" + f"element vertex {COUNT}\n"
+    head = "ply\nformat binary_little_endian 1.0\n" + f"element vertex {count}\n"
     head += "".join(f"property float {name}\n" for name in names) + "end_header\n"
     data = b"".join(struct.pack(f"<{len(names)}f", *row) for row in rows)
     Path(path).write_bytes(head.encode() + data)
@@ -178,7 +179,8 @@ MOST = {"place": 5e-4, "opacity": 0.0025, "covariance": 0.03, "sh0": 0.0065, "sh
 
 def main():
     if sys.argv[1] == "--make":
-        make_ply(sys.argv[2], 1)
+        count, longest = sys.argv[3:5] or (COUNT, 0.6)
+        make_ply(sys.argv[2], 1, count=int(count), longest=float(longest))
         return 0
     program, folder = sys.argv[1], Path(sys.argv[2])
     folder.mkdir(parents=True, exist_ok=True)

@@ -29,11 +29,16 @@ export class Browser {
     this.failures = [];
   }
 
-  // Opens a page; `before` runs in it before its own script. Any request for which `isAllowed(url)`
+  // Opens a page; `before` runs in it before its own script. With `bytesPerSecond` everything comes
+  // that slowly. Any request for which `isAllowed(url)`
   // is false, and anything that the page complains about, is a failure.
-  async visit(url, isAllowed, {width = 1280, height = 900, colorScheme = 'light', reducedMotion = 'reduce', before} = {}) {
+  async visit(url, isAllowed, {width = 1280, height = 900, colorScheme = 'light', reducedMotion = 'reduce', before, bytesPerSecond} = {}) {
     const page = await this.context.newPage();
     if (before) await page.addInitScript(before);
+    if (bytesPerSecond) {
+      const session = await this.context.newCDPSession(page);
+      await session.send('Network.emulateNetworkConditions', {offline: false, latency: 0, downloadThroughput: bytesPerSecond, uploadThroughput: -1});
+    }
     await page.setViewportSize({width, height});
     await page.emulateMedia({colorScheme, reducedMotion});
     const fail = text => this.failures.push(`${url}: ${text}`);

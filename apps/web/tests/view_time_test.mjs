@@ -23,6 +23,7 @@ const WIDTH = 320, HEIGHT = 240;
 const LEAST = 45;               // dB between the page and `gemsplat render`
 const SAME = 100;              // dB of equal pictures, or more
 const TIMES = [0.25, 0.7];
+const MAKER = fileURLToPath(new URL('../../../tests/interop/gs4d_test.py', import.meta.url));
 const camera = {id: 0, img_name: 'front', width: WIDTH, height: HEIGHT, fx: 260, fy: 260, position: [0, 0, -4], rotation: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]};
 
 const gemsplat = (...words) => execFileSync(program, words, {stdio: ['ignore', 'pipe', 'inherit']}).toString();
@@ -30,7 +31,7 @@ await rm(out, {recursive: true, force: true});
 await mkdir(out, {recursive: true});
 const cameras = join(out, 'cameras.json'), model = join(out, 'model.ply'), file = join(out, 'model.gs4d');
 await writeFile(cameras, JSON.stringify([camera]));
-execFileSync(python, [fileURLToPath(new URL('../../../tests/interop/gs4d_test.py', import.meta.url)), '--make', model]);
+execFileSync(python, [MAKER, '--make', model]);
 gemsplat('export', model, file, '--no-measure', '-q', '--duration', '4');
 const renders = {};
 for (const time of TIMES) {
@@ -127,6 +128,35 @@ const tests = {
     const page = await browser.openServer(server.url, {...bare, reducedMotion: 'no-preference'});
     await page.waitForFunction(() => gemsplatViewer.ready.then(() => gemsplatViewer.state().time > 0.05));
     assert.equal((await state(page)).isPlaying, true);
+    await page.close();
+    server.end();
+  },
+
+  // Three chunks, of which the first one shows the beginning of the scene.
+  async 'it plays while the rest of the model comes, and never beyond what is there'(browser) {
+    const large = join(out, 'large.ply'), chunks = join(out, 'large.gs4d');
+    execFileSync(python, [MAKER, '--make', large, '70000', '0.04']);
+    gemsplat('export', large, chunks, '--no-measure', '-q', '--duration', '4');
+    const server = await serve(chunks);
+    const page = await browser.openServer(server.url, {...bare, reducedMotion: 'no-preference', bytesPerSecond: 250_000});
+    const seen = await page.evaluate(async () => {
+      const seen = [];
+      for (let last = 0; last < 1;) {
+        await new Promise(requestAnimationFrame);
+        const {time, loaded} = globalThis.gemsplatViewer?.state() ?? {};
+        if (!loaded) continue;
+        seen.push([time, loaded]);
+        last = loaded;
+      }
+      return seen;
+    });
+    const early = seen.filter(([, loaded]) => loaded < 1);
+    assert.ok(early.length >= 2, `${seen.length} frames, ${early.length} of them before the model was complete`);
+    for (const [time, loaded] of early) assert.ok(time <= loaded, `time ${time} was shown, and ${loaded} was there`);
+    assert.ok(early.some(([time]) => time > 0.05), 'it did not play before the model was complete');
+    await page.evaluate(() => gemsplatViewer.play(false));
+    await settled(page);
+    assert.equal((await state(page)).gaussians, 70000);
     await page.close();
     server.end();
   },
