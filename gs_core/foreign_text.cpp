@@ -80,6 +80,7 @@ std::string without_middle(const std::string& text, std::size_t missing, std::si
   const std::size_t kept = most_bytes - kNoteBytes;
   std::size_t front = kept * 2 / 3, back = text.size() - (kept - front);
   while (front > 0 && is_continuation(text[front])) --front;
+  while (front > 0 && text[front - 1] == '\n') --front;  // its block has been cut off
   while (back < text.size() && is_continuation(text[back])) ++back;
   return fmt::format("{} [{} bytes left out] {}", text.substr(0, front), missing + back - front,
                      text.substr(back));

@@ -24,23 +24,51 @@
 namespace gs {
 namespace {
 
-constexpr std::uint8_t kHuffmanTables = 0xC4, kEndOfImage = 0xD9, kStartOfScan = 0xDA;
+constexpr std::uint8_t kProgressiveFrame = 0xC2, kHuffmanTables = 0xC4, kEndOfImage = 0xD9,
+                       kStartOfScan = 0xDA;
 constexpr std::size_t kPngSignature = 8;
 constexpr std::uint64_t kHeadBytes = 1 << 20;  // in which most files have all before their pixels
 
-/// Whether the Huffman tables of a DHT segment (ITU-T T.81, B.2.4.2) have at most 256 symbols each.
-/// stb_image 2.27 counts more of them into memory that is not theirs.
-bool has_sound_tables(const std::uint8_t* segment, std::size_t size) {
-  constexpr std::size_t kLengths = 16, kMostSymbols = 256;
-  for (std::size_t at = 0; at < size;) {
-    if (size - at < 1 + kLengths) return false;
-    const std::uint8_t* const counts = segment + at + 1;
-    const std::size_t symbols = std::accumulate(counts, counts + kLengths, std::size_t(0));
-    if (symbols > kMostSymbols || symbols > size - at - 1 - kLengths) return false;
-    at += 1 + kLengths + symbols;
+/// The Huffman tables of a JPEG up to a place in the file. stb_image 2.27 relies on what is checked
+/// here: it counts more than 256 symbols into memory that is not theirs, and takes any memory for a
+/// table that is missing.
+class HuffmanTables {
+ public:
+  /// Takes a DHT segment (ITU-T T.81, B.2.4.2). False where it is damaged.
+  bool define(const std::uint8_t* segment, std::size_t size) {
+    constexpr std::size_t kLengths = 16, kMostSymbols = 256;
+    for (std::size_t at = 0; at < size;) {
+      if (size - at < 1 + kLengths) return false;
+      const int kind = segment[at] >> 4, number = segment[at] & 15;
+      const std::uint8_t* const counts = segment + at + 1;
+      const std::size_t symbols = std::accumulate(counts, counts + kLengths, std::size_t(0));
+      if (kind >= kKinds || number >= kNumbers) return false;
+      if (symbols > kMostSymbols || symbols > size - at - 1 - kLengths) return false;
+      is_defined_[kind][number] = true;
+      at += 1 + kLengths + symbols;
+    }
+    return true;
   }
-  return true;
-}
+  /// Whether those that a scan names in its SOS segment (B.2.3) are there. In a progressive JPEG a
+  /// scan has either DC or AC coefficients, and later bits of DC need no table (G.1.2).
+  bool suffice_for(const std::uint8_t* scan, std::size_t size, bool is_progressive) const {
+    const std::size_t components = size > 0 ? scan[0] : 0, bands = 1 + 2 * components;
+    if (size < bands + 3) return false;
+    const bool has_dc = scan[bands] == 0, is_first = scan[bands + 2] >> 4 == 0;
+    const bool takes_dc = !is_progressive || (has_dc && is_first);
+    const bool takes_ac = !is_progressive || !has_dc;
+    for (std::size_t i = 0; i < components; ++i) {
+      const int dc = scan[2 + 2 * i] >> 4, ac = scan[2 + 2 * i] & 15;
+      if (takes_dc && !(dc < kNumbers && is_defined_[0][dc])) return false;
+      if (takes_ac && !(ac < kNumbers && is_defined_[1][ac])) return false;
+    }
+    return true;
+  }
+
+ private:
+  static constexpr int kKinds = 2, kNumbers = 4;  // DC and AC, four of each
+  bool is_defined_[kKinds][kNumbers] = {};
+};
 
 std::size_t load_big(const std::uint8_t* bytes) {
   std::size_t value = 0;
@@ -53,10 +81,12 @@ bool is_jpeg(const std::uint8_t* bytes, std::size_t size) {
 }
 
 /// Whether a JPEG reaches a marker. stb_image fills what is missing with gray and says nothing. Throws
-/// Error for damaged Huffman tables before it. Walks the segments; in the entropy-coded data behind a
+/// Error for damaged or missing Huffman tables before it. Walks the segments; in the entropy-coded data behind a
 /// start of scan, FF is always followed by 00 or a restart marker (ITU-T T.81, B.1.1).
 bool reaches(std::uint8_t last, const std::filesystem::path& path, const std::uint8_t* bytes,
              std::size_t size) {
+  HuffmanTables tables;
+  bool is_progressive = false;
   std::size_t at = 2;  // behind the start-of-image marker
   while (at + 1 < size) {
     if (bytes[at] != 0xFF) {
@@ -75,8 +105,13 @@ bool reaches(std::uint8_t last, const std::filesystem::path& path, const std::ui
       if (at + 3 >= size) return false;
       const std::size_t length = std::size_t(bytes[at + 2] << 8 | bytes[at + 3]);
       if (length > size - at - 2) return false;
-      if (marker == kHuffmanTables && (length < 2 || !has_sound_tables(bytes + at + 4, length - 2)))
+      if (length < 2) cannot_read_photo(path, "its JPEG data is damaged");
+      const std::uint8_t* const segment = bytes + at + 4;
+      is_progressive |= marker == kProgressiveFrame;
+      if (marker == kHuffmanTables && !tables.define(segment, length - 2))
         cannot_read_photo(path, "its JPEG data has damaged Huffman tables");
+      if (marker == kStartOfScan && !tables.suffice_for(segment, length - 2, is_progressive))
+        cannot_read_photo(path, "its JPEG data lacks a Huffman table");
       at += 2 + length;
     }
   }

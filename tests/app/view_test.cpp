@@ -89,7 +89,7 @@ TEST(HttpHosts, OnlyNamesOfTheLoopbackAreOwnThere) {
   for (const char* named : {"127.0.0.1:7070", "localhost", "LocalHost:80", "[::1]:7070", "::1"})
     EXPECT_TRUE(is_own_host(named, "127.0.0.1")) << named;
   for (const char* named : {"evil.example", "127.0.0.1.evil.example", "192.168.0.7:7070", "",
-                            "localhost.evil.example", "[fe80::1]"})
+                            "localhost.evil.example", "[fe80::1]", "[[::1]:7070"})
     EXPECT_FALSE(is_own_host(named, "127.0.0.1")) << named;
 }
 

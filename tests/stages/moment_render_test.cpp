@@ -25,8 +25,8 @@ std::vector<Ellipsoid> ellipsoids_at(const Gaussians& moving, float time) {
     const SpacetimeShape<float> shape = shape_of(spacetime_parameters_of(moving.span(), i));
     const Moment<float> moment = condition(covariance(shape), time - shape.time_mean);
     const float opacity = sigmoid(shape.logit_opacity) * moment.marginal;
-    ellipsoids.push_back({shape.mean + moment.shift, moment.covariance,
-                          is_alive(moment.marginal) ? opacity : 0.0f});
+    ellipsoids.push_back(
+        {shape.mean + moment.shift, moment.covariance, is_alive(moment.marginal) ? opacity : 0.0f});
   }
   return ellipsoids;
 }
@@ -45,9 +45,8 @@ void render_ellipsoids(const std::vector<Ellipsoid>& ellipsoids, const Gaussians
         project_ellipsoid(camera, p, covariance, opacity, settings);
     if (!projected.is_visible) continue;
     pass.splats[i] = projected.splat;
-    pass.splats[i].color =
-        sh_color(settings.sh_degree, unit_direction(camera.position(), mean), colors_of.sh0[i],
-                 colors_of.sh_rest[i].coefficient);
+    pass.splats[i].color = sh_color(settings.sh_degree, unit_direction(camera.position(), mean),
+                                    colors_of.sh0[i], colors_of.sh_rest[i].coefficient);
     pass.depths[i] = projected.depth;
     const Splat& splat = pass.splats[i];
     pass.pixel_rects[i] = pixels_of(settings.bounds, splat.mean2d, projected.cov2d, splat.cutoff,

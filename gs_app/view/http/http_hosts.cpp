@@ -35,18 +35,22 @@ std::string name_of_machine() {
   return gethostname(name, sizeof name - 1) == 0 ? lowercase(name) : std::string();
 }
 
+// `name` is in lower case and has no port.
+bool is_loopback_name(const std::string& name) {
+  return name == "localhost" || name == "::1" || (name.starts_with("127.") && is_address(name));
+}
+
 }  // namespace
 
 bool is_loopback(const std::string& host) {
-  const std::string name = lowercase(without_port(host));
-  return name == "localhost" || name == "::1" || (name.starts_with("127.") && is_address(name));
+  return is_loopback_name(lowercase(without_port(host)));
 }
 
 bool is_own_host(const std::string& named, const std::string& host) {
   const std::string name = lowercase(without_port(named)), own = lowercase(without_port(host));
   if (name.empty()) return false;
-  if (name == own || is_loopback(name)) return true;
-  if (is_loopback(own)) return false;
+  if (name == own || is_loopback_name(name)) return true;
+  if (is_loopback_name(own)) return false;
   const std::string machine = name_of_machine();
   return is_address(name) ||
          (!machine.empty() && (name == machine || name.starts_with(machine + ".")));
