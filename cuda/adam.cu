@@ -2,6 +2,7 @@
 // Stage 8: Adam over every number of every learned quantity, from stored gradients. The fused
 // update of preprocess_backward.cu takes its steps from adam_steps() below.
 #include "cuda/stages.cuh"
+#include "cuda/warp.cuh"
 
 namespace gs::cuda {
 namespace {
@@ -15,23 +16,59 @@ __global__ void adam_kernel(Span<float> parameters, Span<float> m, Span<float> v
   adam_update(parameters[i], m[i], v[i], gradient[i], step, rule);
 }
 
-// The same by sums, which it clears. Of `in_row` numbers of a row the first `in_use` are updated.
-__global__ void update_by_sums_kernel(Span<float> parameters, Span<float> m, Span<float> v,
-                                      float* sums, int in_row, int in_use, AdamStep step,
-                                      AdamRule rule, const std::uint32_t* halted) {
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  if (i >= parameters.size || *halted || int(i % in_row) >= in_use) return;
-  adam_update(parameters[i], m[i], v[i], sums[i], step, rule);
-  sums[i] = 0;
+// One array of the model, and the sums of its gradients.
+struct SummedArray {
+  float *parameters, *m, *v, *sums;
+  std::size_t size;             // numbers
+  const std::uint8_t* touched;  // BatchSums
+};
+
+// The same by sums, which it clears. A thread takes four numbers, which belong to the same 32 rows.
+// Where these have no gradient, their sums need not be read. Of kInRow numbers of a row the first
+// `in_use` are updated.
+template <int kInRow>
+__global__ void update_by_sums_kernel(SummedArray array, int in_use, AdamStep step, AdamRule rule,
+                                      const std::uint32_t* halted) {
+  const std::size_t first = 4 * (std::size_t(blockIdx.x) * kThreads + threadIdx.x);
+  if (first >= array.size || *halted) return;
+  const bool is_touched = array.touched[first / (kWarp * kInRow)];
+  const auto update = [&](std::size_t at, float& p, float& m, float& v, float gradient) {
+    if (in_use == kInRow || int(at % kInRow) < in_use) adam_update(p, m, v, gradient, step, rule);
+  };
+  if (first + 4 <= array.size) {
+    float4 p = *reinterpret_cast<float4*>(array.parameters + first);
+    float4 m = *reinterpret_cast<float4*>(array.m + first);
+    float4 v = *reinterpret_cast<float4*>(array.v + first);
+    float4& sums = *reinterpret_cast<float4*>(array.sums + first);
+    float4 gradient{0, 0, 0, 0};
+    if (is_touched) gradient = sums;
+    update(first, p.x, m.x, v.x, gradient.x);
+    update(first + 1, p.y, m.y, v.y, gradient.y);
+    update(first + 2, p.z, m.z, v.z, gradient.z);
+    update(first + 3, p.w, m.w, v.w, gradient.w);
+    *reinterpret_cast<float4*>(array.parameters + first) = p;
+    *reinterpret_cast<float4*>(array.m + first) = m;
+    *reinterpret_cast<float4*>(array.v + first) = v;
+    if (is_touched) sums = float4{0, 0, 0, 0};
+  } else {
+    for (std::size_t i = first; i < array.size; ++i) {
+      update(i, array.parameters[i], array.m[i], array.v[i], array.sums[i]);
+      array.sums[i] = 0;
+    }
+  }
 }
 
+// After the updates: statistics += their sums, which are cleared. A warp has the 32 rows of one mark.
 __global__ void add_statistics_kernel(Span<float> visits, float* gradient_norm, float* more_visits,
-                                      float* more_norm, const std::uint32_t* halted) {
+                                      float* more_norm, std::uint8_t* touched,
+                                      const std::uint32_t* halted) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  if (i >= visits.size || *halted) return;
+  if (i >= visits.size || *halted || !touched[i / kWarp]) return;
   visits[i] += more_visits[i];
   gradient_norm[i] += more_norm[i];
   more_visits[i] = more_norm[i] = 0;
+  __syncwarp(__activemask());  // all have read the mark
+  if (i % kWarp == 0) touched[i / kWarp] = 0;
 }
 
 class CudaOptimizer final : public Optimizer {
@@ -79,20 +116,22 @@ void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& ste
                     const BatchSums& sums) {
   const StageScope scope(context, "adam");
   for_each_array(
-      [&](const char*, auto& parameters, auto& m, auto& v, auto& sum, const AdamStep& step) {
+      [&](const char*, auto& parameters, auto& m, auto& v, const auto& sum, const AdamStep& step) {
+        constexpr int kInRow = int(sizeof(parameters[0]) / sizeof(float));
         const Span<float> numbers = numbers_of(parameters);
         if (numbers.empty()) return;
-        const int in_row = int(numbers.size / model.count());
-        const bool is_sh_rest = in_row == 3 * kShRestCount;
-        const int in_use = is_sh_rest ? 3 * sh_rest_count(sh_degree) : in_row;
-        context.launch("adam", update_by_sums_kernel, blocks_for(numbers.size, kThreads), kThreads,
-                       numbers, numbers_of(m), numbers_of(v), numbers_of(sum).data, in_row, in_use,
-                       step, rule, halted);
+        const SummedArray array{numbers.data,         numbers_of(m).data, numbers_of(v).data,
+                                numbers_of(sum).data, numbers.size,       sums.touched.data()};
+        const int in_use = kInRow == 3 * kShRestCount ? 3 * sh_rest_count(sh_degree) : kInRow;
+        context.launch("adam", update_by_sums_kernel<kInRow>,
+                       blocks_for((numbers.size + 3) / 4, kThreads), kThreads, array, in_use, step,
+                       rule, halted);
       },
       model.gaussians, model.first_moment, model.second_moment, sums.gradients, steps);
   context.launch("adam", add_statistics_kernel, blocks_for(model.count(), kThreads), kThreads,
                  model.statistics.visits.span(), model.statistics.gradient_norm.data(),
-                 sums.statistics.visits.data(), sums.statistics.gradient_norm.data(), halted);
+                 sums.statistics.visits.data(), sums.statistics.gradient_norm.data(),
+                 sums.touched.data(), halted);
 }
 
 std::unique_ptr<Optimizer> make_optimizer(Context& context) {

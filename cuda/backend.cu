@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "cuda/renderer.cuh"
+#include "cuda/warp.cuh"
 #include "gs_core/math/density.h"
 #include "gs_train/named_row.h"
 
@@ -322,6 +323,7 @@ class CudaBackend final : private Device, public Backend {
     sums_.gradients.has_time = has_time;
     sums_.gradients.resize(count);
     sums_.statistics.visits.resize_discard(count);
+    sums_.touched.resize_discard((count + kWarp - 1) / kWarp);
     last.resize_discard(count);
     clear_sums();
   }
@@ -329,6 +331,7 @@ class CudaBackend final : private Device, public Backend {
     sums_.gradients.fill_zero();
     sums_.statistics.visits.fill_zero();
     sums_.statistics.gradient_norm.fill_zero();
+    sums_.touched.fill_zero();
   }
 
   // Removes the steps that fitted into their buffers, and repeats the others. Waits only where it

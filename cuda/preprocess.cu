@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, and
-// spacetime_splat.h for those of Gaussians in space and time. A thread projects one Gaussian. The threads of a warp read the parameters of their 32 Gaussians together, in whole
-// cache lines. They also share the tile rows of the 32 splats evenly when they count tiles.
+// spacetime_splat.h for those of Gaussians in space and time. A thread projects one Gaussian. The
+// threads of a warp read the parameters of their 32 Gaussians together, in whole cache lines. They
+// also share the tile rows of the 32 splats evenly when they count tiles.
 // Faster-GS, fused activations, exact and balanced tile culling
 #include <algorithm>
 
@@ -94,6 +95,12 @@ __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gauss
   return gaussian;
 }
 
+// Whether row i is far from its own time at this moment.
+__device__ bool is_row_far_in_time(const GaussiansSpan& gaussians, std::size_t i, float time) {
+  return is_far_in_time(gaussians.log_scale[i], gaussians.time_mean[i], gaussians.log_time_scale[i],
+                        time);
+}
+
 // One Gaussian in the view. Where it is visible and has a time, its mean becomes that of the moment.
 template <bool has_time>
 __device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaussian,
@@ -143,6 +150,11 @@ struct Output {
 };
 constexpr std::uint32_t kCulledKey = (1u << kDepthKeyBits) - 1;  // sorts behind every depth
 
+__device__ void cull(const Output& out, std::size_t i) {
+  out.tile_counts[i] = 0;
+  out.depth_keys[i] = kCulledKey;
+}
+
 template <int degree, bool has_time>
 __global__ void __launch_bounds__(kThreads)
     preprocess_kernel(GaussiansSpan gaussians, Camera camera, SplatSettings settings, int tiles_x,
@@ -153,6 +165,15 @@ __global__ void __launch_bounds__(kThreads)
   const std::size_t count = gaussians.mean.size, first = i - lane_of_thread();
   if (first >= count) return;  // the whole warp
   const int rows = int(min(count - first, std::size_t(kWarp)));
+  if constexpr (has_time) {
+    // The Gaussians of a warp are neighbors in time: where one is far away, most are.
+    const float time = time_of(camera, settings);
+    const bool is_near = i < count && !is_row_far_in_time(gaussians, i, time);
+    if (!__any_sync(kAllLanes, is_near)) {
+      if (i < count) cull(out, i);
+      return;
+    }
+  }
   Gaussian gaussian = load_gaussian<has_time>(shared.parameters, gaussians, first, rows);
 
   ProjectedGaussian<float> projected;
@@ -178,9 +199,9 @@ __global__ void __launch_bounds__(kThreads)
     }
   }
   if (i >= count) return;
+  if (hits == 0) return cull(out, i);
   out.tile_counts[i] = hits;
-  out.depth_keys[i] = hits ? depth_key(out.keys, projected.depth) : kCulledKey;
-  if (!hits) return;
+  out.depth_keys[i] = depth_key(out.keys, projected.depth);
   store_in_vectors(out.splats + i, splat);
   out.depths[i] = projected.depth;
   out.pixel_rects[i] = pixels;

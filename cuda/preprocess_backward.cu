@@ -151,6 +151,8 @@ __global__ void __launch_bounds__(kThreads)
   const bool is_visible = is_row && tile_counts[i] > 0;
   if (is_visible) store_in_vectors(sums + i, SplatGradientSum{});  // clear for the next step
   if (is_halted) return;
+  if constexpr (Sink::kSkipsInvisible)
+    if (lane_of_thread() == 0) sink.touched[first / kWarp] = 1;
 
   const Shape shape = shares.row(shared.numbers, rows);
   SplatGradient dL_dsplat{};
@@ -245,7 +247,8 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
                           numbers(gaussians.right_rotation, to.right_rotation),
                           numbers(gaussians.time_mean, to.time_mean),
                           numbers(gaussians.log_time_scale, to.log_time_scale),
-                          settings.absolute_gradient};
+                          settings.absolute_gradient,
+                          sums.touched.data()};
   launch(context, gaussians, camera, settings, workspace, pass, sink);
 }
 

@@ -153,6 +153,7 @@ struct AddGradients : GatherStatistics {
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
   bool is_absolute;                                   // the statistic
+  std::uint8_t* touched;                              // BatchSums
 
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
     return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;

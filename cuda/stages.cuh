@@ -136,7 +136,8 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
 struct BatchSums {
   Gaussians gradients;
   DensityStatistics statistics;
-  explicit BatchSums(Memory& memory) : gradients(memory), statistics(memory) {}
+  Buffer<std::uint8_t> touched;  // (rows / 32)  1: some of these 32 rows have gradients
+  explicit BatchSums(Memory& memory) : gradients(memory), statistics(memory), touched(memory) {}
 };
 
 /// 7 for one photo of a batch  preprocess_backward.cu: sums += weight * the photo's gradients, and

@@ -24,7 +24,8 @@ template <class T>
 GS_HD T spacetime_regularizer(const SpacetimeShape<T>& shape, const Regularizers& of_each) {
   using std::exp;
   const Vec3<T> v = velocity(covariance(shape));
-  return T(of_each.time_scale) * exp(-shape.log_time_scale) + T(of_each.velocity) * inner(v, v);
+  return T(of_each.time_scale) * exp(-limited_log_time_scale(shape.log_time_scale)) +
+         T(of_each.velocity) * inner(v, v);
 }
 /// Adds the gradients of spacetime_regularizer() to those of the parameters. Zero by v for a
 /// Gaussian without a rotation.
@@ -32,7 +33,8 @@ template <class T>
 GS_HD void add_spacetime_regularizer_vjp(const SpacetimeShape<T>& shape,
                                          const Regularizers& of_each, SpacetimeShape<T>& dL) {
   using std::exp;
-  dL.log_time_scale -= T(of_each.time_scale) * exp(-shape.log_time_scale);
+  const bool is_limited = lives_longest(shape.log_time_scale);
+  if (!is_limited) dL.log_time_scale -= T(of_each.time_scale) * exp(-shape.log_time_scale);
   if (of_each.velocity == 0 || is_degenerate(shape.rotations)) return;
   const Mat4<T> R = rotation_matrix(shape.rotations);
   const Vec4<T> variances = variance(shape.log_scale, shape.log_time_scale);
@@ -42,7 +44,7 @@ GS_HD void add_spacetime_regularizer_vjp(const SpacetimeShape<T>& shape,
   const Vec4<T> by_log_scale = T(2) * variances * by.variance;
   const QuatPair<T> by_rotations = rotation_matrix_vjp(shape.rotations, by.R);
   dL.log_scale += Vec3<T>(by_log_scale.x, by_log_scale.y, by_log_scale.z);
-  dL.log_time_scale += by_log_scale.w;
+  if (!is_limited) dL.log_time_scale += by_log_scale.w;
   add(dL.rotations.left, by_rotations.left);
   add(dL.rotations.right, by_rotations.right);
 }

@@ -32,17 +32,47 @@ GS_HD SpacetimeShape<T> shape_of(const SpacetimeParameters<T>& gaussian) {
           space.logit_opacity, gaussian.time_mean, gaussian.log_time_scale};
 }
 
+/// Whether a scale in time counts as the longest one, so that it has no gradient. Where a scene stands
+/// still, nothing else would end the growth of this parameter, and covariances in time would exceed
+/// the scalar's range.
+template <class T>
+GS_HD bool lives_longest(const T& log_time_scale) {
+  return log_time_scale >= T(kMaxLogTimeScale);
+}
+/// The log of the scale in time that counts.
+template <class T>
+GS_HD T limited_log_time_scale(const T& log_time_scale) {
+  return lives_longest(log_time_scale) ? T(kMaxLogTimeScale) : log_time_scale;
+}
+
 template <class T>
 GS_HD Vec4<T> variance(const Vec3<T>& log_scale, const T& log_time_scale) {
   using std::exp;
   const Vec3<T> v = variance(log_scale);
-  return {v.x, v.y, v.z, exp(T(2) * log_time_scale)};
+  return {v.x, v.y, v.z, exp(T(2) * limited_log_time_scale(log_time_scale))};
 }
 template <class T>
 GS_HD SpacetimeCovariance<T> covariance(const SpacetimeShape<T>& shape) {
   return covariance(rotation_matrix(shape.rotations),
                     variance(shape.log_scale, shape.log_time_scale));
 }
+/// Whether a Gaussian is far from its own time whatever its rotation, since S_tt is at most its
+/// largest variance: a test by five numbers that no visible Gaussian passes.
+template <class T>
+GS_HD bool is_far_in_time(const Vec3<T>& log_scale, const T& time_mean, const T& log_time_scale,
+                          const T& time) {
+  using std::exp;
+  constexpr double kReach2 =
+      5.991464547107982;              // -2 ln kMinMarginal: (dt / sigma)^2 at that marginal
+  constexpr double kRounding = 1.01;  // of the variances and the marginal, and more
+  const T in_space = log_scale.x > log_scale.y ? log_scale.x : log_scale.y;
+  const T in_time = limited_log_time_scale(log_time_scale);
+  const T of_two = in_space > log_scale.z ? in_space : log_scale.z;
+  const T largest = of_two > in_time ? of_two : in_time;
+  const T elapsed = time - time_mean;
+  return elapsed * elapsed > T(kReach2 * kRounding) * exp(T(2) * largest);
+}
+
 /// Where the mean of a Gaussian is at a time.   world units
 template <class T>
 GS_HD Vec3<T> mean_at(const SpacetimeShape<T>& shape, const T& time) {
@@ -124,7 +154,7 @@ GS_HD SpacetimeShape<T> project_shape_vjp(const PinholeCamera<T>& camera,
   const SpacetimeCovarianceGradient<T> dL_covariance = covariance_vjp(R, variances, dL_condition.S);
   const Vec4<T> dL_dlog = T(2) * variances * dL_covariance.variance;
   gradient.log_scale = {dL_dlog.x, dL_dlog.y, dL_dlog.z};
-  gradient.log_time_scale = dL_dlog.w;
+  gradient.log_time_scale = lives_longest(shape.log_time_scale) ? T(0) : dL_dlog.w;
   gradient.rotations = rotation_matrix_vjp(shape.rotations, dL_covariance.R);
   return gradient;
 }

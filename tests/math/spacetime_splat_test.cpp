@@ -120,6 +120,61 @@ TEST(SpacetimeRegularizer, GradientMatchesJet) {
   EXPECT_LT(worst, kJetTolerance);
 }
 
+TEST(IsFarInTime, IsOnlyWhatIsInvisible) {
+  TestRandom random;
+  const auto camera = camera_of<float>();
+  int far = 0, invisible = 0;
+  for (int k = 0; k < 20000; ++k) {
+    const auto quaternion = [&] {
+      const Quat<double> q = random.quaternion();
+      return Quatf{float(q.w), float(q.x), float(q.y), float(q.z)};
+    };
+    const SpacetimeShape<float> shape{Vec3f(random.uniform3(-1, 1)), Vec3f(random.uniform3(-4, 0)),
+                                      {quaternion(), quaternion()},  3.0f,
+                                      float(random.uniform(-1, 2)),  float(random.uniform(-4, 0))};
+    const float time = float(random.uniform(0, 1));
+    const Moment<float> moment = condition(covariance(shape), time - shape.time_mean);
+    invisible += !is_alive(moment.marginal);
+    if (!is_far_in_time(shape.log_scale, shape.time_mean, shape.log_time_scale, time)) continue;
+    ++far;
+    EXPECT_FALSE(is_alive(moment.marginal));
+  }
+  EXPECT_GT(far, invisible / 3);
+}
+
+// Regularizers and photos push the scale in time of what stands still up without an end.
+TEST(ProjectAtATime, LifeLongerThanTheLongestChangesNothingAndHasNoGradient) {
+  TestRandom random;
+  const auto camera = camera_of<float>();
+  const auto flat = draw_gaussian(random);
+  std::array<float, kParameters> x;
+  std::copy(flat.begin(), flat.end(), x.begin());
+  const auto splat_at = [&](float log_time_scale) {
+    FlatGaussian<float> g(x);
+    g.parameters.log_time_scale = log_time_scale;
+    const auto splat = project_gaussian(camera, g.parameters, float(kTime), {}).splat;
+    return flatten(splat.mean2d, splat.conic, splat.opacity, splat.color);
+  };
+  const auto longest = splat_at(kMaxLogTimeScale);
+  for (const float number : longest) EXPECT_TRUE(std::isfinite(number));
+  EXPECT_NE(longest, splat_at(kMaxLogTimeScale - 0.5f));
+  for (const float more : {0.1f, 10.0f, 1e30f})
+    EXPECT_EQ(splat_at(kMaxLogTimeScale + more), longest);
+
+  FlatGaussian<double> g(flat);
+  const Regularizers of_each{0, 0, 0.3f, 0.7f};
+  for (const double more : {-0.5, 0.1}) {
+    g.parameters.log_time_scale = kMaxLogTimeScale + more;
+    const SpacetimeShape<double> shape = shape_of(g.parameters);
+    SpacetimeShape<double> by =
+        project_shape_vjp(camera_of<double>(), shape, kTime, {},
+                          BasicSplatGradient<double>{{1, 2}, {1, 2, 3}, 4, Vec3d(0.0)}, Vec3d(0.0));
+    add_spacetime_regularizer_vjp(shape, of_each, by);
+    EXPECT_EQ(by.log_time_scale == 0, more > 0) << more;
+    EXPECT_NE(by.mean.x, 0);
+  }
+}
+
 // A pair of quaternions that turns space alone, and a mean in time that is now: the Gaussian of
 // rotation.h and splat.h, to the last digits.
 TEST(ProjectAtATime, OfAGaussianThatStandsIsThatOfItsEllipsoid) {

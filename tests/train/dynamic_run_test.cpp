@@ -102,6 +102,25 @@ TEST_F(DynamicRun, LearnsWhatAStaticOneCannot) {
   EXPECT_GT(moving, psnr_after(config) + 3);
 }
 
+// On a scene that stands still nothing ends the growth of the scales in time but their limit.
+TEST(DynamicRunOfAStillScene, StaysFiniteAndLosesLittle) {
+  const Scene scene = small_scene();
+  const auto backend = make_scalar_backend();
+  const auto psnr_after = [&](const Config& config) {
+    Trainer trainer(scene, config, *backend);
+    trainer.run();
+    EXPECT_EQ(backend->rows().count_not_finite(trainer.model()), 0u);
+    return evaluate(backend->renderer(), trainer.model().gaussians.span(), scene.train_views,
+                    trainer.evaluation_settings())
+        .psnr;
+  };
+  Config config = dynamic_run();
+  config.optimizer.log_time_scale_lr = 0.05f;
+  const double dynamic = psnr_after(config);
+  config.model.dynamic = false;
+  EXPECT_GT(dynamic, psnr_after(config) - 1);
+}
+
 TEST_F(DynamicRun, GivesTheSameBitsForAnyNumberOfThreads) {
   for (const Config& config : {dynamic_run(), dynamic_mcmc_run()}) {
     set_thread_count(1);
