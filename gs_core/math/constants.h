@@ -35,6 +35,7 @@ inline constexpr float kMinQuaternionNorm2 = 1e-8f;     // below it a Gaussian i
 
 // Time.
 inline constexpr float kMinMarginal = 0.05f;            // a Gaussian whose opacity is scaled by less is not rendered [FGS]
+inline constexpr float kMinTimeVariance = 1e-8f;        // durations^2; below it a velocity would exceed float
 inline constexpr float kMaxLogTimeScale = 3.0f;         // a longer life counts as this one: 20 durations
 
 // Spherical harmonics, normalization of the real basis functions.

@@ -17,15 +17,25 @@ GS_HD void add(Quat<T>& to, const Quat<T>& q) {
   to.z += q.z;
 }
 
+/// Whether a Gaussian lives long enough for its velocity to count: 1e-4 durations.
+template <class T>
+GS_HD bool has_velocity(const SpacetimeCovariance<T>& S) {
+  return S.time >= T(kMinTimeVariance);
+}
+
 /// The loss that one Gaussian adds.
 ///
 ///   w_t / s_t + w_v |v|^2,   w of_each(), s_t the scale in time, v the velocity
+///
+/// A Gaussian without a velocity has the first part alone.
 template <class T>
 GS_HD T spacetime_regularizer(const SpacetimeShape<T>& shape, const Regularizers& of_each) {
   using std::exp;
-  const Vec3<T> v = velocity(covariance(shape));
-  return T(of_each.time_scale) * exp(-limited_log_time_scale(shape.log_time_scale)) +
-         T(of_each.velocity) * inner(v, v);
+  const T by_time = T(of_each.time_scale) * exp(-limited_log_time_scale(shape.log_time_scale));
+  const SpacetimeCovariance<T> S = covariance(shape);
+  if (!has_velocity(S)) return by_time;
+  const Vec3<T> v = velocity(S);
+  return by_time + T(of_each.velocity) * inner(v, v);
 }
 /// Adds the gradients of spacetime_regularizer() to those of the parameters. Zero by v for a
 /// Gaussian without a rotation.
@@ -39,6 +49,7 @@ GS_HD void add_spacetime_regularizer_vjp(const SpacetimeShape<T>& shape,
   const Mat4<T> R = rotation_matrix(shape.rotations);
   const Vec4<T> variances = variance(shape.log_scale, shape.log_time_scale);
   const SpacetimeCovariance<T> S = covariance(R, variances);
+  if (!has_velocity(S)) return;
   const SpacetimeCovarianceGradient<T> by =
       covariance_vjp(R, variances, velocity_vjp(S, velocity(S) * T(2 * of_each.velocity)));
   const Vec4<T> by_log_scale = T(2) * variances * by.variance;

@@ -175,6 +175,28 @@ TEST(ProjectAtATime, LifeLongerThanTheLongestChangesNothingAndHasNoGradient) {
   }
 }
 
+// Regularizers act on every row, also on those that no photo shows.
+TEST(SpacetimeRegularizer, OfAnyShapeHasFiniteGradients) {
+  TestRandom random;
+  for (int k = 0; k < 2000; ++k) {
+    const auto quaternion = [&] {
+      const Quat<double> q = random.quaternion();
+      return Quatf{float(q.w), float(q.x), float(q.y), float(q.z)};
+    };
+    const SpacetimeShape<float> shape{Vec3f(0.0f),
+                                      Vec3f(random.uniform3(-40, 3)),
+                                      {quaternion(), k % 3 ? quaternion() : Quatf{1, 0, 0, 0}},
+                                      0.0f,
+                                      0.0f,
+                                      float(random.uniform(-40, 40))};
+    SpacetimeShape<float> by{Vec3f(0.0f), Vec3f(0.0f), {{}, {}}, 0, 0, 0};
+    add_spacetime_regularizer_vjp(shape, {0, 0, 1e-4f, 1e-4f}, by);
+    for (const float number :
+         flatten(by.log_scale, by.rotations.left, by.rotations.right, by.log_time_scale))
+      ASSERT_TRUE(std::isfinite(number)) << k;
+  }
+}
+
 // A pair of quaternions that turns space alone, and a mean in time that is now: the Gaussian of
 // rotation.h and splat.h, to the last digits.
 TEST(ProjectAtATime, OfAGaussianThatStandsIsThatOfItsEllipsoid) {
