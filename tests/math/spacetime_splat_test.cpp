@@ -122,7 +122,6 @@ TEST(SpacetimeRegularizer, GradientMatchesJet) {
 
 TEST(IsFarInTime, IsOnlyWhatIsInvisible) {
   TestRandom random;
-  const auto camera = camera_of<float>();
   int far = 0, invisible = 0;
   for (int k = 0; k < 20000; ++k) {
     const auto quaternion = [&] {
