@@ -7,6 +7,8 @@
 #include "gs_core/error.h"
 #include "gs_core/math/photo_weight.h"
 #include "gs_core/math/ssim.h"
+#include "gs_train/metrics/flip.h"
+#include "gs_train/metrics/ms_ssim.h"
 #include "gs_train/window.h"
 
 namespace gs {
@@ -62,6 +64,19 @@ double ssim_of(const ImageF& render, At&& at) {
   return sum / double(count);
 }
 
+template <class At>
+PerceptualMetrics perceptual_of(const ImageF& render, bool is_weighted, At&& at) {
+  ComparedPictures pictures{render, render, {}};
+  if (is_weighted) pictures.weight = ImageF(render.width, render.height, 1);
+  for (std::size_t i = 0; i < render.pixels.size(); ++i) {
+    const ComparedValue value = at(i / 3, int(i % 3));
+    pictures.render.pixels[i] = float(value.share * value.x);
+    pictures.photo.pixels[i] = float(value.share * value.y);
+    if (is_weighted) pictures.weight.pixels[i / 3] = float(value.share);
+  }
+  return {ms_ssim(pictures), flip(pictures)};
+}
+
 auto plain_values(const ImageF& render, const Image8& photo) {
   return [&](std::size_t pixel, int c) {
     return ComparedValue{render.pixels[3 * pixel + c], photo.pixels[3 * pixel + c] / 255.0, 1};
@@ -88,6 +103,48 @@ auto values_of(const ImageF& render, const View& view, const Vec3f& background,
   };
 }
 
+// `render` is the picture of the pass.
+ViewMetrics view_metrics(const RenderPass& pass, const ImageF& render, const View& view,
+                         const Vec3f& background, MetricSet wanted) {
+  check_sizes(render, view.photo);
+  const bool is_weighted = view.has_untrained_pixels(), has_all = wanted == MetricSet::all;
+  const auto as_it_is = values_of(render, view, background, Vec3f(1));
+  ViewMetrics metrics{view.name, psnr_of(render, as_it_is), ssim_of(render, as_it_is)};
+  metrics.time = view.camera.time;
+  if (has_all) metrics.perceptual = perceptual_of(render, is_weighted, as_it_is);
+  metrics.perceptual_exposure = metrics.perceptual;
+  if (!view.has_exposure()) return metrics;
+  const ImageF exposed = image_of(pass, view.exposure);
+  const auto values = values_of(exposed, view, background, view.exposure);
+  metrics.psnr_exposure = psnr_of(exposed, values);
+  metrics.ssim_exposure = ssim_of(exposed, values);
+  if (has_all) metrics.perceptual_exposure = perceptual_of(exposed, is_weighted, values);
+  return metrics;
+}
+
+void add(std::optional<PerceptualMetrics>& sum, const std::optional<PerceptualMetrics>& metrics,
+         double factor) {
+  if (!metrics) return;
+  if (!sum) sum = PerceptualMetrics();
+  sum->ms_ssim += factor * metrics->ms_ssim;
+  sum->flip += factor * metrics->flip;
+}
+
+void take_means(Evaluation& evaluation) {
+  const double count = double(std::max<std::size_t>(evaluation.views.size(), 1));
+  for (const ViewMetrics& view : evaluation.views) {
+    evaluation.psnr += view.psnr;
+    evaluation.ssim += view.ssim;
+    evaluation.psnr_exposure += view.psnr_exposure;
+    evaluation.ssim_exposure += view.ssim_exposure;
+    add(evaluation.perceptual, view.perceptual, 1 / count);
+    add(evaluation.perceptual_exposure, view.perceptual_exposure, 1 / count);
+  }
+  for (double* sum :
+       {&evaluation.psnr, &evaluation.ssim, &evaluation.psnr_exposure, &evaluation.ssim_exposure})
+    *sum /= count;
+}
+
 ImageF under_exposure(ImageF render, const Vec3f& exposure) {
   for (std::size_t i = 0; i < render.pixels.size(); ++i)
     render.pixels[i] = std::clamp(exposure[int(i % 3)] * render.pixels[i], 0.0f, 1.0f);
@@ -106,6 +163,11 @@ double ssim(const ImageF& render, const Image8& photo) {
   return ssim_of(render, plain_values(render, photo));
 }
 
+PerceptualMetrics perceptual_metrics(const ImageF& render, const Image8& photo) {
+  check_sizes(render, photo);
+  return perceptual_of(render, false, plain_values(render, photo));
+}
+
 double psnr(const ImageF& render, const View& view, const Vec3f& background) {
   check_sizes(render, view.photo);
   const ImageF exposed = under_exposure(render, view.exposure);
@@ -116,6 +178,14 @@ double ssim(const ImageF& render, const View& view, const Vec3f& background) {
   check_sizes(render, view.photo);
   const ImageF exposed = under_exposure(render, view.exposure);
   return ssim_of(exposed, values_of(exposed, view, background, view.exposure));
+}
+
+PerceptualMetrics perceptual_metrics(const ImageF& render, const View& view,
+                                     const Vec3f& background) {
+  check_sizes(render, view.photo);
+  const ImageF exposed = under_exposure(render, view.exposure);
+  return perceptual_of(exposed, view.has_untrained_pixels(),
+                       values_of(exposed, view, background, view.exposure));
 }
 
 Image8 shown_photo(const View& view, const Vec3f& background) {
@@ -130,7 +200,8 @@ Image8 shown_photo(const View& view, const Vec3f& background) {
 
 Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
                     const std::vector<View>& views, const RenderSettings& settings,
-                    const std::function<void(std::size_t, const View&, const ImageF&)>& on_view) {
+                    const std::function<void(std::size_t, const View&, const ImageF&)>& on_view,
+                    MetricSet metrics) {
   const auto trains_nowhere = [](const View& view) {
     return view.has_untrained_pixels() &&
            std::all_of(view.mask.pixels.begin(), view.mask.pixels.end(),
@@ -143,28 +214,10 @@ Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
     const ImageF render = image_of(pass);
     if (on_view) on_view(i, view, render);
     if (trains_nowhere(view)) return;
-    check_sizes(render, view.photo);
-    const Vec3f& background = settings.background;
-    const auto as_it_is = values_of(render, view, background, Vec3f(1));
-    ViewMetrics metrics{view.name, psnr_of(render, as_it_is), ssim_of(render, as_it_is)};
-    if (view.has_exposure()) {
-      const ImageF exposed = image_of(pass, view.exposure);
-      const auto values = values_of(exposed, view, background, view.exposure);
-      metrics.psnr_exposure = psnr_of(exposed, values);
-      metrics.ssim_exposure = ssim_of(exposed, values);
-      evaluation.has_exposures = true;
-    }
-    evaluation.psnr += metrics.psnr;
-    evaluation.ssim += metrics.ssim;
-    evaluation.psnr_exposure += metrics.psnr_exposure;
-    evaluation.ssim_exposure += metrics.ssim_exposure;
-    metrics.time = view.camera.time;
-    evaluation.views.push_back(std::move(metrics));
+    evaluation.views.push_back(view_metrics(pass, render, view, settings.background, metrics));
+    evaluation.has_exposures = evaluation.has_exposures || view.has_exposure();
   });
-  const double count = double(std::max<std::size_t>(evaluation.views.size(), 1));
-  for (double* sum :
-       {&evaluation.psnr, &evaluation.ssim, &evaluation.psnr_exposure, &evaluation.ssim_exposure})
-    *sum /= count;
+  take_means(evaluation);
   return evaluation;
 }
 

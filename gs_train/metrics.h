@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // PSNR and SSIM against photos as the papers compute them: on pictures clamped to [0, 1], as a mean
-// over pixels and channels; SSIM with the 11x11 Gaussian window of sigma 1.5 and zero padding.
+// over pixels and channels; SSIM with the 11x11 Gaussian window of sigma 1.5 and zero padding. The
+// slower MS-SSIM and FLIP are in gs_train/metrics/.
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,16 +22,27 @@ double psnr(const ImageF& render, const Image8& photo);
 /// Mean structural similarity (Wang et al. 2004).
 double ssim(const ImageF& render, const Image8& photo);
 
+/// MS-SSIM and FLIP (metrics/ms_ssim.h, metrics/flip.h). A picture of 1920x1080 takes 2 s on one
+/// core, so that they are measured at the end of a run alone.
+struct PerceptualMetrics {
+  double ms_ssim = 0, flip = 0;
+};
+PerceptualMetrics perceptual_metrics(const ImageF& render, const Image8& photo);
+
 /// The same for a view with a mask or an exposure, in front of this background. The render is
 /// multiplied by the view's exposure and clamped again. A mask of pixels that train removes all
 /// others from the metrics:
 ///   psnr  the mean of the squared error is weighted by the mask
 ///   ssim  both pictures are multiplied by the mask, as in the loss; the mean is over pixels with
 ///         a mask above 0
+///   others  both pictures are multiplied by the mask; windows of MS-SSIM and pixels of FLIP count as
+///         much as the mask there
 /// A mask of what the photo covers composes the photo over the background, and every pixel counts.
 /// At least one pixel of the view trains.
 double psnr(const ImageF& render, const View& view, const Vec3f& background);
 double ssim(const ImageF& render, const View& view, const Vec3f& background);
+PerceptualMetrics perceptual_metrics(const ImageF& render, const View& view,
+                                     const Vec3f& background);
 
 /// The photo to show beside renders. With a mask of what it covers, it is composed over the
 /// background.
@@ -40,6 +53,8 @@ struct ViewMetrics {
   double psnr, ssim;
   double psnr_exposure = psnr, ssim_exposure = ssim;  // of the picture under the view's exposure
   float time = 0;                                     // of the view (PinholeCamera::time)
+  /// Where they were asked for; the second of the picture under the view's exposure.
+  std::optional<PerceptualMetrics> perceptual{}, perceptual_exposure{};
 };
 
 /// Means over views, and the metrics of each view.
@@ -48,6 +63,12 @@ struct Evaluation {
   double psnr_exposure = 0, ssim_exposure = 0;  // of pictures under their views' exposures
   bool has_exposures = false;                   // true where the exposure of any view is not 1
   std::vector<ViewMetrics> views;
+  std::optional<PerceptualMetrics> perceptual, perceptual_exposure;  // as in ViewMetrics
+};
+
+enum class MetricSet {
+  quick,  // PSNR and SSIM
+  all     // MS-SSIM and FLIP, too
 };
 
 /// Renders each view and compares it with its photo, without and with the view's exposure. Views
@@ -56,6 +77,7 @@ struct Evaluation {
 Evaluation evaluate(
     Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
     const RenderSettings& settings,
-    const std::function<void(std::size_t, const View&, const ImageF&)>& on_view = {});
+    const std::function<void(std::size_t, const View&, const ImageF&)>& on_view = {},
+    MetricSet metrics = MetricSet::quick);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat eval: PSNR and SSIM of a trained model against photos.
+// gemsplat eval: PSNR, SSIM, MS-SSIM and FLIP of a trained model against photos.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
@@ -51,12 +51,13 @@ void eval(const EvalCommand& command) {
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
 
   ProgressBar bar(std::int64_t(views.size()), !command.quiet);
-  const Evaluation evaluation =
-      evaluate(backend->renderer(), gaussians.span(), views, view_settings(opened, config),
-               [&](std::size_t index, const View&, const ImageF&) {
-                 const auto done = std::int64_t(index) + 1;
-                 if (bar.due(done)) bar.draw(done, "", "view");
-               });
+  const Evaluation evaluation = evaluate(
+      backend->renderer(), gaussians.span(), views, view_settings(opened, config),
+      [&](std::size_t index, const View&, const ImageF&) {
+        const auto done = std::int64_t(index) + 1;
+        if (bar.due(done)) bar.draw(done, "", "view");
+      },
+      MetricSet::all);
   bar.clear();
   const std::string json = evaluation_json(evaluation, opened.ply.string(), command.split,
                                            gaussians.count(), backend->name());
@@ -68,7 +69,8 @@ void eval(const EvalCommand& command) {
     std::cout << json;
   } else {
     for (const ViewMetrics& view : evaluation.views)
-      log_info("{:>8.3f} dB  {:.4f}  {}", view.psnr, view.ssim, view.name);
+      log_info("{:>8.3f} dB  SSIM {:.4f}  MS-SSIM {:.4f}  FLIP {:.4f}  {}", view.psnr, view.ssim,
+               view.perceptual->ms_ssim, view.perceptual->flip, view.name);
     std::cout << command.split << ": " << summary(evaluation) << ", "
               << with_commas(gaussians.count()) << " Gaussians\n";
   }

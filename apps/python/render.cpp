@@ -130,20 +130,35 @@ Evaluation evaluate_views(const Model& model, const LoadedScene& scene, const st
   const BorrowedBackend backend(device);
   const OnDevice gaussians(model, backend->memory());
   return evaluate(backend->renderer(), gaussians.span(),
-                  split == "test" ? scene.scene.test_views : scene.scene.train_views, settings);
+                  split == "test" ? scene.scene.test_views : scene.scene.train_views, settings, {},
+                  MetricSet::all);
+}
+
+// The metrics of a view, or the means over views; 0 when there are no views.
+template <class Metrics>
+void bind_perceptual(py::class_<Metrics>& type) {
+  const auto of = [](const Metrics& self) { return self.perceptual.value_or(PerceptualMetrics()); };
+  type.def_property_readonly(
+      "ms_ssim", [of](const Metrics& self) { return of(self).ms_ssim; },
+      "0 to 1: SSIM at five scales (Wang et al. 2003).");
+  type.def_property_readonly(
+      "flip", [of](const Metrics& self) { return of(self).flip; },
+      "0 to 1, lower is better: the difference that an observer sees (Andersson et al. 2020).");
 }
 
 void bind_evaluation(py::module_& module) {
   py::class_<ViewMetrics> view(module, "ViewMetrics",
-                               "PSNR and SSIM of one view against its photo.");
+                               "PSNR, SSIM, MS-SSIM and FLIP of one view against its photo.");
   view.def_readonly("name", &ViewMetrics::name, "The photo's name.");
   view.def_readonly("psnr", &ViewMetrics::psnr, "dB; 100 if no pixel differs.");
   view.def_readonly("ssim", &ViewMetrics::ssim, "0 to 1.");
+  bind_perceptual(view);
   py::class_<Evaluation> evaluation(
       module, "Evaluation",
       "Renders compared with photos, as in the papers: means over views, and each view.");
   evaluation.def_readonly("psnr", &Evaluation::psnr, "dB, the mean over views.");
   evaluation.def_readonly("ssim", &Evaluation::ssim, "0 to 1, the mean over views.");
+  bind_perceptual(evaluation);
   evaluation.def_readonly("views", &Evaluation::views, "List of ViewMetrics.");
   evaluation.def("__repr__", [](const Evaluation& self) {
     return fmt::format("<gemsplat.Evaluation: {:.2f} dB PSNR, {:.4f} SSIM over {} views>",

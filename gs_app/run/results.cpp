@@ -17,13 +17,22 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+void add_perceptual(const char* suffix, const std::optional<PerceptualMetrics>& metrics,
+                    Json& json) {
+  if (!metrics) return;
+  json[fmt::format("ms_ssim{}", suffix)] = metrics->ms_ssim;
+  json[fmt::format("flip{}", suffix)] = metrics->flip;
+}
+
 Json means(const Evaluation& evaluation) {
   if (evaluation.views.empty()) return nullptr;
-  Json json = {
-      {"psnr", evaluation.psnr}, {"ssim", evaluation.ssim}, {"num_views", evaluation.views.size()}};
+  Json json = {{"psnr", evaluation.psnr}, {"ssim", evaluation.ssim}};
+  add_perceptual("", evaluation.perceptual, json);
+  json["num_views"] = evaluation.views.size();
   if (evaluation.has_exposures) {
     json["psnr_exposure"] = evaluation.psnr_exposure;
     json["ssim_exposure"] = evaluation.ssim_exposure;
+    add_perceptual("_exposure", evaluation.perceptual_exposure, json);
   }
   return json;
 }
@@ -34,10 +43,12 @@ Json by_view(const Evaluation& evaluation) {
                                      [](const ViewMetrics& view) { return view.time != 0; });
   for (const ViewMetrics& view : evaluation.views) {
     Json& json = result[view.name] = {{"psnr", view.psnr}, {"ssim", view.ssim}};
+    add_perceptual("", view.perceptual, json);
     if (has_times) json["time"] = view.time;
     if (!evaluation.has_exposures) continue;
     json["psnr_exposure"] = view.psnr_exposure;
     json["ssim_exposure"] = view.ssim_exposure;
+    add_perceptual("_exposure", view.perceptual_exposure, json);
   }
   return result;
 }
@@ -119,8 +130,11 @@ std::string evaluation_json(const Evaluation& evaluation, const std::string& mod
 
 std::string summary(const Evaluation& evaluation) {
   const std::size_t views = evaluation.views.size();
-  std::string text = fmt::format("{:.2f} dB PSNR, {:.4f} SSIM over {} view{}", evaluation.psnr,
-                                 evaluation.ssim, views, views == 1 ? "" : "s");
+  std::string text = fmt::format("{:.2f} dB PSNR, {:.4f} SSIM", evaluation.psnr, evaluation.ssim);
+  if (evaluation.perceptual)
+    text += fmt::format(", {:.4f} MS-SSIM, {:.4f} FLIP", evaluation.perceptual->ms_ssim,
+                        evaluation.perceptual->flip);
+  text += fmt::format(" over {} view{}", views, views == 1 ? "" : "s");
   if (evaluation.has_exposures)
     text += fmt::format("; under their exposures {:.2f} dB, {:.4f}", evaluation.psnr_exposure,
                         evaluation.ssim_exposure);

@@ -33,26 +33,27 @@ std::optional<std::size_t> peak_gpu_bytes(Backend& backend);
 /// The GPU memory that it holds now.
 std::optional<std::size_t> gpu_bytes(Backend& backend);
 
-/// {"iterations", "num_gaussians", "train_seconds", "test": {"psnr", "ssim", "num_views"}, "train":
-/// {...}, "device", "version", "seed", "commit", "cpu", "date", "scene_hash", "peak_host_bytes"};
-/// "test" is null where no view was held out. On a GPU "peak_gpu_bytes" and "driver", too. Date and
+/// {"iterations", "num_gaussians", "train_seconds", "test": {"psnr", "ssim", "ms_ssim", "flip",
+/// "num_views"}, "train": {...}, "device", "version", "seed", "commit", "cpu", "date",
+/// "scene_hash", "peak_host_bytes"}; "test" is null where no view was held out, and "ms_ssim" and
+/// "flip" are there where they were measured. On a GPU "peak_gpu_bytes" and "driver", too. Date and
 /// peak are those of the call (provenance.h). "world_offset" where it is not 0. Where cameras were
 /// refined, "refinement" has the fields of CameraRefinement. Where views have exposures, "test" and
-/// "train" also hold "psnr_exposure" and "ssim_exposure", and "exposure" is {"samples",
+/// "train" also hold each metric as "psnr_exposure" and so on, and "exposure" is {"samples",
 /// "spread_before", "spread_after"}.
 std::string results_json(const Results& results);
 
-/// {"test": {"name": {"psnr", "ssim"}, ...}, "train": {...}}
+/// {"test": {"name": {"psnr", "ssim", "ms_ssim", "flip"}, ...}, "train": {...}}
 std::string per_view_json(const Results& results);
 
-/// {"psnr", "ssim", "num_views", "views": {name: {"psnr", "ssim"}, ...}} and more for `gemsplat
-/// eval --json`.
+/// {"psnr", "ssim", "ms_ssim", "flip", "num_views", "views": {name: {"psnr", ...}, ...}} and more
+/// for `gemsplat eval --json`.
 std::string evaluation_json(const Evaluation& evaluation, const std::string& model,
                             const std::string& split, std::size_t num_gaussians,
                             const std::string& device);
 
-/// "28.93 dB PSNR, 0.9312 SSIM over 7 views". For views with exposures the figures under these
-/// exposures follow.
+/// "28.93 dB PSNR, 0.9312 SSIM, 0.9701 MS-SSIM, 0.0712 FLIP over 7 views", with the metrics that
+/// were measured. For views with exposures PSNR and SSIM under these exposures follow.
 std::string summary(const Evaluation& evaluation);
 
 }  // namespace gs

@@ -58,12 +58,14 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, Results& results,
                          settings.background, evenly_chosen(shown, kComparedViews));
   const std::size_t total = scene.test_views.size() + some.size();
   std::size_t done = 0;
-  const auto evaluate_views = [&](const std::vector<View>& views, bool keeps_pictures) {
-    return evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(), views, settings,
-                    [&](std::size_t index, const View& view, const ImageF& image) {
-                      if (keeps_pictures) pictures.keep(index, view, image);
-                      progress(++done, total);
-                    });
+  const auto evaluate_views = [&](const std::vector<View>& views, bool is_shown) {
+    return evaluate(
+        trainer.backend().renderer(), trainer.model().gaussians.span(), views, settings,
+        [&](std::size_t index, const View& view, const ImageF& image) {
+          if (is_shown) pictures.keep(index, view, image);
+          progress(++done, total);
+        },
+        is_shown ? MetricSet::all : MetricSet::quick);
   };
   results.test = evaluate_views(scene.test_views, true);
   results.train = evaluate_views(some, !has_test);

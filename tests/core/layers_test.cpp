@@ -87,6 +87,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
       "data_loaders/video"}},
     {"gs_train/density", {}},
     {"gs_train/initialize", {}},
+    {"gs_train/metrics", {}},
     {"gs_train/stages", {}},
     {"gs_train/loop", {"gs_train/density", "gs_train/initialize"}},
     {"gs_app/run", {}},

@@ -14,6 +14,8 @@ import {PLOTS} from './plots.js';
 const METRICS = [
   {key: 'psnr', name: 'PSNR', unit: 'dB', digits: 2, better: 1, of: r => (r.test ?? r.train)?.psnr},
   {key: 'ssim', name: 'SSIM', unit: '', digits: 4, better: 1, of: r => (r.test ?? r.train)?.ssim},
+  {key: 'ms_ssim', name: 'MS-SSIM', unit: '', digits: 4, better: 1, of: r => (r.test ?? r.train)?.ms_ssim},
+  {key: 'flip', name: 'FLIP', unit: '', digits: 4, better: -1, of: r => (r.test ?? r.train)?.flip},
   {key: 'lpips', name: 'LPIPS', unit: '', digits: 4, better: -1, of: r => (r.test ?? r.train)?.lpips},
   {key: 'num_gaussians', name: 'Gaussians', unit: '', digits: 0, better: 0, of: r => r.num_gaussians},
   {key: 'train_seconds', name: 'training', unit: 's', digits: 1, better: -1, of: r => r.train_seconds},

@@ -28,6 +28,7 @@ export function showRun(data) {
     tiles([
       shown && {name: 'PSNR', value: fixed(shown.psnr, 2), unit: 'dB', more: `${shown.num_views} ${what}`},
       shown && {name: 'SSIM', value: fixed(shown.ssim, 4), more: '11×11 window, zero padding'},
+      isNumber(shown?.flip) && {name: 'FLIP', value: fixed(shown.flip, 4), more: `lower is better · MS-SSIM ${fixed(shown.ms_ssim, 4)}`},
       {name: 'Gaussians', value: short(results?.num_gaussians ?? last(metrics.num_gaussians)),
        more: whole(results?.num_gaussians ?? last(metrics.num_gaussians))},
       {name: 'Training', value: duration(results?.train_seconds ?? last(metrics.seconds)),

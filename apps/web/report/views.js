@@ -4,10 +4,12 @@
 import {el, section, segmented, table} from '../shared/dom.js';
 import {fixed, isNumber} from '../shared/format.js';
 
+// What views have besides PSNR. Runs of earlier versions have SSIM alone.
+const FIGURES = [{key: 'ssim', name: 'SSIM'}, {key: 'ms_ssim', name: 'MS-SSIM'}, {key: 'flip', name: 'FLIP'}];
 const PICTURES = {photo: 'photo', render: 'render', error: 'error ×4'};
 const PAIRS = [['photo render', 'photo | render'], ['render error', 'render | error'], ['photo error', 'photo | error']];
 
-// data.views: {split, total, list: [{name, psnr, ssim, photo, render, error}]}. Views without
+// data.views: {split, total, list: [{name, psnr, ssim, ms_ssim, flip, photo, render, error}]}. Views without
 // pictures are only in the table.
 export function views({split, total, list}) {
   const pictured = list.filter(view => view.photo);
@@ -59,7 +61,8 @@ function viewer(list) {
     stage.style.aspectRatio = `${view.width} / ${view.height}`;
     stage.style.setProperty('--ratio', view.width / view.height);
     name.textContent = view.name;
-    figures.replaceChildren(el('b', {}, fixed(view.psnr, 2)), ' dB PSNR', el('span.dot', {}, '·'), el('b', {}, fixed(view.ssim, 4)), ' SSIM');
+    figures.replaceChildren(el('b', {}, fixed(view.psnr, 2)), ' dB PSNR', ...FIGURES.filter(({key}) => isNumber(view[key]))
+        .flatMap(({key, name}) => [el('span.dot', {}, '·'), el('b', {}, fixed(view[key], 4)), ` ${name}`]));
     choice.value = String(at);
     thumbs.forEach((thumb, i) => thumb.setAttribute('aria-current', String(i === at)));
     place(range.value / 1000);
@@ -89,9 +92,12 @@ function allViews(list, pictured) {
   const [low, high] = [Math.min(...figures), Math.max(...figures)];
   const bar = value => el('span.bar', {style: `--length:${isNumber(value) ? 8 + 92 * (value - low) / (high - low || 1) : 0}%`});
   const worstFirst = [...list].sort((a, b) => (a.psnr ?? 1e9) - (b.psnr ?? 1e9));
-  return el('details.card.all-views', {}, el('summary', {}, `PSNR and SSIM of all ${list.length} views, worst first`),
-    table(['view', {text: 'PSNR / dB', align: 'number'}, {text: 'SSIM', align: 'number'}, 'PSNR, from worst to best'], worstFirst.map(view => [
-      pictured.includes(view) ? el('button.link', {type: 'button', onclick: () => select(view)}, view.name) : view.name,
-      {text: fixed(view.psnr, 2), align: 'number'}, {text: fixed(view.ssim, 4), align: 'number'}, {text: bar(view.psnr), className: 'bar-cell'}]),
-      {label: 'PSNR and SSIM of all views'}));
+  const columns = FIGURES.filter(({key}) => list.some(view => isNumber(view[key])));
+  return el('details.card.all-views', {}, el('summary', {}, `metrics of all ${list.length} views, worst first`),
+    table(['view', {text: 'PSNR / dB', align: 'number'}, ...columns.map(({name}) => ({text: name, align: 'number'})), 'PSNR, from worst to best'],
+      worstFirst.map(view => [
+        pictured.includes(view) ? el('button.link', {type: 'button', onclick: () => select(view)}, view.name) : view.name,
+        {text: fixed(view.psnr, 2), align: 'number'}, ...columns.map(({key}) => ({text: fixed(view[key], 4), align: 'number'})),
+        {text: bar(view.psnr), className: 'bar-cell'}]),
+      {label: 'metrics of all views'}));
 }
