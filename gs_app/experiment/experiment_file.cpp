@@ -115,6 +115,19 @@ std::vector<ExperimentConfig> configs_of(const fs::path& file, const toml::node&
   return grid ? unrolled(file, config, *grid) : std::vector<ExperimentConfig>{config};
 }
 
+std::string baseline_of(const fs::path& file, const toml::table& root,
+                        const Experiment& experiment) {
+  const std::string name = text_at(file, root, "baseline");
+  std::vector<std::string> names;
+  for (const ExperimentConfig& config : experiment.configs) names.push_back(config.name);
+  if (name.empty() || std::find(names.begin(), names.end(), name) != names.end()) return name;
+  const std::string nearest = nearest_word(name, names);
+  refuse(file, *root.get("baseline"),
+         fmt::format("baseline names no config: {}; {}", shown_word(name),
+                     nearest.empty() ? fmt::format("the configs are {}", fmt::join(names, ", "))
+                                     : "did you mean " + nearest + "?"));
+}
+
 std::uint64_t seed_of(const fs::path& file, const toml::node& node) {
   const auto seed = node.value_exact<std::int64_t>();
   if (!seed || *seed < 0) refuse(file, node, "a seed must be a whole number, 0 or larger");
@@ -179,7 +192,7 @@ Config config_settings(const Experiment& experiment, const ExperimentConfig& con
 
 Experiment read_experiment(const fs::path& file) {
   const toml::table root = parse_toml(read_toml_text(file), file.string());
-  check_keys(file, root, {"output", "scenes", "configs", "seeds", "set", "slurm"});
+  check_keys(file, root, {"output", "scenes", "configs", "baseline", "seeds", "set", "slurm"});
   Experiment experiment;
   experiment.file = fs::absolute(file).lexically_normal();
   const std::string output = text_at(file, root, "output");
@@ -204,6 +217,7 @@ Experiment read_experiment(const fs::path& file) {
   experiment.slurm = slurm_options(file, root);
   check_names(experiment, experiment.scenes, "scenes");
   check_names(experiment, experiment.configs, "configs");
+  experiment.baseline = baseline_of(file, root, experiment);
   if (double(experiment.scenes.size()) * double(experiment.configs.size()) *
           double(experiment.seeds.size()) >
       double(kMostRuns))

@@ -36,6 +36,7 @@ struct Experiment {
   std::vector<PlacedSetting> settings;  // of all runs; they override the configs' bases
   std::vector<ExperimentScene> scenes;
   std::vector<ExperimentConfig> configs;
+  std::string baseline;  // the config that the others are compared with; may be empty
   std::vector<std::uint64_t> seeds;
   std::vector<std::string> slurm;  // options of sbatch: "--partition=gpu", ...
 };

@@ -6,9 +6,13 @@
 #include <unistd.h>
 
 #include <ctime>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 
+#include "gs_core/io/fnv1a.h"
+#include "gs_core/processes/process.h"
+#include "gs_core/text_file.h"
 #include "gs_core/version.h"
 
 namespace gs {
@@ -24,6 +28,54 @@ std::string describe_build() {
   const CudaBuild cuda = built_cuda();
   if (cuda.toolkit.empty()) return text + ", without CUDA";
   return text + fmt::format(", CUDA {} for {}", cuda.toolkit, cuda.architectures);
+}
+
+std::string built_compiler() {
+#ifdef __clang__
+  return "clang " __clang_version__;
+#else
+  return "GCC " __VERSION__;
+#endif
+}
+
+UncommittedChanges changes_of(std::string diff) {
+  UncommittedChanges changes;
+  Fnv1a hash;
+  hash.add(diff);
+  changes.hash = fmt::format("{:016x}", hash.value());
+  std::istringstream lines(diff);
+  for (std::string line; std::getline(lines, line);) {
+    // "diff --git a/FILE b/FILE": no other line of a diff begins without a space or a sign
+    constexpr std::string_view kStart = "diff --git ";
+    if (!line.starts_with(kStart)) continue;
+    const std::size_t name = line.rfind(" b/");
+    changes.files.push_back(name == line.npos ? line.substr(kStart.size()) : line.substr(name + 3));
+  }
+  changes.diff = std::move(diff);
+  return changes;
+}
+
+const std::optional<UncommittedChanges>& uncommitted_changes() {
+  constexpr std::uint64_t kMostBytes = 64 << 20;
+  static const std::optional<UncommittedChanges> changes =
+      []() -> std::optional<UncommittedChanges> {
+    try {
+      const std::filesystem::path program = own_program();
+      const std::filesystem::path file = program.parent_path() / "uncommitted.diff";
+      if (!std::filesystem::exists(program) || !std::filesystem::exists(file)) return std::nullopt;
+      return changes_of(read_text_file(file, kMostBytes));
+    } catch (const std::exception&) {  // no reason to fail for
+      return std::nullopt;
+    }
+  }();
+  return changes;
+}
+
+std::vector<std::string> command_line() {
+  std::ifstream file("/proc/self/cmdline");
+  std::vector<std::string> words;
+  for (std::string word; std::getline(file, word, '\0');) words.push_back(word);
+  return words;
 }
 
 std::string cpu_name() {

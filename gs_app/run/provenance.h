@@ -3,8 +3,10 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace gs {
 
@@ -23,6 +25,27 @@ CudaBuild built_cuda();
 /// "gemsplat 0.1.0, commit 6eb46d6ba3b0, CUDA 12.4.131 for 80-virtual, 90", or "..., without CUDA".
 /// A build that does not know its commit names none.
 std::string describe_build();
+
+/// The compiler of this program's C++ files: "GCC 12.2.0".
+std::string built_compiler();
+
+/// What the source tree held beyond its commit.
+struct UncommittedChanges {
+  std::string diff;                // as `git diff` prints it, new files included
+  std::string hash;                // FNV-1a of the diff, 16 hexadecimal digits
+  std::vector<std::string> files;  // that it changes, relative to the source tree
+};
+
+/// The changes that this program was built with: the file uncommitted.diff beside it, which each
+/// build writes. Nothing if there are none, or if nobody knows: in an installed program, or when
+/// the program's file was replaced since it started. Read once.
+const std::optional<UncommittedChanges>& uncommitted_changes();
+
+/// The parts of such a diff.
+UncommittedChanges changes_of(std::string diff);
+
+/// The command line of this process, the program first.
+std::vector<std::string> command_line();
 
 /// The CPU's name as the system reports it, or "unknown".
 std::string cpu_name();

@@ -84,10 +84,13 @@ std::string results_json(const Results& results) {
                {"version", kVersion},
                {"seed", results.seed},
                {"commit", built_commit()},
+               {"compiler", built_compiler()},
                {"cpu", cpu_name()},
                {"date", utc_date()},
                {"scene_hash", results.scene_hash},
                {"peak_host_bytes", peak_host_bytes()}};
+  if (const auto& changes = uncommitted_changes()) json["uncommitted"] = changes->hash;
+  if (const CudaBuild cuda = built_cuda(); !cuda.toolkit.empty()) json["cuda"] = cuda.toolkit;
   if (const Vec3d& offset = results.world_offset; offset != Vec3d(0.0))
     json["world_offset"] = {offset.x, offset.y, offset.z};
   if (const auto& refinement = results.refinement)

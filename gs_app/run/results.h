@@ -35,7 +35,8 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 
 /// {"iterations", "num_gaussians", "train_seconds", "test": {"psnr", "ssim", "ms_ssim", "flip",
 /// "num_views"}, "train": {...}, "device", "version", "seed", "commit", "cpu", "date",
-/// "scene_hash", "peak_host_bytes"}; "test" is null where no view was held out, and "ms_ssim" and
+/// "scene_hash", "peak_host_bytes", "compiler"}; "cuda" of a build with CUDA, "uncommitted" of one
+/// with uncommitted changes (their hash); "test" is null where no view was held out, and "ms_ssim" and
 /// "flip" are there where they were measured. On a GPU "peak_gpu_bytes" and "driver", too. Date and
 /// peak are those of the call (provenance.h). "world_offset" where it is not 0. Where cameras were
 /// refined, "refinement" has the fields of CameraRefinement. Where views have exposures, "test" and

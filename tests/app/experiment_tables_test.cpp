@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The tables of an experiment, from run folders that the test writes. tests/cli/experiment_test.cpp
 // has experiments that really train.
-#include "gs_app/experiment/experiment_tables.h"
+#include "gs_app/experiment/tables/experiment_tables.h"
 
 #include <gmock/gmock.h>
 

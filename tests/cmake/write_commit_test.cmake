@@ -9,12 +9,31 @@ endforeach()
 
 # write_commit(result source): the commit in the file that is written for this source tree.
 function(write_commit result source)
-  execute_process(COMMAND ${CMAKE_COMMAND} -DSOURCE=${source} -DOUTPUT=${WORK}/commit.cpp -P ${SCRIPTS}/write_commit.cmake
+  execute_process(COMMAND ${CMAKE_COMMAND} -DSOURCE=${source} -DOUTPUT=${WORK}/commit.cpp -DDIFF=${WORK}/bin/uncommitted.diff
+      -P ${SCRIPTS}/write_commit.cmake
     OUTPUT_VARIABLE printed ERROR_VARIABLE printed COMMAND_ERROR_IS_FATAL ANY)
   expect_equal("What write_commit.cmake prints" "${printed}" "")
   file(READ ${WORK}/commit.cpp text)
   string(REGEX MATCH "return \"([^\"]*)\"" found "${text}")
   set(${result} "${CMAKE_MATCH_1}" PARENT_SCOPE)
+endfunction()
+
+# expect_diff(LINE...): these lines of the diff, in this order, among those that name files or add
+# lines. Without lines there is no diff.
+function(expect_diff)
+  set(found "")
+  if(EXISTS ${WORK}/bin/uncommitted.diff)
+    file(READ ${WORK}/bin/uncommitted.diff text)
+    string(REPLACE ";" "" text "${text}")
+    string(REGEX MATCHALL "diff --git [^\n]*|\n[+][^+\n]+" found "${text}")
+    string(REPLACE "\n" "" found "${found}")
+  endif()
+  string(REPLACE ";" "|" found "${found}")
+  list(JOIN ARGN "|" wanted)
+  expect_equal("The uncommitted changes" "${found}" "${wanted}")
+  file(GLOB left ${WORK}/bin/*)
+  list(REMOVE_ITEM left ${WORK}/bin/uncommitted.diff)
+  expect_equal("Files that are left" "${left}" "")
 endfunction()
 
 file(REMOVE_RECURSE ${WORK})
@@ -36,6 +55,17 @@ file(WRITE ${WORK}/repository/file.txt "one")
 execute_process(COMMAND git -C ${WORK}/repository add file.txt COMMAND_ERROR_IS_FATAL ANY)
 write_commit(commit ${WORK}/repository)
 expect_equal("The commit of a repository with changes" "${commit}" "${head}-dirty")
+expect_diff("diff --git a/file.txt b/file.txt" "+one")
+
+# New sources are in the diff, other new files are not, and git's own index does not change.
+file(WRITE ${WORK}/repository/new.cpp "int two;")
+file(WRITE ${WORK}/repository/points.bin "three")
+write_commit(commit ${WORK}/repository)
+expect_diff("diff --git a/file.txt b/file.txt" "+one" "diff --git a/new.cpp b/new.cpp" "+int two")
+execute_process(COMMAND git -C ${WORK}/repository status --porcelain OUTPUT_VARIABLE status COMMAND_ERROR_IS_FATAL ANY)
+expect_equal("What git says after that" "${status}" "A  file.txt\n?? new.cpp\n?? points.bin\n")
+write_commit(commit ${WORK}/repository/inside)
+expect_diff()
 set(ENV{GS_COMMIT} abc123)
 write_commit(commit ${WORK}/repository/inside)
 expect_equal("The commit that GS_COMMIT names" "${commit}" "abc123")

@@ -103,6 +103,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_app/view",
      {"gs_app/run", "gs_app/pictures", "gs_app/export", "gs_app/observers", "gs_app/view/http"}},
     {"gs_app/experiment", {"gs_app/run"}},
+    {"gs_app/experiment/tables", {"gs_app/experiment", "gs_app/report", "gs_app/run"}},
     {"gs_app/checks", {"gs_app/run"}},
 };
 

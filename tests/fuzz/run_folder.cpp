@@ -4,8 +4,8 @@
 #include "gs_app/run/run_folder.h"
 
 #include "data_loaders/formats/ply/ply.h"
-#include "gs_app/experiment/table_rows.h"
-#include "gs_app/experiment/table_scenes.h"
+#include "gs_app/experiment/tables/table_rows.h"
+#include "gs_app/experiment/tables/table_scenes.h"
 #include "gs_app/report/report_folder.h"
 #include "gs_app/run/csv.h"
 #include "tests/fuzz/fuzz_target.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tables of an experiment: results.csv, results.json and results.md in its output folder, made
-// from the results.json of its runs. Each file has its own source: table_csv, table_json,
-// table_markdown.
+// The tables of an experiment: results.csv, results.json, results.md and results.tex in its output
+// folder, made from the results.json of its runs; quality.svg, made from their metrics.csv; and the
+// uncommitted changes of this program. Each file has its own source in this folder.
 #pragma once
 
 #include <vector>
@@ -10,7 +10,7 @@
 
 namespace gs {
 
-/// Writes the three files, each whole or not at all, and returns the number of finished runs. Every
+/// Writes the files, each whole or not at all, and returns the number of finished runs. Every
 /// run has a row; a run without results is "failed" if `failed` holds its index, otherwise
 /// "missing". Means and standard deviations (n - 1) are over the seeds that are finished.
 std::size_t write_tables(const Experiment& experiment, const std::vector<ExperimentRun>& runs,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/experiment/table_csv.h"
+#include "gs_app/experiment/tables/table_csv.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -9,7 +9,7 @@ namespace gs {
 namespace {
 
 constexpr const char* kProvenance[] = {"iterations", "device",  "cpu",    "driver",
-                                       "scene_hash", "version", "commit", "date"};
+                                       "scene_hash", "version", "commit", "uncommitted", "compiler", "cuda", "date"};
 
 // A cell of results.json; empty if the run does not have it.
 std::string cell_of(const RunRow& row, const char* key) {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_app/experiment/table_rows.h"
+#include "gs_app/experiment/tables/table_rows.h"
 
 namespace gs {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/experiment/table_scenes.h"
+#include "gs_app/experiment/tables/table_scenes.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -7,7 +7,7 @@
 #include <map>
 #include <optional>
 
-#include "gs_app/experiment/table_settings.h"
+#include "gs_app/experiment/tables/table_settings.h"
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
 

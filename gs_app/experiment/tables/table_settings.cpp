@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/experiment/table_settings.h"
+#include "gs_app/experiment/tables/table_settings.h"
 
 #include <string>
 

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/experiment/table_markdown.h"
+#include "gs_app/experiment/tables/table_markdown.h"
 
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <cmath>
 
-#include "gs_app/experiment/table_settings.h"
+#include "gs_app/experiment/tables/table_settings.h"
 #include "gs_app/run/provenance.h"
-#include "gs_app/run/text.h"
 #include "gs_core/config/markdown.h"
 
 namespace gs {
@@ -19,16 +17,10 @@ using Json = nlohmann::ordered_json;
 // As many as the report shows; results.json has all of them.
 constexpr std::size_t kHashDigits = 10;
 
-std::string number_text(const Metric& metric, double value) {
-  if (metric.digits == 0) return with_commas(std::uint64_t(std::llround(value / metric.unit)));
-  return fmt::format("{:.{}f}", value / metric.unit, metric.digits);
-}
-
-std::string spread_text(const Group& group, const Metric& metric) {
-  const auto spread = spread_of(group, metric);
-  if (!spread) return "-";
-  const std::string mean = number_text(metric, spread->mean);
-  return spread->deviation ? mean + " ± " + number_text(metric, *spread->deviation) : mean;
+std::string markdown_table(const TextTable& table) {
+  std::string text = markdown_header(table.titles);
+  for (const std::vector<std::string>& row : table.rows) text += markdown_row(row);
+  return text;
 }
 
 std::string settings_text(const Json& settings) {
@@ -36,35 +28,6 @@ std::string settings_text(const Json& settings) {
   for (const auto& [key, value] : settings.items())
     all.push_back(fmt::format("`{}` = {}", key, value.dump()));
   return fmt::format("{}", fmt::join(all, ", "));
-}
-
-std::string table_of_means(const std::vector<Group>& groups, const std::vector<Metric>& metrics) {
-  std::vector<std::string> titles = {"scene", "config", "runs"};
-  for (const Metric& metric : metrics) titles.push_back(metric.title);
-  std::string text = markdown_header(titles);
-  for (const Group& group : groups) {
-    std::vector<std::string> cells = {group.scene, group.config,
-                                      fmt::format("{}/{}", group.rows.size(), group.wanted)};
-    for (const Metric& metric : metrics) cells.push_back(spread_text(group, metric));
-    text += markdown_row(cells);
-  }
-  return text;
-}
-
-std::string table_of_runs(const std::vector<RunRow>& rows, const std::vector<Metric>& metrics) {
-  std::vector<std::string> titles = {"scene", "config", "seed", "state"};
-  for (const Metric& metric : metrics) titles.push_back(metric.title);
-  std::string text = markdown_header(titles);
-  for (const RunRow& row : rows) {
-    std::vector<std::string> cells = {row.run->scene, row.run->config,
-                                      std::to_string(row.run->seed), row.state};
-    for (const Metric& metric : metrics) {
-      const auto value = value_of(row, metric);
-      cells.push_back(value ? number_text(metric, *value) : "-");
-    }
-    text += markdown_row(cells);
-  }
-  return text;
 }
 
 std::string table_of_scenes(const std::vector<SceneRow>& scenes) {
@@ -93,8 +56,10 @@ std::string table_of_configs(const Experiment& experiment) {
 
 // Each combination of build and machine once: usually there is one.
 std::string table_of_machines(const std::vector<RunRow>& rows) {
-  const std::vector<const char*> keys = {"version", "commit", "device", "cpu", "driver"};
-  std::string text = markdown_header({"version", "commit", "device", "CPU", "driver"});
+  const std::vector<const char*> keys = {"version",  "commit", "uncommitted", "compiler",
+                                         "cuda", "device", "cpu",         "driver"};
+  std::string text = markdown_header({"version", "commit", "uncommitted", "compiler", "CUDA",
+                                      "device", "CPU", "driver"});
   std::vector<std::string> seen;
   for (const RunRow& row : rows) {
     if (row.results.is_null()) continue;
@@ -115,19 +80,28 @@ std::string table_of_machines(const std::vector<RunRow>& rows) {
 }  // namespace
 
 std::string experiment_markdown(const Experiment& experiment, const std::vector<SceneRow>& scenes,
-                                const std::vector<RunRow>& rows, const std::vector<Group>& groups,
-                                std::size_t finished) {
-  const std::vector<Metric> metrics = metrics_in(rows);
-  return fmt::format(
+                                const std::vector<RunRow>& rows, const PaperTables& tables,
+                                const Provenance& provenance, std::size_t finished) {
+  std::string text = fmt::format(
       "# {}\n\n{} of {} runs are finished. Means and standard deviations over seeds; written "
-      "{}.\n\n{}\n"
-      "## Runs\n{}\n"
-      "## Scenes\nA scene's own settings override those of the configs.\n\n{}\n"
-      "## Configs\n{}\n"
-      "## Made with\n{}",
+      "{}.\n\n{}\n",
       experiment.file.filename().string(), finished, rows.size(), utc_date(),
-      table_of_means(groups, metrics), table_of_runs(rows, metrics), table_of_scenes(scenes),
-      table_of_configs(experiment), table_of_machines(rows));
+      markdown_table(tables.means));
+  if (!tables.scene_means.rows.empty())
+    text += fmt::format("## Means over scenes\nOf seeds whose runs have finished in every scene.\n\n{}\n",
+                        markdown_table(tables.scene_means));
+  if (!tables.differences.rows.empty())
+    text += fmt::format(
+        "## Differences to {}\nPaired by scene and seed; means ± standard errors.\n\n{}\n",
+        experiment.baseline, markdown_table(tables.differences));
+  return text + fmt::format(
+                    "## Runs\n{}\n"
+                    "## Scenes\nA scene's own settings override those of the configs.\n\n{}\n"
+                    "## Configs\n{}\n"
+                    "## Made with\n{}\n{}",
+                    markdown_table(table_of_runs(rows, metrics_in(rows))), table_of_scenes(scenes),
+                    table_of_configs(experiment), table_of_machines(rows),
+                    provenance_markdown(provenance));
 }
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/experiment/table_rows.h"
+#include "gs_app/experiment/tables/table_rows.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -103,6 +103,10 @@ std::optional<Spread> spread_of(const Group& group, const Metric& metric) {
   std::vector<double> values;
   for (const RunRow* row : group.rows)
     if (const auto value = value_of(*row, metric)) values.push_back(*value);
+  return spread_of(values);
+}
+
+std::optional<Spread> spread_of(const std::vector<double>& values) {
   if (values.empty()) return std::nullopt;
   Spread spread;
   for (const double value : values) spread.mean += value / double(values.size());

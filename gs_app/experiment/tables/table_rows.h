@@ -28,10 +28,14 @@ struct RunRow {
   nlohmann::ordered_json results;  // its results.json; null unless it is finished
 };
 
+/// Of some runs.
 struct Spread {
   double mean = 0;
   std::optional<double> deviation;  // of a sample (n - 1); nothing for a single run
 };
+
+/// Nothing if there are no values.
+std::optional<Spread> spread_of(const std::vector<double>& values);
 
 /// The runs of one scene and config, one for each seed.
 struct Group {
