@@ -9,6 +9,7 @@
 #include "gs_app/pictures/color_ramp.h"
 #include "gs_core/error.h"
 #include "gs_core/types.h"
+#include "gs_train/metrics/flip.h"
 
 namespace gs {
 namespace {
@@ -73,6 +74,22 @@ Image8 error_picture(const Image8& photo, const Image8& render) {
     const Rgb& color =
         color_ramp()[std::size_t(std::min(kErrorGain * float(difference) / 3, 255.0f))];
     std::copy(color.begin(), color.end(), result.pixels.begin() + std::ptrdiff_t(i));
+  }
+  return result;
+}
+
+Image8 flip_picture(const Image8& photo, const Image8& render) {
+  const auto in_float = [](const Image8& image) {
+    ImageF result(image.width, image.height, image.channels);
+    std::transform(image.pixels.begin(), image.pixels.end(), result.pixels.begin(),
+                   [](std::uint8_t value) { return value * kPerByte; });
+    return result;
+  };
+  const ImageF map = flip_map(in_float(render), in_float(photo));
+  Image8 result(map.width, map.height, 3);
+  for (std::size_t i = 0; i < map.pixels.size(); ++i) {
+    const Rgb& color = color_ramp()[std::size_t(std::lround(255 * map.pixels[i]))];
+    std::copy(color.begin(), color.end(), result.pixels.begin() + std::ptrdiff_t(3 * i));
   }
   return result;
 }

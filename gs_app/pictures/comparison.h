@@ -17,6 +17,10 @@ struct Comparison {
 /// yellow a quarter of the range or more. Both pictures have the same size.
 Image8 error_picture(const Image8& photo, const Image8& render);
 
+/// The FLIP error of each pixel in the same colors: black is 0, the brightest yellow 1. Both pictures
+/// have the same size.
+Image8 flip_picture(const Image8& photo, const Image8& render);
+
 /// Photo, render and error side by side on white: one view in a row, or two if the pictures are
 /// upright. All pictures get the same width, 320 to 640 pixels. `comparisons` is not empty.
 Image8 comparison_picture(const std::vector<Comparison>& comparisons);

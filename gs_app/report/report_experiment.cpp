@@ -68,6 +68,9 @@ Json experiment_report(const fs::path& output) {
                    {"scenes", results.at("scenes")},
                    {"configs", results.at("configs")},
                    {"runs", Json::array()}};
+    // tables of earlier versions have none of these
+    for (const char* key : {"scene_means", "baseline", "differences", "provenance"})
+      if (results.contains(key)) report[key] = results.at(key);
     for (const Json& run : results.at("runs"))
       report["runs"].push_back(run_json(output, run, notes));
     report["notes"] = notes;

@@ -8,7 +8,8 @@
 
 namespace gs {
 
-/// {"kind": "experiment", "title", "file", "date", "made", "summary", "scenes", "configs", "runs":
+/// {"kind": "experiment", "title", "file", "date", "made", "summary", "scenes", "configs",
+/// "scene_means", "baseline", "differences", "provenance", "runs":
 /// [{"scene", "config", "seed", "state", "settings", "results", "metrics", "report"}], "notes"}.
 /// All but "metrics" (the columns of the run's metrics.csv) and "report" (the relative path of its
 /// report) is copied from results.json. A metrics.csv that cannot be read is left out, with a

@@ -49,7 +49,7 @@ std::string data_uri(const Image8& image) {
   return "data:image/jpeg;base64," + base64(encode_jpeg(image, kQuality));
 }
 
-// Adds photo, render and error of one picture to `view`. Returns their bytes.
+// Adds photo, render, error and FLIP of one picture to `view`. Returns their bytes.
 std::size_t add_pictures(const fs::path& pictures, const std::string& file, Json& view) {
   const Image8 photo = read_photo(pictures / "gt" / file);
   const Image8 render = read_photo(pictures / "renders" / file);
@@ -57,14 +57,15 @@ std::size_t add_pictures(const fs::path& pictures, const std::string& file, Json
     throw Error((pictures / "renders" / file).string() +
                 " has another size than its photo; move the folder " + pictures.string() +
                 " away for a report without pictures");
-  const Image8 small = at_most(render, kLongestSide);
+  const Image8 small = at_most(render, kLongestSide), small_photo = at_most(photo, kLongestSide);
   view["width"] = small.width;
   view["height"] = small.height;
-  view["photo"] = data_uri(at_most(photo, kLongestSide));
+  view["photo"] = data_uri(small_photo);
   view["render"] = data_uri(small);
   view["error"] = data_uri(at_most(error_picture(photo, render), kLongestSide));
+  view["flip_picture"] = data_uri(flip_picture(small_photo, small));  // as the page shows both
   std::size_t bytes = 0;
-  for (const char* key : {"photo", "render", "error"})
+  for (const char* key : {"photo", "render", "error", "flip_picture"})
     bytes += view[key].get_ref<const std::string&>().size();
   return bytes;
 }

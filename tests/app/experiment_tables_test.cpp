@@ -9,6 +9,9 @@
 #include <nlohmann/json.hpp>
 
 #include "gs_app/experiment/experiment_status.h"
+#include "gs_app/experiment/tables/table_latex.h"
+#include "gs_app/experiment/tables/table_provenance.h"
+#include "gs_core/error.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -55,6 +58,10 @@ class ExperimentTables : public ::testing::Test {
   Json written() {
     write_tables(experiment_, runs_, {});
     return Json::parse(read_bytes(path("out/results.json")));
+  }
+  // The runs are a/plain/1 a/plain/2 a/flat/1 a/flat/2 b/plain/1 ...
+  void finish_with(const std::vector<double>& psnrs) {
+    for (std::size_t i = 0; i < psnrs.size(); ++i) finish(runs_[i], 80, psnrs[i]);
   }
   std::string markdown() const { return read_bytes(path("out/results.md")); }
 
@@ -127,6 +134,153 @@ TEST_F(ExperimentTables, HaveMeansAndDeviationsOverFinishedSeeds) {
   EXPECT_TRUE(summary.at(1).at("psnr").at("standard_deviation").is_null());
   EXPECT_THAT(markdown(), AllOf(HasSubstr("| a | plain | 2/2 | 25.00 ± 1.41 |"),
                                 HasSubstr("3 of 8 runs are finished"), Not(HasSubstr("SSIM"))));
+}
+
+TEST_F(ExperimentTables, HaveMeansOverScenesOfSeedsThatAllScenesHave) {
+  finish_with({20, 22, 25, 25, 30, 34, 35});  // b/flat/2 is missing
+  const Json means = written().at("scene_means");
+  ASSERT_EQ(means.size(), 2u);
+  EXPECT_EQ(means.at(0).at("config"), "plain");
+  EXPECT_EQ(means.at(0).at("psnr").at("mean"), 26.5);  // of (20 + 30) / 2 and (22 + 34) / 2
+  EXPECT_NEAR(means.at(0).at("psnr").at("standard_deviation"), 3 / std::sqrt(2), 1e-12);
+  EXPECT_EQ(means.at(1).at("finished"), 1);
+  EXPECT_EQ(means.at(1).at("seeds"), 2);
+  EXPECT_EQ(means.at(1).at("psnr").at("mean"), 30);
+  EXPECT_THAT(markdown(),
+              AllOf(HasSubstr("## Means over scenes"), HasSubstr("| plain | 2/2 | 26.50 ± 2.12 |"),
+                    HasSubstr("| flat | 1/2 | 30.00 |"), Not(HasSubstr("Differences"))));
+  EXPECT_TRUE(written().at("baseline").is_null());
+}
+
+// Pairs differ by 3, 1, 5 and 7: their mean is 4, their standard deviation sqrt(20 / 3).
+TEST_F(ExperimentTables, CompareConfigsWithTheBaselineBySceneAndSeed) {
+  experiment_.baseline = "plain";
+  finish_with({20, 22, 23, 23, 30, 34, 35, 41});
+  Json differences = written().at("differences");
+  ASSERT_EQ(differences.size(), 3u);
+  EXPECT_TRUE(differences.at(0).at("scene").is_null());
+  EXPECT_EQ(differences.at(0).at("config"), "flat");
+  EXPECT_EQ(differences.at(0).at("finished"), 4);
+  EXPECT_EQ(differences.at(0).at("psnr").at("mean"), 4);
+  EXPECT_NEAR(differences.at(0).at("psnr").at("standard_error"), std::sqrt(20 / 3.0) / 2, 1e-12);
+  EXPECT_EQ(differences.at(1).at("scene"), "a");
+  EXPECT_EQ(differences.at(1).at("psnr").at("mean"), 2);
+  EXPECT_NEAR(differences.at(1).at("psnr").at("standard_error"), 1, 1e-12);
+  EXPECT_THAT(markdown(), AllOf(HasSubstr("## Differences to plain"),
+                                HasSubstr("| flat | all | 4/4 | +4.00 ± 1.29 |"),
+                                HasSubstr("| flat | a | 2/2 | +2.00 ± 1.00 |")));
+  fs::remove(runs_[0].folder.results());  // a/plain/1: the pair of a/flat/1
+  fs::remove(runs_[7].folder.results());
+  differences = written().at("differences");
+  EXPECT_EQ(differences.at(0).at("finished"), 2);
+  EXPECT_EQ(differences.at(0).at("pairs"), 4);
+  EXPECT_EQ(differences.at(0).at("psnr").at("mean"), 3);
+  EXPECT_TRUE(differences.at(1).at("psnr").at("standard_error").is_null());
+  EXPECT_THAT(markdown(), HasSubstr("| flat | a | 1/2 | +1.00 |"));
+}
+
+TEST_F(ExperimentTables, ABaselineIsTheNameOfAConfig) {
+  const std::string text = read_bytes(path("e.toml"));
+  write_bytes(path("e.toml"), "baseline = 'plain'\n" + text);
+  EXPECT_EQ(read_experiment(path("e.toml")).baseline, "plain");
+  write_bytes(path("e.toml"), "baseline = 'plane'\n" + text);
+  try {
+    read_experiment(path("e.toml"));
+    FAIL() << "a baseline without a config";
+  } catch (const UsageError& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("e.toml:1: baseline names no config"),
+                                    HasSubstr("did you mean plain?")));
+  }
+}
+
+TEST_F(ExperimentTables, AreWrittenForLatexToo) {
+  experiment_.baseline = "plain";
+  finish_with({20, 22, 23, 23, 30, 34, 35, 41});
+  for (ExperimentRun& run : runs_)
+    if (run.config == "flat") run.config = "f_l&t";  // as in names that a program may give
+  const std::vector<RunRow> rows = rows_of(runs_, {});
+  written();
+  const std::string tex = read_bytes(path("out/results.tex"));
+  EXPECT_THAT(tex, AllOf(HasSubstr("\\begin{tabular}{llrr}"), HasSubstr("PSNR / dB"),
+                         HasSubstr("a & plain & $2/2$ & $21.00 \\pm 1.41$ \\\\\n"),
+                         HasSubstr("f\\_l\\&t & all & $4/4$ & $+4.00 \\pm 1.29$ \\\\\n")));
+  const auto count = [&](const std::string& part) {
+    std::size_t found = 0;
+    for (std::size_t at = 0; (at = tex.find(part, at)) != tex.npos; ++at) ++found;
+    return found;
+  };
+  EXPECT_EQ(count("\\begin{table}"), 3u);
+  EXPECT_EQ(count("\\end{table}"), 3u);
+}
+
+TEST(TableLatex, EscapesNamesAndGroupsDigits) {
+  PaperTables tables;
+  tables.means = {{"config", "Gaussians"}, {{"100%_#1 \\ ~x^2 {y} $", "1,234 ± 5"}, {"b", "-"}}, 1};
+  const std::string tex = experiment_latex("file\nname", tables);
+  EXPECT_THAT(tex, AllOf(HasSubstr("100\\%\\_\\#1 \\textbackslash{} \\~{}x\\^{}2 \\{y\\} \\$ & "
+                                   "$1{,}234 \\pm 5$ \\\\\n"),
+                         HasSubstr("b & -- \\\\\n"), HasSubstr("% file name\n")));
+}
+
+TEST_F(ExperimentTables, SayWhatTheyWereMadeWith) {
+  finish_all();
+  const Json provenance = written().at("provenance");
+  EXPECT_THAT(provenance.at("command").at(0), HasSubstr("experiment_tables_test"));
+  EXPECT_EQ(provenance.at("folder"), fs::current_path().string());
+  EXPECT_THAT(provenance.at("compiler"), ::testing::AnyOf(HasSubstr("GCC"), HasSubstr("clang")));
+  EXPECT_TRUE(provenance.contains("cuda"));
+  EXPECT_THAT(markdown(), AllOf(HasSubstr("- command: `"), HasSubstr("experiment_tables_test")));
+}
+
+// git's output, shortened. The hash is that of Python's FNV-1a of these bytes.
+TEST(UncommittedChanges, AreNamedByFileAndHash) {
+  const UncommittedChanges changes = changes_of(
+      "diff --git a/cuda/blend.cu b/cuda/blend.cu\n--- a/cuda/blend.cu\n+++ b/cuda/blend.cu\n"
+      "@@ -1 +1 @@\n-one\n+diff --git a/no b/no\ndiff --git a/new b/new\nnew file mode 100644\n");
+  EXPECT_EQ(changes.files, (std::vector<std::string>{"cuda/blend.cu", "new"}));
+  EXPECT_EQ(changes.hash, "f1c393555f274a6a");
+  EXPECT_EQ(diff_file_name(changes), "uncommitted-f1c393555f274a6a.diff");
+  const std::string text = provenance_markdown({{"gemsplat", "a b"}, "/tmp", changes});
+  EXPECT_THAT(text, AllOf(HasSubstr("`gemsplat 'a b'`"), HasSubstr("`cuda/blend.cu`, `new`")));
+  const Json json = provenance_json({{}, "", changes});
+  EXPECT_EQ(json.at("uncommitted").at("diff"), diff_file_name(changes));
+  EXPECT_EQ(json.at("uncommitted").at("files").size(), 2u);
+}
+
+constexpr const char* kHeader =
+    "step,loss,num_gaussians,seconds,steps_per_second,sh_degree,test_psnr,test_ssim\n";
+
+TEST_F(ExperimentTables, DrawQualityOverTime) {
+  finish_all();
+  written();
+  EXPECT_FALSE(fs::exists(path("out/quality.svg")));  // no run has metrics
+  write_text(runs_[0].folder.metrics(), std::string(kHeader) +
+                                            "5,.1,9,1,5,0,,\n10,.1,9,2,5,0,20,.5\n"
+                                            "20,.1,9,4,5,0,24,.75\n");
+  write_text(runs_[1].folder.metrics(), std::string(kHeader) +
+                                            "10,.1,9,6,5,0,22,.5\n"
+                                            "20,.1,9,8,5,0,24,.75\n");
+  write_text(runs_[2].folder.metrics(), "damaged\n1\n");
+  written();
+  const std::string svg = read_bytes(path("out/quality.svg"));
+  EXPECT_THAT(svg, AllOf(HasSubstr("a: PSNR / dB"), HasSubstr("a: SSIM"), HasSubstr(">plain<"),
+                         HasSubstr(">flat<"), Not(HasSubstr("b: PSNR")), Not(HasSubstr("nan"))));
+  // Two charts with two runs and their mean, each with two points. The axes end at 8 s and 24 dB,
+  // so the mean, 6 s and 24 dB, lies at three quarters of the width and at the top.
+  std::size_t lines = 0;
+  for (std::size_t at = 0; (at = svg.find("<polyline", at)) != svg.npos; ++at) ++lines;
+  EXPECT_EQ(lines, 6u);
+  EXPECT_THAT(svg,
+              HasSubstr("stroke-width='2'><polyline fill='none' points='274.0,229.0 379.0,34.0 '"));
+}
+
+TEST_F(ExperimentTables, DrawQualityOfAnyValues) {
+  finish_all();
+  write_text(runs_[0].folder.metrics(), std::string(kHeader) +
+                                            "10,.1,9,1e300,5,0,1e300,0\n"
+                                            "20,.1,9,1.0000000000000002e300,5,0,-1e300,0\n");
+  written();
+  EXPECT_LT(fs::file_size(path("out/quality.svg")), 100'000u);
 }
 
 }  // namespace

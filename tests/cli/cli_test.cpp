@@ -94,7 +94,8 @@ TEST_F(Program, ExposuresAndRefinedCamerasAreReportedAndAppliedAgain) {
   ASSERT_EQ(again.code, 0) << again.err;
   EXPECT_THAT(again.err, Not(HasSubstr("exposures from")));  // those of the run, not solved anew
   const auto figures = nlohmann::json::parse(again.out);
-  for (const char* key : {"psnr", "psnr_exposure", "ssim_exposure"})
+  for (const char* key :
+       {"psnr", "psnr_exposure", "ssim_exposure", "ms_ssim_exposure", "flip_exposure"})
     EXPECT_NEAR(figures.at(key), results.at("test").at(key), 1e-6) << key;
 
   const Outcome without = train("plain");
@@ -335,13 +336,20 @@ TEST_F(Program, EvalOfARunFindsTheFiguresOfItsTraining) {
   const nlohmann::json expected = json("out/results.json").at("test");
   // The PLY holds rotations of length 1, so pictures agree up to rounding only.
   EXPECT_NEAR(figures.at("psnr").get<double>(), expected.at("psnr").get<double>(), 0.01);
-  EXPECT_NEAR(figures.at("ssim").get<double>(), expected.at("ssim").get<double>(), 0.001);
+  for (const char* key : {"ssim", "ms_ssim", "flip"})
+    EXPECT_NEAR(figures.at(key).get<double>(), expected.at(key).get<double>(), 0.001) << key;
+  EXPECT_GT(expected.at("flip"), 0);
+  for (const auto& [name, view] : json("out/per_view.json").at("test").items())
+    EXPECT_NEAR(figures.at("views").at(name).at("flip"), view.at("flip"), 0.001) << name;
+  EXPECT_FALSE(
+      json("out/results.json").at("train").contains("flip"));  // only of the views that count
   EXPECT_EQ(figures.at("views").size(), 2u);
 
   const Outcome of_ply = run("eval " + text("out/point_cloud/iteration_20/point_cloud.ply") +
                              " --data " + text("scene") + " --test-every 3 --device cpu");
   EXPECT_EQ(of_ply.code, 0) << of_ply.err;
-  EXPECT_THAT(of_ply.out, HasSubstr("over 2 views"));
+  EXPECT_THAT(of_ply.out,
+              AllOf(HasSubstr("over 2 views"), HasSubstr(" MS-SSIM, "), HasSubstr(" FLIP")));
   EXPECT_EQ(run("eval " + text("out/point_cloud/iteration_20/point_cloud.ply")).code, 2);
   EXPECT_EQ(run("eval " + text("out") + " --iteration 19").code, 3);
 }

@@ -103,7 +103,8 @@ class Experiment : public Program {
     ASSERT_EQ(results.at("summary").size(), 4u);
     for (const auto& group : results.at("summary")) {
       EXPECT_EQ(group.at("finished"), 2);
-      for (const char* key : {"psnr", "ssim", "num_gaussians", "train_seconds", "peak_host_bytes"})
+      for (const char* key :
+           {"psnr", "ssim", "ms_ssim", "flip", "num_gaussians", "train_seconds", "peak_host_bytes"})
         EXPECT_TRUE(group.at(key).at("standard_deviation").is_number()) << key;
     }
     const std::string csv = read_bytes(path("out/results.csv"));

@@ -72,7 +72,7 @@ TEST_F(Report, OfARunHasItsResultsCurvesViewsAndHistograms) {
   EXPECT_EQ(view.at("name"), "view_3.png");
   EXPECT_EQ(view.at("psnr"), json("out/per_view.json").at("test").at("view_3.png").at("psnr"));
   EXPECT_EQ(view.at("width"), kWidth);
-  for (const char* key : {"photo", "render", "error"})
+  for (const char* key : {"photo", "render", "error", "flip_picture"})
     EXPECT_TRUE(view.at(key).get<std::string>().starts_with("data:image/jpeg;base64,/9j/")) << key;
 
   const std::string changed = data.at("changed").dump();

@@ -42,7 +42,9 @@ class Training(TestCase):
         np.testing.assert_array_equal(seen[-1][2].means, result.model.means)
         test = json.loads((run / "results.json").read_text())["test"]
         self.assertAlmostEqual(result.evaluation.psnr, test["psnr"], places=4)
-        self.assertAlmostEqual(result.evaluation.ssim, test["ssim"], places=4)
+        for key in "ssim", "ms_ssim", "flip":
+            self.assertAlmostEqual(getattr(result.evaluation, key), test[key], places=4)
+        self.assertGreater(test["flip"], 0)
         rows = list(csv.DictReader((run / "metrics.csv").read_text().splitlines()))
         self.assertEqual([row["step"] for row in result.metrics], [int(row["step"]) for row in rows])
         for mine, its in zip(result.metrics, rows):

@@ -54,7 +54,8 @@ const few = list => list.length > 3 ? `${list.slice(0, 3).join(', ')}, …` : li
 const scaled = (metric, value) => isNumber(value) ? value * (metric.scale ?? 1) : null;
 const title = metric => metric.unit ? `${metric.name} / ${metric.unit}` : metric.name;
 
-function results({summary, runs}, scenes, configs) {
+function results(data, scenes, configs) {
+  const {summary, runs} = data;
   const known = METRICS.filter(metric => summary.some(group => group[metric.key]));
   if (!known.length) return section('results', 'Results', null, el('p.card.muted', {}, 'No run is finished yet.'));
   const best = (scene, metric) => {
@@ -84,8 +85,34 @@ function results({summary, runs}, scenes, configs) {
     el('div.card', {}, table(['scene', 'config', ...known.map(metric => ({text: title(metric), align: 'number'})), {text: 'runs', align: 'number'}],
                              rows, {label: 'means and standard deviations'}),
        el('p.note.muted', {}, 'Means ± standard deviations over seeds (n − 1). The best mean of each scene is green.')),
+    sceneMeans(data, known), differences(data, known),
     el('div.card.dots', {}, el('div.chart-head', {}, el('h3', {}, 'Every run'),
        segmented('metric', known.map(metric => [metric.key, metric.name]), known[0].key, draw)), holder));
+}
+
+const numbers = texts => texts.map(text => ({text, align: 'number'}));
+
+function sceneMeans({scene_means: means}, known) {
+  if (!means?.length) return null;
+  const rows = means.map(mean => [mean.config, ...numbers(known.map(metric => {
+    const value = mean[metric.key];
+    return value ? spread(scaled(metric, value.mean), scaled(metric, value.standard_deviation), metric.digits) : '–';
+  })), {text: `${mean.finished}/${mean.seeds}`, align: 'number'}]);
+  return el('div.card', {}, el('h3', {}, 'Means over scenes'),
+    table(['config', ...numbers(known.map(title)), {text: 'seeds', align: 'number'}], rows, {label: 'means over scenes'}),
+    el('p.note.muted', {}, 'Of seeds whose runs have finished in every scene; means ± standard deviations over seeds.'));
+}
+
+function differences({differences: list, baseline}, known) {
+  if (!list?.length) return null;
+  const rows = list.map(difference => [difference.config, difference.scene ?? 'all', ...numbers(known.map(metric => {
+    const value = difference[metric.key];
+    const text = value && spread(scaled(metric, value.mean), scaled(metric, value.standard_error), metric.digits);
+    return text ? (value.mean < 0 ? text : `+${text}`) : '–';
+  })), {text: `${difference.finished}/${difference.pairs}`, align: 'number'}]);
+  return el('div.card', {}, el('h3', {}, `Differences to ${baseline}`),
+    table(['config', 'scene', ...numbers(known.map(title)), {text: 'pairs', align: 'number'}], rows, {label: 'differences to the baseline'}),
+    el('p.note.muted', {}, 'Config minus baseline, paired by scene and seed; means ± standard errors.'));
 }
 
 // The plots of plots.js that have a column, one at a time, with a chart for each scene.

@@ -6,10 +6,10 @@ import {fixed, isNumber} from '../shared/format.js';
 
 // What views have besides PSNR. Runs of earlier versions have SSIM alone.
 const FIGURES = [{key: 'ssim', name: 'SSIM'}, {key: 'ms_ssim', name: 'MS-SSIM'}, {key: 'flip', name: 'FLIP'}];
-const PICTURES = {photo: 'photo', render: 'render', error: 'error ×4'};
-const PAIRS = [['photo render', 'photo | render'], ['render error', 'render | error'], ['photo error', 'photo | error']];
+const PICTURES = {photo: 'photo', render: 'render', error: 'error ×4', flip_picture: 'FLIP'};
+const PAIRS = [['photo render', 'photo | render'], ['render error', 'render | error'], ['photo flip_picture', 'photo | FLIP']];
 
-// data.views: {split, total, list: [{name, psnr, ssim, ms_ssim, flip, photo, render, error}]}. Views without
+// data.views: {split, total, list: [{name, psnr, ssim, ms_ssim, flip, photo, render, error, flip_picture}]}. Views without
 // pictures are only in the table.
 export function views({split, total, list}) {
   const pictured = list.filter(view => view.photo);
@@ -31,7 +31,7 @@ function viewer(list) {
   const place = share => {
     range.value = Math.round(share * 1000);
     stage.style.setProperty('--share', `${(100 * share).toFixed(1)}%`);
-    range.setAttribute('aria-valuetext', `${Math.round(100 * share)}% ${pair[0]}`);
+    range.setAttribute('aria-valuetext', `${Math.round(100 * share)}% ${PICTURES[pair[0]]}`);
   };
   const follow = event => {
     const box = stage.getBoundingClientRect();
@@ -55,7 +55,7 @@ function viewer(list) {
     const view = list[at];
     [front, back].forEach((image, i) => {
       image.src = view[pair[i]];
-      image.alt = `${pair[i]} of ${view.name}`;
+      image.alt = `${PICTURES[pair[i]]} of ${view.name}`;
       tags[i].textContent = PICTURES[pair[i]];
     });
     stage.style.aspectRatio = `${view.width} / ${view.height}`;
@@ -82,7 +82,8 @@ function viewer(list) {
           list.length > 1 && el('div.turn', {}, arrow('previous view', '‹', -1), choice, arrow('next view', '›', 1)))),
     stage,
     el('p.note.muted', {}, 'Drag, or use the arrow keys. The error is the mean absolute difference of the channels, times four: ' +
-               'black is no error, pale yellow a quarter of the range or more.'),
+               'black is no error, pale yellow a quarter of the range or more. FLIP is the difference that somebody sees who alternates ' +
+               'between these two pictures: black is none, pale yellow the largest.'),
     list.length > 1 && el('div.thumbs', {}, thumbs));
 }
 

@@ -30,6 +30,7 @@ async function makeRuns() {
   await writeFile(join(out, 'two.toml'), `output = "two"
 scenes = [${JSON.stringify(scene)}, {path = ${JSON.stringify(scene)}, name = "again", set = {"dataset.resolution" = 16}}]
 seeds = [1, 2]
+baseline = "usual"
 set = {dataset = {eval = true, resolution = 8}, train = {iterations = 60, log_every = 10, test_steps = [30], device = "cpu"}, density = {max_gaussians = 3000}}
 configs = [{name = "usual"}, {name = "ssim", set = {loss.lambda_dssim = 0.4}}]
 `);
@@ -96,6 +97,10 @@ const tests = {
     assert.match(await left.getAttribute('alt'), /^photo of /);
     await page.getByRole('button', {name: 'render | error'}).click();
     assert.match(await left.getAttribute('alt'), /^render of /);
+    await page.getByRole('button', {name: 'photo | FLIP'}).click();
+    const flip = page.locator('.stage .back');
+    assert.match(await flip.getAttribute('alt'), /^FLIP of /);
+    assert.ok(await flip.evaluate(image => image.decode().then(() => image.naturalWidth)) > 0);
     const name = await page.locator('.view-name').innerText(), source = await left.getAttribute('src');
     await page.getByRole('button', {name: 'next view'}).click();
     assert.notEqual(await page.locator('.view-name').innerText(), name);
@@ -156,8 +161,12 @@ const tests = {
     const page = await browser.open(join(out, 'two/report.html'));
     const results = JSON.parse(await readFile(join(out, 'two/results.json'), 'utf8'));
     const {mean, standard_deviation: deviation} = results.summary[1].psnr;
-    const figures = await page.locator('#results table').innerText();
+    const figures = (await page.locator('#results table').allInnerTexts()).join('\n');
     assert.ok(figures.includes(`${mean.toFixed(2)} ± ${deviation.toFixed(2)}`), figures);
+    const [gap] = results.differences, over = results.scene_means[0].flip, differences = page.locator('[aria-label="differences to the baseline"]');
+    assert.equal(await differences.locator('tbody tr').count(), 3);
+    assert.ok((await differences.innerText()).includes(`${Math.abs(gap.psnr.mean).toFixed(2)} ± ${gap.psnr.standard_error.toFixed(2)}`));
+    assert.ok(figures.includes(`${over.mean.toFixed(4)} ± ${over.standard_deviation.toFixed(4)}`), figures);
     assert.equal(await page.locator('#results circle').count(), 8);
     assert.equal(await page.locator('#curves canvas').count(), 2);
     await page.locator('#curves').getByRole('button', {name: 'PSNR'}).click();

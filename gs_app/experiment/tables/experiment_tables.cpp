@@ -28,12 +28,11 @@ std::size_t write_tables(const Experiment& experiment, const std::vector<Experim
   if (const auto& changes = provenance.uncommitted)
     write_text(output / diff_file_name(*changes), changes->diff);
   write_text(output / "results.csv", experiment_csv(rows));
-  write_text(output / "results.json", experiment_json(experiment, scenes, rows, groups, means,
-                                                      comparisons, provenance));
+  write_text(output / "results.json",
+             experiment_json(experiment, scenes, rows, groups, means, comparisons, provenance));
   write_text(output / "results.md",
              experiment_markdown(experiment, scenes, rows, tables, provenance, finished));
-  write_text(output / "results.tex",
-             experiment_latex(experiment.file.filename().string(), tables));
+  write_text(output / "results.tex", experiment_latex(experiment.file.filename().string(), tables));
   if (const std::string picture = quality_curves(rows); !picture.empty())
     write_text(output / "quality.svg", picture);
   return finished;

@@ -72,9 +72,12 @@ Curve mean_of(const std::vector<Curve>& curves) {
 std::string escaped(const std::string& text) {
   std::string result;
   for (const char c : text) {
-    if (c == '&') result += "&amp;";
-    else if (c == '<') result += "&lt;";
-    else result += c;
+    if (c == '&')
+      result += "&amp;";
+    else if (c == '<')
+      result += "&lt;";
+    else
+      result += c;
   }
   return result;
 }
@@ -90,7 +93,9 @@ class Axis {
     low_ = std::floor(low / step_) * step_;
     high_ = std::ceil(high / step_) * step_;
   }
-  double at(double value) const { return first_ + (value - low_) / (high_ - low_) * (last_ - first_); }
+  double at(double value) const {
+    return first_ + (value - low_) / (high_ - low_) * (last_ - first_);
+  }
 
   std::vector<double> ticks() const {
     std::vector<double> ticks;
@@ -130,8 +135,8 @@ std::string chart_svg(const Chart& chart, const std::string& title, double left,
       }
   const double right = left + kWidth, bottom = top + kHeight;
   const Axis x(low.seconds, high.seconds, left, right), y(low.value, high.value, bottom, top);
-  std::string text = fmt::format("<text x='{}' y='{}' class='title'>{}</text>\n", left, top - 12,
-                                 escaped(title));
+  std::string text =
+      fmt::format("<text x='{}' y='{}' class='title'>{}</text>\n", left, top - 12, escaped(title));
   for (const double tick : x.ticks())
     text += fmt::format(
         "<line x1='{0:.1f}' x2='{0:.1f}' y1='{1}' y2='{2}'/>"

@@ -9,7 +9,8 @@ namespace gs {
 namespace {
 
 constexpr const char* kProvenance[] = {"iterations", "device",  "cpu",    "driver",
-                                       "scene_hash", "version", "commit", "uncommitted", "compiler", "cuda", "date"};
+                                       "scene_hash", "version", "commit", "uncommitted",
+                                       "compiler",   "cuda",    "date"};
 
 // A cell of results.json; empty if the run does not have it.
 std::string cell_of(const RunRow& row, const char* key) {

@@ -63,8 +63,7 @@ std::string experiment_latex(const std::string& title, const PaperTables& tables
   std::string name = title;  // on a line of its own, whatever the file is called
   for (char& c : name)
     if (static_cast<unsigned char>(c) < ' ') c = ' ';
-  std::string text =
-      fmt::format("% {}\n% \\usepackage{{booktabs}} in the preamble\n", name);
+  std::string text = fmt::format("% {}\n% \\usepackage{{booktabs}} in the preamble\n", name);
   text += table_text(tables.means, "Means $\\pm$ standard deviations over seeds.");
   if (!tables.scene_means.rows.empty())
     text += table_text(tables.scene_means,

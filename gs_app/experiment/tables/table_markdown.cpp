@@ -56,10 +56,10 @@ std::string table_of_configs(const Experiment& experiment) {
 
 // Each combination of build and machine once: usually there is one.
 std::string table_of_machines(const std::vector<RunRow>& rows) {
-  const std::vector<const char*> keys = {"version",  "commit", "uncommitted", "compiler",
-                                         "cuda", "device", "cpu",         "driver"};
-  std::string text = markdown_header({"version", "commit", "uncommitted", "compiler", "CUDA",
-                                      "device", "CPU", "driver"});
+  const std::vector<const char*> keys = {"version", "commit", "uncommitted", "compiler",
+                                         "cuda",    "device", "cpu",         "driver"};
+  std::string text = markdown_header(
+      {"version", "commit", "uncommitted", "compiler", "CUDA", "device", "CPU", "driver"});
   std::vector<std::string> seen;
   for (const RunRow& row : rows) {
     if (row.results.is_null()) continue;
@@ -88,8 +88,9 @@ std::string experiment_markdown(const Experiment& experiment, const std::vector<
       experiment.file.filename().string(), finished, rows.size(), utc_date(),
       markdown_table(tables.means));
   if (!tables.scene_means.rows.empty())
-    text += fmt::format("## Means over scenes\nOf seeds whose runs have finished in every scene.\n\n{}\n",
-                        markdown_table(tables.scene_means));
+    text += fmt::format(
+        "## Means over scenes\nOf seeds whose runs have finished in every scene.\n\n{}\n",
+        markdown_table(tables.scene_means));
   if (!tables.differences.rows.empty())
     text += fmt::format(
         "## Differences to {}\nPaired by scene and seed; means ± standard errors.\n\n{}\n",
