@@ -32,7 +32,7 @@ function(write_diff)
   if(new)
     git_says(added add --intent-to-add -- ${new})
   endif()
-  execute_process(COMMAND git -C ${SOURCE} diff --no-color --no-ext-diff --src-prefix=a/ --dst-prefix=b/ HEAD
+  execute_process(COMMAND git -C ${SOURCE} diff --no-color --no-ext-diff --no-textconv --src-prefix=a/ --dst-prefix=b/ HEAD
     OUTPUT_FILE ${DIFF}.new RESULT_VARIABLE code ERROR_QUIET)
   unset(ENV{GIT_INDEX_FILE})
   file(REMOVE ${copy} ${copy}.lock)

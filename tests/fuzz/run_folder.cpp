@@ -4,7 +4,8 @@
 #include "gs_app/run/run_folder.h"
 
 #include "data_loaders/formats/ply/ply.h"
-#include "gs_app/experiment/tables/table_rows.h"
+#include "gs_app/experiment/tables/quality_curves.h"
+#include "gs_app/experiment/tables/table_cells.h"
 #include "gs_app/experiment/tables/table_scenes.h"
 #include "gs_app/report/report_folder.h"
 #include "gs_app/run/csv.h"
@@ -36,6 +37,9 @@ void make_tables(const std::vector<ExperimentRun>& runs) {
   scenes_of(experiment, rows);
   for (const Group& group : groups_of(rows))
     for (const Metric& metric : metrics_in(rows)) spread_of(group, metric);
+  table_of_scene_means(scene_means_of(rows), metrics_in(rows));
+  table_of_runs(rows, metrics_in(rows));
+  quality_curves(rows);
   summary_of(runs[0]);
 }
 
