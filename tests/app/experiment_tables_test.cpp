@@ -169,6 +169,12 @@ TEST_F(ExperimentTables, CompareConfigsWithTheBaselineBySceneAndSeed) {
   EXPECT_THAT(markdown(), AllOf(HasSubstr("## Differences to plain"),
                                 HasSubstr("| flat | all | 4/4 | +4.00 ± 1.29 |"),
                                 HasSubstr("| flat | a | 2/2 | +2.00 ± 1.00 |")));
+  // Signs are those of what is shown.
+  finish_with({20, 22, 20, 22, 30, 34, 29.999, 30});
+  written();
+  EXPECT_THAT(markdown(), AllOf(HasSubstr("| flat | a | 2/2 | 0.00 ± 0.00 |"),
+                                HasSubstr("| flat | b | 2/2 | -2.00 ± 2.00 |")));
+  finish_with({20, 22, 23, 23, 30, 34, 35, 41});
   fs::remove(runs_[0].folder.results());  // a/plain/1: the pair of a/flat/1
   fs::remove(runs_[7].folder.results());
   differences = written().at("differences");

@@ -107,8 +107,10 @@ function differences({differences: list, baseline}, known) {
   if (!list?.length) return null;
   const rows = list.map(difference => [difference.config, difference.scene ?? 'all', ...numbers(known.map(metric => {
     const value = difference[metric.key];
-    const text = value && spread(scaled(metric, value.mean), scaled(metric, value.standard_error), metric.digits);
-    return text ? (value.mean < 0 ? text : `+${text}`) : '–';
+    if (!value) return '–';
+    const text = spread(scaled(metric, Math.abs(value.mean)), scaled(metric, value.standard_error), metric.digits);
+    const isZero = !/[1-9]/.test(text.split(' ')[0]);
+    return isZero ? text : `${value.mean < 0 ? '−' : '+'}${text}`;
   })), {text: `${difference.finished}/${difference.pairs}`, align: 'number'}]);
   return el('div.card', {}, el('h3', {}, `Differences to ${baseline}`),
     table(['config', 'scene', ...numbers(known.map(title)), {text: 'pairs', align: 'number'}], rows, {label: 'differences to the baseline'}),

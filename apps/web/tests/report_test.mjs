@@ -172,7 +172,7 @@ const tests = {
     await page.locator('#curves').getByRole('button', {name: 'PSNR'}).click();
     await page.waitForTimeout(200);
     assert.equal(await page.locator('#curves canvas').count(), 2);
-    await page.locator('#results').getByRole('button', {name: 'SSIM'}).click();
+    await page.locator('#results').getByRole('button', {name: 'SSIM', exact: true}).click();
     assert.match(await page.locator('#results figcaption').first().innerText(), /SSIM/);
     const scenes = page.locator('#scenes tbody tr'), configs = await page.locator('#configs').innerText();
     assert.equal(await scenes.count(), 2);

@@ -10,10 +10,10 @@
 namespace gs {
 namespace {
 
+// Of a value that is not negative, or has digits after the point.
 std::string number_text(const Metric& metric, double value) {
   if (metric.digits > 0) return fmt::format("{:.{}f}", value / metric.unit, metric.digits);
-  const std::int64_t whole = std::llround(value / metric.unit);
-  return (whole < 0 ? "-" : "") + with_commas(std::uint64_t(std::abs(whole)));
+  return with_commas(std::uint64_t(std::llround(value / metric.unit)));
 }
 
 std::string with_spread(const Metric& metric, const std::string& mean,
@@ -27,8 +27,10 @@ std::string cell_of(const Metric& metric, const std::optional<Spread>& spread) {
 
 std::string cell_of(const Metric& metric, const std::optional<Difference>& difference) {
   if (!difference) return "-";
-  const std::string mean = number_text(metric, difference->mean);
-  return with_spread(metric, (difference->mean < 0 ? "" : "+") + mean, difference->standard_error);
+  const std::string size = number_text(metric, std::abs(difference->mean));
+  const bool is_zero = size.find_first_of("123456789") == size.npos;
+  const char* sign = is_zero ? "" : difference->mean < 0 ? "-" : "+";
+  return with_spread(metric, sign + size, difference->standard_error);
 }
 
 TextTable table_with(std::vector<std::string> titles, std::size_t names,
