@@ -45,7 +45,7 @@ export function showExperiment(data) {
     runs(data),
     data.scenes && sceneTable(data.scenes),
     configTable(data, configs),
-    provenance(finished),
+    provenance(finished, data.provenance),
     foot(data),
   ].filter(Boolean);
 }
@@ -98,7 +98,7 @@ function sceneMeans({scene_means: means}, known) {
     const value = mean[metric.key];
     return value ? spread(scaled(metric, value.mean), scaled(metric, value.standard_deviation), metric.digits) : '–';
   })), {text: `${mean.finished}/${mean.seeds}`, align: 'number'}]);
-  return el('div.card', {}, el('h3', {}, 'Means over scenes'),
+  return el('div.card.means', {}, el('h3', {}, 'Means over scenes'),
     table(['config', ...numbers(known.map(title)), {text: 'seeds', align: 'number'}], rows, {label: 'means over scenes'}),
     el('p.note.muted', {}, 'Of seeds whose runs have finished in every scene; means ± standard deviations over seeds.'));
 }
@@ -112,7 +112,7 @@ function differences({differences: list, baseline}, known) {
     const isZero = !/[1-9]/.test(text.split(' ')[0]);
     return isZero ? text : `${value.mean < 0 ? '−' : '+'}${text}`;
   })), {text: `${difference.finished}/${difference.pairs}`, align: 'number'}]);
-  return el('div.card', {}, el('h3', {}, `Differences to ${baseline}`),
+  return el('div.card.means', {}, el('h3', {}, `Differences to ${baseline}`),
     table(['config', 'scene', ...numbers(known.map(title)), {text: 'pairs', align: 'number'}], rows, {label: 'differences to the baseline'}),
     el('p.note.muted', {}, 'Config minus baseline, paired by scene and seed; means ± standard errors.'));
 }
@@ -196,10 +196,12 @@ function configTable({runs: list, configs: described}, configs) {
 }
 
 // The machines and builds that the runs were made with, each once.
-function provenance(finished) {
-  const keys = ['version', 'commit', 'device', 'cpu', 'driver'];
+function provenance(finished, made) {
+  const keys = ['version', 'commit', 'uncommitted', 'compiler', 'cuda', 'device', 'cpu', 'driver'];
   const seen = new Map(finished.map(({results}) => keys.map(key => key === 'commit' ? shortCommit(results[key]) : results[key] ?? '–'))
                            .map(row => [row.join('\n'), row]));
   return section('provenance', 'Provenance', null, el('div.card', {}, seen.size
-      ? table(['gemsplat', 'commit', 'device', 'CPU', 'driver'], [...seen.values()], {label: 'made with'}) : 'No run is finished yet.'));
+      ? table(['gemsplat', 'commit', 'uncommitted', 'compiler', 'CUDA', 'device', 'CPU', 'driver'], [...seen.values()], {label: 'made with'}) : 'No run is finished yet.',
+      made && el('p.note.muted', {}, 'Tables by ', el('code', {}, made.command.join(' ')),
+                 made.uncommitted && ` with uncommitted changes of ${made.uncommitted.files.length} files: ${made.uncommitted.diff}`)));
 }

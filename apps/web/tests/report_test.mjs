@@ -179,6 +179,7 @@ const tests = {
     assert.ok((await scenes.nth(1).innerText()).includes('dataset.resolution = 16'), await scenes.nth(1).innerText());
     assert.ok(!(await scenes.nth(0).innerText()).includes('dataset.resolution'));
     assert.ok(configs.includes('dataset.resolution = 8') && !configs.includes('= 16'), configs);  // what the config says
+    assert.ok((await page.locator('#provenance').innerText()).includes(results.provenance.command.join(' ')));
     await shot(page, 'experiment-desktop-light');
     const links = await page.locator('#runs a').evaluateAll(list => list.map(link => link.href));
     assert.equal(links.length, 8);
