@@ -60,14 +60,15 @@ cudaError_t reduce_to_bounds(void* scratch, std::size_t& bytes, Span<const Vec3f
 }
 
 __global__ void morton_kernel(Span<const Vec3f> means, Span<const float> time_means,
-                              const Bounds* bounds, Span<std::uint64_t> codes) {
+                              Span<const float> log_time_scales, const Bounds* bounds,
+                              Span<std::uint64_t> codes) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= means.size) return;
   const Vec3f edges = bounds->high - bounds->low;
   const float size =
       max_of(max_of(edges.x, edges.y), max_of(edges.z, std::numeric_limits<float>::min()));
   const std::uint64_t code = morton_code(means[i], bounds->low, size);
-  codes[i] = time_means.empty() ? code : time_binned(code, time_means[i]);
+  codes[i] = time_means.empty() ? code : spacetime_code(code, time_means[i], log_time_scales[i]);
 }
 
 __global__ void row_numbers_kernel(Span<std::uint32_t> row_numbers) {
@@ -96,7 +97,8 @@ Span<const std::uint32_t> sort_rows(Context& context, const char* stage,
 }
 
 Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& workspace,
-                                       Span<const Vec3f> means, Span<const float> time_means) {
+                                       Span<const Vec3f> means, Span<const float> time_means,
+                                       Span<const float> log_time_scales) {
   workspace.keys.resize_discard(means.size);
   if (means.empty()) return {};
   workspace.bounds.resize_discard(1);
@@ -104,8 +106,9 @@ Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& work
     return reduce_to_bounds(scratch, bytes, means, workspace.bounds.data(), context.stream());
   });
   context.launch("morton", morton_kernel, blocks_for(means.size, kThreads), kThreads, means,
-                 time_means, workspace.bounds.data(), workspace.keys.span());
-  return sort_rows(context, "morton", workspace, 3 * kMortonBits);
+                 time_means, log_time_scales, workspace.bounds.data(), workspace.keys.span());
+  return sort_rows(context, "morton", workspace,
+                   time_means.empty() ? 3 * kMortonBits : kSpacetimeCodeBits);
 }
 
 }  // namespace gs::cuda

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9: operations on whole rows: clone, split, prune, opacity reset; with the same results as
-// the scalar twin. The host waits where it must know how many rows there will be: twice in a
-// refinement, once in a pruning.
+// Stage 9: operations on whole rows: clone, split, prune, make static, opacity reset; with the same
+// results as the scalar twin. The host waits where it must know how many rows there will be: twice
+// in a refinement, once in a pruning.
 #include "cuda/rows.cuh"
 
 #include <thrust/iterator/counting_iterator.h>
@@ -12,6 +12,7 @@
 #include "cuda/relocate.cuh"
 #include "cuda/stages.cuh"
 #include "gs_train/row_rules.h"
+#include "gs_train/static_rows.h"
 
 namespace gs::cuda {
 namespace {
@@ -37,6 +38,7 @@ struct HasRowAction {
 struct Counts {
   std::uint32_t survivors, clones, parents, halves;
   std::uint32_t pruned;  // before the cap
+  std::uint32_t made_static;
 };
 
 __device__ std::size_t thread_number() { return std::size_t(blockIdx.x) * kThreads + threadIdx.x; }
@@ -124,6 +126,15 @@ __global__ void visible_row_actions_kernel(GaussiansSpan rows, float min_opacity
   action[i] = is_invisible(rows, i, min_opacity) ? RowAction::prune : RowAction::keep;
 }
 
+// Makes rows static. Each block counts its own.
+__global__ void make_static_kernel(GaussiansSpan rows, GaussiansSpan m, GaussiansSpan v,
+                                   double least_time_scale, Counts* counts) {
+  const std::size_t i = thread_number();
+  const int made =
+      __syncthreads_count(i < rows.mean.size && make_static(rows, m, v, i, least_time_scale));
+  if (threadIdx.x == 0) atomicAdd(&counts->made_static, unsigned(made));
+}
+
 __global__ void reset_opacity_kernel(Span<float> logit_opacity, float highest) {
   const std::size_t i = thread_number();
   if (i < logit_opacity.size) logit_opacity[i] = min_of(logit_opacity[i], highest);
@@ -177,6 +188,15 @@ class CudaRowOps final : public RowOps {
     return relocation_.run(model, rules, seed, step);
   }
 
+  std::size_t make_static(TrainingModel& model, double least_time_scale) override {
+    StageScope scope(context_, "make_static");
+    if (!model.gaussians.has_time || model.count() == 0) return 0;
+    counts_.fill_zero();
+    launch(make_static_kernel, model.count(), model.gaussians.span(), model.first_moment.span(),
+           model.second_moment.span(), least_time_scale, counts_.data());
+    return counts_.download()[0].made_static;
+  }
+
   void reset_opacity(TrainingModel& model, float opacity) override {
     StageScope scope(context_, "reset_opacity");
     launch(reset_opacity_kernel, model.count(), model.gaussians.logit_opacity.span(),
@@ -226,8 +246,8 @@ class CudaRowOps final : public RowOps {
   void sort_by_morton(TrainingModel& model) override {
     StageScope scope(context_, "morton");
     const Gaussians& rows = model.gaussians;
-    gather_all(model,
-               morton_order(context_, order_workspace_, rows.mean.span(), rows.time_mean.span()));
+    gather_all(model, morton_order(context_, order_workspace_, rows.mean.span(),
+                                   rows.time_mean.span(), rows.log_time_scale.span()));
   }
 
  private:

@@ -32,10 +32,12 @@ Span<const std::uint32_t> sort_rows(Context& context, const char* stage,
                                     RowOrderWorkspace& workspace, int bits);
 
 /// 10  morton.cu: the numbers of all rows along the Morton curve of the means, in their bounding
-/// cube, equal codes by row number. With `time_means`, which may be empty, rows are ordered by their
-/// bin of time first. The result lies in `workspace` like that of sort_rows().
+/// cube, equal codes by row number. Rows in space and time are ordered by their bin of time first,
+/// with static ones last; both other arrays are empty where rows have no time. The result lies in
+/// `workspace` like that of sort_rows().
 Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& workspace,
-                                       Span<const Vec3f> means, Span<const float> time_means);
+                                       Span<const Vec3f> means, Span<const float> time_means,
+                                       Span<const float> log_time_scales);
 
 inline constexpr int kGatherThreads = 256;  // threads of a block, and rows that it gathers
 

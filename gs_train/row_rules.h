@@ -59,6 +59,13 @@ GS_HD HalfRow half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t nu
         split_mean(rows.mean[i], log_scale, rows.rotation[i], {normal.x, normal.y, normal.z});
     return half;
   }
+  if (is_static(rows.log_time_scale[i])) {
+    half.mean = split_mean(rows.mean[i], log_scale, static_rotation(rows.rotation[i]),
+                           {normal.x, normal.y, normal.z});
+    half.time_mean = rows.time_mean[i];
+    half.log_time_scale = rows.log_time_scale[i];
+    return half;
+  }
   const Vec4f moved = split_move(QuatPair<float>{rows.rotation[i], rows.right_rotation[i]},
                                  log_scale, rows.log_time_scale[i], normal);
   half.mean = rows.mean[i] + Vec3f(moved.x, moved.y, moved.z);

@@ -15,6 +15,7 @@
 #include "data_loaders/formats/ply/mip_filter.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/ply/ply_file.h"
+#include "gs_core/math/spacetime.h"
 
 namespace gs {
 namespace {
@@ -97,6 +98,8 @@ void measure(const Gaussians& gaussians, const std::vector<std::size_t>& rows, M
   info.has_time = gaussians.has_time;
   if (info.has_time) {
     gather([&](std::size_t i) { return gaussians.log_time_scale[i]; });
+    info.static_count = std::size_t(
+        std::count_if(values.begin(), values.end(), [](float value) { return is_static(value); }));
     info.median_time_scale = std::exp(percentile(values, 0.5));
   }
 

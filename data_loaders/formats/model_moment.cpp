@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "data_loaders/formats/model_moment.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "gs_core/geometry/symmetric_eigen.h"

@@ -91,6 +91,7 @@ std::string results_json(const Results& results) {
                {"peak_host_bytes", peak_host_bytes()}};
   if (const auto& changes = uncommitted_changes()) json["uncommitted"] = changes->hash;
   if (const CudaBuild cuda = built_cuda(); !cuda.toolkit.empty()) json["cuda"] = cuda.toolkit;
+  if (results.num_static) json["num_static"] = *results.num_static;
   if (const Vec3d& offset = results.world_offset; offset != Vec3d(0.0))
     json["world_offset"] = {offset.x, offset.y, offset.z};
   if (const auto& refinement = results.refinement)

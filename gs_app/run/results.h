@@ -17,6 +17,7 @@ inline constexpr std::size_t kTrainViewsShown = 8;  // training views in results
 struct Results {
   int iterations = 0;
   std::size_t num_gaussians = 0;
+  std::optional<std::size_t> num_static;  // of those in space and time, the static ones
   double train_seconds = 0;
   Evaluation test, train;  // train: of a few views, evenly chosen
   std::string device;
@@ -41,7 +42,8 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// peak are those of the call (provenance.h). "world_offset" where it is not 0. Where cameras were
 /// refined, "refinement" has the fields of CameraRefinement. Where views have exposures, "test" and
 /// "train" also hold each metric as "psnr_exposure" and so on, and "exposure" is {"samples",
-/// "spread_before", "spread_after"}.
+/// "spread_before", "spread_after"}. Of Gaussians in space and time "num_static" says how many are
+/// static (math/spacetime.h).
 std::string results_json(const Results& results);
 
 /// {"test": {"name": {"psnr", "ssim", "ms_ssim", "flip"}, ...}, "train": {...}}

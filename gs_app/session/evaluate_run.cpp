@@ -6,6 +6,7 @@
 #include "data_loaders/photos/photos.h"
 #include "gs_app/pictures/comparison.h"
 #include "gs_app/pictures/pictures.h"
+#include "gs_train/static_rows.h"
 
 namespace gs {
 namespace {
@@ -79,6 +80,8 @@ Results results_of(Trainer& trainer) {
   Results results;
   results.iterations = trainer.step();
   results.num_gaussians = trainer.gaussian_count();
+  if (trainer.model().gaussians.has_time)
+    results.num_static = static_count(trainer.model().gaussians);
   results.train_seconds = trainer.train_seconds();
   results.device = trainer.backend().name();
   results.seed = trainer.config().train.seed;

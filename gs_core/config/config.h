@@ -120,6 +120,7 @@ struct DensityConfig {
   float scale_regularizer = 0.01f;    // weight of the mean scale in the loss
   float time_scale_regularizer = 0;   // weight of the mean of 1 / scale in time
   float velocity_regularizer = 0;     // weight of the mean squared velocity
+  float static_after = 0;  // durations; Gaussians that live longer become 3D ones; 0: none
 };
 
 struct TrainConfig {

@@ -134,6 +134,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.scale_regularizer",    density.scale_regularizer,    "1/world units", at_least(0),             retrain, "weight of the mean scale in mcmc's loss", kMcmc);
   field("density.time_scale_regularizer", density.time_scale_regularizer, "duration",  at_least(0),             retrain, "if model.dynamic, weight in the loss of the mean of 1 / scale in time, so that Gaussians live long");
   field("density.velocity_regularizer", density.velocity_regularizer, "(duration/world units)^2", at_least(0),  retrain, "if model.dynamic, weight in the loss of the mean squared velocity");
+  field("density.static_after",         density.static_after,         "durations",   at_least(0),             retrain, "if model.dynamic, a Gaussian with a larger standard deviation in time that hardly moves becomes static, a 3D Gaussian that is the same at all times; 0: none does");
 
   auto& train = config.train;
   field("train.iterations",             train.iterations,             "steps",       steps_from(1),           proceed, "length of the training, one photo each step; the schedule scales with it", kKerbl);

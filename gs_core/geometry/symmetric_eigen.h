@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The axes of an ellipsoid: eigenvalues and eigenvectors of a symmetric 3x3 matrix.
+// The axes of an ellipsoid: eigenvalues and eigenvectors of a symmetric 3x3 matrix, on the CPU and
+// the GPU.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 
 #include "gs_core/types.h"
@@ -18,7 +18,7 @@ struct SymmetricEigen {
 /// One turn of Jacobi's method: makes A[p][q] of a symmetric N x N matrix zero by the smaller one of
 /// two rotations, and turns the columns p and q of V with it.
 template <int N>
-void jacobi_turn(double (&A)[N][N], double (&V)[N][N], int p, int q) {
+GS_HD void jacobi_turn(double (&A)[N][N], double (&V)[N][N], int p, int q) {
   // tan of the angle
   const double theta = (A[q][q] - A[p][p]) / (2 * A[p][q]);
   const double t = (theta >= 0 ? 1 : -1) / (std::abs(theta) + std::hypot(theta, 1.0));
@@ -41,14 +41,14 @@ void jacobi_turn(double (&A)[N][N], double (&V)[N][N], int p, int q) {
 }
 
 /// By Jacobi's method: each rotation makes the largest entry off the diagonal zero. S is finite.
-inline SymmetricEigen symmetric_eigen(const Sym3<double>& S) {
+GS_HD SymmetricEigen symmetric_eigen(const Sym3<double>& S) {
   double A[3][3] = {{S.xx, S.xy, S.xz}, {S.xy, S.yy, S.yz}, {S.xz, S.yz, S.zz}};
   double V[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   constexpr int kMostTurns = 50;  // each at least halves what is off the diagonal
   for (int turn = 0; turn < kMostTurns; ++turn) {
     int p = 0, q = 1;
-    for (const auto& [i, j] : {std::pair{0, 2}, {1, 2}})
-      if (std::abs(A[i][j]) > std::abs(A[p][q])) p = i, q = j;
+    for (int i = 0; i < 2; ++i)
+      if (std::abs(A[i][2]) > std::abs(A[p][q])) p = i, q = 2;
     if (A[p][q] == 0) break;
     jacobi_turn(A, V, p, q);
   }

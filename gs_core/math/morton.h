@@ -3,6 +3,7 @@
 #pragma once
 
 #include "gs_core/math/constants.h"
+#include "gs_core/math/spacetime.h"
 #include "gs_core/types.h"
 
 namespace gs {
@@ -41,6 +42,14 @@ GS_HD std::uint64_t time_binned(std::uint64_t code, float time) {
   const auto bin =
       std::uint64_t(min_of(int(t * float(1 << kTimeBinBits)), (1 << kTimeBinBits) - 1));
   return bin << (3 * kMortonBits - kTimeBinBits) | code >> kTimeBinBits;
+}
+
+inline constexpr int kSpacetimeCodeBits = 3 * kMortonBits + 1;
+/// The code of a Gaussian in space and time: in the bin of its time, or behind all bins if it is
+/// static, so that a warp has static ones or others.
+GS_HD std::uint64_t spacetime_code(std::uint64_t code, float time_mean, float log_time_scale) {
+  if (is_static(log_time_scale)) return std::uint64_t(1) << (kSpacetimeCodeBits - 1) | code;
+  return time_binned(code, time_mean);
 }
 
 }  // namespace gs

@@ -17,7 +17,8 @@ class AdaptiveControl final : public DensityControl {
                                     std::numeric_limits<float>::infinity(), 0},
         prune_scale_(config.density.prune_scale * scene_extent),
         random_{config.train.seed, RandomStream::split_gaussians},
-        regularizers_(config.model.dynamic ? time_regularizers(config.density) : Regularizers{}) {}
+        regularizers_(config.model.dynamic ? time_regularizers(config.density) : Regularizers{}),
+        density_(config.density) {}
 
   DensityStep of_step(int step) const override {
     return {.gather_statistics = schedule_.gather_statistics(step), .regularizers = regularizers_};
@@ -30,6 +31,7 @@ class AdaptiveControl final : public DensityControl {
       rules.max_gaussians = most_gaussians();
       if (schedule_.prune_large(step)) rules.prune_scale = prune_scale_;
       report = backend.rows().refine(model, rules, random_, step);
+      make_static(model, backend, density_, report);
     }
     if (schedule_.reset_opacity(step)) backend.rows().reset_opacity(model, kResetOpacity);
     return report;
@@ -41,6 +43,7 @@ class AdaptiveControl final : public DensityControl {
   const float prune_scale_;  // world units
   const Random random_;
   const Regularizers regularizers_;
+  const DensityConfig density_;
 };
 
 }  // namespace

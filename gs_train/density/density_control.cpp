@@ -26,6 +26,12 @@ Regularizers time_regularizers(const DensityConfig& density) {
   return weights;
 }
 
+void make_static(TrainingModel& model, Backend& backend, const DensityConfig& density,
+                 RefineReport& report) {
+  if (density.static_after > 0 && model.gaussians.has_time)
+    report.made_static = backend.rows().make_static(model, double(density.static_after));
+}
+
 std::unique_ptr<DensityControl> make_density_control(const Config& config, const Schedule& schedule,
                                                      float scene_extent) {
   return row_named(kStrategies, config.density.strategy, "density.strategy")

@@ -49,6 +49,9 @@ std::unique_ptr<DensityControl> make_density_control(const Config& config, const
 
 /// The weights for Gaussians in space and time, which hold for every strategy.
 Regularizers time_regularizers(const DensityConfig& density);
+/// The last part of a refinement under every strategy: density.static_after. Adds to the report.
+void make_static(TrainingModel& model, Backend& backend, const DensityConfig& density,
+                 RefineReport& report);
 
 /// The names of all strategies.
 std::vector<std::string> density_strategies();

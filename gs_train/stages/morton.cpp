@@ -11,7 +11,8 @@
 
 namespace gs {
 
-Buffer<std::uint32_t> morton_order(Span<const Vec3f> means, Span<const float> time_means) {
+Buffer<std::uint32_t> morton_order(Span<const Vec3f> means, Span<const float> time_means,
+                                   Span<const float> log_time_scales) {
   Vec3f low(1e30f), high(-1e30f);
   for (const Vec3f& mean : means)
     for (int axis = 0; axis < 3; ++axis) {
@@ -25,7 +26,7 @@ Buffer<std::uint32_t> morton_order(Span<const Vec3f> means, Span<const float> ti
   std::vector<std::uint64_t> codes(means.size);
   parallel_for(means.size, 4096, [&](std::size_t i) {
     codes[i] = morton_code(means[i], low, size);
-    if (!time_means.empty()) codes[i] = time_binned(codes[i], time_means[i]);
+    if (!time_means.empty()) codes[i] = spacetime_code(codes[i], time_means[i], log_time_scales[i]);
   });
   Buffer<std::uint32_t> order(means.size, host_memory()), scratch;
   std::iota(order.begin(), order.end(), 0u);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9: operations on whole rows: clone, split, prune, opacity reset; and the gather they share.
+// Stage 9: operations on whole rows: clone, split, prune, make static, opacity reset;
+// and the gather they share.
 #include <atomic>
 #include <cmath>
 #include <cstddef>
@@ -8,6 +9,7 @@
 #include "gs_core/threads/parallel.h"
 #include "gs_train/row_rules.h"
 #include "gs_train/stages/scalar_stages.h"
+#include "gs_train/static_rows.h"
 
 namespace gs {
 namespace {
@@ -112,6 +114,20 @@ class ScalarRowOps final : public RowOps {
     return gs::relocate(model, rules, seed, step);
   }
 
+  std::size_t make_static(TrainingModel& model, double least_time_scale) override {
+    const GaussiansSpan rows = model.gaussians.span(), m = model.first_moment.span(),
+                        v = model.second_moment.span();
+    if (!rows.has_time) return 0;
+    std::atomic<std::size_t> found = 0;
+    parallel_chunks(model.count(), 1024, [&](std::size_t begin, std::size_t end) {
+      std::size_t made = 0;
+      for (std::size_t i = begin; i < end; ++i)
+        made += gs::make_static(rows, m, v, i, least_time_scale);
+      found += made;
+    });
+    return found;
+  }
+
   void reset_opacity(TrainingModel& model, float opacity) override {
     const float highest = logit(opacity);
     for (float& value : model.gaussians.logit_opacity) value = std::min(value, highest);
@@ -141,7 +157,9 @@ class ScalarRowOps final : public RowOps {
 
   void sort_by_morton(TrainingModel& model) override {
     const Gaussians& rows = model.gaussians;
-    gather_rows(model, morton_order(rows.mean.span(), rows.time_mean.span()).span());
+    gather_rows(
+        model,
+        morton_order(rows.mean.span(), rows.time_mean.span(), rows.log_time_scale.span()).span());
   }
 
  private:

@@ -30,7 +30,9 @@ RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::u
 void gather_rows(TrainingModel& model, Span<const std::uint32_t> source);
 
 /// Row numbers along the Morton curve of the means in their bounding cube. Rows of equal codes keep
-/// their order. With `time_means`, which may be empty, rows are ordered by their bin of time first.
-Buffer<std::uint32_t> morton_order(Span<const Vec3f> means, Span<const float> time_means);
+/// their order. Rows in space and time are ordered by their bin of time first, with static ones last;
+/// both other arrays are empty where rows have no time.
+Buffer<std::uint32_t> morton_order(Span<const Vec3f> means, Span<const float> time_means,
+                                   Span<const float> log_time_scales = {});
 
 }  // namespace gs

@@ -75,6 +75,7 @@ Config everything_changed() {
   config.model.sh_degree = 1;
   config.model.random_box = 2;
   config.density.time_scale_regularizer = config.density.velocity_regularizer = 0.5f;
+  config.density.static_after = 2;
   config.train.time_noise = 0.1f;
   config.density.strategy = "mcmc";
   config.train.device = "cuda:12";

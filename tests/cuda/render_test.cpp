@@ -87,6 +87,10 @@ class CudaRender : public CudaTest {
       add("in space and time, degree " + std::to_string(degree), kTypical, 131, 77, settings);
       all.back().gaussians = in_spacetime(all.back().gaussians, 7);
       all.back().camera.time = 0.5f;
+      add("half of it static, degree " + std::to_string(degree), kTypical, 131, 77, settings);
+      all.back().gaussians = in_spacetime(all.back().gaussians, 7);
+      make_half_static(all.back().gaussians);
+      all.back().camera.time = 0.4f;
     }
     white.use_tensor_cores = classic.use_tensor_cores = false;
     add("simt", kTypical, 131, 77, white);

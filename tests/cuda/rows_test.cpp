@@ -261,6 +261,85 @@ TEST_F(CudaRows, ResetsOpacitiesAndTheirMomentsToTheSameBits) {
   }
 }
 
+/// Rows in space and time; most live long, and every third one stands nearly still.
+TrainingModel long_lives(std::size_t count, std::uint64_t seed) {
+  Gaussians rows =
+      in_spacetime(random_gaussians(kTypical, count, random_camera(40, 30), seed), seed);
+  Draws draws(seed);
+  for (std::size_t i = 0; i < count; ++i) {
+    rows.log_time_scale[i] = std::log(draws.uniform(2, 8));
+    if (i % 3 == 0) rows.right_rotation[i] = mirrored(rows.rotation[i]);
+  }
+  TrainingModel model = model_of(rows);
+  for (float& moment : model.first_moment.time_mean) moment = 0.5f;
+  for (float& visits : model.statistics.visits) visits = 1;
+  return model;
+}
+
+TEST_F(CudaRows, MakesTheSameRowsStatic) {
+  for (const std::size_t count : {0, 1, 256, 257, 3000}) {
+    SCOPED_TRACE(std::to_string(count) + " rows");
+    TrainingModel host = long_lives(count, 17);
+    TrainingModel device = on_gpu(host);
+    const std::size_t expected = cpu().rows().make_static(host, 2);
+    EXPECT_EQ(gpu().rows().make_static(device, 2), expected);
+    if (count == 3000) {
+      EXPECT_GT(expected, 500u);
+      EXPECT_LT(expected, 2500u);
+    }
+    const TrainingModel actual = on_host(device);
+    EXPECT_TRUE(same_bits(actual.gaussians.time_mean, host.gaussians.time_mean));
+    EXPECT_TRUE(same_bits(actual.gaussians.log_time_scale, host.gaussians.log_time_scale));
+    EXPECT_TRUE(same_bits(actual.gaussians.sh0, host.gaussians.sh0));
+    EXPECT_TRUE(same_bits(actual.first_moment, host.first_moment));
+    // In double on both sides; an exponential or a root may differ in its last bit.
+    for (std::size_t i = 0; i < count; ++i) {
+      const Vec3f mean = actual.gaussians.mean[i] - host.gaussians.mean[i],
+                  scale = actual.gaussians.log_scale[i] - host.gaussians.log_scale[i];
+      EXPECT_LT(inner(mean, mean) + inner(scale, scale), 1e-10f) << i;
+      EXPECT_NEAR(actual.gaussians.logit_opacity[i], host.gaussians.logit_opacity[i], 1e-5f) << i;
+      const Quatf a = actual.gaussians.rotation[i], b = host.gaussians.rotation[i];
+      EXPECT_LT(
+          std::abs(a.w - b.w) + std::abs(a.x - b.x) + std::abs(a.y - b.y) + std::abs(a.z - b.z),
+          1e-5f)
+          << i;
+    }
+  }
+}
+
+TEST_F(CudaRows, SortsStaticRowsBehindTheOthersAsTheScalarTwin) {
+  TrainingModel host = long_lives(3000, 18);
+  make_half_static(host.gaussians);
+  TrainingModel device = on_gpu(host);
+  cpu().rows().sort_by_morton(host);
+  gpu().rows().sort_by_morton(device);
+  expect_same_bits(device, host);
+  EXPECT_FALSE(is_static(host.gaussians.log_time_scale[0]));
+  EXPECT_TRUE(is_static(host.gaussians.log_time_scale[2999]));
+}
+
+// Halves of static rows are moved in space alone; those of others in time, too.
+TEST_F(CudaRows, SplitsStaticRowsAsTheScalarTwin) {
+  TrainingModel host = long_lives(600, 19);
+  make_half_static(host.gaussians);
+  for (float& norm : host.statistics.gradient_norm) norm = 1e3f;
+  for (Vec3f& scale : host.gaussians.log_scale) scale = Vec3f(-1);
+  TrainingModel device = on_gpu(host);
+  const Random random{3, RandomStream::split_gaussians};
+  AdaptiveRules rules = kRules;
+  rules.prune_scale = kInfinity;
+  const RefineReport expected = cpu().rows().refine(host, rules, random, kStep);
+  EXPECT_GT(expected.split, 300u);
+  expect_same_report(gpu().rows().refine(device, rules, random, kStep), expected);
+  const TrainingModel actual = on_host(device);
+  ASSERT_EQ(actual.count(), host.count());
+  for (std::size_t i = 0; i < host.count(); ++i) {
+    expect_near(actual.gaussians.mean[i], host.gaussians.mean[i], i);
+    EXPECT_EQ(is_static(actual.gaussians.log_time_scale[i]),
+              is_static(host.gaussians.log_time_scale[i]));
+  }
+}
+
 TEST_F(CudaRows, SortsBrokenAndEqualRowsAlongTheSameCurve) {
   for (const std::size_t count : {0, 1, 255, 5000}) {
     SCOPED_TRACE(std::to_string(count) + " rows");

@@ -108,6 +108,41 @@ TEST_F(CudaStep, FusedStepInSpaceAndTimeIsTheScalarOne) {
   }
 }
 
+// Pairs of quaternions stay turns of space to the last bit, and times stay what they are.
+TEST_F(CudaStep, FusedStepOfStaticRowsIsTheScalarOne) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  LearningRates rates = kRates;
+  rates.right_rotation = rates.rotation;
+  rates.time_mean = 8e-4f;
+  rates.log_time_scale = 5e-3f;
+  for (const bool regularizes : {false, true}) {
+    DensityStep density{.gather_statistics = true};
+    if (regularizes)
+      density.regularizers = {
+          .opacity = 1e-3f, .scale = 1e-3f, .time_scale = 1e-3f, .velocity = 1e-3f};
+    Gaussians start = in_spacetime(random_gaussians(kTypical, 3000, views[0].camera, 1), 8);
+    make_half_static(start);
+    TrainingModel expected = model_of(start);
+    TrainingModel actual = on_gpu(expected);
+    for (const View& view : views) {
+      cpu().step(expected, view, {}, {0.2f}, rates, density);
+      gpu().step(actual, view, {}, {0.2f}, rates, density);
+    }
+    gpu().synchronize(actual);
+    const TrainingModel result = on_host(actual);
+    expect_same(result, expected, 2e-2);
+    const Gaussians& rows = result.gaussians;
+    int off = 0;
+    for (std::size_t i = 0; i < rows.count(); i += 2) {
+      const Quatf wanted = mirrored(rows.rotation[i]), right = rows.right_rotation[i];
+      off +=
+          !(right.w == wanted.w && right.x == wanted.x && right.y == wanted.y &&
+            right.z == wanted.z && rows.time_mean[i] == 0.5f && is_static(rows.log_time_scale[i]));
+    }
+    EXPECT_EQ(off, 0);
+  }
+}
+
 TEST_F(CudaStep, FusedStepIsTheScalarOne) {
   const std::vector<View> views = some_views(131, 77, 3);
   for (const int degree : {0, 1, 2, 3})

@@ -13,6 +13,7 @@
 #include "tests/support/damage.h"
 #include "tests/support/error_of.h"
 #include "tests/support/random_model.h"
+#include "tests/support/scenes.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -95,6 +96,26 @@ TEST_F(Gs4d, HasWhatIsSeenFirstInTheFirstChunk) {
   EXPECT_EQ(chunk(1).count, 1000u);
   EXPECT_NEAR(chunk(1).begin, 0.8f - reach, 1e-3f);
   EXPECT_NEAR(chunk(1).end, 0.8f + reach, 1e-3f);
+}
+
+TEST_F(Gs4d, BringsStaticGaussiansBackAsStaticOnes) {
+  GaussianModel model = random_moving_model(1000, 1);
+  make_half_static(model.gaussians);
+  write_gs4d(file("a.gs4d"), model, 0);
+  const GaussianModel read = read_model(file("a.gs4d"));
+  const Gaussians& rows = read.gaussians;
+  std::size_t found = 0;
+  for (std::size_t i = 0; i < rows.count(); ++i) {
+    if (!is_static(rows.log_time_scale[i])) continue;
+    const Quatf wanted = mirrored(rows.rotation[i]), right = rows.right_rotation[i];
+    EXPECT_TRUE(right.w == wanted.w && right.x == wanted.x && right.y == wanted.y &&
+                right.z == wanted.z);
+    EXPECT_EQ(rows.time_mean[i], 0.5f);
+    ++found;
+  }
+  EXPECT_EQ(found, 500u);
+  write_gs4d(file("b.gs4d"), read, 0);
+  EXPECT_EQ(read_model(file("b.gs4d")).gaussians.count(), 1000u);
 }
 
 TEST_F(Gs4d, DoesNotDrawADegenerateGaussian) {

@@ -88,6 +88,26 @@ TEST(Moment, OfAModelWithoutTimeIsTheModel) {
   EXPECT_TRUE(same_bits(moment_of(still, 0.5).gaussians, still.gaussians));
 }
 
+TEST(MovingModel, OfStaticGaussiansLooksTheSameAsAMomentAndStaysStaticInItsPly) {
+  const TempFolder temp;
+  Camera camera = random_camera(kWidth, kHeight, 2);
+  camera.time = 0.9f;
+  GaussianModel model = moving_model(camera);
+  make_half_static(model.gaussians);
+  EXPECT_LT(share_that_differs(picture_of(moment_of(model, 0.9).gaussians, camera),
+                               picture_of(model.gaussians, camera)),
+            2e-3);
+  write_model(temp.path() / "a.ply", model);
+  const GaussianModel read = read_model(temp.path() / "a.ply");
+  for (std::size_t i = 0; i < read.gaussians.count(); i += 2) {
+    EXPECT_TRUE(is_static(read.gaussians.log_time_scale[i]));
+    const Quatf wanted = mirrored(read.gaussians.rotation[i]),
+                right = read.gaussians.right_rotation[i];
+    EXPECT_TRUE(right.w == wanted.w && right.x == wanted.x && right.y == wanted.y &&
+                right.z == wanted.z);
+  }
+}
+
 TEST(MovingModel, ComesBackFromItsPly) {
   const TempFolder temp;
   const GaussianModel model = moving_model(random_camera(kWidth, kHeight, 2));

@@ -98,6 +98,85 @@ TEST(ProjectAtATime, GradientThroughTheAntialiasFactorMatchesJet) {
   EXPECT_LT(worst_error({.antialias = true, .antialias_detach = false}), kJetTolerance);
 }
 
+std::array<double, kParameters> draw_static(TestRandom& random) {
+  for (;;) {
+    auto x = draw_gaussian(random);
+    FlatGaussian<double> g(x);
+    x[64] = kStaticLogTimeScale;
+    g.parameters.log_time_scale = kStaticLogTimeScale;
+    if (project_gaussian(camera_of<double>(), g.parameters, kTime, {}).is_visible) return x;
+  }
+}
+
+// Jets see that the right quaternion has no effect. Its gradient is there to keep the pair together.
+TEST(ProjectAStaticGaussian, GradientMatchesJetAndIsZeroByTime) {
+  const auto camera = camera_of<double>();
+  const SplatSettings settings{.antialias = true, .antialias_detach = false};
+  const double worst = worst_gradient_error(
+      [&](const auto& x) {
+        using T = std::decay_t<decltype(x[0])>;
+        const FlatGaussian<T> g(x);
+        const auto splat = project_gaussian(camera_of<T>(), g.parameters, T(kTime), settings).splat;
+        return flatten(splat.mean2d, splat.conic, splat.opacity, splat.color);
+      },
+      [&](const auto& x, const auto& dL) {
+        const FlatGaussian<double> g(x);
+        Unflatten in(dL);
+        const Vec2<double> dL_dmean2d = in.vec2();
+        const Sym2<double> dL_dconic = gradient_matrix(in.sym2());
+        const double dL_dopacity = in.scalar();
+        std::array<Vec3d, kRest> dL_drest{};
+        const auto dL_dx = project_gaussian_vjp(
+            camera, g.parameters, kTime, settings,
+            BasicSplatGradient<double>{dL_dmean2d, dL_dconic, dL_dopacity, in.vec3()},
+            dL_drest.data());
+        const SpacetimeShape<double>& by = dL_dx.shape;
+        const Quat<double>&l = by.rotations.left, &r = by.rotations.right;
+        EXPECT_TRUE(r.w == l.w && r.x == l.x && r.y == l.y && r.z == -l.z);
+        return flatten(by.mean, by.log_scale, by.rotations.left, by.logit_opacity, dL_dx.sh0,
+                       dL_drest, Quat<double>{}, by.time_mean, by.log_time_scale);
+      },
+      draw_static);
+  EXPECT_LT(worst, kJetTolerance);
+}
+
+// Readers that know nothing of static Gaussians draw them by their numbers.
+TEST(ProjectAStaticGaussian, IsNearlyThatOfItsNumbersAtEveryTime) {
+  TestRandom random;
+  for (int i = 0; i < 200; ++i) {
+    FlatGaussian<double> g(draw_static(random));
+    g.parameters.space.rotation = normalized(g.parameters.space.rotation);
+    g.parameters.right_rotation = mirrored(g.parameters.space.rotation);
+    g.parameters.time_mean = 0.5;
+    SpacetimeParameters<double> other = g.parameters;
+    other.log_time_scale += 1e-12;
+    ASSERT_TRUE(is_static(shape_of(g.parameters)));
+    ASSERT_FALSE(is_static(shape_of(other)));
+    for (const double time : {0.0, 0.5, 1.0}) {
+      const auto marked = project_gaussian(camera_of<double>(), g.parameters, time, {});
+      const auto read = project_gaussian(camera_of<double>(), other, time, {});
+      if (!marked.is_visible || !read.is_visible) continue;  // at the edge of what is
+      EXPECT_NEAR(read.splat.opacity, marked.splat.opacity, 1e-5);
+      EXPECT_NEAR(read.splat.mean2d.x, marked.splat.mean2d.x, 1e-7);
+      EXPECT_NEAR(read.splat.mean2d.y, marked.splat.mean2d.y, 1e-7);
+      EXPECT_NEAR(read.splat.conic.xx, marked.splat.conic.xx, 1e-7);
+      EXPECT_NEAR(read.splat.conic.xy, marked.splat.conic.xy, 1e-7);
+      EXPECT_NEAR(read.splat.conic.yy, marked.splat.conic.yy, 1e-7);
+    }
+  }
+}
+
+TEST(SpacetimeRegularizer, OfAStaticGaussianIsZero) {
+  TestRandom random;
+  const FlatGaussian<double> g(draw_static(random));
+  const Regularizers of_each{0, 0, 0.3f, 0.7f};
+  SpacetimeShape<double> by{Vec3d(0.0), Vec3d(0.0), {{}, {}}, 0, 0, 0};
+  add_spacetime_regularizer_vjp(shape_of(g.parameters), of_each, by);
+  EXPECT_EQ(spacetime_regularizer(shape_of(g.parameters), of_each), 0);
+  EXPECT_EQ(by.log_time_scale, 0);
+  EXPECT_EQ(by.log_scale, Vec3d(0.0));
+}
+
 TEST(SpacetimeRegularizer, GradientMatchesJet) {
   const Regularizers of_each{0, 0, 0.3f, 0.7f};
   const double worst = worst_gradient_error(

@@ -213,6 +213,32 @@ TEST(Gradient, IsTheSlopeInSpaceAndTime) {
   }
 }
 
+// The slope by the right quaternion of a static row is 0; its gradient is that of the left one,
+// mirrored, so that the pair stays a turn of space.
+TEST(Gradient, IsTheSlopeOfStaticRowsAmongOthers) {
+  SmallScene scene;
+  scene.gaussians = in_spacetime(scene.gaussians, 41);
+  make_half_static(scene.gaussians);
+  scene.camera.time = 0.4f;
+  const LinearLoss loss(1);
+  Backward result;
+  forward(scene, result);
+  backward(scene, loss.dL_dimage(), result);
+  const Gaussians& by = result.gradients;
+  bool turns = false;
+  for (std::size_t i = 0; i < by.count(); i += 2) {
+    const Quatf &l = by.rotation[i], expected = mirrored(l);
+    Quatf& r = by.right_rotation[i];
+    EXPECT_TRUE(r.w == expected.w && r.x == expected.x && r.y == expected.y && r.z == expected.z);
+    EXPECT_EQ(by.time_mean[i], 0);
+    EXPECT_EQ(by.log_time_scale[i], 0);
+    turns |= squared_norm(l) > 0;
+    r = {0, 0, 0, 0};
+  }
+  EXPECT_TRUE(turns);
+  expect_slopes(rows_of(by), slopes_of(scene, loss));
+}
+
 TEST(Gradient, IsTheSlopeOverAnyBackground) {
   Draws draws(5);
   for (int i = 0; i < 2; ++i) {

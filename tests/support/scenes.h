@@ -175,6 +175,15 @@ inline Gaussians in_spacetime(const Gaussians& still, std::uint64_t seed) {
   return moving;
 }
 
+/// Makes every other row of Gaussians in space and time a static one, with its numbers of space.
+inline void make_half_static(const Gaussians& rows) {
+  for (std::size_t i = 0; i < rows.count(); i += 2) {
+    rows.right_rotation[i] = mirrored(rows.rotation[i]);
+    rows.time_mean[i] = 0.5f;
+    rows.log_time_scale[i] = kStaticLogTimeScale;
+  }
+}
+
 /// All rows of `a`, then all of `b`.
 inline Gaussians joined(const Gaussians& a, const Gaussians& b) {
   Gaussians all(a.count() + b.count(), host_memory(), a.has_time);
