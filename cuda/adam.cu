@@ -132,6 +132,8 @@ void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& ste
                  model.statistics.visits.span(), model.statistics.gradient_norm.data(),
                  sums.statistics.visits.data(), sums.statistics.gradient_norm.data(),
                  sums.touched.data(), halted);
+  if (model.statistics.has_sums)
+    add_fragment_sums(context, model.statistics, sums.statistics, halted);
 }
 
 std::unique_ptr<Optimizer> make_optimizer(Context& context) {

@@ -206,6 +206,9 @@ class CudaBackend final : private Device, public Backend {
   std::vector<StageTime> stage_times() override { return context.stage_times(); }
 
  protected:
+  void find_pixel_values(const View&, const DensityStep&, RenderPass&) override {
+    GS_CHECK(false);  // of Backend::step(), which step() below overrides
+  }
   void gather(const DensityStatistics& statistics, const RenderPass& pass,
               Span<const Vec2f> dL_dmean2d) override {
     context.launch("statistics", gather_kernel, blocks_for(dL_dmean2d.size, kThreads), kThreads,
@@ -219,8 +222,9 @@ class CudaBackend final : private Device, public Backend {
                    to, from);
   }
   void add(const DensityStatistics& to, const DensityStatistics& from) override {
-    add(to.visits.span(), from.visits.span(), 1);
-    add(to.gradient_norm.span(), from.gradient_norm.span(), 1);
+    for_each_statistic([&](const char*, auto& sums,
+                           const auto& array) { add(numbers_of(sums), numbers_of(array), 1); },
+                       to, from);
   }
 
  private:
@@ -266,6 +270,7 @@ class CudaBackend final : private Device, public Backend {
   // One photo is differentiated and the model updated by one kernel. Several photos are summed up
   // first.
   void enqueue(const Step& step) {
+    if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(*model_);
     if (step.batch.size() > 1) reserve_sums();
     for (std::size_t i = 0; i < step.batch.size(); ++i) {
       prefetch_after(step, i);
@@ -287,7 +292,8 @@ class CudaBackend final : private Device, public Backend {
   void differentiate(const Step& step, const TrainingPhoto& photo, std::uint32_t number) {
     reports_.clear(number);
     const Camera& camera = photo.view->camera;
-    const RenderSettings& settings = photo.settings;
+    RenderSettings settings = photo.settings;
+    settings.fragment_statistic = step.density.fragment_statistic();
     const GaussiansSpan gaussians = model_->gaussians.span();
     Workspace& workspace = renderer_.workspace();
     renderer_.reserve_gradients(model_->count(), settings);
@@ -295,6 +301,9 @@ class CudaBackend final : private Device, public Backend {
                       forecast_.capacity_for(*photo.view, model_->count()),
                       reports_.of_step(number), number);
     loss_->forward_backward(pass_, *photo.view, step.loss_settings, dL_dimage_);
+    if (settings.fragment_statistic == FragmentStatistic::values)
+      gs::cuda::find_pixel_values(context, photos_.last(), *photo.view, step.density, workspace,
+                                  pass_);
     blend_backward(context, settings, dL_dimage_.span(), workspace, pass_);
     if (step.batch.size() > 1)
       preprocess_backward_and_add(context, gaussians, camera, settings, step.density, workspace,
@@ -302,6 +311,9 @@ class CudaBackend final : private Device, public Backend {
     else
       preprocess_backward_and_update(context, *model_, camera, settings, step.adam, step.density,
                                      workspace, pass_);
+    if (settings.fragment_statistic != FragmentStatistic::none)
+      gather_fragment_sums(context, settings, workspace, pass_,
+                           step.batch.size() > 1 ? sums_.statistics : model_->statistics);
   }
 
   void update(const Step& step) {
@@ -316,21 +328,24 @@ class CudaBackend final : private Device, public Backend {
   // The sums are zero between steps; rows have been added or removed since they were made.
   void reserve_sums() {
     const std::size_t count = model_->count();
-    const bool has_time = model_->gaussians.has_time;
-    Buffer<float>& last = sums_.statistics.gradient_norm;  // has its rows if all others have theirs
-    if (last.size() == count && sums_.gradients.has_time == has_time) return;
-    last.resize_discard(0);
+    const bool has_time = model_->gaussians.has_time, has_sums = model_->statistics.has_sums;
+    auto& touched = sums_.touched;  // has its rows if all others have theirs
+    const std::size_t marks = (count + kWarp - 1) / kWarp;
+    if (touched.size() == marks && sums_.gradients.count() == count &&
+        sums_.gradients.has_time == has_time && sums_.statistics.has_sums == has_sums)
+      return;
+    touched.resize_discard(0);
     sums_.gradients.has_time = has_time;
+    sums_.statistics.has_sums = has_sums;
     sums_.gradients.resize(count);
-    sums_.statistics.visits.resize_discard(count);
-    sums_.touched.resize_discard((count + kWarp - 1) / kWarp);
-    last.resize_discard(count);
+    for_each_statistic([&](const char*, auto& array) { array.resize_discard(count); },
+                       sums_.statistics);
+    touched.resize_discard(marks);
     clear_sums();
   }
   void clear_sums() {
     sums_.gradients.fill_zero();
-    sums_.statistics.visits.fill_zero();
-    sums_.statistics.gradient_norm.fill_zero();
+    for_each_statistic([](const char*, auto& array) { array.fill_zero(); }, sums_.statistics);
     sums_.touched.fill_zero();
   }
 

@@ -110,7 +110,7 @@ __device__ Vec2f absolute_gradient(const ListedSplat& splat, float dx, float dy,
 // numbers[r * kSumStride] on.
 template <bool kAbsolute_>
 struct FloatSums {
-  static constexpr bool kAbsolute = kAbsolute_;
+  static constexpr bool kAbsolute = kAbsolute_, kHasFragments = false;
   SplatGradientSum* of_gaussian;
 
   __device__ void add(int count, std::uint32_t gaussian, const SplatGradientSum& sum,
@@ -127,7 +127,7 @@ struct FloatSums {
 };
 template <bool kAbsolute_>
 struct FixedSums {
-  static constexpr bool kAbsolute = kAbsolute_;
+  static constexpr bool kAbsolute = kAbsolute_, kHasFragments = false;
   FineSums* fine;
   CoarseSums* coarse;
 
@@ -146,6 +146,14 @@ struct FixedSums {
         add_to(fine + owner, coarse + owner, number, numbers[row * kSumStride + number]);
     }
   }
+};
+
+// The same with sums over fragments. They have kernels of their own, so that other steps do not pay
+// for them.
+template <class Sums>
+struct WithFragments : Sums {
+  static constexpr bool kHasFragments = true;
+  FragmentSink fragments;
 };
 
 // The whole warp: sums the first `count` rows over the pixels and adds each splat's gradient to
@@ -240,7 +248,9 @@ struct Forward {
 };
 
 template <BlendRule rule, class Sums>
-__global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute ? kBlocksAbsolute : kBlocks)
+__global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute || Sums::kHasFragments
+                                                     ? kBlocksAbsolute
+                                                     : kBlocks)
     blend_backward_kernel(TileLists lists, const ListSegment* segments, Vec3f background,
                           Forward forward, const float* dL_dimage, Sums sums) {
   __shared__ WarpShared shared_of_warps[kBlendWarps];
@@ -262,6 +272,10 @@ __global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute ? kBlocksAbsolu
   const Vec2f center{float(subtile.x0) + 0.5f * kSubtileWidth,
                      float(subtile.y0) + 0.5f * kSubtileHeight};
 
+  float value = 0;
+  if constexpr (Sums::kHasFragments)
+    if (sums.fragments.values && subtile.is_inside)
+      value = sums.fragments.values[subtile.pixel(lists)];
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
   for (ListWalk walk(shared.ahead, lists, subtile.tile, subtile.pixels(), first,
                      min(longest, first + kSegmentLength), false);
@@ -269,6 +283,11 @@ __global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute ? kBlocksAbsolu
     const int count = walk.list_next(shared.list);
     int rows = 0, slot = 0;
     Vec2f absolute(0.0f);
+    FragmentSums fragments;  // of this lane's row
+    const auto add_fragments = [&] {
+      if constexpr (Sums::kHasFragments)
+        if (lane < rows) sums.fragments.add(shared.list[slot].gaussian, fragments);
+    };
     for (int i = 0; i < count; ++i) {
       const ListedSplat splat = shared.list[i];
       const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
@@ -282,12 +301,18 @@ __global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute ? kBlocksAbsolu
         const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
         if (lane == rows) absolute = sum;
       }
+      if constexpr (Sums::kHasFragments) {
+        const FragmentSums sum = sums.fragments.over_pixels(keep, fragment.x, fragment.y, value);
+        if (lane == rows) fragments = sum;
+      }
       if (lane == rows) slot = i;
       if (++rows == kRows) {
+        add_fragments();
         add_rows(shared, rows, slot, absolute, monomials, center, sums);
         rows = 0;
       }
     }
+    add_fragments();
     if (rows) add_rows(shared, rows, slot, absolute, monomials, center, sums);
     __syncwarp();
   }
@@ -332,11 +357,20 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
                    blend_blocks(scratch.segments.size()), kBlendThreads, tile_lists(pass),
                    scratch.segments.data(), settings.background, forward, dL_dimage.data, sums);
   };
-  const auto launch_with = [&](const auto& sums) {
+  const auto launch_by_rule = [&](const auto& sums) {
     if (settings.blend_rule == BlendRule::classic)
       launch(std::integral_constant<BlendRule, BlendRule::classic>(), sums);
     else
       launch(std::integral_constant<BlendRule, BlendRule::faster_gs>(), sums);
+  };
+  const FragmentSink fragments{
+      settings.deterministic ? nullptr : workspace.fragment_sums.data(),
+      settings.deterministic ? workspace.fixed_fragment_sums.data() : nullptr,
+      settings.fragment_statistic == FragmentStatistic::values ? workspace.pixel_values.data()
+                                                               : nullptr};
+  const auto launch_with = [&](const auto& sums) {
+    if (settings.fragment_statistic == FragmentStatistic::none) return launch_by_rule(sums);
+    launch_by_rule(WithFragments<std::remove_cvref_t<decltype(sums)>>{sums, fragments});
   };
   const auto launch_as_asked = [&](auto absolute) {
     if (!settings.deterministic)

@@ -80,7 +80,8 @@ PhotoBytes PhotoStore::photo(const View& view) {
   const auto resident = resident_at_.find(&view);
   if (resident != resident_at_.end()) {
     hand_out(nullptr);
-    return photo_at(resident_.data() + resident->second.begin, view, resident->second.is_masked);
+    return last_ = photo_at(resident_.data() + resident->second.begin, view,
+                            resident->second.is_masked);
   }
   Slot* slot = prefetched(view);
   if (!slot) slot = &fetch(view);
@@ -88,7 +89,7 @@ PhotoBytes PhotoStore::photo(const View& view) {
   // A prefetch is for one call: later the view may be gone, and another view may have its address.
   slot->view = nullptr;
   hand_out(slot);
-  return photo_at(slot->on_device.data(), view, slot->is_masked);
+  return last_ = photo_at(slot->on_device.data(), view, slot->is_masked);
 }
 
 PhotoStore::Slot* PhotoStore::prefetched(const View& view) {

@@ -39,6 +39,8 @@ class PhotoStore {
   /// The photo and its mask, valid for work that is launched on the compute stream before the
   /// second next call of photo(). Does not wait for a photo that is resident or was prefetched.
   PhotoBytes photo(const View& view);
+  /// What the last call of photo() returned.
+  const PhotoBytes& last() const { return last_; }
 
  private:
   // A buffer for one photo beyond the budget, with what its copy needs.
@@ -72,6 +74,7 @@ class PhotoStore {
   std::vector<Slot> slots_;
   const Slot* handed_out_[2] = {nullptr, nullptr};  // by the last two photo(); null: resident
   std::uint64_t fetches_ = 0;
+  PhotoBytes last_{};
 };
 
 }  // namespace gs::cuda

@@ -70,6 +70,8 @@ void CudaRenderer::clear_gradients() {
   workspace_.splat_gradients.fill_zero();
   workspace_.fine_sums.fill_zero();
   workspace_.coarse_sums.fill_zero();
+  workspace_.fragment_sums.fill_zero();
+  workspace_.fixed_fragment_sums.fill_zero();
 }
 
 void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& settings) {
@@ -79,6 +81,12 @@ void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& se
     sums.fill_zero();
   };
   reserve(workspace_.splat_gradients);
+  if (settings.fragment_statistic != FragmentStatistic::none) {
+    if (settings.deterministic)
+      reserve(workspace_.fixed_fragment_sums);
+    else
+      reserve(workspace_.fragment_sums);
+  }
   if (!settings.deterministic) return;
   reserve(workspace_.fine_sums);
   reserve(workspace_.coarse_sums);
@@ -88,8 +96,10 @@ void CudaRenderer::backward(const GaussiansSpan& gaussians, const Camera& camera
                             const RenderSettings& settings, RenderPass& pass,
                             Span<const float> dL_dimage, const GaussiansSpan& gradients,
                             Span<Vec2f> dL_dmean2d) {
-  reserve_gradients(gaussians.mean.size, settings);
-  blend_backward(context_, settings, dL_dimage, workspace_, pass);
+  RenderSettings plain = settings;
+  plain.fragment_statistic = FragmentStatistic::none;  // steps alone gather them: backend.cu
+  reserve_gradients(gaussians.mean.size, plain);
+  blend_backward(context_, plain, dL_dimage, workspace_, pass);
   preprocess_backward(context_, gaussians, camera, settings, workspace_, pass, gradients,
                       dL_dmean2d);
 }

@@ -9,6 +9,7 @@
 #include <cub/device/device_select.cuh>
 
 #include "cuda/cub_scratch.cuh"
+#include "cuda/grow.cuh"
 #include "cuda/relocate.cuh"
 #include "cuda/stages.cuh"
 #include "gs_train/row_rules.h"
@@ -140,6 +141,13 @@ __global__ void reset_opacity_kernel(Span<float> logit_opacity, float highest) {
   if (i < logit_opacity.size) logit_opacity[i] = min_of(logit_opacity[i], highest);
 }
 
+__global__ void lower_opacity_kernel(Span<float> logit_opacity, OpacityRule rule,
+                                     float logit_amount) {
+  const std::size_t i = thread_number();
+  if (i < logit_opacity.size)
+    logit_opacity[i] = lowered_logit_opacity(logit_opacity[i], rule, logit_amount);
+}
+
 // Marks the rows that have an infinite number or NaN, of an array with `width` numbers in a row. A
 // thread per number.
 __global__ void mark_not_finite_kernel(Span<const float> numbers, std::size_t width,
@@ -158,9 +166,9 @@ __global__ void count_marked_kernel(Span<const RowAction> action, Counts* counts
 class CudaRowOps final : public RowOps {
  public:
   CudaRowOps(Context& context, Memory& memory)
-      : context_(context), rows_(context, memory), relocation_(context, memory),
-        order_workspace_(memory), action_(memory), source_(memory), clones_(memory),
-        parents_(memory), halves_(memory), counts_(1, memory) {}
+      : context_(context), rows_(context, memory), growth_(context, memory),
+        relocation_(context, memory), order_workspace_(memory), action_(memory), source_(memory),
+        clones_(memory), parents_(memory), halves_(memory), counts_(1, memory) {}
 
   RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
                       int step) override {
@@ -180,6 +188,16 @@ class CudaRowOps final : public RowOps {
     report.split = found.parents;
     report.pruned = count - found.survivors + found.parents - halves;
     return report;
+  }
+
+  RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed,
+                    int step) override {
+    StageScope scope(context_, "grow");
+    if (model.count() == 0) return {};
+    const Growth::Result result = growth_.choose(model, rules, seed, step, source_);
+    gather_refined(model, result.survivors);
+    growth_.finish(model.gaussians.span(), result, rules, seed, step, source_);
+    return result.report;
   }
 
   RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
@@ -203,6 +221,13 @@ class CudaRowOps final : public RowOps {
            logit(opacity));
     model.first_moment.logit_opacity.fill_zero();
     model.second_moment.logit_opacity.fill_zero();
+  }
+
+  void lower_opacity(TrainingModel& model, const OpacityRule& rule) override {
+    StageScope scope(context_, "lower_opacity");
+    launch(lower_opacity_kernel, model.count(), model.gaussians.logit_opacity.span(), rule,
+           logit(rule.amount));
+    clear_moments(model, rule.clears);
   }
 
   std::size_t prune(TrainingModel& model, float opacity) override {
@@ -238,6 +263,7 @@ class CudaRowOps final : public RowOps {
 
   void release_caches() override {
     rows_.release();
+    growth_.release();
     order_workspace_ = RowOrderWorkspace(action_.memory());
     action_.release();
     for (Buffer<std::uint32_t>* rows : {&source_, &clones_, &parents_, &halves_}) rows->release();
@@ -356,6 +382,7 @@ class CudaRowOps final : public RowOps {
 
   Context& context_;
   RowGather rows_;
+  Growth growth_;
   Relocation relocation_;
   RowOrderWorkspace order_workspace_;
   Buffer<RowAction> action_;                         // (N) of the rows, then of the halves

@@ -8,6 +8,7 @@
 
 #include "cuda/context.cuh"
 #include "cuda/fixed_sums.cuh"
+#include "cuda/fragment_sums.cuh"
 #include "cuda/photos.cuh"
 #include "gs_core/math/adam.h"
 #include "gs_train/backend.h"
@@ -57,12 +58,18 @@ struct Workspace {
   Buffer<SplatGradientSum> splat_gradients;  // (N)  zero between steps
   Buffer<FineSums> fine_sums;             // (N)  zero between steps, if deterministic
   Buffer<CoarseSums> coarse_sums;         // (N)  zero between steps, if deterministic
+  // For scores that sum over fragments; empty without one.
+  Buffer<FragmentSums> fragment_sums;     // (N)  zero between steps
+  Buffer<FixedFragmentSums> fixed_fragment_sums;  // (N)  the same if deterministic
+  Buffer<float> pixel_values;             // (H, W)  what the score sums
+  Buffer<std::uint32_t> value_range;      // (2)  bits of the lowest and the highest value
   Buffer<std::uint32_t> halted;           // (1)  1: too many instances; no update until cleared
 
   explicit Workspace(Memory& memory)
       : depth_keys(memory), sorted_depth_keys(memory), row_numbers(memory), first_of_order(memory),
         keys(memory), sorted_keys(memory), instance_splats(memory), sort_scratch(memory),
-        splat_gradients(memory), fine_sums(memory), coarse_sums(memory), halted(memory) {}
+        splat_gradients(memory), fine_sums(memory), coarse_sums(memory), fragment_sums(memory),
+        fixed_fragment_sums(memory), pixel_values(memory), value_range(memory), halted(memory) {}
 };
 // clang-format on
 
@@ -110,6 +117,18 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
 /// workspace.splat_gradients.
 void blend_backward(Context& context, const RenderSettings& settings, Span<const float> dL_dimage,
                     Workspace& workspace, RenderPass& pass);
+
+/// Before 6  fragment_sums.cu: the values of the pixels that the score sums, into
+/// workspace.pixel_values.
+void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& view,
+                       const DensityStep& density, Workspace& workspace, const RenderPass& pass);
+/// After 6  fragment_sums.cu: adds the photo's sums over fragments to statistics, and clears them.
+/// Nothing is added while workspace.halted is raised.
+void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
+                          const RenderPass& pass, const DensityStatistics& to);
+/// For a batch  fragment_sums.cu: to += from, and clears `from`, unless `halted` is raised.
+void add_fragment_sums(Context& context, const DensityStatistics& to, const DensityStatistics& from,
+                       const std::uint32_t* halted);
 
 /// 7  preprocess_backward.cu: from dL/d(splat) to the gradients of the parameters. Clears
 /// workspace.splat_gradients.

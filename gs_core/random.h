@@ -19,7 +19,8 @@ enum class RandomStream : std::uint32_t {
   grow,
   position_noise,
   initial_time,
-  time_shift
+  time_shift,
+  growth
 };
 
 struct RandomBits {

@@ -20,16 +20,18 @@ struct TilePixels {
   float transmittance[kTilePixels];
   float d_red[kTilePixels], d_green[kTilePixels], d_blue[kTilePixels];  // dL/d(pixel)
   float d_final[kTilePixels];
+  float value[kTilePixels];  // with FragmentStatistic::values
   std::uint32_t last[kTilePixels];
   std::uint32_t largest_last = 0;
 
   TilePixels(const RenderPass& pass, const Tile& tile, const Vec3f& background,
-             Span<const float> dL_dimage) {
+             Span<const float> dL_dimage, const float* values) {
     const std::size_t plane = pass.pixel_count();
     for (int pixel = 0; pixel < kTilePixels; ++pixel) {
       red[pixel] = green[pixel] = blue[pixel] = 0.0f;
       d_red[pixel] = d_green[pixel] = d_blue[pixel] = d_final[pixel] = 0.0f;
       transmittance[pixel] = 1.0f;
+      value[pixel] = 0.0f;
       last[pixel] = 0;
       if (!tile.contains(pass, pixel)) continue;
       const std::size_t from = tile.image_index(pass, pixel);
@@ -41,6 +43,7 @@ struct TilePixels {
       d_green[pixel] = dL_dimage[plane + from];
       d_blue[pixel] = dL_dimage[2 * plane + from];
       d_final[pixel] = -T * inner(Vec3f(d_red[pixel], d_green[pixel], d_blue[pixel]), background);
+      if (values) value[pixel] = values[from];
       last[pixel] = pass.last_instance[from];
       largest_last = std::max(largest_last, last[pixel]);
     }
@@ -48,7 +51,7 @@ struct TilePixels {
 };
 
 // A SplatGradient per lane. The lanes are summed once, at the end, in a fixed order.
-template <bool kAbsolute>
+template <bool kAbsolute, FragmentStatistic kStatistic>
 struct LaneSums {
   float mean_x[kLanes] = {}, mean_y[kLanes] = {};
   float conic_xx[kLanes] = {}, conic_xy[kLanes] = {}, conic_yy[kLanes] = {};
@@ -56,6 +59,9 @@ struct LaneSums {
   float red[kLanes] = {}, green[kLanes] = {}, blue[kLanes] = {};
   static constexpr int kAbsoluteLanes = kAbsolute ? kLanes : 1;
   float absolute_x[kAbsoluteLanes] = {}, absolute_y[kAbsoluteLanes] = {};
+  static constexpr int kStatisticLanes = kStatistic == FragmentStatistic::none ? 1 : kLanes;
+  float count[kStatisticLanes] = {}, weight[kStatisticLanes] = {};
+  float first[kStatisticLanes] = {}, second[kStatisticLanes] = {};
 
   static float sum(const float (&lanes)[kLanes]) {
     return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
@@ -68,11 +74,17 @@ struct LaneSums {
             {sum(red), sum(green), sum(blue)}};
   }
   Vec2f absolute_total() const { return {sum(absolute_x), sum(absolute_y)}; }
+  // `scale` is that of the forces, from the gradients of the mean loss to those of its sum.
+  FragmentSums fragment_total(float scale) const {
+    return {sum(count), sum(weight), scale * sum(first),
+            (kStatistic == FragmentStatistic::force ? scale * scale : scale) * sum(second)};
+  }
 };
 
-template <BlendRule rule, bool kAbsolute>
+template <BlendRule rule, bool kAbsolute, FragmentStatistic kStatistic>
 inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::uint32_t position,
-                                 int first, TilePixels& pixels, LaneSums<kAbsolute>& sums) {
+                                 int first, TilePixels& pixels,
+                                 LaneSums<kAbsolute, kStatistic>& sums) {
   const Splat s = splat;
   for (int lane = 0; lane < kLanes; ++lane) {
     const int i = first + lane;
@@ -81,6 +93,14 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
     const bool keep = (position < pixels.last[i]) & (exponent >= -s.cutoff);
     const float alpha = keep ? fragment_alpha<rule>(s.opacity, gaussian) : 0.0f;
 
+    if constexpr (kStatistic != FragmentStatistic::none) {
+      sums.count[lane] += float(keep);
+      sums.weight[lane] += pixels.transmittance[i] * alpha;
+    }
+    if constexpr (kStatistic == FragmentStatistic::values) {
+      sums.first[lane] += pixels.transmittance[i] * alpha * pixels.value[i];
+      sums.second[lane] += keep ? pixels.value[i] : 0.0f;
+    }
     PixelBackwardState<float> state{{pixels.red[i], pixels.green[i], pixels.blue[i]},
                                     pixels.transmittance[i],
                                     {pixels.d_red[i], pixels.d_green[i], pixels.d_blue[i]},
@@ -96,6 +116,10 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
         fragment_alpha_vjp<rule>(s.opacity, gaussian, keep ? dL.alpha : 0.0f);
     const ExponentGradient<float> dL_splat =
         fragment_exponent_vjp(s.conic, dx + float(lane), dy, dL_fragment.exponent);
+    if constexpr (kStatistic == FragmentStatistic::force) {
+      sums.first[lane] += dL_fragment.exponent;
+      sums.second[lane] += dL_fragment.exponent * dL_fragment.exponent;
+    }
     sums.mean_x[lane] += dL_splat.mean2d.x;
     sums.mean_y[lane] += dL_splat.mean2d.y;
     if constexpr (kAbsolute) {
@@ -112,34 +136,62 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
   }
 }
 
-template <BlendRule rule, bool kAbsolute>
+template <BlendRule rule, bool kAbsolute, FragmentStatistic kStatistic>
 void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_dimage,
                          const RenderPass& pass, std::size_t tile_index) {
   const Tile tile(pass, tile_index);
   const ScalarScratch& scratch = pass.scratch<ScalarScratch>();
-  TilePixels pixels(pass, tile, settings.background, dL_dimage);
+  const bool has_values = kStatistic == FragmentStatistic::values;
+  TilePixels pixels(pass, tile, settings.background, dL_dimage,
+                    has_values ? scratch.pixel_values.data() : nullptr);
+  const float scale =
+      kStatistic == FragmentStatistic::force ? 3.0f * float(pass.pixel_count()) : 1.0f;
   for (std::uint32_t k = tile.begin; k < tile.end; ++k) {
-    LaneSums<kAbsolute> sums;
+    LaneSums<kAbsolute, kStatistic> sums;
     const std::uint32_t instance = scratch.tile_instances[k], position = k - tile.begin;
     if (position < pixels.largest_last) {
       const std::uint32_t gaussian = pass.tile_splats[k];
       const Splat& splat = pass.splats[gaussian];
       for_each_lane_group(
           tile, pass.pixel_rects[gaussian], splat.mean2d, [&](int first, float dx, float dy) {
-            blend_backward_lanes<rule, kAbsolute>(splat, dx, dy, position, first, pixels, sums);
+            blend_backward_lanes<rule>(splat, dx, dy, position, first, pixels, sums);
           });
     }
     scratch.instance_gradients[instance] = sums.total();
     if constexpr (kAbsolute) scratch.absolute_gradients[instance] = sums.absolute_total();
+    if constexpr (kStatistic != FragmentStatistic::none)
+      scratch.fragment_sums[instance] = sums.fragment_total(scale);
   }
 }
 
-template <BlendRule rule, bool kAbsolute>
+using BlendTiles = void(const RenderSettings& settings, Span<const float> dL_dimage,
+                        RenderPass& pass);
+
+template <BlendRule rule, bool kAbsolute, FragmentStatistic kStatistic>
 void blend_backward_tiles(const RenderSettings& settings, Span<const float> dL_dimage,
                           RenderPass& pass) {
   parallel_for(pass.tile_count(), 1, [&](std::size_t tile) {
-    blend_backward_tile<rule, kAbsolute>(settings, dL_dimage, pass, tile);
+    blend_backward_tile<rule, kAbsolute, kStatistic>(settings, dL_dimage, pass, tile);
   });
+}
+
+template <FragmentStatistic kStatistic>
+BlendTiles* tiles_for(const RenderSettings& settings) {
+  const bool is_classic = settings.blend_rule == BlendRule::classic;
+  if (settings.absolute_gradient)
+    return is_classic ? blend_backward_tiles<BlendRule::classic, true, kStatistic>
+                      : blend_backward_tiles<BlendRule::faster_gs, true, kStatistic>;
+  return is_classic ? blend_backward_tiles<BlendRule::classic, false, kStatistic>
+                    : blend_backward_tiles<BlendRule::faster_gs, false, kStatistic>;
+}
+
+BlendTiles* tiles_for_statistic(const RenderSettings& settings) {
+  switch (settings.fragment_statistic) {
+    case FragmentStatistic::none: break;
+    case FragmentStatistic::force: return tiles_for<FragmentStatistic::force>(settings);
+    case FragmentStatistic::values: return tiles_for<FragmentStatistic::values>(settings);
+  }
+  return tiles_for<FragmentStatistic::none>(settings);
 }
 
 }  // namespace
@@ -148,15 +200,13 @@ void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage,
   const HostStage stage("blend backward");
   ScalarScratch& scratch = pass.scratch<ScalarScratch>();
   const std::size_t instances = scratch.instance_splats.size();
+  const bool has_sums = settings.fragment_statistic != FragmentStatistic::none;
   scratch.instance_gradients.resize_discard(instances);
   scratch.absolute_gradients.resize_discard(settings.absolute_gradient ? instances : 0);
-  const bool is_classic = settings.blend_rule == BlendRule::classic;
-  const auto tiles = settings.absolute_gradient
-                         ? is_classic ? blend_backward_tiles<BlendRule::classic, true>
-                                      : blend_backward_tiles<BlendRule::faster_gs, true>
-                     : is_classic ? blend_backward_tiles<BlendRule::classic, false>
-                                  : blend_backward_tiles<BlendRule::faster_gs, false>;
-  tiles(settings, dL_dimage, pass);
+  scratch.fragment_sums.resize_discard(has_sums ? instances : 0);
+  if (settings.fragment_statistic == FragmentStatistic::values)
+    GS_CHECK(scratch.pixel_values.size() == pass.pixel_count());
+  tiles_for_statistic(settings)(settings, dL_dimage, pass);
 }
 
 }  // namespace gs

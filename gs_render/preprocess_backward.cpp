@@ -57,6 +57,15 @@ Vec2f absolute_sum_of_instances(const RenderPass& pass, const ScalarScratch& scr
 
 }  // namespace
 
+FragmentSums fragment_sums_of(const RenderPass& pass, std::size_t i) {
+  const ScalarScratch& scratch = pass.scratch<ScalarScratch>();
+  FragmentSums sum;
+  const std::uint32_t begin = scratch.first_instance[i], end = begin + pass.tile_counts[i];
+  for (std::uint32_t instance = begin; instance < end; ++instance)
+    add_to(sum, scratch.fragment_sums[instance]);
+  return sum;
+}
+
 void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
                          const RenderSettings& settings, const RenderPass& pass,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) {

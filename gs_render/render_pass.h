@@ -12,12 +12,16 @@
 
 namespace gs {
 
+/// What backward sums over the fragments of each Gaussian besides gradients (FragmentSums).
+enum class FragmentStatistic { none, force, values };
+
 /// How to render. It is passed by value with each call; there is no global state.
 struct RenderSettings : SplatSettings {
   Vec3f background{0, 0, 0};  // sRGB 0..1
   BlendRule blend_rule = BlendRule::faster_gs;
   // backward's dL_dmean2d sums absolute values over pixels (Ye et al. 2024, AbsGS)
   bool absolute_gradient = false;
+  FragmentStatistic fragment_statistic = FragmentStatistic::none;
   // How the CUDA backend blends; the scalar one ignores these.
   // where the GPU has them: exponents as matrix products, blend_gemm.cu
   bool use_tensor_cores = true;

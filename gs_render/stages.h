@@ -6,6 +6,7 @@
 
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
+#include "gs_core/math/growth.h"
 #include "gs_core/math/spacetime_splat.h"
 #include "gs_render/render_pass.h"
 
@@ -29,11 +30,15 @@ struct ScalarScratch final : BackendScratch {
   Buffer<SplatGradient> instance_gradients;
   // (I)  by the mean, absolute values; only with absolute_gradient
   Buffer<Vec2f> absolute_gradients;
+  // (H, W)  v of FragmentSums; written before the backward pass, for FragmentStatistic::values
+  Buffer<float> pixel_values;
+  // (I)  each instance's share; only with a fragment_statistic
+  Buffer<FragmentSums> fragment_sums;
 
   explicit ScalarScratch(Memory& memory)
       : first_instance(memory), instance_tiles(memory), instance_splats(memory),
         sort_scratch(memory), tile_instances(memory), instance_gradients(memory),
-        absolute_gradients(memory) {}
+        absolute_gradients(memory), pixel_values(memory), fragment_sums(memory) {}
 };
 
 /// 1  Activate, cull, project, color: one splat per Gaussian, and how many tiles it hits.
@@ -56,6 +61,10 @@ void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage,
 void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
                          const RenderSettings& settings, const RenderPass& pass,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d);
+
+/// The sums over the fragments of a visible Gaussian that blend_backward() left, of all its
+/// instances in order.
+FragmentSums fragment_sums_of(const RenderPass& pass, std::size_t i);
 
 /// Row i of the Gaussians, as the formulas take it.
 inline GaussianParameters<float> parameters_of(const GaussiansSpan& gaussians, std::size_t i) {

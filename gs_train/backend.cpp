@@ -20,9 +20,10 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
   const bool is_summed = batch.size > 1;
   prepare(gradients_, model);
   dL_dmean2d_.resize(model.count());
+  if (density.fragment_statistic() != FragmentStatistic::none) begin_sums(model);
   if (is_summed) prepare_sums(model);
   for (const TrainingPhoto& photo : batch) {
-    differentiate(model, photo, loss_settings);
+    differentiate(model, photo, loss_settings, density);
     if (!is_summed) break;
     add(sum_, gradients_, 1.0f / float(batch.size));
     if (density.gather_statistics) gather(statistics_sum_, pass_, dL_dmean2d_.span());
@@ -40,22 +41,30 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
 
 // Renders a photo's view, compares it with the photo, and pulls the gradients back.
 void Backend::differentiate(const TrainingModel& model, const TrainingPhoto& photo,
-                            const LossSettings& loss_settings) {
+                            const LossSettings& loss_settings, const DensityStep& density) {
   const GaussiansSpan gaussians = model.gaussians.span();
   const Camera& camera = photo.view->camera;
-  renderer().forward(gaussians, camera, photo.settings, pass_);
-  loss().forward_backward(pass_, *with_photo(*photo.view), loss_settings, dL_dimage_);
-  renderer().backward(gaussians, camera, photo.settings, pass_, dL_dimage_.span(),
-                      gradients_.span(), dL_dmean2d_.span());
+  const std::shared_ptr<const View> view = with_photo(*photo.view);
+  RenderSettings settings = photo.settings;
+  settings.fragment_statistic = density.fragment_statistic();
+  renderer().forward(gaussians, camera, settings, pass_);
+  loss().forward_backward(pass_, *view, loss_settings, dL_dimage_);
+  if (settings.fragment_statistic != FragmentStatistic::none)
+    find_pixel_values(*view, density, pass_);
+  renderer().backward(gaussians, camera, settings, pass_, dL_dimage_.span(), gradients_.span(),
+                      dL_dmean2d_.span());
 }
 
 void Backend::prepare_sums(const TrainingModel& model) {
   prepare(sum_, model);
   sum_.fill_zero();
-  for (Buffer<float>* statistic : {&statistics_sum_.visits, &statistics_sum_.gradient_norm}) {
-    statistic->resize_discard(model.count());
-    statistic->fill_zero();
-  }
+  statistics_sum_.has_sums = model.statistics.has_sums;
+  for_each_statistic(
+      [&](const char*, auto& statistic) {
+        statistic.resize_discard(model.count());
+        statistic.fill_zero();
+      },
+      statistics_sum_);
 }
 
 void Backend::release_caches() {

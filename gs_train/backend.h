@@ -20,6 +20,14 @@ struct DensityStep {
   bool gather_statistics = false;  // of visibility and image-plane gradients
   Regularizers regularizers = {};  // in the loss
   PositionNoise noise = {};        // on the means, after the update
+  // With the statistics, the sums over fragments that this score is made of
+  GrowthScore score = GrowthScore::gradient;
+  float mask_error = 0;  // of the score "mask"
+
+  FragmentStatistic fragment_statistic() const {
+    if (!gather_statistics || !needs_fragment_sums(score)) return FragmentStatistic::none;
+    return score == GrowthScore::force ? FragmentStatistic::force : FragmentStatistic::values;
+  }
 };
 
 /// One photo of a step: its view, and how it is rendered.
@@ -94,7 +102,11 @@ class Backend {
  protected:
   /// The part of release_caches() for the members below.
   void release_pass();
-  /// statistics += the photo's visibility and image-plane gradients.
+  /// Writes the pixel values that the score sums (FragmentSums), before the backward pass.
+  virtual void find_pixel_values(const View& view, const DensityStep& density,
+                                 RenderPass& pass) = 0;
+  /// statistics += the photo's visibility and image-plane gradients, and its sums over fragments if
+  /// there are any.
   virtual void gather(const DensityStatistics& statistics, const RenderPass& pass,
                       Span<const Vec2f> dL_dmean2d) = 0;
   /// to += weight * from, array by array.
@@ -102,7 +114,7 @@ class Backend {
   virtual void add(const DensityStatistics& to, const DensityStatistics& from) = 0;
 
   void differentiate(const TrainingModel& model, const TrainingPhoto& photo,
-                     const LossSettings& loss_settings);
+                     const LossSettings& loss_settings, const DensityStep& density);
   void prepare_sums(const TrainingModel& model);
 
   RenderPass pass_;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "gs_core/math/density.h"
+#include "gs_core/math/growth.h"
 #include "gs_core/random.h"
 #include "gs_train/optimizer.h"
 
@@ -31,6 +32,11 @@ class RowOps {
   /// clones come after them, then the halves of split rows. New rows start with zero moments.
   virtual RefineReport refine(TrainingModel& model, const AdaptiveRules& rules,
                               const Random& random, int step) = 0;
+  /// The same with a score, up to a number of rows (growth.h). A parent that is kept is a survivor,
+  /// and its child comes where the halves of split rows come. Of `seed` come the draws of children
+  /// and of the rows that grow. The model has the statistics that the score needs.
+  virtual RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed,
+                            int step) = 0;
   /// Makes each dead row a copy of a live one, then adds copies up to a count (Kheradmand et al.
   /// 2024). A row is drawn with a probability proportional to its opacity. It and its copies
   /// together look like the row before, and start with zero moments. Rows that are degenerate or
@@ -43,6 +49,8 @@ class RowOps {
   virtual std::size_t make_static(TrainingModel& model, double least_time_scale) = 0;
   /// Lowers every opacity to at most `opacity` and clears the moments of the opacities.
   virtual void reset_opacity(TrainingModel& model, float opacity) = 0;
+  /// Lowers every opacity by a rule, and clears the moments that the rule names.
+  virtual void lower_opacity(TrainingModel& model, const OpacityRule& rule) = 0;
   /// Removes rows that cannot be seen: below `opacity`, degenerate, or not finite. Returns how
   /// many.
   virtual std::size_t prune(TrainingModel& model, float opacity) = 0;

@@ -4,7 +4,9 @@
 #pragma once
 
 #include "gs_core/gaussians.h"
+#include "gs_core/math/growth.h"
 #include "gs_core/math/mcmc.h"
+#include "gs_core/math/race.h"
 #include "gs_core/math/spacetime_density.h"
 #include "gs_core/math/spacetime_regularizer.h"
 #include "gs_train/optimizer.h"
@@ -89,6 +91,116 @@ GS_HD void write_half(const GaussiansSpan& rows, std::size_t i, const HalfRow& h
   if (!rows.has_time) return;
   rows.time_mean[i] = half.time_mean;
   rows.log_time_scale[i] = half.log_time_scale;
+}
+
+// ---- the strategy "budgeted": growth.h -----------------------------------------------------------
+
+/// The statistics of density control as kernels take them; `sums` is null where there are none.
+struct StatisticsSpan {
+  const float* visits;
+  const float* gradient_norm;
+  const FragmentSums* sums;
+
+  GS_HD FragmentSums sums_of(std::size_t i) const { return sums ? sums[i] : FragmentSums{}; }
+};
+inline StatisticsSpan span_of(const DensityStatistics& statistics) {
+  return {statistics.visits.data(), statistics.gradient_norm.data(),
+          statistics.has_sums ? statistics.sums.data() : nullptr};
+}
+
+/// What a refinement does with a row. A row that is cloned stays beside its copy; one that is split
+/// is replaced by its children, or stays beside its only child (SplitRules::keeps_parent).
+enum class GrowthAction : std::uint8_t { keep, clone, split, prune };
+GS_HD bool grows(GrowthAction action) {
+  return action == GrowthAction::clone || action == GrowthAction::split;
+}
+GS_HD bool survives(GrowthAction action, const GrowthRules& rules) {
+  return action == GrowthAction::keep || action == GrowthAction::clone ||
+         (action == GrowthAction::split && rules.split.keeps_parent);
+}
+
+/// The row's action if it may not grow.
+GS_HD GrowthAction action_without_growth(const GaussiansSpan& rows,
+                                         const StatisticsSpan& statistics, std::size_t i,
+                                         const GrowthRules& rules) {
+  const bool is_unseen = rules.prunes_unseen && !(statistics.sums_of(i).weight > 0);
+  return is_unseen || is_pruned(rows, i, rules.limits) ? GrowthAction::prune : GrowthAction::keep;
+}
+
+/// The row's action if every row may grow that passes.
+GS_HD GrowthAction growth_action(const GaussiansSpan& rows, const StatisticsSpan& statistics,
+                                 std::size_t i, const GrowthRules& rules) {
+  const float visits = statistics.visits[i], norm = statistics.gradient_norm[i];
+  const double score = growth_score(rules.score, visits, norm, statistics.sums_of(i));
+  const bool passes = wants_growth(visits, norm, rules.limits.gradient_threshold) &&
+                      has_score(score) && score >= double(rules.score_threshold);
+  const bool splits = passes && !is_small(rows.log_scale[i], rules.limits.small_scale);
+  // A row too large to keep may still be split into children that are not.
+  if (splits && !rules.split.keeps_parent) return GrowthAction::split;
+  const GrowthAction without = action_without_growth(rows, statistics, i, rules);
+  if (!passes || without == GrowthAction::prune) return without;
+  return splits ? GrowthAction::split : GrowthAction::clone;
+}
+
+/// The row's key: of all rows that may grow, those with the smallest keys do.
+GS_HD std::uint64_t growth_key(const StatisticsSpan& statistics, std::size_t i,
+                               const GrowthRules& rules, const Random& random, int step) {
+  const double score = growth_score(rules.score, statistics.visits[i], statistics.gradient_norm[i],
+                                    statistics.sums_of(i));
+  if (rules.select == GrowthSelection::top_k) return top_key(score);
+  const RandomBits bits = random.bits(std::uint64_t(step), std::uint32_t(i));
+  return race_key(std::uint64_t(bits.word[1]) << 32 | bits.word[0], score);
+}
+
+/// The values of a row that make it a child of its parent.
+struct ChildRow {
+  HalfRow half;
+  float logit_opacity;
+};
+
+/// Child `number` of all children of a step, from a row that has its parent's values. Parents that
+/// are replaced have two in a row, one on either side.
+GS_HD ChildRow child_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t number,
+                        const SplitRules& rules, const Random& random, int step) {
+  ChildRow child;
+  child.logit_opacity = child_logit_opacity(rows.logit_opacity[i], rules);
+  if (rules.place == SplitPlacement::draw) {
+    child.half = half_of(rows, i, number, random, step);
+    return child;
+  }
+  using std::log;
+  const Vec3f& log_scale = rows.log_scale[i];
+  const float side = number % 2 == 0 ? 1.0f : -1.0f;
+  const ChildPlace place = rules.place == SplitPlacement::axis
+                               ? child_on_axis(log_scale, rules, side)
+                               : child_of_equal_variance(log_scale, side);
+  child.half.log_scale =
+      log_scale + Vec3f(log(place.scale.x), log(place.scale.y), log(place.scale.z));
+  if (!rows.has_time) {
+    child.half.mean = split_mean(rows.mean[i], log_scale, rows.rotation[i], place.offset);
+    return child;
+  }
+  const Vec4f offset(place.offset.x, place.offset.y, place.offset.z, 0.0f);
+  const Vec4f moved = split_move(QuatPair<float>{rows.rotation[i], rows.right_rotation[i]},
+                                 log_scale, rows.log_time_scale[i], offset);
+  child.half.mean = rows.mean[i] + Vec3f(moved.x, moved.y, moved.z);
+  child.half.time_mean = rows.time_mean[i] + moved.w;
+  child.half.log_time_scale = rows.log_time_scale[i];
+  return child;
+}
+
+/// True if a refinement removes the child at once.
+GS_HD bool is_pruned(const ChildRow& child, const GaussiansSpan& rows, std::size_t parent,
+                     const AdaptiveRules& rules) {
+  const HalfRow& half = child.half;
+  return is_pruned(half.mean, half.log_scale, rows.rotation[parent], child.logit_opacity, rules) ||
+         is_without_moments(rows, parent, half.time_mean, half.log_time_scale);
+}
+
+/// Gives a row that has its parent's values those of the child.
+GS_HD void write_child(const GaussiansSpan& rows, std::size_t i, const ChildRow& child) {
+  write_half(rows, i, child.half);
+  rows.logit_opacity[i] = child.logit_opacity;
 }
 
 /// The row's parameters without color.

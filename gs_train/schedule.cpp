@@ -16,8 +16,8 @@ constexpr int kExtraResetStep = 500;     // on a white background; Kerbl et al. 
 
 }  // namespace
 
-Schedule::Schedule(const Config& config, float scene_extent)
-    : rates_(config.optimizer), extent_(scene_extent) {
+Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
+    : views_(int(views)), rates_(config.optimizer), extent_(scene_extent) {
   steps_ =
       std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));
   extra_steps_ = config.train.extra_steps;
@@ -25,6 +25,7 @@ Schedule::Schedule(const Config& config, float scene_extent)
   refine_from_ = std::max(scaled(density.from_step), std::min(density.from_step, kMinRefineFrom));
   refine_until_ = refine_from_ + scaled(density.until_step) - scaled(density.from_step);
   refine_every_ = std::max(scaled(density.every), std::min(density.every, kMinRefineInterval));
+  refine_every_ = std::max(refine_every_, density.every_epochs * views_);
   reset_every_ = std::max(scaled(density.reset_opacity_every),
                           std::min(density.reset_opacity_every, kMinResetInterval));
   reset_until_ = scaled(density.reset_opacity_until);
@@ -59,6 +60,17 @@ LearningRates Schedule::learning_rates(int step) const {
 
 bool Schedule::refine(int step) const {
   return step >= refine_from_ && step <= refine_until_ && step % refine_every_ == 0;
+}
+
+double Schedule::growth_share(int step) const {
+  const int until = std::min(refine_until_, int(steps_)), last = until - until % refine_every_;
+  if (step >= last) return 1;
+  return std::max(0.0, double(step - refine_from_) / double(last - refine_from_));
+}
+
+bool Schedule::has_seen_all_views(int step) const {
+  const int previous = step - refine_every_;
+  return views_ > 0 && (previous >= refine_from_ ? refine_every_ : step) >= views_;
 }
 
 bool Schedule::reset_opacity(int step) const {

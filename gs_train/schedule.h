@@ -15,12 +15,17 @@ namespace gs {
 /// docs/schedule.md has the rule for intervals and a table of common lengths.
 class Schedule {
  public:
-  Schedule(const Config& config, float scene_extent);
+  /// `views`: photos of an epoch; where it is 0, density.every_epochs counts for nothing.
+  Schedule(const Config& config, float scene_extent, std::size_t views = 0);
 
   int steps() const { return steps_ + extra_steps_; }
   int steps_without_extra() const { return steps_; }
   LearningRates learning_rates(int step) const;
   bool refine(int step) const;  // clone, split, prune
+  /// How much of the time between the first and the last refinement is over, 0 to 1.
+  double growth_share(int step) const;
+  /// True where the statistics of a refinement in this step cover every photo at least once.
+  bool has_seen_all_views(int step) const;
   bool reset_opacity(int step) const;
   bool raise_sh_degree(int step) const;  // one degree more from this step on
   bool reorder(int step) const;          // Morton order
@@ -31,6 +36,7 @@ class Schedule {
   int scaled(int step) const;
   int steps_, extra_steps_, refine_from_, refine_until_, refine_every_;
   int reset_every_, reset_until_, extra_reset_, sh_every_, morton_every_, morton_until_;
+  int views_;
   OptimizerConfig rates_;
   float extent_;
 };

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "gs_core/gaussians.h"
+#include "gs_core/math/growth.h"
 
 namespace gs {
 
@@ -12,10 +13,21 @@ namespace gs {
 struct DensityStatistics {
   Buffer<float> visits;         // (N) steps in which the Gaussian was visible
   Buffer<float> gradient_norm;  // (N) sum of |(W/2, H/2) * dL/dmean2d| over those steps
+  // Scores that need them have sums over fragments, too; otherwise the array is empty.
+  bool has_sums = false;
+  Buffer<FragmentSums> sums;  // (N)
 
   explicit DensityStatistics(Memory& memory = host_memory())
-      : visits(memory), gradient_norm(memory) {}
+      : visits(memory), gradient_norm(memory), sums(memory) {}
 };
+
+/// Calls f(name, a.array, b.array, ...) for each statistic that `first` has.
+template <class F, class First, class... Rest>
+void for_each_statistic(F&& f, First&& first, Rest&&... rest) {
+  f("visits", first.visits, rest.visits...);
+  f("gradient_norm", first.gradient_norm, rest.gradient_norm...);
+  if (first.has_sums) f("sums", first.sums, rest.sums...);
+}
 
 /// The parameters, both Adam moments and the statistics of N Gaussians. A new array is a member
 /// here and a line in for_each_row_array(): row operations, checkpoints and copies then treat it
@@ -25,6 +37,8 @@ struct TrainingModel {
   DensityStatistics statistics;
   // updates since the start; one count for all Gaussians, as in Kerbl et al. 2023
   int adam_steps = 0;
+  // Gaussians before the first step; a growth curve begins there. 0: not known
+  std::size_t first_count = 0;
 
   explicit TrainingModel(Memory& memory = host_memory())
       : gaussians(memory), first_moment(memory), second_moment(memory), statistics(memory) {}
@@ -65,9 +79,7 @@ void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
   for_each_array(visit(RowRole::moment, "first_moment"), first.first_moment, rest.first_moment...);
   for_each_array(visit(RowRole::moment, "second_moment"), first.second_moment,
                  rest.second_moment...);
-  const auto statistic = visit(RowRole::statistic, "statistics");
-  statistic("visits", first.statistics.visits, rest.statistics.visits...);
-  statistic("gradient_norm", first.statistics.gradient_norm, rest.statistics.gradient_norm...);
+  for_each_statistic(visit(RowRole::statistic, "statistics"), first.statistics, rest.statistics...);
 }
 
 /// Gives a model whose parameters are set the moments and statistics of a model before its first
@@ -83,16 +95,36 @@ inline void clear_history(TrainingModel& model) {
       },
       model);
   model.adam_steps = 0;
+  model.first_count = count;
+}
+
+/// Gives the statistics sums over fragments, zeros, where they have none yet.
+inline void begin_sums(TrainingModel& model) {
+  DensityStatistics& statistics = model.statistics;
+  if (statistics.has_sums) return;
+  statistics.sums.resize_discard(model.count());
+  statistics.sums.fill_zero();
+  statistics.has_sums = true;
+}
+
+/// Zeros the moments of the opacities, or all of them, or none.
+inline void clear_moments(TrainingModel& model, MomentClearing which) {
+  for (Gaussians* const moment : {&model.first_moment, &model.second_moment}) {
+    if (which == MomentClearing::opacity) moment->logit_opacity.fill_zero();
+    if (which == MomentClearing::all) moment->fill_zero();
+  }
 }
 
 /// A copy of everything, in another memory.
 inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
   TrainingModel model(memory);
   model.set_has_time(from.gaussians.has_time);
+  model.statistics.has_sums = from.statistics.has_sums;
   for_each_row_array(
       [](const RowArray&, auto& to, const auto& array) { to.upload(array.download()); }, model,
       from);
   model.adam_steps = from.adam_steps;
+  model.first_count = from.first_count;
   return model;
 }
 

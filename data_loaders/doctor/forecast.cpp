@@ -61,7 +61,10 @@ double expected_gaussians(const Config& config, std::size_t points) {
   if (cap > 0) start = std::min(start, cap);
   const double steps = steps_of(config);
   if (steps <= std::min(double(config.density.from_step), kFirstGrowth)) return start;
-  if (config.density.strategy == "mcmc" && cap > 0) return cap;
+  const bool rises_to_cap =
+      config.density.strategy == "mcmc" ||
+      (config.density.strategy == "budgeted" && config.density.curve != GrowthCurve::none);
+  if (rises_to_cap && cap > 0) return cap;
   const double end = std::max(std::min(kGrowth * start, kOrdinaryEnd), kLeastGrowth * start);
   const double gaussians = start + (end - start) * std::sqrt(std::min(steps / kFullSteps, 1.0));
   return cap > 0 ? std::min(gaussians, cap) : gaussians;

@@ -66,6 +66,7 @@ nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& m
           {"step", progress.step},
           {"gaussians", model.count()},
           {"adam_steps", model.adam_steps},
+          {"first_gaussians", model.first_count},
           {"sh_degree", progress.sh_degree},
           {"loss", progress.loss},
           {"train_seconds", progress.train_seconds},
@@ -77,7 +78,9 @@ nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& m
 
 // ---- views -------------------------------------------------------------------------------------
 
-constexpr std::uint64_t kHasTime = 1;  // behind the count of Gaussians in space and time
+// Behind the count of Gaussians, unless it is 0: which arrays there are besides the usual ones.
+constexpr std::uint64_t kHasTime = 1;  // those of space and time
+constexpr std::uint64_t kHasSums = 2;  // sums over fragments, of density control
 
 struct ViewNumbers {
   std::int32_t is_test, width, height;
@@ -209,6 +212,10 @@ class Numbers {
     if (!fits) refuse(fmt::format("{} is no whole number from 0 to {}", key, most));
     return value->get<std::int64_t>();
   }
+  /// A count; 0 where a checkpoint of an older version has none.
+  std::int64_t whole_or_0(const char* key) const {
+    return json_.contains(key) ? whole(key, std::int64_t(limits::kLargestExact)) : 0;
+  }
   double number(const char* key, double low, double high) const {
     return inside(json_.value(key, Json()), key, low, high);
   }
@@ -257,6 +264,7 @@ void apply(const std::filesystem::path& path, const Contents& contents, Checkpoi
   progress.train_seconds = numbers.number("train_seconds", 0, kLargest);
   progress.growth_cap = numbers.whole("growth_cap", std::int64_t(limits::kLargestExact));
   checkpoint.state.model.adam_steps = int(numbers.whole("adam_steps", kMostSteps));
+  checkpoint.state.model.first_count = std::size_t(numbers.whole_or_0("first_gaussians"));
   checkpoint.scene.extent = float(numbers.number("extent", 0, kLargest));
   checkpoint.scene.world_offset = numbers.vector("world_offset");
   take_photos_of(numbers.text("photos"), checkpoint.scene.views);
@@ -297,10 +305,12 @@ SceneRecord::SceneRecord(const Scene& scene)
     views.push_back({view.name, true, view.camera, view.exposure});
 }
 
-std::uint64_t checkpoint_bytes(std::size_t gaussians, std::size_t views, bool has_time) {
+std::uint64_t checkpoint_bytes(std::size_t gaussians, std::size_t views, bool has_time,
+                               bool has_sums) {
   std::uint64_t row = 0;
   TrainingModel none;
   none.set_has_time(has_time);
+  none.statistics.has_sums = has_sums;
   for_each_row_array([&](const RowArray&, const auto& array) { row += sizeof(*array.data()); },
                      none);
   return gaussians * row + views * 512;
@@ -316,8 +326,9 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
   write_values(file, "strikes", progress.strikes);
   write_values(file, "view_order", progress.view_order);
   const bool has_time = model.gaussians.has_time;
+  const std::uint64_t kind = (has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0);
   std::vector<std::uint64_t> count_and_kind{model.count()};
-  if (has_time) count_and_kind.push_back(kHasTime);
+  if (kind) count_and_kind.push_back(kind);
   write_values(file, "gaussians", count_and_kind);
   if (has_time) write_times(file, scene.views);
   for_each_row_array(
@@ -338,9 +349,11 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   checkpoint.state.progress.strikes = file.values<int>("strikes");
   checkpoint.state.progress.view_order = file.values<std::uint32_t>("view_order");
   const auto count = file.values<std::uint64_t>("gaussians");
-  if (count.size() != 1 && !(count.size() == 2 && count[1] == kHasTime)) file.damaged();
-  checkpoint.state.model.set_has_time(count.size() == 2);
-  if (count.size() == 2) read_times(file, checkpoint.scene.views);
+  const std::uint64_t kind = count.size() == 2 ? count[1] : 0;
+  if (count.size() != 1 && !(kind >= 1 && kind <= (kHasTime | kHasSums))) file.damaged();
+  checkpoint.state.model.set_has_time(kind & kHasTime);
+  checkpoint.state.model.statistics.has_sums = kind & kHasSums;
+  if (kind & kHasTime) read_times(file, checkpoint.scene.views);
   read_model(file, count[0], checkpoint.state.model);
   file.finish();
   try {

@@ -80,7 +80,8 @@ bool CheckpointFolder::save(const RunProgress& progress, const TrainingModel& mo
   try {
     std::error_code ignored;
     fs::create_directories(folder_, ignored);  // if it fails, write_checkpoint() says so
-    if (!has_space(checkpoint_bytes(model.count(), scene_.views.size(), model.gaussians.has_time) +
+    if (!has_space(checkpoint_bytes(model.count(), scene_.views.size(), model.gaussians.has_time,
+                                    model.statistics.has_sums) +
                        kSpareBytes,
                    progress.step))
       return false;

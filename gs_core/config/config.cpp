@@ -277,6 +277,14 @@ void validate(const Config& config, const SettingOrigins& origins) {
   require(config.density.strategy != "mcmc" || config.density.max_gaussians != 0,
           "density.max_gaussians", config.density.max_gaussians,
           "a number, or auto: density.strategy = \"mcmc\" grows up to it");
+  const DensityConfig& density = config.density;
+  const bool is_budgeted = density.strategy == "budgeted";
+  require(!is_budgeted || density.curve == GrowthCurve::none || density.max_gaussians != 0,
+          "density.max_gaussians", density.max_gaussians,
+          "a number, or auto: density.curve rises to it");
+  require(!is_budgeted || !density.prune_unseen || needs_fragment_sums(density.score),
+          "density.prune_unseen", density.prune_unseen,
+          "false with density.score = \"gradient\", which counts no pixels");
   const double steps = double(config.train.iterations) * double(config.train.steps_scaler) +
                        double(config.train.extra_steps);
   require(steps >= 1 && steps <= limits::kLargestInt, "train.steps_scaler",

@@ -97,13 +97,14 @@ struct OptimizerConfig {
 inline constexpr int kMostBatch = 64;           // photos of one update
 inline constexpr std::int64_t kAutoCount = -1;  // the word auto: the program finds the count itself
 
-/// Density control: adaptive (Kerbl et al. 2023, Sec. 5.2) or mcmc (Kheradmand et al. 2024). Steps
-/// are those of a 30,000-step run.
+/// Density control: adaptive (Kerbl et al. 2023, Sec. 5.2), budgeted (docs/density.md) or mcmc
+/// (Kheradmand et al. 2024). Steps are those of a 30,000-step run.
 struct DensityConfig {
-  std::string strategy = "adaptive";  // adaptive, mcmc
+  std::string strategy = "adaptive";  // adaptive, budgeted, mcmc
   int from_step = 600;
   int until_step = 14900;
   int every = 100;
+  int every_epochs = 0;              // at least so many epochs between refinements
   float gradient_threshold = 2e-4f;  // of the mean NDC-scaled 2D position gradient
   float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
   float prune_opacity = 0.005f;
@@ -121,6 +122,23 @@ struct DensityConfig {
   float time_scale_regularizer = 0;   // weight of the mean of 1 / scale in time
   float velocity_regularizer = 0;     // weight of the mean squared velocity
   float static_after = 0;  // durations; Gaussians that live longer become 3D ones; 0: none
+  // for budgeted only: docs/density.md
+  GrowthScore score = GrowthScore::gradient;
+  float score_threshold = 0;
+  float mask_error = 0.1f;  // of a view's range of errors: pixels above it are in the mask
+  GrowthSelection select = GrowthSelection::top_k;
+  GrowthCurve curve = GrowthCurve::none;
+  float most_growth = 1;  // in one refinement, of the count
+  SplitPlacement split = SplitPlacement::draw;
+  float split_offset = 1.35f;   // standard deviations of the longest axis
+  float split_along = 0.55f;    // factor of the longest scale
+  float split_across = 0.893f;  // factor of the other scales
+  bool keep_parent = false;     // which then has one child, not two
+  float child_opacity_factor = 1, child_opacity_power = 1;
+  OpacityPolicy opacity_policy = OpacityPolicy::reset;
+  float opacity_amount = 0.01f;
+  MomentClearing opacity_clears = MomentClearing::opacity;
+  bool prune_unseen = false;
 };
 
 struct TrainConfig {

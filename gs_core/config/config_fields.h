@@ -115,10 +115,11 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.log_time_scale_lr",  optimizer.log_time_scale_lr,  "",            at_least(0),             retrain, "learning rate of the logarithms of the scales in time, if model.dynamic", "Yang et al. 2024");
 
   auto& density = config.density;
-  field("density.strategy",             density.strategy,             "",            one_of(kStrategyWords),  retrain, "how Gaussians are added and removed: adaptive clones, splits and prunes them; mcmc moves them and adds samples (needs max_gaussians)");
+  field("density.strategy",             density.strategy,             "",            one_of(kStrategyWords),  retrain, "how Gaussians are added and removed: adaptive clones, splits and prunes them; budgeted does so by a score and up to a number (docs/density.md); mcmc moves them and adds samples (needs max_gaussians)");
   field("density.from_step",            density.from_step,            "steps",       steps_from(0),           retrain, "first refinement, as a step of a 30,000-step run", kFaster);
   field("density.until_step",           density.until_step,           "steps",       steps_from(0),           retrain, "last refinement, as a step of a 30,000-step run", kFaster);
   field("density.every",                density.every,                "steps",       steps_from(1),           retrain, "interval between refinements", kKerbl);
+  field("density.every_epochs",         density.every_epochs,         "epochs",      between(0, 1000),        retrain, "the interval is at least so many passes over the photos; not scaled");
   field("density.gradient_threshold",   density.gradient_threshold,   "NDC",         at_least(0),             retrain, "Gaussians with a larger mean image-plane gradient are cloned or split", kKerbl);
   field("density.small_scale",          density.small_scale,          "extent",      at_least(0),             retrain, "smaller Gaussians are cloned, larger ones are split", kKerbl);
   field("density.prune_opacity",        density.prune_opacity,        "",            between(0, 1),           retrain, "fainter Gaussians are removed (adaptive) or moved (mcmc)", kKerbl);
@@ -135,6 +136,24 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.time_scale_regularizer", density.time_scale_regularizer, "duration",  at_least(0),             retrain, "if model.dynamic, weight in the loss of the mean of 1 / scale in time, so that Gaussians live long");
   field("density.velocity_regularizer", density.velocity_regularizer, "(duration/world units)^2", at_least(0),  retrain, "if model.dynamic, weight in the loss of the mean squared velocity");
   field("density.static_after",         density.static_after,         "durations",   at_least(0),             retrain, "if model.dynamic, a Gaussian with a larger standard deviation in time that hardly moves becomes static, a 3D Gaussian that is the same at all times; 0: none does");
+
+  field("density.score",                density.score,                "",            one_of<GrowthScore>(),   retrain, "by what budgeted chooses: the mean image-plane gradient; how much pixels disagree about an opacity (force); error of the render, number of pixels with a large one (mask), or edges of the photo in the pixels of a Gaussian", "docs/density.md");
+  field("density.score_threshold",      density.score_threshold,      "",            at_least(0),             retrain, "Gaussians with a lower score do not grow in budgeted, nor do those below gradient_threshold");
+  field("density.mask_error",           density.mask_error,           "",            between(0, 1),           retrain, "the score mask counts pixels above this share of the range of errors in their photo", "FastGS");
+  field("density.select",               density.select,               "",            one_of<GrowthSelection>(), retrain, "which Gaussians grow in budgeted where not all may: the largest scores, or a draw in proportion to them (race)", "LiteGS");
+  field("density.curve",                density.curve,                "",            one_of<GrowthCurve>(),   retrain, "how budgeted lets the number of Gaussians rise to max_gaussians between the first and the last refinement; none: without a curve", "docs/density.md");
+  field("density.most_growth",          density.most_growth,          "",            above(0),                retrain, "most Gaussians that budgeted adds in one refinement, as a share of those that stay");
+  field("density.split",                density.split,                "",            one_of<SplitPlacement>(), retrain, "where the children of budgeted lie: drawn from the parent, to both sides on its longest axis, or so that its variance stays", "docs/density.md");
+  field("density.split_offset",         density.split_offset,         "standard deviations", at_least(0),     retrain, "of children on the longest axis, from their parent", "Improved-GS");
+  field("density.split_along",          density.split_along,          "",            above(0),                retrain, "size of children on the longest axis, along it, as a share of the parent's", "Improved-GS");
+  field("density.split_across",         density.split_across,         "",            above(0),                retrain, "the same for the other two axes", "Improved-GS");
+  field("density.keep_parent",          density.keep_parent,          "",            any(),                   retrain, "in budgeted a Gaussian that is split stays as it is and has one child, not two", "LiteGS");
+  field("density.child_opacity_factor", density.child_opacity_factor, "",            between(0.001, 1),       retrain, "budgeted gives children the opacity factor * (1 - (1 - o)^power), and copies and their originals, too", "Improved-GS");
+  field("density.child_opacity_power",  density.child_opacity_power,  "",            between(0.01, 1),        retrain, "the power in that; 0.5: two in one place look like the one before", "Rota Bulo et al. 2024");
+  field("density.opacity_policy",       density.opacity_policy,       "",            one_of<OpacityPolicy>(), retrain, "how budgeted lowers opacities every reset_opacity_every steps: to at most opacity_amount (reset), by half but not below it (halve), or by opacity_amount times the share of steps that are left (subtract)", "docs/density.md");
+  field("density.opacity_amount",       density.opacity_amount,       "",            between(1e-4, 0.999),    retrain, "the amount in that");
+  field("density.opacity_clears",       density.opacity_clears,       "",            one_of<MomentClearing>(), retrain, "which of Adam's moments that clears: none, those of the opacities, or all");
+  field("density.prune_unseen",         density.prune_unseen,         "",            any(),                   retrain, "budgeted removes Gaussians that were in no pixel for a whole epoch; needs a score other than gradient", "LiteGS");
 
   auto& train = config.train;
   field("train.iterations",             train.iterations,             "steps",       steps_from(1),           proceed, "length of the training, one photo each step; the schedule scales with it", kKerbl);

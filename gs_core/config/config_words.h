@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "gs_core/error.h"
+#include "gs_core/math/growth.h"
 #include "gs_core/math/render_rules.h"
 
 namespace gs {
@@ -96,10 +97,51 @@ struct Words<PhotoTimes> {
       {"none", PhotoTimes::none}, {"frames", PhotoTimes::frames}, {"names", PhotoTimes::names}};
 };
 
+template <>
+struct Words<GrowthScore> {
+  static constexpr Word<GrowthScore> kTable[] = {{"gradient", GrowthScore::gradient},
+                                                 {"force", GrowthScore::force},
+                                                 {"error", GrowthScore::error},
+                                                 {"mask", GrowthScore::mask},
+                                                 {"edge", GrowthScore::edge}};
+};
+template <>
+struct Words<GrowthCurve> {
+  static constexpr Word<GrowthCurve> kTable[] = {{"none", GrowthCurve::none},
+                                                 {"linear", GrowthCurve::linear},
+                                                 {"root", GrowthCurve::root},
+                                                 {"parabola", GrowthCurve::parabola}};
+};
+template <>
+struct Words<GrowthSelection> {
+  static constexpr Word<GrowthSelection> kTable[] = {{"top_k", GrowthSelection::top_k},
+                                                     {"race", GrowthSelection::race}};
+};
+template <>
+struct Words<SplitPlacement> {
+  static constexpr Word<SplitPlacement> kTable[] = {{"draw", SplitPlacement::draw},
+                                                    {"axis", SplitPlacement::axis},
+                                                    {"variance", SplitPlacement::variance}};
+};
+template <>
+struct Words<OpacityPolicy> {
+  static constexpr Word<OpacityPolicy> kTable[] = {{"none", OpacityPolicy::none},
+                                                   {"reset", OpacityPolicy::reset},
+                                                   {"halve", OpacityPolicy::halve},
+                                                   {"subtract", OpacityPolicy::subtract}};
+};
+template <>
+struct Words<MomentClearing> {
+  static constexpr Word<MomentClearing> kTable[] = {{"none", MomentClearing::none},
+                                                    {"opacity", MomentClearing::opacity},
+                                                    {"all", MomentClearing::all}};
+};
+
 /// Lists of words that stay text, since other code gives them their meaning. "cuda:N" stands for
 /// any number N.
-inline constexpr std::string_view kStrategyWords = "adaptive, mcmc";  // density_control.cpp
-inline constexpr std::string_view kLossWords = "l1_ssim";             // scalar_backend.cpp
+// density_control.cpp
+inline constexpr std::string_view kStrategyWords = "adaptive, budgeted, mcmc";
+inline constexpr std::string_view kLossWords = "l1_ssim";  // scalar_backend.cpp
 inline constexpr std::string_view kDeviceWords = "auto, cpu, cuda, cuda:N";
 inline constexpr std::string_view kLensWords =  // COLMAP's names
     "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, "

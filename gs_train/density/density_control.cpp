@@ -12,6 +12,7 @@ struct Strategy {
 };
 constexpr Strategy kStrategies[] = {
     {"adaptive", make_adaptive_control},
+    {"budgeted", make_budgeted_control},
     {"mcmc", make_mcmc_control},
 };
 

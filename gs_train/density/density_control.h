@@ -60,6 +60,7 @@ std::vector<std::string> density_strategies();
 using MakeDensityControl = std::unique_ptr<DensityControl>(const Config&, const Schedule&,
                                                            float scene_extent);
 MakeDensityControl make_adaptive_control;  // adaptive.cpp
+MakeDensityControl make_budgeted_control;  // budgeted.cpp
 MakeDensityControl make_mcmc_control;      // mcmc.cpp
 
 }  // namespace gs

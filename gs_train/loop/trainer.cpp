@@ -66,8 +66,13 @@ std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians) {
 }  // namespace
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingModel model)
-    : run_{with_views(scene),       config,           backend, Schedule(config, scene.extent),
-           render_settings(config), std::move(model), nullptr},
+    : run_{with_views(scene),
+           config,
+           backend,
+           Schedule(config, scene.extent, scene.train_views.size()),
+           render_settings(config),
+           std::move(model),
+           nullptr},
       recovery_(run_), views_(scene.train_views.size(), config.train.seed), views_ahead_(views_) {
   backend.use_loss(config.loss.kind);
   if (scene.time_count > 1 && !run_.model.gaussians.has_time)

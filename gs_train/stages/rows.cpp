@@ -109,6 +109,11 @@ class ScalarRowOps final : public RowOps {
     return report;
   }
 
+  RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed,
+                    int step) override {
+    return gs::grow(model, rules, seed, step);
+  }
+
   RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
                         int step) override {
     return gs::relocate(model, rules, seed, step);
@@ -133,6 +138,13 @@ class ScalarRowOps final : public RowOps {
     for (float& value : model.gaussians.logit_opacity) value = std::min(value, highest);
     model.first_moment.logit_opacity.fill_zero();
     model.second_moment.logit_opacity.fill_zero();
+  }
+
+  void lower_opacity(TrainingModel& model, const OpacityRule& rule) override {
+    const float logit_amount = logit(rule.amount);
+    for (float& value : model.gaussians.logit_opacity)
+      value = lowered_logit_opacity(value, rule, logit_amount);
+    clear_moments(model, rule.clears);
   }
 
   std::size_t prune(TrainingModel& model, float opacity) override {
@@ -163,17 +175,6 @@ class ScalarRowOps final : public RowOps {
   }
 
  private:
-  // After a refinement: the moments of the rows from `first` on, which are new, and all statistics
-  // are zero.
-  static void start_new_rows(TrainingModel& model, std::size_t first) {
-    for_each_row_array(
-        [first](const RowArray& which, auto& array) {
-          if (which.role == RowRole::moment) zero_rows_from(array, first);
-          if (which.role == RowRole::statistic) array.fill_zero();
-        },
-        model);
-  }
-
   // The numbers of the halves that are not pruned at once. Halves 2 k and 2 k + 1 are those of
   // parent k.
   static std::vector<std::uint32_t> kept_halves(const GaussiansSpan& rows,
@@ -215,6 +216,15 @@ class ScalarRowOps final : public RowOps {
 };
 
 }  // namespace
+
+void start_new_rows(TrainingModel& model, std::size_t first) {
+  for_each_row_array(
+      [first](const RowArray& which, auto& array) {
+        if (which.role == RowRole::moment) zero_rows_from(array, first);
+        if (which.role == RowRole::statistic) array.fill_zero();
+      },
+      model);
+}
 
 void gather_rows(TrainingModel& model, Span<const std::uint32_t> source) {
   std::size_t widest = 0;  // bytes of a row

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The scalar CPU backend: the contracts in their simplest form.
 #include "gs_core/threads/parallel.h"
+#include "gs_render/stages.h"
 #include "gs_train/named_row.h"
 #include "gs_train/stages/scalar_stages.h"
 
@@ -32,12 +33,19 @@ class ScalarBackend final : public Backend {
   std::vector<StageTime> stage_times() override { return host_stage_clock().times(); }
 
  protected:
+  void find_pixel_values(const View& view, const DensityStep& density, RenderPass& pass) override {
+    if (density.score == GrowthScore::force) return;  // sums no values
+    gs::find_pixel_values(view, density, pass, pass.scratch<ScalarScratch>().pixel_values);
+  }
   void gather(const DensityStatistics& statistics, const RenderPass& pass,
               Span<const Vec2f> dL_dmean2d) override {
+    const bool has_sums =
+        statistics.has_sums && !pass.scratch<ScalarScratch>().fragment_sums.empty();
     parallel_for(dL_dmean2d.size, 4096, [&](std::size_t i) {
       if (!pass.tile_counts[i]) return;
       statistics.visits[i] += 1.0f;
       statistics.gradient_norm[i] += screen_gradient_norm(dL_dmean2d[i], pass.width, pass.height);
+      if (has_sums) add_to(statistics.sums[i], fragment_sums_of(pass, i));
     });
   }
   void add(const Gaussians& to, const Gaussians& from, float weight) override {
@@ -46,8 +54,9 @@ class ScalarBackend final : public Backend {
                    to, from);
   }
   void add(const DensityStatistics& to, const DensityStatistics& from) override {
-    add(to.visits.span(), from.visits.span(), 1);
-    add(to.gradient_norm.span(), from.gradient_norm.span(), 1);
+    for_each_statistic([&](const char*, auto& sums,
+                           const auto& array) { add(numbers_of(sums), numbers_of(array), 1); },
+                       to, from);
   }
 
  private:

@@ -8,7 +8,11 @@
 
 namespace gs {
 
-std::unique_ptr<Loss> make_l1_ssim_loss();           // 5  ssim.cpp
+std::unique_ptr<Loss> make_l1_ssim_loss();  // 5  ssim.cpp
+/// 5  pixel_values.cpp: what the scores "error", "mask" and "edge" sum, (H, W), of a rendered view.
+void find_pixel_values(const View& view, const DensityStep& density, const RenderPass& pass,
+                       Buffer<float>& values);
+
 std::unique_ptr<Optimizer> make_scalar_optimizer();  // 8  adam.cpp
 std::unique_ptr<RowOps> make_scalar_row_ops();       // 9  rows.cpp, 10 morton.cpp
 
@@ -24,6 +28,13 @@ void add_position_noise(const GaussiansSpan& gaussians, const PositionNoise& noi
 /// relocate.cpp, behind RowOps::relocate().
 RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
                       int step);
+
+/// grow.cpp, behind RowOps::grow().
+RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed, int step);
+
+/// After a refinement: the moments of the rows from `first` on, which are new, and all statistics
+/// become zero.
+void start_new_rows(TrainingModel& model, std::size_t first);
 
 /// Puts rows of `model` into a new order, or keeps some of them: row i becomes what row source[i]
 /// was, in every array.

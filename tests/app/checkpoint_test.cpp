@@ -15,6 +15,7 @@
 #include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
+#include "gs_core/io/checked_file.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
@@ -124,6 +125,50 @@ TEST_F(Checkpoints, OfGaussiansInSpaceAndTimeComeBackWithTheTimesOfTheViews) {
   EXPECT_TRUE(same_bits(read.state.model, expected.model));
   for (std::size_t i = 0; i < scene.views.size(); ++i)
     EXPECT_EQ(read.scene.views[i].camera.time, 0.1f * float(i));
+}
+
+TEST_F(Checkpoints, WithSumsOfDensityControlComeBackBitForBit) {
+  for (const bool has_time : {false, true}) {
+    TrainingState expected = telling_state(100, 12, has_time);
+    begin_sums(expected.model);
+    number_rows(expected.model.statistics.sums, 0.5f);
+    expected.model.first_count = 77;
+    fs::create_directories(path());
+    write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress,
+                     expected.model);
+    const TrainingModel read = read_checkpoint(file(12)).state.model;
+    ASSERT_TRUE(read.statistics.has_sums);
+    EXPECT_EQ(read.gaussians.has_time, has_time);
+    EXPECT_TRUE(same_bits(read, expected.model));
+    EXPECT_TRUE(same_bits(read.statistics.sums, expected.model.statistics.sums));
+    EXPECT_EQ(read.first_count, 77u);
+    EXPECT_NEAR(double(fs::file_size(file(12))), double(checkpoint_bytes(100, 4, has_time, true)),
+                16384);
+  }
+}
+
+// Version 0.1.0 did not write "first_gaussians".
+TEST_F(Checkpoints, OfVersionsWithoutTheFirstCountAreRead) {
+  ASSERT_TRUE(save(folder(), 12));
+  const TrainingState expected = telling_state(7, 12);
+  const FileKind kind{"gsckpt\r\n", 1};
+  std::vector<std::string> sections{"about",   "config",     "view_names", "views",
+                                    "strikes", "view_order", "gaussians"};
+  for_each_row_array([&](const RowArray& which, const auto&) { sections.push_back(which.key()); },
+                     expected.model);
+  CheckedReader reader(file(12), kind);
+  CheckedWriter writer(file(11), kind);
+  for (const std::string& section : sections) {
+    std::string text = reader.text(section);
+    const std::string dropped = "\"first_gaussians\":7,";
+    if (section == "about") text.erase(text.find(dropped), dropped.size());
+    writer.text(section, text);
+  }
+  writer.commit();
+  const TrainingModel read = read_checkpoint(file(11)).state.model;
+  EXPECT_TRUE(same_bits(read, expected.model));
+  EXPECT_FALSE(read.statistics.has_sums);
+  EXPECT_EQ(read.first_count, 0u);
 }
 
 TEST_F(Checkpoints, KnowTheirScene) {

@@ -76,6 +76,7 @@ Config everything_changed() {
   config.model.random_box = 2;
   config.density.time_scale_regularizer = config.density.velocity_regularizer = 0.5f;
   config.density.static_after = 2;
+  config.density.score_threshold = 0.5f;
   config.train.time_noise = 0.1f;
   config.density.strategy = "mcmc";
   config.train.device = "cuda:12";
@@ -398,7 +399,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 10u);
+  EXPECT_EQ(settings, 16u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {

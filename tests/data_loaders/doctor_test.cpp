@@ -292,6 +292,10 @@ TEST(Forecast, GrowsWithThePointsOfTheSceneUpToTheCap) {
   EXPECT_EQ(expected_gaussians(config, 90000), 50000);
   config.density.strategy = "mcmc";
   EXPECT_EQ(expected_gaussians(config, 100), 50000);
+  config.density.strategy = "budgeted";
+  EXPECT_LT(expected_gaussians(config, 100), 50000);
+  config.density.curve = GrowthCurve::linear;
+  EXPECT_EQ(expected_gaussians(config, 100), 50000);
 }
 
 TEST(Forecast, NamesGpuFiguresForAGpuOnly) {

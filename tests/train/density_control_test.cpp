@@ -47,7 +47,7 @@ TEST(DensityControl, AnUnknownStrategyIsNamedWithTheKnownOnes) {
     control_of(with_strategy("mcmcc"));
     FAIL();
   } catch (const UsageError& error) {
-    EXPECT_NE(std::string(error.what()).find("mcmcc; it is one of adaptive, mcmc"),
+    EXPECT_NE(std::string(error.what()).find("mcmcc; it is one of adaptive, budgeted, mcmc"),
               std::string::npos);
   }
 }
@@ -71,6 +71,102 @@ TEST(AdaptiveControl, ResetsOpacities) {
   TrainingModel model = growing_model();
   control->after_step(model, *backend, 3000);
   EXPECT_NEAR(sigmoid(model.gaussians.logit_opacity[0]), 0.01f, 1e-6f);
+}
+
+TEST(BudgetedControl, AsksForTheSumsOfItsScore) {
+  Config config = with_strategy("budgeted");
+  config.density.score = GrowthScore::mask;
+  config.density.mask_error = 0.3f;
+  const auto control = control_of(config);
+  EXPECT_EQ(control->of_step(600).score, GrowthScore::mask);
+  EXPECT_EQ(control->of_step(600).mask_error, 0.3f);
+  EXPECT_TRUE(control->of_step(600).gather_statistics);
+  EXPECT_FALSE(control->of_step(20000).gather_statistics);
+}
+
+TEST(BudgetedControl, DoesWhatAdaptiveDoesByDefault) {
+  const auto adaptive = control_of(with_strategy("adaptive")),
+             budgeted = control_of(with_strategy("budgeted"));
+  const auto backend = make_scalar_backend();
+  TrainingModel a = growing_model(), b = growing_model();
+  for (const int step : {600, 601, 3000, 3100}) {
+    EXPECT_EQ(budgeted->after_step(b, *backend, step).cloned,
+              adaptive->after_step(a, *backend, step).cloned);
+    EXPECT_TRUE(same_bits(a, b)) << step;
+    EXPECT_EQ(budgeted->of_step(step).gather_statistics, adaptive->of_step(step).gather_statistics);
+  }
+}
+
+// The 30 Gaussians may become 130; at step 600 the window begins, at 7,800 half of it is over.
+TEST(BudgetedControl, FollowsItsCurve) {
+  Config config = with_strategy("budgeted");
+  config.density.max_gaussians = 130;
+  config.density.until_step = 15000;
+  config.density.curve = GrowthCurve::linear;
+  const auto control = control_of(config);
+  const auto backend = make_scalar_backend();
+  for (const auto& [step, count] : {std::pair{600, 30}, {2000, 40}, {2500, 43}, {15000, 60}}) {
+    TrainingModel model = growing_model();
+    control->after_step(model, *backend, step);
+    EXPECT_EQ(model.count(), std::size_t(count)) << step;  // at most twice as many
+  }
+}
+
+TEST(BudgetedControl, SubtractsLessAndLessFromOpacities) {
+  Config config = with_strategy("budgeted");
+  config.density.opacity_policy = OpacityPolicy::subtract;
+  config.density.opacity_amount = 0.1f;
+  const auto control = control_of(config);
+  const auto backend = make_scalar_backend();
+  TrainingModel early = growing_model(), late = growing_model();
+  control->after_step(early, *backend, 3000);
+  EXPECT_NEAR(sigmoid(early.gaussians.logit_opacity[0]), 0.5f - 0.1f * 0.9f, 1e-6f);
+  control->after_step(late, *backend, 12000);
+  EXPECT_NEAR(sigmoid(late.gaussians.logit_opacity[0]), 0.5f - 0.1f * 0.6f, 1e-6f);
+}
+
+TEST(BudgetedControl, LeavesOpacitiesAloneWhereAsked) {
+  Config config = with_strategy("budgeted");
+  config.density.opacity_policy = OpacityPolicy::none;
+  TrainingModel model = growing_model();
+  control_of(config)->after_step(model, *make_scalar_backend(), 3000);
+  EXPECT_NEAR(sigmoid(model.gaussians.logit_opacity[0]), 0.5f, 1e-6f);
+}
+
+TEST(BudgetedControl, WithoutTheNumberOfItsCurveSaysHowToGiveIt) {
+  Config config = with_strategy("budgeted");
+  config.density.curve = GrowthCurve::root;
+  config.density.max_gaussians = 0;
+  EXPECT_THROW(control_of(config), UsageError);
+  EXPECT_THROW(validate(config), UsageError);
+  config.density.curve = GrowthCurve::none;
+  EXPECT_NE(control_of(config), nullptr);
+  validate(config);
+}
+
+TEST(BudgetedControl, PrunesTheUnseenOnlyWithAScoreThatCountsPixels) {
+  Config config = with_strategy("budgeted");
+  config.density.prune_unseen = true;
+  EXPECT_THROW(control_of(config), UsageError);
+  EXPECT_THROW(validate(config), UsageError);
+  config.density.score = GrowthScore::force;
+  EXPECT_NE(control_of(config), nullptr);
+  validate(config);
+}
+
+// Refinements are 100 steps apart: fewer than 150 photos.
+TEST(BudgetedControl, PrunesTheUnseenOnlyAfterAWholeEpoch) {
+  Config config = with_strategy("budgeted");
+  config.density.prune_unseen = true;
+  config.density.score = GrowthScore::force;
+  const auto backend = make_scalar_backend();
+  for (const std::size_t views : {100, 150}) {
+    TrainingModel model = growing_model();
+    begin_sums(model);
+    for (std::size_t i = 0; i < 20; ++i) model.statistics.sums[i].weight = 1;
+    make_density_control(config, Schedule(config, 2, views), 2)->after_step(model, *backend, 1000);
+    EXPECT_EQ(model.count(), views == 100 ? 20u : 30u);
+  }
 }
 
 TEST(McmcControl, AsksForRegularizersAndTheNoiseOfItsStep) {

@@ -110,5 +110,37 @@ TEST(ScheduleOfTwiceTheSteps, DoublesEveryPointInTime) {
   EXPECT_NEAR(schedule.learning_rates(60'000).mean / 3.2e-6, 1, 1e-6);
 }
 
+TEST(ScheduleOfEpochs, RefinesAfterSoManyPassesOverThePhotos) {
+  Config config;
+  config.density.every_epochs = 2;
+  const Schedule schedule(config, 2.0f, 250), few(config, 2.0f, 40), unknown(config, 2.0f);
+  EXPECT_EQ(steps_where(schedule, [&](int step) { return schedule.refine(step); }),
+            from_to_every(1000, 14'500, 500));
+  EXPECT_EQ(steps_where(few, [&](int step) { return few.refine(step); }),
+            from_to_every(600, 14'900, 100));
+  EXPECT_EQ(steps_where(unknown, [&](int step) { return unknown.refine(step); }),
+            from_to_every(600, 14'900, 100));
+}
+
+TEST(GrowthShare, GoesFromZeroToOneOverTheRefinements) {
+  Config config;
+  config.density.every = 300;
+  const Schedule schedule(config, 2.0f);  // refines from 600 to 14,700
+  EXPECT_EQ(schedule.growth_share(300), 0.0);
+  EXPECT_EQ(schedule.growth_share(600), 0.0);
+  EXPECT_NEAR(schedule.growth_share(7650), 0.5, 1e-9);
+  EXPECT_EQ(schedule.growth_share(14'700), 1.0);
+  EXPECT_EQ(schedule.growth_share(20'000), 1.0);
+}
+
+TEST(HasSeenAllViews, NeedsAnEpochSinceTheLastRefinement) {
+  const Schedule few(Config{}, 2.0f, 100), many(Config{}, 2.0f, 500), unknown(Config{}, 2.0f);
+  EXPECT_TRUE(few.has_seen_all_views(600));
+  EXPECT_TRUE(few.has_seen_all_views(700));
+  EXPECT_TRUE(many.has_seen_all_views(600));  // the first refinement looks at all steps so far
+  EXPECT_FALSE(many.has_seen_all_views(700));
+  EXPECT_FALSE(unknown.has_seen_all_views(600));
+}
+
 }  // namespace
 }  // namespace gs

@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 9 under the strategy "budgeted", for one Gaussian at a time: its score, the children of a
+// split, and changes of its opacity; and how many Gaussians there shall be. docs/density.md explains
+// the choices and names their sources.
+#pragma once
+
+#include <cmath>
+
+#include "gs_core/math/activations.h"
+#include "gs_core/math/constants.h"
+#include "gs_core/math/density.h"
+#include "gs_core/types.h"
+
+namespace gs {
+
+/// By what Gaussians are chosen to grow.
+enum class GrowthScore { gradient, force, error, mask, edge };
+/// How the number of Gaussians rises to its limit.
+enum class GrowthCurve { none, linear, root, parabola };
+/// Which of them grow where not all may: those with the largest scores, or a draw.
+enum class GrowthSelection { top_k, race };
+/// Where the children of a split lie.
+enum class SplitPlacement { draw, axis, variance };
+/// How opacities are lowered now and then.
+enum class OpacityPolicy { none, reset, halve, subtract };
+/// Which of Adam's moments that clears.
+enum class MomentClearing { none, opacity, all };
+
+/// True for the scores that are made of FragmentSums.
+GS_HD bool needs_fragment_sums(GrowthScore score) { return score != GrowthScore::gradient; }
+
+// ---- scores ------------------------------------------------------------------------------------
+
+/// Sums over the fragments of one Gaussian in the photos since the last refinement. w = T alpha is
+/// the weight of a fragment.
+///
+///                 first     second
+///   force         sum f     sum f^2    f = alpha dE/dalpha, E the loss times its 3 H W values
+///   all others    sum w v   sum v      v the pixel's value: error, mask or edge
+struct FragmentSums {
+  float count = 0, weight = 0;  // of fragments; sum w
+  float first = 0, second = 0;
+};
+GS_HD void add_to(FragmentSums& sum, const FragmentSums& part) {
+  sum.count += part.count;
+  sum.weight += part.weight;
+  sum.first += part.first;
+  sum.second += part.second;
+}
+
+/// How much the pixels of a Gaussian disagree about its opacity: the number of fragments times the
+/// variance of their forces f.                                      after LiteGS (see docs/density.md)
+///
+///   n (Q / (n + 1) - (F / (n + 1))^2) = n (Q (n + 1) - F^2) / (n + 1)^2
+///
+/// The products of floats are exact in double, so that no contraction changes the result.
+GS_HD double force_score(const FragmentSums& sums) {
+  const double n = double(sums.count), more = n + 1;
+  const double spread = double(sums.second) * more - double(sums.first) * double(sums.first);
+  return n * (spread / (more * more));
+}
+
+/// The score of a Gaussian; NaN where a statistic is.
+GS_HD double growth_score(GrowthScore score, float visits, float gradient_norm,
+                          const FragmentSums& sums) {
+  switch (score) {
+    case GrowthScore::gradient: break;
+    case GrowthScore::force: return force_score(sums);
+    case GrowthScore::error:
+    case GrowthScore::edge: return double(sums.first);
+    case GrowthScore::mask: return double(sums.second);
+  }
+  return double(gradient_norm) / double(max_of(visits, 1.0f));
+}
+
+// ---- children ----------------------------------------------------------------------------------
+
+/// What a Gaussian becomes that is split.
+struct SplitRules {
+  SplitPlacement place = SplitPlacement::draw;
+  float offset = 0, along = 1, across = 1;  // axis: standard deviations; factors of the scales
+  bool keeps_parent = false;                // which then has one child, not two
+  float opacity_factor = 1, opacity_power = 1;
+
+  GS_HD bool changes_opacity() const { return opacity_factor != 1 || opacity_power != 1; }
+  GS_HD unsigned children() const { return keeps_parent ? 1 : 2; }
+};
+
+/// Where a child lies, and its size.
+struct ChildPlace {
+  Vec3f offset;  // from the parent's mean, in the parent's standard deviations along its axes
+  Vec3f scale;   // as a multiple of the parent's
+};
+
+/// Both children of a split along the longest axis: moved by `offset` standard deviations to either
+/// side, and shrunk by `along` on this axis and by `across` on the others.       Improved-GS
+GS_HD ChildPlace child_on_axis(const Vec3f& log_scale, const SplitRules& rules, float side) {
+  const int axis = log_scale.x >= log_scale.y ? (log_scale.x >= log_scale.z ? 0 : 2)
+                                              : (log_scale.y >= log_scale.z ? 1 : 2);
+  ChildPlace child{Vec3f(0.0f), Vec3f(rules.across)};
+  child.offset[axis] = side * rules.offset;
+  child.scale[axis] = rules.along;
+  return child;
+}
+
+/// Both children of a split that keeps the variance along each axis. The longest axis is split most.
+///                                                                                       Brush
+///   k_i = 1 - (s_i / s_max)^2 (1 - 1 / sqrt 2),   scale k_i,   offset +- sqrt(1 - k_i^2)
+GS_HD ChildPlace child_of_equal_variance(const Vec3f& log_scale, float side) {
+  using std::exp, std::sqrt;
+  constexpr float kMost = 1 - 0.70710678f;
+  const float longest = largest(log_scale);
+  ChildPlace child;
+  for (int axis = 0; axis < 3; ++axis) {
+    const float k = 1 - exp(2 * (log_scale[axis] - longest)) * kMost;
+    child.scale[axis] = k;
+    child.offset[axis] = side * sqrt(1 - k * k);
+  }
+  return child;
+}
+
+/// The stored opacity of a child, and of a Gaussian that stays beside its copy or child.
+///
+///   factor (1 - (1 - o)^power)     power 1/2: two in one place look like the one before
+///                                                                 Rota Bulo et al. 2024
+GS_HD float child_logit_opacity(float logit_opacity, const SplitRules& rules) {
+  using std::pow;
+  if (!rules.changes_opacity()) return logit_opacity;
+  constexpr double kLeast = 1e-6, kMost = 1 - double(kMinShareTransmittance);
+  const double rest = 1 - sigmoid(double(logit_opacity));
+  const double opacity =
+      double(rules.opacity_factor) * (1 - pow(rest, double(rules.opacity_power)));
+  return float(logit(clamp_to(opacity, kLeast, kMost)));
+}
+
+// ---- opacities ---------------------------------------------------------------------------------
+
+/// One change of all opacities.
+///
+///   reset      min(o, amount)
+///   halve      max(o / 2, amount)                                                       LiteGS
+///   subtract   o - amount                                                               Brush
+struct OpacityRule {
+  OpacityPolicy policy = OpacityPolicy::none;
+  float amount = 0;
+  MomentClearing clears = MomentClearing::none;
+};
+
+/// The stored opacity after the change. `logit_amount` is logit(amount), computed once for all.
+GS_HD float lowered_logit_opacity(float logit_opacity, const OpacityRule& rule,
+                                  float logit_amount) {
+  constexpr float kLeast = 1e-4f;
+  switch (rule.policy) {
+    case OpacityPolicy::none: break;
+    case OpacityPolicy::reset: return min_of(logit_opacity, logit_amount);
+    case OpacityPolicy::halve: return logit(max_of(0.5f * sigmoid(logit_opacity), rule.amount));
+    case OpacityPolicy::subtract:
+      return min_of(logit_opacity, logit(max_of(sigmoid(logit_opacity) - rule.amount, kLeast)));
+  }
+  return logit_opacity;
+}
+
+// ---- counts ------------------------------------------------------------------------------------
+
+/// How many Gaussians there may be in the end of a refinement; 0: any number.
+///
+///   none       B                            u    share of the refinement window that is over
+///   linear     N_0 + (B - N_0) u            N_0  Gaussians at the start of the run
+///   root       max(N_0, B sqrt u)           B    density.max_gaussians
+///   parabola   N_0 + (B - N_0) (2 u - u^2)
+inline std::int64_t growth_target(GrowthCurve curve, double u, std::int64_t first,
+                                  std::int64_t budget) {
+  const auto between = [&](double share) {
+    return std::int64_t(std::llround(double(first) + double(budget - first) * share));
+  };
+  switch (curve) {
+    case GrowthCurve::none: break;
+    case GrowthCurve::linear: return between(u);
+    case GrowthCurve::root:
+      return max_of(first, std::int64_t(std::llround(std::sqrt(u) * double(budget))));
+    case GrowthCurve::parabola: return between(u * (2 - u));
+  }
+  return budget;
+}
+
+// ---- a refinement ------------------------------------------------------------------------------
+
+/// The rules of one refinement. A Gaussian may grow if its mean gradient reaches
+/// limits.gradient_threshold, its score reaches score_threshold and is above 0, and it is not
+/// pruned. One that is replaced by its children need not pass the pruning; its children must.
+struct GrowthRules {
+  AdaptiveRules limits;  // max_gaussians: rows in the end; 0: any number
+  GrowthScore score = GrowthScore::gradient;
+  GrowthSelection select = GrowthSelection::top_k;
+  float score_threshold = 0;
+  float most_growth = 1;  // of the rows that stay
+  bool prunes_unseen = false;
+  SplitRules split;
+};
+
+/// How many rows may be added to those that stay; `staying` counts one that is split as one.
+GS_HD std::int64_t allowed_growth(const GrowthRules& rules, std::int64_t staying) {
+  const std::int64_t most = std::int64_t(double(rules.most_growth) * double(staying));
+  if (rules.limits.max_gaussians <= 0) return most;
+  return min_of(max_of(rules.limits.max_gaussians - staying, std::int64_t(0)), most);
+}
+
+}  // namespace gs

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// The strategy "budgeted": clones, splits and prunes as "adaptive" does, but the rows that grow are
+// chosen by a score, and their number follows a curve up to density.max_gaussians. docs/density.md
+// names the methods that its settings stand for.
+#include <limits>
+
+#include "gs_core/error.h"
+#include "gs_train/density/density_control.h"
+
+namespace gs {
+namespace {
+
+class BudgetedControl final : public DensityControl {
+ public:
+  BudgetedControl(const Config& config, const Schedule& schedule, float scene_extent)
+      : DensityControl(config.density.max_gaussians), schedule_(schedule), density_(config.density),
+        rules_(rules_of(config.density, scene_extent)),
+        prune_scale_(config.density.prune_scale * scene_extent), seed_(config.train.seed),
+        regularizers_(config.model.dynamic ? time_regularizers(config.density) : Regularizers{}) {
+    if (density_.curve != GrowthCurve::none && most_gaussians() <= 0)
+      throw UsageError(
+          "density.curve needs a number of Gaussians to rise to; give it with --max-gaussians N or "
+          "--max-gaussians auto, or set density.curve=none");
+    if (density_.prune_unseen && !needs_fragment_sums(density_.score))
+      throw UsageError(
+          "density.prune_unseen needs a score that counts pixels; set density.score to force, "
+          "error, mask or edge");
+  }
+
+  DensityStep of_step(int step) const override {
+    return {.gather_statistics = schedule_.gather_statistics(step),
+            .regularizers = regularizers_,
+            .score = density_.score,
+            .mask_error = density_.mask_error};
+  }
+
+  RefineReport after_step(TrainingModel& model, Backend& backend, int step) override {
+    RefineReport report;
+    if (schedule_.refine(step)) {
+      GrowthRules rules = rules_;
+      rules.limits.max_gaussians = growth_target(density_.curve, schedule_.growth_share(step),
+                                                 std::int64_t(model.first_count), most_gaussians());
+      if (schedule_.prune_large(step)) rules.limits.prune_scale = prune_scale_;
+      rules.prunes_unseen = density_.prune_unseen && schedule_.has_seen_all_views(step);
+      report = backend.rows().grow(model, rules, seed_, step);
+    }
+    if (schedule_.reset_opacity(step)) lower_opacity(model, backend, step);
+    return report;
+  }
+
+ private:
+  static GrowthRules rules_of(const DensityConfig& density, float scene_extent) {
+    GrowthRules rules;
+    rules.limits = {density.gradient_threshold, density.small_scale * scene_extent,
+                    density.prune_opacity, std::numeric_limits<float>::infinity(), 0};
+    rules.score = density.score;
+    rules.select = density.select;
+    rules.score_threshold = density.score_threshold;
+    rules.most_growth = density.most_growth;
+    rules.split = {density.split,
+                   density.split_offset,
+                   density.split_along,
+                   density.split_across,
+                   density.keep_parent,
+                   density.child_opacity_factor,
+                   density.child_opacity_power};
+    return rules;
+  }
+
+  void lower_opacity(TrainingModel& model, Backend& backend, int step) const {
+    if (density_.opacity_policy == OpacityPolicy::none) return;
+    OpacityRule rule{density_.opacity_policy, density_.opacity_amount, density_.opacity_clears};
+    if (rule.policy == OpacityPolicy::subtract)
+      rule.amount *= float(1 - double(step) / double(schedule_.steps_without_extra()));
+    if (rule.amount > 0) backend.rows().lower_opacity(model, rule);
+  }
+
+  const Schedule schedule_;
+  const DensityConfig density_;
+  const GrowthRules rules_;
+  const float prune_scale_;  // world units
+  const std::uint64_t seed_;
+  const Regularizers regularizers_;
+};
+
+}  // namespace
+
+std::unique_ptr<DensityControl> make_budgeted_control(const Config& config,
+                                                      const Schedule& schedule,
+                                                      float scene_extent) {
+  return std::make_unique<BudgetedControl>(config, schedule, scene_extent);
+}
+
+}  // namespace gs
