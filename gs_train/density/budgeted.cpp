@@ -43,6 +43,7 @@ class BudgetedControl final : public DensityControl {
       if (schedule_.prune_large(step)) rules.limits.prune_scale = prune_scale_;
       rules.prunes_unseen = density_.prune_unseen && schedule_.has_seen_all_views(step);
       report = backend.rows().grow(model, rules, seed_, step);
+      make_static(model, backend, density_, report);
     }
     if (schedule_.reset_opacity(step)) lower_opacity(model, backend, step);
     return report;

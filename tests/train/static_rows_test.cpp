@@ -230,6 +230,16 @@ Config static_mcmc_run() {
   config.density.growth = 0.2f;
   return config;
 }
+Config static_budgeted_run(SplitPlacement split) {
+  Config config = static_run();
+  config.density.strategy = "budgeted";
+  config.density.split = split;
+  return config;
+}
+std::vector<Config> static_runs() {
+  return {static_run(), static_mcmc_run(), static_budgeted_run(SplitPlacement::draw),
+          static_budgeted_run(SplitPlacement::axis)};
+}
 
 class LastState : public CheckpointStore {
  public:
@@ -276,7 +286,7 @@ class StaticRun : public ::testing::Test {
 };
 
 TEST_F(StaticRun, LeavesEveryStaticRowATurnOfSpaceToTheLastBit) {
-  for (const Config& config : {static_run(), static_mcmc_run()}) {
+  for (const Config& config : static_runs()) {
     const TrainingModel model = trained(config);
     EXPECT_GT(static_count(model.gaussians), model.count() / 10) << config.density.strategy;
     for (std::size_t i = 0; i < model.count(); ++i) {
@@ -306,7 +316,7 @@ TEST_F(StaticRun, GivesTheSameBitsForAnyNumberOfThreads) {
 }
 
 TEST_F(StaticRun, StoppedAndResumedEndsWithTheSameBits) {
-  for (const Config& config : {static_run(), static_mcmc_run()}) {
+  for (const Config& config : static_runs()) {
     const TrainingModel expected = trained(config);
     for (const int stop : {63, 150}) {
       LastState kept;
