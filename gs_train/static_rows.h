@@ -54,7 +54,8 @@ GS_HD StaticGaussian static_gaussian(const SpacetimeShape<double>& shape, double
   result.mean = shape.mean + moment.shift;
   result.rotation = quaternion_of(R);
   result.logit_opacity = logit(sigmoid(shape.logit_opacity) * moment.marginal);
-  const double sum = inner(result.mean, result.mean) + result.logit_opacity + way;
+  const double sum =
+      inner(result.mean, result.mean) + result.logit_opacity + way + shape.log_time_scale;
   result.is_near = way < kStaticWay * kStaticWay && largest > 0 && sum - sum == 0;
   return result;
 }

@@ -113,7 +113,7 @@ GS_HD QuatPair<T> turn_of_space(const Quat<T>& q) {
 }
 
 /// A static Gaussian is the same 3D Gaussian at all times. Its arrays hold numbers that every reader
-/// of Gaussians in space and time draws as that, to within 1e-5 of its opacity:
+/// of Gaussians in space and time draws as that, to within 4e-4 of its opacity:
 ///
 ///   log_time_scale = kStaticLogTimeScale exactly, which marks it
 ///   time_mean      = 0.5

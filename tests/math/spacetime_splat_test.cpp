@@ -155,8 +155,8 @@ TEST(ProjectAStaticGaussian, IsNearlyThatOfItsNumbersAtEveryTime) {
     for (const double time : {0.0, 0.5, 1.0}) {
       const auto marked = project_gaussian(camera_of<double>(), g.parameters, time, {});
       const auto read = project_gaussian(camera_of<double>(), other, time, {});
-      if (!marked.is_visible || !read.is_visible) continue;  // at the edge of what is
-      EXPECT_NEAR(read.splat.opacity, marked.splat.opacity, 1e-5);
+      if (!marked.is_visible || !read.is_visible) continue;         // at the edge of what is
+      EXPECT_NEAR(read.splat.opacity, marked.splat.opacity, 4e-4);  // 20 durations at most
       EXPECT_NEAR(read.splat.mean2d.x, marked.splat.mean2d.x, 1e-7);
       EXPECT_NEAR(read.splat.mean2d.y, marked.splat.mean2d.y, 1e-7);
       EXPECT_NEAR(read.splat.conic.xx, marked.splat.conic.xx, 1e-7);

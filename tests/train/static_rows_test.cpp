@@ -132,7 +132,7 @@ TEST(MakeStatic, KeepsPicturesNearlyTheSameAtEveryTime) {
     for (float& value : unmarked.log_time_scale)
       if (is_static(value)) value = std::nextafter(value, 5.0f);
     EXPECT_LT(mean_difference(picture_of(unmarked, camera), picture_of(model.gaussians, camera)),
-              1e-5)
+              1e-4)
         << time;
   }
 }
