@@ -318,9 +318,12 @@ class CudaBackend final : private Device, public Backend {
 
   void update(const Step& step) {
     const Regularizers& regularizers = step.density.regularizers;
-    if (regularizers.any())
+    if (regularizers.any()) {
       add_regularizer_gradients(context, model_->gaussians.span(), regularizers,
                                 sums_.gradients.span());
+      check(cudaMemsetAsync(sums_.touched.data(), 1, sums_.touched.size(), context.stream()),
+            "marking the rows with gradients");  // all of them
+    }
     update_by_sums(context, *model_, step.adam, step.rule, step.batch.back().settings.sh_degree,
                    renderer_.workspace().halted.data(), sums_);
   }

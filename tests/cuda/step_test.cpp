@@ -229,6 +229,24 @@ TEST_F(CudaStep, ABatchIsThatOfTheScalarBackend) {
     }
 }
 
+// Regularizers have gradients of every row, also where no photo of the batch shows 32 rows in turn.
+TEST_F(CudaStep, ABatchRegularizesRowsThatItsPhotosDoNotShow) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  Gaussians start = random_gaussians(kTypical, 300, views[0].camera, 1);
+  for (std::size_t i = 64; i < start.count(); ++i)
+    start.mean[i] = behind_pixel(views[0].camera, 60, 40, -5);  // behind the camera
+  const std::vector<TrainingPhoto> batch = batch_of(views, {});
+  TrainingModel expected = model_of(start);
+  TrainingModel fused = on_gpu(expected);
+  const DensityStep density{.gather_statistics = true, .regularizers = {1e-2f, 1e-2f}};
+  for (int step = 0; step < 4; ++step) {
+    cpu().step(expected, {batch.data(), batch.size()}, {0.2f}, {kRates}, density);
+    gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, {kRates}, density);
+  }
+  gpu().synchronize(fused);
+  expect_same(on_host(fused), expected, 1e-2);
+}
+
 // The buffers are too small for some photos of a batch, which is then taken again as a whole.
 TEST_F(CudaStep, ABatchWithTooLittleRoomLosesNothing) {
   const std::vector<View> views = some_views(320, 240, 3);
