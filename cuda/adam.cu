@@ -19,23 +19,28 @@ __global__ void adam_kernel(Span<float> parameters, Span<float> m, Span<float> v
 // One array of the model, and the sums of its gradients.
 struct SummedArray {
   float *parameters, *m, *v, *sums;
-  std::size_t size;             // numbers
-  const std::uint8_t* touched;  // BatchSums
+  std::size_t size;              // numbers
+  const std::uint32_t* touched;  // BatchSums
 };
 
+// Whether row `first` or one up to row `last` has gradients. Both are of the same 32 rows.
+__device__ bool has_gradients(const std::uint32_t* touched, std::size_t first, std::size_t last) {
+  return touched[first / kWarp] >> first % kWarp & ((2u << (last - first)) - 1);
+}
+
 // The same by sums, which it clears. A thread takes four numbers, which belong to the same 32 rows.
-// Where these have no gradient, their sums need not be read. Of kInRow numbers of a row the first
-// `in_use` are updated.
+// Where their rows have no gradients, the sums need not be read. Of kInRow numbers of a row the
+// first `in_use` are updated.
 template <int kInRow>
 __global__ void update_by_sums_kernel(SummedArray array, int in_use, AdamStep step, AdamRule rule,
                                       const std::uint32_t* halted) {
   const std::size_t first = 4 * (std::size_t(blockIdx.x) * kThreads + threadIdx.x);
   if (first >= array.size || *halted) return;
-  const bool is_touched = array.touched[first / (kWarp * kInRow)];
   const auto update = [&](std::size_t at, float& p, float& m, float& v, float gradient) {
     if (in_use == kInRow || int(at % kInRow) < in_use) adam_update(p, m, v, gradient, step, rule);
   };
   if (first + 4 <= array.size) {
+    const bool is_touched = has_gradients(array.touched, first / kInRow, (first + 3) / kInRow);
     float4 p = *reinterpret_cast<float4*>(array.parameters + first);
     float4 m = *reinterpret_cast<float4*>(array.m + first);
     float4 v = *reinterpret_cast<float4*>(array.v + first);
@@ -58,16 +63,21 @@ __global__ void update_by_sums_kernel(SummedArray array, int in_use, AdamStep st
   }
 }
 
-// After the updates: statistics += their sums, which are cleared. A warp has the 32 rows of one mark.
+// After the updates: statistics += their sums, which are cleared. A warp has 32 rows with one word
+// of marks, which it clears, too.
 __global__ void add_statistics_kernel(Span<float> visits, float* gradient_norm, float* more_visits,
-                                      float* more_norm, std::uint8_t* touched,
+                                      float* more_norm, std::uint32_t* touched,
                                       const std::uint32_t* halted) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  if (i >= visits.size || *halted || !touched[i / kWarp]) return;
-  visits[i] += more_visits[i];
-  gradient_norm[i] += more_norm[i];
-  more_visits[i] = more_norm[i] = 0;
-  __syncwarp(__activemask());  // all have read the mark
+  if (i >= visits.size || *halted) return;
+  const std::uint32_t marks = touched[i / kWarp];
+  if (!marks) return;
+  if (marks >> lane_of_thread() & 1) {
+    visits[i] += more_visits[i];
+    gradient_norm[i] += more_norm[i];
+    more_visits[i] = more_norm[i] = 0;
+  }
+  __syncwarp(__activemask());  // all have read the marks
   if (i % kWarp == 0) touched[i / kWarp] = 0;
 }
 
@@ -94,7 +104,7 @@ class CudaOptimizer final : public Optimizer {
                           update.rule);
         },
         model.gaussians, model.first_moment, model.second_moment, gradients,
-        adam_steps(model.adam_steps += update.rule.steps, update.rates));
+        adam_steps(model.adam_steps += update.rule.steps, update.rates, update.rule));
   }
 
  private:
@@ -103,11 +113,12 @@ class CudaOptimizer final : public Optimizer {
 
 }  // namespace
 
-AdamSteps adam_steps(int t, const LearningRates& rates) {
+AdamSteps adam_steps(int t, const LearningRates& rates, const AdamRule& rule) {
   AdamSteps steps;
   steps.has_time = true;
-  for_each_array([&](const char*, AdamStep& step, float rate) { step = adam_step(t, rate); }, steps,
-                 rates);
+  for_each_array(
+      [&](const char*, AdamStep& step, float rate) { step = adam_step(t, rate, rule.photo_beta2); },
+      steps, rates);
   return steps;
 }
 
@@ -132,8 +143,6 @@ void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& ste
                  model.statistics.visits.span(), model.statistics.gradient_norm.data(),
                  sums.statistics.visits.data(), sums.statistics.gradient_norm.data(),
                  sums.touched.data(), halted);
-  if (model.statistics.has_sums)
-    add_fragment_sums(context, model.statistics, sums.statistics, halted);
 }
 
 std::unique_ptr<Optimizer> make_optimizer(Context& context) {

@@ -80,21 +80,29 @@ class Reports {
   StepReport* reports_;
 };
 
-// Forecasts how many instances a view will have.
+// Forecasts how many instances a view will have. Where its last visit was at a lower resolution, it
+// has more of them now: as many times as there are more pixels, at most.
 class InstanceForecast {
  public:
-  void note(const View& view, std::size_t instances, std::size_t gaussians) {
+  void note(const TrainingPhoto& photo, std::size_t instances, std::size_t gaussians) {
     gaussians = std::max<std::size_t>(gaussians, 1);
-    visits_[&view] = {instances, gaussians};
-    most_per_gaussian_ = std::max(most_per_gaussian_, double(instances) / double(gaussians));
+    visits_[photo.view] = {instances, gaussians, photo.reduction};
+    double& most = most_per_gaussian_[photo.reduction];
+    most = std::max(most, double(instances) / double(gaussians));
   }
-  std::uint32_t capacity_for(const View& view, std::size_t gaussians) const {
-    double capacity = std::max<double>(kFirstCapacity, 16.0 * double(gaussians));
-    if (const auto visit = visits_.find(&view); visit != visits_.end()) {
+  std::uint32_t capacity_for(const TrainingPhoto& photo, std::size_t gaussians) const {
+    const double first = std::max<double>(kFirstCapacity, 16.0 * double(gaussians));
+    double capacity = first;
+    if (const auto visit = visits_.find(photo.view); visit != visits_.end()) {
       const double growth = double(gaussians) / double(visit->second.gaussians);
       capacity = double(visit->second.instances) * std::max(growth, 1.0) * kGrowthMargin;
-    } else if (most_per_gaussian_ > 0) {
-      capacity = most_per_gaussian_ * double(gaussians) * kUnseenMargin;
+      capacity = enlarged(capacity, visit->second.reduction, photo.reduction, first);
+    } else {
+      double most = 0;
+      for (const auto& [reduction, of_one] : most_per_gaussian_)
+        most = std::max(most, enlarged(of_one * double(gaussians) * kUnseenMargin, reduction,
+                                       photo.reduction, first));
+      if (most > 0) capacity = most;
     }
     const double steps = std::min(std::ceil(capacity / double(kCapacityStep)),
                                   0x7fffffff / double(kCapacityStep) - 1);
@@ -105,9 +113,18 @@ class InstanceForecast {
  private:
   struct Visit {
     std::size_t instances, gaussians;
+    int reduction;
   };
+
+  // A number of instances at a reduction becomes one at a lower reduction: up to `most` if it was
+  // not above that already.
+  static double enlarged(double instances, int from, int to, double most) {
+    const double ratio = double(from) / double(to);
+    return ratio > 1 ? std::max(instances, std::min(instances * ratio * ratio, most)) : instances;
+  }
+
   std::unordered_map<const View*, Visit> visits_;
-  double most_per_gaussian_ = 0;
+  std::unordered_map<int, double> most_per_gaussian_;  // by reduction
 };
 
 // A base class, so that the device is created before all that uses it and destroyed afterwards.
@@ -175,7 +192,7 @@ class CudaBackend final : private Device, public Backend {
     const std::uint32_t photos = std::uint32_t(batch.size);
     pending_.push_back({{batch.begin(), batch.end()},
                         loss_settings,
-                        adam_steps(model.adam_steps + update.rule.steps, update.rates),
+                        adam_steps(model.adam_steps + update.rule.steps, update.rates, update.rule),
                         update.rule,
                         density,
                         update.rates.mean,
@@ -210,21 +227,18 @@ class CudaBackend final : private Device, public Backend {
     GS_CHECK(false);  // of Backend::step(), which step() below overrides
   }
   void gather(const DensityStatistics& statistics, const RenderPass& pass,
-              Span<const Vec2f> dL_dmean2d) override {
+              Span<const Vec2f> dL_dmean2d, ScorePooling) override {
     context.launch("statistics", gather_kernel, blocks_for(dL_dmean2d.size, kThreads), kThreads,
                    Span<const std::uint32_t>{pass.tile_counts.data(), dL_dmean2d.size},
                    dL_dmean2d.data, statistics.visits.data(), statistics.gradient_norm.data(),
                    pass.width, pass.height);
   }
-  void add(const Gaussians& to, const Gaussians& from, float weight) override {
-    for_each_array([&](const char*, auto& sums,
-                       const auto& array) { add(numbers_of(sums), numbers_of(array), weight); },
-                   to, from);
+  void add(Span<float> to, Span<const float> from, float weight) override {
+    context.launch("sums", add_kernel, blocks_for(to.size, kThreads), kThreads, to, from.data,
+                   weight);
   }
-  void add(const DensityStatistics& to, const DensityStatistics& from) override {
-    for_each_statistic([&](const char*, auto& sums,
-                           const auto& array) { add(numbers_of(sums), numbers_of(array), 1); },
-                       to, from);
+  void pool(Span<FragmentSums> all, Span<FragmentSums> more, ScorePooling pooling) override {
+    pool_fragment_sums(context, all, more, pooling, nullptr);
   }
 
  private:
@@ -242,10 +256,6 @@ class CudaBackend final : private Device, public Backend {
     std::uint32_t last_photo() const { return first_photo + std::uint32_t(batch.size()) - 1; }
   };
 
-  void add(Span<float> to, Span<const float> from, float weight) {
-    context.launch("sums", add_kernel, blocks_for(to.size, kThreads), kThreads, to, from.data,
-                   weight);
-  }
   std::size_t pending_photos() const {
     return pending_.empty() ? 0 : last_photo_ + 1 - pending_.front().first_photo;
   }
@@ -291,16 +301,18 @@ class CudaBackend final : private Device, public Backend {
 
   void differentiate(const Step& step, const TrainingPhoto& photo, std::uint32_t number) {
     reports_.clear(number);
-    const Camera& camera = photo.view->camera;
+    const Camera camera = reduced(photo.view->camera, photo.reduction);
+    LossSettings loss_settings = step.loss_settings;
+    loss_settings.photo_reduction = photo.reduction;
     RenderSettings settings = photo.settings;
     settings.fragment_statistic = step.density.fragment_statistic();
     const GaussiansSpan gaussians = model_->gaussians.span();
     Workspace& workspace = renderer_.workspace();
     renderer_.reserve_gradients(model_->count(), settings);
     renderer_.forward(gaussians, camera, settings, pass_,
-                      forecast_.capacity_for(*photo.view, model_->count()),
-                      reports_.of_step(number), number);
-    loss_->forward_backward(pass_, *photo.view, step.loss_settings, dL_dimage_);
+                      forecast_.capacity_for(photo, model_->count()), reports_.of_step(number),
+                      number);
+    loss_->forward_backward(pass_, *photo.view, loss_settings, dL_dimage_);
     if (settings.fragment_statistic == FragmentStatistic::values)
       gs::cuda::find_pixel_values(context, photos_.last(), *photo.view, step.density, workspace,
                                   pass_);
@@ -309,10 +321,10 @@ class CudaBackend final : private Device, public Backend {
       preprocess_backward_and_add(context, gaussians, camera, settings, step.density, workspace,
                                   pass_, 1.0f / float(step.batch.size()), sums_);
     else
-      preprocess_backward_and_update(context, *model_, camera, settings, step.adam, step.density,
-                                     workspace, pass_);
+      preprocess_backward_and_update(context, *model_, camera, settings, step.adam, step.rule,
+                                     step.density, workspace, pass_);
     if (settings.fragment_statistic != FragmentStatistic::none)
-      gather_fragment_sums(context, settings, workspace, pass_,
+      gather_fragment_sums(context, settings, workspace, pass_, step.density.pooling,
                            step.batch.size() > 1 ? sums_.statistics : model_->statistics);
   }
 
@@ -321,11 +333,16 @@ class CudaBackend final : private Device, public Backend {
     if (regularizers.any()) {
       add_regularizer_gradients(context, model_->gaussians.span(), regularizers,
                                 sums_.gradients.span());
-      check(cudaMemsetAsync(sums_.touched.data(), 1, sums_.touched.size(), context.stream()),
+      check(cudaMemsetAsync(sums_.touched.data(), 0xff,
+                            sums_.touched.size() * sizeof(std::uint32_t), context.stream()),
             "marking the rows with gradients");  // all of them
     }
+    const std::uint32_t* const halted = renderer_.workspace().halted.data();
     update_by_sums(context, *model_, step.adam, step.rule, step.batch.back().settings.sh_degree,
-                   renderer_.workspace().halted.data(), sums_);
+                   halted, sums_);
+    if (model_->statistics.has_sums)
+      pool_fragment_sums(context, model_->statistics.sums.span(), sums_.statistics.sums.span(),
+                         step.density.pooling, halted);
   }
 
   // The sums are zero between steps; rows have been added or removed since they were made.
@@ -371,7 +388,7 @@ class CudaBackend final : private Device, public Backend {
       StepReport report;
       if (!reports_.read(number++, report)) continue;
       check_can_be_sorted(report.instances);
-      forecast_.note(*photo.view, report.instances, model_->count());
+      forecast_.note(photo, report.instances, model_->count());
     }
   }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Around stage 6, for the scores of density control that sum over fragments: the values of the
-// pixels before it, twin of gs_train/stages/pixel_values.cpp, and the gathering of the sums after it.
+// pixels before it, twin of gs_train/stages/pixel_values.cpp, and the gathering of the sums after
+// it.
 #include "cuda/fragment_sums.cuh"
 
 #include "cuda/stages.cuh"
@@ -80,7 +81,8 @@ __global__ void stretch_kernel(Span<float> values, const std::uint32_t* range, f
 // `scale` is that of the forces, from the gradients of the mean loss to those of its sum; 1 for
 // values. Clears the sums of the photo, also where a step is not to be counted.
 __global__ void gather_kernel(Span<FragmentSums> statistics, FragmentSums* sums,
-                              FixedFragmentSums* fixed, float scale, const std::uint32_t* halted) {
+                              FixedFragmentSums* fixed, float scale, ScorePooling pooling,
+                              const std::uint32_t* halted) {
   const std::size_t i = thread_number();
   if (i >= statistics.size) return;
   FragmentSums share = fixed ? sums_of(fixed[i]) : sums[i];
@@ -91,14 +93,14 @@ __global__ void gather_kernel(Span<FragmentSums> statistics, FragmentSums* sums,
   if (*halted || share.count == 0) return;
   share.first *= scale;
   share.second *= scale * scale;
-  gs::add_to(statistics[i], share);
+  pool_with(statistics[i], share, pooling);
 }
 
-__global__ void add_sums_kernel(Span<FragmentSums> statistics, FragmentSums* more,
-                                const std::uint32_t* halted) {
+__global__ void pool_kernel(Span<FragmentSums> all, FragmentSums* more, ScorePooling pooling,
+                            const std::uint32_t* halted) {
   const std::size_t i = thread_number();
-  if (i >= statistics.size || *halted) return;
-  gs::add_to(statistics[i], more[i]);
+  if (i >= all.size || (halted && *halted)) return;
+  pool_with(all[i], more[i], pooling);
   more[i] = {};
 }
 
@@ -130,20 +132,22 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
 }
 
 void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
-                          const RenderPass& pass, const DensityStatistics& to) {
+                          const RenderPass& pass, ScorePooling pooling,
+                          const DensityStatistics& to) {
   const StageScope scope(context, "statistics");
   const bool is_force = settings.fragment_statistic == FragmentStatistic::force;
   const float scale = is_force ? 3.0f * float(pass.pixel_count()) : 1.0f;
   context.launch("statistics", gather_kernel, blocks_for(to.sums.size(), kThreads), kThreads,
                  to.sums.span(), workspace.fragment_sums.data(),
                  settings.deterministic ? workspace.fixed_fragment_sums.data() : nullptr, scale,
-                 workspace.halted.data());
+                 pooling, workspace.halted.data());
 }
 
-void add_fragment_sums(Context& context, const DensityStatistics& to, const DensityStatistics& from,
-                       const std::uint32_t* halted) {
-  context.launch("statistics", add_sums_kernel, blocks_for(to.sums.size(), kThreads), kThreads,
-                 to.sums.span(), from.sums.data(), halted);
+void pool_fragment_sums(Context& context, Span<FragmentSums> all, Span<FragmentSums> more,
+                        ScorePooling pooling, const std::uint32_t* halted) {
+  GS_CHECK(all.size == more.size);
+  context.launch("statistics", pool_kernel, blocks_for(all.size, kThreads), kThreads, all,
+                 more.data, pooling, halted);
 }
 
 }  // namespace gs::cuda

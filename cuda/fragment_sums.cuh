@@ -9,8 +9,8 @@
 
 namespace gs::cuda {
 
-/// FragmentSums in multiples of kUnit, so that the result does not depend on the order of additions.
-/// A share that is not below kMost counts as nothing.
+/// FragmentSums in multiples of kUnit, so that the result does not depend on the order of
+/// additions. A share that is not below kMost counts as nothing.
 struct FixedFragmentSums {
   static constexpr float kUnit = 0x1p-36f, kMost = 0x1p24f;
   long long numbers[4];

@@ -13,9 +13,9 @@ constexpr int kThreads = 128;
 constexpr std::uint32_t kPlacesPerWarp = 128;  // few enough that short lists also occupy the GPU
 
 struct Input {
-  std::uint32_t count;                  // of Gaussians
-  const std::uint32_t* depth_order;     // (N)
-  const std::uint32_t* first_of_order;  // (N)
+  std::uint32_t count;                  // of Gaussians in depth order
+  const std::uint32_t* depth_order;     // (count)
+  const std::uint32_t* first_of_order;  // (count)
   const std::uint32_t* tile_counts;     // (N) by Gaussian, like the arrays that follow
   const Rect* pixel_rects;
   const Splat* splats;
@@ -160,7 +160,7 @@ void create_instances(Context& context, const RenderSettings& settings, Workspac
         "density.max_gaussians");
   workspace.keys.resize_discard(capacity);
   workspace.instance_splats.resize_discard(capacity);
-  const Input in{std::uint32_t(pass.tile_counts.size()),
+  const Input in{std::uint32_t(pass.depth_order.size()),
                  pass.depth_order.data(),
                  workspace.first_of_order.data(),
                  pass.tile_counts.data(),

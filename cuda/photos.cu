@@ -13,21 +13,34 @@ namespace {
 
 constexpr std::size_t kSlots = 4;
 constexpr std::size_t kAlignment = 16;  // bytes; of the start of each resident photo
+constexpr int kThreads = 256;           // values of a reduced photo are independent
 
 constexpr std::size_t aligned(std::size_t bytes) {
   return (bytes + kAlignment - 1) / kAlignment * kAlignment;
 }
 
 // The mask lies behind the photo.
-PhotoBytes photo_at(const std::uint8_t* data, const View& view, bool is_masked) {
-  const std::size_t photo = 3 * std::size_t(view.camera.width) * std::size_t(view.camera.height);
+PhotoBytes photo_at(const std::uint8_t* data, const Camera& camera, bool is_masked) {
+  const std::size_t photo = 3 * std::size_t(camera.width) * std::size_t(camera.height);
   return {data, is_masked ? data + photo : nullptr};
+}
+
+// Thread i has value i of the reduced photo, and the threads behind these have its mask.
+__global__ void reduce_photo_kernel(PhotoBytes from, int from_width, int factor, int width,
+                                    std::uint32_t pixels, std::uint8_t* to) {
+  const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
+  if (i >= (from.mask ? 4 : 3) * pixels) return;
+  const bool is_mask = i >= 3 * pixels;
+  const std::uint32_t pixel = is_mask ? i - 3 * pixels : i / 3;
+  const int x = int(pixel % std::uint32_t(width)), y = int(pixel / std::uint32_t(width));
+  to[i] = is_mask ? reduced_mask(from, from_width, factor, x, y)
+                  : reduced_value(from, from_width, factor, x, y, int(i - 3 * pixel));
 }
 
 }  // namespace
 
 PhotoStore::PhotoStore(Context& context, Memory& memory)
-    : context_(context), memory_(memory), resident_(memory) {
+    : context_(context), memory_(memory), resident_(memory), reduced_(memory) {
   check(cudaStreamCreateWithFlags(&copy_stream_, cudaStreamNonBlocking), "making a stream");
   slots_.reserve(kSlots);
   for (std::size_t i = 0; i < kSlots; ++i) {
@@ -76,12 +89,30 @@ void PhotoStore::prefetch_next(const View& view) {
   if (!is_resident(view) && !prefetched(view)) fetch(view);
 }
 
-PhotoBytes PhotoStore::photo(const View& view) {
+PhotoBytes PhotoStore::photo(const View& view, int reduction) {
+  last_ = whole_photo(view);
+  if (reduction > 1) last_ = reduced_photo(last_, view, reduction);
+  return last_;
+}
+
+PhotoBytes PhotoStore::reduced_photo(const PhotoBytes& from, const View& view, int reduction) {
+  const Camera camera = reduced(view.camera, reduction);
+  const std::size_t pixels = std::size_t(camera.width) * std::size_t(camera.height);
+  const std::size_t bytes = (from.mask ? 4 : 3) * pixels;
+  reduced_.resize_discard(bytes);
+  const StageScope scope(context_, "photo");
+  context_.launch("photo", reduce_photo_kernel, blocks_for(bytes, kThreads), kThreads, from,
+                  view.camera.width, reduction, camera.width, std::uint32_t(pixels),
+                  reduced_.data());
+  return photo_at(reduced_.data(), camera, from.mask != nullptr);
+}
+
+PhotoBytes PhotoStore::whole_photo(const View& view) {
   const auto resident = resident_at_.find(&view);
   if (resident != resident_at_.end()) {
     hand_out(nullptr);
-    return last_ = photo_at(resident_.data() + resident->second.begin, view,
-                            resident->second.is_masked);
+    return photo_at(resident_.data() + resident->second.begin, view.camera,
+                    resident->second.is_masked);
   }
   Slot* slot = prefetched(view);
   if (!slot) slot = &fetch(view);
@@ -89,7 +120,7 @@ PhotoBytes PhotoStore::photo(const View& view) {
   // A prefetch is for one call: later the view may be gone, and another view may have its address.
   slot->view = nullptr;
   hand_out(slot);
-  return last_ = photo_at(slot->on_device.data(), view, slot->is_masked);
+  return photo_at(slot->on_device.data(), view.camera, slot->is_masked);
 }
 
 PhotoStore::Slot* PhotoStore::prefetched(const View& view) {

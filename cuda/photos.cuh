@@ -1,22 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // The photos and masks on the GPU, as bytes. As many as fit into a budget are resident. The others
 // are copied one view ahead, on a stream of their own. Photos that are not in host memory come from
-// their PhotoSource.
+// their PhotoSource. A reduced photo is computed from the whole one in each step, which takes some
+// microseconds.
 #pragma once
 
 #include <unordered_map>
 
 #include "cuda/context.cuh"
 #include "gs_core/buffer.h"
+#include "gs_core/math/area_filter.h"
 #include "gs_core/scene.h"
 
 namespace gs::cuda {
-
-/// One view's bytes on the GPU.
-struct PhotoBytes {
-  const std::uint8_t* photo;  // (height, width, 3)
-  const std::uint8_t* mask;   // (height, width); null: every pixel trains
-};
 
 /// Owns the photos. Below, "photo" means photo and mask, which lie one after the other and are
 /// copied together.
@@ -36,9 +32,10 @@ class PhotoStore {
   /// only where the GPU is several photos behind, and for the decoder where the photo is still
   /// being decoded.
   void prefetch_next(const View& view);
-  /// The photo and its mask, valid for work that is launched on the compute stream before the
-  /// second next call of photo(). Does not wait for a photo that is resident or was prefetched.
-  PhotoBytes photo(const View& view);
+  /// The photo and its mask, reduced so many times, valid for work that is launched on the compute
+  /// stream before the next call of photo(). Does not wait for a photo that is resident or was
+  /// prefetched.
+  PhotoBytes photo(const View& view, int reduction = 1);
   /// What the last call of photo() returned.
   const PhotoBytes& last() const { return last_; }
 
@@ -60,6 +57,8 @@ class PhotoStore {
     std::size_t begin;
     bool is_masked;
   };
+  PhotoBytes whole_photo(const View& view);
+  PhotoBytes reduced_photo(const PhotoBytes& from, const View& view, int reduction);
   Slot& fetch(const View& view);
   Slot& oldest_free_slot();
   Slot* prefetched(const View& view);
@@ -71,6 +70,7 @@ class PhotoStore {
   cudaStream_t copy_stream_ = nullptr;
   Buffer<std::uint8_t> resident_;  // all resident photos, one after another
   std::unordered_map<const View*, Place> resident_at_;
+  Buffer<std::uint8_t> reduced_;  // the reduced photo of the last call of photo()
   std::vector<Slot> slots_;
   const Slot* handed_out_[2] = {nullptr, nullptr};  // by the last two photo(); null: resident
   std::uint64_t fetches_ = 0;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, and
-// spacetime_splat.h for those of Gaussians in space and time. A thread projects one Gaussian. The
-// threads of a warp read the parameters of their 32 Gaussians together, in whole cache lines. They
-// also share the tile rows of the 32 splats evenly when they count tiles.
+// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, spacetime_splat.h for
+// those of Gaussians in space and time, and filtered_splat.h for those with a 3D filter. A thread
+// projects one Gaussian. The threads of a warp read the parameters of their 32 Gaussians together,
+// in whole cache lines. They also share the tile rows of the 32 splats evenly when they count
+// tiles.
 // Faster-GS, fused activations, exact and balanced tile culling
 #include <algorithm>
 
@@ -10,6 +11,7 @@
 #include "cuda/sh_rows.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/math/depth_key.h"
+#include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/spacetime_splat.h"
 
 namespace gs::cuda {
@@ -47,13 +49,15 @@ __device__ const float* numbers_from(const Span<T>& array, std::size_t first) {
   return reinterpret_cast<const float*>(array.data + first);
 }
 
-// One Gaussian's parameters without SH. Those of time are undefined where it has none.
+// One Gaussian's parameters without SH. Those of time and the filter are undefined where it has
+// none.
 struct Gaussian {
   Vec3f mean, log_scale, sh0;
   Quatf rotation;
   float logit_opacity;
   Quatf right_rotation;
   float time_mean, log_time_scale;
+  float filter_scale;
 };
 
 __device__ Quatf quaternion_of(const float* rows, int lane) {
@@ -62,7 +66,7 @@ __device__ Quatf quaternion_of(const float* rows, int lane) {
 }
 
 // The whole warp: loads its Gaussians, all numbers at once, so that it waits for memory only once.
-template <bool has_time>
+template <bool has_time, bool has_filter>
 __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gaussians,
                                   std::size_t first, int rows) {
   start_copy<3>(shared.mean, numbers_from(gaussians.mean, first), rows);
@@ -75,12 +79,14 @@ __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gauss
     start_copy<1>(shared.time_mean, numbers_from(gaussians.time_mean, first), rows);
     start_copy<1>(shared.log_time_scale, numbers_from(gaussians.log_time_scale, first), rows);
   }
-  finish_copies();
+  Gaussian gaussian;
   const int lane = lane_of_thread();
+  if constexpr (has_filter)
+    gaussian.filter_scale = lane < rows ? gaussians.filter_scale[first + lane] : 0.0f;
+  finish_copies();
   const auto vector = [&](const float* of) {
     return Vec3f(of[3 * lane], of[3 * lane + 1], of[3 * lane + 2]);
   };
-  Gaussian gaussian;
   gaussian.mean = vector(shared.mean);
   gaussian.log_scale = vector(shared.log_scale);
   gaussian.sh0 = vector(shared.sh0);
@@ -101,8 +107,9 @@ __device__ bool is_row_far_in_time(const GaussiansSpan& gaussians, std::size_t i
                         time);
 }
 
-// One Gaussian in the view. Where it is visible and has a time, its mean becomes that of the moment.
-template <bool has_time>
+// One Gaussian in the view. Where it is visible and has a time, its mean becomes that of the
+// moment.
+template <bool has_time, bool has_filter>
 __device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaussian,
                                             const SplatSettings& settings) {
   if constexpr (has_time) {
@@ -117,6 +124,9 @@ __device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaus
                       time_of(camera, settings), settings);
     gaussian.mean = moment.mean;
     return moment.projected;
+  } else if constexpr (has_filter) {
+    return project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
+                         gaussian.logit_opacity, gaussian.filter_scale, settings);
   } else {
     return project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
                          gaussian.logit_opacity, settings);
@@ -155,7 +165,7 @@ __device__ void cull(const Output& out, std::size_t i) {
   out.depth_keys[i] = kCulledKey;
 }
 
-template <int degree, bool has_time>
+template <int degree, bool has_time, bool has_filter>
 __global__ void __launch_bounds__(kThreads)
     preprocess_kernel(GaussiansSpan gaussians, Camera camera, SplatSettings settings, int tiles_x,
                       int tiles_y, Output out) {
@@ -174,21 +184,27 @@ __global__ void __launch_bounds__(kThreads)
       return;
     }
   }
-  Gaussian gaussian = load_gaussian<has_time>(shared.parameters, gaussians, first, rows);
+  Gaussian gaussian =
+      load_gaussian<has_time, has_filter>(shared.parameters, gaussians, first, rows);
 
   ProjectedGaussian<float> projected;
   Rect pixels{0, 0, 0, 0};
   if (i < count) {
-    projected = project<has_time>(camera, gaussian, settings);
+    projected = project<has_time, has_filter>(camera, gaussian, settings);
     if (projected.is_visible)
       pixels = pixels_of(settings.bounds, projected.splat.mean2d, projected.cov2d,
                          projected.splat.cutoff, tiles_x, tiles_y);
   }
   Splat& splat = projected.splat;
   std::uint32_t hits = 0;
-  if (__any_sync(kAllLanes, !pixels.empty())) {
-    // The Gaussians of a warp are neighbors in space: where one is visible, most are.
-    start_sh_copy<degree>(shared.sh_rows, numbers_from(gaussians.sh_rest, first), rows);
+  if (const SomeRows visible{__ballot_sync(kAllLanes, !pixels.empty())}; visible.bits) {
+    // The Gaussians of a warp are neighbors in space: where one is visible, most are. In space and
+    // time many are not.
+    const float* const sh_rest = numbers_from(gaussians.sh_rest, first);
+    if constexpr (has_time)
+      start_sh_copy<degree>(shared.sh_rows, sh_rest, rows, visible);
+    else
+      start_sh_copy<degree>(shared.sh_rows, sh_rest, rows);
     hits = count_hit_tiles(shared, splat, pixels, settings.bounds);
     finish_copies();
     if (hits > 0) {
@@ -219,8 +235,8 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
       pass.splats.data(),          pass.depths.data(),
       workspace.depth_keys.data(), pass.pixel_rects.data(),
       pass.tile_counts.data(),     depth_keys(settings.near_plane, settings.far_plane)};
-  with_form(settings.sh_degree, gaussians.has_time, [&](auto degree, auto has_time) {
-    context.launch("preprocess", preprocess_kernel<degree(), has_time()>,
+  with_form(settings.sh_degree, gaussians, [&](auto degree, auto has_time, auto has_filter) {
+    context.launch("preprocess", preprocess_kernel<degree(), has_time(), has_filter()>,
                    blocks_for(count, kThreads), kThreads, gaussians, camera, settings, pass.tiles_x,
                    pass.tiles_y, out);
   });

@@ -31,7 +31,8 @@ void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            StepReport* report, std::uint32_t step) {
   pass.background = settings.background;
   preprocess(context_, gaussians, camera, settings, workspace_, pass);
-  order_by_depth(context_, workspace_, pass);
+  // Each visible Gaussian has an instance. One row more shows that there are too many.
+  order_by_depth(context_, workspace_, pass, std::size_t(capacity) + 1);
   create_instances(context_, settings, workspace_, pass, capacity, report, step);
   sort_by_tile(context_, workspace_, pass, capacity);
   blend(context_, settings, pass);
@@ -41,7 +42,7 @@ void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            const RenderSettings& settings, RenderPass& pass) {
   pass.background = settings.background;
   preprocess(context_, gaussians, camera, settings, workspace_, pass);
-  order_by_depth(context_, workspace_, pass);
+  order_by_depth(context_, workspace_, pass, gaussians.mean.size);
   const std::uint32_t capacity = std::max(instance_count(pass), 1u);
   create_instances(context_, settings, workspace_, pass, capacity, nullptr, 0);
   sort_by_tile(context_, workspace_, pass, capacity);

@@ -5,14 +5,13 @@
 // handles numbers of other lanes' Gaussians.
 #pragma once
 
+#include "cuda/sh_rows.cuh"
 #include "cuda/stages.cuh"
 #include "cuda/warp.cuh"
 #include "gs_core/math/density.h"
 #include "gs_core/math/spacetime_regularizer.h"
 
 namespace gs::cuda {
-
-inline constexpr int kMostArrays = 3;  // of a quantity: the parameters and both moments
 
 /// Parameters or gradients of a warp's rows without SH: each quantity row after row, as it lies in
 /// its array.
@@ -51,6 +50,16 @@ struct SumNumbers {
   }
 };
 
+/// Updates a parameter and its moments, or four neighbors at a time, and writes them back.
+template <class Vector>
+__device__ void update_by_adam(float* const (&arrays)[3], std::size_t at, Vector (&numbers)[3],
+                               const Vector& gradient, const AdamStep& step, const AdamRule& rule) {
+  for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
+    adam_update(reinterpret_cast<float*>(&numbers[0])[k], reinterpret_cast<float*>(&numbers[1])[k],
+                reinterpret_cast<float*>(&numbers[2])[k],
+                reinterpret_cast<const float*>(&gradient)[k], step, rule);
+  for (int a = 0; a < 3; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
+}
 /// The numbers of one quantity, for UpdateByAdam: finish() updates the parameter and its moments.
 struct AdamNumbers {
   static constexpr int kArrays = 3;
@@ -59,12 +68,20 @@ struct AdamNumbers {
 
   template <class Vector>
   __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient) const {
-    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
-      adam_update(reinterpret_cast<float*>(&numbers[0])[k],
-                  reinterpret_cast<float*>(&numbers[1])[k],
-                  reinterpret_cast<float*>(&numbers[2])[k],
-                  reinterpret_cast<const float*>(&gradient)[k], step);
-    for (int a = 0; a < kArrays; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
+    update_by_adam(arrays, at, numbers, gradient, step, AdamRule());
+  }
+};
+
+/// The same by a rule that is not the usual one.
+struct AdamNumbersByRule {
+  static constexpr int kArrays = 3;
+  float* arrays[kArrays];  // parameters, first and second moments
+  AdamStep step;
+  AdamRule rule;
+
+  template <class Vector>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient) const {
+    update_by_adam(arrays, at, numbers, gradient, step, rule);
   }
 };
 
@@ -145,15 +162,15 @@ struct GatherStatistics {
     gradient_norm[i] = before.gradient_norm + screen_gradient_norm(by_mean2d, width, height);
   }
 };
-/// A sink that adds the gradients of one photo of a batch to sums. Warps without a visible Gaussian
-/// have nothing to add.
+/// A sink that adds the gradients of one photo of a batch to sums. Rows that are not visible have
+/// nothing to add.
 struct AddGradients : GatherStatistics {
   static constexpr bool kSkipsInvisible = true;
   using Numbers = SumNumbers;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
   bool is_absolute;                                   // the statistic
-  std::uint8_t* touched;                              // BatchSums
+  std::uint32_t* touched;                             // BatchSums
 
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
     return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
@@ -162,9 +179,10 @@ struct AddGradients : GatherStatistics {
   __device__ void regularize(const Shape&, RowGradient&) const {}
 };
 /// A sink that updates all parameters.
-struct UpdateByAdam : GatherStatistics {
+template <class NumbersOfRows>
+struct UpdateAll : GatherStatistics {
   static constexpr bool kSkipsInvisible = false;
-  using Numbers = AdamNumbers;
+  using Numbers = NumbersOfRows;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
 
@@ -172,9 +190,11 @@ struct UpdateByAdam : GatherStatistics {
   template <bool has_time>
   __device__ void regularize(const Shape&, RowGradient&) const {}
 };
+using UpdateByAdam = UpdateAll<AdamNumbers>;
 /// The same with absolute gradients and regularizers. It has a kernel of its own, so that other
-/// runs do not pay for it.
-struct UpdateByAdamAsAsked : UpdateByAdam {
+/// runs do not pay for it. A rule of Adam that is not the usual one has another.
+template <class NumbersOfRows>
+struct UpdateAsAsked : UpdateAll<NumbersOfRows> {
   bool is_absolute;      // the statistic
   Regularizers of_each;  // weights for one row
 
@@ -195,30 +215,47 @@ struct UpdateByAdamAsAsked : UpdateByAdam {
   }
 };
 
-/// This lane's share of one quantity of a warp's rows, which have kInRow numbers each.
+/// A sink for Gaussians with a 3D filter. These have kernels of their own, so that others do not
+/// pay for it.
+template <class Sink>
+struct WithFilter : Sink {
+  const float* filter_scale;  // (N)  world units
+};
+template <class Sink>
+inline constexpr bool kHasFilter = false;
+template <class Sink>
+inline constexpr bool kHasFilter<WithFilter<Sink>> = true;
+
+/// This lane's share of one quantity of a warp's rows, which have kInRow numbers each. `which` is
+/// EveryRow or SomeRows; numbers of other rows are neither read nor written.
 template <int kInRow, class Numbers>
 struct Share {
   float loaded[kInRow][Numbers::kArrays];
 
-  __device__ Share(const Numbers& numbers, std::size_t first, int rows) {
+  template <class Which>
+  __device__ Share(const Numbers& numbers, std::size_t first, int rows, Which which) {
     for (int k = 0; k < kInRow; ++k) {
       const int item = lane_of_thread() + k * kWarp;
       for (int a = 0; a < Numbers::kArrays; ++a)
-        if (item < rows * kInRow) loaded[k][a] = numbers.arrays[a][first * kInRow + item];
+        if (item < rows * kInRow && which.has(item / kInRow))
+          loaded[k][a] = numbers.arrays[a][first * kInRow + item];
     }
   }
   /// Writes the parameters to `to`, row after row.
-  __device__ void lay_out(int rows, float* to) const {
+  template <class Which>
+  __device__ void lay_out(int rows, Which which, float* to) const {
     for (int k = 0; k < kInRow; ++k) {
       const int item = lane_of_thread() + k * kWarp;
-      if (item < rows * kInRow) to[item] = loaded[k][0];
+      if (item < rows * kInRow && which.has(item / kInRow)) to[item] = loaded[k][0];
     }
   }
-  __device__ void finish(const Numbers& numbers, std::size_t first, int rows,
+  template <class Which>
+  __device__ void finish(const Numbers& numbers, std::size_t first, int rows, Which which,
                          const float* gradients) {
     for (int k = 0; k < kInRow; ++k) {
       const int item = lane_of_thread() + k * kWarp;
-      if (item < rows * kInRow) numbers.finish(first * kInRow + item, loaded[k], gradients[item]);
+      if (item < rows * kInRow && which.has(item / kInRow))
+        numbers.finish(first * kInRow + item, loaded[k], gradients[item]);
     }
   }
 };
@@ -230,13 +267,16 @@ struct TimeShares {
   Share<4, Numbers> right_rotation;
   Share<1, Numbers> time_mean, log_time_scale;
 
-  __device__ TimeShares(const Sink& sink, std::size_t first, int rows)
-      : right_rotation(sink.right_rotation, first, rows), time_mean(sink.time_mean, first, rows),
-        log_time_scale(sink.log_time_scale, first, rows) {}
-  __device__ void lay_out(int rows, RowNumbers& shared) const {
-    right_rotation.lay_out(rows, shared.right_rotation);
-    time_mean.lay_out(rows, shared.time_mean);
-    log_time_scale.lay_out(rows, shared.log_time_scale);
+  template <class Which>
+  __device__ TimeShares(const Sink& sink, std::size_t first, int rows, Which which)
+      : right_rotation(sink.right_rotation, first, rows, which),
+        time_mean(sink.time_mean, first, rows, which),
+        log_time_scale(sink.log_time_scale, first, rows, which) {}
+  template <class Which>
+  __device__ void lay_out(int rows, Which which, RowNumbers& shared) const {
+    right_rotation.lay_out(rows, which, shared.right_rotation);
+    time_mean.lay_out(rows, which, shared.time_mean);
+    log_time_scale.lay_out(rows, which, shared.log_time_scale);
   }
   __device__ void read(const RowNumbers& shared, int lane, Shape& shape) const {
     const float* const q = shared.right_rotation + 4 * lane;
@@ -244,19 +284,23 @@ struct TimeShares {
     shape.time_mean = shared.time_mean[lane];
     shape.log_time_scale = shared.log_time_scale[lane];
   }
-  __device__ void finish(const Sink& sink, std::size_t first, int rows,
+  template <class Which>
+  __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
                          const RowNumbers& gradients) {
-    right_rotation.finish(sink.right_rotation, first, rows, gradients.right_rotation);
-    time_mean.finish(sink.time_mean, first, rows, gradients.time_mean);
-    log_time_scale.finish(sink.log_time_scale, first, rows, gradients.log_time_scale);
+    right_rotation.finish(sink.right_rotation, first, rows, which, gradients.right_rotation);
+    time_mean.finish(sink.time_mean, first, rows, which, gradients.time_mean);
+    log_time_scale.finish(sink.log_time_scale, first, rows, which, gradients.log_time_scale);
   }
 };
 template <class Sink>
 struct TimeShares<Sink, false> {
-  __device__ TimeShares(const Sink&, std::size_t, int) {}
-  __device__ void lay_out(int, RowNumbers&) const {}
+  template <class Which>
+  __device__ TimeShares(const Sink&, std::size_t, int, Which) {}
+  template <class Which>
+  __device__ void lay_out(int, Which, RowNumbers&) const {}
   __device__ void read(const RowNumbers&, int, Shape&) const {}
-  __device__ void finish(const Sink&, std::size_t, int, const RowNumbers&) {}
+  template <class Which>
+  __device__ void finish(const Sink&, std::size_t, int, Which, const RowNumbers&) {}
 };
 
 /// This lane's shares of all quantities without SH.
@@ -268,18 +312,20 @@ struct Shares {
   Share<1, Numbers> logit_opacity;
   TimeShares<Sink, has_time> time;
 
-  __device__ Shares(const Sink& sink, std::size_t first, int rows)
-      : mean(sink.mean, first, rows), log_scale(sink.log_scale, first, rows),
-        sh0(sink.sh0, first, rows), rotation(sink.rotation, first, rows),
-        logit_opacity(sink.logit_opacity, first, rows), time(sink, first, rows) {}
+  template <class Which>
+  __device__ Shares(const Sink& sink, std::size_t first, int rows, Which which)
+      : mean(sink.mean, first, rows, which), log_scale(sink.log_scale, first, rows, which),
+        sh0(sink.sh0, first, rows, which), rotation(sink.rotation, first, rows, which),
+        logit_opacity(sink.logit_opacity, first, rows, which), time(sink, first, rows, which) {}
   /// The whole warp: returns this lane's row of parameters; the lanes exchange them through shared
   /// memory.
-  __device__ Shape row(RowNumbers& shared, int rows) const {
-    mean.lay_out(rows, shared.mean);
-    log_scale.lay_out(rows, shared.log_scale);
-    rotation.lay_out(rows, shared.rotation);
-    logit_opacity.lay_out(rows, shared.logit_opacity);
-    time.lay_out(rows, shared);
+  template <class Which>
+  __device__ Shape row(RowNumbers& shared, int rows, Which which) const {
+    mean.lay_out(rows, which, shared.mean);
+    log_scale.lay_out(rows, which, shared.log_scale);
+    rotation.lay_out(rows, which, shared.rotation);
+    logit_opacity.lay_out(rows, which, shared.logit_opacity);
+    time.lay_out(rows, which, shared);
     __syncwarp();
     const int lane = lane_of_thread();
     const auto vector = [&](const float* of) {
@@ -295,14 +341,15 @@ struct Shares {
     __syncwarp();
     return shape;
   }
-  __device__ void finish(const Sink& sink, std::size_t first, int rows,
+  template <class Which>
+  __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
                          const RowNumbers& gradients) {
-    mean.finish(sink.mean, first, rows, gradients.mean);
-    log_scale.finish(sink.log_scale, first, rows, gradients.log_scale);
-    sh0.finish(sink.sh0, first, rows, gradients.sh0);
-    rotation.finish(sink.rotation, first, rows, gradients.rotation);
-    logit_opacity.finish(sink.logit_opacity, first, rows, gradients.logit_opacity);
-    time.finish(sink, first, rows, gradients);
+    mean.finish(sink.mean, first, rows, which, gradients.mean);
+    log_scale.finish(sink.log_scale, first, rows, which, gradients.log_scale);
+    sh0.finish(sink.sh0, first, rows, which, gradients.sh0);
+    rotation.finish(sink.rotation, first, rows, which, gradients.rotation);
+    logit_opacity.finish(sink.logit_opacity, first, rows, which, gradients.logit_opacity);
+    time.finish(sink, first, rows, which, gradients);
   }
 };
 

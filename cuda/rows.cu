@@ -9,6 +9,7 @@
 #include <cub/device/device_select.cuh>
 
 #include "cuda/cub_scratch.cuh"
+#include "cuda/filter_3d.cuh"
 #include "cuda/grow.cuh"
 #include "cuda/relocate.cuh"
 #include "cuda/stages.cuh"
@@ -23,6 +24,7 @@ constexpr std::uint64_t kGrowsNever = ~std::uint64_t(0);  // a key above those o
 // The bits of an infinite double: the largest of any positive one that is a number.
 constexpr std::uint64_t kInfinityBits = 0x7ff0000000000000;
 constexpr int kGrowthKeyBits = 64;
+constexpr int kPruneKeyBits = 32;
 
 enum class RowAction : std::uint8_t { keep, clone, split, prune };
 
@@ -136,9 +138,23 @@ __global__ void make_static_kernel(GaussiansSpan rows, GaussiansSpan m, Gaussian
   if (threadIdx.x == 0) atomicAdd(&counts->made_static, unsigned(made));
 }
 
-__global__ void reset_opacity_kernel(Span<float> logit_opacity, float highest) {
+__global__ void prune_keys_kernel(GaussiansSpan rows, StatisticsSpan statistics, PruneOrder order,
+                                  Span<std::uint64_t> keys) {
   const std::size_t i = thread_number();
-  if (i < logit_opacity.size) logit_opacity[i] = min_of(logit_opacity[i], highest);
+  if (i < keys.size) keys[i] = prune_key(order, rows.logit_opacity[i], statistics.sums_of(i));
+}
+
+// The first rows of an order are pruned.
+__global__ void prune_first_kernel(Span<const std::uint32_t> order, std::size_t pruned,
+                                   Span<RowAction> action) {
+  const std::size_t k = thread_number();
+  if (k < order.size) action[order[k]] = k < pruned ? RowAction::prune : RowAction::keep;
+}
+
+// Lowers the opacities of rows with a 3D filter, as they are after it, to at most `opacity`.
+__global__ void cap_filtered_opacity_kernel(GaussiansSpan rows, float opacity) {
+  const std::size_t i = thread_number();
+  if (i < rows.mean.size) rows.logit_opacity[i] = capped_logit_opacity(rows, i, opacity);
 }
 
 __global__ void lower_opacity_kernel(Span<float> logit_opacity, OpacityRule rule,
@@ -167,8 +183,9 @@ class CudaRowOps final : public RowOps {
  public:
   CudaRowOps(Context& context, Memory& memory)
       : context_(context), rows_(context, memory), growth_(context, memory),
-        relocation_(context, memory), order_workspace_(memory), action_(memory), source_(memory),
-        clones_(memory), parents_(memory), halves_(memory), counts_(1, memory) {}
+        relocation_(context, memory), filter_(context, memory), order_workspace_(memory),
+        action_(memory), source_(memory), clones_(memory), parents_(memory), halves_(memory),
+        counts_(1, memory) {}
 
   RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
                       int step) override {
@@ -215,18 +232,19 @@ class CudaRowOps final : public RowOps {
     return counts_.download()[0].made_static;
   }
 
-  void reset_opacity(TrainingModel& model, float opacity) override {
-    StageScope scope(context_, "reset_opacity");
-    launch(reset_opacity_kernel, model.count(), model.gaussians.logit_opacity.span(),
-           logit(opacity));
-    model.first_moment.logit_opacity.fill_zero();
-    model.second_moment.logit_opacity.fill_zero();
+  void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras,
+                      float near_plane) override {
+    StageScope scope(context_, "measure_filter");
+    filter_.measure(model.gaussians, cameras, near_plane);
   }
 
   void lower_opacity(TrainingModel& model, const OpacityRule& rule) override {
     StageScope scope(context_, "lower_opacity");
-    launch(lower_opacity_kernel, model.count(), model.gaussians.logit_opacity.span(), rule,
-           logit(rule.amount));
+    if (model.gaussians.has_filter && rule.policy == OpacityPolicy::reset)
+      launch(cap_filtered_opacity_kernel, model.count(), model.gaussians.span(), rule.amount);
+    else
+      launch(lower_opacity_kernel, model.count(), model.gaussians.logit_opacity.span(), rule,
+             logit(rule.amount));
     clear_moments(model, rule.clears);
   }
 
@@ -236,10 +254,22 @@ class CudaRowOps final : public RowOps {
     if (count == 0) return 0;
     action_.resize_discard(count);
     launch(visible_row_actions_kernel, count, model.gaussians.span(), opacity, action_.span());
-    select(RowAction::keep, RowAction::keep, source_, &counts_.data()->survivors);
-    source_.resize(counts_.download()[0].survivors);
-    if (source_.size() < count) gather_all(model, source_.span());
-    return count - source_.size();
+    return prune_marked(model);
+  }
+
+  std::size_t prune_share(TrainingModel& model, PruneOrder order, double share) override {
+    StageScope scope(context_, "prune_share");
+    GS_CHECK(order == PruneOrder::opacity || model.statistics.has_sums);
+    const std::size_t count = model.count();
+    if (count == 0) return 0;
+    action_.resize_discard(count);
+    order_workspace_.keys.resize_discard(count);
+    launch(prune_keys_kernel, count, model.gaussians.span(), span_of(model.statistics), order,
+           order_workspace_.keys.span());
+    const Span<const std::uint32_t> rows =
+        sort_rows(context_, "row operations", order_workspace_, kPruneKeyBits);
+    launch(prune_first_kernel, count, rows, share_of(count, share), action_.span());
+    return prune_marked(model);
   }
 
   std::size_t count_not_finite(const TrainingModel& model) override {
@@ -264,6 +294,7 @@ class CudaRowOps final : public RowOps {
   void release_caches() override {
     rows_.release();
     growth_.release();
+    filter_.release();
     order_workspace_ = RowOrderWorkspace(action_.memory());
     action_.release();
     for (Buffer<std::uint32_t>* rows : {&source_, &clones_, &parents_, &halves_}) rows->release();
@@ -314,6 +345,14 @@ class CudaRowOps final : public RowOps {
                                        chosen.data(), found, int(count),
                                        HasRowAction{action_.data(), one, other}, context_.stream());
         });
+  }
+
+  // Removes the rows whose action is to prune. Returns how many. Waits.
+  std::size_t prune_marked(TrainingModel& model) {
+    select(RowAction::keep, RowAction::keep, source_, &counts_.data()->survivors);
+    source_.resize(counts_.download()[0].survivors);
+    if (source_.size() < action_.size()) gather_all(model, source_.span());
+    return action_.size() - source_.size();
   }
 
   // Lists the survivors, in source_, those of them that are cloned, and the parents of halves.
@@ -384,6 +423,7 @@ class CudaRowOps final : public RowOps {
   RowGather rows_;
   Growth growth_;
   Relocation relocation_;
+  FilterMeter filter_;
   RowOrderWorkspace order_workspace_;
   Buffer<RowAction> action_;                         // (N) of the rows, then of the halves
   Buffer<std::uint32_t> source_, clones_, parents_;  // row numbers

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 2 and 3: the two sorts that make the tile lists. The first sorts all Gaussians by depth,
+// Stages 2 and 3: the two sorts that make the tile lists. The first sorts the Gaussians by depth,
 // the second all instances by tile. The second is stable, so that each tile's list keeps the depth
 // order.   Faster-GS, two-stage radix sort
+#include <thrust/iterator/counting_iterator.h>
 #include <thrust/iterator/transform_iterator.h>
 
 #include <bit>
+#include <cub/device/device_partition.cuh>
 #include <cub/device/device_scan.cuh>
 
 #include "cuda/radix_sort.cuh"
@@ -19,6 +21,17 @@ constexpr int kThreads = 256;
 __global__ void number_rows_kernel(std::uint32_t* numbers, std::uint32_t count) {
   const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
   if (i < count) numbers[i] = i;
+}
+
+struct IsVisible {
+  const std::uint32_t* tile_counts;
+  __device__ bool operator()(std::uint32_t gaussian) const { return tile_counts[gaussian] > 0; }
+};
+
+__global__ void take_keys_kernel(const std::uint32_t* rows, std::uint32_t count,
+                                 const std::uint32_t* keys, std::uint32_t* taken) {
+  const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
+  if (k < count) taken[k] = keys[rows[k]];
 }
 
 // The tile count of a Gaussian, for an iterator over the depth order.
@@ -161,32 +174,68 @@ void sort_keys(Context& context, Workspace& workspace, RenderPass& pass, std::ui
              pass.tile_splats.data(), capacity, bits);
 }
 
-}  // namespace
+// Gaussians to be sorted by their depths.
+struct DepthPairs {
+  const std::uint32_t *keys, *rows;  // (count)
+  std::uint32_t count;
+};
 
-void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass) {
-  const StageScope scope(context, "depth sort");
+// The first `taken` Gaussians of an order in which the visible ones come before the culled ones.
+DepthPairs visible_first(Context& context, Workspace& workspace, const RenderPass& pass,
+                         std::uint32_t taken) {
   const std::size_t count = pass.tile_counts.size();
-  pass.depth_order.resize_discard(count);
-  workspace.sorted_depth_keys.resize_discard(count);
-  workspace.first_of_order.resize_discard(count);
-  if (count == 0) return;
+  workspace.visible_first.resize_discard(count);
+  workspace.visible_count.resize_discard(1);
+  workspace.taken_depth_keys.resize_discard(taken);
+  with_cub_scratch(workspace.sort_scratch, "the visible Gaussians",
+                   [&](void* temporary, std::size_t& bytes) {
+                     return cub::DevicePartition::If(
+                         temporary, bytes, thrust::counting_iterator<std::uint32_t>(0),
+                         workspace.visible_first.data(), workspace.visible_count.data(), int(count),
+                         IsVisible{pass.tile_counts.data()}, context.stream());
+                   });
+  context.launch("depth keys of visible rows", take_keys_kernel, blocks_for(taken, kThreads),
+                 kThreads, workspace.visible_first.data(), taken, workspace.depth_keys.data(),
+                 workspace.taken_depth_keys.data());
+  return {workspace.taken_depth_keys.data(), workspace.visible_first.data(), taken};
+}
+
+// All Gaussians.
+DepthPairs all_rows(Context& context, Workspace& workspace, const RenderPass& pass) {
+  const std::uint32_t count = std::uint32_t(pass.tile_counts.size());
   if (workspace.row_numbers.size() < count) {
     workspace.row_numbers.resize_discard(count);
     context.launch("row numbers", number_rows_kernel, blocks_for(count, kThreads), kThreads,
-                   workspace.row_numbers.data(), std::uint32_t(count));
+                   workspace.row_numbers.data(), count);
   }
-  sort_pairs(context, workspace.sort_scratch, "the depth sort",
-             static_cast<const std::uint32_t*>(workspace.depth_keys.data()),
-             workspace.sorted_depth_keys.data(),
-             static_cast<const std::uint32_t*>(workspace.row_numbers.data()),
-             pass.depth_order.data(), std::uint32_t(count), kDepthKeyBits);
+  return {workspace.depth_keys.data(), workspace.row_numbers.data(), count};
+}
+
+}  // namespace
+
+void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass,
+                    std::size_t most_visible) {
+  const StageScope scope(context, "depth sort");
+  const std::size_t count = pass.tile_counts.size();
+  const bool are_few_visible = most_visible < count / 2;  // so that selecting them pays
+  const std::size_t taken = are_few_visible ? most_visible : count;
+  pass.depth_order.resize_discard(taken);
+  workspace.sorted_depth_keys.resize_discard(taken);
+  workspace.first_of_order.resize_discard(taken);
+  if (count == 0) return;
+  const DepthPairs pairs = are_few_visible
+                               ? visible_first(context, workspace, pass, std::uint32_t(taken))
+                               : all_rows(context, workspace, pass);
+  sort_pairs(context, workspace.sort_scratch, "the depth sort", pairs.keys,
+             workspace.sorted_depth_keys.data(), pairs.rows, pass.depth_order.data(), pairs.count,
+             kDepthKeyBits);
   with_cub_scratch(workspace.sort_scratch, "the sum of the tile counts",
                    [&](void* temporary, std::size_t& bytes) {
                      return cub::DeviceScan::ExclusiveScan(
                          temporary, bytes,
                          thrust::make_transform_iterator(pass.depth_order.data(),
                                                          TileCount{pass.tile_counts.data()}),
-                         workspace.first_of_order.data(), SaturatingSum(), 0u, int(count),
+                         workspace.first_of_order.data(), SaturatingSum(), 0u, int(taken),
                          context.stream());
                    });
 }

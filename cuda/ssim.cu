@@ -329,10 +329,10 @@ class CudaLoss final : public Loss {
 
   void forward_backward(const RenderPass& pass, const View& view, const LossSettings& settings,
                         Buffer<float>& dL_dimage) override {
-    GS_CHECK(std::size_t(view.camera.width) * std::size_t(view.camera.height) ==
-             pass.pixel_count());
+    const Camera camera = reduced(view.camera, settings.photo_reduction);
+    GS_CHECK(camera.width == pass.width && camera.height == pass.height);
     GS_CHECK(pass.image.size() == 3 * pass.pixel_count());
-    const PhotoBytes bytes = photos_.photo(view);
+    const PhotoBytes bytes = photos_.photo(view, settings.photo_reduction);
     const Pictures pictures{pass.image.data(),
                             bytes.photo,
                             pass.width,

@@ -51,7 +51,11 @@ struct CudaScratch final : BackendScratch {
 struct Workspace {
   Buffer<std::uint32_t> depth_keys, sorted_depth_keys;  // (N)  culled ones behind all others
   Buffer<std::uint32_t> row_numbers;      // (N)   0, 1, 2, ...
-  Buffer<std::uint32_t> first_of_order;   // (N)   first instance of each Gaussian in depth order
+  // Where few of many Gaussians are visible; empty elsewhere.
+  Buffer<std::uint32_t> visible_first;    // (N)   rows, the visible ones before the culled ones
+  Buffer<std::uint32_t> visible_count;    // (1)
+  Buffer<std::uint32_t> taken_depth_keys; // (M)   of the first M of these rows
+  Buffer<std::uint32_t> first_of_order;   // (N or M)  first instance of each Gaussian in depth order
   Buffer<std::uint32_t> keys, sorted_keys;  // (capacity) tiles of the instances, in 16 or 32 bits
   Buffer<std::uint32_t> instance_splats;  // (capacity) Gaussians of the instances, in depth order
   Buffer<std::uint8_t> sort_scratch;      // of CUB
@@ -66,10 +70,11 @@ struct Workspace {
   Buffer<std::uint32_t> halted;           // (1)  1: too many instances; no update until cleared
 
   explicit Workspace(Memory& memory)
-      : depth_keys(memory), sorted_depth_keys(memory), row_numbers(memory), first_of_order(memory),
-        keys(memory), sorted_keys(memory), instance_splats(memory), sort_scratch(memory),
-        splat_gradients(memory), fine_sums(memory), coarse_sums(memory), fragment_sums(memory),
-        fixed_fragment_sums(memory), pixel_values(memory), value_range(memory), halted(memory) {}
+      : depth_keys(memory), sorted_depth_keys(memory), row_numbers(memory), visible_first(memory),
+        visible_count(memory), taken_depth_keys(memory), first_of_order(memory), keys(memory),
+        sorted_keys(memory), instance_splats(memory), sort_scratch(memory), splat_gradients(memory),
+        fine_sums(memory), coarse_sums(memory), fragment_sums(memory), fixed_fragment_sums(memory),
+        pixel_values(memory), value_range(memory), halted(memory) {}
 };
 // clang-format on
 
@@ -91,9 +96,12 @@ inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() <
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, Workspace& workspace, RenderPass& pass);
 
-/// 2, 3  sort.cu: sort all Gaussians from near to far, the culled ones last, and find where each
-/// one's instances begin.
-void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass);
+/// 2, 3  sort.cu: sort the Gaussians from near to far, the culled ones last, and find where each
+/// one's instances begin. If at most `most_visible` of them are visible and that is less than half,
+/// pass.depth_order has `most_visible` rows. If more are visible, the rows that it has are visible
+/// ones, so that they have as many instances at least.
+void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass,
+                    std::size_t most_visible);
 
 /// 2  instances.cu: write one instance for each tile hit, in that order. Places that are left up to
 /// `capacity` belong to no tile. More instances than `capacity` raise workspace.halted. `report`
@@ -122,13 +130,15 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
 /// workspace.pixel_values.
 void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& view,
                        const DensityStep& density, Workspace& workspace, const RenderPass& pass);
-/// After 6  fragment_sums.cu: adds the photo's sums over fragments to statistics, and clears them.
-/// Nothing is added while workspace.halted is raised.
+/// After 6  fragment_sums.cu: pools the photo's sums over fragments with those of statistics, and
+/// clears them. The statistics stay as they are while workspace.halted is raised.
 void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
-                          const RenderPass& pass, const DensityStatistics& to);
-/// For a batch  fragment_sums.cu: to += from, and clears `from`, unless `halted` is raised.
-void add_fragment_sums(Context& context, const DensityStatistics& to, const DensityStatistics& from,
-                       const std::uint32_t* halted);
+                          const RenderPass& pass, ScorePooling pooling,
+                          const DensityStatistics& to);
+/// For a batch  fragment_sums.cu: pools `more` with `all`, and clears it, unless `halted`, which
+/// may be null, is raised.
+void pool_fragment_sums(Context& context, Span<FragmentSums> all, Span<FragmentSums> more,
+                        ScorePooling pooling, const std::uint32_t* halted);
 
 /// 7  preprocess_backward.cu: from dL/d(splat) to the gradients of the parameters. Clears
 /// workspace.splat_gradients.
@@ -140,7 +150,7 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
 template <class T>
 using AdamStepOf = AdamStep;
 using AdamSteps = GaussianArrays<AdamStepOf>;
-AdamSteps adam_steps(int t, const LearningRates& rates);
+AdamSteps adam_steps(int t, const LearningRates& rates, const AdamRule& rule);
 
 /// 7 and 8 in one  preprocess_backward.cu: pull the gradients back and update the parameters at
 /// once, so that no gradient of a parameter is stored. Invisible rows are updated, too. Nothing is
@@ -148,14 +158,14 @@ AdamSteps adam_steps(int t, const LearningRates& rates);
 /// asks for.
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
                                     const RenderSettings& settings, const AdamSteps& steps,
-                                    const DensityStep& density, Workspace& workspace,
-                                    RenderPass& pass);
+                                    const AdamRule& rule, const DensityStep& density,
+                                    Workspace& workspace, RenderPass& pass);
 
 /// What the photos of a batch add up to before the update. All zero between batches.
 struct BatchSums {
   Gaussians gradients;
   DensityStatistics statistics;
-  Buffer<std::uint8_t> touched;  // (rows / 32)  1: some of these 32 rows have gradients
+  Buffer<std::uint32_t> touched;  // (rows / 32)  a bit for each row: 1 if it has gradients
   explicit BatchSums(Memory& memory) : gradients(memory), statistics(memory), touched(memory) {}
 };
 
@@ -165,7 +175,8 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
                                  const Camera& camera, const RenderSettings& settings,
                                  const DensityStep& density, Workspace& workspace, RenderPass& pass,
                                  float weight, const BatchSums& sums);
-/// 8 for a batch  adam.cu: updates the parameters and the statistics by the sums, and clears these.
+/// 8 for a batch  adam.cu: updates the parameters by the sums, and the statistics but for sums over
+/// fragments, and clears what it took.
 /// SH coefficients beyond `sh_degree` have no gradients yet and stay. Nothing is updated while
 /// `halted` is raised.
 void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& steps,

@@ -31,11 +31,13 @@ struct GaussianArrays {
   Array<Quatf> right_rotation{};  // (N, 4)   w x y z, any length > 0; `rotation` is the left one
   Array<float> time_mean{};       // (N)      in units of the scene's time (PinholeCamera::time)
   Array<float> log_time_scale{};  // (N)      log of such units
+  // With the 3D filter (math/filter_3d.h) each Gaussian has one number that is not learned.
+  bool has_filter = false;
+  Array<float> filter_scale{};  // (N)        standard deviation of its filter, world units
 };
 
 /// Calls f(name, a.array, b.array, ...) for each learned quantity that `first` has, in a fixed
-/// order. Adam, gather, prune, files and checkpoints are one such loop each, so that a new quantity
-/// is a few lines in this file.
+/// order. Gradients, moments and learning rates have these arrays; Adam is one such loop.
 template <class F, class First, class... Rest>
 void for_each_array(F&& f, First&& first, Rest&&... rest) {
   f("mean", first.mean, rest.mean...);
@@ -48,6 +50,14 @@ void for_each_array(F&& f, First&& first, Rest&&... rest) {
   f("right_rotation", first.right_rotation, rest.right_rotation...);
   f("time_mean", first.time_mean, rest.time_mean...);
   f("log_time_scale", first.log_time_scale, rest.log_time_scale...);
+}
+
+/// The same for every array that `first` has, learned or not. Gather, prune, files and checkpoints
+/// are one such loop each, so that a new quantity is a few lines in this file.
+template <class F, class First, class... Rest>
+void for_each_stored_array(F&& f, First&& first, Rest&&... rest) {
+  for_each_array(f, first, rest...);
+  if (first.has_filter) f("filter_scale", first.filter_scale, rest.filter_scale...);
 }
 
 using GaussiansSpan = GaussianArrays<Span>;
@@ -64,6 +74,8 @@ struct Gaussians : GaussianArrays<Buffer> {
                                false,
                                Buffer<Quatf>(memory),
                                Buffer<float>(memory),
+                               Buffer<float>(memory),
+                               false,
                                Buffer<float>(memory)} {}
   Gaussians(std::size_t count, Memory& memory, bool with_time = false) : Gaussians(memory) {
     has_time = with_time;
@@ -73,24 +85,34 @@ struct Gaussians : GaussianArrays<Buffer> {
   std::size_t count() const { return mean.size(); }
   Memory& memory() const { return mean.memory(); }
   void resize(std::size_t count) {
-    for_each_array([&](const char*, auto& array) { array.resize(count); }, *this);
+    for_each_stored_array([&](const char*, auto& array) { array.resize(count); }, *this);
   }
   void fill_zero() {
-    for_each_array([](const char*, auto& array) { array.fill_zero(); }, *this);
+    for_each_stored_array([](const char*, auto& array) { array.fill_zero(); }, *this);
   }
   GaussiansSpan span() const {
     GaussiansSpan result;
     result.has_time = has_time;
-    for_each_array([](const char*, auto& to, const auto& from) { to = from.span(); }, result,
-                   *this);
+    result.has_filter = has_filter;
+    for_each_stored_array([](const char*, auto& to, const auto& from) { to = from.span(); }, result,
+                          *this);
     return result;
   }
 };
 
+/// Rows with the same arrays as those of `like`; their contents are undefined.
+inline Gaussians rows_like(const Gaussians& like, std::size_t count, Memory& memory) {
+  Gaussians rows(memory);
+  rows.has_time = like.has_time;
+  rows.has_filter = like.has_filter;
+  rows.resize(count);
+  return rows;
+}
+
 /// A second set of Gaussians with the same contents, in the same memory.
 inline Gaussians copy_of(const Gaussians& from) {
-  Gaussians copy(from.count(), from.memory(), from.has_time);
-  for_each_array(
+  Gaussians copy = rows_like(from, from.count(), from.memory());
+  for_each_stored_array(
       [](const char*, auto& to, const auto& array) {
         if (array.size())
           array.memory().copy(to.data(), array.data(), array.size() * sizeof(*array.data()));
@@ -101,8 +123,8 @@ inline Gaussians copy_of(const Gaussians& from) {
 
 /// Host memory only: rows source[0], source[1], ... of `from`.
 inline Gaussians rows_of(const Gaussians& from, const std::vector<std::uint32_t>& source) {
-  Gaussians rows(source.size(), host_memory(), from.has_time);
-  for_each_array(
+  Gaussians rows = rows_like(from, source.size(), host_memory());
+  for_each_stored_array(
       [&](const char*, auto& to, const auto& array) {
         for (std::size_t i = 0; i < source.size(); ++i) to[i] = array[source[i]];
       },
@@ -121,9 +143,8 @@ struct GaussianModel {
 
 /// Downloads Gaussians from the memory in which they lie.
 inline GaussianModel host_copy(const Gaussians& from, int sh_degree, bool antialiased) {
-  GaussianModel model{Gaussians(from.count(), host_memory(), from.has_time), sh_degree, true,
-                      antialiased};
-  for_each_array(
+  GaussianModel model{rows_like(from, from.count(), host_memory()), sh_degree, true, antialiased};
+  for_each_stored_array(
       [](const char*, auto& to, const auto& array) {
         if (array.size())
           array.memory().download(to.data(), array.data(), array.size() * sizeof(*array.data()));
@@ -134,8 +155,8 @@ inline GaussianModel host_copy(const Gaussians& from, int sh_degree, bool antial
 
 /// Uploads the Gaussians of a file to a backend's memory, ready to render.
 inline Gaussians copy_to(Memory& memory, const GaussianModel& from) {
-  Gaussians copy(from.gaussians.count(), memory, from.gaussians.has_time);
-  for_each_array(
+  Gaussians copy = rows_like(from.gaussians, from.gaussians.count(), memory);
+  for_each_stored_array(
       [&](const char*, auto& to, const auto& array) {
         if (array.size())
           memory.upload(to.data(), array.data(), array.size() * sizeof(*array.data()));

@@ -1,11 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, and
-// spacetime_splat.h for those of Gaussians in space and time.
+// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, spacetime_splat.h for
+// those of Gaussians in space and time, and filtered_splat.h for those with a 3D filter.
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 
 namespace gs {
+namespace {
+
+ProjectedGaussian<float> project_row(const GaussiansSpan& gaussians, std::size_t i,
+                                     const Camera& camera, const RenderSettings& settings) {
+  if (gaussians.has_time)
+    return project_gaussian(camera, spacetime_parameters_of(gaussians, i),
+                            time_of(camera, settings), settings);
+  if (gaussians.has_filter)
+    return project_gaussian(camera, parameters_of(gaussians, i), gaussians.filter_scale[i],
+                            settings);
+  return project_gaussian(camera, parameters_of(gaussians, i), settings);
+}
+
+}  // namespace
 
 void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, RenderPass& pass) {
@@ -15,10 +29,7 @@ void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
 
   parallel_for(count, 512, [&](std::size_t i) {
     pass.tile_counts[i] = 0;
-    const ProjectedGaussian<float> projected =
-        gaussians.has_time ? project_gaussian(camera, spacetime_parameters_of(gaussians, i),
-                                              time_of(camera, settings), settings)
-                           : project_gaussian(camera, parameters_of(gaussians, i), settings);
+    const ProjectedGaussian<float> projected = project_row(gaussians, i, camera, settings);
     if (!projected.is_visible) return;
     const Splat& splat = projected.splat;
     const Rect pixels = pixels_of(settings.bounds, splat.mean2d, projected.cov2d, splat.cutoff,

@@ -6,6 +6,7 @@
 
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
+#include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/growth.h"
 #include "gs_core/math/spacetime_splat.h"
 #include "gs_render/render_pass.h"

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/backend.h"
 
+#include "gs_core/math/area_filter.h"
+#include "gs_train/reduced_view.h"
+
 namespace gs {
 namespace {
 
@@ -26,7 +29,8 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
     differentiate(model, photo, loss_settings, density);
     if (!is_summed) break;
     add(sum_, gradients_, 1.0f / float(batch.size));
-    if (density.gather_statistics) gather(statistics_sum_, pass_, dL_dmean2d_.span());
+    if (density.gather_statistics)
+      gather(statistics_sum_, pass_, dL_dmean2d_.span(), density.pooling);
   }
   Gaussians& gradients = is_summed ? sum_ : gradients_;
   if (density.regularizers.any()) optimizer().regularize(model, density.regularizers, gradients);
@@ -34,17 +38,31 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
   if (density.noise.scale > 0) optimizer().add_noise(model, density.noise, update.rates.mean);
   if (!density.gather_statistics) return;
   if (is_summed)
-    add(model.statistics, statistics_sum_);
+    add(model.statistics, statistics_sum_, density.pooling);
   else
-    gather(model.statistics, pass_, dL_dmean2d_.span());
+    gather(model.statistics, pass_, dL_dmean2d_.span(), density.pooling);
+}
+
+void Backend::add(const Gaussians& to, const Gaussians& from, float weight) {
+  for_each_array([&](const char*, auto& sums,
+                     const auto& array) { add(numbers_of(sums), numbers_of(array), weight); },
+                 to, from);
+}
+
+void Backend::add(const DensityStatistics& to, const DensityStatistics& from,
+                  ScorePooling pooling) {
+  add(to.visits.span(), from.visits.span(), 1);
+  add(to.gradient_norm.span(), from.gradient_norm.span(), 1);
+  if (to.has_sums) pool(to.sums.span(), from.sums.span(), pooling);
 }
 
 // Renders a photo's view, compares it with the photo, and pulls the gradients back.
 void Backend::differentiate(const TrainingModel& model, const TrainingPhoto& photo,
                             const LossSettings& loss_settings, const DensityStep& density) {
   const GaussiansSpan gaussians = model.gaussians.span();
-  const Camera& camera = photo.view->camera;
-  const std::shared_ptr<const View> view = with_photo(*photo.view);
+  std::shared_ptr<const View> view = with_photo(*photo.view);
+  if (photo.reduction > 1) view = std::make_shared<View>(reduced_view(*view, photo.reduction));
+  const Camera camera = reduced(photo.view->camera, photo.reduction);
   RenderSettings settings = photo.settings;
   settings.fragment_statistic = density.fragment_statistic();
   renderer().forward(gaussians, camera, settings, pass_);

@@ -23,6 +23,7 @@ struct DensityStep {
   // With the statistics, the sums over fragments that this score is made of
   GrowthScore score = GrowthScore::gradient;
   float mask_error = 0;  // of the score "mask"
+  ScorePooling pooling = ScorePooling::sum;
 
   FragmentStatistic fragment_statistic() const {
     if (!gather_statistics || !needs_fragment_sums(score)) return FragmentStatistic::none;
@@ -34,6 +35,7 @@ struct DensityStep {
 struct TrainingPhoto {
   const View* view;
   RenderSettings settings;
+  int reduction = 1;  // camera and photo are reduced so many times (math/area_filter.h)
 };
 
 /// Everything that the trainer needs from a device. The program makes it; it outlives the trainer.
@@ -105,14 +107,17 @@ class Backend {
   /// Writes the pixel values that the score sums (FragmentSums), before the backward pass.
   virtual void find_pixel_values(const View& view, const DensityStep& density,
                                  RenderPass& pass) = 0;
-  /// statistics += the photo's visibility and image-plane gradients, and its sums over fragments if
-  /// there are any.
+  /// statistics += the photo's visibility and image-plane gradients; and pools its sums over
+  /// fragments, if there are any, with those in `statistics`.
   virtual void gather(const DensityStatistics& statistics, const RenderPass& pass,
-                      Span<const Vec2f> dL_dmean2d) = 0;
-  /// to += weight * from, array by array.
-  virtual void add(const Gaussians& to, const Gaussians& from, float weight) = 0;
-  virtual void add(const DensityStatistics& to, const DensityStatistics& from) = 0;
+                      Span<const Vec2f> dL_dmean2d, ScorePooling pooling) = 0;
+  /// to += weight * from.
+  virtual void add(Span<float> to, Span<const float> from, float weight) = 0;
+  /// Pools the sums over fragments of more photos with `all`, and leaves `more` undefined.
+  virtual void pool(Span<FragmentSums> all, Span<FragmentSums> more, ScorePooling pooling) = 0;
 
+  void add(const Gaussians& to, const Gaussians& from, float weight);
+  void add(const DensityStatistics& to, const DensityStatistics& from, ScorePooling pooling);
   void differentiate(const TrainingModel& model, const TrainingPhoto& photo,
                      const LossSettings& loss_settings, const DensityStep& density);
   void prepare_sums(const TrainingModel& model);

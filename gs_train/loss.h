@@ -22,6 +22,9 @@ namespace gs {
 /// members.
 struct LossSettings {
   float lambda_dssim;  // l1_ssim: weight of 1 - SSIM; L1 has the rest
+  // For devices that keep photos of their own: the picture is compared with the view's photo reduced
+  // so many times. On the CPU the view is reduced already.
+  int photo_reduction = 1;
 };
 
 inline LossSettings loss_settings(const Config& config) { return {config.loss.lambda_dssim}; }

@@ -3,6 +3,9 @@
 // them.
 #pragma once
 
+#include <vector>
+
+#include "gs_core/camera.h"
 #include "gs_core/math/density.h"
 #include "gs_core/math/growth.h"
 #include "gs_core/random.h"
@@ -47,13 +50,27 @@ class RowOps {
   /// their moments of shape and time. `least_time_scale` is in durations of the scene, above 0.
   /// Returns how many; rows without time stay as they are.
   virtual std::size_t make_static(TrainingModel& model, double least_time_scale) = 0;
-  /// Lowers every opacity to at most `opacity` and clears the moments of the opacities.
-  virtual void reset_opacity(TrainingModel& model, float opacity) = 0;
-  /// Lowers every opacity by a rule, and clears the moments that the rule names.
+  /// Gives each row the 3D filter (math/filter_3d.h) of the camera that samples it most densely, and
+  /// rows that no camera sees the largest filter of the others, or 0 if there are none. The rows
+  /// have filters from then on.
+  ///
+  /// cameras     those of the training views
+  /// near_plane  world units
+  virtual void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras,
+                              float near_plane) = 0;
+  /// Lowers every opacity by a rule, and clears the moments that the rule names. Where rows have a
+  /// filter, OpacityPolicy::reset is of the opacity after it.
   virtual void lower_opacity(TrainingModel& model, const OpacityRule& rule) = 0;
+  /// Lowers every opacity to at most `opacity` and clears the moments of the opacities.
+  void reset_opacity(TrainingModel& model, float opacity) {
+    lower_opacity(model, {OpacityPolicy::reset, opacity, MomentClearing::opacity});
+  }
   /// Removes rows that cannot be seen: below `opacity`, degenerate, or not finite. Returns how
   /// many.
   virtual std::size_t prune(TrainingModel& model, float opacity) = 0;
+  /// Removes this share of the rows, rounded down: the lowest ones by an order, of equal ones those
+  /// with the lowest numbers. By sensitivity the model has sums over fragments. Returns how many.
+  virtual std::size_t prune_share(TrainingModel& model, PruneOrder order, double share) = 0;
   /// The number of Gaussians with a parameter that is infinite or not a number.
   virtual std::size_t count_not_finite(const TrainingModel& model) = 0;
   /// Releases buffers that are kept between calls.

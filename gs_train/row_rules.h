@@ -4,6 +4,7 @@
 #pragma once
 
 #include "gs_core/gaussians.h"
+#include "gs_core/math/filter_3d.h"
 #include "gs_core/math/growth.h"
 #include "gs_core/math/mcmc.h"
 #include "gs_core/math/race.h"
@@ -22,17 +23,35 @@ GS_HD bool is_without_moments(const GaussiansSpan& rows, std::size_t i) {
   return rows.has_time && is_without_moments(rows, i, rows.time_mean[i], rows.log_time_scale[i]);
 }
 
+/// The share of the opacity that the row's 3D filter would leave at these scales; 1 without one.
+GS_HD float filter_share(const GaussiansSpan& rows, std::size_t i, const Vec3f& log_scale) {
+  return rows.has_filter ? filter_factor(variance(log_scale), rows.filter_scale[i]) : 1.0f;
+}
+
+/// The rules for a row of which a filter leaves a share of the opacity: what is drawn counts.
+GS_HD AdaptiveRules with_filter_share(AdaptiveRules rules, float share) {
+  rules.prune_opacity /= share;
+  return rules;
+}
+
+/// The row's stored opacity after it is lowered so that at most `opacity` of it is drawn.
+GS_HD float capped_logit_opacity(const GaussiansSpan& rows, std::size_t i, float opacity) {
+  const float share = filter_share(rows, i, rows.log_scale[i]);
+  const float highest = min_of(opacity / share, kMostStoredOpacity);
+  return min_of(rows.logit_opacity[i], logit(highest));
+}
+
 /// True if the row can never be visible: transparent, without a rotation, or not finite.
 GS_HD bool is_invisible(const GaussiansSpan& rows, std::size_t i, float min_opacity) {
   return is_invisible(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
-                      min_opacity) ||
+                      min_opacity / filter_share(rows, i, rows.log_scale[i])) ||
          is_without_moments(rows, i);
 }
 
 /// True if a refinement removes the row: it cannot be visible, or it is too large.
 GS_HD bool is_pruned(const GaussiansSpan& rows, std::size_t i, const AdaptiveRules& rules) {
   return is_pruned(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
-                   rules) ||
+                   with_filter_share(rules, filter_share(rows, i, rows.log_scale[i]))) ||
          is_without_moments(rows, i);
 }
 
@@ -68,11 +87,13 @@ GS_HD HalfRow half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t nu
     half.log_time_scale = rows.log_time_scale[i];
     return half;
   }
-  const Vec4f moved = split_move(QuatPair<float>{rows.rotation[i], rows.right_rotation[i]},
-                                 log_scale, rows.log_time_scale[i], normal);
+  const QuatPair<float> rotations{rows.rotation[i], rows.right_rotation[i]};
+  const float log_time_scale = rows.log_time_scale[i];
+  const Vec4f moved = within_the_scene(split_move(rotations, log_scale, log_time_scale, normal),
+                                       rotations, log_scale, log_time_scale, rows.time_mean[i]);
   half.mean = rows.mean[i] + Vec3f(moved.x, moved.y, moved.z);
   half.time_mean = rows.time_mean[i] + moved.w;
-  half.log_time_scale = split_log_time_scale(rows.log_time_scale[i]);
+  half.log_time_scale = split_log_time_scale(log_time_scale);
   return half;
 }
 
@@ -80,7 +101,7 @@ GS_HD HalfRow half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t nu
 GS_HD bool is_pruned(const HalfRow& half, const GaussiansSpan& rows, std::size_t parent,
                      const AdaptiveRules& rules) {
   return is_pruned(half.mean, half.log_scale, rows.rotation[parent], rows.logit_opacity[parent],
-                   rules) ||
+                   with_filter_share(rules, filter_share(rows, parent, half.log_scale))) ||
          is_without_moments(rows, parent, half.time_mean, half.log_time_scale);
 }
 
@@ -193,7 +214,8 @@ GS_HD ChildRow child_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t 
 GS_HD bool is_pruned(const ChildRow& child, const GaussiansSpan& rows, std::size_t parent,
                      const AdaptiveRules& rules) {
   const HalfRow& half = child.half;
-  return is_pruned(half.mean, half.log_scale, rows.rotation[parent], child.logit_opacity, rules) ||
+  return is_pruned(half.mean, half.log_scale, rows.rotation[parent], child.logit_opacity,
+                   with_filter_share(rules, filter_share(rows, parent, half.log_scale))) ||
          is_without_moments(rows, parent, half.time_mean, half.log_time_scale);
 }
 

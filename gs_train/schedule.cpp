@@ -12,29 +12,66 @@ constexpr int kMinRefineFrom = 300;  // steps; earlier statistics are unreliable
 // steps; shorter ones see each view too rarely: docs/schedule.md
 constexpr int kMinRefineInterval = 100;
 constexpr int kMinResetInterval = 1000;  // steps; opacities need as many to recover from a reset
+constexpr int kRareFilter = 10;          // refinement intervals between filters after the last one
 constexpr int kExtraResetStep = 500;     // on a white background; Kerbl et al. 2023, code
+// Limits of the rules for short runs: docs/schedule.md
+constexpr double kMostFinalRate = 10;  // times position_lr_final
+constexpr int kFirstShare = 10;        // 1 / share of the run by which the first refinement comes
+constexpr int kFinalShare = 4;         // 1 / share of the run of density.final_steps
+constexpr int kShShare = 6;            // 1 / share of the run between SH degrees
 
 }  // namespace
 
 Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
-    : views_(int(views)), rates_(config.optimizer), extent_(scene_extent) {
+    : views_(int(views)), density_(config.density), batch_(config.train.batch),
+      ramp_(config.train.resolution_ramp), ramp_least_(std::size_t(config.train.resolution_least)),
+      rates_(config.optimizer), batch_rates_(config.train.batch_rates), extent_(scene_extent) {
   steps_ =
       std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));
   extra_steps_ = config.train.extra_steps;
-  const DensityConfig& density = config.density;
+  plan_refinements();
+  plan_pruning();
+  extra_reset_ = config.render.background == Background::white ? scaled(kExtraResetStep) : 0;
+  // the run is too short to recover from it
+  if (extra_reset_ < kExtraResetStep / 2) extra_reset_ = 0;
+  sh_every_ = std::max(scaled(config.train.sh_degree_every),
+                       std::min(config.train.sh_degree_epochs * views_, steps_ / kShShare));
+  morton_every_ = scaled(config.train.morton_every);
+  morton_until_ = scaled(config.train.morton_until);
+  batch_from_ = scaled_or_none(config.train.batch_from_step);
+  ramp_every_ = scaled(config.train.resolution_every);
+  decay_from_ = std::min(scaled_or_none(rates_.position_decay_from), steps_ - 1);
+  if (rates_.position_lr_final_power > 0 && steps_ < kStandardSteps)
+    rates_.position_lr_final *= float(std::min(
+        kMostFinalRate, std::pow(kStandardSteps / steps_, double(rates_.position_lr_final_power))));
+}
+
+void Schedule::plan_refinements() {
+  const DensityConfig& density = density_;
   refine_from_ = std::max(scaled(density.from_step), std::min(density.from_step, kMinRefineFrom));
+  refine_from_ =
+      std::max(refine_from_, std::min(density.first_epochs * views_, steps_ / kFirstShare));
   refine_until_ = refine_from_ + scaled(density.until_step) - scaled(density.from_step);
   refine_every_ = std::max(scaled(density.every), std::min(density.every, kMinRefineInterval));
   refine_every_ = std::max(refine_every_, density.every_epochs * views_);
   reset_every_ = std::max(scaled(density.reset_opacity_every),
                           std::min(density.reset_opacity_every, kMinResetInterval));
   reset_until_ = scaled(density.reset_opacity_until);
-  extra_reset_ = config.render.background == Background::white ? scaled(kExtraResetStep) : 0;
-  // the run is too short to recover from it
-  if (extra_reset_ < kExtraResetStep / 2) extra_reset_ = 0;
-  sh_every_ = scaled(config.train.sh_degree_every);
-  morton_every_ = scaled(config.train.morton_every);
-  morton_until_ = scaled(config.train.morton_until);
+  if (density.final_steps == 0) return;
+  const int final_steps = std::min(density.final_steps, steps_ / kFinalShare);
+  refine_until_ = std::min(refine_until_, steps_ - final_steps);
+  reset_until_ = std::min(reset_until_, steps_ - final_steps * 3 / 2);
+}
+
+void Schedule::plan_pruning() {
+  recovery_until_ = scaled(density_.recovery_until);
+  share_prune_from_ = scaled(density_.share_prune_from);
+  share_prune_every_ = std::max(scaled(density_.share_prune_every),
+                                std::min(density_.share_prune_every, kMinResetInterval));
+  share_prune_until_ = scaled(density_.share_prune_until);
+  if (density_.strategy != "budgeted")
+    density_.recovery_prune = density_.soft_prune = density_.hard_prune =
+        density_.late_prune_opacity = 0;
 }
 
 int Schedule::scaled(int step) const {
@@ -42,7 +79,8 @@ int Schedule::scaled(int step) const {
 }
 
 LearningRates Schedule::learning_rates(int step) const {
-  const double t = std::min(1.0, double(step) / steps_);
+  const double t =
+      std::min(1.0, double(std::max(step - decay_from_, 0)) / double(steps_ - decay_from_));
   const double position = std::exp((1 - t) * std::log(rates_.position_lr_initial) +
                                    t * std::log(rates_.position_lr_final));
   LearningRates rates;
@@ -58,8 +96,30 @@ LearningRates Schedule::learning_rates(int step) const {
   return rates;
 }
 
-bool Schedule::refine(int step) const {
+AdamRule Schedule::adam_rule(int photos) const {
+  // the decimal number that the config has, of which a float is not the nearest double
+  const double beta2 = std::round(double(rates_.beta2) * 1e6) / 1e6;
+  return batch_rule(batch_rates_ ? photos : 1, beta2);
+}
+
+int Schedule::photo_reduction(int step, const Camera& camera) const {
+  const std::size_t stage = std::size_t(step - 1) / std::size_t(ramp_every_);
+  int factor = stage < ramp_.size() ? ramp_[stage] : 1;
+  const auto pixels = [&] {
+    return std::size_t(camera.width / factor) * std::size_t(camera.height / factor);
+  };
+  while (factor > 1 && pixels() < ramp_least_) --factor;
+  return factor;
+}
+
+bool Schedule::is_refinement_due(int step) const {
   return step >= refine_from_ && step <= refine_until_ && step % refine_every_ == 0;
+}
+
+bool Schedule::refine(int step) const {
+  if (!is_refinement_due(step) || recovery_prune(step) > 0) return false;
+  const int prune = next_share_prune(step);
+  return sensitivity_prune(prune) == 0 || step <= last_epoch(prune).after;
 }
 
 double Schedule::growth_share(int step) const {
@@ -68,9 +128,67 @@ double Schedule::growth_share(int step) const {
   return std::max(0.0, double(step - refine_from_) / double(last - refine_from_));
 }
 
+// The last whole epoch up to a step. Where there is none, `after` is negative.
+Schedule::Steps Schedule::last_epoch(int step) const {
+  if (views_ == 0) return {-1, -1};
+  const int until = step / views_ * views_;
+  return {until - views_, until};
+}
+
+// The first refinement in this step or later; 0: there is none.
+int Schedule::next_refinement(int step) const {
+  int next = std::max(step, refine_from_) + refine_every_ - 1;
+  for (next -= next % refine_every_; next <= refine_until_; next += refine_every_)
+    if (refine(next)) return next;
+  return 0;
+}
+
+// The last step before this one after which statistics began with zeros.
+int Schedule::last_clearing_before(int step) const {
+  for (int before = step - 1; before >= std::min(refine_from_, share_prune_from_); --before)
+    if (refine(before) || sensitivity_prune(before) > 0) return before;
+  return 0;
+}
+
+Schedule::Steps Schedule::steps_of_statistics(int refinement) const {
+  const int begin = last_clearing_before(refinement);
+  const Steps epoch = last_epoch(refinement);
+  const bool takes_epoch = density_.window == StatisticsWindow::epoch && epoch.after >= begin;
+  return takes_epoch ? epoch : Steps{begin, refinement};
+}
+
+int Schedule::photos_of_statistics(int step) const {
+  const Steps steps = steps_of_statistics(step);
+  return steps.until - steps.after;
+}
+
 bool Schedule::has_seen_all_views(int step) const {
-  const int previous = step - refine_every_;
-  return views_ > 0 && (previous >= refine_from_ ? refine_every_ : step) >= views_;
+  return views_ > 0 && last_epoch(step).after >= last_clearing_before(step);
+}
+
+int Schedule::next_share_prune(int step) const {
+  const int next = step + share_prune_every_ - 1;
+  return next - next % share_prune_every_;
+}
+
+double Schedule::sensitivity_prune(int step) const {
+  if (density_.soft_prune == 0 && density_.hard_prune == 0) return 0;
+  const Steps epoch = last_epoch(step);
+  const bool is_due = step % share_prune_every_ == 0 && step >= share_prune_from_ &&
+                      step <= share_prune_until_ && step < steps_;
+  if (!is_due || epoch.after < std::max(0, step - share_prune_every_)) return 0;
+  return double(step <= refine_until_ ? density_.soft_prune : density_.hard_prune);
+}
+
+bool Schedule::measure_sensitivity(int step) const {
+  const int prune = next_share_prune(step);
+  return sensitivity_prune(prune) > 0 && last_epoch(prune).has(step);
+}
+
+double Schedule::recovery_prune(int step) const {
+  const int reset = step - density_.recovery_after;
+  const bool is_due = reset > 0 && reset_opacity(reset) && reset <= recovery_until_;
+  return is_due ? double(density_.recovery_prune) : 0;
 }
 
 bool Schedule::reset_opacity(int step) const {
@@ -83,10 +201,24 @@ bool Schedule::reorder(int step) const {
   return step % morton_every_ == 0 && step <= morton_until_;
 }
 
-bool Schedule::gather_statistics(int step) const { return step <= refine_until_; }
+bool Schedule::gather_statistics(int step) const {
+  if (measure_sensitivity(step)) return true;
+  if (density_.window == StatisticsWindow::refinement) return step <= refine_until_;
+  const int refinement = next_refinement(step);
+  return refinement > 0 && steps_of_statistics(refinement).has(step);
+}
+
+bool Schedule::measure_filter(int step) const {
+  return step % (step <= refine_until_ ? refine_every_ : kRareFilter * refine_every_) == 0;
+}
 
 bool Schedule::prune_large(int step) const {
   return step > reset_every_ && reset_every_ <= reset_until_;
+}
+
+bool Schedule::prune_late(int step) const {
+  return density_.late_prune_opacity > 0 && step >= refine_until_ + reset_every_ &&
+         step % reset_every_ == 0 && step < steps_;
 }
 
 }  // namespace gs

@@ -2,6 +2,9 @@
 // What happens in which step: the standard 30,000-step schedule, scaled to the length of a run.
 #pragma once
 
+#include <vector>
+
+#include "gs_core/camera.h"
 #include "gs_core/config/config.h"
 #include "gs_train/optimizer.h"
 
@@ -15,13 +18,19 @@ namespace gs {
 /// docs/schedule.md has the rule for intervals and a table of common lengths.
 class Schedule {
  public:
-  /// `views`: photos of an epoch; where it is 0, density.every_epochs counts for nothing.
+  /// `views`: photos of an epoch; where it is 0, settings in epochs count for nothing.
   Schedule(const Config& config, float scene_extent, std::size_t views = 0);
 
   int steps() const { return steps_ + extra_steps_; }
   int steps_without_extra() const { return steps_; }
   LearningRates learning_rates(int step) const;
-  bool refine(int step) const;  // clone, split, prune
+  /// Adam's rule for an update by `photos` photos.
+  AdamRule adam_rule(int photos) const;
+  /// Photos of the batch that `step` is in.
+  int batch(int step) const { return step > batch_from_ ? batch_ : 1; }
+  /// The factor by which the photo of this camera is reduced in the step; 1: it is not.
+  int photo_reduction(int step, const Camera& camera) const;
+  bool refine(int step) const;  // clone, split, prune; not where a share is pruned
   /// How much of the time between the first and the last refinement is over, 0 to 1.
   double growth_share(int step) const;
   /// True where the statistics of a refinement in this step cover every photo at least once.
@@ -30,14 +39,48 @@ class Schedule {
   bool raise_sh_degree(int step) const;  // one degree more from this step on
   bool reorder(int step) const;          // Morton order
   bool gather_statistics(int step) const;
+  /// How many photos the statistics of a refinement in this step come from.
+  int photos_of_statistics(int step) const;
+  /// Measure the 3D filter again: at every refinement and as often before the first one, and then
+  /// at every tenth of such intervals, since the means hardly move any more.
+  bool measure_filter(int step) const;
   bool prune_large(int step) const;  // refinements after the first reset also drop huge Gaussians
+  bool prune_late(int step) const;   // density.late_prune_opacity
+
+  /// Share of the Gaussians, the faintest, that goes some steps after an opacity reset.
+  double recovery_prune(int step) const;
+  /// Share of the Gaussians, those to which the loss is least sensitive, that goes in this step. No
+  /// refinement comes between it and the epoch in which the sensitivities are measured.
+  double sensitivity_prune(int step) const;
+  bool measure_sensitivity(int step) const;
 
  private:
+  struct Steps {
+    int after, until;  // the steps after + 1 to until
+    bool has(int step) const { return step > after && step <= until; }
+  };
+
   int scaled(int step) const;
+  int scaled_or_none(int step) const { return step > 0 ? scaled(step) : 0; }
+  void plan_refinements();
+  void plan_pruning();
+  bool is_refinement_due(int step) const;
+  int next_refinement(int step) const;
+  int last_clearing_before(int step) const;
+  Steps last_epoch(int step) const;
+  Steps steps_of_statistics(int refinement) const;
+  int next_share_prune(int step) const;
   int steps_, extra_steps_, refine_from_, refine_until_, refine_every_;
   int reset_every_, reset_until_, extra_reset_, sh_every_, morton_every_, morton_until_;
+  int recovery_until_, share_prune_from_, share_prune_every_, share_prune_until_;
   int views_;
-  OptimizerConfig rates_;
+  DensityConfig density_;
+  int batch_, batch_from_, decay_from_;
+  std::vector<int> ramp_;
+  int ramp_every_;
+  std::size_t ramp_least_;  // pixels
+  OptimizerConfig rates_;   // position_lr_final is that of this length
+  bool batch_rates_;
   float extent_;
 };
 

@@ -51,7 +51,7 @@ struct TrainingModel {
 
 /// What an array holds. It decides what the row of a new Gaussian starts with.
 enum class RowRole {
-  parameter,  // learned; a new Gaussian has those of the Gaussian that it is made from
+  parameter,  // a new Gaussian has those of the Gaussian that it is made from
   moment,     // of Adam; a new Gaussian starts with zeros
   statistic,  // of density control; every Gaussian starts with zeros after a refinement
 };
@@ -75,7 +75,7 @@ void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
       f(RowArray{role, group, name}, arrays...);
     };
   };
-  for_each_array(visit(RowRole::parameter, "gaussians"), first.gaussians, rest.gaussians...);
+  for_each_stored_array(visit(RowRole::parameter, "gaussians"), first.gaussians, rest.gaussians...);
   for_each_array(visit(RowRole::moment, "first_moment"), first.first_moment, rest.first_moment...);
   for_each_array(visit(RowRole::moment, "second_moment"), first.second_moment,
                  rest.second_moment...);
@@ -107,6 +107,11 @@ inline void begin_sums(TrainingModel& model) {
   statistics.has_sums = true;
 }
 
+/// Zeros all statistics.
+inline void clear_statistics(TrainingModel& model) {
+  for_each_statistic([](const char*, auto& array) { array.fill_zero(); }, model.statistics);
+}
+
 /// Zeros the moments of the opacities, or all of them, or none.
 inline void clear_moments(TrainingModel& model, MomentClearing which) {
   for (Gaussians* const moment : {&model.first_moment, &model.second_moment}) {
@@ -119,6 +124,7 @@ inline void clear_moments(TrainingModel& model, MomentClearing which) {
 inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
   TrainingModel model(memory);
   model.set_has_time(from.gaussians.has_time);
+  model.gaussians.has_filter = from.gaussians.has_filter;
   model.statistics.has_sums = from.statistics.has_sums;
   for_each_row_array(
       [](const RowArray&, auto& to, const auto& array) { to.upload(array.download()); }, model,

@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -34,13 +35,14 @@ struct PruneCommand : CommandLine {
   std::string model, output;
   std::optional<int> step;
   float opacity = 0, contribution = 0;
+  double keep = 1;  // share of the Gaussians that the other rules leave
   float clearance = 0;
   int witnesses = 0;
   std::vector<double> box;  // x y z of two corners, in the photos' frame; empty: no box
   bool json = false, force = false, allow_empty = false;
 
   bool removes_rows() const {
-    return opacity > 0 || contribution > 0 || clearance > 0 || !box.empty();
+    return opacity > 0 || contribution > 0 || keep < 1 || clearance > 0 || !box.empty();
   }
 };
 
@@ -57,6 +59,15 @@ class Kept {
   template <class F>
   std::size_t remove(F&& is_removed) {
     return std::erase_if(rows_, is_removed);
+  }
+  /// Keeps the `count` rows with the largest scores, of equal ones the first; returns how many go.
+  std::size_t keep_best(std::size_t count, const std::vector<float>& score) {
+    const std::size_t before = rows_.size();
+    std::stable_sort(rows_.begin(), rows_.end(),
+                     [&](std::uint32_t a, std::uint32_t b) { return score[a] > score[b]; });
+    rows_.resize(std::min(count, before));
+    std::sort(rows_.begin(), rows_.end());
+    return before - rows_.size();
   }
   const std::vector<std::uint32_t>& rows() const { return rows_; }
 
@@ -111,11 +122,12 @@ Removed apply_rules(const Pruning& p, Kept& kept) {
   if (command.opacity > 0)
     removed.faint = kept.remove(
         [&](std::size_t i) { return sigmoid(host.logit_opacity[i]) < command.opacity; });
-  if (command.contribution > 0) {
-    const std::vector<float> shares = largest_shares(
-        p.renderer, p.gaussians.span(), p.scene.train_views, p.settings, !command.quiet);
+  std::vector<float> shares;
+  if (command.contribution > 0 || command.keep < 1)
+    shares = largest_shares(p.renderer, p.gaussians.span(), p.scene.train_views, p.settings,
+                            !command.quiet);
+  if (command.contribution > 0)
     removed.unseen = kept.remove([&](std::size_t i) { return shares[i] < command.contribution; });
-  }
   if (command.clearance > 0) {
     const std::vector<std::uint8_t> is_floater =
         find_floaters(p.renderer, p.gaussians.span(), host.mean.download(), p.scene, p.settings,
@@ -123,6 +135,9 @@ Removed apply_rules(const Pruning& p, Kept& kept) {
     if (!is_floater.empty())
       removed.floaters = kept.remove([&](std::size_t i) { return is_floater[i]; });
   }
+  if (command.keep < 1)
+    removed.unseen += kept.keep_best(
+        std::size_t(std::llround(command.keep * double(kept.rows().size()))), shares);
   return removed;
 }
 
@@ -183,8 +198,8 @@ void prune(const PruneCommand& command) {
   setup_log(command.verbosity());
   if (!command.removes_rows() && !command.has("model.sh_degree"))
     throw UsageError(
-        "there is no rule to prune by; give --opacity, --contribution, --floaters, --box or "
-        "--sh-degree");
+        "there is no rule to prune by; give --opacity, --contribution, --keep, --floaters, --box "
+        "or --sh-degree");
   check_export({command.output}, command.force);
   OpenedModel opened = open_model(command.model, command.step);
   if (!opened.run) opened.config.dataset.eval = true;
@@ -241,6 +256,11 @@ void add_prune(CLI::App& program) {
           "remove Gaussians that contribute less than this many pixels to every training view")
       ->type_name("PIXELS")
       ->check(CLI::NonNegativeNumber);
+  verb.add_option("--keep", command->keep,
+                  "keep this share of the Gaussians that the other rules leave: those that "
+                  "contribute most to some training view")
+      ->type_name("SHARE")
+      ->check(CLI::Range(0.0, 1.0));
   verb.add_option("--floaters", command->clearance,
                   "remove Gaussians in front of a camera that are nearer than this share of the "
                   "distance to its scene points, as training does with density.camera_clearance")

@@ -166,7 +166,8 @@ void add_train(CLI::App& program) {
       ->expected(0, 1)
       ->default_str("auto")
       ->group("Output");
-  add_setting(verb, line, "--start-from", "model.start_from", "Training");
+  add_setting(verb, line, "--from,--start-from", "model.start_from", "Training");
+  add_setting(verb, line, "--filter-3d", "model.filter_3d", "Training");
   add_setting(verb, line, "--checkpoint-every", "train.checkpoint_every", "Output");
   verb.add_flag("--force", command->force, "if OUT holds a run, move it to OUT.bak-N first")
       ->group("Output");

@@ -63,7 +63,7 @@ double expected_gaussians(const Config& config, std::size_t points) {
   if (steps <= std::min(double(config.density.from_step), kFirstGrowth)) return start;
   const bool rises_to_cap =
       config.density.strategy == "mcmc" ||
-      (config.density.strategy == "budgeted" && config.density.curve != GrowthCurve::none);
+      (config.density.strategy == "budgeted" && needs_budget(config.density.curve));
   if (rises_to_cap && cap > 0) return cap;
   const double end = std::max(std::min(kGrowth * start, kOrdinaryEnd), kLeastGrowth * start);
   const double gaussians = start + (end - start) * std::sqrt(std::min(steps / kFullSteps, 1.0));

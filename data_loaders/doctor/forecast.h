@@ -32,7 +32,7 @@ struct Forecast {
 /// Gaussians at the end of a run, within a factor of two on our scenes:
 ///
 ///   start + (full - start) sqrt(min(steps / 30000, 1))    adaptive, at most the cap
-///   the cap                                               mcmc; budgeted with a curve
+///   the cap                                               mcmc; budgeted with a curve to it
 ///
 /// start   points of the model after model.most_points, or random points; at most the cap
 /// full    after 30,000 steps: 25 start, but at most a million and at least 2 start

@@ -18,6 +18,7 @@
 #include "data_loaders/formats/sog/webp.h"
 #include "data_loaders/formats/splat.h"
 #include "data_loaders/formats/spz/spz.h"
+#include "gs_core/bake_filter.h"
 #include "gs_core/error.h"
 #include "gs_core/io/byte_reader.h"
 
@@ -144,7 +145,8 @@ std::size_t write_model(const Path& path, const GaussianModel& model,
   const ModelFormat& format = format_to_write(path);
   check_holds(format, model.gaussians.has_time, path.string());
   if (format.name == "ply") return model.gaussians.count() - write_gaussian_ply(path, model);
-  const GaussianModel finite = finite_model(model);
+  GaussianModel finite = finite_model(model);
+  bake_filter(finite.gaussians);
   format.write(path, finite, options);
   warn_of_left_out(path, finite.gaussians.count(), model.gaussians.count());
   return finite.gaussians.count();

@@ -67,7 +67,8 @@ void check_holds(const ModelFormat& format, bool has_time, std::string_view file
 /// read (foreign_files.h).
 GaussianModel read_model(const std::filesystem::path& path);
 
-/// Writes a model in the format of the file's name, whole or not at all. Rows with NaN or infinity
+/// Writes a model in the format of the file's name, whole or not at all. A 3D filter is a column of
+/// a PLY; other formats have it in scales and opacities. Rows with NaN or infinity
 /// are left out, with a warning. Returns how many rows were written. Throws Error as the writers
 /// do.
 std::size_t write_model(const std::filesystem::path& path, const GaussianModel& model,

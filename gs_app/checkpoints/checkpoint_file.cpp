@@ -79,8 +79,20 @@ nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& m
 // ---- views -------------------------------------------------------------------------------------
 
 // Behind the count of Gaussians, unless it is 0: which arrays there are besides the usual ones.
-constexpr std::uint64_t kHasTime = 1;  // those of space and time
-constexpr std::uint64_t kHasSums = 2;  // sums over fragments, of density control
+constexpr std::uint64_t kHasTime = 1;    // those of space and time
+constexpr std::uint64_t kHasSums = 2;    // sums over fragments, of density control
+constexpr std::uint64_t kHasFilter = 4;  // that of the 3D filter
+
+std::uint64_t kind_of(const TrainingModel& model) {
+  return (model.gaussians.has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0) |
+         (model.gaussians.has_filter ? kHasFilter : 0);
+}
+
+void set_kind(TrainingModel& model, std::uint64_t kind) {
+  model.set_has_time(kind & kHasTime);
+  model.statistics.has_sums = kind & kHasSums;
+  model.gaussians.has_filter = kind & kHasFilter;
+}
 
 struct ViewNumbers {
   std::int32_t is_test, width, height;
@@ -306,11 +318,12 @@ SceneRecord::SceneRecord(const Scene& scene)
 }
 
 std::uint64_t checkpoint_bytes(std::size_t gaussians, std::size_t views, bool has_time,
-                               bool has_sums) {
+                               bool has_sums, bool has_filter) {
   std::uint64_t row = 0;
   TrainingModel none;
   none.set_has_time(has_time);
   none.statistics.has_sums = has_sums;
+  none.gaussians.has_filter = has_filter;
   for_each_row_array([&](const RowArray&, const auto& array) { row += sizeof(*array.data()); },
                      none);
   return gaussians * row + views * 512;
@@ -325,12 +338,11 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
   write_views(file, scene.views);
   write_values(file, "strikes", progress.strikes);
   write_values(file, "view_order", progress.view_order);
-  const bool has_time = model.gaussians.has_time;
-  const std::uint64_t kind = (has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0);
+  const std::uint64_t kind = kind_of(model);
   std::vector<std::uint64_t> count_and_kind{model.count()};
   if (kind) count_and_kind.push_back(kind);
   write_values(file, "gaussians", count_and_kind);
-  if (has_time) write_times(file, scene.views);
+  if (kind & kHasTime) write_times(file, scene.views);
   for_each_row_array(
       [&](const RowArray& which, const auto& array) {
         write_array(file, which.key(), array.data(), array.size(), array.memory());
@@ -350,9 +362,9 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   checkpoint.state.progress.view_order = file.values<std::uint32_t>("view_order");
   const auto count = file.values<std::uint64_t>("gaussians");
   const std::uint64_t kind = count.size() == 2 ? count[1] : 0;
-  if (count.size() != 1 && !(kind >= 1 && kind <= (kHasTime | kHasSums))) file.damaged();
-  checkpoint.state.model.set_has_time(kind & kHasTime);
-  checkpoint.state.model.statistics.has_sums = kind & kHasSums;
+  if (count.size() != 1 && !(kind >= 1 && kind <= (kHasTime | kHasSums | kHasFilter)))
+    file.damaged();
+  set_kind(checkpoint.state.model, kind);
   if (kind & kHasTime) read_times(file, checkpoint.scene.views);
   read_model(file, count[0], checkpoint.state.model);
   file.finish();

@@ -81,7 +81,7 @@ bool CheckpointFolder::save(const RunProgress& progress, const TrainingModel& mo
     std::error_code ignored;
     fs::create_directories(folder_, ignored);  // if it fails, write_checkpoint() says so
     if (!has_space(checkpoint_bytes(model.count(), scene_.views.size(), model.gaussians.has_time,
-                                    model.statistics.has_sums) +
+                                    model.statistics.has_sums, model.gaussians.has_filter) +
                        kSpareBytes,
                    progress.step))
       return false;

@@ -78,7 +78,7 @@ void refuse_model(const fs::path& file) {
   if (!find_format(file)) return;
   throw UsageError(
       fmt::format("{} is a model, not a checkpoint, so a run cannot go on from it; give --resume a "
-                  "run's folder, or start a new run from the model with --start-from {} -o OUT",
+                  "run's folder, or start a new run from the model with --from {} -o OUT",
                   file.string(), file.string()));
 }
 

@@ -76,6 +76,7 @@ class ParityCheck {
     compare_loss();
     compare_gradients();
     compare_step("step", {.gather_statistics = true});
+    compare_step("step on a reduced photo", {.gather_statistics = true}, 2);
     const DensityConfig mcmc;
     compare_step("mcmc step", {.regularizers = {mcmc.opacity_regularizer, mcmc.scale_regularizer},
                                .noise = {mcmc.noise_scale, {1, RandomStream::position_noise}, 1}});
@@ -205,9 +206,12 @@ class ParityCheck {
         actual, expected);
   }
 
-  void step(Backend& backend, TrainingModel& model, const DensityStep& density, int index) {
-    backend.step(model, scene_.views[std::size_t(index) % scene_.views.size()], settings_,
-                 kLossSettings, Schedule(Config{}, 1).learning_rates(1), density);
+  void step(Backend& backend, TrainingModel& model, const DensityStep& density, int index,
+            int reduction = 1) {
+    const TrainingPhoto photo{&scene_.views[std::size_t(index) % scene_.views.size()], settings_,
+                              reduction};
+    backend.step(model, {&photo, 1}, kLossSettings, {Schedule(Config{}, 1).learning_rates(1)},
+                 density);
     backend.synchronize(model);
   }
   // A model after some steps on the CPU.
@@ -218,12 +222,12 @@ class ParityCheck {
   }
 
   // Compares the changes of one more step.
-  void compare_step(const std::string& what, const DensityStep& density) {
+  void compare_step(const std::string& what, const DensityStep& density, int reduction = 1) {
     TrainingModel expected = under_way(density);
     const TrainingModel before = copy_to(host_memory(), expected);
     TrainingModel actual = copy_to(device_.memory(), expected);
-    step(cpu_, expected, density, kStepsBefore);
-    step(device_, actual, density, kStepsBefore);
+    step(cpu_, expected, density, kStepsBefore, reduction);
+    step(device_, actual, density, kStepsBefore, reduction);
     compare_changes(what + ": ", before, actual, expected);
     compare_loss_values("loss");
   }

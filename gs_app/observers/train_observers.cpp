@@ -43,9 +43,10 @@ void DurationObserver::after_step(int step, Trainer& trainer) {
   if (step != first_step_ + kTimedSteps || left < kTimedSteps) return;
   const double seconds = trainer.train_seconds() - first_seconds_;
   progress_.clear();
-  log_info("{} steps took {:.1f} s here: the other {} take {} or more, as Gaussians are added",
+  log_info("{} steps took {:.1f} s here: the other {} take {} or more, as {}Gaussians are added",
            kTimedSteps, seconds, with_commas(std::uint64_t(left)),
-           duration_text(seconds / kTimedSteps * left));
+           duration_text(seconds / kTimedSteps * left),
+           trainer.config().train.resolution_ramp.empty() ? "" : "photos become larger and ");
 }
 
 void SaveObserver::after_step(int step, Trainer& trainer) {
@@ -116,6 +117,8 @@ void MetricsObserver::write_row(int step, Trainer& trainer, const Evaluation* te
 }
 
 void save_model(const RunFolder& folder, int step, Trainer& trainer) {
+  if (trainer.config().model.filter_3d)
+    write_gaussian_ply(folder.raw_ply(step), raw_model(trainer));
   write_gaussian_ply(folder.ply(step), trained_model(trainer));
 }
 

@@ -73,6 +73,10 @@ fs::path RunFolder::ply(int step) const {
   return root_ / "point_cloud" / fmt::format("iteration_{}", step) / "point_cloud.ply";
 }
 
+fs::path RunFolder::raw_ply(int step) const {
+  return ply(step).replace_filename("point_cloud.raw.ply");
+}
+
 fs::path RunFolder::pictures(std::string_view split, int step) const {
   return root_ / split / fmt::format("ours_{}", step);
 }

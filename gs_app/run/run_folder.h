@@ -23,6 +23,7 @@ class RunFolder {
 
   const Path& root() const { return root_; }
   Path ply(int step) const;
+  Path raw_ply(int step) const;  // beside it, of runs with a 3D filter: before that was applied
   Path pictures(std::string_view split, int step) const;  // holds renders/ and gt/
   Path checkpoints() const { return root_ / "checkpoints"; }
   Path cameras() const { return root_ / "cameras.json"; }

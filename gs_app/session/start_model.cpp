@@ -1,17 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/session/start_model.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 
 #include "data_loaders/formats/coding/finite_rows.h"
+#include "data_loaders/formats/model_info.h"
+#include "data_loaders/formats/ply/ply.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/text.h"
+#include "gs_app/session/align_start.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_train/loop/view_sampler.h"
 
 namespace gs {
 namespace {
+
+constexpr double kMostError = 0.05;  // of the spread of the cameras, when a model is turned
 
 // Moves the model from the coordinates of the file to those of the scene; an offset may have been
 // subtracted from either.
@@ -44,9 +51,46 @@ void check_kind(const std::filesystem::path& file, const GaussianModel& model,
              "or start from one moment of it that `gemsplat export --time T` has written"));
 }
 
-GaussianModel read_start(const Config& config) {
+// If the run trains with a 3D filter and the start has one, takes the scales and opacities before
+// it. The trainer measures the filter again.
+void take_raw_model(const Config& config, OpenedModel& opened) {
+  if (!config.model.filter_3d) return;
+  std::filesystem::path raw = opened.ply;
+  if (opened.run) raw = opened.run->raw_ply(opened.run->newest_step().value());
+  if (!std::filesystem::exists(raw) || !is_ply_with_filter_3d(raw)) return;
+  const Vec3d offset = opened.model.world_offset;
+  opened.model = read_raw_gaussian_ply(raw);
+  opened.model.world_offset = offset;
+}
+
+// Brings the model of a run into the coordinates of the scene, by the photos that both have.
+void align(const OpenedModel& opened, const Scene& scene, GaussianModel& model) {
+  if (!opened.run || !std::filesystem::exists(opened.run->cameras())) return;
+  const Vec3d offset = model.world_offset - scene.world_offset;
+  const auto shared =
+      shared_cameras(read_cameras_json(opened.run->cameras(), model.world_offset), offset, scene);
+  if (!shared || shared->coincide) return;
+  const std::string name = opened.run->root().string();
+  if (shared->error > kMostError)
+    throw UsageError(fmt::format(
+        "{} photos of {} are also in the run {}, but their cameras stand elsewhere, and no turn "
+        "and scale brings them together; start from a model of this scene, or name the model's PLY "
+        "instead of the run if its coordinates are those of the scene",
+        shared->count, scene.source, name));
+  transform_model(model, shared->transform);
+  model.world_offset = scene.world_offset;
+  log_info(
+      "{} was trained in other coordinates; its model is turned, moved and scaled by {:.4g}, so "
+      "that "
+      "the cameras of the {} photos that this scene has, too, stand where they stand here (up to "
+      "{:.2g} % of the distances between them)",
+      name, shared->transform.scale, shared->count, 100 * shared->error);
+}
+
+GaussianModel read_start(const Config& config, const Scene& scene) {
   const std::filesystem::path file = config.model.start_from;
   OpenedModel opened = open_model(file, std::nullopt);
+  take_raw_model(config, opened);
   check_kind(file, opened.model, config);
   const std::size_t all = opened.model.gaussians.count();
   GaussianModel model = finite_model(opened.model);
@@ -59,6 +103,8 @@ GaussianModel read_start(const Config& config) {
     log_warning("{} was trained {} antialiasing, but this run trains {} it (--antialiased)",
                 file.string(), model.antialiased ? "with" : "without",
                 config.render.antialias ? "with" : "without");
+  align(opened, scene, model);
+  move_to_offset(model, scene.world_offset);
   return model;
 }
 
@@ -72,8 +118,7 @@ std::vector<std::uint32_t> first_view_order(const Scene& scene, const Config& co
 }  // namespace
 
 TrainingState state_from_model(const Config& config, const Scene& scene) {
-  GaussianModel model = read_start(config);
-  move_to_offset(model, scene.world_offset);
+  GaussianModel model = read_start(config, scene);
   const int degree = std::min(model.sh_degree, config.model.sh_degree);
   zero_above_degree(model.gaussians, degree);
   log_info("training starts from the {} Gaussians in {}, SH degree {}",

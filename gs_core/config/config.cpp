@@ -279,12 +279,19 @@ void validate(const Config& config, const SettingOrigins& origins) {
           "a number, or auto: density.strategy = \"mcmc\" grows up to it");
   const DensityConfig& density = config.density;
   const bool is_budgeted = density.strategy == "budgeted";
-  require(!is_budgeted || density.curve == GrowthCurve::none || density.max_gaussians != 0,
+  require(!is_budgeted || !needs_budget(density.curve) || density.max_gaussians != 0,
           "density.max_gaussians", density.max_gaussians,
           "a number, or auto: density.curve rises to it");
   require(!is_budgeted || !density.prune_unseen || needs_fragment_sums(density.score),
           "density.prune_unseen", density.prune_unseen,
           "false with density.score = \"gradient\", which counts no pixels");
+  require(!is_budgeted || density.pooling == ScorePooling::sum || sums_pixel_values(density.score),
+          "density.pooling", density.pooling,
+          "\"sum\" unless density.score is error, mask or edge");
+  const bool prunes_shares = density.soft_prune > 0 || density.hard_prune > 0;
+  require(!is_budgeted || !prunes_shares || !sums_pixel_values(density.score), "density.score",
+          density.score,
+          "gradient or force: density.soft_prune and density.hard_prune sum no values of pixels");
   const double steps = double(config.train.iterations) * double(config.train.steps_scaler) +
                        double(config.train.extra_steps);
   require(steps >= 1 && steps <= limits::kLargestInt, "train.steps_scaler",

@@ -60,6 +60,7 @@ struct ModelConfig {
   int most_points = 2000000;   // to start from; denser clouds are downsampled
   bool dynamic = false;        // Gaussians in space and time, for scenes that move
   float initial_time_scale = 0.45f;  // standard deviation, as a fraction of the scene's duration
+  bool filter_3d = false;  // no Gaussian is smaller than the photos can show (Mip-Splatting)
 };
 
 /// How Gaussians are drawn; gs_render/render_settings.h turns it into what the renderer takes.
@@ -85,6 +86,8 @@ struct LossConfig {
 struct OptimizerConfig {
   float position_lr_initial = 1.6e-4f;
   float position_lr_final = 1.6e-6f;
+  float position_lr_final_power = 0;  // in short runs: times (30,000 / steps)^power, at most 10
+  int position_decay_from = 0;        // the position rate stays what it is at first until this step
   float log_scale_lr = 5e-3f;
   float rotation_lr = 1e-3f;
   float opacity_lr = 0.025f;
@@ -92,9 +95,11 @@ struct OptimizerConfig {
   float sh_rest_lr = 1.25e-4f;
   float time_mean_lr = 8e-4f;
   float log_time_scale_lr = 5e-3f;
+  float beta2 = 0.999f;  // of Adam, for one photo
 };
 
 inline constexpr int kMostBatch = 64;           // photos of one update
+inline constexpr int kMostReduction = 16;       // of photos, in each direction
 inline constexpr std::int64_t kAutoCount = -1;  // the word auto: the program finds the count itself
 
 /// Density control: adaptive (Kerbl et al. 2023, Sec. 5.2), budgeted (docs/density.md) or mcmc
@@ -105,6 +110,8 @@ struct DensityConfig {
   int until_step = 14900;
   int every = 100;
   int every_epochs = 0;              // at least so many epochs between refinements
+  int first_epochs = 0;              // at least so many epochs before the first one
+  int final_steps = 0;               // at the end, without refinements
   float gradient_threshold = 2e-4f;  // of the mean NDC-scaled 2D position gradient
   float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
   float prune_opacity = 0.005f;
@@ -122,13 +129,18 @@ struct DensityConfig {
   float time_scale_regularizer = 0;   // weight of the mean of 1 / scale in time
   float velocity_regularizer = 0;     // weight of the mean squared velocity
   float static_after = 0;  // durations; Gaussians that live longer become 3D ones; 0: none
+  StatisticsWindow window = StatisticsWindow::refinement;
   // for budgeted only: docs/density.md
   GrowthScore score = GrowthScore::gradient;
-  float score_threshold = 0;
-  float mask_error = 0.1f;  // of a view's range of errors: pixels above it are in the mask
+  ScorePooling pooling = ScorePooling::sum;
+  float score_threshold = 0;  // of sums: for each photo
+  float mask_error = 0.1f;    // of a view's range of errors: pixels above it are in the mask
   GrowthSelection select = GrowthSelection::top_k;
   GrowthCurve curve = GrowthCurve::none;
-  float most_growth = 1;  // in one refinement, of the count
+  float ramp_from = 4;            // times smaller than the photos: where the curve "ramp" begins
+  float candidate_share = 0.25f;  // of those that may grow; with the curve "share"
+  float most_growth = 1;          // in one refinement, of the count
+  bool replace = false;           // at least as many grow as are pruned
   SplitPlacement split = SplitPlacement::draw;
   float split_offset = 1.35f;   // standard deviations of the longest axis
   float split_along = 0.55f;    // factor of the longest scale
@@ -138,15 +150,30 @@ struct DensityConfig {
   OpacityPolicy opacity_policy = OpacityPolicy::reset;
   float opacity_amount = 0.01f;
   MomentClearing opacity_clears = MomentClearing::opacity;
+  float opacity_cap = 1;  // after each refinement
   bool prune_unseen = false;
+  float recovery_prune = 0;     // share of the Gaussians, some steps after an opacity reset
+  int recovery_after = 300;     // steps
+  int recovery_until = 6000;    // last reset that is followed by it
+  float soft_prune = 0;         // share of the Gaussians, while there are refinements
+  float hard_prune = 0;         // the same afterwards
+  int share_prune_from = 6000;  // of both
+  int share_prune_every = 3000;
+  int share_prune_until = 27000;
+  float late_prune_opacity = 0;  // after the last refinement; 0: none
 };
 
 struct TrainConfig {
   int iterations = 30000;
   int batch = 1;            // photos of one update; steps count photos
+  int batch_from_step = 0;  // updates by single photos until then
   bool batch_rates = true;  // learning rates and betas that fit the batch
   float steps_scaler = 1;   // multiplies iterations and the whole schedule
   int sh_degree_every = 1000;
+  int sh_degree_epochs = 0;          // at least so many epochs between SH degrees
+  std::vector<int> resolution_ramp;  // factors by which photos are reduced at first
+  int resolution_every = 6000;       // steps with each of them
+  int resolution_least = 100000;     // pixels; a photo is not reduced to fewer
   int morton_every = 5000;
   int morton_until = 15000;
   std::uint64_t seed = 42;

@@ -86,6 +86,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("model.most_points",            model.most_points,            "points",      steps_from(1),           retrain, "most points to start from; a denser COLMAP model is downsampled: one point of each cell of a grid is kept");
   field("model.dynamic",                model.dynamic,                "",            any(),                   retrain, "Gaussians in space and time, for scenes that move; the photos need times (docs/data.md)", "Yang et al. 2024");
   field("model.initial_time_scale",     model.initial_time_scale,     "duration",    above(0),                retrain, "standard deviation in time of a Gaussian at the start, if dynamic", "Yang et al. 2024");
+  field("model.filter_3d",              model.filter_3d,              "",            any(),                   retrain, "widen each Gaussian by a 3D filter as wide as the finest detail that the training photos can show of it, so that close-ups have no thin artifacts; best with render.antialias; not if dynamic", kMip);
 
   auto& render = config.render;
   field("render.background",            render.background,            "",            one_of<Background>(),    retrain, "color behind the Gaussians; random: another color in each step", kKerbl);
@@ -106,6 +107,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   auto& optimizer = config.optimizer;
   field("optimizer.position_lr_initial", optimizer.position_lr_initial, "extent",      above(0),                retrain, "learning rate of the means at the first step", kKerbl);
   field("optimizer.position_lr_final",  optimizer.position_lr_final,  "extent",      above(0),                retrain, "learning rate of the means at the last step; it falls exponentially", kKerbl);
+  field("optimizer.position_lr_final_power", optimizer.position_lr_final_power, "", between(0, 4),        retrain, "a run of S < 30,000 steps multiplies position_lr_final by (30,000 / S)^power, at most by 10; 2 suits short runs (docs/schedule.md)");
+  field("optimizer.position_decay_from", optimizer.position_decay_from, "steps",      steps_from(0),           retrain, "the learning rate of the means begins to fall after this step of a 30,000-step run", "DashGaussian");
   field("optimizer.log_scale_lr",       optimizer.log_scale_lr,       "",            at_least(0),             retrain, "learning rate of the logarithms of the scales", kKerbl);
   field("optimizer.rotation_lr",        optimizer.rotation_lr,        "",            at_least(0),             retrain, "learning rate of the quaternions", kKerbl);
   field("optimizer.opacity_lr",         optimizer.opacity_lr,         "",            at_least(0),             retrain, "learning rate of the logits of the opacities", kFaster);
@@ -113,6 +116,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.sh_rest_lr",         optimizer.sh_rest_lr,         "",            at_least(0),             retrain, "learning rate of SH degrees 1 to 3", kKerbl);
   field("optimizer.time_mean_lr",       optimizer.time_mean_lr,       "duration",    at_least(0),             retrain, "learning rate of the means in time, if model.dynamic");
   field("optimizer.log_time_scale_lr",  optimizer.log_time_scale_lr,  "",            at_least(0),             retrain, "learning rate of the logarithms of the scales in time, if model.dynamic", "Yang et al. 2024");
+  field("optimizer.beta2",              optimizer.beta2,              "",            between(0.5, 0.99999),   retrain, "share of its second moments that Adam keeps at each photo; it remembers some 1 / (1 - beta2) photos", "Kingma & Ba 2015");
 
   auto& density = config.density;
   field("density.strategy",             density.strategy,             "",            one_of(kStrategyWords),  retrain, "how Gaussians are added and removed: adaptive clones, splits and prunes them; budgeted does so by a score and up to a number (docs/density.md); mcmc moves them and adds samples (needs max_gaussians)");
@@ -120,6 +124,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.until_step",           density.until_step,           "steps",       steps_from(0),           retrain, "last refinement, as a step of a 30,000-step run", kFaster);
   field("density.every",                density.every,                "steps",       steps_from(1),           retrain, "interval between refinements", kKerbl);
   field("density.every_epochs",         density.every_epochs,         "epochs",      between(0, 1000),        retrain, "the interval is at least so many passes over the photos; not scaled");
+  field("density.first_epochs",         density.first_epochs,         "epochs",      between(0, 1000),        retrain, "the first refinement comes after at least so many passes over the photos, or after a tenth of the steps if that is sooner");
+  field("density.final_steps",          density.final_steps,          "steps",       steps_from(0),           retrain, "at the end, at least so many steps, or a quarter of a shorter run, have no refinement, and half as many more no opacity reset; not scaled");
   field("density.gradient_threshold",   density.gradient_threshold,   "NDC",         at_least(0),             retrain, "Gaussians with a larger mean image-plane gradient are cloned or split", kKerbl);
   field("density.small_scale",          density.small_scale,          "extent",      at_least(0),             retrain, "smaller Gaussians are cloned, larger ones are split", kKerbl);
   field("density.prune_opacity",        density.prune_opacity,        "",            between(0, 1),           retrain, "fainter Gaussians are removed (adaptive) or moved (mcmc)", kKerbl);
@@ -138,11 +144,16 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.static_after",         density.static_after,         "durations",   at_least(0),             retrain, "if model.dynamic, a Gaussian with a larger standard deviation in time that hardly moves becomes static, a 3D Gaussian that is the same at all times; 0: none does");
 
   field("density.score",                density.score,                "",            one_of<GrowthScore>(),   retrain, "by what budgeted chooses: the mean image-plane gradient; how much pixels disagree about an opacity (force); error of the render, number of pixels with a large one (mask), or edges of the photo in the pixels of a Gaussian", "docs/density.md");
-  field("density.score_threshold",      density.score_threshold,      "",            at_least(0),             retrain, "Gaussians with a lower score do not grow in budgeted, nor do those below gradient_threshold");
+  field("density.window",               density.window,               "",            one_of<StatisticsWindow>(), retrain, "photos whose statistics count in a refinement: all since the one before, or those of the last whole epoch, if it lies between them", "LiteGS");
+  field("density.pooling",              density.pooling,              "",            one_of<ScorePooling>(),  retrain, "how the scores error, mask and edge of several photos become one: added up, or the largest (max)", "Brush");
+  field("density.score_threshold",      density.score_threshold,      "",            at_least(0),             retrain, "Gaussians with a lower score do not grow in budgeted, nor do those below gradient_threshold; scores that are sums over photos are divided by the number of photos");
   field("density.mask_error",           density.mask_error,           "",            between(0, 1),           retrain, "the score mask counts pixels above this share of the range of errors in their photo", "FastGS");
   field("density.select",               density.select,               "",            one_of<GrowthSelection>(), retrain, "which Gaussians grow in budgeted where not all may: the largest scores, or a draw in proportion to them (race)", "LiteGS");
-  field("density.curve",                density.curve,                "",            one_of<GrowthCurve>(),   retrain, "how budgeted lets the number of Gaussians rise to max_gaussians between the first and the last refinement; none: without a curve", "docs/density.md");
+  field("density.curve",                density.curve,                "",            one_of<GrowthCurve>(),   retrain, "how budgeted lets the number of Gaussians rise to max_gaussians between the first and the last refinement; none: without a curve; share: by candidate_share", "docs/density.md");
+  field("density.ramp_from",            density.ramp_from,            "",            between(1, 64),          retrain, "the curve ramp rises as for pictures that are so many times smaller at first", "DashGaussian");
+  field("density.candidate_share",      density.candidate_share,      "",            between(0, 1),           retrain, "with the curve share, share of the Gaussians that may grow which do, in one refinement", "Brush");
   field("density.most_growth",          density.most_growth,          "",            above(0),                retrain, "most Gaussians that budgeted adds in one refinement, as a share of those that stay");
+  field("density.replace",              density.replace,              "",            any(),                   retrain, "at least as many Gaussians grow in a refinement of budgeted as are removed, up to max_gaussians", "Brush");
   field("density.split",                density.split,                "",            one_of<SplitPlacement>(), retrain, "where the children of budgeted lie: drawn from the parent, to both sides on its longest axis, or so that its variance stays", "docs/density.md");
   field("density.split_offset",         density.split_offset,         "standard deviations", at_least(0),     retrain, "of children on the longest axis, from their parent", "Improved-GS");
   field("density.split_along",          density.split_along,          "",            above(0),                retrain, "size of children on the longest axis, along it, as a share of the parent's", "Improved-GS");
@@ -153,14 +164,29 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.opacity_policy",       density.opacity_policy,       "",            one_of<OpacityPolicy>(), retrain, "how budgeted lowers opacities every reset_opacity_every steps: to at most opacity_amount (reset), by half but not below it (halve), or by opacity_amount times the share of steps that are left (subtract)", "docs/density.md");
   field("density.opacity_amount",       density.opacity_amount,       "",            between(1e-4, 0.999),    retrain, "the amount in that");
   field("density.opacity_clears",       density.opacity_clears,       "",            one_of<MomentClearing>(), retrain, "which of Adam's moments that clears: none, those of the opacities, or all");
+  field("density.opacity_cap",          density.opacity_cap,          "",            between(0.01, 1),        retrain, "after each refinement budgeted lowers opacities to at most this, and clears their moments; 1: it does not", "FastGS");
   field("density.prune_unseen",         density.prune_unseen,         "",            any(),                   retrain, "budgeted removes Gaussians that were in no pixel for a whole epoch; needs a score other than gradient", "LiteGS");
+  field("density.recovery_prune",       density.recovery_prune,       "",            between(0, 0.99),        retrain, "share of the Gaussians, the faintest, that budgeted removes recovery_after steps after an opacity reset, instead of a refinement", "Improved-GS");
+  field("density.recovery_after",       density.recovery_after,       "steps",       steps_from(1),           retrain, "steps in that; not scaled", "Improved-GS");
+  field("density.recovery_until",       density.recovery_until,       "steps",       steps_from(0),           retrain, "last opacity reset that is followed by it", "Improved-GS");
+  field("density.soft_prune",           density.soft_prune,           "",            between(0, 0.99),        retrain, "share of the Gaussians, those to which the loss is least sensitive, that budgeted removes every share_prune_every steps up to the last refinement; needs the score gradient or force", "Hanson et al. 2025");
+  field("density.hard_prune",           density.hard_prune,           "",            between(0, 0.99),        retrain, "the same after the last refinement", "Hanson et al. 2025");
+  field("density.share_prune_from",     density.share_prune_from,     "steps",       steps_from(0),           retrain, "first of both, as a step of a 30,000-step run", "Hanson et al. 2025");
+  field("density.share_prune_every",    density.share_prune_every,    "steps",       steps_from(1),           retrain, "interval of both", "Hanson et al. 2025");
+  field("density.share_prune_until",    density.share_prune_until,    "steps",       steps_from(0),           retrain, "last of both", "Hanson et al. 2025");
+  field("density.late_prune_opacity",   density.late_prune_opacity,   "",            between(0, 0.99),        retrain, "after the last refinement, budgeted removes fainter Gaussians every reset_opacity_every steps; 0: it does not", "FastGS");
 
   auto& train = config.train;
   field("train.iterations",             train.iterations,             "steps",       steps_from(1),           proceed, "length of the training, one photo each step; the schedule scales with it", kKerbl);
   field("train.batch",                  train.batch,                  "photos",      between(1, kMostBatch),  retrain, "photos of one update, which takes the mean of their gradients; steps go on counting photos", "Faster-GS (4D)");
+  field("train.batch_from_step",        train.batch_from_step,        "steps",       steps_from(0),           retrain, "until this step of a 30,000-step run each photo has an update of its own", "FastGS");
   field("train.batch_rates",            train.batch_rates,            "",            any(),                   retrain, "an update by B photos stands for B updates: learning rates * sqrt(B), betas to the power B; off: as for one photo", "Malladi et al. 2022");
   field("train.steps_scaler",           train.steps_scaler,           "",            above(0),                retrain, "multiplies iterations, and with it the schedule");
   field("train.sh_degree_every",        train.sh_degree_every,        "steps",       steps_from(1),           retrain, "interval between SH degrees, in steps of a 30,000-step run", kKerbl);
+  field("train.sh_degree_epochs",       train.sh_degree_epochs,       "epochs",      between(0, 1000),        retrain, "the interval is at least so many passes over the photos, or a sixth of the steps if that is shorter", "LiteGS");
+  field("train.resolution_ramp",        train.resolution_ramp,        "",            between(1, kMostReduction), retrain, "train on photos reduced by these factors first, such as [4, 2]; empty: on whole photos from the start");
+  field("train.resolution_every",       train.resolution_every,       "steps",       steps_from(1),           retrain, "how long each factor of the ramp lasts, in steps of a 30,000-step run");
+  field("train.resolution_least",       train.resolution_least,       "pixels",      steps_from(1),           retrain, "the ramp reduces no photo to fewer pixels; a smaller factor replaces one that would");
   field("train.morton_every",           train.morton_every,           "steps",       steps_from(1),           retrain, "interval between sorts along the Morton curve", kFaster);
   field("train.morton_until",           train.morton_until,           "steps",       steps_from(0),           retrain, "last of these sorts, apart from the final one", kFaster);
   field("train.seed",                   train.seed,                   "",            between(0, kLargestExact), retrain, "the same seed gives the same bytes on the CPU, and on a GPU with train.deterministic");

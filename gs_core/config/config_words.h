@@ -107,10 +107,20 @@ struct Words<GrowthScore> {
 };
 template <>
 struct Words<GrowthCurve> {
-  static constexpr Word<GrowthCurve> kTable[] = {{"none", GrowthCurve::none},
-                                                 {"linear", GrowthCurve::linear},
-                                                 {"root", GrowthCurve::root},
-                                                 {"parabola", GrowthCurve::parabola}};
+  static constexpr Word<GrowthCurve> kTable[] = {
+      {"none", GrowthCurve::none}, {"linear", GrowthCurve::linear},
+      {"root", GrowthCurve::root}, {"parabola", GrowthCurve::parabola},
+      {"ramp", GrowthCurve::ramp}, {"share", GrowthCurve::share}};
+};
+template <>
+struct Words<StatisticsWindow> {
+  static constexpr Word<StatisticsWindow> kTable[] = {{"refinement", StatisticsWindow::refinement},
+                                                      {"epoch", StatisticsWindow::epoch}};
+};
+template <>
+struct Words<ScorePooling> {
+  static constexpr Word<ScorePooling> kTable[] = {{"sum", ScorePooling::sum},
+                                                  {"max", ScorePooling::max}};
 };
 template <>
 struct Words<GrowthSelection> {

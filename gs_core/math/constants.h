@@ -28,6 +28,8 @@ inline constexpr double kLn2 = 0.6931471805599453;      // ln(2)
 // Projection.
 inline constexpr float kBlur = 0.3f;                    // pixels^2 added to the image covariance [3DGS]
 inline constexpr float kBlurAntialias = 0.1f;           // pixels^2, with opacity compensation [Mip]
+inline constexpr float kFilter3dVariance = 0.2f;        // of the 3D filter, in squared distances between samples [Mip]
+inline constexpr float kMostStoredOpacity = 0.999f;     // before the 3D filter, after a reset
 inline constexpr float kFrustumMargin = 0.15f;          // of the picture's size: the Jacobian is clamped beyond [3DGS: 1.3 tan]
 inline constexpr float kMinCovarianceDeterminant = 1e-6f;  // pixels^4; below it a splat is not rendered [FGS]
 inline constexpr float kMaxCovarianceDeterminant = 1e30f;  // pixels^4; above it 1 / det loses its range in float
@@ -72,6 +74,8 @@ inline constexpr float kAdamEpsilon = 1e-15f;
 // Density control.
 inline constexpr float kSplitScaleDivisor = 1.6f;       // both halves of a split shrink by it [3DGS]
 inline constexpr float kResetOpacity = 0.01f;           // an opacity reset lowers to it [3DGS]
+inline constexpr double kMinChildOpacity = 1e-6;        // children are not fainter, so that their logits stay finite
+inline constexpr float kMinLoweredOpacity = 1e-4f;      // subtracting lowers no opacity further; far below any prune_opacity
 
 // Density control as a Markov chain.
 inline constexpr float kNoiseOpacity = 0.005f;          // at which the noise on a mean is halved [MCMC, code]
@@ -83,9 +87,10 @@ inline constexpr float kMinShareTransmittance = 0x1p-23f;  // 1 - o of an opaque
 inline constexpr int kInitialNeighbors = 3;            // whose mean distance is the first scale [3DGS]
 inline constexpr float kExtentMargin = 1.1f;            // of the farthest camera's distance [3DGS]
 inline constexpr float kMinNeighborDistance2 = 1e-7f;  // world units^2 [3DGS]
+inline constexpr float kInitialTimeMargin = 0.1f;      // durations that means in time reach beyond the scene's (Yang et al. 2024)
 
 // Morton order.
-inline constexpr int kTimeBinBits = 5;                  // 32 bins of the Morton order in time [FGS]
+inline constexpr int kMostTimeHalvings = 9;             // 512 intervals of the Morton order in time
 inline constexpr int kMortonBits = 21;                  // per axis, 63 in all [FGS]
 
 // clang-format on

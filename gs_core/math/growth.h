@@ -6,6 +6,10 @@
 
 #include <cmath>
 
+#ifndef __CUDA_ARCH__
+#include <bit>
+#endif
+
 #include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/math/density.h"
@@ -16,18 +20,33 @@ namespace gs {
 /// By what Gaussians are chosen to grow.
 enum class GrowthScore { gradient, force, error, mask, edge };
 /// How the number of Gaussians rises to its limit.
-enum class GrowthCurve { none, linear, root, parabola };
+enum class GrowthCurve { none, linear, root, parabola, ramp, share };
 /// Which of them grow where not all may: those with the largest scores, or a draw.
 enum class GrowthSelection { top_k, race };
+/// Which photos the statistics of a refinement come from: all since the refinement before, or the
+/// last pass over all photos.
+enum class StatisticsWindow { refinement, epoch };
+/// How the sums over fragments of several photos become one: added up, or the largest of each.
+enum class ScorePooling { sum, max };
 /// Where the children of a split lie.
 enum class SplitPlacement { draw, axis, variance };
 /// How opacities are lowered now and then.
 enum class OpacityPolicy { none, reset, halve, subtract };
 /// Which of Adam's moments that clears.
 enum class MomentClearing { none, opacity, all };
+/// By what the lowest Gaussians are found, to remove a share of them.
+enum class PruneOrder { opacity, sensitivity };
 
 /// True for the scores that are made of FragmentSums.
 GS_HD bool needs_fragment_sums(GrowthScore score) { return score != GrowthScore::gradient; }
+/// True for the scores that sum values of pixels, which are never negative.
+GS_HD bool sums_pixel_values(GrowthScore score) {
+  return needs_fragment_sums(score) && score != GrowthScore::force;
+}
+/// True for the curves that rise to a number of Gaussians.
+GS_HD bool needs_budget(GrowthCurve curve) {
+  return curve != GrowthCurve::none && curve != GrowthCurve::share;
+}
 
 // ---- scores ------------------------------------------------------------------------------------
 
@@ -46,6 +65,14 @@ GS_HD void add_to(FragmentSums& sum, const FragmentSums& part) {
   sum.weight += part.weight;
   sum.first += part.first;
   sum.second += part.second;
+}
+/// The same for the sums of another photo.
+GS_HD void pool_with(FragmentSums& all, const FragmentSums& photo, ScorePooling pooling) {
+  if (pooling == ScorePooling::sum) return add_to(all, photo);
+  all.count += photo.count;
+  all.weight += photo.weight;
+  all.first = max_of(all.first, photo.first);
+  all.second = max_of(all.second, photo.second);
 }
 
 /// How much the pixels of a Gaussian disagree about its opacity: the number of fragments times the
@@ -71,6 +98,30 @@ GS_HD double growth_score(GrowthScore score, float visits, float gradient_norm,
     case GrowthScore::mask: return double(sums.second);
   }
   return double(gradient_norm) / double(max_of(visits, 1.0f));
+}
+
+// ---- pruning a share ---------------------------------------------------------------------------
+
+/// The bits of a float, ordered as the floats are; NaN comes first.
+GS_HD std::uint32_t ascending_bits(float value) {
+  if (!(value == value)) return 0;
+#ifdef __CUDA_ARCH__
+  const std::uint32_t bits = __float_as_uint(value);
+#else
+  const std::uint32_t bits = std::bit_cast<std::uint32_t>(value);
+#endif
+  return bits >> 31 ? ~bits : bits | 0x80000000u;
+}
+
+/// The place of a Gaussian in an order; the lowest go first. The sensitivity is the sum of f^2 of
+/// the score "force": how much the loss reacts to a Gaussian's values.   after Hanson et al. 2025
+GS_HD std::uint64_t prune_key(PruneOrder order, float logit_opacity, const FragmentSums& sums) {
+  return ascending_bits(order == PruneOrder::opacity ? logit_opacity : sums.second);
+}
+
+/// How many of so many Gaussians a share is.
+inline std::size_t share_of(std::size_t count, double share) {
+  return std::size_t(share * double(count));
 }
 
 // ---- children ----------------------------------------------------------------------------------
@@ -126,11 +177,11 @@ GS_HD ChildPlace child_of_equal_variance(const Vec3f& log_scale, float side) {
 GS_HD float child_logit_opacity(float logit_opacity, const SplitRules& rules) {
   using std::pow;
   if (!rules.changes_opacity()) return logit_opacity;
-  constexpr double kLeast = 1e-6, kMost = 1 - double(kMinShareTransmittance);
+  constexpr double kMost = 1 - double(kMinShareTransmittance);
   const double rest = 1 - sigmoid(double(logit_opacity));
   const double opacity =
       double(rules.opacity_factor) * (1 - pow(rest, double(rules.opacity_power)));
-  return float(logit(clamp_to(opacity, kLeast, kMost)));
+  return float(logit(clamp_to(opacity, kMinChildOpacity, kMost)));
 }
 
 // ---- opacities ---------------------------------------------------------------------------------
@@ -149,13 +200,13 @@ struct OpacityRule {
 /// The stored opacity after the change. `logit_amount` is logit(amount), computed once for all.
 GS_HD float lowered_logit_opacity(float logit_opacity, const OpacityRule& rule,
                                   float logit_amount) {
-  constexpr float kLeast = 1e-4f;
   switch (rule.policy) {
     case OpacityPolicy::none: break;
     case OpacityPolicy::reset: return min_of(logit_opacity, logit_amount);
     case OpacityPolicy::halve: return logit(max_of(0.5f * sigmoid(logit_opacity), rule.amount));
     case OpacityPolicy::subtract:
-      return min_of(logit_opacity, logit(max_of(sigmoid(logit_opacity) - rule.amount, kLeast)));
+      return min_of(logit_opacity,
+                    logit(max_of(sigmoid(logit_opacity) - rule.amount, kMinLoweredOpacity)));
   }
   return logit_opacity;
 }
@@ -168,17 +219,24 @@ GS_HD float lowered_logit_opacity(float logit_opacity, const OpacityRule& rule,
 ///   linear     N_0 + (B - N_0) u            N_0  Gaussians at the start of the run
 ///   root       max(N_0, B sqrt u)           B    density.max_gaussians
 ///   parabola   N_0 + (B - N_0) (2 u - u^2)
+///   ramp       N_0 + (B - N_0) / s^(2 - u)  s    r^(1 - u), falls from r = density.ramp_from to 1
+///   share      B                            of GrowthRules::candidate_share
+///
+/// The ramp is that of DashGaussian with pictures r times smaller at first. Its s follows the
+/// spectrum of the photos; one that falls as 1 / frequency gives the s above.
 inline std::int64_t growth_target(GrowthCurve curve, double u, std::int64_t first,
-                                  std::int64_t budget) {
+                                  std::int64_t budget, double ramp_from = 1) {
   const auto between = [&](double share) {
     return std::int64_t(std::llround(double(first) + double(budget - first) * share));
   };
   switch (curve) {
-    case GrowthCurve::none: break;
+    case GrowthCurve::none:
+    case GrowthCurve::share: break;
     case GrowthCurve::linear: return between(u);
     case GrowthCurve::root:
       return max_of(first, std::int64_t(std::llround(std::sqrt(u) * double(budget))));
     case GrowthCurve::parabola: return between(u * (2 - u));
+    case GrowthCurve::ramp: return between(std::pow(ramp_from, (u - 1) * (2 - u)));
   }
   return budget;
 }
@@ -189,20 +247,38 @@ inline std::int64_t growth_target(GrowthCurve curve, double u, std::int64_t firs
 /// limits.gradient_threshold, its score reaches score_threshold and is above 0, and it is not
 /// pruned. One that is replaced by its children need not pass the pruning; its children must.
 struct GrowthRules {
-  AdaptiveRules limits;  // max_gaussians: rows in the end; 0: any number
+  AdaptiveRules limits;     // max_gaussians: rows in the end; 0: any number
+  std::int64_t budget = 0;  // rows that replacements do not exceed, either; 0: any number
   GrowthScore score = GrowthScore::gradient;
   GrowthSelection select = GrowthSelection::top_k;
   float score_threshold = 0;
-  float most_growth = 1;  // of the rows that stay
+  float most_growth = 1;      // of the rows that stay
+  float candidate_share = 1;  // of the rows that may grow
+  bool replaces = false;      // at least as many rows grow as are pruned
   bool prunes_unseen = false;
   SplitRules split;
 };
 
-/// How many rows may be added to those that stay; `staying` counts one that is split as one.
-GS_HD std::int64_t allowed_growth(const GrowthRules& rules, std::int64_t staying) {
-  const std::int64_t most = std::int64_t(double(rules.most_growth) * double(staying));
-  if (rules.limits.max_gaussians <= 0) return most;
-  return min_of(max_of(rules.limits.max_gaussians - staying, std::int64_t(0)), most);
+/// Counts of rows before a refinement.
+struct GrowthCensus {
+  std::int64_t staying = 0;     // those that are not pruned; one that is split counts as one
+  std::int64_t pruned = 0;      // none of them may grow
+  std::int64_t candidates = 0;  // those that may grow
+};
+
+/// How many rows may be added to those that stay.
+GS_HD std::int64_t allowed_growth(const GrowthRules& rules, const GrowthCensus& census) {
+  const auto up_to = [&](std::int64_t limit) {
+    return max_of<std::int64_t>(limit - census.staying, 0);
+  };
+  std::int64_t allowed = std::int64_t(double(rules.most_growth) * double(census.staying));
+  if (rules.limits.max_gaussians > 0) allowed = min_of(allowed, up_to(rules.limits.max_gaussians));
+  if (rules.candidate_share < 1)
+    allowed =
+        min_of(allowed, std::int64_t(double(rules.candidate_share) * double(census.candidates)));
+  if (rules.replaces) allowed = max_of(allowed, census.pruned);
+  if (rules.budget > 0) allowed = min_of(allowed, up_to(rules.budget));
+  return allowed;
 }
 
 }  // namespace gs

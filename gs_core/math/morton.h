@@ -34,22 +34,30 @@ GS_HD std::uint64_t morton_code(const Vec3f& point, const Vec3f& low, float size
          spread_bits(cell(point.z, low.z)) << 2;
 }
 
-/// The code with the bin of a time as its highest bits, so that Gaussians of one moment are
-/// neighbors in memory; as many of its lowest bits are lost. Times outside [0, 1] are moved there,
-/// and so is a NaN.   Faster-GS, 4D
-GS_HD std::uint64_t time_binned(std::uint64_t code, float time) {
-  const float t = time > 0.0f ? min_of(time, 1.0f) : 0.0f;
-  const auto bin =
-      std::uint64_t(min_of(int(t * float(1 << kTimeBinBits)), (1 << kTimeBinBits) - 1));
-  return bin << (3 * kMortonBits - kTimeBinBits) | code >> kTimeBinBits;
+/// The interval in which a Gaussian in space and time lives, as a number below 2^(kMostTimeHalvings
+/// + 1). A binary tree divides [0, 1] into 2^k intervals at level k; interval b of level k has the
+/// number 2^k + b. The level is the first whose intervals are at most half as long as the scale in
+/// time, so that Gaussians of one interval are seen in the same photos. Times outside [0, 1] are
+/// moved there, and so is a NaN. (Faster-GS' 4D extension has 32 equal intervals.)
+GS_HD std::uint32_t interval_of_life(float time_mean, float log_time_scale) {
+  constexpr float kLog2 = 0.69314718f;
+  int level = 0;
+  while (level < kMostTimeHalvings && log_time_scale < float(1 - level) * kLog2) ++level;
+  const float t = time_mean > 0.0f ? min_of(time_mean, 1.0f) : 0.0f;
+  const int intervals = 1 << level;
+  return std::uint32_t(intervals + min_of(int(t * float(intervals)), intervals - 1));
 }
 
 inline constexpr int kSpacetimeCodeBits = 3 * kMortonBits + 1;
-/// The code of a Gaussian in space and time: in the bin of its time, or behind all bins if it is
-/// static, so that a warp has static ones or others.
+/// The Morton code of a Gaussian in space and time, with its interval of life as the highest bits;
+/// as many of the lowest bits are lost. Static Gaussians come behind all others, so that most warps
+/// have either kind.
 GS_HD std::uint64_t spacetime_code(std::uint64_t code, float time_mean, float log_time_scale) {
+  constexpr int kLifeBits = kMostTimeHalvings + 1;
   if (is_static(log_time_scale)) return std::uint64_t(1) << (kSpacetimeCodeBits - 1) | code;
-  return time_binned(code, time_mean);
+  return std::uint64_t(interval_of_life(time_mean, log_time_scale))
+             << (3 * kMortonBits - kLifeBits) |
+         code >> kLifeBits;
 }
 
 }  // namespace gs

@@ -131,12 +131,8 @@ GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
                                             const SpacetimeParameters<T>& gaussian, const T& time,
                                             const SplatSettings& settings) {
   ProjectedMoment<T> moment = project_shape(camera, shape_of(gaussian), time, settings);
-  ProjectedGaussian<T>& result = moment.projected;
-  if (!result.is_visible) return result;
-  result.splat.color = sh_color(settings.sh_degree, unit_direction(camera.position(), moment.mean),
-                                gaussian.space.sh0, gaussian.space.sh_rest);
-  result.is_visible = is_finite(result.splat.color);
-  return result;
+  color_splat(moment.projected, camera, moment.mean, gaussian.space, settings);
+  return moment.projected;
 }
 
 /// project_shape_vjp() of a static Gaussian. Nothing depends on its times; spacetime.h says why the right
@@ -203,14 +199,9 @@ GS_HD SpacetimeGradient<T> project_gaussian_vjp(const PinholeCamera<T>& camera,
                                                 const BasicSplatGradient<T>& dL_dsplat,
                                                 Vec3<T>* dL_dsh_rest) {
   const SpacetimeShape<T> shape = shape_of(gaussian);
-  // Color: to the coefficients, and through the viewing direction to the mean at the moment.
-  const Vec3<T> eye = camera.position(), mean = mean_at(shape, time);
-  const ShColorGradient<T> dL_color =
-      sh_color_vjp(settings.sh_degree, unit_direction(eye, mean), gaussian.space.sh_rest,
-                   dL_dsplat.color, dL_dsh_rest);
-  return {project_shape_vjp(camera, shape, time, settings, dL_dsplat,
-                            unit_direction_vjp(eye, mean, dL_color.direction)),
-          dL_color.sh0};
+  const ColorGradient<T> dL_color = color_splat_vjp(camera, mean_at(shape, time), gaussian.space,
+                                                    settings, dL_dsplat.color, dL_dsh_rest);
+  return {project_shape_vjp(camera, shape, time, settings, dL_dsplat, dL_color.mean), dL_color.sh0};
 }
 
 }  // namespace gs

@@ -118,19 +118,28 @@ GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const V
   return project_ellipsoid(camera, p, sigma, sigmoid(logit_opacity), settings);
 }
 
-/// Projects one Gaussian into a view: project_shape() and its color. Not visible where that is not
-/// finite.
+/// Gives a splat its color, that of the direction from the camera to `mean`. Not visible where it
+/// is not finite.
+///
+/// mean  where the Gaussian is at the moment   world units
+template <class T>
+GS_HD void color_splat(ProjectedGaussian<T>& projected, const PinholeCamera<T>& camera,
+                       const Vec3<T>& mean, const GaussianParameters<T>& gaussian,
+                       const SplatSettings& settings) {
+  if (!projected.is_visible) return;
+  projected.splat.color = sh_color(settings.sh_degree, unit_direction(camera.position(), mean),
+                                   gaussian.sh0, gaussian.sh_rest);
+  projected.is_visible = is_finite(projected.splat.color);
+}
+
+/// Projects one Gaussian into a view: project_shape() and its color.
 template <class T>
 GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
                                             const GaussianParameters<T>& gaussian,
                                             const SplatSettings& settings) {
   ProjectedGaussian<T> result = project_shape(camera, gaussian.mean, gaussian.log_scale,
                                               gaussian.rotation, gaussian.logit_opacity, settings);
-  if (!result.is_visible) return result;
-  result.splat.color =
-      sh_color(settings.sh_degree, unit_direction(camera.position(), gaussian.mean), gaussian.sh0,
-               gaussian.sh_rest);
-  result.is_visible = is_finite(result.splat.color);
+  color_splat(result, camera, gaussian.mean, gaussian, settings);
   return result;
 }
 
@@ -201,6 +210,23 @@ GS_HD GaussianGradient<T> project_shape_vjp(const PinholeCamera<T>& camera, cons
   return gradient;
 }
 
+template <class T>
+struct ColorGradient {
+  Vec3<T> mean, sh0;
+};
+/// Gradients of color_splat(): to the coefficients, and through the viewing direction to the mean.
+/// Writes those of the SH coefficients in use into dL_dsh_rest.
+template <class T>
+GS_HD ColorGradient<T> color_splat_vjp(const PinholeCamera<T>& camera, const Vec3<T>& mean,
+                                       const GaussianParameters<T>& gaussian,
+                                       const SplatSettings& settings, const Vec3<T>& dL_dcolor,
+                                       Vec3<T>* dL_dsh_rest) {
+  const Vec3<T> eye = camera.position();
+  const ShColorGradient<T> dL = sh_color_vjp(settings.sh_degree, unit_direction(eye, mean),
+                                             gaussian.sh_rest, dL_dcolor, dL_dsh_rest);
+  return {unit_direction_vjp(eye, mean, dL.direction), dL.sh0};
+}
+
 /// Gradients of project_gaussian(), for a Gaussian that was visible. Writes the gradients of the SH
 /// coefficients in use into dL_dsh_rest.
 template <class T>
@@ -212,13 +238,10 @@ GS_HD GaussianGradient<T> project_gaussian_vjp(const PinholeCamera<T>& camera,
   GaussianGradient<T> gradient =
       project_shape_vjp(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
                         gaussian.logit_opacity, settings, dL_dsplat);
-  // Color: to the coefficients, and through the viewing direction to the mean.
-  const Vec3<T> eye = camera.position();
-  const ShColorGradient<T> dL_color =
-      sh_color_vjp(settings.sh_degree, unit_direction(eye, gaussian.mean), gaussian.sh_rest,
-                   dL_dsplat.color, dL_dsh_rest);
+  const ColorGradient<T> dL_color =
+      color_splat_vjp(camera, gaussian.mean, gaussian, settings, dL_dsplat.color, dL_dsh_rest);
   gradient.sh0 = dL_color.sh0;
-  gradient.mean += unit_direction_vjp(eye, gaussian.mean, dL_color.direction);
+  gradient.mean += dL_color.mean;
   return gradient;
 }
 

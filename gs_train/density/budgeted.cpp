@@ -17,7 +17,7 @@ class BudgetedControl final : public DensityControl {
         rules_(rules_of(config.density, scene_extent)),
         prune_scale_(config.density.prune_scale * scene_extent), seed_(config.train.seed),
         regularizers_(config.model.dynamic ? time_regularizers(config.density) : Regularizers{}) {
-    if (density_.curve != GrowthCurve::none && most_gaussians() <= 0)
+    if (needs_budget(density_.curve) && most_gaussians() <= 0)
       throw UsageError(
           "density.curve needs a number of Gaussians to rise to; give it with --max-gaussians N or "
           "--max-gaussians auto, or set density.curve=none");
@@ -25,26 +25,32 @@ class BudgetedControl final : public DensityControl {
       throw UsageError(
           "density.prune_unseen needs a score that counts pixels; set density.score to force, "
           "error, mask or edge");
+    if (density_.pooling == ScorePooling::max && !sums_pixel_values(density_.score))
+      throw UsageError(
+          "density.pooling=max needs the score error, mask or edge; set density.pooling=sum");
+    if ((density_.soft_prune > 0 || density_.hard_prune > 0) && sums_pixel_values(density_.score))
+      throw UsageError(
+          "density.soft_prune and density.hard_prune need the score gradient or force; set "
+          "density.score");
   }
 
   DensityStep of_step(int step) const override {
+    const bool measures = schedule_.measure_sensitivity(step);
     return {.gather_statistics = schedule_.gather_statistics(step),
             .regularizers = regularizers_,
-            .score = density_.score,
-            .mask_error = density_.mask_error};
+            .score = measures ? GrowthScore::force : density_.score,
+            .mask_error = density_.mask_error,
+            .pooling = density_.pooling};
   }
 
   RefineReport after_step(TrainingModel& model, Backend& backend, int step) override {
     RefineReport report;
     if (schedule_.refine(step)) {
-      GrowthRules rules = rules_;
-      rules.limits.max_gaussians = growth_target(density_.curve, schedule_.growth_share(step),
-                                                 std::int64_t(model.first_count), most_gaussians());
-      if (schedule_.prune_large(step)) rules.limits.prune_scale = prune_scale_;
-      rules.prunes_unseen = density_.prune_unseen && schedule_.has_seen_all_views(step);
-      report = backend.rows().grow(model, rules, seed_, step);
+      report = backend.rows().grow(model, rules_in(step, model), seed_, step);
       make_static(model, backend, density_, report);
+      if (density_.opacity_cap < 1) backend.rows().reset_opacity(model, density_.opacity_cap);
     }
+    report.pruned += prune(model, backend, step);
     if (schedule_.reset_opacity(step)) lower_opacity(model, backend, step);
     return report;
   }
@@ -58,6 +64,8 @@ class BudgetedControl final : public DensityControl {
     rules.select = density.select;
     rules.score_threshold = density.score_threshold;
     rules.most_growth = density.most_growth;
+    if (density.curve == GrowthCurve::share) rules.candidate_share = density.candidate_share;
+    rules.replaces = density.replace;
     rules.split = {density.split,
                    density.split_offset,
                    density.split_along,
@@ -66,6 +74,34 @@ class BudgetedControl final : public DensityControl {
                    density.child_opacity_factor,
                    density.child_opacity_power};
     return rules;
+  }
+
+  GrowthRules rules_in(int step, const TrainingModel& model) const {
+    GrowthRules rules = rules_;
+    rules.budget = most_gaussians();
+    rules.limits.max_gaussians =
+        growth_target(density_.curve, schedule_.growth_share(step), std::int64_t(model.first_count),
+                      most_gaussians(), double(density_.ramp_from));
+    if (schedule_.prune_large(step)) rules.limits.prune_scale = prune_scale_;
+    rules.prunes_unseen = density_.prune_unseen && schedule_.has_seen_all_views(step);
+    if (needs_fragment_sums(density_.score) && density_.pooling == ScorePooling::sum)
+      rules.score_threshold *= float(schedule_.photos_of_statistics(step));
+    return rules;
+  }
+
+  // What goes besides the pruning of refinements. At most one of them happens in a step, and none
+  // with a refinement: where memory runs out, a step of density control is taken again as a whole.
+  std::size_t prune(TrainingModel& model, Backend& backend, int step) const {
+    if (const double share = schedule_.sensitivity_prune(step);
+        share > 0 && model.statistics.has_sums) {
+      const std::size_t pruned = backend.rows().prune_share(model, PruneOrder::sensitivity, share);
+      clear_statistics(model);
+      return pruned;
+    }
+    if (const double share = schedule_.recovery_prune(step); share > 0)
+      return backend.rows().prune_share(model, PruneOrder::opacity, share);
+    if (schedule_.prune_late(step)) return backend.rows().prune(model, density_.late_prune_opacity);
+    return 0;
   }
 
   void lower_opacity(TrainingModel& model, Backend& backend, int step) const {

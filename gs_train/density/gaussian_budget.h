@@ -27,6 +27,7 @@ struct RoomForGaussians {
 ///   in time               six more parameters: 24 bytes where there are 236
 ///   in batches            sums of the gradients 236, and of the statistics 8
 ///   scores                sums over fragments 16, or 48 on a GPU: what the 2048 have in reserve
+///   3D filter             one number, 4: of the same reserve
 /// bytes of one pixel      picture, its gradient, the loss's moments and derivatives,
 ///                         last instances
 std::int64_t gaussians_for(const RoomForGaussians& room);

@@ -80,12 +80,11 @@ std::vector<ScenePoint> starting_points(const Scene& scene, const Config& config
 // Gaussians stand still, and their means in time are uniform in the scene's duration and a little
 // beyond.   Yang et al. 2024
 void spread_in_time(const Gaussians& start, const Config& config) {
-  constexpr float kBeyond = 0.1f;
   const Random random{config.train.seed, RandomStream::initial_time};
   parallel_for(start.count(), 4096, [&](std::size_t i) {
     start.right_rotation[i] = {1, 0, 0, 0};
     const float u = random.uniform4(0, std::uint32_t(i)).x;
-    start.time_mean[i] = (1 + 2 * kBeyond) * u - kBeyond;
+    start.time_mean[i] = (1 + 2 * kInitialTimeMargin) * u - kInitialTimeMargin;
     start.log_time_scale[i] = std::log(config.model.initial_time_scale);
   });
 }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "gs_core/bake_filter.h"
 #include "gs_core/bytes.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -12,6 +13,7 @@
 #include "gs_render/render_settings.h"
 #include "gs_train/density/gaussian_budget.h"
 #include "gs_train/initialize/initialize.h"
+#include "gs_train/row_rules.h"
 
 namespace gs {
 namespace {
@@ -30,6 +32,13 @@ const Config& without_file(const Config& config) {
       "model.start_from is \"" + config.model.start_from +
       "\", and a Trainer by itself reads no file: train with a TrainSession, or give the Trainer "
       "state_from_model(config, scene), both of gs_app/session; or leave model.start_from empty");
+}
+
+void check_filter(const Config& config) {
+  if (config.model.filter_3d && config.model.dynamic)
+    throw UsageError(
+        "model.filter_3d is for scenes that stand still; leave it out, or train without "
+        "model.dynamic");
 }
 
 // The cap that the run found at its start stays, however much memory is free now.
@@ -57,10 +66,23 @@ float time_shift(const TrainingRun& run, int step) {
 }
 
 std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians) {
+  const GaussiansSpan span = gaussians.span();
   std::vector<std::uint32_t> rows;
-  for (std::uint32_t i = 0; i < gaussians.count(); ++i)
-    if (!(sigmoid(gaussians.logit_opacity[i]) < kMinAlpha)) rows.push_back(i);
+  for (std::uint32_t i = 0; i < gaussians.count(); ++i) {
+    const float opacity = sigmoid(span.logit_opacity[i]) * filter_share(span, i, span.log_scale[i]);
+    if (!(opacity < kMinAlpha)) rows.push_back(i);
+  }
   return rows;
+}
+
+// The Gaussians as they are, with a filter if the run has one.
+GaussianModel copy_of_result(Trainer& trainer) {
+  GaussianModel model;
+  trainer.look_at_result([&](const Gaussians& gaussians) {
+    model = host_copy(gaussians, trainer.config().model.sh_degree, trainer.settings().antialias);
+  });
+  model.world_offset = trainer.scene().world_offset;
+  return model;
 }
 
 }  // namespace
@@ -74,6 +96,7 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
            std::move(model),
            nullptr},
       recovery_(run_), views_(scene.train_views.size(), config.train.seed), views_ahead_(views_) {
+  check_filter(config);
   backend.use_loss(config.loss.kind);
   if (scene.time_count > 1 && !run_.model.gaussians.has_time)
     log_warning("{}", text_of_moving_scene(scene.time_count));
@@ -123,7 +146,8 @@ void Trainer::run() {
 // The last step of the batch that comes next. Batches end at multiples of their size, wherever a run
 // was resumed. Where a photo is suspected of breaking the model, it is trained on alone.
 int Trainer::end_of_batch() const {
-  const int batch = recovery_.is_watching(run_.step + 1) ? 1 : run_.config.train.batch;
+  const int next = run_.step + 1;
+  const int batch = recovery_.is_watching(next) ? 1 : run_.schedule.batch(next);
   return std::min((run_.step / batch + 1) * batch, run_.schedule.steps());
 }
 
@@ -148,15 +172,15 @@ void Trainer::advance(int last_step) {
 
 void Trainer::take_batch(int last_step) {
   batch_.clear();
-  for (int step = run_.step + 1; step <= last_step; ++step)
-    batch_.push_back({&view_of(views_, step), settings_of(step)});
+  for (int step = run_.step + 1; step <= last_step; ++step) {
+    const View& view = view_of(views_, step);
+    batch_.push_back({&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera)});
+  }
   run_.backend.prefetch_next(view_of(views_, last_step + 1));
   const int photos = int(batch_.size());
-  Update update{run_.schedule.learning_rates(last_step)};
-  if (photos > 1 && run_.config.train.batch_rates) {
-    update.rule = batch_rule(photos);
+  Update update{run_.schedule.learning_rates(last_step), run_.schedule.adam_rule(photos)};
+  if (update.rule.steps > 1)
     for_each_array([&](const char*, float& rate) { rate *= batch_rate(photos); }, update.rates);
-  }
   run_.backend.step(run_.model, {batch_.data(), batch_.size()}, loss_settings(run_.config), update,
                     run_.density->of_step(last_step));
 }
@@ -174,20 +198,24 @@ void Trainer::control_density(int step) {
   if (!recovery_.is_sound()) return;
   recovery_.guarded_or_skipped("density control",
                                [&] { run_.density->after_step(run_.model, run_.backend, step); });
-  if (refines) recovery_.check_is_not_empty();
+  recovery_.check_is_not_empty();
 }
 
 void Trainer::maintain(int step) {
   if (run_.schedule.raise_sh_degree(step) && run_.settings.sh_degree < run_.config.model.sh_degree)
     ++run_.settings.sh_degree;
   if (run_.schedule.reorder(step)) sort_by_morton();
+  if (run_.config.model.filter_3d && run_.schedule.measure_filter(step))
+    recovery_.guarded_or_skipped("the 3D filter", [&] { measure_filter(); });
 }
 
 // ---- before and after it -----------------------------------------------------------------------
 
 void Trainer::start() {
   prefetch_decode(run_.step + 1, run_.step + int(kPhotosAhead));
-  if (run_.step == 0) sort_by_morton();
+  if (run_.step > 0) return;
+  sort_by_morton();
+  if (run_.config.model.filter_3d) recovery_.guarded("the 3D filter", [&] { measure_filter(); });
 }
 
 void Trainer::finish() {
@@ -205,6 +233,13 @@ void Trainer::finish() {
 void Trainer::sort_by_morton() {
   recovery_.guarded_or_skipped("the Morton order",
                                [&] { run_.backend.rows().sort_by_morton(run_.model); });
+}
+
+// Each Gaussian's filter follows its mean.   Yu et al. 2024
+void Trainer::measure_filter() {
+  std::vector<Camera> cameras;
+  for (const View& view : run_.scene.train_views) cameras.push_back(view.camera);
+  run_.backend.rows().measure_filter(run_.model, cameras, run_.config.render.near_plane);
 }
 
 const View& Trainer::view_of(ViewSampler& views, int step) {
@@ -248,13 +283,12 @@ RenderSettings Trainer::evaluation_settings() const {
 }
 
 GaussianModel copied_model(Trainer& trainer) {
-  GaussianModel model;
-  trainer.look_at_result([&](const Gaussians& gaussians) {
-    model = host_copy(gaussians, trainer.config().model.sh_degree, trainer.settings().antialias);
-  });
-  model.world_offset = trainer.scene().world_offset;
+  GaussianModel model = copy_of_result(trainer);
+  bake_filter(model.gaussians);
   return model;
 }
+
+GaussianModel raw_model(Trainer& trainer) { return visible_part(copy_of_result(trainer)); }
 
 GaussianModel visible_part(const GaussianModel& model) {
   return {rows_of(model.gaussians, visible_rows(model.gaussians)), model.sh_degree, model.is_ours,

@@ -104,6 +104,7 @@ class Trainer {
   void maintain(int step);
   void finish();
   void sort_by_morton();
+  void measure_filter();
   void prefetch_decode(int first_step, int last_step);
   const View& view_of(ViewSampler& views, int step);
   void notify(const std::function<void(Observer&)>& f);
@@ -120,7 +121,10 @@ class Trainer {
 
 /// The model as it is now, as files carry it: without Gaussians that cannot be seen. Waits for the
 /// device.
+/// A 3D filter is part of its scales and opacities (bake_filter.h).
 GaussianModel trained_model(Trainer& trainer);
+/// The same with the 3D filter beside them, for training on. The run has model.filter_3d.
+GaussianModel raw_model(Trainer& trainer);
 /// The same in two steps: the copy, which waits for the device, and the part of it that can be
 /// seen.
 GaussianModel copied_model(Trainer& trainer);

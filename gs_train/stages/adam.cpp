@@ -28,7 +28,7 @@ class ScalarOptimizer final : public Optimizer {
     for_each_array(
         [&](const char*, auto& parameters, auto& m, auto& v, const auto& gradient, float rate) {
           update_numbers(numbers_of(parameters), numbers_of(m), numbers_of(v), numbers_of(gradient),
-                         adam_step(t, rate), update.rule);
+                         adam_step(t, rate, update.rule.photo_beta2), update.rule);
         },
         model.gaussians, model.first_moment, model.second_moment, gradients, update.rates);
   }

@@ -26,12 +26,13 @@ std::vector<GrowthAction> actions(const TrainingModel& model, const GrowthRules&
 void limit_growth(std::vector<GrowthAction>& action, const TrainingModel& model,
                   const GrowthRules& rules, const Random& random, int step) {
   std::vector<std::uint32_t> growing;
-  std::int64_t staying = 0;
+  GrowthCensus census;
   for (std::uint32_t i = 0; i < action.size(); ++i) {
     if (grows(action[i])) growing.push_back(i);
-    staying += action[i] != GrowthAction::prune;
+    (action[i] == GrowthAction::prune ? census.pruned : census.staying) += 1;
   }
-  const std::int64_t allowed = allowed_growth(rules, staying);
+  census.candidates = std::int64_t(growing.size());
+  const std::int64_t allowed = allowed_growth(rules, census);
   if (std::int64_t(growing.size()) <= allowed) return;
   const GaussiansSpan rows = model.gaussians.span();
   const StatisticsSpan statistics = span_of(model.statistics);

@@ -4,8 +4,10 @@
 #include <atomic>
 #include <cmath>
 #include <cstddef>
+#include <numeric>
 
 #include "gs_core/error.h"
+#include "gs_core/radix_sort.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_train/row_rules.h"
 #include "gs_train/stages/scalar_stages.h"
@@ -133,23 +135,40 @@ class ScalarRowOps final : public RowOps {
     return found;
   }
 
-  void reset_opacity(TrainingModel& model, float opacity) override {
-    const float highest = logit(opacity);
-    for (float& value : model.gaussians.logit_opacity) value = std::min(value, highest);
-    model.first_moment.logit_opacity.fill_zero();
-    model.second_moment.logit_opacity.fill_zero();
+  void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras,
+                      float near_plane) override {
+    gs::measure_filter(model, cameras, near_plane);
   }
 
   void lower_opacity(TrainingModel& model, const OpacityRule& rule) override {
     const float logit_amount = logit(rule.amount);
-    for (float& value : model.gaussians.logit_opacity)
-      value = lowered_logit_opacity(value, rule, logit_amount);
+    if (rule.policy == OpacityPolicy::reset)
+      cap_opacity(model.gaussians, rule.amount);
+    else
+      for (float& value : model.gaussians.logit_opacity)
+        value = lowered_logit_opacity(value, rule, logit_amount);
     clear_moments(model, rule.clears);
   }
 
   std::size_t prune(TrainingModel& model, float opacity) override {
     return prune_rows(
         model, [&](std::size_t i) { return is_invisible(model.gaussians.span(), i, opacity); });
+  }
+
+  std::size_t prune_share(TrainingModel& model, PruneOrder order, double share) override {
+    GS_CHECK(order == PruneOrder::opacity || model.statistics.has_sums);
+    const GaussiansSpan rows = model.gaussians.span();
+    const StatisticsSpan statistics = span_of(model.statistics);
+    std::vector<std::uint32_t> lowest(model.count());
+    std::iota(lowest.begin(), lowest.end(), 0u);
+    Buffer<std::uint32_t> scratch;
+    radix_sort_by_key({lowest.data(), lowest.size()}, scratch, [&](std::uint32_t i) {
+      return prune_key(order, rows.logit_opacity[i], statistics.sums_of(i));
+    });
+    std::vector<std::uint8_t> is_removed(model.count());
+    const std::size_t removed = share_of(model.count(), share);
+    for (std::size_t k = 0; k < removed; ++k) is_removed[lowest[k]] = 1;
+    return prune_rows(model, [&](std::size_t i) { return is_removed[i]; });
   }
 
   std::size_t count_not_finite(const TrainingModel& model) override {
@@ -175,6 +194,15 @@ class ScalarRowOps final : public RowOps {
   }
 
  private:
+  static void cap_opacity(const Gaussians& gaussians, float opacity) {
+    const float highest = logit(opacity);
+    const GaussiansSpan rows = gaussians.span();
+    parallel_for(gaussians.count(), 4096, [&](std::size_t i) {
+      rows.logit_opacity[i] = rows.has_filter ? capped_logit_opacity(rows, i, opacity)
+                                              : std::min(rows.logit_opacity[i], highest);
+    });
+  }
+
   // The numbers of the halves that are not pruned at once. Halves 2 k and 2 k + 1 are those of
   // parent k.
   static std::vector<std::uint32_t> kept_halves(const GaussiansSpan& rows,

@@ -38,32 +38,24 @@ class ScalarBackend final : public Backend {
     gs::find_pixel_values(view, density, pass, pass.scratch<ScalarScratch>().pixel_values);
   }
   void gather(const DensityStatistics& statistics, const RenderPass& pass,
-              Span<const Vec2f> dL_dmean2d) override {
+              Span<const Vec2f> dL_dmean2d, ScorePooling pooling) override {
     const bool has_sums =
         statistics.has_sums && !pass.scratch<ScalarScratch>().fragment_sums.empty();
     parallel_for(dL_dmean2d.size, 4096, [&](std::size_t i) {
       if (!pass.tile_counts[i]) return;
       statistics.visits[i] += 1.0f;
       statistics.gradient_norm[i] += screen_gradient_norm(dL_dmean2d[i], pass.width, pass.height);
-      if (has_sums) add_to(statistics.sums[i], fragment_sums_of(pass, i));
+      if (has_sums) pool_with(statistics.sums[i], fragment_sums_of(pass, i), pooling);
     });
   }
-  void add(const Gaussians& to, const Gaussians& from, float weight) override {
-    for_each_array([&](const char*, auto& sums,
-                       const auto& array) { add(numbers_of(sums), numbers_of(array), weight); },
-                   to, from);
+  void add(Span<float> to, Span<const float> from, float weight) override {
+    parallel_for(to.size, 16384, [=](std::size_t i) { to[i] += weight * from[i]; });
   }
-  void add(const DensityStatistics& to, const DensityStatistics& from) override {
-    for_each_statistic([&](const char*, auto& sums,
-                           const auto& array) { add(numbers_of(sums), numbers_of(array), 1); },
-                       to, from);
+  void pool(Span<FragmentSums> all, Span<FragmentSums> more, ScorePooling pooling) override {
+    parallel_for(all.size, 4096, [=](std::size_t i) { pool_with(all[i], more[i], pooling); });
   }
 
  private:
-  static void add(Span<float> to, Span<const float> from, float weight) {
-    parallel_for(to.size, 16384, [=](std::size_t i) { to[i] += weight * from[i]; });
-  }
-
   std::unique_ptr<Renderer> renderer_ = make_scalar_renderer();
   const LossRow* loss_row_ = kLosses;
   std::unique_ptr<Loss> loss_ = loss_row_->make();

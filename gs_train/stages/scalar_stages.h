@@ -32,6 +32,9 @@ RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::u
 /// grow.cpp, behind RowOps::grow().
 RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed, int step);
 
+/// filter_3d.cpp, behind RowOps::measure_filter().
+void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras, float near_plane);
+
 /// After a refinement: the moments of the rows from `first` on, which are new, and all statistics
 /// become zero.
 void start_new_rows(TrainingModel& model, std::size_t first);

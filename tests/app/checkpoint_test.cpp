@@ -147,6 +147,19 @@ TEST_F(Checkpoints, WithSumsOfDensityControlComeBackBitForBit) {
   }
 }
 
+TEST_F(Checkpoints, WithA3dFilterComeBackBitForBit) {
+  TrainingState expected = telling_state(100, 12);
+  expected.model.gaussians.has_filter = true;
+  expected.model.gaussians.resize(100);
+  number_rows(expected.model.gaussians.filter_scale, 0.5f);
+  fs::create_directories(path());
+  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
+  const TrainingModel read = read_checkpoint(file(12)).state.model;
+  ASSERT_TRUE(read.gaussians.has_filter);
+  EXPECT_TRUE(same_bits(read, expected.model));
+  EXPECT_EQ(checkpoint_bytes(100, 4, false, false, true), checkpoint_bytes(100, 4, false) + 400);
+}
+
 // Version 0.1.0 did not write "first_gaussians".
 TEST_F(Checkpoints, OfVersionsWithoutTheFirstCountAreRead) {
   ASSERT_TRUE(save(folder(), 12));

@@ -8,12 +8,16 @@
 
 #include <functional>
 
+#include "data_loaders/formats/formats.h"
+#include "data_loaders/formats/model_info.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "gs_app/export/export_model.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/log.h"
+#include "gs_core/math/rotation.h"
 #include "gs_core/memory.h"
+#include "gs_train/metrics.h"
 #include "tests/support/error_of.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
@@ -350,6 +354,130 @@ TEST_F(Session, ARunStartsFromTheGaussiansOfAModel) {
   EXPECT_TRUE(has_started);
   EXPECT_THAT(read_bytes(path("second/config.toml")),
               HasSubstr("start_from = \"" + ply("first").string()));
+}
+
+TEST_F(Session, ARunStartsFromEveryFormatThatIsRead) {
+  ASSERT_EQ(run(request("first")), SessionEnd::finished);
+  const GaussianModel model = read_gaussian_ply(ply("first"));
+  int formats = 0;
+  for (const ModelFormat& format : model_formats()) {
+    if (!format.read || !holds(format, false)) continue;
+    try {
+      format.require({});
+    } catch (const Error&) {
+      continue;  // this build lacks a library
+    }
+    SCOPED_TRACE(std::string(format.name));
+    const fs::path file = path("model").concat(format.ending);
+    write_model(file, model);
+    TestHooks hooks;
+    hooks.at_start = [&](Trainer& trainer) {
+      ++formats;
+      EXPECT_EQ(trainer.gaussian_count(), model.gaussians.count());
+      EXPECT_EQ(trainer.settings().sh_degree, read_model(file).sh_degree);
+    };
+    TrainRequest asked = request("from_" + std::string(format.name), file.string());
+    EXPECT_EQ(TrainSession(asked, hooks).run(), SessionEnd::finished);
+  }
+  EXPECT_GE(formats, 4);
+}
+
+TEST_F(Session, ARunWithA3dFilterSavesTheModelWithAndWithoutItAndAnotherGoesOnFromThat) {
+  const auto with_filter = [](TrainRequest asked) {
+    asked.settings = [settings = asked.settings](const Config& start) {
+      Config config = settings(start);
+      config.model.filter_3d = true;
+      return config;
+    };
+    return asked;
+  };
+  ASSERT_EQ(run(with_filter(request("first"))), SessionEnd::finished);
+  const fs::path raw = RunFolder(path("first")).raw_ply(20);
+  EXPECT_FALSE(is_ply_with_filter_3d(ply("first")));
+  ASSERT_TRUE(is_ply_with_filter_3d(raw));
+  const GaussianModel expected = read_raw_gaussian_ply(raw);
+  // the run's folder or the file; with another run's filter
+  for (const std::string& start : {path("first").string(), raw.string()}) {
+    TestHooks hooks;
+    bool has_started = false;
+    hooks.at_start = [&](Trainer& trainer) {
+      has_started = true;
+      const Gaussians& gaussians = trainer.model().gaussians;
+      ASSERT_EQ(gaussians.count(), expected.gaussians.count());
+      for (std::size_t i = 0; i < gaussians.count(); ++i)
+        EXPECT_EQ(gaussians.log_scale[i], expected.gaussians.log_scale[i]);
+    };
+    const std::string out = "second" + std::to_string(start.size());
+    EXPECT_EQ(TrainSession(with_filter(request(out, start)), hooks).run(), SessionEnd::finished);
+    EXPECT_TRUE(has_started);
+  }
+  // A run without a filter has it in its scales.
+  TestHooks hooks;
+  hooks.at_start = [&](Trainer& trainer) {
+    EXPECT_FALSE(trainer.model().gaussians.has_filter);
+    EXPECT_EQ(trainer.model().gaussians.log_scale[0],
+              read_gaussian_ply(raw).gaussians.log_scale[0]);
+  };
+  EXPECT_EQ(TrainSession(request("plain", raw.string()), hooks).run(), SessionEnd::finished);
+}
+
+/// The camera that sees after x -> scale R x + shift what this one sees before.
+Camera moved(const Camera& camera, const Mat3<float>& R, float scale, const Vec3f& shift) {
+  const Mat3<float>& W = camera.cam_from_world_rotation;
+  Camera result = camera;
+  const auto by_turned = [&](const Vec3f& row) { return multiply(R, row); };  // row R^T
+  result.cam_from_world_rotation = {by_turned(W.row0), by_turned(W.row1), by_turned(W.row2)};
+  result.cam_from_world_translation =
+      scale * camera.cam_from_world_translation - multiply(result.cam_from_world_rotation, shift);
+  return result;
+}
+
+// Another photo is added, and COLMAP is run again: the scene has other coordinates.
+TEST_F(Session, AModelOfARunIsBroughtIntoTheCoordinatesOfASceneThatWasReconstructedAnew) {
+  ASSERT_EQ(run(request("first")), SessionEnd::finished);
+  const GaussianModel before = read_gaussian_ply(ply("first"));
+  const Mat3<float> R = rotation_matrix(Quatf{0.5f, -0.5f, 0.5f, 0.5f});
+  const float scale = 2.5f;
+  const Vec3f shift(3, -4, 5);
+  const auto renderer = make_scalar_renderer();
+  const double expected_psnr =
+      evaluate(*renderer, before.gaussians.span(), scene_.train_views, {}).psnr;
+  for (View& view : scene_.train_views) view.camera = moved(view.camera, R, scale, shift);
+  scene_.train_views.push_back(scene_.train_views.front());
+  scene_.train_views.back().name = "view 9";
+  scene_.train_views.back().camera.cam_from_world_translation.z += 1;
+  TestHooks hooks;
+  bool has_started = false;
+  hooks.at_start = [&](Trainer& trainer) {
+    has_started = true;
+    const Gaussians& after = trainer.model().gaussians;
+    ASSERT_EQ(after.count(), before.gaussians.count());
+    for (std::size_t i = 0; i < after.count(); ++i) {
+      const Vec3f expected = scale * multiply(R, before.gaussians.mean[i]) + shift;
+      for (int axis = 0; axis < 3; ++axis) {
+        EXPECT_NEAR(after.mean[i][axis], expected[axis], 1e-4f);
+        EXPECT_NEAR(after.log_scale[i][axis], before.gaussians.log_scale[i][axis] + std::log(scale),
+                    1e-5f);
+      }
+    }
+    // The same pictures, so SH coefficients are turned, too.
+    const std::vector<View> old_views(scene_.train_views.begin(), scene_.train_views.begin() + 8);
+    EXPECT_NEAR(evaluate(*renderer, after.span(), old_views, trainer.evaluation_settings()).psnr,
+                expected_psnr, 0.05);
+  };
+  EXPECT_EQ(TrainSession(request("second", path("first").string()), hooks).run(),
+            SessionEnd::finished);
+  EXPECT_TRUE(has_started);
+}
+
+TEST_F(Session, AModelOfARunOnOtherPosesIsNoStart) {
+  ASSERT_EQ(run(request("first")), SessionEnd::finished);
+  for (View& view : scene_.train_views)  // photos of the same names, of another place
+    view.camera.cam_from_world_translation.x += 0.5f * float(view.name.back() % 3);
+  EXPECT_THAT(
+      error_of_run(request("second", path("first").string())),
+      AllOf(HasSubstr("8 photos"), HasSubstr("stand elsewhere"), HasSubstr("the model's PLY")));
+  EXPECT_EQ(run(request("second", ply("first").string())), SessionEnd::finished);
 }
 
 TEST_F(Session, ARunFromAModelOfAHigherShDegreeKeepsToItsOwn) {

@@ -58,6 +58,40 @@ TEST_F(Prune, WhatNoTrainingViewShowsGoesAndTrainingViewsStayAsTheyAre) {
               0.01);
 }
 
+TEST_F(Prune, AShareOfTheGaussiansIsKeptThatContributesMost) {
+  const std::size_t all = trained().gaussians.count();
+  const auto left = [&](const std::string& name, const std::string& rules) {
+    const Outcome outcome = prune(rules + " --json -o " + text(name));
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    const auto json = nlohmann::json::parse(outcome.out);
+    EXPECT_EQ(json["removed"]["unseen"].get<std::size_t>(),
+              all - json["after"]["num_gaussians"].get<std::size_t>());
+    return json["after"];
+  };
+  const auto best = left("a.ply", "--keep 0.25");
+  EXPECT_EQ(best["num_gaussians"], std::size_t(std::llround(0.25 * double(all))));
+  // What --contribution leaves is among the best, at any number of them.
+  const auto seen = left("b.ply", "--contribution 3");
+  const double share = (double(seen["num_gaussians"].get<std::size_t>()) + 0.1) / double(all);
+  left("c.ply", "--keep " + std::to_string(share));
+  EXPECT_TRUE(read_bytes(path("b.ply")) == read_bytes(path("c.ply")));
+}
+
+// The recipe of docs/finetuning.md: prune, then recover without new Gaussians.
+TEST_F(Prune, APrunedModelRecovers) {
+  const Outcome outcome = prune("--keep 0.3 --json -o " + text("small.ply"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const auto pruned = nlohmann::json::parse(outcome.out)["after"];
+  const Outcome recovery =
+      run("train " + text("scene") + " -o " + text("recovered") + " --from " + text("small.ply") +
+          " -c finetune --iterations 60 --eval --test-every 3 --device cpu");
+  ASSERT_EQ(recovery.code, 0) << recovery.err;
+  const nlohmann::json recovered = json("recovered/results.json");
+  EXPECT_LE(recovered["num_gaussians"], pruned["num_gaussians"]);
+  EXPECT_GE(recovered["num_gaussians"].get<int>(), pruned["num_gaussians"].get<int>() - 5);
+  EXPECT_GT(recovered["test"]["psnr"].get<double>(), pruned["psnr"].get<double>() + 1);
+}
+
 TEST_F(Prune, OutsideTheBoxNothingIsLeft) {
   ASSERT_EQ(prune("--box 1 1 4 -1 -1 -1 -o " + text("a.ply")).code, 0);
   const GaussianModel after = read_gaussian_ply(path("a.ply"));

@@ -284,8 +284,7 @@ TEST_F(Resume, WhatCannotBeResumedIsAnErrorThatSaysWhy) {
   write_bytes(path("model.ply"), "ply\n");
   const Outcome model = run(command("out", "--resume " + text("model.ply")));
   EXPECT_EQ(model.code, 2);
-  EXPECT_THAT(model.err,
-              AllOf(HasSubstr("is a model, not a checkpoint"), HasSubstr("--start-from")));
+  EXPECT_THAT(model.err, AllOf(HasSubstr("is a model, not a checkpoint"), HasSubstr("--from ")));
   EXPECT_EQ(run(command("out", "--iterations +10")).code, 2);
   EXPECT_EQ(run(command("out", "--resume auto --iterations +10")).code, 2);
   EXPECT_EQ(run(command("out", "--resume auto --iterations +1x")).code, 2);
@@ -297,7 +296,7 @@ TEST_F(Resume, ARunFromAModelIsNamedByARelativePathAndResumed) {
   const std::string model = "first/point_cloud/iteration_60/point_cloud.ply";
   const std::string from =
       command("out", "--start-from " + fs::relative(path(model)).string() + " --resume auto");
-  const Outcome whole = run(command("whole", "--start-from " + text(model)));
+  const Outcome whole = run(command("whole", "--from " + text(model)));
   ASSERT_EQ(whole.code, 0) << whole.err;
   EXPECT_THAT(whole.err, HasSubstr("training starts from the"));
   const Outcome killed = run_and_signal(from, checkpoint(path("out"), 12), SIGKILL);

@@ -77,7 +77,11 @@ Config everything_changed() {
   config.density.time_scale_regularizer = config.density.velocity_regularizer = 0.5f;
   config.density.static_after = 2;
   config.density.score_threshold = 0.5f;
+  config.density.recovery_prune = config.density.late_prune_opacity = 0.5f;
+  config.density.soft_prune = config.density.hard_prune = 0.5f;
   config.train.time_noise = 0.1f;
+  config.train.resolution_ramp = {4, 2};
+  config.optimizer.position_lr_final_power = 2;
   config.density.strategy = "mcmc";
   config.train.device = "cuda:12";
   config.reconstruct.camera_model = "OPENCV";
@@ -399,7 +403,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 16u);
+  EXPECT_EQ(settings, 18u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {

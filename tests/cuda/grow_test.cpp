@@ -8,6 +8,7 @@
 #include <string>
 
 #include "tests/support/cuda.h"
+#include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"
 
 namespace gs {
@@ -95,6 +96,45 @@ TEST_F(CudaGrow, TakesTheSameRowsByEveryScore) {
       }
 }
 
+TEST_F(CudaGrow, TakesTheSameShareOfTheRowsThatMayGrow) {
+  for (const float share : {0.0f, 0.07f, 0.25f})
+    for (const std::int64_t target : {0, 2500}) {
+      SCOPED_TRACE(std::to_string(share) + " up to " + std::to_string(target));
+      GrowthRules rules = some_rules(GrowthScore::mask, GrowthSelection::race, target);
+      rules.candidate_share = share;
+      rules.score_threshold = 0.5f;
+      grow_both(random_model(3000, 5), rules);
+    }
+}
+
+TEST_F(CudaGrow, ReplacesTheSameRows) {
+  for (const std::int64_t budget : {0, 2900, 3000}) {
+    SCOPED_TRACE("up to " + std::to_string(budget));
+    GrowthRules rules = some_rules(GrowthScore::error, GrowthSelection::race, 1);
+    rules.replaces = true;
+    rules.budget = budget;
+    grow_both(random_model(3000, 6), rules);
+  }
+}
+
+TEST_F(CudaGrow, PrunesTheSameShare) {
+  for (const std::size_t count : {0, 1, 2, 257, 3000})
+    for (const PruneOrder order : {PruneOrder::opacity, PruneOrder::sensitivity})
+      for (const double share : {0.0, 0.2, 0.8, 0.99}) {
+        SCOPED_TRACE(std::to_string(count) + " rows, " + std::to_string(share));
+        TrainingModel host = random_model(count, 7);
+        for (std::size_t i = 0; i < count; i += 50) host.gaussians.logit_opacity[i] = kNan;
+        TrainingModel device = on_gpu(host);
+        const std::size_t expected = cpu().rows().prune_share(host, order, share);
+        EXPECT_EQ(gpu().rows().prune_share(device, order, share), expected);
+        const TrainingModel actual = on_host(device);
+        ASSERT_EQ(actual.count(), host.count());
+        EXPECT_TRUE(same_bits(actual, host));
+        EXPECT_TRUE(same_bits(actual.statistics.sums, host.statistics.sums));
+        EXPECT_TRUE(same_bits(actual.statistics.visits, host.statistics.visits));
+      }
+}
+
 TEST_F(CudaGrow, TakesAnyNumberOfRows) {
   for (const std::size_t count : {0, 1, 2, 31, 255, 256, 257, 513}) {
     SCOPED_TRACE(std::to_string(count) + " rows");
@@ -160,21 +200,24 @@ class CudaFragmentSums : public CudaTest {
     number_rows(model.gaussians.sh0, 0.1f);
     return model;
   }
-  static DensityStep gathering(GrowthScore score) {
+  static DensityStep gathering(GrowthScore score, ScorePooling pooling) {
     DensityStep density;
+    density.pooling = pooling;
     density.gather_statistics = true;
     density.score = score;
     density.mask_error = 0.3f;
     return density;
   }
   TrainingModel after(Backend& backend, const Scene& scene, GrowthScore score,
-                      const RenderSettings& settings, std::size_t batch_size) {
+                      const RenderSettings& settings, std::size_t batch_size, int reduction = 1,
+                      ScorePooling pooling = ScorePooling::sum) {
     TrainingModel model = copy_to(backend.memory(), start());
     for (std::size_t view = 0; view < 4; view += batch_size) {
       std::vector<TrainingPhoto> batch;
       for (std::size_t k = 0; k < batch_size; ++k)
-        batch.push_back({&scene.train_views[view + k], settings});
-      backend.step(model, {batch.data(), batch.size()}, {0.2f}, {kRates}, gathering(score));
+        batch.push_back({&scene.train_views[view + k], settings, reduction});
+      backend.step(model, {batch.data(), batch.size()}, {0.2f}, {kRates},
+                   gathering(score, pooling));
     }
     backend.synchronize(model);
     return on_host(model);
@@ -196,6 +239,32 @@ TEST_F(CudaFragmentSums, AreThoseOfTheScalarTwin) {
           expect_same_sums(after(gpu(), scene, score, settings, batch),
                            after(cpu(), scene, score, settings, batch));
         }
+}
+
+TEST_F(CudaFragmentSums, AreTheLargestOfTheScalarTwin) {
+  const Scene scene = this->scene();
+  for (const GrowthScore score : {GrowthScore::error, GrowthScore::edge})
+    for (const bool is_deterministic : {false, true})
+      for (const std::size_t batch : {1, 2, 4}) {
+        SCOPED_TRACE(std::to_string(int(score)) + (is_deterministic ? " fixed" : " float"));
+        RenderSettings settings;
+        settings.deterministic = is_deterministic;
+        const TrainingModel actual =
+            after(gpu(), scene, score, settings, batch, 1, ScorePooling::max);
+        expect_same_sums(actual, after(cpu(), scene, score, settings, batch, 1, ScorePooling::max));
+        EXPECT_FALSE(same_bits(actual.statistics.sums,
+                               after(gpu(), scene, score, settings, batch).statistics.sums));
+      }
+}
+
+TEST_F(CudaFragmentSums, OfReducedPhotosAreThoseOfTheScalarTwin) {
+  const Scene scene = this->scene();
+  for (const GrowthScore score : {GrowthScore::force, GrowthScore::error, GrowthScore::edge})
+    for (const int reduction : {2, 3}) {
+      SCOPED_TRACE(std::to_string(int(score)) + " " + std::to_string(reduction));
+      expect_same_sums(after(gpu(), scene, score, {}, 1, reduction),
+                       after(cpu(), scene, score, {}, 1, reduction));
+    }
 }
 
 // A pixel at the limit of the mask may fall on either side.
@@ -228,6 +297,58 @@ TEST_F(CudaFragmentSums, HaveTheSameBitsAgainInDeterministicSteps) {
       EXPECT_TRUE(
           same_bits(after(gpu(), scene, score, settings, 2).statistics.sums, once.statistics.sums));
   }
+  const TrainingModel largest =
+      after(gpu(), scene, GrowthScore::edge, settings, 2, 1, ScorePooling::max);
+  for (int again = 0; again < 5; ++again)
+    EXPECT_TRUE(same_bits(
+        after(gpu(), scene, GrowthScore::edge, settings, 2, 1, ScorePooling::max).statistics.sums,
+        largest.statistics.sums));
+}
+
+// ---- runs --------------------------------------------------------------------------------------
+
+class CudaBudgetedRun : public CudaTest {
+ protected:
+  CudaBudgetedRun() { config_.train.deterministic = true; }
+  TrainingModel trained() {
+    Trainer trainer(scene_, config_, gpu());
+    trainer.run();
+    return on_host(trainer.model());
+  }
+
+  const Scene scene_ = small_scene();
+  Config config_ = busy_run();
+};
+
+TEST_F(CudaBudgetedRun, RepeatsItselfInDeterministicSteps) {
+  for (const int batch : {1, 3}) {
+    config_.train.batch = batch;
+    const TrainingModel once = trained();
+    EXPECT_GT(once.count(), scene_.points.size());
+    EXPECT_TRUE(same_bits(trained(), once)) << batch;
+  }
+}
+
+TEST_F(CudaBudgetedRun, GoesOnFromAnyStepOfAMeasurement) {
+  const TrainingModel whole = trained();
+  for (const int stop : {36, 57, 60, 63, 64, 77}) {
+    LastState kept;
+    StopAfter watcher(stop);
+    Trainer first(scene_, config_, gpu());
+    first.keep_checkpoints_in(kept);
+    first.add_observer(watcher);
+    first.run();
+    Trainer rest(scene_, config_, gpu(), std::move(kept.state));
+    rest.run();
+    EXPECT_TRUE(same_bits(on_host(rest.model()), whole)) << stop;
+  }
+}
+
+TEST_F(CudaBudgetedRun, HasAboutAsManyGaussiansAsTheScalarTwin) {
+  Trainer trainer(scene_, config_, cpu());
+  trainer.run();
+  const double expected = double(trainer.gaussian_count());
+  EXPECT_NEAR(double(trained().count()), expected, 0.2 * expected);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "gs_train/loop/trainer.h"
 #include "gs_train/metrics.h"
 #include "tests/support/cuda.h"
+#include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"
 
 namespace gs {
@@ -50,15 +51,6 @@ class KeptState final : public CheckpointStore {
     return TrainingState{state->progress, copy_to(host_memory(), state->model)};
   }
   std::optional<TrainingState> state;
-};
-
-/// Calls stop() after a step.
-struct StopAfter : Observer {
-  explicit StopAfter(int steps) : steps(steps) {}
-  void after_step(int step, Trainer& trainer) override {
-    if (step == steps) trainer.stop();
-  }
-  int steps;
 };
 
 Config eventful_run(int steps) {
@@ -102,6 +94,34 @@ TEST_F(CudaRecovery, AStoppedAndResumedDeterministicRunEndsAsOneNeverInterrupted
   Trainer second(scene_, config, gpu(), *kept.newest());
   second.run();
   EXPECT_TRUE(same_bits(on_host(second.model()), on_host(whole.model())));
+}
+
+// Within a factor of the ramp, and right before and after its end; also in batches that begin late.
+TEST_F(CudaRecovery, AResumedRunOnReducedPhotosEndsAsOneNeverInterrupted) {
+  for (const int batch : {1, 4}) {
+    Config config = eventful_run(90);
+    config.train.deterministic = true;
+    config.train.resolution_ramp = {4, 2};
+    config.train.resolution_every = 10000;  // 30 steps
+    config.train.resolution_least = 1;
+    config.train.batch = batch;
+    config.train.batch_from_step = 15000;
+    config.optimizer.beta2 = 0.99f;
+    Trainer whole(scene_, config, gpu());
+    whole.run();
+    for (const int stop_after : {12, 29, 30, 58, 70}) {
+      KeptState kept;
+      StopAfter stop(stop_after);
+      Trainer first(scene_, config, gpu());
+      first.keep_checkpoints_in(kept);
+      first.add_observer(stop);
+      first.run();
+      Trainer second(scene_, config, gpu(), *kept.newest());
+      second.run();
+      EXPECT_TRUE(same_bits(on_host(second.model()), on_host(whole.model())))
+          << stop_after << ", batches of " << batch;
+    }
+  }
 }
 
 TEST_F(CudaRecovery, AStateComesBackFromTheGpuBitForBit) {

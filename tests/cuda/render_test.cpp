@@ -91,7 +91,13 @@ class CudaRender : public CudaTest {
       all.back().gaussians = in_spacetime(all.back().gaussians, 7);
       make_half_static(all.back().gaussians);
       all.back().camera.time = 0.4f;
+      settings.antialias = degree % 2 == 1;
+      settings.antialias_detach = false;
+      add("3D filter, degree " + std::to_string(degree), kTypical, 131, 77, settings);
+      all.back().gaussians = with_filters(all.back().gaussians, 9);
     }
+    add("3D filter, sharp", kSharp, 160, 120);
+    all.back().gaussians = with_filters(all.back().gaussians, 9);
     white.use_tensor_cores = classic.use_tensor_cores = false;
     add("simt", kTypical, 131, 77, white);
     add("simt, classic", kOpaque, 160, 120, classic);

@@ -3,6 +3,7 @@
 // same bits. Only the halves of split rows are computed, and may differ in their last bits.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -258,6 +259,56 @@ TEST_F(CudaRows, ResetsOpacitiesAndTheirMomentsToTheSameBits) {
     cpu().rows().reset_opacity(host, 0.1f);
     gpu().rows().reset_opacity(device, 0.1f);
     expect_same_bits(device, host);
+  }
+}
+
+// Decisions are made of products and sums that are not fused, so that both sides see the same rows.
+TEST_F(CudaRows, MeasuresTheSame3dFilters) {
+  std::vector<Camera> cameras;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) cameras.push_back(random_camera(40, 30, seed));
+  for (const std::size_t count : {0, 1, 256, 5000}) {
+    SCOPED_TRACE(std::to_string(count) + " rows");
+    TrainingModel host = random_model(count, 14);
+    TrainingModel device = on_gpu(host);
+    for (int times = 0; times < 2; ++times) {
+      cpu().rows().measure_filter(host, cameras, 0.2f);
+      gpu().rows().measure_filter(device, cameras, 0.2f);
+      expect_same_bits(device, host);
+    }
+    std::vector<float> scales = host.gaussians.filter_scale.download();
+    std::sort(scales.begin(), scales.end());
+    if (count <= 256) continue;
+    EXPECT_LT(scales.front(), 0.5f * scales.back());
+  }
+}
+
+TEST_F(CudaRows, With3dFiltersRefinePruneAndResetTheSameRows) {
+  TrainingModel start = random_model(2000, 15);
+  start.gaussians = with_filters(start.gaussians, 16);
+  const Gaussians before = copy_of(start.gaussians);
+  TrainingModel device = on_gpu(start), host = on_host(start);
+  const std::size_t pruned = cpu().rows().prune(host, 0.05f);
+  EXPECT_GT(pruned, 200u);
+  EXPECT_EQ(gpu().rows().prune(device, 0.05f), pruned);
+  expect_same_bits(device, host);
+
+  const TrainingModel refined = refine_both(on_host(start), kRules, 3);
+  EXPECT_TRUE(refined.gaussians.has_filter);
+  for (std::size_t i = 0; i < refined.count(); ++i)
+    EXPECT_EQ(refined.gaussians.filter_scale[i], before.filter_scale[origin(refined.gaussians, i)]);
+
+  for (const bool by_rule : {false, true}) {
+    TrainingModel host_reset = on_host(start), device_reset = on_gpu(start);
+    for (auto [rows, model] :
+         {std::pair{&cpu().rows(), &host_reset}, std::pair{&gpu().rows(), &device_reset}})
+      by_rule ? rows->lower_opacity(*model, {OpacityPolicy::reset, 0.1f, MomentClearing::opacity})
+              : rows->reset_opacity(*model, 0.1f);
+    const std::vector<float> expected = host_reset.gaussians.logit_opacity.download(),
+                             actual = device_reset.gaussians.logit_opacity.download();
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+      if (std::isnan(expected[i])) continue;
+      EXPECT_NEAR(actual[i], expected[i], 1e-4f) << i;
+    }
   }
 }
 

@@ -58,6 +58,29 @@ std::vector<View> some_views(int width, int height, int count) {
 
 class CudaStep : public CudaTest {
  protected:
+  /// A step of both backends for each view.
+  void step_both(TrainingModel& on_cpu, TrainingModel& on_gpu, const std::vector<View>& views,
+                 const RenderSettings& settings, const LearningRates& rates,
+                 const DensityStep& density) {
+    for (const View& view : views) {
+      cpu().step(on_cpu, view, settings, {0.2f}, rates, density);
+      gpu().step(on_gpu, view, settings, {0.2f}, rates, density);
+    }
+    gpu().synchronize(on_gpu);
+  }
+  /// Once `warm_up` has grown the buffers, `steady` may neither wait nor allocate.
+  template <class WarmUp, class Steady>
+  void expect_steady(TrainingModel& model, WarmUp&& warm_up, Steady&& steady) {
+    warm_up();
+    gpu().synchronize(model);
+    ASSERT_GT(waits, 0) << "the calls are not counted";
+    ASSERT_GT(allocations, 0) << "the calls are not counted";
+    waits = allocations = 0;
+    steady();
+    EXPECT_EQ(waits, 0);
+    EXPECT_EQ(allocations, 0);
+    gpu().synchronize(model);
+  }
   void expect_same(const TrainingModel& actual, const TrainingModel& expected, double tolerance) {
     for_each_array(
         [&](const char* name, const auto& a, const auto& b) {
@@ -99,11 +122,7 @@ TEST_F(CudaStep, FusedStepInSpaceAndTimeIsTheScalarOne) {
     TrainingModel expected = model_of(
         in_spacetime(random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)), 8));
     TrainingModel actual = on_gpu(expected);
-    for (const View& view : views) {
-      cpu().step(expected, view, settings, {0.2f}, rates, {true});
-      gpu().step(actual, view, settings, {0.2f}, rates, {true});
-    }
-    gpu().synchronize(actual);
+    step_both(expected, actual, views, settings, rates, {true});
     expect_same(on_host(actual), expected, 2e-2);
   }
 }
@@ -124,11 +143,7 @@ TEST_F(CudaStep, FusedStepOfStaticRowsIsTheScalarOne) {
     make_half_static(start);
     TrainingModel expected = model_of(start);
     TrainingModel actual = on_gpu(expected);
-    for (const View& view : views) {
-      cpu().step(expected, view, {}, {0.2f}, rates, density);
-      gpu().step(actual, view, {}, {0.2f}, rates, density);
-    }
-    gpu().synchronize(actual);
+    step_both(expected, actual, views, {}, rates, density);
     const TrainingModel result = on_host(actual);
     expect_same(result, expected, 2e-2);
     const Gaussians& rows = result.gaussians;
@@ -159,16 +174,35 @@ TEST_F(CudaStep, FusedStepIsTheScalarOne) {
       TrainingModel expected =
           model_of(random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)));
       TrainingModel actual = on_gpu(expected), unfused = on_gpu(expected);
-      for (const View& view : views) {
-        cpu().step(expected, view, settings, {0.2f}, kRates, {true});
-        gpu().step(actual, view, settings, {0.2f}, kRates, {true});
-      }
-      gpu().synchronize(actual);
+      step_both(expected, actual, views, settings, kRates, {true});
       for (const View& view : views) unfused_step(unfused, view, settings, kRates, {true});
       // Adam's first steps turn the sign of a tiny gradient into a whole step
       expect_same(on_host(actual), expected, 1e-2);
       expect_same(on_host(actual), on_host(unfused), 1e-2);
       EXPECT_NEAR(gpu().loss().value(), cpu().loss().value(), 2e-3 * cpu().loss().value());
+    }
+}
+
+TEST_F(CudaStep, FusedStepWithA3dFilterIsTheScalarOne) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  for (const int degree : {0, 1, 2, 3})
+    for (const bool regularizes : {false, true}) {
+      SCOPED_TRACE(degree);
+      RenderSettings settings;
+      settings.sh_degree = degree;
+      settings.antialias = true;
+      settings.antialias_detach = false;
+      DensityStep density{.gather_statistics = true};
+      if (regularizes) density.regularizers = {1e-3f, 1e-3f};
+      TrainingModel expected = model_of(with_filters(
+          random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)), 9));
+      TrainingModel actual = on_gpu(expected), unfused = on_gpu(expected);
+      step_both(expected, actual, views, settings, kRates, density);
+      for (const View& view : views) unfused_step(unfused, view, settings, kRates, density);
+      expect_same(on_host(actual), expected, 1e-2);
+      expect_same(on_host(actual), on_host(unfused), 1e-2);
+      EXPECT_TRUE(same_bits(on_host(actual).gaussians.filter_scale,
+                            expected.gaussians.filter_scale));  // no step changes it
     }
 }
 
@@ -229,6 +263,20 @@ TEST_F(CudaStep, ABatchIsThatOfTheScalarBackend) {
     }
 }
 
+TEST_F(CudaStep, ABatchWithA3dFilterIsThatOfTheScalarBackend) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  const std::vector<TrainingPhoto> batch = batch_of(views, {});
+  TrainingModel expected =
+      model_of(with_filters(random_gaussians(kTypical, 3000, views[0].camera, 1), 9));
+  TrainingModel fused = on_gpu(expected);
+  for (int step = 0; step < 3; ++step) {
+    cpu().step(expected, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
+    gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
+  }
+  gpu().synchronize(fused);
+  expect_same(on_host(fused), expected, 2e-2);
+}
+
 // Regularizers have gradients of every row, also where no photo of the batch shows 32 rows in turn.
 TEST_F(CudaStep, ABatchRegularizesRowsThatItsPhotosDoNotShow) {
   const std::vector<View> views = some_views(131, 77, 3);
@@ -272,13 +320,8 @@ TEST_F(CudaStep, SteadyBatchesNeitherWaitNorAllocate) {
     for (int step = 0; step < steps; ++step)
       gpu().step(model, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
   };
-  run(20);
-  gpu().synchronize(model);
-  waits = allocations = 0;
-  run(60);
-  EXPECT_EQ(waits, 0);
-  EXPECT_EQ(allocations, 0);
-  gpu().synchronize(model);
+  expect_steady(
+      model, [&] { run(20); }, [&] { run(60); });
 }
 
 // Each photo of a batch is copied while the one before it is trained on.
@@ -297,6 +340,120 @@ TEST_F(CudaStep, StreamedPhotosGiveTheSameBatches) {
   }
   EXPECT_LT(norm_difference(downloaded(streamed.gaussians.sh0), downloaded(resident.gaussians.sh0)),
             1e-3);
+}
+
+// ---- reduced photos ----------------------------------------------------------------------------
+
+// With a mask, with alpha and an exposure, and plain; the sides are no multiples of the factors.
+TEST_F(CudaStep, AStepOnAReducedPhotoIsTheScalarOne) {
+  const std::vector<View> views = some_views(263, 155, 3);
+  for (const bool is_resident : {true, false})
+    for (const int reduction : {2, 3, 4}) {
+      SCOPED_TRACE(reduction);
+      gpu().upload_views(views, is_resident ? 1 << 30 : 0);
+      RenderSettings settings;
+      settings.sh_degree = reduction - 1;
+      settings.background = {0.3f, 0.6f, 0.9f};
+      TrainingModel expected =
+          model_of(random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(reduction)));
+      TrainingModel fused = on_gpu(expected), unfused = on_gpu(expected);
+      for (const View& view : views) {
+        const TrainingPhoto photo{&view, settings, reduction};
+        cpu().step(expected, {&photo, 1}, {0.2f}, {kRates}, {true});
+        gpu().step(fused, {&photo, 1}, {0.2f}, {kRates}, {true});
+      }
+      gpu().synchronize(fused);
+      EXPECT_NEAR(gpu().loss().value(), cpu().loss().value(), 2e-3 * cpu().loss().value());
+      for (const View& view : views) {
+        const TrainingPhoto photo{&view, settings, reduction};
+        gpu().Backend::step(unfused, {&photo, 1}, {0.2f}, {kRates}, {true});
+      }
+      expect_same(on_host(fused), expected, 1e-2);
+      expect_same(on_host(fused), on_host(unfused), 1e-2);
+    }
+  gpu().upload_views({}, 0);  // these views end here
+}
+
+// A batch over the end of a stage has photos of both sizes.
+TEST_F(CudaStep, ABatchOfPhotosOfTwoSizesIsThatOfTheScalarBackend) {
+  const std::vector<View> views = some_views(263, 155, 3);
+  gpu().upload_views(views, 1 << 30);
+  std::vector<TrainingPhoto> batch = batch_of(views, {});
+  batch[0].reduction = batch[1].reduction = 4;
+  TrainingModel expected = model_of(random_gaussians(kTypical, 3000, views[0].camera, 2));
+  TrainingModel fused = on_gpu(expected);
+  for (int step = 0; step < 3; ++step) {
+    cpu().step(expected, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
+    gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
+  }
+  gpu().synchronize(fused);
+  expect_same(on_host(fused), expected, 2e-2);
+  gpu().upload_views({}, 0);
+}
+
+// Where photos become larger a view has several times as many instances as at its last visit.
+TEST_F(CudaStep, ARampOfResolutionsLosesNothing) {
+  const std::vector<View> views = some_views(640, 480, 3);
+  const Recipe large{
+      .sigma_low = 40, .sigma_high = 90, .opacity_low = 0.02f, .opacity_high = 0.05f};
+  const TrainingModel start = model_of(random_gaussians(large, 20000, views[0].camera, 3));
+  TrainingModel fused = on_gpu(start), plain = on_gpu(start);
+  gpu().upload_views(views, 1 << 30);
+  const auto photo_of = [&](int step) {
+    return TrainingPhoto{&views[std::size_t(step % 3)], {}, step < 6 ? 8 : step < 12 ? 4 : 1};
+  };
+  for (int step = 0; step < 18; ++step) {
+    const TrainingPhoto photo = photo_of(step);
+    gpu().step(fused, {&photo, 1}, {0.2f}, {kRates}, {true});
+  }
+  gpu().synchronize(fused);
+  for (int step = 0; step < 18; ++step) {
+    const TrainingPhoto photo = photo_of(step);
+    gpu().Backend::step(plain, {&photo, 1}, {0.2f}, {kRates}, {true});
+  }
+  EXPECT_EQ(fused.adam_steps, 18);
+  expect_same(on_host(fused), on_host(plain), 2e-2);
+  gpu().upload_views({}, 0);
+}
+
+TEST_F(CudaStep, SteadyStepsOnReducedPhotosNeitherWaitNorAllocate) {
+  const std::vector<View> views = some_views(400, 300, 5);
+  TrainingModel model = on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7)));
+  gpu().upload_views(views, 1 << 30);
+  const auto run = [&](int steps, int reduction) {
+    for (int step = 0; step < steps; ++step) {
+      const TrainingPhoto photo{&views[std::size_t(step % 5)], {}, reduction};
+      gpu().step(model, {&photo, 1}, {0.2f}, {kRates}, {true});
+    }
+  };
+  expect_steady(
+      model, [&] { run(50, 2); },
+      [&] {
+        run(100, 2);
+        run(100, 4);  // smaller photos need no more memory
+      });
+  gpu().upload_views({}, 0);
+}
+
+// ---- Adam's rule -------------------------------------------------------------------------------
+
+TEST_F(CudaStep, AStepWithAnotherBetaIsTheScalarOne) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  const Update update{kRates, batch_rule(1, 0.99)};
+  TrainingModel expected = model_of(random_gaussians(kTypical, 3000, views[0].camera, 4));
+  TrainingModel actual = on_gpu(expected), usual = on_gpu(expected);
+  for (int step = 0; step < 6; ++step) {
+    const TrainingPhoto photo{&views[std::size_t(step % 3)], {}};
+    cpu().step(expected, {&photo, 1}, {0.2f}, update, {true});
+    gpu().step(actual, {&photo, 1}, {0.2f}, update, {true});
+    gpu().step(usual, {&photo, 1}, {0.2f}, {kRates}, {true});
+  }
+  gpu().synchronize(actual);
+  expect_same(on_host(actual), expected, 2e-2);
+  gpu().synchronize(usual);
+  EXPECT_GT(
+      norm_difference(downloaded(usual.second_moment.sh0), downloaded(actual.second_moment.sh0)),
+      0.5);
 }
 
 // ---- hostile models ----------------------------------------------------------------------------
@@ -388,6 +545,30 @@ TEST_F(CudaStep, DeterministicStepsGiveTheSameBytesEachTime) {
   }
 }
 
+// A view that was seen before has room for few instances, so that its visible rows are selected
+// before the depth sort. The step is that of the whole sort to the last bit.
+TEST_F(CudaStep, SelectingTheVisibleRowsChangesNothing) {
+  const std::vector<View> views = some_views(131, 77, 1);
+  Gaussians rows = random_gaussians(kTypical, 100'000, views[0].camera, 1);
+  for (std::size_t i = 0; i < rows.count(); ++i)
+    if (i % 97) rows.mean[i] = behind_pixel(views[0].camera, 60, 40, -5);  // behind the camera
+  const TrainingModel start = model_of(rows);
+  RenderSettings settings;
+  settings.deterministic = true;
+  const auto after_step = [&] {
+    TrainingModel model = on_gpu(start);
+    gpu().step(model, views[0], settings, {0.2f}, kRates, {true});
+    gpu().synchronize(model);
+    return on_host(model);
+  };
+  gpu().upload_views(views, 1 << 30);
+  const TrainingModel sorted_whole = after_step(), selected = after_step();
+  EXPECT_TRUE(same_bits(selected, sorted_whole));
+  TrainingModel expected = copy_to(host_memory(), start);
+  cpu().step(expected, views[0], settings, {0.2f}, kRates, {true});
+  expect_same(selected, expected, 1e-2);
+}
+
 TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
   const std::vector<View> views = some_views(200, 150, 5);
   TrainingModel model = on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7)));
@@ -399,15 +580,8 @@ TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
       gpu().step(model, views[step % views.size()], settings, {0.2f}, kRates, {true});
     }
   };
-  run(50);
-  gpu().synchronize(model);
-  ASSERT_GT(waits, 0) << "the calls are not counted";
-  ASSERT_GT(allocations, 0) << "the calls are not counted";
-  waits = allocations = 0;
-  run(100);
-  EXPECT_EQ(waits, 0);
-  EXPECT_EQ(allocations, 0);
-  gpu().synchronize(model);
+  expect_steady(
+      model, [&] { run(50); }, [&] { run(100); });
 }
 
 // The same with photos that do not fit into the budget and are copied one step ahead.

@@ -6,20 +6,12 @@
 #include "gs_train/loop/trainer.h"
 #include "gs_train/metrics.h"
 #include "tests/support/cuda.h"
+#include "tests/support/scene_run.h"
 
 namespace gs {
 namespace {
 
 using CudaTrain = CudaTest;
-
-/// Ends a run early.
-struct StopAfter : Observer {
-  explicit StopAfter(int steps) : steps(steps) {}
-  void after_step(int step, Trainer& trainer) override {
-    if (step == steps) trainer.stop();
-  }
-  int steps;
-};
 
 struct Outcome {
   double psnr;
@@ -56,6 +48,19 @@ TEST_F(CudaTrainCourtyard, FiveHundredStepsComeOutAsOnTheCpu) {
   const Outcome on_gpu = trained(gpu(), scene, config_, 500);
   RecordProperty("cpu_psnr", std::to_string(on_cpu.psnr));
   RecordProperty("gpu_psnr", std::to_string(on_gpu.psnr));
+  EXPECT_NEAR(on_gpu.psnr, on_cpu.psnr, 0.1);
+  EXPECT_EQ(on_gpu.count, on_cpu.count);
+  EXPECT_GT(on_cpu.psnr, 15);
+}
+
+// The same on photos that are reduced four times, twice, and then whole.
+TEST_F(CudaTrainCourtyard, FiveHundredStepsOnAResolutionRampComeOutAsOnTheCpu) {
+  const Scene scene = load_scene(config_.dataset);
+  config_.train.resolution_ramp = {4, 2};
+  config_.train.resolution_every = 180;
+  config_.train.resolution_least = 1;
+  const Outcome on_cpu = trained(cpu(), scene, config_, 500);
+  const Outcome on_gpu = trained(gpu(), scene, config_, 500);
   EXPECT_NEAR(on_gpu.psnr, on_cpu.psnr, 0.1);
   EXPECT_EQ(on_gpu.count, on_cpu.count);
   EXPECT_GT(on_cpu.psnr, 15);

@@ -296,6 +296,8 @@ TEST(Forecast, GrowsWithThePointsOfTheSceneUpToTheCap) {
   EXPECT_LT(expected_gaussians(config, 100), 50000);
   config.density.curve = GrowthCurve::linear;
   EXPECT_EQ(expected_gaussians(config, 100), 50000);
+  config.density.curve = GrowthCurve::share;
+  EXPECT_LT(expected_gaussians(config, 100), 50000);
 }
 
 TEST(Forecast, NamesGpuFiguresForAGpuOnly) {

@@ -15,6 +15,7 @@
 
 #include "data_loaders/formats/model_info.h"
 #include "data_loaders/formats/ply/mip_filter.h"
+#include "gs_core/bake_filter.h"
 #include "gs_core/version.h"
 #include "tests/support/error_of.h"
 #include "tests/support/random_model.h"
@@ -478,17 +479,46 @@ TEST_F(Ply, AMipSplattingFilterIsBakedIntoScalesAndOpacities) {
   EXPECT_FALSE(read("ply\ncomment SplatRenderMode: default" + plain.substr(3)).antialiased);
 }
 
+void bake(Gaussians& gaussians, const std::vector<float>& filter) {
+  gaussians.has_filter = true;
+  gaussians.filter_scale.upload(filter);
+  bake_filter(gaussians);
+  EXPECT_FALSE(gaussians.has_filter);
+}
+
 TEST_F(Ply, AFilterOfZeroChangesNothingAndATinyGaussianStaysFinite) {
-  const GaussianModel model = random_model(3, 0);
-  bake_filter_3d(model.gaussians, {0, 0, 0});
+  GaussianModel model = random_model(3, 0);
+  bake(model.gaussians, {0, 0, 0});
   EXPECT_TRUE(same_bits(model.gaussians, random_model(3, 0).gaussians));
   model.gaussians.logit_opacity[0] = 60;  // 1 in float and in double
   model.gaussians.log_scale[1] = Vec3f(-300);
-  bake_filter_3d(model.gaussians, {1e-6f, 1, 1});
+  bake(model.gaussians, {1e-6f, 1, 1});
   EXPECT_GT(model.gaussians.logit_opacity[0], 20);
   EXPECT_TRUE(std::isfinite(model.gaussians.logit_opacity[0]));
   EXPECT_EQ(model.gaussians.log_scale[1], Vec3f(0));
   EXPECT_EQ(model.gaussians.logit_opacity[1], -80);
+}
+
+TEST_F(Ply, ARawModelKeepsItsFilterBesideScalesAndOpacities) {
+  GaussianModel model = random_model(5, 2);
+  model.antialiased = true;
+  Gaussians& gaussians = model.gaussians;
+  gaussians.has_filter = true;
+  gaussians.filter_scale.upload({0.1f, 0.2f, 0.3f, 1e-5f, 7});
+  write_gaussian_ply(file(), model);
+  EXPECT_TRUE(is_ply_with_filter_3d(file()));
+  const GaussianModel raw = read_raw_gaussian_ply(file());
+  ASSERT_TRUE(raw.gaussians.has_filter);
+  EXPECT_TRUE(raw.antialiased);
+  EXPECT_EQ(raw.gaussians.filter_scale.download(), gaussians.filter_scale.download());
+  EXPECT_EQ(raw.gaussians.log_scale.download(), gaussians.log_scale.download());
+  EXPECT_EQ(raw.gaussians.logit_opacity.download(), gaussians.logit_opacity.download());
+
+  const GaussianModel baked = read_gaussian_ply(file());
+  EXPECT_FALSE(baked.gaussians.has_filter);
+  for (std::size_t i = 0; i < 5; ++i)
+    for (int axis = 0; axis < 3; ++axis)
+      EXPECT_GE(baked.gaussians.log_scale[i][axis], std::log(gaussians.filter_scale[i]) - 1e-6f);
 }
 
 TEST_F(Ply, ACommentSaysWhetherItIsOurs) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <vector>
 
 namespace gs {
@@ -128,15 +129,84 @@ TEST(GrowthTarget, RisesFromTheFirstCountToTheBudget) {
   EXPECT_EQ(growth_target(GrowthCurve::none, 0.25, 100, 0), 0);
 }
 
+// N_0 + (B - N_0) / s^(2 - u): s = 4 at the start, 2 halfway, 1 at the end.
+TEST(GrowthTarget, OfARampFollowsTheSizeOfThePictures) {
+  EXPECT_EQ(growth_target(GrowthCurve::ramp, 0, 100, 1700, 4), 100 + 1600 / 16);
+  EXPECT_EQ(growth_target(GrowthCurve::ramp, 0.5, 100, 1700, 4),
+            100 + std::llround(1600 / std::pow(2, 1.5)));
+  EXPECT_EQ(growth_target(GrowthCurve::ramp, 1, 100, 1700, 4), 1700);
+  EXPECT_EQ(growth_target(GrowthCurve::ramp, 0, 100, 1700, 1), 1700);
+}
+
+TEST(GrowthTarget, OfAShareIsTheLimitAlone) {
+  EXPECT_EQ(growth_target(GrowthCurve::share, 0.25, 100, 1100), 1100);
+  EXPECT_FALSE(needs_budget(GrowthCurve::share));
+  EXPECT_FALSE(needs_budget(GrowthCurve::none));
+  EXPECT_TRUE(needs_budget(GrowthCurve::ramp));
+}
+
 TEST(AllowedGrowth, EndsAtTheTargetAndAtAShareOfWhatStays) {
   GrowthRules rules;
   rules.limits.max_gaussians = 130;
-  EXPECT_EQ(allowed_growth(rules, 100), 30);
-  EXPECT_EQ(allowed_growth(rules, 140), 0);
+  EXPECT_EQ(allowed_growth(rules, {100, 0, 100}), 30);
+  EXPECT_EQ(allowed_growth(rules, {140, 0, 140}), 0);
   rules.most_growth = 0.25f;  // exact
-  EXPECT_EQ(allowed_growth(rules, 100), 25);
+  EXPECT_EQ(allowed_growth(rules, {100, 0, 100}), 25);
   rules.limits.max_gaussians = 0;
-  EXPECT_EQ(allowed_growth(rules, 100), 25);
+  EXPECT_EQ(allowed_growth(rules, {100, 0, 100}), 25);
+}
+
+TEST(AllowedGrowth, MayBeAShareOfTheCandidates) {
+  GrowthRules rules;
+  rules.candidate_share = 0.25f;
+  EXPECT_EQ(allowed_growth(rules, {100, 0, 43}), 10);
+  rules.limits.max_gaussians = 104;
+  EXPECT_EQ(allowed_growth(rules, {100, 0, 43}), 4);
+}
+
+// As many as are pruned grow beyond the curve and the share, but not beyond the budget.
+TEST(AllowedGrowth, MayReplaceWhatIsPruned) {
+  GrowthRules rules;
+  rules.limits.max_gaussians = 105;
+  EXPECT_EQ(allowed_growth(rules, {100, 20, 80}), 5);
+  rules.replaces = true;
+  EXPECT_EQ(allowed_growth(rules, {100, 20, 80}), 20);
+  EXPECT_EQ(allowed_growth(rules, {100, 2, 80}), 5);
+  rules.candidate_share = 0.01f;
+  EXPECT_EQ(allowed_growth(rules, {100, 20, 80}), 20);
+  rules.budget = 112;
+  EXPECT_EQ(allowed_growth(rules, {100, 20, 80}), 12);
+}
+
+TEST(PoolWith, AddsOrTakesTheLargest) {
+  const FragmentSums photo{3, 2, 5, 1};
+  FragmentSums sum{10, 4, 3, 7}, largest = sum;
+  pool_with(sum, photo, ScorePooling::sum);
+  EXPECT_EQ(sum.count, 13.0f);
+  EXPECT_EQ(sum.first, 8.0f);
+  EXPECT_EQ(sum.second, 8.0f);
+  pool_with(largest, photo, ScorePooling::max);
+  EXPECT_EQ(largest.count, 13.0f);
+  EXPECT_EQ(largest.weight, 6.0f);
+  EXPECT_EQ(largest.first, 5.0f);
+  EXPECT_EQ(largest.second, 7.0f);
+}
+
+TEST(AscendingBits, AreOrderedAsTheFloatsWithNanFirst) {
+  const float inf = std::numeric_limits<float>::infinity();
+  const float ascending[] = {-inf, -3, -1e-30f, -0.0f, 0.0f, 1e-40f, 2, 2.0000002f, inf};
+  std::uint32_t before = ascending_bits(std::nanf(""));
+  for (const float value : ascending) {
+    EXPECT_GT(ascending_bits(value), before) << value;
+    before = ascending_bits(value);
+  }
+  EXPECT_EQ(ascending_bits(-std::nanf("")), 0u);
+}
+
+TEST(PruneKey, IsOfTheOpacityOrOfTheSumOfSquares) {
+  const FragmentSums sums{1, 1, 9, 4};
+  EXPECT_EQ(prune_key(PruneOrder::opacity, -2.5f, sums), ascending_bits(-2.5f));
+  EXPECT_EQ(prune_key(PruneOrder::sensitivity, -2.5f, sums), ascending_bits(4));
 }
 
 }  // namespace

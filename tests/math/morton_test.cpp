@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
+#include <cmath>
 #include <limits>
 #include <random>
 
@@ -60,6 +62,40 @@ TEST(MortonCode, MovesPointsOutsideToTheSurface) {
 TEST(MortonCode, TakesNanForTheLowestCell) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   EXPECT_EQ(morton_code({nan, nan, nan}, kOrigin, 1.0f), 0u);
+}
+
+TEST(IntervalOfLife, IsHalfAsLongAsTheScaleAtMost) {
+  for (const float scale : {3.0f, 2.0f, 1.5f, 0.8f, 0.11f, 0.02f, 0.004f}) {
+    SCOPED_TRACE(scale);
+    for (const float time : {0.0f, 0.3f, 0.77f, 1.0f}) {
+      const std::uint32_t number = interval_of_life(time, std::log(scale));
+      const int level = std::bit_width(number) - 1;
+      const double length = std::ldexp(1.0, -level);
+      EXPECT_LE(length, 0.5001 * scale);
+      if (scale < 2) {
+        EXPECT_GT(length, 0.2499 * scale);
+      }
+      EXPECT_GE(time, (number - (1u << level)) * length);
+      EXPECT_LE(time, (number - (1u << level) + 1) * length);
+    }
+  }
+}
+
+TEST(IntervalOfLife, TakesAnyNumbers) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const float infinity = std::numeric_limits<float>::infinity();
+  const std::uint32_t most = 2u << kMostTimeHalvings;
+  EXPECT_EQ(interval_of_life(nan, 5), 1u);
+  EXPECT_EQ(interval_of_life(0.4f, nan), 1u);
+  EXPECT_EQ(interval_of_life(-infinity, -infinity), most / 2);
+  EXPECT_EQ(interval_of_life(7, -infinity), most - 1);
+}
+
+TEST(SpacetimeCode, PutsTheIntervalBeforeThePlace) {
+  const float scale = std::log(0.1f);
+  EXPECT_LT(spacetime_code(kAll, 0.45f, scale), spacetime_code(0, 0.55f, scale));
+  EXPECT_LT(spacetime_code(0, 0.45f, scale), spacetime_code(kAll, 0.45f, scale));
+  EXPECT_LT(spacetime_code(kAll, 1, -20), 1ull << 63);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <limits>
 #include <utility>
 
+#include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/math/splat.h"
 #include "tests/support/jet_oracle.h"
@@ -282,6 +283,38 @@ std::array<double, 59> draw_gaussian(TestRandom& random, const PinholeCamera<dou
                  random.uniform3(-2.0, 2.0), sh_rest);
 }
 
+/// The worst error of the whole chain with a 3D filter, which is drawn as another parameter.
+double worst_filtered_chain_error(const SplatSettings& settings, FrustumVisits& visits) {
+  PinholeCamera<double> camera;
+  double filter_scale = 0;
+  int invisible = 0;
+  const double worst = worst_gradient_error(
+      [&](const auto& x) {
+        using T = std::decay_t<decltype(x[0])>;
+        const FlatGaussian g(x);
+        const ProjectedGaussian<T> projected =
+            project_gaussian(camera_as<T>(camera), g.parameters, T(filter_scale), settings);
+        invisible += !projected.is_visible;
+        const BasicSplat<T>& splat = projected.splat;
+        return flatten(splat.mean2d, splat.conic, splat.opacity, splat.color);
+      },
+      [&](const auto& x, const auto& dL) {
+        const FlatGaussian g(x);
+        std::array<Vec3d, kRest> dL_drest{};
+        const auto grads = project_gaussian_vjp(camera, g.parameters, filter_scale, settings,
+                                                splat_gradient(dL), dL_drest.data());
+        return flatten(grads.mean, grads.log_scale, grads.rotation, grads.logit_opacity, grads.sh0,
+                       dL_drest);
+      },
+      [&](TestRandom& random) {
+        camera = draw_camera(random);
+        filter_scale = std::exp(random.uniform(-5.0, -1.0));  // finer and coarser than the Gaussian
+        return draw_gaussian(random, camera, visits);
+      });
+  EXPECT_EQ(invisible, 0);
+  return worst;
+}
+
 /// The worst error of the whole chain under `settings`; a detached antialiasing factor is a
 /// constant.
 double worst_chain_error(const SplatSettings& settings, FrustumVisits& visits) {
@@ -303,15 +336,9 @@ double worst_chain_error(const SplatSettings& settings, FrustumVisits& visits) {
       },
       [&](const auto& x, const auto& dL) {
         const FlatGaussian g(x);
-        Unflatten in(dL);
-        const Vec2<double> dL_dmean2d = in.vec2();
-        const Sym2<double> dL_dconic = gradient_matrix(in.sym2());
-        const double dL_dopacity = in.scalar();
         std::array<Vec3d, kRest> dL_drest{};
-        const auto grads = project_gaussian_vjp(
-            camera, g.parameters, settings,
-            BasicSplatGradient<double>{dL_dmean2d, dL_dconic, dL_dopacity, in.vec3()},
-            dL_drest.data());
+        const auto grads = project_gaussian_vjp(camera, g.parameters, settings, splat_gradient(dL),
+                                                dL_drest.data());
         return flatten(grads.mean, grads.log_scale, grads.rotation, grads.logit_opacity, grads.sh0,
                        dL_drest);
       },
@@ -350,6 +377,32 @@ TEST(ProjectGaussian, GradientTakesADetachedAntialiasFactorForAConstant) {
   const SplatSettings settings{
       .truncation = Truncation::sigma3, .antialias = true, .antialias_detach = true};
   EXPECT_LT(worst_chain_error(settings, visits), kJetTolerance);
+}
+
+// The cutoff is sigma3 here, too.
+TEST(ProjectGaussian, GradientThroughThe3dFilterMatchesJet) {
+  for (const bool antialias : {false, true}) {
+    FrustumVisits visits;
+    const SplatSettings settings{.truncation = Truncation::sigma3,
+                                 .antialias = antialias,
+                                 .antialias_detach = false,
+                                 .near_plane = 0.1f};
+    EXPECT_LT(worst_filtered_chain_error(settings, visits), kJetTolerance);
+    EXPECT_GT(visits.fewest(), kEnoughCases);
+  }
+}
+
+TEST(ProjectGaussian, WithA3dFilterOfZeroHasTheSameBits) {
+  TestRandom random;
+  for (int i = 0; i < 1000; ++i) {
+    FrustumVisits visits;
+    const PinholeCamera<double> camera = draw_camera(random);
+    const auto x = draw_gaussian(random, camera, visits);
+    const FlatGaussian g(x);
+    const auto plain = project_gaussian(camera, g.parameters, {}).splat,
+               filtered = project_gaussian(camera, g.parameters, 0.0, {}).splat;
+    EXPECT_EQ(flatten(plain.conic, plain.opacity), flatten(filtered.conic, filtered.opacity));
+  }
 }
 
 /// An ordinary Gaussian straight ahead; each test then makes one field invalid.

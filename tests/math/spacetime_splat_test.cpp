@@ -62,7 +62,10 @@ std::array<double, kParameters> draw_gaussian(TestRandom& random) {
   }
 }
 
-double worst_error(const SplatSettings& settings) {
+/// The worst gradient by any parameter against Jets. look(dL/dparameters) is called with each gradient
+/// before it is compared.
+template <class Draw, class Look>
+double worst_error(const SplatSettings& settings, Draw&& draw, Look&& look) {
   const auto camera = camera_of<double>();
   return worst_gradient_error(
       [&](const auto& x) {
@@ -73,20 +76,18 @@ double worst_error(const SplatSettings& settings) {
       },
       [&](const auto& x, const auto& dL) {
         const FlatGaussian<double> g(x);
-        Unflatten in(dL);
-        const Vec2<double> dL_dmean2d = in.vec2();
-        const Sym2<double> dL_dconic = gradient_matrix(in.sym2());
-        const double dL_dopacity = in.scalar();
         std::array<Vec3d, kRest> dL_drest{};
-        const auto dL_dx = project_gaussian_vjp(
-            camera, g.parameters, kTime, settings,
-            BasicSplatGradient<double>{dL_dmean2d, dL_dconic, dL_dopacity, in.vec3()},
-            dL_drest.data());
-        const SpacetimeShape<double>& by = dL_dx.shape;
+        auto dL_dx = project_gaussian_vjp(camera, g.parameters, kTime, settings, splat_gradient(dL),
+                                          dL_drest.data());
+        SpacetimeShape<double>& by = dL_dx.shape;
+        look(by);
         return flatten(by.mean, by.log_scale, by.rotations.left, by.logit_opacity, dL_dx.sh0,
                        dL_drest, by.rotations.right, by.time_mean, by.log_time_scale);
       },
-      draw_gaussian);
+      draw);
+}
+double worst_error(const SplatSettings& settings) {
+  return worst_error(settings, draw_gaussian, [](const auto&) {});
 }
 
 TEST(ProjectAtATime, GradientByEveryParameterMatchesJetForEveryDegree) {
@@ -110,33 +111,12 @@ std::array<double, kParameters> draw_static(TestRandom& random) {
 
 // Jets see that the right quaternion has no effect. Its gradient is there to keep the pair together.
 TEST(ProjectAStaticGaussian, GradientMatchesJetAndIsZeroByTime) {
-  const auto camera = camera_of<double>();
   const SplatSettings settings{.antialias = true, .antialias_detach = false};
-  const double worst = worst_gradient_error(
-      [&](const auto& x) {
-        using T = std::decay_t<decltype(x[0])>;
-        const FlatGaussian<T> g(x);
-        const auto splat = project_gaussian(camera_of<T>(), g.parameters, T(kTime), settings).splat;
-        return flatten(splat.mean2d, splat.conic, splat.opacity, splat.color);
-      },
-      [&](const auto& x, const auto& dL) {
-        const FlatGaussian<double> g(x);
-        Unflatten in(dL);
-        const Vec2<double> dL_dmean2d = in.vec2();
-        const Sym2<double> dL_dconic = gradient_matrix(in.sym2());
-        const double dL_dopacity = in.scalar();
-        std::array<Vec3d, kRest> dL_drest{};
-        const auto dL_dx = project_gaussian_vjp(
-            camera, g.parameters, kTime, settings,
-            BasicSplatGradient<double>{dL_dmean2d, dL_dconic, dL_dopacity, in.vec3()},
-            dL_drest.data());
-        const SpacetimeShape<double>& by = dL_dx.shape;
-        const Quat<double>&l = by.rotations.left, &r = by.rotations.right;
-        EXPECT_TRUE(r.w == l.w && r.x == l.x && r.y == l.y && r.z == -l.z);
-        return flatten(by.mean, by.log_scale, by.rotations.left, by.logit_opacity, dL_dx.sh0,
-                       dL_drest, Quat<double>{}, by.time_mean, by.log_time_scale);
-      },
-      draw_static);
+  const double worst = worst_error(settings, draw_static, [](SpacetimeShape<double>& by) {
+    const Quat<double>&l = by.rotations.left, &r = by.rotations.right;
+    EXPECT_TRUE(r.w == l.w && r.x == l.x && r.y == l.y && r.z == -l.z);
+    by.rotations.right = Quat<double>{};
+  });
   EXPECT_LT(worst, kJetTolerance);
 }
 
@@ -203,13 +183,12 @@ TEST(IsFarInTime, IsOnlyWhatIsInvisible) {
   TestRandom random;
   int far = 0, invisible = 0;
   for (int k = 0; k < 20000; ++k) {
-    const auto quaternion = [&] {
-      const Quat<double> q = random.quaternion();
-      return Quatf{float(q.w), float(q.x), float(q.y), float(q.z)};
-    };
-    const SpacetimeShape<float> shape{Vec3f(random.uniform3(-1, 1)), Vec3f(random.uniform3(-4, 0)),
-                                      {quaternion(), quaternion()},  3.0f,
-                                      float(random.uniform(-1, 2)),  float(random.uniform(-4, 0))};
+    const SpacetimeShape<float> shape{Vec3f(random.uniform3(-1, 1)),
+                                      Vec3f(random.uniform3(-4, 0)),
+                                      {random.float_quaternion(), random.float_quaternion()},
+                                      3.0f,
+                                      float(random.uniform(-1, 2)),
+                                      float(random.uniform(-4, 0))};
     const float time = float(random.uniform(0, 1));
     const Moment<float> moment = condition(covariance(shape), time - shape.time_mean);
     invisible += !is_alive(moment.marginal);
@@ -257,16 +236,13 @@ TEST(ProjectAtATime, LifeLongerThanTheLongestChangesNothingAndHasNoGradient) {
 TEST(SpacetimeRegularizer, OfAnyShapeHasFiniteGradients) {
   TestRandom random;
   for (int k = 0; k < 2000; ++k) {
-    const auto quaternion = [&] {
-      const Quat<double> q = random.quaternion();
-      return Quatf{float(q.w), float(q.x), float(q.y), float(q.z)};
-    };
-    const SpacetimeShape<float> shape{Vec3f(0.0f),
-                                      Vec3f(random.uniform3(-40, 3)),
-                                      {quaternion(), k % 3 ? quaternion() : Quatf{1, 0, 0, 0}},
-                                      0.0f,
-                                      0.0f,
-                                      float(random.uniform(-40, 40))};
+    const SpacetimeShape<float> shape{
+        Vec3f(0.0f),
+        Vec3f(random.uniform3(-40, 3)),
+        {random.float_quaternion(), k % 3 ? random.float_quaternion() : Quatf{1, 0, 0, 0}},
+        0.0f,
+        0.0f,
+        float(random.uniform(-40, 40))};
     SpacetimeShape<float> by{Vec3f(0.0f), Vec3f(0.0f), {{}, {}}, 0, 0, 0};
     add_spacetime_regularizer_vjp(shape, {0, 0, 1e-4f, 1e-4f}, by);
     for (const float number :

@@ -57,6 +57,19 @@ class Training(TestCase):
         np.testing.assert_array_equal(of_run, of_file)
         np.testing.assert_allclose(of_run, of_result, atol=1e-5)
 
+    def test_a_run_on_reduced_photos_first_is_the_programs(self):
+        run = self.folder / "run"
+        run_program("train", COURTYARD, "-o", run, "-i", STEPS, "--eval", *SMALL_FLAGS, *QUICK_FLAGS,
+                    "--set", "train.resolution_ramp=[3, 2]", "--set", "train.resolution_least=100")
+        ramp = {"train.resolution_ramp": [3, 2], "train.resolution_least": 100}
+        result = quick(self.scene, config=[QUICK, ramp])
+        result.model.save(self.folder / "model.ply")
+        ply = run / "point_cloud" / f"iteration_{STEPS}" / "point_cloud.ply"
+        self.assertEqual((self.folder / "model.ply").read_bytes(), ply.read_bytes())
+        self.assertFalse(np.array_equal(result.model.means, quick(self.scene).model.means))
+        with self.assertRaisesRegex(gemsplat.UsageError, "resolution_ramp = .*from 1 to 16"):
+            quick(self.scene, config={"train.resolution_ramp": [32]})
+
     def test_another_seed_is_another_run_and_a_folder_is_as_good_as_a_scene(self):
         config = [QUICK, {"dataset": {"eval": True, "resolution": 8}}]
         first = gemsplat.train(str(COURTYARD), config, iterations=20, seed=1, device="cpu")

@@ -213,6 +213,16 @@ TEST(Gradient, IsTheSlopeInSpaceAndTime) {
   }
 }
 
+TEST(Gradient, IsTheSlopeWithA3dFilter) {
+  for (const bool antialias : {false, true}) {
+    SmallScene scene;
+    scene.settings.antialias = antialias;
+    scene.settings.antialias_detach = false;
+    scene.gaussians = with_filters(scene.gaussians, 44);
+    expect_gradient_of_linear_loss(scene);
+  }
+}
+
 // The slope by the right quaternion of a static row is 0; its gradient is that of the left one,
 // mirrored, so that the pair stays a turn of space.
 TEST(Gradient, IsTheSlopeOfStaticRowsAmongOthers) {

@@ -12,6 +12,7 @@
 
 #include "gs_core/gaussians.h"
 #include "gs_core/math/blend.h"
+#include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/spacetime_splat.h"
 #include "gs_render/render_pass.h"
 
@@ -27,6 +28,7 @@ struct DoubleGaussian {
   Quat<double> right_rotation{};  // of Gaussians in space and time
   double time_mean = 0, log_time_scale = 0;
   bool has_time = false;
+  double filter_scale = 0;  // a parameter that has no gradient; 0: none
 
   double& number(int k) { return reinterpret_cast<double*>(this)[k]; }
 };
@@ -44,6 +46,7 @@ inline std::vector<DoubleGaussian> in_double(const Gaussians& from) {
     g.logit_opacity = from.logit_opacity[i];
     g.sh0 = Vec3d(from.sh0[i]);
     for (int k = 0; k < kShRestCount; ++k) g.sh_rest[k] = Vec3d(from.sh_rest[i].coefficient[k]);
+    if (from.has_filter) g.filter_scale = from.filter_scale[i];
     if (!(g.has_time = from.has_time)) continue;
     const Quatf& r = from.right_rotation[i];
     g.right_rotation = {r.w, r.x, r.y, r.z};
@@ -88,14 +91,12 @@ ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians, c
         Vec3<T>(g.sh0),
         sh_rest};
     const Quat<double>& r = g.right_rotation;
+    const SpacetimeParameters<T> in_time{
+        parameters, {T(r.w), T(r.x), T(r.y), T(r.z)}, T(g.time_mean), T(g.log_time_scale)};
     const ProjectedGaussian<T> p =
-        g.has_time ? project_gaussian(camera_t,
-                                      SpacetimeParameters<T>{parameters,
-                                                             {T(r.w), T(r.x), T(r.y), T(r.z)},
-                                                             T(g.time_mean),
-                                                             T(g.log_time_scale)},
-                                      camera_t.time, settings)
-                   : project_gaussian(camera_t, parameters, settings);
+        g.has_time           ? project_gaussian(camera_t, in_time, camera_t.time, settings)
+        : g.filter_scale > 0 ? project_gaussian(camera_t, parameters, T(g.filter_scale), settings)
+                             : project_gaussian(camera_t, parameters, settings);
     if (!p.is_visible) continue;
     const BasicSplat<T>& s = p.splat;
     result.entries.push_back({i,

@@ -20,6 +20,7 @@
 #include <limits>
 #include <random>
 
+#include "gs_core/math/splat.h"
 #include "gs_core/types.h"
 
 namespace gs {
@@ -47,6 +48,10 @@ class TestRandom {
     const Quat<double> q{normal(), normal(), normal(), normal()};
     const double factor = uniform(0.1, 3.0) / std::sqrt(squared_norm(q));
     return {q.w * factor, q.x * factor, q.y * factor, q.z * factor};
+  }
+  Quatf float_quaternion() {
+    const Quat<double> q = quaternion();
+    return {float(q.w), float(q.x), float(q.y), float(q.z)};
   }
 
  private:
@@ -155,6 +160,18 @@ template <class T>
 Sym3<T> by_stored_entry(const Sym3<T>& gradient_matrix) {
   const Sym3<T>& G = gradient_matrix;
   return {G.xx, T(2) * G.xy, T(2) * G.xz, G.yy, T(2) * G.yz, G.zz};
+}
+
+/// dL/d(splat), for outputs that are flatten(mean2d, conic, opacity, color).
+template <std::size_t N>
+BasicSplatGradient<double> splat_gradient(const std::array<double, N>& dL_doutputs) {
+  Unflatten in(dL_doutputs);
+  BasicSplatGradient<double> gradient;
+  gradient.mean2d = in.vec2();
+  gradient.conic = gradient_matrix(in.sym2());
+  gradient.opacity = in.scalar();
+  gradient.color = in.vec3();
+  return gradient;
 }
 
 /// dL/dx by Jets, and for each component the size of its terms: sum_j |dL/dy_j dy_j/dx_i|.

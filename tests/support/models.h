@@ -16,8 +16,9 @@ bool same_bits(const Buffer<T>& a, const Buffer<T>& b) {
          (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
 }
 inline bool same_bits(const Gaussians& a, const Gaussians& b) {
-  bool same = true;
-  for_each_array([&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); }, a, b);
+  bool same = a.has_filter == b.has_filter;
+  for_each_stored_array([&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); },
+                        a, b);
   return same;
 }
 /// Compares parameters and moments, but not the statistics.

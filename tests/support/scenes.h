@@ -184,6 +184,17 @@ inline void make_half_static(const Gaussians& rows) {
   }
 }
 
+/// The same Gaussians with 3D filters of about their own sizes.
+inline Gaussians with_filters(const Gaussians& plain, std::uint64_t seed) {
+  Draws draws(seed);
+  Gaussians filtered = copy_of(plain);
+  filtered.has_filter = true;
+  filtered.resize(plain.count());
+  for (std::size_t i = 0; i < filtered.count(); ++i)
+    filtered.filter_scale[i] = std::exp(plain.log_scale[i].x) * draws.log_uniform(0.1f, 2);
+  return filtered;
+}
+
 /// All rows of `a`, then all of `b`.
 inline Gaussians joined(const Gaussians& a, const Gaussians& b) {
   Gaussians all(a.count() + b.count(), host_memory(), a.has_time);

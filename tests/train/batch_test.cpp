@@ -6,10 +6,7 @@
 #include <cmath>
 
 #include "gs_core/threads/parallel.h"
-#include "gs_train/loop/trainer.h"
-#include "gs_train/metrics.h"
-#include "gs_train/stages/scalar_stages.h"
-#include "tests/support/models.h"
+#include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"
 
 namespace gs {
@@ -93,21 +90,14 @@ class Steps : public Observer {
   std::vector<int> told, reached;
 };
 
-class BatchRun : public ::testing::Test {
+class BatchRun : public SceneRun {
  protected:
+  BatchRun() : SceneRun(small_scene()) {}
   static Config run_of(int batch) {
     Config config = short_run();
     config.train.batch = batch;
     return config;
   }
-  TrainingModel trained(const Config& config) {
-    Trainer trainer(scene_, config, *backend_);
-    trainer.run();
-    return copy_to(host_memory(), trainer.model());
-  }
-
-  const Scene scene_ = small_scene();
-  const std::unique_ptr<Backend> backend_ = make_scalar_backend();
 };
 
 TEST_F(BatchRun, BringsThePicturesCloseToThePhotos) {
@@ -150,6 +140,33 @@ TEST_F(BatchRun, TellsItsObserversOfEveryStepOnceItsBatchIsTaken) {
   EXPECT_EQ(steps.told, (std::vector{1, 2, 3, 4, 5, 6, 7, 8, 9, 10}));
   EXPECT_EQ(steps.reached, (std::vector{4, 4, 4, 4, 8, 8, 8, 8, 10, 10}));
   EXPECT_EQ(trainer.step(), 10);
+}
+
+TEST_F(BatchRun, MayBeginLate) {
+  Config config = run_of(4);
+  config.train.iterations = 15;
+  config.train.batch_from_step = 10000;  // of 30,000
+  Steps steps;
+  Trainer trainer(scene_, config, *backend_);
+  trainer.add_observer(steps);
+  trainer.run();
+  // The first batch is shorter: batches end at multiples of four.
+  EXPECT_EQ(steps.reached, (std::vector{1, 2, 3, 4, 5, 8, 8, 8, 12, 12, 12, 12, 15, 15, 15}));
+  EXPECT_EQ(trainer.model().adam_steps, 15);
+}
+
+TEST_F(BatchRun, ThatBeginsAfterTheLastStepIsARunWithoutBatches) {
+  Config config = run_of(4);
+  config.train.batch_from_step = 30000;
+  EXPECT_TRUE(same_bits(trained(config), trained(run_of(1))));
+}
+
+TEST_F(BatchRun, ThatBeginsLateGoesOnAfterAnyStep) {
+  Config config = run_of(4);
+  config.train.iterations = 60;
+  config.train.batch_from_step = 10000;
+  config.density.from_step = config.density.every = 20;
+  expect_goes_on_after({3, 18, 19, 20, 21, 22, 41}, config);
 }
 
 // Refinements at step 20, 40, ... lie within batches of seven, and happen after these.

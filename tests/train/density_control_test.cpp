@@ -169,6 +169,101 @@ TEST(BudgetedControl, PrunesTheUnseenOnlyAfterAWholeEpoch) {
   }
 }
 
+TEST(BudgetedControl, CapsOpacitiesAfterARefinementAndClearsTheirMoments) {
+  Config config = with_strategy("budgeted");
+  config.density.opacity_cap = 0.3f;
+  config.density.opacity_policy = OpacityPolicy::none;
+  const auto control = control_of(config);
+  const auto backend = make_scalar_backend();
+  TrainingModel model = growing_model();
+  number_rows(model.first_moment.logit_opacity, 1);
+  control->after_step(model, *backend, 601);
+  EXPECT_NEAR(sigmoid(model.gaussians.logit_opacity[0]), 0.5f, 1e-6f);
+  EXPECT_EQ(model.first_moment.logit_opacity[5], 6.0f);
+  control->after_step(model, *backend, 600);
+  for (const float logit : model.gaussians.logit_opacity) EXPECT_NEAR(sigmoid(logit), 0.3f, 1e-6f);
+  EXPECT_EQ(model.first_moment.logit_opacity[5], 0.0f);
+}
+
+// Statistics come from the 100 photos of steps 601 to 700; the score is a sum over them.
+TEST(BudgetedControl, ComparesSumsForEachPhotoWithItsThreshold) {
+  Config config = with_strategy("budgeted");
+  config.density.score = GrowthScore::mask;
+  config.density.gradient_threshold = 0;
+  config.density.score_threshold = 6;
+  const auto backend = make_scalar_backend();
+  for (const ScorePooling pooling : {ScorePooling::sum, ScorePooling::max}) {
+    config.density.pooling = pooling;
+    TrainingModel model = growing_model();
+    begin_sums(model);
+    for (std::size_t i = 0; i < 30; ++i)
+      model.statistics.sums[i] = {1, 1, 0, i < 10 ? 600.0f : i < 20 ? 599.0f : 5.0f};
+    const std::size_t expected = pooling == ScorePooling::sum ? 10u : 20u;
+    EXPECT_EQ(control_of(config)->after_step(model, *backend, 700).cloned, expected);
+  }
+}
+
+TEST(BudgetedControl, RemovesTheFaintestAfterAReset) {
+  Config config = with_strategy("budgeted");
+  config.density.recovery_prune = 0.1f;
+  const auto backend = make_scalar_backend();
+  TrainingModel model = growing_model();
+  for (std::size_t i = 0; i < 30; ++i) model.gaussians.logit_opacity[i] = float(i % 10);
+  const RefineReport report = control_of(config)->after_step(model, *backend, 3300);
+  EXPECT_EQ(report.pruned, 3u);
+  EXPECT_EQ(report.cloned, 0u);
+  ASSERT_EQ(model.count(), 27u);
+  for (std::size_t i = 0; i < 27; ++i) EXPECT_GT(model.gaussians.logit_opacity[i], 0.0f);
+}
+
+TEST(BudgetedControl, MeasuresSensitivitiesAndRemovesTheLowest) {
+  Config config = with_strategy("budgeted");
+  config.density.soft_prune = 0.5f;
+  const auto control = make_density_control(config, Schedule(config, 2, 100), 2);
+  EXPECT_EQ(control->of_step(5900).score, GrowthScore::gradient);
+  EXPECT_EQ(control->of_step(5901).score, GrowthScore::force);
+  EXPECT_EQ(control->of_step(5901).fragment_statistic(), FragmentStatistic::force);
+  const auto backend = make_scalar_backend();
+  TrainingModel model = growing_model();
+  begin_sums(model);
+  for (std::size_t i = 0; i < 30; ++i) model.statistics.sums[i].second = float((7 * i) % 30);
+  EXPECT_EQ(control->after_step(model, *backend, 6000).pruned, 15u);
+  ASSERT_EQ(model.count(), 15u);
+  for (std::size_t i = 0; i < 15; ++i)
+    EXPECT_GE((7 * int(model.gaussians.mean[i].x)) % 30, 15) << i;
+  for (const FragmentSums& sums : model.statistics.sums) EXPECT_EQ(sums.second, 0.0f);
+  for (const float visits : model.statistics.visits) EXPECT_EQ(visits, 0.0f);
+}
+
+TEST(BudgetedControl, RemovesTheFaintLate) {
+  Config config = with_strategy("budgeted");
+  config.density.late_prune_opacity = 0.1f;
+  const auto control = control_of(config);
+  const auto backend = make_scalar_backend();
+  TrainingModel model = growing_model();
+  model.gaussians.logit_opacity[3] = logit(0.09f);
+  EXPECT_EQ(control->after_step(model, *backend, 15000).pruned, 0u);
+  EXPECT_EQ(control->after_step(model, *backend, 18000).pruned, 1u);
+  EXPECT_EQ(model.count(), 29u);
+}
+
+TEST(BudgetedControl, RefusesPoolingAndPruningThatItsScoreDoesNotAllow) {
+  Config largest = with_strategy("budgeted"), soft = with_strategy("budgeted");
+  largest.density.pooling = ScorePooling::max;
+  soft.density.soft_prune = 0.5f;
+  soft.density.score = GrowthScore::edge;
+  for (const Config& config : {largest, soft}) {
+    EXPECT_THROW(control_of(config), UsageError);
+    EXPECT_THROW(validate(config), UsageError);
+  }
+  largest.density.score = GrowthScore::error;
+  soft.density.score = GrowthScore::force;
+  for (const Config& config : {largest, soft}) {
+    EXPECT_NE(control_of(config), nullptr);
+    validate(config);
+  }
+}
+
 TEST(McmcControl, AsksForRegularizersAndTheNoiseOfItsStep) {
   const auto control = control_of(with_strategy("mcmc"));
   const DensityStep step = control->of_step(77);

@@ -4,12 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "gs_core/math/morton.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_train/loop/trainer.h"
-#include "gs_train/metrics.h"
 #include "gs_train/row_rules.h"
-#include "tests/support/models.h"
+#include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"
 
 namespace gs {
@@ -51,48 +48,9 @@ Config dynamic_mcmc_run() {
   return config;
 }
 
-class LastState : public CheckpointStore {
- public:
-  bool save(const RunProgress& progress, const TrainingModel& model) override {
-    state_ = {progress, copy_to(host_memory(), model)};
-    return true;
-  }
-  std::optional<TrainingState> newest() override {
-    return TrainingState{state_.progress, copy_to(host_memory(), state_.model)};
-  }
-
- private:
-  TrainingState state_;
-};
-
-class StopAfter : public Observer {
- public:
-  explicit StopAfter(int step) : step_(step) {}
-  void after_step(int step, Trainer& trainer) override {
-    if (step == step_) trainer.stop();
-  }
-
- private:
-  int step_;
-};
-
-class DynamicRun : public ::testing::Test {
+class DynamicRun : public SceneRun {
  protected:
-  TrainingModel trained(const Config& config) {
-    Trainer trainer(scene_, config, *backend_);
-    trainer.run();
-    return copy_to(host_memory(), trainer.model());
-  }
-  double psnr_after(const Config& config) {
-    Trainer trainer(scene_, config, *backend_);
-    trainer.run();
-    return evaluate(backend_->renderer(), trainer.model().gaussians.span(), scene_.train_views,
-                    trainer.evaluation_settings())
-        .psnr;
-  }
-
-  const Scene scene_ = fading_scene();
-  const std::unique_ptr<Backend> backend_ = make_scalar_backend();
+  DynamicRun() : SceneRun(fading_scene()) {}
 };
 
 TEST_F(DynamicRun, LearnsWhatAStaticOneCannot) {
@@ -103,17 +61,12 @@ TEST_F(DynamicRun, LearnsWhatAStaticOneCannot) {
 }
 
 // On a scene that stands still nothing ends the growth of the scales in time but their limit.
-TEST(DynamicRunOfAStillScene, StaysFiniteAndLosesLittle) {
-  const Scene scene = small_scene();
-  const auto backend = make_scalar_backend();
-  const auto psnr_after = [&](const Config& config) {
-    Trainer trainer(scene, config, *backend);
-    trainer.run();
-    EXPECT_EQ(backend->rows().count_not_finite(trainer.model()), 0u);
-    return evaluate(backend->renderer(), trainer.model().gaussians.span(), scene.train_views,
-                    trainer.evaluation_settings())
-        .psnr;
-  };
+class DynamicRunOfAStillScene : public SceneRun {
+ protected:
+  DynamicRunOfAStillScene() : SceneRun(small_scene()) {}
+};
+
+TEST_F(DynamicRunOfAStillScene, StaysFiniteAndLosesLittle) {
   Config config = dynamic_run();
   config.optimizer.log_time_scale_lr = 0.05f;
   const double dynamic = psnr_after(config);
@@ -133,20 +86,8 @@ TEST_F(DynamicRun, GivesTheSameBitsForAnyNumberOfThreads) {
 }
 
 TEST_F(DynamicRun, StoppedAndResumedEndsWithTheSameBits) {
-  for (const Config& config : {dynamic_run(), dynamic_mcmc_run()}) {
-    const TrainingModel expected = trained(config);
-    for (const int stop : {19, 63, 150}) {
-      LastState kept;
-      StopAfter stopper(stop);
-      Trainer first(scene_, config, *backend_);
-      first.keep_checkpoints_in(kept);
-      first.add_observer(stopper);
-      first.run();
-      Trainer second(scene_, config, *backend_, *kept.newest());
-      second.run();
-      EXPECT_TRUE(same_bits(second.model(), expected)) << config.density.strategy << " " << stop;
-    }
-  }
+  for (const Config& config : {dynamic_run(), dynamic_mcmc_run()})
+    expect_goes_on_after({19, 63, 150}, config);
 }
 
 TEST(RowRules, HalvesOfASplitMoveInTimeAndLiveShorter) {
@@ -181,15 +122,6 @@ TEST(RowRules, ARowWithoutAMomentIsPrunedAndNeverDrawn) {
     EXPECT_EQ(is_pruned(rows.span(), i, rules), i > 0) << i;
     EXPECT_EQ(draw_weight(rows.span(), i, 0.005f) == 0, i > 0) << i;
   }
-}
-
-TEST(TimeBins, ComeBeforePlacesInTheMortonOrder) {
-  const std::uint64_t far = (std::uint64_t(1) << 63) - 1;
-  EXPECT_LT(time_binned(far, 0.49f), time_binned(0, 0.51f));
-  EXPECT_LT(time_binned(0, 0.49f), time_binned(far, 0.49f));
-  EXPECT_EQ(time_binned(0, 1.0f), time_binned(0, 7.0f));
-  EXPECT_EQ(time_binned(0, std::numeric_limits<float>::quiet_NaN()), 0u);
-  EXPECT_LT(time_binned(far, 1.0f), std::uint64_t(1) << 63);
 }
 
 }  // namespace

@@ -11,10 +11,7 @@
 
 #include "gs_core/threads/parallel.h"
 #include "gs_train/density/density_control.h"
-#include "gs_train/loop/trainer.h"
-#include "gs_train/metrics.h"
-#include "gs_train/stages/scalar_stages.h"
-#include "tests/support/models.h"
+#include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"
 
 namespace gs {
@@ -102,14 +99,6 @@ TEST(Grow, DoesWhatAdaptiveDoesBitForBitUnderItsRules) {
     }
 }
 
-TEST(Grow, LowersOpacitiesAsAdaptiveDoes) {
-  TrainingModel adaptive = random_model(100, 2), budgeted = random_model(100, 2);
-  make_scalar_row_ops()->reset_opacity(adaptive, kResetOpacity);
-  make_scalar_row_ops()->lower_opacity(
-      budgeted, {OpacityPolicy::reset, kResetOpacity, MomentClearing::opacity});
-  EXPECT_TRUE(same_bits(budgeted, adaptive));
-}
-
 TEST(Grow, ClearsTheMomentsThatItsRuleNames) {
   TrainingModel model = random_model(3, 2);
   make_scalar_row_ops()->lower_opacity(model, {OpacityPolicy::halve, 0.01f, MomentClearing::none});
@@ -179,6 +168,29 @@ TEST(Grow, StopsAtAShareOfTheRowsAndAtAScore) {
   model = scored_model(100);
   rules.score_threshold = 90;
   EXPECT_EQ(grow_by(model, rules).cloned, 10u);
+}
+
+TEST(Grow, StopsAtAShareOfTheRowsThatMayGrow) {
+  TrainingModel model = scored_model(100);
+  GrowthRules rules = by_error(0, GrowthSelection::top_k);
+  rules.score_threshold = 60;  // 40 may grow
+  rules.candidate_share = 0.25f;
+  EXPECT_EQ(grow_by(model, rules).cloned, 10u);
+  EXPECT_EQ(origin(model, 100), 90u);
+}
+
+// Ten rows are too faint; the curve is at its end.
+TEST(Grow, ReplacesWhatItPrunesWhereAsked) {
+  for (const bool replaces : {false, true}) {
+    TrainingModel model = scored_model(100);
+    for (std::size_t i = 0; i < 10; ++i) model.gaussians.logit_opacity[i] = logit(0.01f);
+    GrowthRules rules = by_error(90, GrowthSelection::race);
+    rules.replaces = replaces;
+    const RefineReport report = grow_by(model, rules);
+    EXPECT_EQ(report.pruned, 10u);
+    EXPECT_EQ(report.cloned, replaces ? 10u : 0u);
+    EXPECT_EQ(model.count(), replaces ? 100u : 90u);
+  }
 }
 
 TEST(Grow, PrunesWhatWasInNoPixelWhereAsked) {
@@ -309,19 +321,9 @@ class Watcher : public Observer {
   int last_step_;
 };
 
-/// Keeps the last checkpoint in memory.
-class KeptState final : public CheckpointStore {
- public:
-  bool save(const RunProgress& progress, const TrainingModel& model) override {
-    state = {progress, copy_to(host_memory(), model)};
-    return true;
-  }
-  std::optional<TrainingState> newest() override { return std::nullopt; }
-  TrainingState state;
-};
-
-class BudgetedRun : public ::testing::Test {
+class BudgetedRun : public SceneRun {
  protected:
+  BudgetedRun() : SceneRun(small_scene()) {}
   static Config run_with(GrowthScore score) {
     Config config = short_run();
     DensityConfig& density = config.density;
@@ -339,14 +341,6 @@ class BudgetedRun : public ::testing::Test {
     density.until_step = 24000;
     return config;
   }
-  TrainingModel trained(const Config& config) {
-    Trainer trainer(scene_, config, *backend_);
-    trainer.run();
-    return copy_to(host_memory(), trainer.model());
-  }
-
-  const Scene scene_ = small_scene();
-  const std::unique_ptr<Backend> backend_ = make_scalar_backend();
 };
 
 TEST_F(BudgetedRun, FollowsItsCurveWithEveryScore) {
@@ -390,7 +384,7 @@ TEST_F(BudgetedRun, GoesOnFromACheckpointAsIfItHadNeverStopped) {
   for (const GrowthScore score : {GrowthScore::force, GrowthScore::edge}) {
     Config config = run_with(score);
     config.train.iterations = 130;
-    KeptState kept;
+    LastState kept;
     Watcher watcher(66);  // between two refinements
     Trainer first(scene_, config, *backend_);
     first.keep_checkpoints_in(kept);
@@ -402,6 +396,65 @@ TEST_F(BudgetedRun, GoesOnFromACheckpointAsIfItHadNeverStopped) {
     rest.run();
     EXPECT_TRUE(same_bits(copy_to(host_memory(), rest.model()), trained(config)));
   }
+}
+
+TEST_F(BudgetedRun, PrunesSharesAtTheirSteps) {
+  const Config config = busy_run();
+  Watcher watcher;
+  Trainer trainer(scene_, config, *backend_);
+  trainer.add_observer(watcher);
+  trainer.run();
+  std::map<int, std::size_t>& counts = watcher.counts;
+  EXPECT_EQ(counts[40], counts[39] - share_of(counts[39], double(0.1f)));
+  EXPECT_EQ(counts[64], counts[63] - share_of(counts[63], double(0.3f)));
+  EXPECT_EQ(counts[60], counts[59]);  // no refinement while sensitivities are measured
+  EXPECT_GT(counts[80], counts[79]);
+}
+
+TEST_F(BudgetedRun, GoesOnFromAnyStepOfAMeasurement) {
+  const Config config = busy_run();
+  const TrainingModel whole = trained(config);
+  for (const int stop : {36, 57, 60, 63, 64, 77}) {
+    LastState kept;
+    StopAfter watcher(stop);
+    Trainer first(scene_, config, *backend_);
+    first.keep_checkpoints_in(kept);
+    first.add_observer(watcher);
+    first.run();
+    Trainer rest(scene_, config, *backend_, std::move(kept.state));
+    rest.run();
+    EXPECT_TRUE(same_bits(copy_to(host_memory(), rest.model()), whole)) << stop;
+  }
+}
+
+TEST_F(BudgetedRun, WithMaximaGoesOnFromACheckpoint) {
+  for (const int batch : {1, 3}) {
+    Config config = run_with(GrowthScore::error);
+    config.density.pooling = ScorePooling::max;
+    config.density.curve = GrowthCurve::share;
+    config.train.batch = batch;
+    config.train.iterations = 90;
+    LastState kept;
+    StopAfter watcher(50);
+    Trainer first(scene_, config, *backend_);
+    first.keep_checkpoints_in(kept);
+    first.add_observer(watcher);
+    first.run();
+    Trainer rest(scene_, config, *backend_, std::move(kept.state));
+    rest.run();
+    const TrainingModel whole = trained(config);
+    EXPECT_TRUE(same_bits(copy_to(host_memory(), rest.model()), whole)) << batch;
+    config.density.pooling = ScorePooling::sum;
+    EXPECT_FALSE(same_bits(trained(config), whole)) << batch;
+  }
+}
+
+TEST_F(BudgetedRun, WithEverythingGivesTheSameBitsForAnyNumberOfThreads) {
+  const Config config = busy_run();
+  set_thread_count(1);
+  const TrainingModel one = trained(config);
+  set_thread_count(0);
+  EXPECT_TRUE(same_bits(trained(config), one));
 }
 
 TEST_F(BudgetedRun, GivesTheSameBitsForAnyNumberOfThreads) {

@@ -257,6 +257,46 @@ TEST(ResetOpacity, ClearsTheMomentsOfTheOpacitiesAndNoOthers) {
     }
 }
 
+TEST(PruneShare, RemovesTheFaintestWholeAndInOrder) {
+  TrainingModel model = model_with({{kSmall, 0, 0.5f},
+                                    {kSmall, 0, 0.2f},
+                                    {kSmall, 0, 0.4f},
+                                    {kSmall, 0, 0.2f},
+                                    {kSmall, 0, 0.9f}});
+  EXPECT_EQ(make_scalar_row_ops()->prune_share(model, PruneOrder::opacity, 0.5), 2u);
+  ASSERT_EQ(model.count(), 3u);
+  for (const auto& [i, origin] : {std::pair{0, 0}, {1, 2}, {2, 4}}) {
+    EXPECT_TRUE(row_is(model.first_moment.mean, std::size_t(i), float(origin + 1)));
+    EXPECT_TRUE(row_is(model.second_moment.sh_rest, std::size_t(i), float(origin + 1)));
+  }
+}
+
+TEST(PruneShare, TakesTheFirstOfEqualRowsAndBrokenOnesBeforeAll) {
+  TrainingModel model = model_with({kStays, kStays, kStays, kStays});
+  model.gaussians.logit_opacity[2] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(make_scalar_row_ops()->prune_share(model, PruneOrder::opacity, 0.5), 2u);
+  EXPECT_TRUE(row_is(model.first_moment.mean, 0, 2));
+  EXPECT_TRUE(row_is(model.first_moment.mean, 1, 4));
+}
+
+TEST(PruneShare, BySensitivityTakesTheSumOfSquares) {
+  TrainingModel model = model_with({kStays, kStays, kStays, kStays});
+  EXPECT_THROW(make_scalar_row_ops()->prune_share(model, PruneOrder::sensitivity, 0.5),
+               std::logic_error);
+  begin_sums(model);
+  for (std::size_t i = 0; i < 4; ++i) model.statistics.sums[i] = {0, 0, float(i), 4 - float(i)};
+  EXPECT_EQ(make_scalar_row_ops()->prune_share(model, PruneOrder::sensitivity, 0.25), 1u);
+  ASSERT_EQ(model.count(), 3u);
+  EXPECT_EQ(model.statistics.sums[2].second, 2.0f);  // statistics of the others stay
+}
+
+TEST(PruneShare, OfNothingAndWithoutRowsRemovesNothing) {
+  TrainingModel model = model_with({kStays, kStays}), none = model_with({});
+  EXPECT_EQ(make_scalar_row_ops()->prune_share(model, PruneOrder::opacity, 0.4), 0u);
+  EXPECT_EQ(make_scalar_row_ops()->prune_share(none, PruneOrder::opacity, 0.4), 0u);
+  EXPECT_EQ(model.count(), 2u);
+}
+
 TEST(Prune, RemovesFaintAndDegenerateRowsWholeAndInOrder) {
   TrainingModel model = model_with({kFaint, kStays, kStays, kFaint, kStays});
   model.gaussians.rotation[2] = {0, 0, 0, 0};

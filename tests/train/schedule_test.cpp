@@ -122,6 +122,121 @@ TEST(ScheduleOfEpochs, RefinesAfterSoManyPassesOverThePhotos) {
             from_to_every(600, 14'900, 100));
 }
 
+TEST(ScheduleOfEpochs, BeginsRefinementsAfterSomePasses) {
+  Config config;
+  config.density.first_epochs = 2;
+  const auto first = [&](std::size_t views) {
+    const Schedule schedule(config, 2.0f, views);
+    return steps_where(schedule, [&](int step) { return schedule.refine(step); }).front();
+  };
+  EXPECT_EQ(first(40), 600);
+  EXPECT_EQ(first(500), 1000);
+  EXPECT_EQ(first(5000), 3000);  // a tenth of the run
+}
+
+TEST(ScheduleOfEpochs, RaisesTheShDegreeAfterSomePasses) {
+  Config config;
+  config.train.sh_degree_epochs = 5;
+  const auto first = [&](std::size_t views) {
+    const Schedule schedule(config, 2.0f, views);
+    return steps_where(schedule, [&](int step) { return schedule.raise_sh_degree(step); }).front();
+  };
+  EXPECT_EQ(first(0), 1000);
+  EXPECT_EQ(first(40), 1000);
+  EXPECT_EQ(first(300), 1500);
+  EXPECT_EQ(first(5000), 5000);  // a sixth of the run
+}
+
+TEST(ScheduleOfFinalSteps, LeavesThemWithoutRefinementsAndResets) {
+  Config config;
+  config.density.until_step = config.density.reset_opacity_until = 30000;
+  config.density.reset_opacity_every = 1000;
+  config.density.final_steps = 1000;
+  const auto last_of = [&](int steps) {
+    config.train.iterations = steps;
+    const Schedule schedule(config, 2.0f);
+    return std::pair{
+        steps_where(schedule, [&](int step) { return schedule.refine(step); }).back(),
+        steps_where(schedule, [&](int step) { return schedule.reset_opacity(step); }).back()};
+  };
+  EXPECT_EQ(last_of(30'000), (std::pair{29'000, 28'000}));
+  EXPECT_EQ(last_of(10'000), (std::pair{9000, 8000}));
+  EXPECT_EQ(last_of(2000), (std::pair{1500, 1000}));  // a quarter of the run
+}
+
+TEST(ScheduleOfAShortRun, MayEndWithAHigherPositionRate) {
+  Config config;
+  config.optimizer.position_lr_final_power = 2;
+  const auto last_rate = [&](int steps) {
+    config.train.iterations = steps;
+    return double(Schedule(config, 2.0f).learning_rates(steps).mean);
+  };
+  EXPECT_NEAR(last_rate(30'000) / 3.2e-6, 1, 1e-6);
+  EXPECT_NEAR(last_rate(60'000) / 3.2e-6, 1, 1e-6);
+  EXPECT_NEAR(last_rate(15'000) / 1.28e-5, 1, 1e-6);
+  EXPECT_NEAR(last_rate(7000) / 3.2e-5, 1, 1e-6);  // at most ten times
+}
+
+TEST(ScheduleOfAShortRun, MayKeepThePositionRateAtFirst) {
+  Config config;
+  config.train.iterations = 10'000;
+  config.optimizer.position_decay_from = 12'000;  // step 4,000
+  const Schedule schedule(config, 2.0f);
+  EXPECT_NEAR(schedule.learning_rates(1).mean / 3.2e-4, 1, 1e-6);
+  EXPECT_NEAR(schedule.learning_rates(4000).mean / 3.2e-4, 1, 1e-6);
+  EXPECT_NEAR(schedule.learning_rates(7000).mean / 3.2e-5, 1, 1e-6);
+  EXPECT_NEAR(schedule.learning_rates(10'000).mean / 3.2e-6, 1, 1e-6);
+}
+
+TEST(ScheduleOfPhotoSizes, HasEachFactorForItsTime) {
+  Config config;
+  config.train.iterations = 10'000;
+  config.train.resolution_ramp = {4, 2};
+  const Schedule schedule(config, 2.0f);
+  Camera camera;
+  camera.width = 4000, camera.height = 3000;
+  const auto factor = [&](int step) { return schedule.photo_reduction(step, camera); };
+  EXPECT_EQ(factor(1), 4);
+  EXPECT_EQ(factor(2000), 4);
+  EXPECT_EQ(factor(2001), 2);
+  EXPECT_EQ(factor(4000), 2);
+  EXPECT_EQ(factor(4001), 1);
+  EXPECT_EQ(factor(10'000), 1);
+  EXPECT_EQ(Schedule(Config{}, 2.0f).photo_reduction(1, camera), 1);
+}
+
+// 100,000 pixels at least: 1,000 x 750 may be reduced twice, not three times.
+TEST(ScheduleOfPhotoSizes, ReducesNoPhotoTooFar) {
+  Config config;
+  config.train.resolution_ramp = {8};
+  const Schedule schedule(config, 2.0f);
+  Camera camera;
+  camera.width = 1000, camera.height = 750;
+  EXPECT_EQ(schedule.photo_reduction(1, camera), 2);
+  camera.width = 400;
+  EXPECT_EQ(schedule.photo_reduction(1, camera), 1);
+  camera.width = 5, camera.height = 3;
+  config.train.resolution_least = 1;
+  EXPECT_EQ(Schedule(config, 2.0f).photo_reduction(1, camera), 3);
+}
+
+// The usual rule to the last bit, although 0.999 as a float is not the nearest to it as a double.
+TEST(ScheduleOfAdam, HasTheBetasOfTheConfig) {
+  const AdamRule usual = Schedule(Config{}, 1).adam_rule(1), expected;
+  EXPECT_EQ(usual.beta2, expected.beta2);
+  EXPECT_EQ(usual.one_minus_beta2, expected.one_minus_beta2);
+  EXPECT_EQ(usual.photo_beta2, expected.photo_beta2);
+  EXPECT_EQ(usual.epsilon, expected.epsilon);
+  Config config;
+  config.optimizer.beta2 = 0.99f;
+  EXPECT_EQ(Schedule(config, 1).adam_rule(1).photo_beta2, 0.99);
+  EXPECT_EQ(Schedule(config, 1).adam_rule(4).steps, 4);
+  EXPECT_NEAR(Schedule(config, 1).adam_rule(4).beta2, std::pow(0.99, 4), 1e-7);
+  config.train.batch_rates = false;
+  EXPECT_EQ(Schedule(config, 1).adam_rule(4).steps, 1);
+  EXPECT_EQ(Schedule(config, 1).adam_rule(4).beta2, 0.99f);
+}
+
 TEST(GrowthShare, GoesFromZeroToOneOverTheRefinements) {
   Config config;
   config.density.every = 300;
@@ -140,6 +255,127 @@ TEST(HasSeenAllViews, NeedsAnEpochSinceTheLastRefinement) {
   EXPECT_TRUE(many.has_seen_all_views(600));  // the first refinement looks at all steps so far
   EXPECT_FALSE(many.has_seen_all_views(700));
   EXPECT_FALSE(unknown.has_seen_all_views(600));
+}
+
+// 100 steps hold a whole epoch of 51 photos only where one of its ends is near theirs.
+TEST(HasSeenAllViews, NeedsAWholeEpoch) {
+  const Schedule schedule(Config{}, 2.0f, 51);
+  EXPECT_TRUE(schedule.has_seen_all_views(900));    // 817 to 867
+  EXPECT_FALSE(schedule.has_seen_all_views(2600));  // 2500 to 2550: step 2500 is not in it
+}
+
+// ---- statistics of the last epoch --------------------------------------------------------------
+
+Config with_epochs(int every) {
+  Config config;
+  config.density.window = StatisticsWindow::epoch;
+  config.density.every = every;
+  return config;
+}
+
+TEST(StatisticsOfAnEpoch, AreGatheredInTheLastWholeOneBeforeARefinement) {
+  const Schedule schedule(with_epochs(300), 2.0f, 80);  // epochs end at 560, 880, 1200
+  const auto gathers = [&](int from, int to) {
+    std::vector<int> steps;
+    for (int step = from; step <= to; ++step)
+      if (schedule.gather_statistics(step)) steps.push_back(step);
+    return steps;
+  };
+  EXPECT_EQ(gathers(1, 600), from_to_every(481, 560, 1));
+  EXPECT_EQ(gathers(601, 900), from_to_every(801, 880, 1));
+  EXPECT_EQ(gathers(901, 1200), from_to_every(1121, 1200, 1));
+  EXPECT_TRUE(gathers(14'701, 30'000).empty());  // after the last refinement
+  EXPECT_EQ(schedule.photos_of_statistics(900), 80);
+  EXPECT_TRUE(schedule.has_seen_all_views(900));
+}
+
+TEST(StatisticsOfAnEpoch, AreOfAllStepsWhereNoneLiesBetweenTwoRefinements) {
+  const Schedule schedule(with_epochs(100), 2.0f, 250), unknown(with_epochs(100), 2.0f);
+  for (int step = 601; step <= 14'900; ++step) {
+    ASSERT_TRUE(schedule.gather_statistics(step)) << step;
+    ASSERT_TRUE(unknown.gather_statistics(step)) << step;
+  }
+  EXPECT_EQ(schedule.photos_of_statistics(700), 100);
+  EXPECT_FALSE(schedule.gather_statistics(250));  // of the first refinement only 251 to 500 count
+  EXPECT_TRUE(schedule.gather_statistics(251));
+  EXPECT_EQ(schedule.photos_of_statistics(600), 250);
+}
+
+// ---- shares that are pruned --------------------------------------------------------------------
+
+Config budgeted() {
+  Config config;
+  config.density.strategy = "budgeted";
+  return config;
+}
+
+TEST(RecoveryPrune, ComesSoManyStepsAfterTheFirstResetsInsteadOfARefinement) {
+  Config config = budgeted();
+  config.density.recovery_prune = 0.2f;
+  const Schedule schedule(config, 2.0f);
+  EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.recovery_prune(step) > 0; }),
+              ElementsAre(3300, 6300));
+  EXPECT_FLOAT_EQ(float(schedule.recovery_prune(3300)), 0.2f);
+  EXPECT_FALSE(schedule.refine(3300));
+  EXPECT_TRUE(schedule.refine(3200) && schedule.refine(3400));
+  config.train.iterations =
+      7000;  // resets after 1,000 and 2,000 steps; the last one scales to 1,400
+  const Schedule shorter(config, 2.0f);
+  EXPECT_THAT(steps_where(shorter, [&](int step) { return shorter.recovery_prune(step) > 0; }),
+              ElementsAre(1300));
+  config.density.strategy = "adaptive";
+  EXPECT_EQ(Schedule(config, 2.0f).recovery_prune(3300), 0.0);
+  EXPECT_TRUE(Schedule(config, 2.0f).refine(3300));
+}
+
+Config with_share_prunes() {
+  Config config = budgeted();
+  config.density.soft_prune = 0.8f;
+  config.density.hard_prune = 0.3f;
+  return config;
+}
+
+TEST(SensitivityPrune, IsSoftBeforeTheLastRefinementAndHardAfterwards) {
+  const Schedule schedule(with_share_prunes(), 2.0f, 200);
+  EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.sensitivity_prune(step) > 0; }),
+              ElementsAre(6000, 9000, 12'000, 15'000, 18'000, 21'000, 24'000, 27'000));
+  for (const int step : {6000, 9000, 12'000})
+    EXPECT_FLOAT_EQ(float(schedule.sensitivity_prune(step)), 0.8f);
+  for (const int step : {15'000, 27'000})
+    EXPECT_FLOAT_EQ(float(schedule.sensitivity_prune(step)), 0.3f);
+}
+
+TEST(SensitivityPrune, IsMeasuredInTheLastWholeEpochWithoutRefinements) {
+  const Schedule schedule(with_share_prunes(), 2.0f, 280);  // an epoch ends at 5880
+  EXPECT_EQ(
+      steps_where(schedule,
+                  [&](int step) { return step < 8000 && schedule.measure_sensitivity(step); }),
+      from_to_every(5601, 5880, 1));
+  EXPECT_TRUE(schedule.refine(5600));
+  for (int step = 5601; step <= 6000; ++step) EXPECT_FALSE(schedule.refine(step)) << step;
+  EXPECT_TRUE(schedule.refine(6100));
+  EXPECT_TRUE(schedule.measure_sensitivity(17'800));
+  EXPECT_TRUE(schedule.gather_statistics(17'800));
+  EXPECT_FALSE(schedule.gather_statistics(16'500));
+}
+
+TEST(SensitivityPrune, NeedsAnEpochSinceTheOneBefore) {
+  const Schedule many(with_share_prunes(), 2.0f, 3100), unknown(with_share_prunes(), 2.0f);
+  for (int step = 1; step <= 30'000; ++step) {
+    ASSERT_EQ(many.sensitivity_prune(step), 0.0) << step;
+    ASSERT_EQ(unknown.sensitivity_prune(step), 0.0) << step;
+  }
+  EXPECT_TRUE(many.refine(6000));
+}
+
+TEST(LatePrune, ComesAtTheIntervalsOfResetsAfterTheRefinements) {
+  Config config = budgeted();
+  const Schedule none(config, 2.0f);
+  EXPECT_TRUE(steps_where(none, [&](int step) { return none.prune_late(step); }).empty());
+  config.density.late_prune_opacity = 0.1f;
+  const Schedule schedule(config, 2.0f);
+  EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.prune_late(step); }),
+              ElementsAre(18'000, 21'000, 24'000, 27'000));
 }
 
 }  // namespace

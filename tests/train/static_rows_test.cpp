@@ -8,11 +8,8 @@
 
 #include "gs_core/math/morton.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_train/loop/trainer.h"
-#include "gs_train/metrics.h"
 #include "gs_train/row_rules.h"
-#include "gs_train/stages/scalar_stages.h"
-#include "tests/support/models.h"
+#include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"
 
 namespace gs {
@@ -189,7 +186,6 @@ TEST(StaticRows, SplitAsIn3D) {
 TEST(StaticRows, ComeLastInTheOrderOfMemory) {
   const std::uint64_t far = (std::uint64_t(1) << 63) - 1;
   EXPECT_GT(spacetime_code(0, 0, kStaticLogTimeScale), spacetime_code(far, 1, -1));
-  EXPECT_EQ(spacetime_code(far, 0.7f, -1), time_binned(far, 0.7f));
   const TrainingModel model = mixed_model(random_camera(96, 64, 3), 200, 7);
   make_half_static(model.gaussians);
   const Gaussians& rows = model.gaussians;
@@ -241,48 +237,9 @@ std::vector<Config> static_runs() {
           static_budgeted_run(SplitPlacement::axis)};
 }
 
-class LastState : public CheckpointStore {
- public:
-  bool save(const RunProgress& progress, const TrainingModel& model) override {
-    state_ = {progress, copy_to(host_memory(), model)};
-    return true;
-  }
-  std::optional<TrainingState> newest() override {
-    return TrainingState{state_.progress, copy_to(host_memory(), state_.model)};
-  }
-
- private:
-  TrainingState state_;
-};
-
-class StopAfter : public Observer {
- public:
-  explicit StopAfter(int step) : step_(step) {}
-  void after_step(int step, Trainer& trainer) override {
-    if (step == step_) trainer.stop();
-  }
-
- private:
-  int step_;
-};
-
-class StaticRun : public ::testing::Test {
+class StaticRun : public SceneRun {
  protected:
-  TrainingModel trained(const Config& config) {
-    Trainer trainer(scene_, config, *backend_);
-    trainer.run();
-    return copy_to(host_memory(), trainer.model());
-  }
-  double psnr_after(const Config& config) {
-    Trainer trainer(scene_, config, *backend_);
-    trainer.run();
-    return evaluate(backend_->renderer(), trainer.model().gaussians.span(), scene_.train_views,
-                    trainer.evaluation_settings())
-        .psnr;
-  }
-
-  const Scene scene_ = timed_scene();
-  const std::unique_ptr<Backend> backend_ = make_scalar_backend();
+  StaticRun() : SceneRun(timed_scene()) {}
 };
 
 TEST_F(StaticRun, LeavesEveryStaticRowATurnOfSpaceToTheLastBit) {
@@ -316,20 +273,7 @@ TEST_F(StaticRun, GivesTheSameBitsForAnyNumberOfThreads) {
 }
 
 TEST_F(StaticRun, StoppedAndResumedEndsWithTheSameBits) {
-  for (const Config& config : static_runs()) {
-    const TrainingModel expected = trained(config);
-    for (const int stop : {63, 150}) {
-      LastState kept;
-      StopAfter stopper(stop);
-      Trainer first(scene_, config, *backend_);
-      first.keep_checkpoints_in(kept);
-      first.add_observer(stopper);
-      first.run();
-      Trainer second(scene_, config, *backend_, *kept.newest());
-      second.run();
-      EXPECT_TRUE(same_bits(second.model(), expected)) << config.density.strategy << " " << stop;
-    }
-  }
+  for (const Config& config : static_runs()) expect_goes_on_after({63, 150}, config);
 }
 
 TEST_F(StaticRun, WithARuleThatNoRowMeetsIsThatWithoutTheRule) {

@@ -14,6 +14,7 @@
 #include "data_loaders/formats/ply/mip_filter.h"
 #include "data_loaders/formats/ply/ply_file.h"
 #include "data_loaders/formats/ply/ply_layout.h"
+#include "gs_core/bake_filter.h"
 #include "gs_core/log.h"
 
 namespace gs {
@@ -98,14 +99,28 @@ Vec3d world_offset_in(const PlyHeader& header) {
   return Vec3d(0.0);
 }
 
-/// Trainers with a 3D filter have an antialiased 2D one, too, unless a comment denies it.
-void apply_filter_3d(const std::vector<float>& filter, const PlyFile& file, GaussianModel& model) {
-  bake_filter_3d(model.gaussians, filter);
-  model.antialiased = antialiased_comment(file.header()).value_or(true);
-  log_info(
-      "{}: its 3D filter (filter_3D, of Mip-Splatting) is applied to scales and opacities, and the "
-      "model is read as {}",
-      file.path().string(), model.antialiased ? "antialiased" : "not antialiased");
+GaussianModel read_plain_ply(PlyFile& file) {
+  const PlyElement& vertex = *file.header().find("vertex");
+  GaussianModel model;
+  model.sh_degree = sh_degree_of(vertex, file.path());
+  const bool has_time = vertex.find(kTimeMean) >= 0;
+  check_properties(vertex, model.sh_degree, has_time, file);
+  take_comments(file.header(), model);
+  model.gaussians.has_time = has_time;
+  model.gaussians.has_filter = has_filter_3d(file.header());
+  model.gaussians.resize(vertex.count);
+  if (model.sh_degree < kMaxShDegree) model.gaussians.sh_rest.fill_zero();
+  file.read_columns(vertex, gaussian_columns(model.gaussians, model.sh_degree));
+  // Trainers with a 3D filter have an antialiased 2D one, too, unless a comment denies it.
+  if (model.gaussians.has_filter)
+    model.antialiased = antialiased_comment(file.header()).value_or(true);
+  return model;
+}
+
+GaussianModel read_ply(PlyFile& file) {
+  if (!file.header().find("vertex"))
+    cannot_read(file.path(), "it has no element \"vertex\"; name a PLY of trained Gaussians");
+  return is_compressed_ply(file.header()) ? read_compressed_ply(file) : read_plain_ply(file);
 }
 
 }  // namespace
@@ -153,6 +168,7 @@ std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degre
   append_columns(columns, gaussians.logit_opacity, {"opacity"});
   append_columns(columns, gaussians.log_scale, {"scale_0", "scale_1", "scale_2"});
   append_columns(columns, gaussians.rotation, {kFirstOfRotation, "rot_1", "rot_2", "rot_3"});
+  if (gaussians.has_filter) append_columns(columns, gaussians.filter_scale, {kFilter3dProperty});
   if (!gaussians.has_time) return columns;
   append_columns(columns, gaussians.right_rotation,
                  {kFirstOfRightRotation, "right_rot_1", "right_rot_2", "right_rot_3"});
@@ -163,26 +179,19 @@ std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degre
 
 GaussianModel read_gaussian_ply(const std::filesystem::path& path) {
   PlyFile file(path);
-  const PlyElement* vertex = file.header().find("vertex");
-  if (!vertex) cannot_read(path, "it has no element \"vertex\"; name a PLY of trained Gaussians");
-  if (is_compressed_ply(file.header())) return read_compressed_ply(file);
-  GaussianModel model;
-  model.sh_degree = sh_degree_of(*vertex, path);
-  const bool has_time = vertex->find(kTimeMean) >= 0;
-  check_properties(*vertex, model.sh_degree, has_time, file);
-  take_comments(file.header(), model);
-  model.gaussians.has_time = has_time;
-  model.gaussians.resize(vertex->count);
-  if (model.sh_degree < kMaxShDegree) model.gaussians.sh_rest.fill_zero();
-  std::vector<PlyColumn> columns = gaussian_columns(model.gaussians, model.sh_degree);
-  std::vector<float> filter;  // (N), where the file has one
-  if (has_filter_3d(file.header())) {
-    filter.resize(vertex->count);
-    columns.push_back({kFilter3dProperty, filter.data(), 0, 1});
-  }
-  file.read_columns(*vertex, columns);
-  if (!filter.empty()) apply_filter_3d(filter, file, model);
+  GaussianModel model = read_ply(file);
+  if (!model.gaussians.has_filter) return model;
+  bake_filter(model.gaussians);
+  log_info(
+      "{}: its 3D filter (filter_3D, of Mip-Splatting) is applied to scales and opacities, and the "
+      "model is read as {}",
+      path.string(), model.antialiased ? "antialiased" : "not antialiased");
   return model;
+}
+
+GaussianModel read_raw_gaussian_ply(const std::filesystem::path& path) {
+  PlyFile file(path);
+  return read_ply(file);
 }
 
 }  // namespace gs

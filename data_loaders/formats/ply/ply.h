@@ -16,18 +16,22 @@ namespace gs {
 /// properties gives the SH degree.
 /// Comments: "SplatRenderMode: mip", "antialiased 1" and "postshot.anti_aliasing=1" set
 /// `antialiased`, "gemsplat ..." sets `is_ours`, "world_offset X Y Z" sets `world_offset`.
-/// A column filter_3D (Mip-Splatting) goes into scales and opacities (mip_filter.h); such a model
+/// A column filter_3D (Mip-Splatting) goes into scales and opacities (bake_filter.h); such a model
 /// is `antialiased` unless a comment denies it. A PLY with packed_position is a compressed one
 /// (compressed_ply.h).
 /// Values are taken as they are, NaN and infinity included (inspect() counts them).
 /// Throws Error, with file, place and remedy, for a file that is damaged or holds something else.
 GaussianModel read_gaussian_ply(const std::filesystem::path& path);
+/// The same, but a column filter_3D becomes the Gaussians' filter, and scales and opacities stay as
+/// they are: for training on.
+GaussianModel read_raw_gaussian_ply(const std::filesystem::path& path);
 
 /// Writes trained Gaussians in the order of properties of the reference trainer (Kerbl et al.
 /// 2023), as little-endian floats, f_rest_ for the model's degree only, rotations with length 1.
 /// Positions stay near the origin, as floats must; a world offset that is not 0 becomes a comment.
 /// The bytes depend on the model alone. The file appears whole or not at all; missing folders are
 /// created.
+/// A filter becomes the last column, filter_3D.
 /// Rows that hold a NaN or an infinity are left out, with a warning. Returns how many were left
 /// out. Throws Error with the path where it cannot be written.
 std::size_t write_gaussian_ply(const std::filesystem::path& path, const GaussianModel& model);

@@ -19,6 +19,8 @@ namespace gs {
 ///   opacity                            logit_opacity
 ///   scale_0..2                         log_scale                natural log of world units
 ///   rot_0..3                           rotation                 w x y z
+/// of Gaussians with a 3D filter (mip_filter.h)
+///   filter_3D                          filter_scale             world units
 /// and of Gaussians in space and time
 ///   right_rot_0..3                     right_rotation           w x y z
 ///   time_mean                          time_mean                0 to 1 is the scene's duration

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+// The view of a step that trains on a reduced photo. Its GPU twin is in cuda/photos.cu.
+#pragma once
+
+#include "gs_core/scene.h"
+
+namespace gs {
+
+/// The view with camera, photo and mask reduced `factor` times (math/area_filter.h); all else is
+/// that of `view`, which has its photo.
+View reduced_view(const View& view, int factor);
+
+}  // namespace gs
