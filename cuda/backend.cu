@@ -17,8 +17,8 @@
 #include <unordered_map>
 #include <utility>
 
-#include "cuda/renderer.cuh"
-#include "cuda/warp.cuh"
+#include "cuda/device/warp.cuh"
+#include "cuda/render/renderer.cuh"
 #include "gs_core/math/density.h"
 #include "gs_train/named_row.h"
 

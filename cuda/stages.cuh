@@ -6,10 +6,10 @@
 
 #include <memory>
 
-#include "cuda/context.cuh"
-#include "cuda/fixed_sums.cuh"
-#include "cuda/fragment_sums.cuh"
-#include "cuda/photos.cuh"
+#include "cuda/density/fragment_sums.cuh"
+#include "cuda/device/context.cuh"
+#include "cuda/device/fixed_sums.cuh"
+#include "cuda/train/photos.cuh"
 #include "gs_core/math/adam.h"
 #include "gs_train/backend.h"
 

@@ -58,7 +58,7 @@ check() {
 }
 
 # True for a file that chooses by the version of CUB, itself or through radix_sort.cuh.
-chooses() { grep -qE 'GS_FORCE_PORTABLE_CUB|"cuda/radix_sort\.cuh"' "$1"; }
+chooses() { grep -qE 'GS_FORCE_PORTABLE_CUB|"cuda/render/radix_sort\.cuh"' "$1"; }
 
 # run_limited COMMAND...: in the background, as soon as fewer than nproc are running.
 run_limited() {
@@ -66,7 +66,7 @@ run_limited() {
   "$@" &
 }
 
-mapfile -t files < <(grep -lE '#include (<cub/|"cuda/(cub_scratch|radix_sort)\.cuh")' cuda/*.cu)
+mapfile -t files < <(grep -lE '#include (<cub/|"cuda/(device/cub_scratch|render/radix_sort)\.cuh")' cuda/*.cu cuda/*/*.cu)
 IFS=: read -r -a folders <<<"${GS_CCCL_DIRS:-}"
 found=()
 for folder in '' "${folders[@]}"; do

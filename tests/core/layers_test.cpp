@@ -332,10 +332,10 @@ TEST(Layers, AnIncludeAgainstTheArrowIsNamedWithFileAndLine) {
 }
 
 TEST(Layers, AnIncludeAlongTheArrowIsFine) {
-  EXPECT_THAT(violations_of("cuda/blend.cu",
+  EXPECT_THAT(violations_of("cuda/render/blend.cu",
                             "#include \"gs_core/math/blend.h\"\n"
                             "#include \"gs_train/backend.h\"\n"
-                            "#include \"cuda/warp.cuh\"\n#include \"mma.cuh\"\n"),
+                            "#include \"cuda/device/warp.cuh\"\n#include \"mma.cuh\"\n"),
               IsEmpty());
   EXPECT_THAT(violations_of("gs_app/run/make_backend.cpp", "#include \"cuda/backend.h\"\n"),
               IsEmpty());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The message for users whose card the build does not serve. No GPU is needed.
-#include "cuda/unserved_card.h"
+#include "cuda/device/unserved_card.h"
 
 #include <gtest/gtest.h>
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// One batch of a warp of cuda/blend_gemm.cu, emulated on the CPU in double: each lane gets the
-// entries that the hardware gives it (cuda/gemm_layout.h), composites its own splats, and exchanges
+// One batch of a warp of cuda/render/blend_gemm.cu, emulated on the CPU in double: each lane gets the
+// entries that the hardware gives it (cuda/render/gemm_layout.h), composites its own splats, and exchanges
 // the same values as blend_gemm.cu.
-#include "cuda/gemm_layout.h"
+#include "cuda/render/gemm_layout.h"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 9 with model.filter_3d: each row's 3D filter, from all training cameras. A thread has a
+// row; all threads of a warp read the same camera at a time.
+#include "cuda/density/filter_3d.cuh"
+
+#include "gs_core/math/filter_3d.h"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = 256;  // rows are independent: any size that fills a multiprocessor
+
+// The filter of each row that a camera sees, 0 for others. Bits of positive floats are ordered like
+// the floats, so that `largest` is their maximum.
+__global__ void filter_kernel(Span<const Vec3f> means, Span<const Camera> cameras, float near_plane,
+                              float* filter_scale, std::uint32_t* largest) {
+  __shared__ std::uint32_t largest_of_block;
+  if (threadIdx.x == 0) largest_of_block = 0;
+  __syncthreads();
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i < means.size) {
+    const Vec3f mean = means[i];
+    float rate = 0;
+    for (std::size_t v = 0; v < cameras.size; ++v)
+      rate = max_of(rate, sampling_rate(cameras[v], mean, near_plane));
+    const float scale = rate > 0 ? filter_scale_of(rate) : 0.0f;
+    filter_scale[i] = scale;
+    atomicMax(&largest_of_block, __float_as_uint(scale));
+  }
+  __syncthreads();
+  if (threadIdx.x == 0) atomicMax(largest, largest_of_block);
+}
+
+__global__ void unseen_kernel(Span<float> filter_scale, const std::uint32_t* largest) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i < filter_scale.size && filter_scale[i] == 0) filter_scale[i] = __uint_as_float(*largest);
+}
+
+}  // namespace
+
+void FilterMeter::measure(Gaussians& rows, const std::vector<Camera>& cameras, float near_plane) {
+  const std::size_t count = rows.count();
+  cameras_.upload(cameras);
+  largest_.resize(1);
+  largest_.fill_zero();
+  rows.filter_scale.resize(count);
+  rows.has_filter = true;
+  context_.launch("filter", filter_kernel, blocks_for(count, kThreads), kThreads,
+                  Span<const Vec3f>(rows.mean.span()), Span<const Camera>(cameras_.span()),
+                  near_plane, rows.filter_scale.data(), largest_.data());
+  context_.launch("filter", unseen_kernel, blocks_for(count, kThreads), kThreads,
+                  rows.filter_scale.span(), largest_.data());
+}
+
+}  // namespace gs::cuda

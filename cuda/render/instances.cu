@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 2: write one instance for each tile that a visible Gaussian hits, in depth order. A warp
+// fills kPlacesPerWarp consecutive places of the list. They may belong to many small splats or to a
+// part of one that covers the picture, so that the work is balanced.
+#include "cuda/render/row_spans.cuh"
+#include "cuda/stages.cuh"
+#include "gs_core/error.h"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = 128;
+constexpr std::uint32_t kPlacesPerWarp = 128;  // few enough that short lists also occupy the GPU
+
+struct Input {
+  std::uint32_t count;                  // of Gaussians in depth order
+  const std::uint32_t* depth_order;     // (count)
+  const std::uint32_t* first_of_order;  // (count)
+  const std::uint32_t* tile_counts;     // (N) by Gaussian, like the arrays that follow
+  const Rect* pixel_rects;
+  const Splat* splats;
+  TileBounds bounds;
+  int tiles_x;
+  std::uint32_t tiles;
+
+  __device__ std::uint32_t instances() const {
+    if (count == 0) return 0;
+    return saturating_sum(first_of_order[count - 1], tile_counts[depth_order[count - 1]]);
+  }
+};
+
+template <class Key>
+struct Output {
+  Key* keys;
+  std::uint32_t* splats;
+  std::uint32_t capacity;
+  std::uint32_t* halted;
+  volatile StepReport* report;
+  std::uint32_t step;
+};
+
+// Shared memory of one warp: the tile rows of 32 splats, and the spans of 32 rows.
+struct WarpShared {
+  TileRows rows;
+  std::uint32_t gaussian_of_splat[kWarp];
+  std::uint32_t first[kWarp];  // number of the span's first instance among those of the 32
+  std::uint32_t gaussian[kWarp], tile[kWarp];  // the span's Gaussian, and its first tile
+  int tile_x[kWarp];                           // that tile's column
+  QuarterSpans quarters[kWarp];
+};
+
+// The whole warp: finds the last Gaussian in depth order whose instances begin at `place` or
+// before, by a search that probes 32 candidates in each round.
+__device__ std::uint32_t order_of_place(const Input& in, std::uint32_t place) {
+  std::uint32_t begin = 0, count = in.count;
+  while (count > 1) {
+    const std::uint32_t step = (count + kWarp - 1) / kWarp;
+    const std::uint32_t at = lane_of_thread() * step;
+    const bool is_before = at < count && in.first_of_order[begin + at] <= place;
+    const std::uint32_t passed = __popc(__ballot_sync(kAllLanes, is_before));
+    const std::uint32_t skipped = (passed - 1) * step;  // passed > 0
+    begin += skipped;
+    count = min(step, count - skipped);
+  }
+  return begin;
+}
+
+// The whole warp: writes the instances of rows row .. row + 31, which begin at `place`, as far as
+// they lie in [begin, end). Returns where the instances of the next rows begin.
+template <class Key>
+__device__ std::uint32_t write_spans(WarpShared& shared, const Input& in, const Output<Key>& out,
+                                     std::uint32_t row, std::uint32_t rows, std::uint32_t place,
+                                     std::uint32_t begin, std::uint32_t end) {
+  const int lane = lane_of_thread();
+  std::uint32_t length = 0;
+  if (row + lane < rows) {
+    const int owner = owner_of(row + lane, shared.rows.first);
+    const TileSpan span = shared.rows.span(row + lane, owner);
+    length = max(span.end - span.begin, 0);
+    shared.gaussian[lane] = shared.gaussian_of_splat[owner];
+    shared.tile[lane] = shared.rows.tile_y(row + lane, owner) * in.tiles_x + span.begin;
+    shared.tile_x[lane] = span.begin;
+    shared.quarters[lane] = shared.rows.quarters(row + lane, owner);
+  }
+  const std::uint32_t first = warp_exclusive_sum(length);
+  shared.first[lane] = first;
+  const std::uint32_t total = __shfl_sync(kAllLanes, first + length, kWarp - 1);
+  __syncwarp();
+  const std::uint32_t last = min(total, end - min(place, end));
+  for (std::uint32_t k = (begin > place ? begin - place : 0) + lane; k < last; k += kWarp) {
+    const int owner = owner_of(k, shared.first);
+    const std::uint32_t number = k - shared.first[owner];
+    out.keys[place + k] = Key(shared.tile[owner] + number);
+    out.splats[place + k] =
+        instance_of(shared.gaussian[owner],
+                    shared.quarters[owner].quarters_of(shared.tile_x[owner] + int(number)));
+  }
+  __syncwarp();
+  return place + total;
+}
+
+// The whole warp: writes the instances of places [begin, end).
+template <class Key>
+__device__ void write_places(WarpShared& shared, const Input& in, const Output<Key>& out,
+                             std::uint32_t begin, std::uint32_t end) {
+  const int lane = lane_of_thread();
+  std::uint32_t order = order_of_place(in, begin);
+  for (std::uint32_t place = in.first_of_order[order]; place < end; order += kWarp) {
+    Splat splat;
+    Rect pixels{0, 0, 0, 0};
+    if (order + lane < in.count && in.first_of_order[order + lane] < end) {
+      const std::uint32_t gaussian = in.depth_order[order + lane];
+      if (in.tile_counts[gaussian]) {
+        splat = load_in_vectors(in.splats + gaussian);
+        pixels = in.pixel_rects[gaussian];
+        shared.gaussian_of_splat[lane] = gaussian;
+      }
+    }
+    const std::uint32_t rows = shared.rows.take(splat, pixels, in.bounds);
+    for (std::uint32_t row = 0; row < rows && place < end; row += kWarp)
+      place = write_spans(shared, in, out, row, rows, place, begin, end);
+    if (rows == 0) return;  // happens only if counts and spans disagree
+    __syncwarp();
+  }
+}
+
+template <class Key>
+__global__ void __launch_bounds__(kThreads) create_instances_kernel(Input in, Output<Key> out) {
+  __shared__ WarpShared shared_of_warps[kThreads / kWarp];
+  const std::uint32_t warp = (blockIdx.x * kThreads + threadIdx.x) / kWarp;
+  const std::uint32_t begin = min(warp * kPlacesPerWarp, out.capacity);
+  const std::uint32_t end = min(begin + kPlacesPerWarp, out.capacity), total = in.instances();
+  if (blockIdx.x == 0 && threadIdx.x == 0) {
+    if (total > out.capacity) *out.halted = 1;
+    if (out.report) {
+      out.report->instances = total;
+      out.report->halted = *out.halted;
+      __threadfence_system();
+      out.report->step = out.step;
+    }
+  }
+  if (begin < min(end, total))
+    write_places(shared_of_warps[threadIdx.x / kWarp], in, out, begin, min(end, total));
+  // The places behind the last instance belong to no tile.
+  for (std::uint32_t place = max(begin, total) + lane_of_thread(); place < end; place += kWarp) {
+    out.keys[place] = Key(in.tiles);
+    out.splats[place] = 0;
+  }
+}
+
+}  // namespace
+
+void create_instances(Context& context, const RenderSettings& settings, Workspace& workspace,
+                      RenderPass& pass, std::uint32_t capacity, StepReport* report,
+                      std::uint32_t step) {
+  const StageScope scope(context, "instances");
+  if (pass.tile_counts.size() > kMostGaussians)
+    throw Error(
+        "a GPU renders at most 268 million Gaussians; prune the model or set "
+        "density.max_gaussians");
+  workspace.keys.resize_discard(capacity);
+  workspace.instance_splats.resize_discard(capacity);
+  const Input in{std::uint32_t(pass.depth_order.size()),
+                 pass.depth_order.data(),
+                 workspace.first_of_order.data(),
+                 pass.tile_counts.data(),
+                 pass.pixel_rects.data(),
+                 pass.splats.data(),
+                 settings.bounds,
+                 pass.tiles_x,
+                 std::uint32_t(pass.tile_count())};
+  const auto launch = [&](auto* keys) {
+    using Key = std::remove_pointer_t<decltype(keys)>;
+    const Output<Key> out{
+        keys, workspace.instance_splats.data(), capacity, workspace.halted.data(), report, step};
+    context.launch("instances", create_instances_kernel<Key>,
+                   blocks_for(capacity, kPlacesPerWarp * (kThreads / kWarp)), kThreads, in, out);
+  };
+  if (uses_short_keys(pass))
+    launch(reinterpret_cast<std::uint16_t*>(workspace.keys.data()));
+  else
+    launch(workspace.keys.data());
+}
+
+}  // namespace gs::cuda

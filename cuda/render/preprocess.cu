@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, spacetime_splat.h for
+// those of Gaussians in space and time, and filtered_splat.h for those with a 3D filter. A thread
+// projects one Gaussian. The threads of a warp read the parameters of their 32 Gaussians together,
+// in whole cache lines. They also share the tile rows of the 32 splats evenly when they count
+// tiles.
+// Faster-GS, fused activations, exact and balanced tile culling
+#include <algorithm>
+
+#include "cuda/render/row_spans.cuh"
+#include "cuda/render/sh_rows.cuh"
+#include "cuda/stages.cuh"
+#include "gs_core/math/depth_key.h"
+#include "gs_core/math/filtered_splat.h"
+#include "gs_core/math/spacetime_splat.h"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = 128;  // four warps; shared memory lets 28 warps run on a multiprocessor
+
+// The parameters of a warp's 32 Gaussians without SH, as they lie in their arrays.
+struct Parameters {
+  float mean[3 * kWarp], log_scale[3 * kWarp], sh0[3 * kWarp], rotation[4 * kWarp],
+      logit_opacity[kWarp];
+  // of Gaussians in space and time
+  float right_rotation[4 * kWarp], time_mean[kWarp], log_time_scale[kWarp];
+};
+
+struct alignas(16) WarpShared {
+  union {
+    Parameters parameters;                 // at first
+    float sh_rows[kWarp * kShRowNumbers];  // once the parameters were read; more than they are
+  };
+  TileRows tile_rows;
+  std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
+};
+
+// The whole warp: waits for the copies that it has started.
+__device__ void finish_copies() {
+  __pipeline_commit();
+  __pipeline_wait_prior(0);
+  __syncwarp();
+}
+
+// The numbers of an array from row `first` on.
+template <class T>
+__device__ const float* numbers_from(const Span<T>& array, std::size_t first) {
+  return reinterpret_cast<const float*>(array.data + first);
+}
+
+// One Gaussian's parameters without SH. Those of time and the filter are undefined where it has
+// none.
+struct Gaussian {
+  Vec3f mean, log_scale, sh0;
+  Quatf rotation;
+  float logit_opacity;
+  Quatf right_rotation;
+  float time_mean, log_time_scale;
+  float filter_scale;
+};
+
+__device__ Quatf quaternion_of(const float* rows, int lane) {
+  const float4 q = reinterpret_cast<const float4*>(rows)[lane];
+  return {q.x, q.y, q.z, q.w};
+}
+
+// The whole warp: loads its Gaussians, all numbers at once, so that it waits for memory only once.
+template <bool has_time, bool has_filter>
+__device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gaussians,
+                                  std::size_t first, int rows) {
+  start_copy<3>(shared.mean, numbers_from(gaussians.mean, first), rows);
+  start_copy<3>(shared.log_scale, numbers_from(gaussians.log_scale, first), rows);
+  start_copy<3>(shared.sh0, numbers_from(gaussians.sh0, first), rows);
+  start_copy<4>(shared.rotation, numbers_from(gaussians.rotation, first), rows);
+  start_copy<1>(shared.logit_opacity, numbers_from(gaussians.logit_opacity, first), rows);
+  if constexpr (has_time) {
+    start_copy<4>(shared.right_rotation, numbers_from(gaussians.right_rotation, first), rows);
+    start_copy<1>(shared.time_mean, numbers_from(gaussians.time_mean, first), rows);
+    start_copy<1>(shared.log_time_scale, numbers_from(gaussians.log_time_scale, first), rows);
+  }
+  Gaussian gaussian;
+  const int lane = lane_of_thread();
+  if constexpr (has_filter)
+    gaussian.filter_scale = lane < rows ? gaussians.filter_scale[first + lane] : 0.0f;
+  finish_copies();
+  const auto vector = [&](const float* of) {
+    return Vec3f(of[3 * lane], of[3 * lane + 1], of[3 * lane + 2]);
+  };
+  gaussian.mean = vector(shared.mean);
+  gaussian.log_scale = vector(shared.log_scale);
+  gaussian.sh0 = vector(shared.sh0);
+  gaussian.rotation = quaternion_of(shared.rotation, lane);
+  gaussian.logit_opacity = shared.logit_opacity[lane];
+  if constexpr (has_time) {
+    gaussian.right_rotation = quaternion_of(shared.right_rotation, lane);
+    gaussian.time_mean = shared.time_mean[lane];
+    gaussian.log_time_scale = shared.log_time_scale[lane];
+  }
+  __syncwarp();
+  return gaussian;
+}
+
+// Whether row i is far from its own time at this moment.
+__device__ bool is_row_far_in_time(const GaussiansSpan& gaussians, std::size_t i, float time) {
+  return is_far_in_time(gaussians.log_scale[i], gaussians.time_mean[i], gaussians.log_time_scale[i],
+                        time);
+}
+
+// One Gaussian in the view. Where it is visible and has a time, its mean becomes that of the
+// moment.
+template <bool has_time, bool has_filter>
+__device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaussian,
+                                            const SplatSettings& settings) {
+  if constexpr (has_time) {
+    const ProjectedMoment<float> moment =
+        project_shape(camera,
+                      SpacetimeShape<float>{gaussian.mean,
+                                            gaussian.log_scale,
+                                            {gaussian.rotation, gaussian.right_rotation},
+                                            gaussian.logit_opacity,
+                                            gaussian.time_mean,
+                                            gaussian.log_time_scale},
+                      time_of(camera, settings), settings);
+    gaussian.mean = moment.mean;
+    return moment.projected;
+  } else if constexpr (has_filter) {
+    return project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
+                         gaussian.logit_opacity, gaussian.filter_scale, settings);
+  } else {
+    return project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
+                         gaussian.logit_opacity, settings);
+  }
+}
+
+// The whole warp: counts the tiles that each lane's splat hits. `pixels` is empty where a lane has
+// no splat.
+__device__ std::uint32_t count_hit_tiles(WarpShared& shared, const Splat& splat, const Rect& pixels,
+                                         TileBounds bounds) {
+  const int lane = lane_of_thread();
+  shared.hits[lane] = 0;
+  const std::uint32_t rows = shared.tile_rows.take(splat, pixels, bounds);
+  for (std::uint32_t row = lane; row < rows; row += kWarp) {
+    const int owner = owner_of(row, shared.tile_rows.first);
+    const TileSpan span = shared.tile_rows.span(row, owner);
+    if (span.begin < span.end) atomicAdd(&shared.hits[owner], std::uint32_t(span.end - span.begin));
+  }
+  __syncwarp();
+  return shared.hits[lane];
+}
+
+// What the kernel writes, one row per Gaussian.
+struct Output {
+  Splat* splats;
+  float* depths;
+  std::uint32_t* depth_keys;
+  Rect* pixel_rects;
+  std::uint32_t* tile_counts;
+  DepthKeys keys;
+};
+constexpr std::uint32_t kCulledKey = (1u << kDepthKeyBits) - 1;  // sorts behind every depth
+
+__device__ void cull(const Output& out, std::size_t i) {
+  out.tile_counts[i] = 0;
+  out.depth_keys[i] = kCulledKey;
+}
+
+template <int degree, bool has_time, bool has_filter>
+__global__ void __launch_bounds__(kThreads)
+    preprocess_kernel(GaussiansSpan gaussians, Camera camera, SplatSettings settings, int tiles_x,
+                      int tiles_y, Output out) {
+  __shared__ WarpShared shared_of_warps[kThreads / kWarp];
+  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  const std::size_t count = gaussians.mean.size, first = i - lane_of_thread();
+  if (first >= count) return;  // the whole warp
+  const int rows = int(min(count - first, std::size_t(kWarp)));
+  if constexpr (has_time) {
+    // The Gaussians of a warp are neighbors in time: where one is far away, most are.
+    const float time = time_of(camera, settings);
+    const bool is_near = i < count && !is_row_far_in_time(gaussians, i, time);
+    if (!__any_sync(kAllLanes, is_near)) {
+      if (i < count) cull(out, i);
+      return;
+    }
+  }
+  Gaussian gaussian =
+      load_gaussian<has_time, has_filter>(shared.parameters, gaussians, first, rows);
+
+  ProjectedGaussian<float> projected;
+  Rect pixels{0, 0, 0, 0};
+  if (i < count) {
+    projected = project<has_time, has_filter>(camera, gaussian, settings);
+    if (projected.is_visible)
+      pixels = pixels_of(settings.bounds, projected.splat.mean2d, projected.cov2d,
+                         projected.splat.cutoff, tiles_x, tiles_y);
+  }
+  Splat& splat = projected.splat;
+  std::uint32_t hits = 0;
+  if (const SomeRows visible{__ballot_sync(kAllLanes, !pixels.empty())}; visible.bits) {
+    // The Gaussians of a warp are neighbors in space: where one is visible, most are. In space and
+    // time many are not.
+    const float* const sh_rest = numbers_from(gaussians.sh_rest, first);
+    if constexpr (has_time)
+      start_sh_copy<degree>(shared.sh_rows, sh_rest, rows, visible);
+    else
+      start_sh_copy<degree>(shared.sh_rows, sh_rest, rows);
+    hits = count_hit_tiles(shared, splat, pixels, settings.bounds);
+    finish_copies();
+    if (hits > 0) {
+      splat.color = sh_color(
+          degree, unit_direction(camera.position(), gaussian.mean), gaussian.sh0,
+          reinterpret_cast<const Vec3f*>(shared.sh_rows + lane_of_thread() * kShRowNumbers));
+      if (!is_finite(splat.color)) hits = 0;
+    }
+  }
+  if (i >= count) return;
+  if (hits == 0) return cull(out, i);
+  out.tile_counts[i] = hits;
+  out.depth_keys[i] = depth_key(out.keys, projected.depth);
+  store_in_vectors(out.splats + i, splat);
+  out.depths[i] = projected.depth;
+  out.pixel_rects[i] = pixels;
+}
+
+}  // namespace
+
+void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
+                const RenderSettings& settings, Workspace& workspace, RenderPass& pass) {
+  const StageScope scope(context, "preprocess");
+  const std::size_t count = gaussians.mean.size;
+  pass.begin(camera, count);
+  workspace.depth_keys.resize_discard(count);
+  const Output out{
+      pass.splats.data(),          pass.depths.data(),
+      workspace.depth_keys.data(), pass.pixel_rects.data(),
+      pass.tile_counts.data(),     depth_keys(settings.near_plane, settings.far_plane)};
+  with_form(settings.sh_degree, gaussians, [&](auto degree, auto has_time, auto has_filter) {
+    context.launch("preprocess", preprocess_kernel<degree(), has_time(), has_filter()>,
+                   blocks_for(count, kThreads), kThreads, gaussians, camera, settings, pass.tiles_x,
+                   pass.tiles_y, out);
+  });
+}
+
+}  // namespace gs::cuda

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// A warp reads and updates the SH rows of its 32 Gaussians one number after another, in whole cache
+// lines. The rows are copied into shared memory, where each lane reads its own row.
+#pragma once
+
+#include <cuda_pipeline.h>
+
+#include <type_traits>
+
+#include "cuda/device/warp.cuh"
+#include "gs_core/error.h"
+#include "gs_core/gaussians.h"
+
+namespace gs::cuda {
+
+/// Count of numbers in an SH row. It is odd, so that 32 lanes that read one row each use 32
+/// different banks.
+inline constexpr int kShRowNumbers = 3 * kShRestCount;
+static_assert(kShRowNumbers % 2 == 1 && sizeof(ShRest) == kShRowNumbers * sizeof(float));
+
+/// Count of numbers in an SH row that a degree uses.
+template <int degree>
+inline constexpr int kShNumbersInUse = 3 * sh_rest_count(degree);
+
+/// The rows of a warp that take part, one bit for each. All of them, known when the code is
+/// compiled, cost nothing.
+struct EveryRow {
+  __device__ bool has(int) const { return true; }
+};
+struct SomeRows {
+  std::uint32_t bits;
+  __device__ bool has(int row) const { return bits >> row & 1; }
+};
+
+/// The whole warp: starts to copy `rows` rows of kInRow numbers into shared memory, without
+/// registers in between. Rows that do not take part may be left out.
+template <int kInRow, class Which = EveryRow>
+__device__ void start_copy(float* to, const float* from, int rows, Which which = {}) {
+  if (rows == kWarp) {
+    for (int k = 4 * lane_of_thread(); k < kWarp * kInRow; k += 4 * kWarp)
+      if (which.has(k / kInRow) || which.has((k + 3) / kInRow))
+        __pipeline_memcpy_async(to + k, from + k, sizeof(float4));
+  } else {
+    for (int k = lane_of_thread(); k < rows * kInRow; k += kWarp)
+      if (which.has(k / kInRow)) __pipeline_memcpy_async(to + k, from + k, sizeof(float));
+  }
+}
+
+/// The same for SH rows: copies the numbers of each row that a degree uses.
+template <int degree, class Which = EveryRow>
+__device__ void start_sh_copy(float* to, const float* from, int rows, Which which = {}) {
+  if constexpr (degree == kMaxShDegree) {
+    start_copy<kShRowNumbers>(to, from, rows, which);
+  } else if constexpr (degree > 0) {
+    constexpr int kInUse = kShNumbersInUse<degree>;
+    for (int k = lane_of_thread(); k < rows * kInUse; k += kWarp) {
+      if (!which.has(k / kInUse)) continue;
+      const int at = k / kInUse * kShRowNumbers + k % kInUse;
+      __pipeline_memcpy_async(to + at, from + at, sizeof(float));
+    }
+  }
+}
+
+/// Calls f(std::integral_constant<int, degree>) for the degree in use.
+template <class F>
+void with_sh_degree(int degree, F&& f) {
+  switch (degree) {
+    case 0: return f(std::integral_constant<int, 0>());
+    case 1: return f(std::integral_constant<int, 1>());
+    case 2: return f(std::integral_constant<int, 2>());
+    case 3: return f(std::integral_constant<int, 3>());
+  }
+  GS_CHECK(!"an SH degree from 0 to 3");
+}
+
+/// The same with std::true_type for Gaussians in space and time, else std::false_type; and then for
+/// those with a 3D filter, which have no time.
+template <class F>
+void with_form(int degree, const GaussiansSpan& gaussians, F&& f) {
+  GS_CHECK(!(gaussians.has_time && gaussians.has_filter));
+  with_sh_degree(degree, [&](auto sh_degree) {
+    if (gaussians.has_time)
+      f(sh_degree, std::true_type(), std::false_type());
+    else if (gaussians.has_filter)
+      f(sh_degree, std::false_type(), std::true_type());
+    else
+      f(sh_degree, std::false_type(), std::false_type());
+  });
+}
+
+}  // namespace gs::cuda

@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stages 2 and 3: the two sorts that make the tile lists. The first sorts the Gaussians by depth,
+// the second all instances by tile. The second is stable, so that each tile's list keeps the depth
+// order.   Faster-GS, two-stage radix sort
+#include <thrust/iterator/counting_iterator.h>
+#include <thrust/iterator/transform_iterator.h>
+
+#include <bit>
+#include <cub/device/device_partition.cuh>
+#include <cub/device/device_scan.cuh>
+
+#include "cuda/device/warp.cuh"
+#include "cuda/render/radix_sort.cuh"
+#include "cuda/stages.cuh"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+
+__global__ void number_rows_kernel(std::uint32_t* numbers, std::uint32_t count) {
+  const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
+  if (i < count) numbers[i] = i;
+}
+
+struct IsVisible {
+  const std::uint32_t* tile_counts;
+  __device__ bool operator()(std::uint32_t gaussian) const { return tile_counts[gaussian] > 0; }
+};
+
+__global__ void take_keys_kernel(const std::uint32_t* rows, std::uint32_t count,
+                                 const std::uint32_t* keys, std::uint32_t* taken) {
+  const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
+  if (k < count) taken[k] = keys[rows[k]];
+}
+
+// The tile count of a Gaussian, for an iterator over the depth order.
+struct TileCount {
+  const std::uint32_t* tile_counts;
+  __device__ std::uint32_t operator()(std::uint32_t gaussian) const {
+    return tile_counts[gaussian];
+  }
+};
+
+struct SaturatingSum {
+  GS_HD std::uint32_t operator()(std::uint32_t a, std::uint32_t b) const {
+    return saturating_sum(a, b);
+  }
+};
+
+// Range t begins at the first instance whose tile is not below t.
+template <class Key>
+__global__ void tile_ranges_kernel(const Key* keys, std::uint32_t capacity, std::uint32_t tiles,
+                                   std::uint32_t* ranges) {
+  const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
+  if (i >= capacity) return;
+  const std::uint32_t key = keys[i];
+  for (std::uint32_t tile = i ? keys[i - 1] + 1u : 0u; tile <= key; ++tile) ranges[tile] = i;
+  if (i + 1 == capacity)
+    for (std::uint32_t tile = key + 1; tile <= tiles; ++tile) ranges[tile] = capacity;
+}
+
+constexpr int kOrderThreads = 1024;  // one block: there are few tiles
+constexpr int kLengthClasses = 128;  // four for each doubling of the length, the longest first
+
+// The class of a length: the exponent and two bits of its mantissa.
+__device__ int length_class(std::uint32_t length) {
+  const int quarter_octaves = int(__float_as_uint(float(length)) >> 21) - int(0x3f800000u >> 21);
+  return length ? max(kLengthClasses - 2 - quarter_octaves, 0) : kLengthClasses - 1;
+}
+
+// A counting sort by class, within one block.
+struct ClassSort {
+  std::uint32_t next[kLengthClasses];
+
+  __device__ void clear() {
+    if (threadIdx.x < kLengthClasses) next[threadIdx.x] = 0;
+  }
+  __device__ void count(std::uint32_t length) { atomicAdd(&next[length_class(length)], 1u); }
+  /// One warp: turns the counts into the first place of each class. Returns the total.
+  __device__ std::uint32_t sum() {
+    std::uint32_t before = 0;
+    for (int base = 0; base < kLengthClasses; base += kWarp) {
+      const std::uint32_t counted = next[base + lane_of_thread()],
+                          first = warp_exclusive_sum(counted);
+      next[base + lane_of_thread()] = before + first;
+      before += __shfl_sync(kAllLanes, first + counted, kWarp - 1);
+    }
+    return before;
+  }
+  __device__ std::uint32_t place(std::uint32_t length) {
+    return atomicAdd(&next[length_class(length)], 1u);
+  }
+};
+
+struct BlendOrder {
+  std::uint32_t* tiles;              // (tiles)
+  std::uint32_t* first_checkpoints;  // (tiles)
+  ListSegment* segments;             // (capacity)
+  std::uint32_t capacity;
+};
+
+// Calls visit(number, length) for each segment of a list; an empty list is one segment.
+template <class Visit>
+__device__ void for_each_segment(std::uint32_t length, Visit&& visit) {
+  std::uint32_t number = 0;
+  do {
+    const std::uint32_t first = number * kSegmentLength;
+    visit(number++, min(length - first, kSegmentLength));
+  } while (number * kSegmentLength < length);
+}
+
+// Orders all tiles, and all segments of their lists, the longest first, so that blending does not
+// end with a few long ones.
+__global__ void __launch_bounds__(kOrderThreads)
+    blend_order_kernel(const std::uint32_t* ranges, std::uint32_t tiles, BlendOrder order) {
+  __shared__ ClassSort by_list, by_segment;
+  __shared__ std::uint32_t checkpoints, segments;
+  by_list.clear();
+  by_segment.clear();
+  if (threadIdx.x == 0) checkpoints = 0;
+  __syncthreads();
+  for (std::uint32_t tile = threadIdx.x; tile < tiles; tile += kOrderThreads) {
+    const std::uint32_t length = ranges[tile + 1] - ranges[tile];
+    by_list.count(length);
+    for_each_segment(length, [&](std::uint32_t, std::uint32_t part) { by_segment.count(part); });
+  }
+  __syncthreads();
+  if (threadIdx.x < kWarp) {
+    by_list.sum();
+  } else if (threadIdx.x < 2 * kWarp) {
+    const std::uint32_t sum = by_segment.sum();
+    if (lane_of_thread() == 0) segments = sum;
+  }
+  __syncthreads();
+  for (std::uint32_t tile = threadIdx.x; tile < tiles; tile += kOrderThreads) {
+    const std::uint32_t length = ranges[tile + 1] - ranges[tile];
+    order.tiles[by_list.place(length)] = tile;
+    order.first_checkpoints[tile] =
+        length > kSegmentLength ? atomicAdd(&checkpoints, (length - 1) / kSegmentLength) : 0;
+    for_each_segment(length, [&](std::uint32_t number, std::uint32_t part) {
+      order.segments[by_segment.place(part)] = {tile, number};
+    });
+  }
+  for (std::uint32_t k = segments + threadIdx.x; k < order.capacity; k += kOrderThreads)
+    order.segments[k] = {kNoTile, 0};
+}
+
+// An upper bound of the number of segments of lists with so many instances.
+std::size_t most_segments(std::size_t tiles, std::uint32_t instances) {
+  return tiles + instances / kSegmentLength;
+}
+
+void order_for_blending(Context& context, RenderPass& pass, std::uint32_t capacity) {
+  const std::size_t tiles = pass.tile_count(), segments = most_segments(tiles, capacity);
+  CudaScratch& scratch = pass.scratch<CudaScratch>();
+  scratch.tile_order.resize_discard(tiles);
+  scratch.first_checkpoints.resize_discard(tiles);
+  scratch.segments.resize_discard(segments);
+  scratch.checkpoints.resize_discard((segments - tiles) * kTileWidth * kTileHeight);
+  const BlendOrder order{scratch.tile_order.data(), scratch.first_checkpoints.data(),
+                         scratch.segments.data(), std::uint32_t(segments)};
+  context.launch("blend order", blend_order_kernel, 1, kOrderThreads, pass.tile_ranges.data(),
+                 std::uint32_t(tiles), order);
+}
+
+template <class Key>
+void sort_keys(Context& context, Workspace& workspace, RenderPass& pass, std::uint32_t capacity) {
+  const auto* const keys = reinterpret_cast<const Key*>(workspace.keys.data());
+  auto* const sorted = reinterpret_cast<Key*>(workspace.sorted_keys.data());
+  const int bits = int(std::bit_width(pass.tile_count()));  // with the key that means "no tile"
+  sort_pairs(context, workspace.sort_scratch, "the tile sort", keys, sorted,
+             static_cast<const std::uint32_t*>(workspace.instance_splats.data()),
+             pass.tile_splats.data(), capacity, bits);
+}
+
+// Gaussians to be sorted by their depths.
+struct DepthPairs {
+  const std::uint32_t *keys, *rows;  // (count)
+  std::uint32_t count;
+};
+
+// The first `taken` Gaussians of an order in which the visible ones come before the culled ones.
+DepthPairs visible_first(Context& context, Workspace& workspace, const RenderPass& pass,
+                         std::uint32_t taken) {
+  const std::size_t count = pass.tile_counts.size();
+  workspace.visible_first.resize_discard(count);
+  workspace.visible_count.resize_discard(1);
+  workspace.taken_depth_keys.resize_discard(taken);
+  with_cub_scratch(workspace.sort_scratch, "the visible Gaussians",
+                   [&](void* temporary, std::size_t& bytes) {
+                     return cub::DevicePartition::If(
+                         temporary, bytes, thrust::counting_iterator<std::uint32_t>(0),
+                         workspace.visible_first.data(), workspace.visible_count.data(), int(count),
+                         IsVisible{pass.tile_counts.data()}, context.stream());
+                   });
+  context.launch("depth keys of visible rows", take_keys_kernel, blocks_for(taken, kThreads),
+                 kThreads, workspace.visible_first.data(), taken, workspace.depth_keys.data(),
+                 workspace.taken_depth_keys.data());
+  return {workspace.taken_depth_keys.data(), workspace.visible_first.data(), taken};
+}
+
+// All Gaussians.
+DepthPairs all_rows(Context& context, Workspace& workspace, const RenderPass& pass) {
+  const std::uint32_t count = std::uint32_t(pass.tile_counts.size());
+  if (workspace.row_numbers.size() < count) {
+    workspace.row_numbers.resize_discard(count);
+    context.launch("row numbers", number_rows_kernel, blocks_for(count, kThreads), kThreads,
+                   workspace.row_numbers.data(), count);
+  }
+  return {workspace.depth_keys.data(), workspace.row_numbers.data(), count};
+}
+
+}  // namespace
+
+void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass,
+                    std::size_t most_visible) {
+  const StageScope scope(context, "depth sort");
+  const std::size_t count = pass.tile_counts.size();
+  const bool are_few_visible = most_visible < count / 2;  // so that selecting them pays
+  const std::size_t taken = are_few_visible ? most_visible : count;
+  pass.depth_order.resize_discard(taken);
+  workspace.sorted_depth_keys.resize_discard(taken);
+  workspace.first_of_order.resize_discard(taken);
+  if (count == 0) return;
+  const DepthPairs pairs = are_few_visible
+                               ? visible_first(context, workspace, pass, std::uint32_t(taken))
+                               : all_rows(context, workspace, pass);
+  sort_pairs(context, workspace.sort_scratch, "the depth sort", pairs.keys,
+             workspace.sorted_depth_keys.data(), pairs.rows, pass.depth_order.data(), pairs.count,
+             kDepthKeyBits);
+  with_cub_scratch(workspace.sort_scratch, "the sum of the tile counts",
+                   [&](void* temporary, std::size_t& bytes) {
+                     return cub::DeviceScan::ExclusiveScan(
+                         temporary, bytes,
+                         thrust::make_transform_iterator(pass.depth_order.data(),
+                                                         TileCount{pass.tile_counts.data()}),
+                         workspace.first_of_order.data(), SaturatingSum(), 0u, int(taken),
+                         context.stream());
+                   });
+}
+
+void sort_by_tile(Context& context, Workspace& workspace, RenderPass& pass,
+                  std::uint32_t capacity) {
+  const StageScope scope(context, "tile sort");
+  workspace.sorted_keys.resize_discard(capacity);
+  pass.tile_splats.resize_discard(capacity);
+  pass.tile_ranges.resize_discard(pass.tile_count() + 1);
+  const auto run = [&](auto key) {
+    using Key = decltype(key);
+    sort_keys<Key>(context, workspace, pass, capacity);
+    context.launch("tile ranges", tile_ranges_kernel<Key>, blocks_for(capacity, kThreads), kThreads,
+                   reinterpret_cast<const Key*>(workspace.sorted_keys.data()), capacity,
+                   std::uint32_t(pass.tile_count()), pass.tile_ranges.data());
+  };
+  if (uses_short_keys(pass))
+    run(std::uint16_t());
+  else
+    run(std::uint32_t());
+  order_for_blending(context, pass, capacity);
+}
+
+}  // namespace gs::cuda

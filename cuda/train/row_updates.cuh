@@ -1,0 +1,386 @@
+// SPDX-License-Identifier: Apache-2.0
+// The last step of stages 7 and 8 for the 32 rows of a warp: the gradients are written to arrays,
+// or Adam updates the parameters with them. The whole warp takes the numbers of a quantity in the
+// order of its array, so that it reads and writes whole cache lines. A lane therefore mostly
+// handles numbers of other lanes' Gaussians.
+#pragma once
+
+#include "cuda/device/warp.cuh"
+#include "cuda/render/sh_rows.cuh"
+#include "cuda/stages.cuh"
+#include "gs_core/math/density.h"
+#include "gs_core/math/spacetime_regularizer.h"
+
+namespace gs::cuda {
+
+/// Parameters or gradients of a warp's rows without SH: each quantity row after row, as it lies in
+/// its array.
+struct RowNumbers {
+  float mean[3 * kWarp], log_scale[3 * kWarp], rotation[4 * kWarp], logit_opacity[kWarp],
+      sh0[3 * kWarp];
+  // of Gaussians in space and time
+  float right_rotation[4 * kWarp], time_mean[kWarp], log_time_scale[kWarp];
+};
+
+/// The numbers of one quantity, for WriteGradients: finish() writes the gradient to an array.
+/// Vector is float or float4.
+struct GradientNumbers {
+  static constexpr int kArrays = 1;
+  float* arrays[kArrays];
+  float* gradients;
+
+  template <class Vector>
+  __device__ void finish(std::size_t at, Vector (&)[kArrays], const Vector& gradient) const {
+    reinterpret_cast<Vector*>(gradients)[at] = gradient;
+  }
+};
+
+/// The numbers of one quantity, for AddGradients: finish() adds the gradient to a sum.
+struct SumNumbers {
+  static constexpr int kArrays = 2;
+  float* arrays[kArrays];  // parameters and sums
+  float weight;
+
+  template <class Vector>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient) const {
+    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
+      reinterpret_cast<float*>(&numbers[1])[k] +=
+          weight * reinterpret_cast<const float*>(&gradient)[k];
+    reinterpret_cast<Vector*>(arrays[1])[at] = numbers[1];
+  }
+};
+
+/// Updates a parameter and its moments, or four neighbors at a time, and writes them back.
+template <class Vector>
+__device__ void update_by_adam(float* const (&arrays)[3], std::size_t at, Vector (&numbers)[3],
+                               const Vector& gradient, const AdamStep& step, const AdamRule& rule) {
+  for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
+    adam_update(reinterpret_cast<float*>(&numbers[0])[k], reinterpret_cast<float*>(&numbers[1])[k],
+                reinterpret_cast<float*>(&numbers[2])[k],
+                reinterpret_cast<const float*>(&gradient)[k], step, rule);
+  for (int a = 0; a < 3; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
+}
+/// The numbers of one quantity, for UpdateByAdam: finish() updates the parameter and its moments.
+struct AdamNumbers {
+  static constexpr int kArrays = 3;
+  float* arrays[kArrays];  // parameters, first and second moments
+  AdamStep step;
+
+  template <class Vector>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient) const {
+    update_by_adam(arrays, at, numbers, gradient, step, AdamRule());
+  }
+};
+
+/// The same by a rule that is not the usual one.
+struct AdamNumbersByRule {
+  static constexpr int kArrays = 3;
+  float* arrays[kArrays];  // parameters, first and second moments
+  AdamStep step;
+  AdamRule rule;
+
+  template <class Vector>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient) const {
+    update_by_adam(arrays, at, numbers, gradient, step, rule);
+  }
+};
+
+/// The parameters of one Gaussian without color. Those of time are undefined where it has none.
+struct Shape {
+  Vec3f mean, log_scale;
+  Quatf rotation;
+  float logit_opacity;
+  Quatf right_rotation;
+  float time_mean, log_time_scale;
+
+  __device__ SpacetimeShape<float> in_spacetime() const {
+    return {mean, log_scale, {rotation, right_rotation}, logit_opacity, time_mean, log_time_scale};
+  }
+};
+
+/// The gradients of one row without the SH rest.
+struct RowGradient : GaussianGradient<float> {
+  Quatf right_rotation{};
+  float time_mean = 0, log_time_scale = 0;
+
+  __device__ SpacetimeShape<float> in_spacetime() const {
+    return {mean, log_scale, {rotation, right_rotation}, logit_opacity, time_mean, log_time_scale};
+  }
+  /// Takes all but the color's gradients.
+  __device__ void take(const SpacetimeShape<float>& dL) {
+    mean = dL.mean;
+    log_scale = dL.log_scale;
+    rotation = dL.rotations.left;
+    right_rotation = dL.rotations.right;
+    logit_opacity = dL.logit_opacity;
+    time_mean = dL.time_mean;
+    log_time_scale = dL.log_time_scale;
+  }
+};
+
+/// A sink for the gradients of all quantities: writes them to arrays, and dL/d(mean2d) to another
+/// one.
+struct WriteGradients {
+  static constexpr bool kSkipsInvisible = false;
+  using Numbers = GradientNumbers;
+  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
+  Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
+  Vec2f* dL_dmean2d;
+  bool is_absolute;  // dL_dmean2d
+
+  struct Statistics {};
+  __device__ bool is_halted() const { return false; }
+  __device__ Statistics load_statistics(std::size_t) const { return {}; }
+  __device__ void note(std::size_t i, const Statistics&, const Vec2f& by_mean2d, bool) const {
+    dL_dmean2d[i] = by_mean2d;
+  }
+  __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
+    return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
+  }
+  template <bool has_time>
+  __device__ void regularize(const Shape&, RowGradient&) const {}
+};
+/// The part of a sink that gathers the statistics of density control.
+struct GatherStatistics {
+  float* visits;  // null: no statistics
+  float* gradient_norm;
+  int width, height;
+  const std::uint32_t* halted;
+
+  struct Statistics {
+    float visits = 0, gradient_norm = 0;
+  };
+  __device__ bool is_halted() const { return *halted != 0; }
+  __device__ Statistics load_statistics(std::size_t i) const {
+    if (!visits) return {};
+    return {visits[i], gradient_norm[i]};
+  }
+  __device__ void note(std::size_t i, const Statistics& before, const Vec2f& by_mean2d,
+                       bool is_visible) const {
+    if (!visits || !is_visible) return;
+    visits[i] = before.visits + 1.0f;
+    gradient_norm[i] = before.gradient_norm + screen_gradient_norm(by_mean2d, width, height);
+  }
+};
+/// A sink that adds the gradients of one photo of a batch to sums. Rows that are not visible have
+/// nothing to add.
+struct AddGradients : GatherStatistics {
+  static constexpr bool kSkipsInvisible = true;
+  using Numbers = SumNumbers;
+  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
+  Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
+  bool is_absolute;                                   // the statistic
+  std::uint32_t* touched;                             // BatchSums
+
+  __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
+    return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
+  }
+  template <bool has_time>
+  __device__ void regularize(const Shape&, RowGradient&) const {}
+};
+/// A sink that updates all parameters.
+template <class NumbersOfRows>
+struct UpdateAll : GatherStatistics {
+  static constexpr bool kSkipsInvisible = false;
+  using Numbers = NumbersOfRows;
+  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
+  Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
+
+  __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const { return sum.mean2d; }
+  template <bool has_time>
+  __device__ void regularize(const Shape&, RowGradient&) const {}
+};
+using UpdateByAdam = UpdateAll<AdamNumbers>;
+/// The same with absolute gradients and regularizers. It has a kernel of its own, so that other
+/// runs do not pay for it. A rule of Adam that is not the usual one has another.
+template <class NumbersOfRows>
+struct UpdateAsAsked : UpdateAll<NumbersOfRows> {
+  bool is_absolute;      // the statistic
+  Regularizers of_each;  // weights for one row
+
+  __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
+    return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
+  }
+  template <bool has_time>
+  __device__ void regularize(const Shape& shape, RowGradient& gradient) const {
+    const RegularizerGradient<float> added =
+        regularizer_vjp(shape.log_scale, shape.logit_opacity, of_each);
+    gradient.log_scale += added.log_scale;
+    gradient.logit_opacity += added.logit_opacity;
+    if constexpr (has_time) {
+      SpacetimeShape<float> dL = gradient.in_spacetime();
+      add_spacetime_regularizer_vjp(shape.in_spacetime(), of_each, dL);
+      gradient.take(dL);
+    }
+  }
+};
+
+/// A sink for Gaussians with a 3D filter. These have kernels of their own, so that others do not
+/// pay for it.
+template <class Sink>
+struct WithFilter : Sink {
+  const float* filter_scale;  // (N)  world units
+};
+template <class Sink>
+inline constexpr bool kHasFilter = false;
+template <class Sink>
+inline constexpr bool kHasFilter<WithFilter<Sink>> = true;
+
+/// This lane's share of one quantity of a warp's rows, which have kInRow numbers each. `which` is
+/// EveryRow or SomeRows; numbers of other rows are neither read nor written.
+template <int kInRow, class Numbers>
+struct Share {
+  float loaded[kInRow][Numbers::kArrays];
+
+  template <class Which>
+  __device__ Share(const Numbers& numbers, std::size_t first, int rows, Which which) {
+    for (int k = 0; k < kInRow; ++k) {
+      const int item = lane_of_thread() + k * kWarp;
+      for (int a = 0; a < Numbers::kArrays; ++a)
+        if (item < rows * kInRow && which.has(item / kInRow))
+          loaded[k][a] = numbers.arrays[a][first * kInRow + item];
+    }
+  }
+  /// Writes the parameters to `to`, row after row.
+  template <class Which>
+  __device__ void lay_out(int rows, Which which, float* to) const {
+    for (int k = 0; k < kInRow; ++k) {
+      const int item = lane_of_thread() + k * kWarp;
+      if (item < rows * kInRow && which.has(item / kInRow)) to[item] = loaded[k][0];
+    }
+  }
+  template <class Which>
+  __device__ void finish(const Numbers& numbers, std::size_t first, int rows, Which which,
+                         const float* gradients) {
+    for (int k = 0; k < kInRow; ++k) {
+      const int item = lane_of_thread() + k * kWarp;
+      if (item < rows * kInRow && which.has(item / kInRow))
+        numbers.finish(first * kInRow + item, loaded[k], gradients[item]);
+    }
+  }
+};
+
+/// This lane's shares of the quantities of time; none where rows have no time.
+template <class Sink, bool has_time>
+struct TimeShares {
+  using Numbers = typename Sink::Numbers;
+  Share<4, Numbers> right_rotation;
+  Share<1, Numbers> time_mean, log_time_scale;
+
+  template <class Which>
+  __device__ TimeShares(const Sink& sink, std::size_t first, int rows, Which which)
+      : right_rotation(sink.right_rotation, first, rows, which),
+        time_mean(sink.time_mean, first, rows, which),
+        log_time_scale(sink.log_time_scale, first, rows, which) {}
+  template <class Which>
+  __device__ void lay_out(int rows, Which which, RowNumbers& shared) const {
+    right_rotation.lay_out(rows, which, shared.right_rotation);
+    time_mean.lay_out(rows, which, shared.time_mean);
+    log_time_scale.lay_out(rows, which, shared.log_time_scale);
+  }
+  __device__ void read(const RowNumbers& shared, int lane, Shape& shape) const {
+    const float* const q = shared.right_rotation + 4 * lane;
+    shape.right_rotation = {q[0], q[1], q[2], q[3]};
+    shape.time_mean = shared.time_mean[lane];
+    shape.log_time_scale = shared.log_time_scale[lane];
+  }
+  template <class Which>
+  __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
+                         const RowNumbers& gradients) {
+    right_rotation.finish(sink.right_rotation, first, rows, which, gradients.right_rotation);
+    time_mean.finish(sink.time_mean, first, rows, which, gradients.time_mean);
+    log_time_scale.finish(sink.log_time_scale, first, rows, which, gradients.log_time_scale);
+  }
+};
+template <class Sink>
+struct TimeShares<Sink, false> {
+  template <class Which>
+  __device__ TimeShares(const Sink&, std::size_t, int, Which) {}
+  template <class Which>
+  __device__ void lay_out(int, Which, RowNumbers&) const {}
+  __device__ void read(const RowNumbers&, int, Shape&) const {}
+  template <class Which>
+  __device__ void finish(const Sink&, std::size_t, int, Which, const RowNumbers&) {}
+};
+
+/// This lane's shares of all quantities without SH.
+template <class Sink, bool has_time>
+struct Shares {
+  using Numbers = typename Sink::Numbers;
+  Share<3, Numbers> mean, log_scale, sh0;
+  Share<4, Numbers> rotation;
+  Share<1, Numbers> logit_opacity;
+  TimeShares<Sink, has_time> time;
+
+  template <class Which>
+  __device__ Shares(const Sink& sink, std::size_t first, int rows, Which which)
+      : mean(sink.mean, first, rows, which), log_scale(sink.log_scale, first, rows, which),
+        sh0(sink.sh0, first, rows, which), rotation(sink.rotation, first, rows, which),
+        logit_opacity(sink.logit_opacity, first, rows, which), time(sink, first, rows, which) {}
+  /// The whole warp: returns this lane's row of parameters; the lanes exchange them through shared
+  /// memory.
+  template <class Which>
+  __device__ Shape row(RowNumbers& shared, int rows, Which which) const {
+    mean.lay_out(rows, which, shared.mean);
+    log_scale.lay_out(rows, which, shared.log_scale);
+    rotation.lay_out(rows, which, shared.rotation);
+    logit_opacity.lay_out(rows, which, shared.logit_opacity);
+    time.lay_out(rows, which, shared);
+    __syncwarp();
+    const int lane = lane_of_thread();
+    const auto vector = [&](const float* of) {
+      return Vec3f(of[3 * lane], of[3 * lane + 1], of[3 * lane + 2]);
+    };
+    const float* const q = shared.rotation + 4 * lane;
+    Shape shape;
+    shape.mean = vector(shared.mean);
+    shape.log_scale = vector(shared.log_scale);
+    shape.rotation = {q[0], q[1], q[2], q[3]};
+    shape.logit_opacity = shared.logit_opacity[lane];
+    time.read(shared, lane, shape);
+    __syncwarp();
+    return shape;
+  }
+  template <class Which>
+  __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
+                         const RowNumbers& gradients) {
+    mean.finish(sink.mean, first, rows, which, gradients.mean);
+    log_scale.finish(sink.log_scale, first, rows, which, gradients.log_scale);
+    sh0.finish(sink.sh0, first, rows, which, gradients.sh0);
+    rotation.finish(sink.rotation, first, rows, which, gradients.rotation);
+    logit_opacity.finish(sink.logit_opacity, first, rows, which, gradients.logit_opacity);
+    time.finish(sink, first, rows, which, gradients);
+  }
+};
+
+__device__ inline void stage_quaternion(float* to, const Quatf& q) {
+  to[0] = q.w;
+  to[1] = q.x;
+  to[2] = q.y;
+  to[3] = q.z;
+}
+/// Writes this lane's row of gradients to shared memory.
+template <bool has_time>
+__device__ void stage(RowNumbers& to, const RowGradient& gradient) {
+  const int lane = lane_of_thread();
+  for (int c = 0; c < 3; ++c) {
+    to.mean[3 * lane + c] = gradient.mean[c];
+    to.log_scale[3 * lane + c] = gradient.log_scale[c];
+    to.sh0[3 * lane + c] = gradient.sh0[c];
+  }
+  stage_quaternion(to.rotation + 4 * lane, gradient.rotation);
+  to.logit_opacity[lane] = gradient.logit_opacity;
+  if constexpr (has_time) {
+    stage_quaternion(to.right_rotation + 4 * lane, gradient.right_rotation);
+    to.time_mean[lane] = gradient.time_mean;
+    to.log_time_scale[lane] = gradient.log_time_scale;
+  }
+}
+
+/// An array as plain numbers.
+template <class T>
+float* numbers_of(const Span<T>& rows) {
+  return reinterpret_cast<float*>(rows.data);
+}
+
+}  // namespace gs::cuda
