@@ -17,6 +17,7 @@ constexpr int kExtraResetStep = 500;     // on a white background; Kerbl et al. 
 // Limits of the rules for short runs: docs/schedule.md
 constexpr double kMostFinalRate = 10;  // times position_lr_final
 constexpr int kFirstShare = 10;        // 1 / share of the run by which the first refinement comes
+constexpr int kLeastRefinements = 10;  // whatever density.every_epochs says
 constexpr int kFinalShare = 4;         // 1 / share of the run of density.final_steps
 constexpr int kShShare = 6;            // 1 / share of the run between SH degrees
 
@@ -53,14 +54,16 @@ void Schedule::plan_refinements() {
       std::max(refine_from_, std::min(density.first_epochs * views_, steps_ / kFirstShare));
   refine_until_ = refine_from_ + scaled(density.until_step) - scaled(density.from_step);
   refine_every_ = std::max(scaled(density.every), std::min(density.every, kMinRefineInterval));
-  refine_every_ = std::max(refine_every_, density.every_epochs * views_);
   reset_every_ = std::max(scaled(density.reset_opacity_every),
                           std::min(density.reset_opacity_every, kMinResetInterval));
   reset_until_ = scaled(density.reset_opacity_until);
-  if (density.final_steps == 0) return;
-  const int final_steps = std::min(density.final_steps, steps_ / kFinalShare);
-  refine_until_ = std::min(refine_until_, steps_ - final_steps);
-  reset_until_ = std::min(reset_until_, steps_ - final_steps * 3 / 2);
+  if (density.final_steps > 0) {
+    const int final_steps = std::min(density.final_steps, steps_ / kFinalShare);
+    refine_until_ = std::min(refine_until_, steps_ - final_steps);
+    reset_until_ = std::min(reset_until_, steps_ - final_steps * 3 / 2);
+  }
+  const int longest = (refine_until_ - refine_from_) / kLeastRefinements;
+  refine_every_ = std::max(refine_every_, std::min(density.every_epochs * views_, longest));
 }
 
 void Schedule::plan_pruning() {

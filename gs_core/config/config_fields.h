@@ -123,7 +123,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.from_step",            density.from_step,            "steps",       steps_from(0),           retrain, "first refinement, as a step of a 30,000-step run", kFaster);
   field("density.until_step",           density.until_step,           "steps",       steps_from(0),           retrain, "last refinement, as a step of a 30,000-step run", kFaster);
   field("density.every",                density.every,                "steps",       steps_from(1),           retrain, "interval between refinements", kKerbl);
-  field("density.every_epochs",         density.every_epochs,         "epochs",      between(0, 1000),        retrain, "the interval is at least so many passes over the photos; not scaled");
+  field("density.every_epochs",         density.every_epochs,         "epochs",      between(0, 1000),        retrain, "the interval is at least so many passes over the photos, or a tenth of the window if that is less; not scaled");
   field("density.first_epochs",         density.first_epochs,         "epochs",      between(0, 1000),        retrain, "the first refinement comes after at least so many passes over the photos, or after a tenth of the steps if that is sooner");
   field("density.final_steps",          density.final_steps,          "steps",       steps_from(0),           retrain, "at the end, at least so many steps, or a quarter of a shorter run, have no refinement, and half as many more no opacity reset; not scaled");
   field("density.gradient_threshold",   density.gradient_threshold,   "NDC",         at_least(0),             retrain, "Gaussians with a larger mean image-plane gradient are cloned or split", kKerbl);

@@ -122,6 +122,14 @@ TEST(ScheduleOfEpochs, RefinesAfterSoManyPassesOverThePhotos) {
             from_to_every(600, 14'900, 100));
 }
 
+TEST(ScheduleOfEpochs, RefinesTenTimesHoweverManyPhotosThereAre) {
+  Config config;
+  config.density.every_epochs = 2;
+  const Schedule schedule(config, 2.0f, 5000);  // 10,000 steps, of which the window has 14,300
+  EXPECT_EQ(steps_where(schedule, [&](int step) { return schedule.refine(step); }),
+            from_to_every(1430, 14'300, 1430));
+}
+
 TEST(ScheduleOfEpochs, BeginsRefinementsAfterSomePasses) {
   Config config;
   config.density.first_epochs = 2;
