@@ -194,14 +194,4 @@ std::vector<std::uint8_t> encode_png(const Image8& image) {
   return bytes;
 }
 
-std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality) {
-  GS_CHECK(image.channels == 3);
-  std::vector<std::uint8_t> bytes;
-  if (!stbi_write_jpg_to_func(append, &bytes, image.width, image.height, 3, image.pixels.data(),
-                              quality))
-    throw Error("cannot encode a JPEG: out of memory; write fewer or smaller pictures",
-                ExitCode::out_of_memory);
-  return bytes;
-}
-
 }  // namespace gs

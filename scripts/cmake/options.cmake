@@ -11,6 +11,7 @@ if(NOT CMAKE_BUILD_TYPE)
 endif()
 
 option(GS_WITH_OPENIMAGEIO "Read and write photos through OpenImageIO (else JPEG and PNG through stb)" ON)
+option(GS_WITH_LIBJPEG "Write JPEGs with libjpeg where OpenImageIO is off or missing" ON)
 option(GS_WITH_OPENCV "Undistort photos of lens models with OpenCV" ON)
 option(GS_WITH_ZSTD "Keep undistorted and resized photos on disk, with zstd and xxhash" ON)
 option(GS_WITH_ZLIB "Read and write .spz with zlib (version 4: with zstd)" ON)
