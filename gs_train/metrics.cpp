@@ -8,6 +8,7 @@
 #include "gs_core/math/photo_weight.h"
 #include "gs_core/math/ssim.h"
 #include "gs_train/metrics/flip.h"
+#include "gs_train/metrics/lpips.h"
 #include "gs_train/metrics/ms_ssim.h"
 #include "gs_train/window.h"
 
@@ -65,7 +66,7 @@ double ssim_of(const ImageF& render, At&& at) {
 }
 
 template <class At>
-PerceptualMetrics perceptual_of(const ImageF& render, bool is_weighted, At&& at) {
+PerceptualMetrics perceptual_of(const ImageF& render, bool is_weighted, Lpips* lpips, At&& at) {
   ComparedPictures pictures{render, render, {}};
   if (is_weighted) pictures.weight = ImageF(render.width, render.height, 1);
   for (std::size_t i = 0; i < render.pixels.size(); ++i) {
@@ -74,7 +75,9 @@ PerceptualMetrics perceptual_of(const ImageF& render, bool is_weighted, At&& at)
     pictures.photo.pixels[i] = float(value.share * value.y);
     if (is_weighted) pictures.weight.pixels[i / 3] = float(value.share);
   }
-  return {ms_ssim(pictures), flip(pictures)};
+  PerceptualMetrics metrics{ms_ssim(pictures), flip(pictures)};
+  if (lpips) metrics.lpips = lpips->distance(pictures);
+  return metrics;
 }
 
 auto plain_values(const ImageF& render, const Image8& photo) {
@@ -105,20 +108,22 @@ auto values_of(const ImageF& render, const View& view, const Vec3f& background,
 
 // `render` is the picture of the pass.
 ViewMetrics view_metrics(const RenderPass& pass, const ImageF& render, const View& view,
-                         const Vec3f& background, MetricSet wanted) {
+                         const Vec3f& background, const MetricSet& wanted) {
   check_sizes(render, view.photo);
-  const bool is_weighted = view.has_untrained_pixels(), has_all = wanted == MetricSet::all;
+  const auto perceptual = [&](const ImageF& picture, const auto& values) {
+    return perceptual_of(picture, view.has_untrained_pixels(), wanted.lpips, values);
+  };
   const auto as_it_is = values_of(render, view, background, Vec3f(1));
   ViewMetrics metrics{view.name, psnr_of(render, as_it_is), ssim_of(render, as_it_is)};
   metrics.time = view.camera.time;
-  if (has_all) metrics.perceptual = perceptual_of(render, is_weighted, as_it_is);
+  if (wanted.is_perceptual) metrics.perceptual = perceptual(render, as_it_is);
   metrics.perceptual_exposure = metrics.perceptual;
   if (!view.has_exposure()) return metrics;
   const ImageF exposed = image_of(pass, view.exposure);
   const auto values = values_of(exposed, view, background, view.exposure);
   metrics.psnr_exposure = psnr_of(exposed, values);
   metrics.ssim_exposure = ssim_of(exposed, values);
-  if (has_all) metrics.perceptual_exposure = perceptual_of(exposed, is_weighted, values);
+  if (wanted.is_perceptual) metrics.perceptual_exposure = perceptual(exposed, values);
   return metrics;
 }
 
@@ -128,6 +133,7 @@ void add(std::optional<PerceptualMetrics>& sum, const std::optional<PerceptualMe
   if (!sum) sum = PerceptualMetrics();
   sum->ms_ssim += factor * metrics->ms_ssim;
   sum->flip += factor * metrics->flip;
+  if (metrics->lpips) sum->lpips = sum->lpips.value_or(0) + factor * *metrics->lpips;
 }
 
 void take_means(Evaluation& evaluation) {
@@ -165,7 +171,7 @@ double ssim(const ImageF& render, const Image8& photo) {
 
 PerceptualMetrics perceptual_metrics(const ImageF& render, const Image8& photo) {
   check_sizes(render, photo);
-  return perceptual_of(render, false, plain_values(render, photo));
+  return perceptual_of(render, false, nullptr, plain_values(render, photo));
 }
 
 double psnr(const ImageF& render, const View& view, const Vec3f& background) {
@@ -184,7 +190,7 @@ PerceptualMetrics perceptual_metrics(const ImageF& render, const View& view,
                                      const Vec3f& background) {
   check_sizes(render, view.photo);
   const ImageF exposed = under_exposure(render, view.exposure);
-  return perceptual_of(exposed, view.has_untrained_pixels(),
+  return perceptual_of(exposed, view.has_untrained_pixels(), nullptr,
                        values_of(exposed, view, background, view.exposure));
 }
 
@@ -201,7 +207,7 @@ Image8 shown_photo(const View& view, const Vec3f& background) {
 Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
                     const std::vector<View>& views, const RenderSettings& settings,
                     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view,
-                    MetricSet metrics) {
+                    const MetricSet& metrics) {
   const auto trains_nowhere = [](const View& view) {
     return view.has_untrained_pixels() &&
            std::all_of(view.mask.pixels.begin(), view.mask.pixels.end(),
@@ -217,6 +223,7 @@ Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
     evaluation.views.push_back(view_metrics(pass, render, view, settings.background, metrics));
     evaluation.has_exposures = evaluation.has_exposures || view.has_exposure();
   });
+  if (metrics.is_perceptual && metrics.lpips) evaluation.lpips_source = metrics.lpips->source();
   take_means(evaluation);
   return evaluation;
 }

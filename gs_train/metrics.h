@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // PSNR and SSIM against photos as the papers compute them: on pictures clamped to [0, 1], as a mean
 // over pixels and channels; SSIM with the 11x11 Gaussian window of sigma 1.5 and zero padding. The
-// slower MS-SSIM and FLIP are in gs_train/metrics/.
+// slower MS-SSIM, FLIP and LPIPS are in gs_train/metrics/.
 #pragma once
 
 #include <functional>
@@ -15,6 +15,8 @@
 
 namespace gs {
 
+class Lpips;
+
 /// Peak signal-to-noise ratio in dB of pictures of the same size, `render` in [0, 1]. Identical
 /// pictures have 100 dB.
 double psnr(const ImageF& render, const Image8& photo);
@@ -26,6 +28,7 @@ double ssim(const ImageF& render, const Image8& photo);
 /// core, so that they are measured at the end of a run alone.
 struct PerceptualMetrics {
   double ms_ssim = 0, flip = 0;
+  std::optional<double> lpips{};  // with a network alone
 };
 PerceptualMetrics perceptual_metrics(const ImageF& render, const Image8& photo);
 
@@ -35,8 +38,8 @@ PerceptualMetrics perceptual_metrics(const ImageF& render, const Image8& photo);
 ///   psnr  the mean of the squared error is weighted by the mask
 ///   ssim  both pictures are multiplied by the mask, as in the loss; the mean is over pixels with
 ///         a mask above 0
-///   others  both pictures are multiplied by the mask; windows of MS-SSIM and pixels of FLIP count as
-///         much as the mask there
+///   others  both pictures are multiplied by the mask; windows of MS-SSIM, pixels of FLIP and places
+///         of LPIPS count as much as the mask there
 /// A mask of what the photo covers composes the photo over the background, and every pixel counts.
 /// At least one pixel of the view trains.
 double psnr(const ImageF& render, const View& view, const Vec3f& background);
@@ -57,6 +60,11 @@ struct ViewMetrics {
   std::optional<PerceptualMetrics> perceptual{}, perceptual_exposure{};
 };
 
+/// The network of LPIPS, as results tell it.
+struct LpipsSource {
+  std::string file, network, hash;  // the latter two as in Lpips
+};
+
 /// Means over views, and the metrics of each view.
 struct Evaluation {
   double psnr = 0, ssim = 0;                    // 0 when there are no views
@@ -64,12 +72,17 @@ struct Evaluation {
   bool has_exposures = false;                   // true where the exposure of any view is not 1
   std::vector<ViewMetrics> views;
   std::optional<PerceptualMetrics> perceptual, perceptual_exposure;  // as in ViewMetrics
+  std::optional<LpipsSource> lpips_source;                           // where LPIPS was measured
 };
 
-enum class MetricSet {
-  quick,  // PSNR and SSIM
-  all     // MS-SSIM and FLIP, too
+/// What evaluate() measures besides PSNR and SSIM.
+struct MetricSet {
+  bool is_perceptual = false;  // MS-SSIM and FLIP
+  Lpips* lpips = nullptr;      // with them, where it is not null
+
+  static const MetricSet quick, all;  // the latter without LPIPS
 };
+inline const MetricSet MetricSet::quick{}, MetricSet::all{true};
 
 /// Renders each view and compares it with its photo, without and with the view's exposure. Views
 /// that are masked everywhere are not counted. `on_view` (may be empty) is called in order with
@@ -78,6 +91,6 @@ Evaluation evaluate(
     Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
     const RenderSettings& settings,
     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view = {},
-    MetricSet metrics = MetricSet::quick);
+    const MetricSet& metrics = MetricSet::quick);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat eval: PSNR, SSIM, MS-SSIM and FLIP of a trained model against photos.
+// gemsplat eval: PSNR, SSIM, MS-SSIM, FLIP and LPIPS of a trained model against photos.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
@@ -16,6 +16,7 @@
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_train/metrics/lpips.h"
 
 namespace gs {
 namespace {
@@ -38,26 +39,35 @@ std::vector<View> views_of(Scene scene, const std::string& split) {
   return views;
 }
 
+std::string line_of(const ViewMetrics& view) {
+  const PerceptualMetrics& metrics = *view.perceptual;
+  const std::string lpips = metrics.lpips ? fmt::format("  LPIPS {:.4f}", *metrics.lpips) : "";
+  return fmt::format("{:>8.3f} dB  SSIM {:.4f}  MS-SSIM {:.4f}  FLIP {:.4f}{}  {}", view.psnr,
+                     view.ssim, metrics.ms_ssim, metrics.flip, lpips, view.name);
+}
+
 void eval(const EvalCommand& command) {
   setup_log(command.verbosity());
   OpenedModel opened = open_model(command.model, command.step);
   // A single file does not say which views were held out, so the usual rule applies.
   if (!opened.run) opened.config.dataset.eval = true;
   const Config config = resolve(command, opened.config);
+  const std::unique_ptr<Lpips> lpips = make_lpips(config.eval);
   set_thread_count(config.train.threads);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const std::vector<View> views =
       views_of(scene_for(opened, config.dataset, command.has("dataset.source")), command.split);
+  if (lpips) lpips->check_sizes(views);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
 
   ProgressBar bar(std::int64_t(views.size()), !command.quiet);
-  const Evaluation evaluation = evaluate(
-      backend->renderer(), gaussians.span(), views, view_settings(opened, config),
-      [&](std::size_t index, const View&, const ImageF&) {
-        const auto done = std::int64_t(index) + 1;
-        if (bar.due(done)) bar.draw(done, "", "view");
-      },
-      MetricSet::all);
+  const Evaluation evaluation =
+      evaluate(backend->renderer(), gaussians.span(), views, view_settings(opened, config),
+               [&](std::size_t index, const View&, const ImageF&) {
+                 const auto done = std::int64_t(index) + 1;
+                 if (bar.due(done)) bar.draw(done, "", "view");
+               },
+               {true, lpips.get()});
   bar.clear();
   const std::string json = evaluation_json(evaluation, opened.ply.string(), command.split,
                                            gaussians.count(), backend->name());
@@ -68,9 +78,7 @@ void eval(const EvalCommand& command) {
   if (command.json) {
     std::cout << json;
   } else {
-    for (const ViewMetrics& view : evaluation.views)
-      log_info("{:>8.3f} dB  SSIM {:.4f}  MS-SSIM {:.4f}  FLIP {:.4f}  {}", view.psnr, view.ssim,
-               view.perceptual->ms_ssim, view.perceptual->flip, view.name);
+    for (const ViewMetrics& view : evaluation.views) log_info("{}", line_of(view));
     std::cout << command.split << ": " << summary(evaluation) << ", "
               << with_commas(gaussians.count()) << " Gaussians\n";
   }
@@ -91,6 +99,8 @@ void add_eval(CLI::App& program) {
   verb.add_option("--split", command->split, "which views to measure [test]")
       ->check(CLI::IsMember({"test", "train", "all"}))
       ->type_name("");
+  add_setting(verb, *command, "--lpips", "eval.lpips", "Metrics",
+              "also measure LPIPS, with the weights in this file; none: without it");
   verb.add_flag("--json", command->json, "print JSON with the figures of every view");
   verb.add_option("-o,--output", command->output, "also write this JSON to a file")
       ->type_name("FILE");

@@ -181,6 +181,8 @@ void add_train(CLI::App& program) {
               "also save the PLY after these steps");
   add_setting(verb, line, "--test-steps,--test-iterations,--eval-steps", "train.test_steps",
               "Output", "also evaluate the test views after these steps");
+  add_setting(verb, line, "--lpips", "eval.lpips", "Output",
+              "at the end also measure LPIPS, with the weights in this file");
   add_setting(verb, line, "-i,--iterations,--iter,--max-steps", "train.iterations", "Training",
               "number of training steps, one photo each; the schedule scales with it; +N: N more "
               "steps of a finished run, with --resume");

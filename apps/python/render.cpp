@@ -15,6 +15,7 @@
 #include "gs_core/error.h"
 #include "gs_render/surface_renderer.h"
 #include "gs_train/metrics.h"
+#include "gs_train/metrics/lpips.h"
 
 namespace gs::python {
 namespace {
@@ -125,13 +126,16 @@ Evaluation evaluate_views(const Model& model, const LoadedScene& scene, const st
         "the model and the scene have different world offsets; load the scene that the model was "
         "trained on");
   const RenderSettings settings = settings_for(model, config, py::none());
+  const EvalConfig eval = looking_config(model, config).eval;
+  const std::vector<View>& views =
+      split == "test" ? scene.scene.test_views : scene.scene.train_views;
   const py::gil_scoped_release release;
+  const std::unique_ptr<Lpips> lpips = make_lpips(eval);
+  if (lpips) lpips->check_sizes(views);
   const Work work;
   const BorrowedBackend backend(device);
   const OnDevice gaussians(model, backend->memory());
-  return evaluate(backend->renderer(), gaussians.span(),
-                  split == "test" ? scene.scene.test_views : scene.scene.train_views, settings, {},
-                  MetricSet::all);
+  return evaluate(backend->renderer(), gaussians.span(), views, settings, {}, {true, lpips.get()});
 }
 
 // The metrics of a view, or the means over views; 0 when there are no views.
@@ -144,11 +148,16 @@ void bind_perceptual(py::class_<Metrics>& type) {
   type.def_property_readonly(
       "flip", [of](const Metrics& self) { return of(self).flip; },
       "0 to 1, lower is better: the difference that an observer sees (Andersson et al. 2020).");
+  type.def_property_readonly(
+      "lpips", [of](const Metrics& self) { return of(self).lpips; },
+      "Lower is better: the distance of a network's features (Zhang et al. 2018), where the "
+      "setting "
+      "eval.lpips names the file of its weights; else None.");
 }
 
 void bind_evaluation(py::module_& module) {
-  py::class_<ViewMetrics> view(module, "ViewMetrics",
-                               "PSNR, SSIM, MS-SSIM and FLIP of one view against its photo.");
+  py::class_<ViewMetrics> view(
+      module, "ViewMetrics", "PSNR, SSIM, MS-SSIM, FLIP and LPIPS of one view against its photo.");
   view.def_readonly("name", &ViewMetrics::name, "The photo's name.");
   view.def_readonly("psnr", &ViewMetrics::psnr, "dB; 100 if no pixel differs.");
   view.def_readonly("ssim", &ViewMetrics::ssim, "0 to 1.");
@@ -166,7 +175,8 @@ void bind_evaluation(py::module_& module) {
   });
   module.def("evaluate", evaluate_views, py::arg("model"), py::arg("scene"), py::kw_only(),
              py::arg("split") = "test", py::arg("device") = "auto", py::arg("config") = py::none(),
-             "Renders the scene's test (or train) views and compares them with their photos.");
+             "Renders the scene's test (or train) views and compares them with their photos. "
+             "config={\"eval.lpips\": FILE} adds LPIPS.");
 }
 
 }  // namespace

@@ -17,6 +17,7 @@
 #include "gs_core/error.h"
 #include "gs_train/loop/trainer.h"
 #include "gs_train/metrics.h"
+#include "gs_train/metrics/lpips.h"
 
 namespace py = pybind11;
 
@@ -85,9 +86,9 @@ void check(const Arguments& arguments) {
 
 // ---- without a folder --------------------------------------------------------------------------
 
-Evaluation evaluation_of(Trainer& trainer) {
+Evaluation evaluation_of(Trainer& trainer, Lpips* lpips) {
   return evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
-                  trainer.scene().test_views, trainer.evaluation_settings(), {}, MetricSet::all);
+                  trainer.scene().test_views, trainer.evaluation_settings(), {}, {true, lpips});
 }
 
 Result result_of(Trainer& trainer, const CallbackObserver& observer) {
@@ -105,6 +106,8 @@ Result result_of(Trainer& trainer, const CallbackObserver& observer) {
 Result run_in_memory(const Scene& scene, const Config& config, CallbackObserver& observer) {
   if (!config.model.start_from.empty())
     throw UsageError("model.start_from needs a run with a folder: give output=FOLDER");
+  const std::unique_ptr<Lpips> lpips = make_lpips(config.eval);
+  if (lpips) lpips->check_sizes(scene.test_views);
   if (config.train.threads) set_threads(config.train.threads);
   const Work work;
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
@@ -112,7 +115,7 @@ Result run_in_memory(const Scene& scene, const Config& config, CallbackObserver&
   trainer.add_observer(observer);
   trainer.run();
   Result result = result_of(trainer, observer);
-  if (!scene.test_views.empty()) result.evaluation = evaluation_of(trainer);
+  if (!scene.test_views.empty()) result.evaluation = evaluation_of(trainer, lpips.get());
   return result;
 }
 
@@ -169,8 +172,9 @@ Result run_in_folder(TrainRequest request, CallbackObserver& observer) {
   result.output = absolute_path(session.folder().root());
   if (end == SessionEnd::nothing_left || session.trainer().scene().test_views.empty())
     return result;
-  result.evaluation =
-      end == SessionEnd::finished ? session.results().test : evaluation_of(session.trainer());
+  result.evaluation = end == SessionEnd::finished
+                          ? session.results().test
+                          : evaluation_of(session.trainer(), session.lpips());
   return result;
 }
 

@@ -241,8 +241,11 @@ Config settings_of(const Experiment& experiment, const ExperimentScene& scene,
   settings.dataset.source = scene.path.string();
   settings.train.seed = seed;
   settings.model.output.clear();
-  std::string& start = settings.model.start_from;
-  if (!start.empty()) start = (experiment.file.parent_path() / start).lexically_normal().string();
+  const auto beside_file = [&](std::string& path) {
+    if (!path.empty()) path = (experiment.file.parent_path() / path).lexically_normal().string();
+  };
+  beside_file(settings.model.start_from);
+  if (settings.eval.lpips != "none") beside_file(settings.eval.lpips);
   validate(settings, origins);
   return settings;
 }

@@ -22,6 +22,7 @@ void add_perceptual(const char* suffix, const std::optional<PerceptualMetrics>& 
   if (!metrics) return;
   json[fmt::format("ms_ssim{}", suffix)] = metrics->ms_ssim;
   json[fmt::format("flip{}", suffix)] = metrics->flip;
+  if (metrics->lpips) json[fmt::format("lpips{}", suffix)] = *metrics->lpips;
 }
 
 Json means(const Evaluation& evaluation) {
@@ -35,6 +36,13 @@ Json means(const Evaluation& evaluation) {
     add_perceptual("_exposure", evaluation.perceptual_exposure, json);
   }
   return json;
+}
+
+// The network behind "lpips", where it was measured.
+void add_network(const std::optional<LpipsSource>& source, Json& json) {
+  if (source)
+    json["lpips_network"] = {
+        {"name", source->network}, {"file", source->file}, {"hash", source->hash}};
 }
 
 Json by_view(const Evaluation& evaluation) {
@@ -92,6 +100,8 @@ std::string results_json(const Results& results) {
   if (const auto& changes = uncommitted_changes()) json["uncommitted"] = changes->hash;
   if (const CudaBuild cuda = built_cuda(); !cuda.toolkit.empty()) json["cuda"] = cuda.toolkit;
   if (results.num_static) json["num_static"] = *results.num_static;
+  add_network(results.test.lpips_source ? results.test.lpips_source : results.train.lpips_source,
+              json);
   if (const Vec3d& offset = results.world_offset; offset != Vec3d(0.0))
     json["world_offset"] = {offset.x, offset.y, offset.z};
   if (const auto& refinement = results.refinement)
@@ -128,6 +138,7 @@ std::string evaluation_json(const Evaluation& evaluation, const std::string& mod
   json["num_gaussians"] = num_gaussians;
   json["device"] = device;
   json["version"] = kVersion;
+  add_network(evaluation.lpips_source, json);
   json["views"] = by_view(evaluation);
   return text_of(json);
 }
@@ -135,9 +146,10 @@ std::string evaluation_json(const Evaluation& evaluation, const std::string& mod
 std::string summary(const Evaluation& evaluation) {
   const std::size_t views = evaluation.views.size();
   std::string text = fmt::format("{:.2f} dB PSNR, {:.4f} SSIM", evaluation.psnr, evaluation.ssim);
-  if (evaluation.perceptual)
-    text += fmt::format(", {:.4f} MS-SSIM, {:.4f} FLIP", evaluation.perceptual->ms_ssim,
-                        evaluation.perceptual->flip);
+  if (const auto& perceptual = evaluation.perceptual) {
+    text += fmt::format(", {:.4f} MS-SSIM, {:.4f} FLIP", perceptual->ms_ssim, perceptual->flip);
+    if (perceptual->lpips) text += fmt::format(", {:.4f} LPIPS", *perceptual->lpips);
+  }
   text += fmt::format(" over {} view{}", views, views == 1 ? "" : "s");
   if (evaluation.has_exposures)
     text += fmt::format("; under their exposures {:.2f} dB, {:.4f}", evaluation.psnr_exposure,

@@ -38,7 +38,8 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// "num_views"}, "train": {...}, "device", "version", "seed", "commit", "cpu", "date",
 /// "scene_hash", "peak_host_bytes", "compiler"}; "cuda" of a build with CUDA, "uncommitted" of one
 /// with uncommitted changes (their hash); "test" is null where no view was held out, and "ms_ssim" and
-/// "flip" are there where they were measured. On a GPU "peak_gpu_bytes" and "driver", too. Date and
+/// "flip" are there where they were measured. So is "lpips", with "lpips_network": {"name", "file",
+/// "hash"} beside "test". On a GPU "peak_gpu_bytes" and "driver", too. Date and
 /// peak are those of the call (provenance.h). "world_offset" where it is not 0. Where cameras were
 /// refined, "refinement" has the fields of CameraRefinement. Where views have exposures, "test" and
 /// "train" also hold each metric as "psnr_exposure" and so on, and "exposure" is {"samples",
@@ -46,7 +47,7 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// static (math/spacetime.h).
 std::string results_json(const Results& results);
 
-/// {"test": {"name": {"psnr", "ssim", "ms_ssim", "flip"}, ...}, "train": {...}}
+/// {"test": {"name": {"psnr", "ssim", "ms_ssim", "flip", "lpips"}, ...}, "train": {...}}
 std::string per_view_json(const Results& results);
 
 /// {"psnr", "ssim", "ms_ssim", "flip", "num_views", "views": {name: {"psnr", ...}, ...}} and more
@@ -56,7 +57,7 @@ std::string evaluation_json(const Evaluation& evaluation, const std::string& mod
                             const std::string& device);
 
 /// "28.93 dB PSNR, 0.9312 SSIM, 0.9701 MS-SSIM, 0.0712 FLIP over 7 views", with the metrics that
-/// were measured. For views with exposures PSNR and SSIM under these exposures follow.
+/// were measured (LPIPS after FLIP). For views with exposures PSNR and SSIM under these exposures follow.
 std::string summary(const Evaluation& evaluation);
 
 }  // namespace gs

@@ -47,7 +47,7 @@ class PictureKeeper {
 
 }  // namespace
 
-void evaluate_run(Trainer& trainer, const RunFolder& folder, Results& results,
+void evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Results& results,
                   const std::function<void(std::size_t, std::size_t)>& progress) {
   const Scene& scene = trainer.scene();
   const RenderSettings settings = trainer.evaluation_settings();
@@ -66,7 +66,7 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, Results& results,
           if (is_shown) pictures.keep(index, view, image);
           progress(++done, total);
         },
-        is_shown ? MetricSet::all : MetricSet::quick);
+        is_shown ? MetricSet{true, lpips} : MetricSet::quick);
   };
   results.test = evaluate_views(scene.test_views, true);
   results.train = evaluate_views(some, !has_test);

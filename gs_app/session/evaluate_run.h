@@ -12,9 +12,9 @@ namespace gs {
 
 /// Renders all test views and some training views, and compares them with their photos: the figures
 /// go to `results`, the pictures to test/ours_N/{renders,gt} (train/ours_N where no view is held
-/// out) and comparison.png. MS-SSIM and FLIP are measured of the views with pictures. `progress`
-/// counts views.
-void evaluate_run(Trainer& trainer, const RunFolder& folder, Results& results,
+/// out) and comparison.png. MS-SSIM, FLIP and, where `lpips` is not null, LPIPS are measured of the
+/// views with pictures. `progress` counts views.
+void evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Results& results,
                   const std::function<void(std::size_t done, std::size_t total)>& progress);
 
 /// The results of a finished run, before its evaluation; the hash of its scene is left empty.

@@ -86,6 +86,7 @@ SessionEnd TrainSession::run() {
     return SessionEnd::nothing_left;
   }
   check_output();
+  if (!is_finished()) lpips_ = make_lpips(config_.eval);  // early, before hours of training
   hooks_.use_threads(config_.train.threads);
   backend_ = make_backend(config_.train.device);
   log_info("training on {} with {} threads", backend_->name(), thread_count());
@@ -122,6 +123,7 @@ void TrainSession::choose_run() {
   if (!request_.resume.empty())
     resumed_ = find_resumed_run(request_.settings, request_.resume, request_.added_steps);
   config_ = resumed_ ? resumed_->config : config_of_new_run();
+  if (config_.eval.lpips != "none") config_.eval.lpips = absolute_path(config_.eval.lpips);
 }
 
 // The settings of a new run. Paths are made absolute, so that the run's folder can be used from
@@ -177,6 +179,8 @@ void TrainSession::get_scene() {
         config_, *folder_, [&] { clear_folder_for_photos(); }, hooks_);
   describe_scene();
   if (!scene_) scene_ = &loaded_scene_.emplace(load_run_scene(config_.dataset, hooks_));
+  if (lpips_)
+    lpips_->check_sizes(scene_->test_views.empty() ? scene_->train_views : scene_->test_views);
   log_forecast(config_, *scene_, *backend_);
   record_scene();
   if (!resumed_) return;
@@ -272,7 +276,7 @@ void TrainSession::finish() {
   log_info("all {} steps are done and the model is saved; now it is evaluated",
            results_.iterations);
   guarded("the evaluation", [&] {
-    evaluate_run(*trainer_, *folder_, results_,
+    evaluate_run(*trainer_, *folder_, lpips_.get(), results_,
                  [&](std::size_t done, std::size_t total) { hooks_.show_evaluation(done, total); });
   });
   observers_->metrics.finish(results_.iterations, *trainer_, results_.test);

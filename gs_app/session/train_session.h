@@ -21,6 +21,7 @@
 #include "gs_core/scene.h"
 #include "gs_train/backend.h"
 #include "gs_train/loop/trainer.h"
+#include "gs_train/metrics/lpips.h"
 
 namespace gs {
 
@@ -50,8 +51,8 @@ enum class SessionEnd {
 /// backend, scene, trainer and observers stay as they are at the end of the run.
 ///
 /// The parts of a run, in this order:
-///   find the run to resume, lock the folder, make the backend, reconstruct bare photos, load the
-///   scene, make the trainer, write the run's description, train, save the model, evaluate, write
+///   find the run to resume, lock the folder, read the network of LPIPS, make the backend,
+///   reconstruct bare photos, load the scene, make the trainer, write the run's description, train, save the model, evaluate, write
 ///   results and report, export
 class TrainSession {
  public:
@@ -66,6 +67,7 @@ class TrainSession {
   const RunFolder& folder() const { return *folder_; }
   Trainer& trainer() { return *trainer_; }
   const Results& results() const { return results_; }
+  Lpips* lpips() { return lpips_.get(); }  // null where it is not measured
 
  private:
   struct Observers;
@@ -105,6 +107,7 @@ class TrainSession {
   std::optional<ResumedRun> resumed_;
   std::optional<RunFolder> folder_;
   std::optional<OutputLock> lock_;
+  std::unique_ptr<Lpips> lpips_;  // null where it is not measured
   std::unique_ptr<Backend> backend_;
   std::optional<Scene> loaded_scene_;
   const Scene* scene_ = nullptr;  // the loaded one, or that of the request

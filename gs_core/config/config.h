@@ -189,6 +189,11 @@ struct TrainConfig {
   std::vector<int> test_steps;  // besides the last one
 };
 
+/// The evaluation at the end of a run, and by `gemsplat eval`.
+struct EvalConfig {
+  std::string lpips;  // weights of the network of LPIPS, a file; empty, none: it is not measured
+};
+
 struct Config {
   DatasetConfig dataset;
   ReconstructConfig reconstruct;
@@ -198,6 +203,7 @@ struct Config {
   OptimizerConfig optimizer;
   DensityConfig density;
   TrainConfig train;
+  EvalConfig eval;
 };
 
 /// Where values come from, by key: "runs/a.toml:3", "preset fast:3", "--set", "flag". Settings with

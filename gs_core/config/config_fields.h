@@ -200,6 +200,9 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("train.log_every",              train.log_every,              "steps",       steps_from(1),           nothing, "interval between rows of metrics.csv");
   field("train.save_steps",             train.save_steps,             "steps",       steps_from(1),           proceed, "also save the PLY after these steps; not scaled");
   field("train.test_steps",             train.test_steps,             "steps",       steps_from(1),           proceed, "also evaluate the test views after these steps; not scaled");
+
+  auto& eval = config.eval;
+  field("eval.lpips",                   eval.lpips,                   "file",        any(),                   proceed, "also measure LPIPS at the end of a run, with the weights in this file (docs/equations.md says how to make it); none: it is not measured", "Zhang et al. 2018");
 }
 // clang-format on
 

@@ -139,7 +139,11 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
      {"cuda/"},
      // tests/cuda/step_test.cpp counts calls of the driver
      {{"tests/cuda/", "cuda_runtime_api.h"}, {"tests/CMakeLists.txt", "CUDA::cudart_static"}}},
-    {"OpenCV", {"opencv"}, {"OpenCV_", "opencv_"}, {"data_loaders/"}, {"data_loaders/"}},
+    {"OpenCV",
+     {"opencv"},
+     {"OpenCV_", "opencv_"},
+     {"data_loaders/", "gs_train/metrics/feature_network_opencv"},
+     {"data_loaders/", "gs_train/"}},
     {"zstd and xxhash",
      {"zstd.h", "xxhash.h"},
      {"GS_ZSTD_", "GS_XXHASH_"},

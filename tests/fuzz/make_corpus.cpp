@@ -14,6 +14,7 @@
 #include "gs_app/checkpoints/checkpoint_file.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/lpips_file.h"
 #include "tests/support/models.h"
 #include "tests/support/random_model.h"
 #include "tests/support/tiny_photos.h"
@@ -56,6 +57,11 @@ std::string unpacked_sog(const std::string& archive) {
     parts.back().append(picture.pixels.begin(), picture.pixels.end());
   }
   return joined(parts);
+}
+
+void write_networks() {
+  for (const char* network : {"alex", "vgg"})
+    write_seed("lpips/"s + network, safetensors_bytes(patterned_network(network, {1, 1, 1, 1, 1})));
 }
 
 void write_models() {
@@ -154,6 +160,7 @@ void write_pictures() {
 int main() {
   using namespace gs::fuzz;
   write_models();
+  write_networks();
   write_colmap();
   write_run_files();
   write_pictures();

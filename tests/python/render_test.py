@@ -2,13 +2,17 @@
 """gemsplat.render() and evaluate(): the program's pictures and figures, from arrays."""
 
 import json
+import sys
 import threading
 import unittest
 
 import numpy as np
 
 import gemsplat
-from support import COURTYARD, SMALL, SMALL_FLAGS, TestCase, camera, in_8_bits, random_arrays, run_program
+from support import COURTYARD, SMALL, SMALL_FLAGS, SOURCE, TestCase, camera, in_8_bits, random_arrays, run_program
+
+sys.path.insert(0, str(SOURCE / "tests/train"))
+import lpips_reference  # noqa: E402
 
 CPU = {"device": "cpu"}
 
@@ -56,6 +60,24 @@ class AgainstTheProgram(TestCase):
             self.assertAlmostEqual(getattr(found, key), expected[key], places=4)
             self.assertAlmostEqual(getattr(found.views[0], key), expected["views"][found.views[0].name][key], places=4)
         self.assertEqual(len(found.views), expected["num_views"])
+        self.assertIsNone(found.lpips)
+
+    def test_lpips_agrees_with_the_program_and_with_numpy(self):
+        arrays, file = lpips_reference.weights("alex", [4, 6, 5, 3, 4]), self.folder / "net.safetensors"
+        lpips_reference.write(file, arrays)
+        model = gemsplat.load(self.model)
+        try:
+            found = gemsplat.evaluate(model, self.scene, config={"eval.lpips": str(file)}, **CPU)
+        except gemsplat.UsageError as error:
+            self.assertIn("no OpenCV with the module dnn", str(error))
+            self.skipTest(str(error))
+        text = run_program("eval", self.model, "--data", COURTYARD, "--json", "--lpips", file, *SMALL_FLAGS)
+        expected = json.loads(text)
+        self.assertAlmostEqual(found.lpips, expected["lpips"], places=4)
+        for view, figures in zip(self.scene.test_views, found.views):
+            render = gemsplat.render(model, view.camera, depth=False, **CPU).color.astype(np.float64)
+            distance = lpips_reference.lpips("alex", arrays, render, view.photo / 255)
+            self.assertAlmostEqual(figures.lpips, distance, delta=1e-5 * distance)
 
 
 class Moments(TestCase):

@@ -8,10 +8,13 @@ import {facts, foot, head, notes, shortCommit, tiles} from './head.js';
 import {runCharts} from './plots.js';
 import {views} from './views.js';
 
+const NETWORKS = {alex: 'AlexNet', vgg: 'VGG-16'};  // of LPIPS
+
 export function showRun(data) {
   const {results, metrics} = data;
   const shown = results?.test ?? results?.train;
   const what = results?.test ? 'test views' : 'training views';
+  const network = results?.lpips_network;
   const steps = metrics.step;
   const last = list => list?.filter(isNumber).at(-1);
   const memory = results?.peak_gpu_bytes ?? results?.peak_host_bytes;
@@ -29,6 +32,7 @@ export function showRun(data) {
       shown && {name: 'PSNR', value: fixed(shown.psnr, 2), unit: 'dB', more: `${shown.num_views} ${what}`},
       shown && {name: 'SSIM', value: fixed(shown.ssim, 4), more: '11×11 window, zero padding'},
       isNumber(shown?.flip) && {name: 'FLIP', value: fixed(shown.flip, 4), more: `lower is better · MS-SSIM ${fixed(shown.ms_ssim, 4)}`},
+      isNumber(shown?.lpips) && {name: 'LPIPS', value: fixed(shown.lpips, 4), more: `lower is better${network ? ` · ${NETWORKS[network.name]}` : ''}`},
       {name: 'Gaussians', value: short(results?.num_gaussians ?? last(metrics.num_gaussians)),
        more: whole(results?.num_gaussians ?? last(metrics.num_gaussians))},
       {name: 'Training', value: duration(results?.train_seconds ?? last(metrics.seconds)),
@@ -43,6 +47,7 @@ export function showRun(data) {
     facts('provenance', 'Provenance', [
       ['scene', data.scene], ['scene hash', results?.scene_hash], ['device', device], ['CPU', results?.cpu],
       ['driver', results?.driver], ['gemsplat', results && `${results.version} (${shortCommit(results.commit)})`],
+      ['LPIPS', network && `${NETWORKS[network.name]}, ${network.file}, XXH3 ${network.hash}`],
       ['seed', results?.seed], ['finished', results?.date], ['folder', data.folder]]),
     foot(data),
   ].filter(Boolean);
