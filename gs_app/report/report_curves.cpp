@@ -29,6 +29,20 @@ struct Table {
   std::vector<Row> rows;
 };
 
+// Of each name once, with the steps first.
+bool is_header(Row names) {
+  if (names.front() != kStep) return false;
+  std::sort(names.begin(), names.end());
+  return std::adjacent_find(names.begin(), names.end()) == names.end();
+}
+
+[[noreturn]] void fail_by_header(const std::filesystem::path& path) {
+  throw Error(
+      fmt::format("cannot read {}: its first line is damaged; move the file away for a "
+                  "report without its curves",
+                  path.string()));
+}
+
 [[noreturn]] void fail(const std::filesystem::path& path, std::size_t line) {
   throw Error(
       fmt::format("cannot read {}: line {} is damaged; delete that line, or move the file away "
@@ -42,7 +56,7 @@ Table read_table(const std::filesystem::path& path) {
   std::string line;
   if (!std::getline(file, line)) return table;
   table.header = csv_cells(line);
-  if (table.header.front() != kStep) fail(path, 1);
+  if (!is_header(table.header)) fail_by_header(path);
   for (std::size_t number = 2; std::getline(file, line); ++number) {
     if (file.eof()) break;  // a kill has cut this row short
     table.rows.push_back(csv_cells(line));
@@ -86,7 +100,7 @@ Json metrics_columns(const std::filesystem::path& path, std::size_t most) {
 
 Json profile_columns(const std::filesystem::path& path, std::size_t most) {
   const auto [header, rows] = read_table(path);
-  if (!header.empty() && header != kProfileHeader) fail(path, 1);
+  if (!header.empty() && header != kProfileHeader) fail_by_header(path);
   std::vector<std::string> names;                             // of stages, in order of first use
   std::map<int, std::map<std::string, Json>> stages, memory;  // by step
   for (std::size_t i = 0; i < rows.size(); ++i) {

@@ -12,7 +12,7 @@ namespace gs {
 /// names. An empty cell or a number that is not finite is null. Without a file there is only an
 /// empty "step". Of a file with more than `most` rows only every n-th row is kept, and every row
 /// with an evaluation. A last row that a kill has cut short is ignored. Throws Error if another row
-/// is damaged.
+/// is damaged, or if the header names a column twice.
 nlohmann::ordered_json metrics_columns(const std::filesystem::path& metrics, std::size_t most);
 
 /// The contents of profile.csv: {"stages": {"step": [...], "names": [...], "milliseconds": [[...],

@@ -182,6 +182,12 @@ TEST_F(Report, HasEveryColumnOfMetricsCsv) {
       nlohmann::json({{"step", {5, 10}}, {"loss", {0.25, 0.125}}, {"sharpness", {7, nullptr}}}));
 }
 
+TEST_F(Report, AColumnOfMetricsCsvThatIsNamedTwiceIsRefused) {
+  ASSERT_EQ(train("out").code, 0);
+  write_bytes(path("out/metrics.csv"), "step,loss,loss\n5,0.25,7\n");
+  EXPECT_THAT(refusal("out"), AllOf(HasSubstr("metrics.csv"), HasSubstr("its first line")));
+}
+
 TEST_F(Report, AConfigOfAnotherVersionIsShownAllTheSame) {
   ASSERT_EQ(train("out").code, 0);
   write_bytes(path("out/config.toml"), "[train]\nfuture = 1\n");
