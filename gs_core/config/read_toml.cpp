@@ -55,6 +55,8 @@ class TomlWalk {
       case '\n': ++line_, dots_ = 0, is_value_ = false; break;
       case '=': is_value_ = true, dots_ = 0; break;
       case ',': dots_ = 0; break;
+      // Only times have it, which no config needs; toml++ relies on digits in them.
+      case ':': fault_ = "a key or value has a : and no quotes"; break;
       default:  // part of a key or value
         if (static_cast<unsigned char>(c) >= 0x80)
           fault_ = "a key or value has letters beyond ASCII and no quotes";

@@ -212,6 +212,8 @@ TEST_F(ConfigFile, ATableWhoseNameIsNoNameIsRefused) {
 
 TEST_F(ConfigFile, TextThatIsNoTomlNamesFileAndLine) {
   EXPECT_THAT(refusal("[train]\niterations = \n"), HasSubstr("run.toml:2: "));
+  EXPECT_THAT(refusal("[train]\ndevice = 1979-05-27Tcuda:0\n"),
+              HasSubstr("run.toml:2: a key or value has a : and no quotes"));
 }
 
 TEST_F(ConfigFile, ARefusedFileChangesNothing) {
