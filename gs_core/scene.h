@@ -30,6 +30,7 @@ struct View {
   std::shared_ptr<PhotoSource> source = {};
   std::size_t index = 0;       // in `source`
   bool may_be_masked = false;  // whether the view from `source` may have a mask
+  std::uint32_t camera_id = 0;  // views of one camera have the same
 
   /// Whether the loss weights the photo's pixels, for its mask or its exposure. Ask when the photo
   /// is there.

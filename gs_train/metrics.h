@@ -12,6 +12,7 @@
 #include "gs_core/image.h"
 #include "gs_core/scene.h"
 #include "gs_render/renderer.h"
+#include "gs_train/photometric/scene_looks.h"
 
 namespace gs {
 
@@ -48,6 +49,11 @@ PerceptualMetrics perceptual_metrics(const ImageF& render, const View& view,
 /// background.
 Image8 shown_photo(const View& view, const Vec3f& background);
 
+/// PSNR and SSIM of one form of a picture.
+struct PictureMetrics {
+  double psnr = 0, ssim = 0;
+};
+
 struct ViewMetrics {
   std::string name;
   double psnr, ssim;
@@ -55,6 +61,9 @@ struct ViewMetrics {
   float time = 0;                                     // of the view (PinholeCamera::time)
   /// Where they were asked for; the second of the picture under the view's exposure.
   std::optional<PerceptualMetrics> perceptual{}, perceptual_exposure{};
+  /// Where they were asked for: of the picture as a photometric model shows it, and of the picture
+  /// whose colors were fitted to the photo (metrics/color_correction.h).
+  std::optional<PictureMetrics> photometric{}, corrected{};
 };
 
 /// Means over views, and the metrics of each view.
@@ -64,11 +73,21 @@ struct Evaluation {
   bool has_exposures = false;                   // true where the exposure of any view is not 1
   std::vector<ViewMetrics> views;
   std::optional<PerceptualMetrics> perceptual, perceptual_exposure;  // as in ViewMetrics
+  std::optional<PictureMetrics> photometric, corrected;              // the same
 };
 
 enum class MetricSet {
   quick,  // PSNR and SSIM
   all     // MS-SSIM and FLIP, too
+};
+
+/// What to measure besides PSNR and SSIM.
+struct EvaluationWish {
+  MetricSet metrics = MetricSet::quick;
+  AppearanceOf appearance_of = {};  // of a photometric model; measured where it gives one
+  bool is_corrected = false;        // measure the picture with fitted colors, too
+
+  EvaluationWish(MetricSet set = MetricSet::quick) : metrics(set) {}
 };
 
 /// Renders each view and compares it with its photo, without and with the view's exposure. Views
@@ -78,6 +97,6 @@ Evaluation evaluate(
     Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
     const RenderSettings& settings,
     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view = {},
-    MetricSet metrics = MetricSet::quick);
+    const EvaluationWish& wish = {});
 
 }  // namespace gs

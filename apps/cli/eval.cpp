@@ -11,6 +11,7 @@
 #include "apps/cli/verbs.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
+#include "gs_app/run/photometric_file.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
@@ -23,7 +24,7 @@ namespace {
 struct EvalCommand : CommandLine {
   std::string model, split = "test", output;
   std::optional<int> step;
-  bool json = false;
+  bool json = false, corrects_colors = false;
 };
 
 std::vector<View> views_of(Scene scene, const std::string& split) {
@@ -36,6 +37,16 @@ std::vector<View> views_of(Scene scene, const std::string& split) {
   if (views.empty())
     throw UsageError("the run held out no views; give --split train or --split all");
   return views;
+}
+
+// A run with a photometric model is measured as when it ended.
+EvaluationWish wish_of(const EvalCommand& command, const OpenedModel& opened) {
+  EvaluationWish wish(MetricSet::all);
+  wish.is_corrected = command.corrects_colors;
+  if (!opened.run || !std::filesystem::exists(opened.run->photometric())) return wish;
+  wish.appearance_of = appearances(read_photometric(opened.run->photometric()));
+  wish.is_corrected = true;
+  return wish;
 }
 
 void eval(const EvalCommand& command) {
@@ -57,7 +68,7 @@ void eval(const EvalCommand& command) {
         const auto done = std::int64_t(index) + 1;
         if (bar.due(done)) bar.draw(done, "", "view");
       },
-      MetricSet::all);
+      wish_of(command, opened));
   bar.clear();
   const std::string json = evaluation_json(evaluation, opened.ply.string(), command.split,
                                            gaussians.count(), backend->name());
@@ -91,6 +102,8 @@ void add_eval(CLI::App& program) {
   verb.add_option("--split", command->split, "which views to measure [test]")
       ->check(CLI::IsMember({"test", "train", "all"}))
       ->type_name("");
+  verb.add_flag("--color-corrected", command->corrects_colors,
+                "also measure pictures whose colors are fitted to each photo");
   verb.add_flag("--json", command->json, "print JSON with the figures of every view");
   verb.add_option("-o,--output", command->output, "also write this JSON to a file")
       ->type_name("FILE");

@@ -87,7 +87,8 @@ void check(const Arguments& arguments) {
 
 Evaluation evaluation_of(Trainer& trainer) {
   return evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
-                  trainer.scene().test_views, trainer.evaluation_settings(), {}, MetricSet::all);
+                  trainer.scene().test_views, trainer.evaluation_settings(), {},
+                  evaluation_wish(trainer, MetricSet::all));
 }
 
 Result result_of(Trainer& trainer, const CallbackObserver& observer) {
