@@ -33,19 +33,31 @@ inline LensPlace lens_place(float cx, float cy, int width, int height, int facto
   return {cx, cy, 4.0f * float(factor) * float(factor) / side2};
 }
 
+/// Legendre polynomials of s = 2 rho - 1, without the constant: s, (3 s^2 - 1) / 2, (5 s^3 - 3 s) / 2.
+/// Their means over a disc of rho = 0 to 1, where each rho has the same area, are 0.
+template <class T>
+GS_HD std::array<T, 3> lens_polynomials(T rho) {
+  const T s = T(2) * rho - T(1), s2 = s * s;
+  return {s, (T(3) * s2 - T(1)) / T(2), s * (T(5) * s2 - T(3)) / T(2)};
+}
+
 /// Vignetting of a camera in log units.
 ///
-///   B(rho) = b1 rho + b2 rho^2 + b3 rho^3      0 in the middle, so that it takes no brightness from gains
+///   B(rho) = b1 P1 + b2 P2 + b3 P3      P lens_polynomials(rho)
+///
+/// The polynomials are orthogonal to each other and to a constant: the mean brightness of a photo is
+/// a matter of its gains alone, and no number has to wait for another one while they are learned.
 template <class T>
 GS_HD T log_vignetting(const std::array<T, 3>& b, T rho) {
-  return rho * (b[0] + rho * (b[1] + rho * b[2]));
+  const std::array<T, 3> P = lens_polynomials(rho);
+  return b[0] * P[0] + b[1] * P[1] + b[2] * P[2];
 }
 
 /// dB/db times dL/dB.
 template <class T>
 GS_HD std::array<T, 3> log_vignetting_vjp(T rho, T dL_dB) {
-  const T first = dL_dB * rho, second = first * rho;
-  return {first, second, second * rho};
+  const std::array<T, 3> P = lens_polynomials(rho);
+  return {dL_dB * P[0], dL_dB * P[1], dL_dB * P[2]};
 }
 
 /// The model "gains", one channel of a pixel: a is the log gain of the photo, B the log vignetting
@@ -81,17 +93,15 @@ GS_HD T gain_prior_vjp(T a, T solved, T weight, T spread) {
   return weight * (a - solved) / (spread * spread);
 }
 
-/// A lens darkens towards its rim, so that brighter rims cost
+/// A lens darkens towards its rim, so that a rim which is brighter than the middle costs
 ///
-///   weight sum_k max(0, -B(rho_k))      rho_k = 1/4, 1/2, 1
-///
-/// The signs of single coefficients are free: cos^4 of the angle has b2 < 0.
+///   weight sum_k max(0, B(0) - B(rho_k))      rho_k = 1/4, 1/2, 1
 template <class T>
 GS_HD T bright_rim(const std::array<T, 3>& b, T weight) {
   T sum(0);
   for (const double rho : {0.25, 0.5, 1.0}) {
-    const T B = log_vignetting(b, T(rho));
-    if (B < T(0)) sum -= weight * B;
+    const T darker = log_vignetting(b, T(rho)) - log_vignetting(b, T(0));
+    if (darker < T(0)) sum -= weight * darker;
   }
   return sum;
 }
@@ -100,10 +110,11 @@ GS_HD T bright_rim(const std::array<T, 3>& b, T weight) {
 template <class T>
 GS_HD std::array<T, 3> bright_rim_vjp(const std::array<T, 3>& b, T weight) {
   std::array<T, 3> sum{T(0), T(0), T(0)};
+  const std::array<T, 3> middle = lens_polynomials(T(0));
   for (const double rho : {0.25, 0.5, 1.0}) {
-    if (!(log_vignetting(b, T(rho)) < T(0))) continue;
-    const std::array<T, 3> more = log_vignetting_vjp(T(rho), -weight);
-    for (int i = 0; i < 3; ++i) sum[std::size_t(i)] += more[std::size_t(i)];
+    if (!(log_vignetting(b, T(rho)) < log_vignetting(b, T(0)))) continue;
+    const std::array<T, 3> rim = lens_polynomials(T(rho));
+    for (std::size_t i = 0; i < 3; ++i) sum[i] += weight * (middle[i] - rim[i]);
   }
   return sum;
 }

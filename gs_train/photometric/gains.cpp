@@ -82,6 +82,17 @@ class GainsModel final : public PhotometricModel {
   void start_from_gains(const Vec3f& gains, Span<float> photo) const override {
     for (int c = 0; c < 3; ++c) photo[std::size_t(c)] = std::log(gains[c]);
   }
+  // The scene has the brightness of the middle of the photos, where lenses do not darken.
+  std::vector<double> common_part(const PhotometricState& state) const override {
+    std::vector<double> sum(3, 0.0);
+    for (std::size_t i = 0; i < state.shape.photos; ++i) {
+      const double middle =
+          has_vignetting_ ? log_vignetting(lens(state, state.camera_of[i]), 0.0) : 0.0;
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += double(state.photo(i)[c]) - middle;
+    }
+    for (double& number : sum) number /= double(state.shape.photos);
+    return sum;
+  }
   void add_penalties(const PhotometricState& state, std::vector<double>& gradient) const override {
     const PhotometricShape& shape = state.shape;
     const std::size_t gains = shape.camera_begin(0);
@@ -89,13 +100,17 @@ class GainsModel final : public PhotometricModel {
       gradient[i] += gain_prior_vjp(double(state.values[i]), double(state.start[i]),
                                     kPriorWeight / shape.photos, kPriorSpread);
     for (std::size_t k = 0; has_vignetting_ && k < shape.cameras; ++k) {
-      const Span<float> b = state.camera(k);
-      const std::array<double, 3> more = bright_rim_vjp<double>({b[0], b[1], b[2]}, kRimWeight);
+      const std::array<double, 3> more = bright_rim_vjp(lens(state, k), kRimWeight);
       for (std::size_t i = 0; i < 3; ++i) gradient[shape.camera_begin(k) + i] += more[i];
     }
   }
 
  private:
+  static std::array<double, 3> lens(const PhotometricState& state, std::size_t camera) {
+    const Span<float> b = state.camera(camera);
+    return {double(b[0]), double(b[1]), double(b[2])};
+  }
+
   bool has_vignetting_;
 };
 

@@ -7,7 +7,6 @@
 #include <map>
 
 #include "gs_core/error.h"
-#include "gs_train/photometric/photometric_model.h"
 
 namespace gs {
 namespace {
@@ -26,6 +25,7 @@ PhotometricState start_of(const PhotometricModel& model, const PhotometricShape&
                           const std::vector<View>& views) {
   PhotometricState state;
   state.shape = shape;
+  state.camera_of = camera_rows(views);
   for_each_photometric_array(
       [&](const char*, auto& array) {
         array.resize(shape.size());
@@ -37,7 +37,7 @@ PhotometricState start_of(const PhotometricModel& model, const PhotometricShape&
     model.start_from_gains(views[i].exposure, state.photo(i));
     state.is_solved = true;
   }
-  center_photos(shape, state.values.span());
+  center_photos(model, state);
   std::copy(state.values.begin(), state.values.end(), state.start.begin());
   return state;
 }
@@ -69,16 +69,13 @@ void begin_photometric(const Config& config, const Scene& scene, TrainingModel& 
   }
 }
 
-void center_photos(const PhotometricShape& shape, Span<float> values) {
-  for (std::size_t k = 0; k < shape.photo_size; ++k) {
-    double sum = 0;
-    for (std::size_t i = 0; i < shape.photos; ++i) sum += double(values[shape.photo_begin(i) + k]);
-    const double mean = sum / double(shape.photos);
-    for (std::size_t i = 0; i < shape.photos; ++i) {
-      float& value = values[shape.photo_begin(i) + k];
-      value = float(double(value) - mean);
+void center_photos(const PhotometricModel& model, PhotometricState& state) {
+  const std::vector<double> common = model.common_part(state);
+  for (std::size_t i = 0; i < state.shape.photos; ++i)
+    for (std::size_t k = 0; k < common.size(); ++k) {
+      float& value = state.photo(i)[k];
+      value = float(double(value) - common[k]);
     }
-  }
 }
 
 }  // namespace gs

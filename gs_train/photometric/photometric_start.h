@@ -7,6 +7,7 @@
 
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
+#include "gs_train/photometric/photometric_model.h"
 #include "gs_train/training_model.h"
 
 namespace gs {
@@ -20,8 +21,7 @@ std::vector<std::uint32_t> camera_rows(const std::vector<View>& train_views);
 /// model, and where the numbers are there already. Throws Error where those are of other photos.
 void begin_photometric(const Config& config, const Scene& scene, TrainingModel& model);
 
-/// Subtracts the mean over all photos from each number of a photo: a factor of all photos together
-/// is the scene's. In host memory.
-void center_photos(const PhotometricShape& shape, Span<float> values);
+/// Subtracts what all photos have in common (PhotometricModel::common_part()). In host memory.
+void center_photos(const PhotometricModel& model, PhotometricState& state);
 
 }  // namespace gs

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "gs_core/buffer.h"
 
@@ -26,6 +27,7 @@ struct PhotometricShape {
 /// then those of the cameras.
 struct PhotometricState {
   PhotometricShape shape;
+  std::vector<std::uint32_t> camera_of;  // (photos) follows from the scene
   Buffer<float> values, first_moment, second_moment;
   Buffer<float> start;     // that the values began with
   int adam_steps = 0;      // updates; fewer than the model's, because the values rest at times
@@ -55,6 +57,7 @@ void for_each_photometric_array(F&& f, First&& first, Rest&&... rest) {
 inline PhotometricState copy_to(Memory& memory, const PhotometricState& from) {
   PhotometricState state(memory);
   state.shape = from.shape;
+  state.camera_of = from.camera_of;
   state.adam_steps = from.adam_steps;
   state.is_solved = from.is_solved;
   for_each_photometric_array(

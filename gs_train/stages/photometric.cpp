@@ -18,7 +18,7 @@ void update_photometric(PhotometricState& state, const PhotometricModel& model, 
   for (std::size_t i = 0; i < gradient.size(); ++i)
     adam_update(state.values[i], state.first_moment[i], state.second_moment[i], float(gradient[i]),
                 step, rule);
-  center_photos(state.shape, state.values.span());
+  center_photos(model, state);
 }
 
 }  // namespace gs
