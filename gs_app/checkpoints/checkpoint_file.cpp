@@ -19,7 +19,7 @@ namespace gs {
 namespace {
 
 constexpr FileKind kKind{"gsckpt\r\n", 1};
-constexpr std::int64_t kMostSteps = 2'000'000'000;  // as int, with some left to count on
+constexpr std::int64_t kMostSteps = 2'000'000'000;         // as int, with some left to count on
 constexpr std::size_t kChunkBytes = std::size_t(1) << 24;  // copied from a device at once
 
 // ---- the config, a line per field --------------------------------------------------------------
@@ -80,9 +80,9 @@ nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& m
 // ---- views -------------------------------------------------------------------------------------
 
 // Behind the count of Gaussians, unless it is 0: which arrays there are besides the usual ones.
-constexpr std::uint64_t kHasTime = 1;    // those of space and time
-constexpr std::uint64_t kHasSums = 2;    // sums over fragments, of density control
-constexpr std::uint64_t kHasFilter = 4;  // that of the 3D filter
+constexpr std::uint64_t kHasTime = 1;         // those of space and time
+constexpr std::uint64_t kHasSums = 2;         // sums over fragments, of density control
+constexpr std::uint64_t kHasFilter = 4;       // that of the 3D filter
 constexpr std::uint64_t kHasPhotometric = 8;  // those of a photometric model, which are no rows
 
 std::uint64_t kind_of(const TrainingModel& model) {
@@ -210,10 +210,10 @@ void read_model(CheckedReader& file, std::size_t count, TrainingModel& model) {
 
 void write_photometric(CheckedWriter& file, const PhotometricState& state) {
   const PhotometricShape& shape = state.shape;
-  write_values(file, "photometric",
-               std::vector<std::uint32_t>{shape.photos, shape.photo_size, shape.cameras,
-                                          shape.camera_size, std::uint32_t(state.adam_steps),
-                                          std::uint32_t(state.is_solved)});
+  write_values(
+      file, "photometric",
+      std::vector<std::uint32_t>{shape.photos, shape.photo_size, shape.cameras, shape.camera_size,
+                                 std::uint32_t(state.adam_steps), std::uint32_t(state.is_solved)});
   for_each_photometric_array(
       [&](const char* name, const auto& array) {
         write_array(file, name, array.data(), array.size(), array.memory());
@@ -398,7 +398,8 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   checkpoint.state.progress.view_order = file.values<std::uint32_t>("view_order");
   const auto count = file.values<std::uint64_t>("gaussians");
   const std::uint64_t kind = count.size() == 2 ? count[1] : 0;
-  if (count.size() != 1 && !(kind >= 1 && kind <= (kHasTime | kHasSums | kHasFilter | kHasPhotometric)))
+  if (count.size() != 1 &&
+      !(kind >= 1 && kind <= (kHasTime | kHasSums | kHasFilter | kHasPhotometric)))
     file.damaged();
   set_kind(checkpoint.state.model, kind);
   if (kind & kHasTime) read_times(file, checkpoint.scene.views);

@@ -38,12 +38,14 @@ Json photos_json(const SceneLooks& looks, const Names& names, bool is_held_out) 
   return json;
 }
 
-Json cameras_json(const SceneLooks& looks, const Names& names) {
+Json cameras_json(const SceneLooks& looks, const PhotometricModel& model) {
   Json json = Json::object();
   for (const auto& [id, look] : looks.cameras) {
     Json& camera = json[std::to_string(id)] = {
         {"width", look.width}, {"height", look.height}, {"cx", look.cx}, {"cy", look.cy}};
-    add_numbers(names, look.numbers, camera);
+    add_numbers(model.camera_names(), look.numbers, camera);
+    for (const auto& [name, fact] : model.camera_facts({look.numbers.data(), look.numbers.size()}))
+      camera[name] = fact;
   }
   return json;
 }
@@ -134,7 +136,7 @@ void write_photometric(const std::filesystem::path& path, const SceneLooks& look
   Json json = {{"model", looks.config.model}, {"vignetting", looks.config.vignetting}};
   json["photos"] = photos_json(looks, model->photo_names(), false);
   json["held_out"] = photos_json(looks, model->photo_names(), true);
-  json["cameras"] = cameras_json(looks, model->camera_names());
+  json["cameras"] = cameras_json(looks, *model);
   json["rule"] = looks.rule;
   json["spreads"] = Json::object();
   for (const HeldOutRule& rule : looks.rules) json["spreads"][rule.name] = float(rule.spread);

@@ -10,7 +10,8 @@
 namespace gs {
 
 /// {"model", "vignetting", "photos": {name: {"camera", number: value, ...}, ...}, "held_out": {the
-/// same}, "cameras": {id: {"width", "height", "cx", "cy", number: value, ...}, ...}, "rule",
+/// same}, "cameras": {id: {"width", "height", "cx", "cy", number: value, fact: value,
+/// ...}, ...}, "rule",
 /// "spreads": {rule: spread, ...}}. docs/photometric.md says what the numbers mean. Written whole or
 /// not at all. Throws Error.
 void write_photometric(const std::filesystem::path& path, const SceneLooks& looks);

@@ -75,6 +75,11 @@ class GainsModel final : public PhotometricModel {
     if (!has_vignetting_) return {};
     return {"log_vignetting_1", "log_vignetting_2", "log_vignetting_3"};
   }
+  std::map<std::string, float> camera_facts(Span<const float> b) const override {
+    if (!has_vignetting_) return {};
+    const std::array<float, 3> all{b[0], b[1], b[2]};
+    return {{"corner_brightness", std::exp(log_vignetting(all, 0.0f) - log_vignetting(all, 1.0f))}};
+  }
   std::unique_ptr<Appearance> appearance(Span<const float> photo, Span<const float> camera,
                                          const LensPlace& place) const override {
     return std::make_unique<GainsAppearance>(photo, camera, place);

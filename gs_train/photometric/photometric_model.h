@@ -13,6 +13,7 @@
 // they take the others.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -31,6 +32,8 @@ class PhotometricModel {
   /// Their names, of each photo and of each camera.
   virtual std::vector<std::string> photo_names() const = 0;
   virtual std::vector<std::string> camera_names() const = 0;
+  /// What the numbers of a camera mean, for people; by name.
+  virtual std::map<std::string, float> camera_facts(Span<const float> camera) const = 0;
   /// The appearance of a photo with these numbers.
   virtual std::unique_ptr<Appearance> appearance(Span<const float> photo, Span<const float> camera,
                                                  const LensPlace& place) const = 0;

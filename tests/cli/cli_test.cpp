@@ -111,6 +111,7 @@ TEST_F(Program, GainsOfPhotosAreWrittenDownMeasuredApartAndAppliedAgain) {
   const nlohmann::json looks = json("out/photometric.json"), results = json("out/results.json");
   EXPECT_EQ(looks.at("model"), "gains");
   EXPECT_EQ(looks.at("photos").size() + looks.at("held_out").size(), std::size_t(kViews));
+  EXPECT_GT(looks.at("cameras").begin()->at("corner_brightness"), 0);
   EXPECT_EQ(looks.at("rule"), results.at("photometric").at("rule"));
   const Outcome again = run("eval " + text("out") + " --device cpu --json");
   ASSERT_EQ(again.code, 0) << again.err;
