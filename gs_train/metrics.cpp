@@ -115,20 +115,37 @@ ImageF shown_picture(const RenderPass& pass, Appearance& appearance) {
   return image;
 }
 
-PictureMetrics photometric_metrics(const RenderPass& pass, const View& view,
-                                   const Vec3f& background, Appearance& appearance) {
-  const ImageF shown = shown_picture(pass, appearance);
+// What it is compared with; in front of a background, which the photo shows as well. The appearance
+// has shown the picture.
+auto values_under(const ImageF& shown, const View& view, const Vec3f& background,
+                  Appearance& appearance) {
   const bool is_over = view.over_background && !view.mask.empty();
-  if (is_over) appearance.show_background(background, pass.width, pass.height);
-  const std::size_t plane = pass.pixel_count();
-  const auto values = [&](std::size_t pixel, int c) {
+  if (is_over) appearance.show_background(background, shown.width, shown.height);
+  const std::size_t plane = std::size_t(shown.width) * std::size_t(shown.height);
+  return [&shown, &view, &appearance, is_over, plane](std::size_t pixel, int c) {
     const Vec3f behind =
-        is_over ? Vec3f(appearance.behind()[std::size_t(c) * plane + pixel]) : background;
+        is_over ? Vec3f(appearance.behind()[std::size_t(c) * plane + pixel]) : Vec3f(0);
     return ComparedValue{shown.pixels[3 * pixel + std::size_t(c)],
                          photo_value(view, behind, Vec3f(1), pixel, c),
                          view.has_untrained_pixels() ? view.mask.pixels[pixel] / 255.0 : 1.0};
   };
+}
+
+PictureMetrics photometric_metrics(const RenderPass& pass, const View& view,
+                                   const Vec3f& background, Appearance& appearance) {
+  const ImageF shown = shown_picture(pass, appearance);
+  const auto values = values_under(shown, view, background, appearance);
   return {psnr_of(shown, values), ssim_of(shown, values)};
+}
+
+// Measures the picture under the view's exposure.
+template <class At>
+void take_exposed(const ImageF& exposed, const View& view, bool has_all, At&& values,
+                  ViewMetrics& metrics) {
+  metrics.psnr_exposure = psnr_of(exposed, values);
+  metrics.ssim_exposure = ssim_of(exposed, values);
+  if (has_all)
+    metrics.perceptual_exposure = perceptual_of(exposed, view.has_untrained_pixels(), values);
 }
 
 template <class At>
@@ -161,11 +178,14 @@ ViewMetrics view_metrics(const RenderPass& pass, const ImageF& render, const Vie
   if (const auto appearance = wish.appearance_of ? wish.appearance_of(view) : nullptr)
     metrics.photometric = photometric_metrics(pass, view, background, *appearance);
   if (!view.has_exposure()) return metrics;
-  const ImageF exposed = image_of(pass, view.exposure);
-  const auto values = values_of(exposed, view, background, view.exposure);
-  metrics.psnr_exposure = psnr_of(exposed, values);
-  metrics.ssim_exposure = ssim_of(exposed, values);
-  if (has_all) metrics.perceptual_exposure = perceptual_of(exposed, is_weighted, values);
+  if (const auto solved = wish.solved_appearance_of ? wish.solved_appearance_of(view) : nullptr) {
+    const ImageF exposed = shown_picture(pass, *solved);
+    take_exposed(exposed, view, has_all, values_under(exposed, view, background, *solved), metrics);
+  } else {
+    const ImageF exposed = image_of(pass, view.exposure);
+    take_exposed(exposed, view, has_all, values_of(exposed, view, background, view.exposure),
+                 metrics);
+  }
   return metrics;
 }
 

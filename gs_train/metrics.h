@@ -85,7 +85,9 @@ enum class MetricSet {
 struct EvaluationWish {
   MetricSet metrics = MetricSet::quick;
   AppearanceOf appearance_of = {};  // of a photometric model; measured where it gives one
-  bool is_corrected = false;        // measure the picture with fitted colors, too
+  // The same under exposures that were solved for; measured in place of the view's exposure alone
+  AppearanceOf solved_appearance_of = {};
+  bool is_corrected = false;  // measure the picture with fitted colors, too
 
   EvaluationWish(MetricSet set = MetricSet::quick) : metrics(set) {}
 };

@@ -40,11 +40,13 @@ std::vector<View> views_of(Scene scene, const std::string& split) {
 }
 
 // A run with a photometric model is measured as when it ended.
-EvaluationWish wish_of(const EvalCommand& command, const OpenedModel& opened) {
+EvaluationWish wish_of(const EvalCommand& command, const OpenedModel& opened, const Scene& scene) {
   EvaluationWish wish(MetricSet::all);
   wish.is_corrected = command.corrects_colors;
   if (!opened.run || !std::filesystem::exists(opened.run->photometric())) return wish;
-  wish.appearance_of = appearances(read_photometric(opened.run->photometric()));
+  const SceneLooks looks = read_photometric(opened.run->photometric());
+  wish.appearance_of = appearances(looks);
+  wish.solved_appearance_of = solved_appearances(looks, scene);
   wish.is_corrected = true;
   return wish;
 }
@@ -57,8 +59,9 @@ void eval(const EvalCommand& command) {
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
-  const std::vector<View> views =
-      views_of(scene_for(opened, config.dataset, command.has("dataset.source")), command.split);
+  Scene scene = scene_for(opened, config.dataset, command.has("dataset.source"));
+  const EvaluationWish wish = wish_of(command, opened, scene);
+  const std::vector<View> views = views_of(std::move(scene), command.split);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
 
   ProgressBar bar(std::int64_t(views.size()), !command.quiet);
@@ -68,7 +71,7 @@ void eval(const EvalCommand& command) {
         const auto done = std::int64_t(index) + 1;
         if (bar.due(done)) bar.draw(done, "", "view");
       },
-      wish_of(command, opened));
+      wish);
   bar.clear();
   const std::string json = evaluation_json(evaluation, opened.ply.string(), command.split,
                                            gaussians.count(), backend->name());

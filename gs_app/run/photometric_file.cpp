@@ -22,7 +22,7 @@ using Json = nlohmann::basic_json<std::map, std::vector, std::string, bool, std:
 using Names = std::vector<std::string>;
 
 constexpr const char* kRemedy = "train again, or remove the file to measure neutral pictures alone";
-constexpr int kLargestSide = 1 << 20;  // pixels, as for cameras.json
+constexpr std::uint64_t kLargestSide = 1 << 20;  // pixels, as for cameras.json
 
 void add_numbers(const Names& names, const std::vector<float>& numbers, Json& json) {
   for (std::size_t i = 0; i < names.size(); ++i) json[names[i]] = numbers[i];
@@ -89,18 +89,21 @@ class Reader {
 
   void take_photos(const Json& photos, bool is_held_out, SceneLooks& looks) const {
     for (const auto& [name, photo] : photos.items())
-      looks.photos[name] = {photo.at("camera").get<std::uint32_t>(), is_held_out,
+      looks.photos[name] = {std::uint32_t(whole(photo, "camera", UINT32_MAX)), is_held_out,
                             numbers(photo_names_, name, photo)};
   }
 
   CameraLook camera_look(const std::string& id, const Json& camera) const {
-    CameraLook look{camera.at("width").get<int>(), camera.at("height").get<int>(),
-                    camera.at("cx").get<float>(), camera.at("cy").get<float>(),
-                    numbers(camera_names_, id, camera)};
-    const auto is_side = [](int pixels) { return pixels > 0 && pixels <= kLargestSide; };
-    if (!is_side(look.width) || !is_side(look.height))
-      refuse(fmt::format("camera '{}' has a size that no camera has", shown_word(id)));
-    return look;
+    const std::vector<float> center = numbers({"cx", "cy"}, id, camera);
+    return {int(whole(camera, "width", kLargestSide)), int(whole(camera, "height", kLargestSide)),
+            center[0], center[1], numbers(camera_names_, id, camera)};
+  }
+
+  std::uint64_t whole(const Json& json, const char* key, std::uint64_t most) const {
+    const Json& value = json.at(key);
+    if (!value.is_number_unsigned() || value.get<std::uint64_t>() > most)
+      refuse(fmt::format("{} is no whole number from 0 to {}", key, most));
+    return value.get<std::uint64_t>();
   }
 
   std::uint32_t id_of(const std::string& text) const {

@@ -315,6 +315,7 @@ EvaluationWish evaluation_wish(Trainer& trainer, MetricSet metrics) {
   const std::optional<SceneLooks> looks = looks_of(trainer);
   if (!looks) return wish;
   wish.appearance_of = appearances(*looks);
+  wish.solved_appearance_of = solved_appearances(*looks, trainer.scene());
   wish.is_corrected = true;
   return wish;
 }

@@ -135,6 +135,7 @@ TEST_F(Program, DamagedPhotometricFileIsNamedWithARemedy) {
        {std::string("{"), std::string("[]"),
         std::string(R"({"model": "none", "vignetting": true})"),
         std::string(R"({"model": "gains", "vignetting": true, "photos": {"a": {"camera": -1}}})"),
+        std::string(R"({"model": "gains", "vignetting": true, "photos": {"a": {"camera": 1e30}}})"),
         whole.substr(0, whole.size() / 2)}) {
     write_bytes(path("out/photometric.json"), damage);
     const Outcome outcome = run("eval " + text("out") + " --device cpu");

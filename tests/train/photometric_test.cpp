@@ -387,5 +387,31 @@ TEST(EvaluatePhotometric, MeasuresNeutralShownAndCorrectedPicturesApart) {
   EXPECT_EQ(plain.psnr, found.psnr);
 }
 
+// Solved gains know nothing of the factor that learned ones have in common, because a scene is as
+// bright as the middle of its photos.
+TEST(EvaluatePhotometric, ShowsSolvedGainsInTheBrightnessOfTheLearnedScene) {
+  Scene scene = small_scene();
+  const Gaussians truth = small_truth();
+  SceneLooks looks;
+  looks.config = kGains;
+  looks.cameras[0].numbers = {0.2f, 0, 0};
+  for (std::size_t k = 0; k < 8; ++k) {  // the same looks as learned and as solved for
+    View& view = scene.train_views[k];
+    view.exposure = k % 2 ? Vec3f(0.8f) : Vec3f(1.25f);
+    looks.photos[view.name] = {0, false, std::vector<float>(3, std::log(view.exposure.x) - 0.2f)};
+  }
+  EvaluationWish wish;
+  wish.appearance_of = appearances(looks);
+  const auto psnr = [&] {
+    const Evaluation found =
+        evaluate(*make_scalar_renderer(), truth.span(), scene.train_views, {}, {}, wish);
+    return std::pair{found.photometric->psnr, found.psnr_exposure};
+  };
+  const auto [learned, without] = psnr();
+  wish.solved_appearance_of = solved_appearances(looks, scene);
+  EXPECT_NEAR(psnr().second, learned, 1e-4);
+  EXPECT_GT(std::abs(without - learned), 0.1);
+}
+
 }  // namespace
 }  // namespace gs
