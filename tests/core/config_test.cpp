@@ -83,6 +83,7 @@ Config everything_changed() {
   config.train.resolution_ramp = {4, 2};
   config.optimizer.position_lr_final_power = 2;
   config.density.strategy = "mcmc";
+  config.photometric.model = "gains";
   config.train.device = "cuda:12";
   config.reconstruct.camera_model = "OPENCV";
   return config;
