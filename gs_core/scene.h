@@ -28,8 +28,9 @@ struct View {
   bool over_background = false;  // the mask is the photo's alpha; every pixel trains
   Vec3f exposure{1};  // per channel: the photo shows exposure * the scene's colors (display sRGB)
   std::shared_ptr<PhotoSource> source = {};
-  std::size_t index = 0;       // in `source`
-  bool may_be_masked = false;  // whether the view from `source` may have a mask
+  std::size_t index = 0;        // in `source`
+  bool may_be_masked = false;   // whether the view from `source` may have a mask
+  std::uint32_t camera_id = 0;  // views of one camera have the same
 
   /// Whether the loss weights the photo's pixels, for its mask or its exposure. Ask when the photo
   /// is there.

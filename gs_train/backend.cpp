@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/backend.h"
 
+#include "gs_core/error.h"
 #include "gs_core/math/area_filter.h"
 #include "gs_train/reduced_view.h"
 
@@ -25,8 +26,11 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
   dL_dmean2d_.resize(model.count());
   if (density.fragment_statistic() != FragmentStatistic::none) begin_sums(model);
   if (is_summed) prepare_sums(model);
+  photometric_sum_.assign(photometric_ ? model.photometric.shape.size() : 0, 0.0);
   for (const TrainingPhoto& photo : batch) {
     differentiate(model, photo, loss_settings, density);
+    if (photometric_)
+      add_photometric_gradient(model.photometric.shape, photo, 1.0 / double(batch.size));
     if (!is_summed) break;
     add(sum_, gradients_, 1.0f / float(batch.size));
     if (density.gather_statistics)
@@ -36,6 +40,8 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
   if (density.regularizers.any()) optimizer().regularize(model, density.regularizers, gradients);
   optimizer().step(model, gradients, update);
   if (density.noise.scale > 0) optimizer().add_noise(model, density.noise, update.rates.mean);
+  if (photometric_ && update.photometric_rate > 0)
+    update_photometric(model.photometric, update, photometric_sum_);
   if (!density.gather_statistics) return;
   if (is_summed)
     add(model.statistics, statistics_sum_, density.pooling);
@@ -66,11 +72,50 @@ void Backend::differentiate(const TrainingModel& model, const TrainingPhoto& pho
   RenderSettings settings = photo.settings;
   settings.fragment_statistic = density.fragment_statistic();
   renderer().forward(gaussians, camera, settings, pass_);
-  loss().forward_backward(pass_, *view, loss_settings, dL_dimage_);
+  appearance_ = appearance_of(model, photo, *view);
+  LossSettings of_photo = loss_settings;
+  of_photo.appearance = appearance_.get();
+  loss().forward_backward(pass_, *view, of_photo, dL_dimage_);
   if (settings.fragment_statistic != FragmentStatistic::none)
     find_pixel_values(*view, density, pass_);
   renderer().backward(gaussians, camera, settings, pass_, dL_dimage_.span(), gradients_.span(),
                       dL_dmean2d_.span());
+}
+
+void Backend::use_photometric(std::unique_ptr<PhotometricModel> photometric) {
+  if (photometric)
+    throw UsageError("photometric.model is not there on " + name() +
+                     " yet; train with --device cpu, or leave photometric.model none");
+}
+
+// Where the lens darkens follows from the whole photo, also where this step sees a reduced one.
+std::unique_ptr<Appearance> Backend::appearance_of(const TrainingModel& model,
+                                                   const TrainingPhoto& photo, const View& view) {
+  if (!photometric_) return nullptr;
+  const HostStage stage("photometric");
+  const PhotometricState& state = model.photometric;
+  const Camera& whole = photo.view->camera;
+  const LensPlace place =
+      lens_place(view.camera.cx, view.camera.cy, whole.width, whole.height, photo.reduction);
+  auto appearance =
+      photometric_->appearance(state.photo(photo.photo_row), state.camera(photo.camera_row), place);
+  appearance->show({pass_.image.data(), pass_.width, pass_.height});
+  if (view.over_background)
+    appearance->show_background(pass_.background, pass_.width, pass_.height);
+  return appearance;
+}
+
+void Backend::add_photometric_gradient(const PhotometricShape& shape, const TrainingPhoto& photo,
+                                       double weight) {
+  const Span<const double> gradient = appearance_->gradient();
+  double* const of_photo = photometric_sum_.data() + shape.photo_begin(photo.photo_row);
+  double* const of_camera = photometric_sum_.data() + shape.camera_begin(photo.camera_row);
+  for (std::size_t i = 0; i < gradient.size; ++i)
+    (i < shape.photo_size ? of_photo[i] : of_camera[i - shape.photo_size]) += weight * gradient[i];
+}
+
+void Backend::update_photometric(PhotometricState&, const Update&, std::vector<double>&) {
+  GS_CHECK(false);  // of a backend whose use_photometric() takes none
 }
 
 void Backend::prepare_sums(const TrainingModel& model) {

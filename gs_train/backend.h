@@ -11,6 +11,7 @@
 #include "gs_render/stage_clock.h"
 #include "gs_train/loss.h"
 #include "gs_train/optimizer.h"
+#include "gs_train/photometric/photometric_model.h"
 #include "gs_train/row_ops.h"
 
 namespace gs {
@@ -36,6 +37,7 @@ struct TrainingPhoto {
   const View* view;
   RenderSettings settings;
   int reduction = 1;  // camera and photo are reduced so many times (math/area_filter.h)
+  std::size_t photo_row = 0, camera_row = 0;  // of TrainingModel::photometric
 };
 
 /// Everything that the trainer needs from a device. The program makes it; it outlives the trainer.
@@ -55,6 +57,9 @@ class Backend {
   /// UsageError where the backend lacks it.
   virtual void use_loss(const std::string& kind) = 0;
   virtual Loss& loss() = 0;
+  /// Takes a photometric model from now on, for models that have its numbers; at first there is none.
+  /// Null: none. Throws UsageError where the backend or its loss lacks it.
+  virtual void use_photometric(std::unique_ptr<PhotometricModel> photometric);
   virtual Optimizer& optimizer() = 0;
   virtual RowOps& rows() = 0;
 
@@ -121,7 +126,19 @@ class Backend {
   void differentiate(const TrainingModel& model, const TrainingPhoto& photo,
                      const LossSettings& loss_settings, const DensityStep& density);
   void prepare_sums(const TrainingModel& model);
+  /// The appearance of a photo, which has shown the pass's picture; null without a model.
+  std::unique_ptr<Appearance> appearance_of(const TrainingModel& model, const TrainingPhoto& photo,
+                                            const View& view);
+  /// Adds the gradient of appearance_, times `weight`.
+  void add_photometric_gradient(const PhotometricShape& shape, const TrainingPhoto& photo,
+                                double weight);
+  /// One update by the sum of the gradients.
+  virtual void update_photometric(PhotometricState& state, const Update& update,
+                                  std::vector<double>& gradient);
 
+  std::unique_ptr<PhotometricModel> photometric_;
+  std::unique_ptr<Appearance> appearance_;  // of the photo that is differentiated
+  std::vector<double> photometric_sum_;     // of a batch
   RenderPass pass_;
   Buffer<float> dL_dimage_;
   Buffer<Vec2f> dL_dmean2d_;

@@ -15,6 +15,7 @@
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
 #include "gs_render/render_pass.h"
+#include "gs_train/photometric/appearance.h"
 
 namespace gs {
 
@@ -25,6 +26,9 @@ struct LossSettings {
   // For devices that keep photos of their own: the picture is compared with the view's photo reduced
   // so many times. On the CPU the view is reduced already.
   int photo_reduction = 1;
+  // With a photometric model, that of the view, which has shown the pass's picture. It replaces the
+  // view's exposure: its shown() is compared with the photo, and the loss calls its pull_back().
+  Appearance* appearance = nullptr;
 };
 
 inline LossSettings loss_settings(const Config& config) { return {config.loss.lambda_dssim}; }
@@ -39,6 +43,8 @@ class Loss {
                                 const LossSettings& settings, Buffer<float>& dL_dimage) = 0;
   /// The loss of the last call. On a device this waits for it; the trainer asks only when it logs.
   virtual double value() = 0;
+  /// Whether it compares what an appearance shows (LossSettings).
+  virtual bool takes_appearance() const { return false; }
 };
 
 }  // namespace gs

@@ -7,6 +7,7 @@
 #include "gs_core/error.h"
 #include "gs_core/math/photo_weight.h"
 #include "gs_core/math/ssim.h"
+#include "gs_train/metrics/color_correction.h"
 #include "gs_train/metrics/flip.h"
 #include "gs_train/metrics/lpips.h"
 #include "gs_train/metrics/ms_ssim.h"
@@ -106,10 +107,61 @@ auto values_of(const ImageF& render, const View& view, const Vec3f& background,
   };
 }
 
+// The picture of the pass as the photo shows it, in 0..1.
+ImageF shown_picture(const RenderPass& pass, Appearance& appearance) {
+  const std::vector<float> planes = pass.image.download();
+  appearance.show({planes.data(), pass.width, pass.height});
+  ImageF image(pass.width, pass.height, 3);
+  const std::size_t plane = pass.pixel_count();
+  for (std::size_t i = 0; i < image.pixels.size(); ++i)
+    image.pixels[i] = std::clamp(appearance.shown()[i % 3 * plane + i / 3], 0.0f, 1.0f);
+  return image;
+}
+
+// What it is compared with; in front of a background, which the photo shows as well. The appearance
+// has shown the picture.
+auto values_under(const ImageF& shown, const View& view, const Vec3f& background,
+                  Appearance& appearance) {
+  const bool is_over = view.over_background && !view.mask.empty();
+  if (is_over) appearance.show_background(background, shown.width, shown.height);
+  const std::size_t plane = std::size_t(shown.width) * std::size_t(shown.height);
+  return [&shown, &view, &appearance, is_over, plane](std::size_t pixel, int c) {
+    const Vec3f behind =
+        is_over ? Vec3f(appearance.behind()[std::size_t(c) * plane + pixel]) : Vec3f(0);
+    return ComparedValue{shown.pixels[3 * pixel + std::size_t(c)],
+                         photo_value(view, behind, Vec3f(1), pixel, c),
+                         view.has_untrained_pixels() ? view.mask.pixels[pixel] / 255.0 : 1.0};
+  };
+}
+
+PictureMetrics photometric_metrics(const RenderPass& pass, const View& view,
+                                   const Vec3f& background, Appearance& appearance) {
+  const ImageF shown = shown_picture(pass, appearance);
+  const auto values = values_under(shown, view, background, appearance);
+  return {psnr_of(shown, values), ssim_of(shown, values)};
+}
+
+template <class At>
+PictureMetrics corrected_metrics(const ImageF& render, At&& at) {
+  ColorFit fits[3];
+  for (std::size_t i = 0; i < render.pixels.size(); ++i) {
+    const ComparedValue value = at(i / 3, int(i % 3));
+    fits[i % 3].add(value.x, value.y, value.share);
+  }
+  const ColorLine lines[3] = {fits[0].line(), fits[1].line(), fits[2].line()};
+  const auto corrected = [&](std::size_t pixel, int c) {
+    ComparedValue value = at(pixel, c);
+    value.x = lines[c].corrected(value.x);
+    return value;
+  };
+  return {psnr_of(render, corrected), ssim_of(render, corrected)};
+}
+
 // `render` is the picture of the pass.
 ViewMetrics view_metrics(const RenderPass& pass, const ImageF& render, const View& view,
-                         const Vec3f& background, const MetricSet& wanted) {
+                         const Vec3f& background, const EvaluationWish& wish) {
   check_sizes(render, view.photo);
+  const MetricSet& wanted = wish.metrics;
   const auto perceptual = [&](const ImageF& picture, const auto& values) {
     return perceptual_of(picture, view.has_untrained_pixels(), wanted.lpips, values);
   };
@@ -118,12 +170,22 @@ ViewMetrics view_metrics(const RenderPass& pass, const ImageF& render, const Vie
   metrics.time = view.camera.time;
   if (wanted.is_perceptual) metrics.perceptual = perceptual(render, as_it_is);
   metrics.perceptual_exposure = metrics.perceptual;
+  if (wish.is_corrected) metrics.corrected = corrected_metrics(render, as_it_is);
+  if (const auto appearance = wish.appearance_of ? wish.appearance_of(view) : nullptr)
+    metrics.photometric = photometric_metrics(pass, view, background, *appearance);
   if (!view.has_exposure()) return metrics;
-  const ImageF exposed = image_of(pass, view.exposure);
-  const auto values = values_of(exposed, view, background, view.exposure);
-  metrics.psnr_exposure = psnr_of(exposed, values);
-  metrics.ssim_exposure = ssim_of(exposed, values);
-  if (wanted.is_perceptual) metrics.perceptual_exposure = perceptual(exposed, values);
+  const auto take = [&](const ImageF& exposed, const auto& values) {
+    metrics.psnr_exposure = psnr_of(exposed, values);
+    metrics.ssim_exposure = ssim_of(exposed, values);
+    if (wanted.is_perceptual) metrics.perceptual_exposure = perceptual(exposed, values);
+  };
+  if (const auto solved = wish.solved_appearance_of ? wish.solved_appearance_of(view) : nullptr) {
+    const ImageF exposed = shown_picture(pass, *solved);
+    take(exposed, values_under(exposed, view, background, *solved));
+  } else {
+    const ImageF exposed = image_of(pass, view.exposure);
+    take(exposed, values_of(exposed, view, background, view.exposure));
+  }
   return metrics;
 }
 
@@ -136,8 +198,19 @@ void add(std::optional<PerceptualMetrics>& sum, const std::optional<PerceptualMe
   if (metrics->lpips) sum->lpips = sum->lpips.value_or(0) + factor * *metrics->lpips;
 }
 
+void add(std::optional<PictureMetrics>& sum, const std::optional<PictureMetrics>& metrics,
+         double factor) {
+  if (!metrics) return;
+  if (!sum) sum = PictureMetrics();
+  sum->psnr += factor * metrics->psnr;
+  sum->ssim += factor * metrics->ssim;
+}
+
 void take_means(Evaluation& evaluation) {
   const double count = double(std::max<std::size_t>(evaluation.views.size(), 1));
+  const auto with_look =  // of another scene than the model's, some photos may have none
+      double(std::count_if(evaluation.views.begin(), evaluation.views.end(),
+                           [](const ViewMetrics& view) { return view.photometric.has_value(); }));
   for (const ViewMetrics& view : evaluation.views) {
     evaluation.psnr += view.psnr;
     evaluation.ssim += view.ssim;
@@ -145,6 +218,8 @@ void take_means(Evaluation& evaluation) {
     evaluation.ssim_exposure += view.ssim_exposure;
     add(evaluation.perceptual, view.perceptual, 1 / count);
     add(evaluation.perceptual_exposure, view.perceptual_exposure, 1 / count);
+    add(evaluation.photometric, view.photometric, 1 / with_look);
+    add(evaluation.corrected, view.corrected, 1 / count);
   }
   for (double* sum :
        {&evaluation.psnr, &evaluation.ssim, &evaluation.psnr_exposure, &evaluation.ssim_exposure})
@@ -207,7 +282,7 @@ Image8 shown_photo(const View& view, const Vec3f& background) {
 Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
                     const std::vector<View>& views, const RenderSettings& settings,
                     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view,
-                    const MetricSet& metrics) {
+                    const EvaluationWish& wish) {
   const auto trains_nowhere = [](const View& view) {
     return view.has_untrained_pixels() &&
            std::all_of(view.mask.pixels.begin(), view.mask.pixels.end(),
@@ -220,10 +295,11 @@ Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
     const ImageF render = image_of(pass);
     if (on_view) on_view(i, view, render);
     if (trains_nowhere(view)) return;
-    evaluation.views.push_back(view_metrics(pass, render, view, settings.background, metrics));
+    evaluation.views.push_back(view_metrics(pass, render, view, settings.background, wish));
     evaluation.has_exposures = evaluation.has_exposures || view.has_exposure();
   });
-  if (metrics.is_perceptual && metrics.lpips) evaluation.lpips_source = metrics.lpips->source();
+  if (wish.metrics.is_perceptual && wish.metrics.lpips)
+    evaluation.lpips_source = wish.metrics.lpips->source();
   take_means(evaluation);
   return evaluation;
 }

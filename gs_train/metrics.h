@@ -12,6 +12,7 @@
 #include "gs_core/image.h"
 #include "gs_core/scene.h"
 #include "gs_render/renderer.h"
+#include "gs_train/photometric/scene_looks.h"
 
 namespace gs {
 
@@ -51,6 +52,11 @@ PerceptualMetrics perceptual_metrics(const ImageF& render, const View& view,
 /// background.
 Image8 shown_photo(const View& view, const Vec3f& background);
 
+/// PSNR and SSIM of one form of a picture.
+struct PictureMetrics {
+  double psnr = 0, ssim = 0;
+};
+
 struct ViewMetrics {
   std::string name;
   double psnr, ssim;
@@ -58,6 +64,9 @@ struct ViewMetrics {
   float time = 0;                                     // of the view (PinholeCamera::time)
   /// Where they were asked for; the second of the picture under the view's exposure.
   std::optional<PerceptualMetrics> perceptual{}, perceptual_exposure{};
+  /// Where they were asked for: of the picture as a photometric model shows it, and of the picture
+  /// whose colors were fitted to the photo (metrics/color_correction.h).
+  std::optional<PictureMetrics> photometric{}, corrected{};
 };
 
 /// The network of LPIPS, as results tell it.
@@ -72,6 +81,7 @@ struct Evaluation {
   bool has_exposures = false;                   // true where the exposure of any view is not 1
   std::vector<ViewMetrics> views;
   std::optional<PerceptualMetrics> perceptual, perceptual_exposure;  // as in ViewMetrics
+  std::optional<PictureMetrics> photometric, corrected;              // the same
   std::optional<LpipsSource> lpips_source;                           // where LPIPS was measured
 };
 
@@ -84,6 +94,17 @@ struct MetricSet {
 };
 inline const MetricSet MetricSet::quick{}, MetricSet::all{true};
 
+/// What to measure besides PSNR and SSIM.
+struct EvaluationWish {
+  MetricSet metrics = MetricSet::quick;
+  AppearanceOf appearance_of = {};  // of a photometric model; measured where it gives one
+  // The same under exposures that were solved for; measured in place of the view's exposure alone
+  AppearanceOf solved_appearance_of = {};
+  bool is_corrected = false;  // measure the picture with fitted colors, too
+
+  EvaluationWish(MetricSet set = MetricSet::quick) : metrics(set) {}
+};
+
 /// Renders each view and compares it with its photo, without and with the view's exposure. Views
 /// that are masked everywhere are not counted. `on_view` (may be empty) is called in order with
 /// each picture, without exposure, and its view with the photo loaded.
@@ -91,6 +112,6 @@ Evaluation evaluate(
     Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
     const RenderSettings& settings,
     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view = {},
-    const MetricSet& metrics = MetricSet::quick);
+    const EvaluationWish& wish = {});
 
 }  // namespace gs

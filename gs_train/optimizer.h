@@ -19,6 +19,8 @@ using LearningRates = GaussianArrays<RateOf>;
 struct Update {
   LearningRates rates;
   AdamRule rule = {};
+  float photometric_rate = 0;  // of the photometric model; 0: it rests
+  AdamRule photometric_rule = {};
 };
 
 /// Noise on the means in one step. It depends on seed, step and row alone, so that every backend

@@ -14,6 +14,9 @@ constexpr int kMinRefineInterval = 100;
 constexpr int kMinResetInterval = 1000;  // steps; opacities need as many to recover from a reset
 constexpr int kRareFilter = 10;          // refinement intervals between filters after the last one
 constexpr int kExtraResetStep = 500;     // on a white background; Kerbl et al. 2023, code
+constexpr int kPhotometricWarmup = 500;  // steps; PPISP 2026, code
+constexpr double kPhotometricFinal = 0.01;  // of the rate, at the first and at the last step
+constexpr int kRecoveryShare = 3;           // 1 / share of the steps between two resets
 // Limits of the rules for short runs: docs/schedule.md
 constexpr double kMostFinalRate = 10;  // times position_lr_final
 constexpr int kFirstShare = 10;        // 1 / share of the run by which the first refinement comes
@@ -26,7 +29,9 @@ constexpr int kShShare = 6;            // 1 / share of the run between SH degree
 Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
     : views_(int(views)), density_(config.density), batch_(config.train.batch),
       ramp_(config.train.resolution_ramp), ramp_least_(std::size_t(config.train.resolution_least)),
-      rates_(config.optimizer), batch_rates_(config.train.batch_rates), extent_(scene_extent) {
+      rates_(config.optimizer), batch_rates_(config.train.batch_rates),
+      resets_opacity_(config.density.strategy != "mcmc"),
+      photometric_rate_(config.photometric.rate), extent_(scene_extent) {
   steps_ =
       std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));
   extra_steps_ = config.train.extra_steps;
@@ -41,6 +46,7 @@ Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
   morton_until_ = scaled(config.train.morton_until);
   batch_from_ = scaled_or_none(config.train.batch_from_step);
   ramp_every_ = scaled(config.train.resolution_every);
+  photometric_warmup_ = scaled(kPhotometricWarmup);
   decay_from_ = std::min(scaled_or_none(rates_.position_decay_from), steps_ - 1);
   if (rates_.position_lr_final_power > 0 && steps_ < kStandardSteps)
     rates_.position_lr_final *= float(std::min(
@@ -103,6 +109,20 @@ AdamRule Schedule::adam_rule(int photos) const {
   // the decimal number that the config has, of which a float is not the nearest double
   const double beta2 = std::round(double(rates_.beta2) * 1e6) / 1e6;
   return batch_rule(batch_rates_ ? photos : 1, beta2);
+}
+
+float Schedule::photometric_rate(int step) const {
+  if (recovers_from_reset(step)) return 0;
+  const double warm = std::min(1.0, double(step) / double(photometric_warmup_));
+  const double t = std::min(1.0, double(step) / double(steps_));
+  return float(photometric_rate_ * (kPhotometricFinal + (1 - kPhotometricFinal) * warm) *
+               std::pow(kPhotometricFinal, t));
+}
+
+bool Schedule::recovers_from_reset(int step) const {
+  const int since = (step - 1) % reset_every_ + 1, reset = step - since;
+  return resets_opacity_ && reset > 0 && reset_opacity(reset) &&
+         since <= reset_every_ / kRecoveryShare;
 }
 
 int Schedule::photo_reduction(int step, const Camera& camera) const {

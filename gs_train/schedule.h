@@ -26,6 +26,9 @@ class Schedule {
   LearningRates learning_rates(int step) const;
   /// Adam's rule for an update by `photos` photos.
   AdamRule adam_rule(int photos) const;
+  /// Of the numbers of a photometric model; 0 while opacities recover from a reset, when pictures are
+  /// dark and gains would answer.
+  float photometric_rate(int step) const;
   /// Photos of the batch that `step` is in.
   int batch(int step) const { return step > batch_from_ ? batch_ : 1; }
   /// The factor by which the photo of this camera is reduced in the step; 1: it is not.
@@ -70,6 +73,7 @@ class Schedule {
   Steps last_epoch(int step) const;
   Steps steps_of_statistics(int refinement) const;
   int next_share_prune(int step) const;
+  bool recovers_from_reset(int step) const;
   int steps_, extra_steps_, refine_from_, refine_until_, refine_every_;
   int reset_every_, reset_until_, extra_reset_, sh_every_, morton_every_, morton_until_;
   int recovery_until_, share_prune_from_, share_prune_every_, share_prune_until_;
@@ -80,7 +84,9 @@ class Schedule {
   int ramp_every_;
   std::size_t ramp_least_;  // pixels
   OptimizerConfig rates_;   // position_lr_final is that of this length
-  bool batch_rates_;
+  bool batch_rates_, resets_opacity_;
+  float photometric_rate_;
+  int photometric_warmup_;
   float extent_;
 };
 

@@ -6,6 +6,7 @@
 
 #include "gs_core/gaussians.h"
 #include "gs_core/math/growth.h"
+#include "gs_train/photometric/photometric_state.h"
 
 namespace gs {
 
@@ -35,13 +36,15 @@ void for_each_statistic(F&& f, First&& first, Rest&&... rest) {
 struct TrainingModel {
   Gaussians gaussians, first_moment, second_moment;
   DensityStatistics statistics;
+  PhotometricState photometric;  // of the photos; empty without photometric.model
   // updates since the start; one count for all Gaussians, as in Kerbl et al. 2023
   int adam_steps = 0;
   // Gaussians before the first step; a growth curve begins there. 0: not known
   std::size_t first_count = 0;
 
   explicit TrainingModel(Memory& memory = host_memory())
-      : gaussians(memory), first_moment(memory), second_moment(memory), statistics(memory) {}
+      : gaussians(memory), first_moment(memory), second_moment(memory), statistics(memory),
+        photometric(memory) {}
   std::size_t count() const { return gaussians.count(); }
   /// Says whether the Gaussians live in space and time. Call it before rows are added.
   void set_has_time(bool has_time) {
@@ -129,6 +132,7 @@ inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
   for_each_row_array(
       [](const RowArray&, auto& to, const auto& array) { to.upload(array.download()); }, model,
       from);
+  model.photometric = copy_to(memory, from.photometric);
   model.adam_steps = from.adam_steps;
   model.first_count = from.first_count;
   return model;

@@ -11,6 +11,7 @@
 #include "apps/cli/verbs.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
+#include "gs_app/run/photometric_file.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
@@ -24,7 +25,7 @@ namespace {
 struct EvalCommand : CommandLine {
   std::string model, split = "test", output;
   std::optional<int> step;
-  bool json = false;
+  bool json = false, corrects_colors = false;
 };
 
 std::vector<View> views_of(Scene scene, const std::string& split) {
@@ -46,6 +47,19 @@ std::string line_of(const ViewMetrics& view) {
                      view.ssim, metrics.ms_ssim, metrics.flip, lpips, view.name);
 }
 
+// A run with a photometric model is measured as when it ended.
+EvaluationWish wish_of(const EvalCommand& command, const OpenedModel& opened, const Scene& scene,
+                       Lpips* lpips) {
+  EvaluationWish wish({true, lpips});
+  wish.is_corrected = command.corrects_colors;
+  if (!opened.run || !std::filesystem::exists(opened.run->photometric())) return wish;
+  const SceneLooks looks = read_photometric(opened.run->photometric());
+  wish.appearance_of = appearances(looks);
+  wish.solved_appearance_of = solved_appearances(looks, scene);
+  wish.is_corrected = true;
+  return wish;
+}
+
 void eval(const EvalCommand& command) {
   setup_log(command.verbosity());
   OpenedModel opened = open_model(command.model, command.step);
@@ -55,19 +69,20 @@ void eval(const EvalCommand& command) {
   const std::unique_ptr<Lpips> lpips = make_lpips(config.eval);
   set_thread_count(config.train.threads);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
-  const std::vector<View> views =
-      views_of(scene_for(opened, config.dataset, command.has("dataset.source")), command.split);
+  Scene scene = scene_for(opened, config.dataset, command.has("dataset.source"));
+  const EvaluationWish wish = wish_of(command, opened, scene, lpips.get());
+  const std::vector<View> views = views_of(std::move(scene), command.split);
   if (lpips) lpips->check_sizes(views);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
 
   ProgressBar bar(std::int64_t(views.size()), !command.quiet);
-  const Evaluation evaluation =
-      evaluate(backend->renderer(), gaussians.span(), views, view_settings(opened, config),
-               [&](std::size_t index, const View&, const ImageF&) {
-                 const auto done = std::int64_t(index) + 1;
-                 if (bar.due(done)) bar.draw(done, "", "view");
-               },
-               {true, lpips.get()});
+  const Evaluation evaluation = evaluate(
+      backend->renderer(), gaussians.span(), views, view_settings(opened, config),
+      [&](std::size_t index, const View&, const ImageF&) {
+        const auto done = std::int64_t(index) + 1;
+        if (bar.due(done)) bar.draw(done, "", "view");
+      },
+      wish);
   bar.clear();
   const std::string json = evaluation_json(evaluation, opened.ply.string(), command.split,
                                            gaussians.count(), backend->name());
@@ -101,6 +116,8 @@ void add_eval(CLI::App& program) {
       ->type_name("");
   add_setting(verb, *command, "--lpips", "eval.lpips", "Metrics",
               "also measure LPIPS, with the weights in this file; none: without it");
+  verb.add_flag("--color-corrected", command->corrects_colors,
+                "also measure pictures whose colors are fitted to each photo");
   verb.add_flag("--json", command->json, "print JSON with the figures of every view");
   verb.add_option("-o,--output", command->output, "also write this JSON to a file")
       ->type_name("FILE");

@@ -107,6 +107,7 @@ View empty_view(const ViewPlan& plan) {
   View view;
   view.name = plan.name;
   view.camera = plan.camera;
+  view.camera_id = plan.camera_id;
   view.may_be_masked = plan.may_be_masked;
   view.over_background = plan.masks.over_background && view.may_be_masked;
   return view;

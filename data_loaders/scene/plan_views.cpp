@@ -144,6 +144,7 @@ std::vector<ViewPlan> read_headers(const SceneModel& scene,
   parallel_for(plans.size(), kHeadersPerChunk, [&](std::size_t i) {
     ViewPlan& plan = plans[i];
     plan.name = scene.model.images[i].name;
+    plan.camera_id = scene.model.images[i].camera_id;
     plan.file = scene.photos[i];
     plan.is_frame = !scene.model.images[i].video.empty();
     plan.frame = scene.model.images[i].frame;

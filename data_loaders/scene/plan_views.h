@@ -17,6 +17,7 @@ namespace gs {
 /// All that is known of a view before its photo is decoded.
 struct ViewPlan {
   std::string name;
+  std::uint32_t camera_id = 0;
   std::filesystem::path file;  // of the photo, or the video that it is a frame of
   bool is_frame = false;
   std::int64_t frame = 0;           // its number in the video, from 0

@@ -19,6 +19,7 @@ namespace gs {
 namespace {
 
 constexpr FileKind kKind{"gsckpt\r\n", 1};
+constexpr std::int64_t kMostSteps = 2'000'000'000;         // as int, with some left to count on
 constexpr std::size_t kChunkBytes = std::size_t(1) << 24;  // copied from a device at once
 
 // ---- the config, a line per field --------------------------------------------------------------
@@ -79,13 +80,15 @@ nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& m
 // ---- views -------------------------------------------------------------------------------------
 
 // Behind the count of Gaussians, unless it is 0: which arrays there are besides the usual ones.
-constexpr std::uint64_t kHasTime = 1;    // those of space and time
-constexpr std::uint64_t kHasSums = 2;    // sums over fragments, of density control
-constexpr std::uint64_t kHasFilter = 4;  // that of the 3D filter
+constexpr std::uint64_t kHasTime = 1;         // those of space and time
+constexpr std::uint64_t kHasSums = 2;         // sums over fragments, of density control
+constexpr std::uint64_t kHasFilter = 4;       // that of the 3D filter
+constexpr std::uint64_t kHasPhotometric = 8;  // those of a photometric model, which are no rows
 
 std::uint64_t kind_of(const TrainingModel& model) {
   return (model.gaussians.has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0) |
-         (model.gaussians.has_filter ? kHasFilter : 0);
+         (model.gaussians.has_filter ? kHasFilter : 0) |
+         (model.photometric.empty() ? 0 : kHasPhotometric);
 }
 
 void set_kind(TrainingModel& model, std::uint64_t kind) {
@@ -205,6 +208,37 @@ void read_model(CheckedReader& file, std::size_t count, TrainingModel& model) {
       model);
 }
 
+void write_photometric(CheckedWriter& file, const PhotometricState& state) {
+  const PhotometricShape& shape = state.shape;
+  write_values(
+      file, "photometric",
+      std::vector<std::uint32_t>{shape.photos, shape.photo_size, shape.cameras, shape.camera_size,
+                                 std::uint32_t(state.adam_steps), std::uint32_t(state.is_solved)});
+  for_each_photometric_array(
+      [&](const char* name, const auto& array) {
+        write_array(file, name, array.data(), array.size(), array.memory());
+      },
+      state);
+}
+
+void read_photometric(CheckedReader& file, PhotometricState& state) {
+  constexpr std::uint32_t kMost = 1u << 31, kMostNumbers = 1024;  // of one photo
+  const auto shape = file.values<std::uint32_t>("photometric");
+  if (shape.size() != 6 || shape[0] > kMost || shape[1] > kMostNumbers || shape[2] > kMost ||
+      shape[3] > kMostNumbers || shape[4] > std::uint32_t(kMostSteps))
+    file.damaged();
+  state.shape = {shape[0], shape[1], shape[2], shape[3]};
+  state.adam_steps = int(shape[4]);
+  state.is_solved = shape[5] != 0;
+  for_each_photometric_array(
+      [&](const char* name, auto& array) {
+        const std::vector<float> values = file.values<float>(name);
+        if (values.size() != state.shape.size()) file.damaged();
+        array.upload(values);
+      },
+      state);
+}
+
 // The texts of a file. They are parsed only after its checksum was found right.
 struct Contents {
   std::string about, config;
@@ -264,8 +298,6 @@ class Numbers {
   Json json_;
 };
 
-constexpr std::int64_t kMostSteps = 2'000'000'000;  // as int, with some left to count on
-
 void apply(const std::filesystem::path& path, const Contents& contents, Checkpoint& checkpoint) {
   const Numbers numbers(path, contents.about);
   constexpr double kLargest = limits::kLargestFloat;
@@ -302,6 +334,9 @@ void check(const std::filesystem::path& path, const Checkpoint& checkpoint) {
     if (!is_sound(view))
       cannot_read(path, fmt::format("the camera of {} has numbers that no camera has; {}",
                                     shown_word(view.name), kRemedy));
+  for (const float value : checkpoint.state.model.photometric.values)
+    if (!std::isfinite(value))
+      cannot_read(path, fmt::format("a number of photometric.model is not finite; {}", kRemedy));
   for (const int strikes : checkpoint.state.progress.strikes)
     if (strikes < 0 || strikes > kMostStrikes)
       cannot_read(path, fmt::format("a view is counted {} breakdowns; {}", strikes, kRemedy));
@@ -348,6 +383,7 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
         write_array(file, which.key(), array.data(), array.size(), array.memory());
       },
       model);
+  if (kind & kHasPhotometric) write_photometric(file, model.photometric);
   file.commit();
 }
 
@@ -362,11 +398,13 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   checkpoint.state.progress.view_order = file.values<std::uint32_t>("view_order");
   const auto count = file.values<std::uint64_t>("gaussians");
   const std::uint64_t kind = count.size() == 2 ? count[1] : 0;
-  if (count.size() != 1 && !(kind >= 1 && kind <= (kHasTime | kHasSums | kHasFilter)))
+  if (count.size() != 1 &&
+      !(kind >= 1 && kind <= (kHasTime | kHasSums | kHasFilter | kHasPhotometric)))
     file.damaged();
   set_kind(checkpoint.state.model, kind);
   if (kind & kHasTime) read_times(file, checkpoint.scene.views);
   read_model(file, count[0], checkpoint.state.model);
+  if (kind & kHasPhotometric) read_photometric(file, checkpoint.state.model.photometric);
   file.finish();
   try {
     apply(path, contents, checkpoint);

@@ -25,6 +25,12 @@ void add_perceptual(const char* suffix, const std::optional<PerceptualMetrics>& 
   if (metrics->lpips) json[fmt::format("lpips{}", suffix)] = *metrics->lpips;
 }
 
+void add_picture(const char* suffix, const std::optional<PictureMetrics>& metrics, Json& json) {
+  if (!metrics) return;
+  json[fmt::format("psnr{}", suffix)] = metrics->psnr;
+  json[fmt::format("ssim{}", suffix)] = metrics->ssim;
+}
+
 Json means(const Evaluation& evaluation) {
   if (evaluation.views.empty()) return nullptr;
   Json json = {{"psnr", evaluation.psnr}, {"ssim", evaluation.ssim}};
@@ -35,6 +41,8 @@ Json means(const Evaluation& evaluation) {
     json["ssim_exposure"] = evaluation.ssim_exposure;
     add_perceptual("_exposure", evaluation.perceptual_exposure, json);
   }
+  add_picture("_photometric", evaluation.photometric, json);
+  add_picture("_cc", evaluation.corrected, json);
   return json;
 }
 
@@ -45,6 +53,12 @@ void add_network(const std::optional<LpipsSource>& source, Json& json) {
         {"name", source->network}, {"file", source->file}, {"hash", source->hash}};
 }
 
+Json photometric_json(const SceneLooks& looks) {
+  Json spreads = Json::object();
+  for (const HeldOutRule& rule : looks.rules) spreads[rule.name] = rule.spread;
+  return {{"model", looks.config.model}, {"rule", looks.rule}, {"spreads", spreads}};
+}
+
 Json by_view(const Evaluation& evaluation) {
   Json result = Json::object();
   const bool has_times = std::any_of(evaluation.views.begin(), evaluation.views.end(),
@@ -53,6 +67,8 @@ Json by_view(const Evaluation& evaluation) {
     Json& json = result[view.name] = {{"psnr", view.psnr}, {"ssim", view.ssim}};
     add_perceptual("", view.perceptual, json);
     if (has_times) json["time"] = view.time;
+    add_picture("_photometric", view.photometric, json);
+    add_picture("_cc", view.corrected, json);
     if (!evaluation.has_exposures) continue;
     json["psnr_exposure"] = view.psnr_exposure;
     json["ssim_exposure"] = view.ssim_exposure;
@@ -119,6 +135,7 @@ std::string results_json(const Results& results) {
     json["exposure"] = {{"samples", results.exposure->samples},
                         {"spread_before", results.exposure->spread_before},
                         {"spread_after", results.exposure->spread_after}};
+  if (results.looks) json["photometric"] = photometric_json(*results.looks);
   if (results.peak_gpu_bytes) {
     json["peak_gpu_bytes"] = *results.peak_gpu_bytes;
     json["driver"] = gpu_driver();
@@ -154,6 +171,12 @@ std::string summary(const Evaluation& evaluation) {
   if (evaluation.has_exposures)
     text += fmt::format("; under their exposures {:.2f} dB, {:.4f}", evaluation.psnr_exposure,
                         evaluation.ssim_exposure);
+  if (evaluation.photometric)
+    text += fmt::format("; as the photometric model shows them {:.2f} dB, {:.4f}",
+                        evaluation.photometric->psnr, evaluation.photometric->ssim);
+  if (evaluation.corrected)
+    text += fmt::format("; with colors fitted to the photos {:.2f} dB, {:.4f}",
+                        evaluation.corrected->psnr, evaluation.corrected->ssim);
   return text;
 }
 

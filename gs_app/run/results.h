@@ -27,6 +27,7 @@ struct Results {
   Vec3d world_offset{0.0, 0.0, 0.0};           // as in Scene
   std::optional<CameraRefinement> refinement;  // where cameras were refined
   std::optional<ExposureSummary> exposure;     // where exposures were solved for
+  std::optional<SceneLooks> looks;             // of a photometric model
 };
 
 /// The most GPU memory that this process has held so far, in bytes; none for a CPU backend.
@@ -43,7 +44,10 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// peak are those of the call (provenance.h). "world_offset" where it is not 0. Where cameras were
 /// refined, "refinement" has the fields of CameraRefinement. Where views have exposures, "test" and
 /// "train" also hold each metric as "psnr_exposure" and so on, and "exposure" is {"samples",
-/// "spread_before", "spread_after"}. Of Gaussians in space and time "num_static" says how many are
+/// "spread_before", "spread_after"}. With a photometric model "test" and "train" hold PSNR and SSIM
+/// as "psnr_photometric" (the picture as the photo shows it: foretold in "test", learned in "train")
+/// and "psnr_cc" (the picture with colors fitted to the photo), and "photometric" is {"model", "rule",
+/// "spreads"}. Of Gaussians in space and time "num_static" says how many are
 /// static (math/spacetime.h).
 std::string results_json(const Results& results);
 

@@ -82,9 +82,10 @@ fs::path RunFolder::pictures(std::string_view split, int step) const {
 }
 
 bool RunFolder::holds_run() const {
-  for (const fs::path& path : {root_ / "point_cloud", checkpoints(), cameras(), cfg_args(),
-                               config(), input_points(), split(), metrics(), profile(), results(),
-                               per_view(), comparison(), report(), exposures(), world_offset()}) {
+  for (const fs::path& path :
+       {root_ / "point_cloud", checkpoints(), cameras(), cfg_args(), config(), input_points(),
+        split(), metrics(), profile(), results(), per_view(), comparison(), report(), exposures(),
+        photometric(), world_offset()}) {
     if (fs::exists(path)) return true;
   }
   return false;

@@ -31,6 +31,7 @@ class RunFolder {
   Path config() const { return root_ / "config.toml"; }
   Path input_points() const { return root_ / "input.ply"; }
   Path exposures() const { return root_ / "exposure.json"; }
+  Path photometric() const { return root_ / "photometric.json"; }
   Path world_offset() const { return root_ / "world_offset.json"; }
   Path split() const { return root_ / "split.json"; }
   Path metrics() const { return root_ / "metrics.csv"; }

@@ -66,7 +66,7 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Resul
           if (is_shown) pictures.keep(index, view, image);
           progress(++done, total);
         },
-        is_shown ? MetricSet{true, lpips} : MetricSet::quick);
+        evaluation_wish(trainer, is_shown ? MetricSet{true, lpips} : MetricSet::quick));
   };
   results.test = evaluate_views(scene.test_views, true);
   results.train = evaluate_views(some, !has_test);
@@ -88,6 +88,7 @@ Results results_of(Trainer& trainer) {
   results.world_offset = scene.world_offset;
   results.refinement = scene.refinement;
   results.exposure = scene.exposure;
+  results.looks = looks_of(trainer);
   results.peak_gpu_bytes = peak_gpu_bytes(trainer.backend());
   return results;
 }

@@ -10,6 +10,7 @@
 #include "gs_app/observers/sight_observer.h"
 #include "gs_app/report/report_run.h"
 #include "gs_app/run/make_backend.h"
+#include "gs_app/run/photometric_file.h"
 #include "gs_app/run/stop_on_signal.h"
 #include "gs_app/session/check_sight.h"
 #include "gs_app/session/evaluate_run.h"
@@ -268,6 +269,7 @@ void TrainSession::save_last_model() {
   const bool is_last_step = last == trainer_->schedule().steps();
   if (!is_last_step && fs::exists(folder_->ply(last))) return;  // train.save_steps named the step
   guarded("saving the model", [&] { save_model(*folder_, last, *trainer_); });
+  if (const auto looks = looks_of(*trainer_)) write_photometric(folder_->photometric(), *looks);
 }
 
 void TrainSession::finish() {

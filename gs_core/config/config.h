@@ -82,6 +82,14 @@ struct LossConfig {
   float lambda_dssim = 0.2f;
 };
 
+/// How photos that differ in exposure, white balance and vignetting are explained
+/// (docs/photometric.md).
+struct PhotometricConfig {
+  std::string model = "none";  // none, gains
+  float rate = 2e-3f;          // Adam's, of its numbers
+  bool vignetting = true;      // of each camera
+};
+
 /// Learning rates of Adam; position rates are multiplied by the scene's extent.
 struct OptimizerConfig {
   float position_lr_initial = 1.6e-4f;
@@ -200,6 +208,7 @@ struct Config {
   ModelConfig model;
   RenderConfig render;
   LossConfig loss;
+  PhotometricConfig photometric;
   OptimizerConfig optimizer;
   DensityConfig density;
   TrainConfig train;

@@ -8,6 +8,7 @@
 #include "gs_core/random.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_train/initialize/downsample_points.h"
+#include "gs_train/photometric/photometric_start.h"
 
 namespace gs {
 namespace {
@@ -116,6 +117,7 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
   for_each_array([](const char*, auto& to, const auto& from) { to.upload(from.download()); },
                  model.gaussians, start);
   clear_history(model);
+  begin_photometric(config, scene, model);
   return model;
 }
 

@@ -13,6 +13,7 @@
 #include "gs_render/render_settings.h"
 #include "gs_train/density/gaussian_budget.h"
 #include "gs_train/initialize/initialize.h"
+#include "gs_train/photometric/photometric_start.h"
 #include "gs_train/row_rules.h"
 
 namespace gs {
@@ -95,9 +96,11 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
            render_settings(config),
            std::move(model),
            nullptr},
-      recovery_(run_), views_(scene.train_views.size(), config.train.seed), views_ahead_(views_) {
+      recovery_(run_), views_(scene.train_views.size(), config.train.seed), views_ahead_(views_),
+      camera_rows_(camera_rows(scene.train_views)) {
   check_filter(config);
   backend.use_loss(config.loss.kind);
+  backend.use_photometric(make_photometric_model(config.photometric));
   if (scene.time_count > 1 && !run_.model.gaussians.has_time)
     log_warning("{}", text_of_moving_scene(scene.time_count));
   backend.upload_views(scene.train_views,
@@ -174,13 +177,19 @@ void Trainer::take_batch(int last_step) {
   batch_.clear();
   for (int step = run_.step + 1; step <= last_step; ++step) {
     const View& view = view_of(views_, step);
-    batch_.push_back({&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera)});
+    const std::size_t row = std::size_t(&view - run_.scene.train_views.data());
+    batch_.push_back({&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera),
+                      row, camera_rows_[row]});
   }
   run_.backend.prefetch_next(view_of(views_, last_step + 1));
   const int photos = int(batch_.size());
   Update update{run_.schedule.learning_rates(last_step), run_.schedule.adam_rule(photos)};
-  if (update.rule.steps > 1)
+  update.photometric_rate = run_.schedule.photometric_rate(last_step);
+  update.photometric_rule = batch_rule(update.rule.steps);
+  if (update.rule.steps > 1) {
     for_each_array([&](const char*, float& rate) { rate *= batch_rate(photos); }, update.rates);
+    update.photometric_rate *= batch_rate(photos);
+  }
   run_.backend.step(run_.model, {batch_.data(), batch_.size()}, loss_settings(run_.config), update,
                     run_.density->of_step(last_step));
 }
@@ -293,6 +302,22 @@ GaussianModel raw_model(Trainer& trainer) { return visible_part(copy_of_result(t
 GaussianModel visible_part(const GaussianModel& model) {
   return {rows_of(model.gaussians, visible_rows(model.gaussians)), model.sh_degree, model.is_ours,
           model.antialiased, model.world_offset};
+}
+
+std::optional<SceneLooks> looks_of(Trainer& trainer) {
+  const PhotometricState& state = trainer.model().photometric;
+  if (state.empty()) return std::nullopt;
+  return looks_of(trainer.config().photometric, state, trainer.scene());
+}
+
+EvaluationWish evaluation_wish(Trainer& trainer, MetricSet metrics) {
+  EvaluationWish wish(metrics);
+  const std::optional<SceneLooks> looks = looks_of(trainer);
+  if (!looks) return wish;
+  wish.appearance_of = appearances(*looks);
+  wish.solved_appearance_of = solved_appearances(*looks, trainer.scene());
+  wish.is_corrected = true;
+  return wish;
 }
 
 GaussianModel trained_model(Trainer& trainer) {

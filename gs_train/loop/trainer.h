@@ -18,6 +18,7 @@
 #include "gs_train/loop/training_run.h"
 #include "gs_train/loop/view_sampler.h"
 #include "gs_train/loss.h"
+#include "gs_train/metrics.h"
 #include "gs_train/schedule.h"
 
 namespace gs {
@@ -113,6 +114,7 @@ class Trainer {
   TrainingRun run_;
   RunRecovery recovery_;
   ViewSampler views_, views_ahead_;
+  std::vector<std::uint32_t> camera_rows_;  // (training views)
   std::vector<TrainingPhoto> batch_;
   std::vector<Observer*> observers_;
   std::optional<ClearSpace> clear_space_;     // found when the result is first looked at
@@ -129,5 +131,12 @@ GaussianModel raw_model(Trainer& trainer);
 /// seen.
 GaussianModel copied_model(Trainer& trainer);
 GaussianModel visible_part(const GaussianModel& model);
+
+/// The appearances of the scene's photos as they are now; empty without photometric.model. Waits for
+/// the device.
+std::optional<SceneLooks> looks_of(Trainer& trainer);
+/// What to measure of the run's views: with photometric.model, the appearances and pictures with
+/// fitted colors, too.
+EvaluationWish evaluation_wish(Trainer& trainer, MetricSet metrics);
 
 }  // namespace gs

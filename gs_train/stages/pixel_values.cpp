@@ -10,6 +10,7 @@
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_train/stages/scalar_stages.h"
+#include "gs_train/stages/shown_values.h"
 
 namespace gs {
 namespace {
@@ -17,18 +18,18 @@ namespace {
 constexpr std::size_t kPixelsAtATime = 4096;
 
 // The mean absolute difference of the channels, of what the loss compares (photo_weight.h).
-void find_errors(const View& view, const RenderPass& pass, Buffer<float>& values) {
+void find_errors(const View& view, const RenderPass& pass, const Appearance* appearance,
+                 Buffer<float>& values) {
   const std::size_t plane = pass.pixel_count();
-  const float white = view.white();
+  const ShownValues shown(view, pass, appearance);
   parallel_for(plane, kPixelsAtATime, [&](std::size_t i) {
     const float m = view.mask.empty() ? 1.0f : view.mask.pixels[i] * kPerByte;
     float sum = 0;
     for (int c = 0; c < 3; ++c) {
-      const PhotoWeight<float> weight =
-          photo_weight(m, view.exposure[c], pass.background[c], view.over_background);
-      const float x = weight.gain * pass.image[c * plane + i];
+      const PhotoWeight<float> weight = shown.weight(m, c, i);
+      const float x = weight.gain * shown.picture()[c * plane + i];
       const float y = view.photo.pixels[3 * i + c] * kPerByte;
-      sum += std::abs(x - compared_photo(x, weight.cover * y + weight.backdrop, y, white));
+      sum += std::abs(x - compared_photo(x, weight.cover * y + weight.backdrop, y, shown.white()));
     }
     values[i] = sum / 3.0f;
   });
@@ -67,14 +68,14 @@ void stretch(Span<float> values) {
 }  // namespace
 
 void find_pixel_values(const View& view, const DensityStep& density, const RenderPass& pass,
-                       Buffer<float>& values) {
+                       const Appearance* appearance, Buffer<float>& values) {
   const HostStage stage("pixel values");
   GS_CHECK(view.photo.width == pass.width && view.photo.height == pass.height);
   values.resize_discard(pass.pixel_count());
   if (density.score == GrowthScore::edge)
     find_edges(view, pass, values);
   else
-    find_errors(view, pass, values);
+    find_errors(view, pass, appearance, values);
   if (density.score == GrowthScore::error) return;
   stretch(values.span());
   if (density.score == GrowthScore::edge) return;

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The scalar CPU backend: the contracts in their simplest form.
+#include <spdlog/fmt/fmt.h>
+
+#include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stages.h"
 #include "gs_train/named_row.h"
@@ -27,6 +30,13 @@ class ScalarBackend final : public Backend {
     loss_row_ = row;
   }
   Loss& loss() override { return *loss_; }
+  void use_photometric(std::unique_ptr<PhotometricModel> photometric) override {
+    if (photometric && !loss_->takes_appearance())
+      throw UsageError(
+          fmt::format("loss.kind {} does not know photometric.model; leave one of the two out",
+                      loss_row_->name));
+    photometric_ = std::move(photometric);
+  }
   Optimizer& optimizer() override { return *optimizer_; }
   RowOps& rows() override { return *rows_; }
   void set_profiling(bool on) override { host_stage_clock().set_on(on); }
@@ -35,7 +45,8 @@ class ScalarBackend final : public Backend {
  protected:
   void find_pixel_values(const View& view, const DensityStep& density, RenderPass& pass) override {
     if (density.score == GrowthScore::force) return;  // sums no values
-    gs::find_pixel_values(view, density, pass, pass.scratch<ScalarScratch>().pixel_values);
+    gs::find_pixel_values(view, density, pass, appearance_.get(),
+                          pass.scratch<ScalarScratch>().pixel_values);
   }
   void gather(const DensityStatistics& statistics, const RenderPass& pass,
               Span<const Vec2f> dL_dmean2d, ScorePooling pooling) override {
@@ -50,6 +61,11 @@ class ScalarBackend final : public Backend {
   }
   void add(Span<float> to, Span<const float> from, float weight) override {
     parallel_for(to.size, 16384, [=](std::size_t i) { to[i] += weight * from[i]; });
+  }
+  void update_photometric(PhotometricState& state, const Update& update,
+                          std::vector<double>& gradient) override {
+    gs::update_photometric(state, *photometric_, update.photometric_rate, update.photometric_rule,
+                           gradient);
   }
   void pool(Span<FragmentSums> all, Span<FragmentSums> more, ScorePooling pooling) override {
     parallel_for(all.size, 4096, [=](std::size_t i) { pool_with(all[i], more[i], pooling); });

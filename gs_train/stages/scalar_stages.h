@@ -10,11 +10,17 @@ namespace gs {
 
 std::unique_ptr<Loss> make_l1_ssim_loss();  // 5  ssim.cpp
 /// 5  pixel_values.cpp: what the scores "error", "mask" and "edge" sum, (H, W), of a rendered view.
+/// `appearance` may be null.
 void find_pixel_values(const View& view, const DensityStep& density, const RenderPass& pass,
-                       Buffer<float>& values);
+                       const Appearance* appearance, Buffer<float>& values);
 
 std::unique_ptr<Optimizer> make_scalar_optimizer();  // 8  adam.cpp
 std::unique_ptr<RowOps> make_scalar_row_ops();       // 9  rows.cpp, 10 morton.cpp
+
+/// 8  photometric.cpp: one update of all photos and cameras, in host memory. `gradient` is that of
+/// the data, in the order of the state; the model's penalties are added to it.
+void update_photometric(PhotometricState& state, const PhotometricModel& model, float rate,
+                        const AdamRule& rule, std::vector<double>& gradient);
 
 /// The losses of the scalar backend: the words of loss.kind.
 std::vector<std::string> scalar_losses();

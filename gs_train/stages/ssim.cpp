@@ -6,7 +6,8 @@
 // With the moments m = G * (x, y, xx, yy, xy), G the window, and h = dL/dSSIM at each pixel:
 //   dL/dX = G * d_x + 2 X (G * d_xx) + Y (G * d_xy),  (d_x, d_xx, d_xy) = ssim_index_vjp(m, h)
 //
-// Where a view has a mask or an exposure, X and Y are the two pictures after photo_weight.h.
+// Where a view has a mask or an exposure, X and Y are the two pictures after photo_weight.h. With a
+// photometric model X is the picture as the view's appearance shows it.
 #include "gs_core/math/ssim.h"
 
 #include "gs_core/error.h"
@@ -15,6 +16,7 @@
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_train/stages/scalar_stages.h"
+#include "gs_train/stages/shown_values.h"
 #include "gs_train/window.h"
 
 namespace gs {
@@ -32,13 +34,16 @@ class L1SsimLoss final : public Loss {
     values_ = 3 * pass.pixel_count();
     const float* X = pass.image.data();
     read_photo(view.photo);
-    if (view.is_weighted()) X = weighted(X, view, pass.background);
+    const bool is_weighted = settings.appearance || view.is_weighted();
+    if (is_weighted) X = weighted(view, pass, settings.appearance);
     windowed_moments(X);
     similarity(settings.lambda_dssim);
     image_gradient(X, settings.lambda_dssim, dL_dimage);
-    if (view.is_weighted()) pull_back_weights(dL_dimage);
+    if (is_weighted) pull_back_weights(dL_dimage);
+    if (settings.appearance) pull_back(*settings.appearance, pass, view, dL_dimage);
   }
   double value() override { return value_; }
+  bool takes_appearance() const override { return true; }
 
  private:
   // The photo as (3, H, W) in 0..1.
@@ -51,23 +56,24 @@ class L1SsimLoss final : public Loss {
   }
 
   // Returns the weighted picture X' and replaces the photo by what X' is compared with. Leaves
-  // dX'/dX in gains_.
-  const float* weighted(const float* X, const View& view, const Vec3f& background) {
+  // the derivative of X' by the shown picture in gains_.
+  const float* weighted(const View& view, const RenderPass& pass, const Appearance* appearance) {
     const std::size_t plane = values_ / 3;
     GS_CHECK(view.mask.empty() || view.mask.pixels.size() == plane);
     weighted_.resize_discard(values_);
     gains_.resize_discard(values_);
-    const float white = view.white();
+    const ShownValues shown(view, pass, appearance);
+    const float* const X = shown.picture();
     parallel_for(plane, 4096, [&](std::size_t i) {
       const float m = view.mask.empty() ? 1.0f : view.mask.pixels[i] * kPerByte;
       for (int c = 0; c < 3; ++c) {
         const std::size_t value = c * plane + i;
-        const PhotoWeight<float> weight =
-            photo_weight(m, view.exposure[c], background[c], view.over_background);
+        const PhotoWeight<float> weight = shown.weight(m, c, i);
         gains_[value] = weight.gain;
         weighted_[value] = weight.gain * X[value];
-        photo_[value] = compared_photo(
-            weighted_[value], weight.cover * photo_[value] + weight.backdrop, photo_[value], white);
+        photo_[value] =
+            compared_photo(weighted_[value], weight.cover * photo_[value] + weight.backdrop,
+                           photo_[value], shown.white());
       }
     });
     return weighted_.data();
@@ -76,6 +82,16 @@ class L1SsimLoss final : public Loss {
   // Turns dL/dX' into dL/dX.
   void pull_back_weights(Buffer<float>& dL_dimage) {
     parallel_for(values_, 4096, [&](std::size_t i) { dL_dimage[i] *= gains_[i]; });
+  }
+
+  // From what the photo shows to the scene's colors. A pixel over the background teaches as much as
+  // the photo covers it: the background, which the photo shows as well, depends on the appearance,
+  // too, and a pixel that is all background must teach nothing.
+  void pull_back(Appearance& appearance, const RenderPass& pass, const View& view,
+                 Buffer<float>& dL_dimage) {
+    shares_.resize_discard(view.over_background ? pass.pixel_count() : 0);
+    for (std::size_t i = 0; i < shares_.size(); ++i) shares_[i] = view.mask.pixels[i] * kPerByte;
+    appearance.pull_back({pass.image.data(), width_, height_}, dL_dimage.span(), shares_.span());
   }
 
   // moments_ holds five stacks of three planes each: x, y, xx, yy, xy.
@@ -144,7 +160,7 @@ class L1SsimLoss final : public Loss {
 
   int width_ = 0, height_ = 0;
   std::size_t values_ = 0;
-  Buffer<float> photo_, weighted_, gains_, moments_, scratch_;
+  Buffer<float> photo_, weighted_, gains_, moments_, scratch_, shares_;
   std::vector<double> row_sums_;
   double ssim_sum_ = 0, value_ = 0;
 };

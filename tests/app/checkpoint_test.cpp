@@ -160,6 +160,28 @@ TEST_F(Checkpoints, WithA3dFilterComeBackBitForBit) {
   EXPECT_EQ(checkpoint_bytes(100, 4, false, false, true), checkpoint_bytes(100, 4, false) + 400);
 }
 
+TEST_F(Checkpoints, WithAPhotometricModelComeBackBitForBit) {
+  TrainingState expected = telling_state(100, 12);
+  PhotometricState& photometric = expected.model.photometric;
+  photometric.shape = {3, 3, 2, 4};
+  photometric.adam_steps = 9;
+  photometric.is_solved = true;
+  float next = 0.25f;
+  for_each_photometric_array(
+      [&](const char*, auto& array) {
+        array.resize(photometric.shape.size());
+        for (float& number : array) number = next += 0.37f;
+      },
+      photometric);
+  fs::create_directories(path());
+  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
+  EXPECT_TRUE(same_bits(read_checkpoint(file(12)).state.model, expected.model));
+  EXPECT_NEAR(double(fs::file_size(file(12))), double(checkpoint_bytes(100, 4, false)), 16384);
+  photometric.values[5] = std::numeric_limits<float>::quiet_NaN();
+  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
+  EXPECT_THROW(read_checkpoint(file(12)), Error);
+}
+
 // Version 0.1.0 did not write "first_gaussians".
 TEST_F(Checkpoints, OfVersionsWithoutTheFirstCountAreRead) {
   ASSERT_TRUE(save(folder(), 12));

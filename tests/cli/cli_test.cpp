@@ -103,6 +103,48 @@ TEST_F(Program, ExposuresAndRefinedCamerasAreReportedAndAppliedAgain) {
   EXPECT_FALSE(json("plain/results.json").at("test").contains("psnr_exposure"));
 }
 
+TEST_F(Program, GainsOfPhotosAreWrittenDownMeasuredApartAndAppliedAgain) {
+  write_scene(path("scene"), true);
+  const Outcome trained = train("out", "--set photometric.model=gains");
+  ASSERT_EQ(trained.code, 0) << trained.err;
+  EXPECT_THAT(trained.out, HasSubstr("as the photometric model shows them"));
+  const nlohmann::json looks = json("out/photometric.json"), results = json("out/results.json");
+  EXPECT_EQ(looks.at("model"), "gains");
+  EXPECT_EQ(looks.at("photos").size() + looks.at("held_out").size(), std::size_t(kViews));
+  EXPECT_GT(looks.at("cameras").begin()->at("corner_brightness"), 0);
+  EXPECT_EQ(looks.at("rule"), results.at("photometric").at("rule"));
+  const Outcome again = run("eval " + text("out") + " --device cpu --json");
+  ASSERT_EQ(again.code, 0) << again.err;
+  const auto figures = nlohmann::json::parse(again.out);
+  for (const char* key : {"psnr", "psnr_photometric", "ssim_photometric", "psnr_cc", "ssim_cc"})
+    EXPECT_NEAR(figures.at(key), results.at("test").at(key), 1e-6) << key;
+
+  const Outcome without = train("plain");
+  EXPECT_FALSE(fs::exists(path("plain/photometric.json")));
+  for (const char* key : {"psnr_photometric", "psnr_cc"})
+    EXPECT_FALSE(json("plain/results.json").at("test").contains(key)) << key;
+  const Outcome corrected = run("eval " + text("plain") + " --device cpu --json --color-corrected");
+  EXPECT_TRUE(nlohmann::json::parse(corrected.out).contains("psnr_cc"));
+}
+
+TEST_F(Program, DamagedPhotometricFileIsNamedWithARemedy) {
+  write_scene(path("scene"));
+  ASSERT_EQ(train("out", "--set photometric.model=gains").code, 0);
+  const std::string whole = read_bytes(path("out/photometric.json"));
+  for (const std::string& damage :
+       {std::string("{"), std::string("[]"),
+        std::string(R"({"model": "none", "vignetting": true})"),
+        std::string(R"({"model": "gains", "vignetting": true, "photos": {"a": {"camera": -1}}})"),
+        std::string(R"({"model": "gains", "vignetting": true, "photos": {"a": {"camera": 1e30}}})"),
+        whole.substr(0, whole.size() / 2)}) {
+    write_bytes(path("out/photometric.json"), damage);
+    const Outcome outcome = run("eval " + text("out") + " --device cpu");
+    EXPECT_NE(outcome.code, 0) << damage;
+    EXPECT_THAT(outcome.err, AllOf(HasSubstr("photometric.json"), HasSubstr("remove the file")))
+        << damage;
+  }
+}
+
 TEST_F(Program, SceneFarFromTheOriginKeepsItsOffsetBesideTheModel) {
   write_scene(path("scene"));
   std::istringstream images(read_bytes(path("scene/sparse/0/images.txt")));

@@ -83,6 +83,7 @@ Config everything_changed() {
   config.train.resolution_ramp = {4, 2};
   config.optimizer.position_lr_final_power = 2;
   config.density.strategy = "mcmc";
+  config.photometric.model = "gains";
   config.train.device = "cuda:12";
   config.reconstruct.camera_model = "OPENCV";
   return config;
@@ -128,12 +129,13 @@ TEST(Config, EveryFieldHasKeyMeaningAndADefaultWithinItsLimits) {
 }
 
 TEST(Config, TheListHoldsEveryFieldOfTheStructs) {
-  constexpr std::size_t kFields =
-      field_count<DatasetConfig>() + field_count<ReconstructConfig>() + field_count<ModelConfig>() +
-      field_count<RenderConfig>() + field_count<LossConfig>() + field_count<OptimizerConfig>() +
-      field_count<DensityConfig>() + field_count<TrainConfig>() + field_count<EvalConfig>();
+  constexpr std::size_t kFields = field_count<DatasetConfig>() + field_count<ReconstructConfig>() +
+                                  field_count<ModelConfig>() + field_count<RenderConfig>() +
+                                  field_count<LossConfig>() + field_count<PhotometricConfig>() +
+                                  field_count<OptimizerConfig>() + field_count<DensityConfig>() +
+                                  field_count<TrainConfig>() + field_count<EvalConfig>();
   EXPECT_EQ(fields_of(Config{}).size(), kFields);
-  EXPECT_EQ(field_count<Config>(), 9u);
+  EXPECT_EQ(field_count<Config>(), 10u);
 }
 
 TEST(Config, EveryFieldOfTheListIsItsOwn) {

@@ -251,7 +251,7 @@ TEST_F(LpipsTest, IsMeasuredWhereItIsAskedFor) {
   const Evaluation with =
       evaluate(*renderer, gaussians.span(), views, {},
                [&](std::size_t, const View&, const ImageF& render) { renders.push_back(render); },
-               {true, &network});
+               MetricSet{true, &network});
   EXPECT_EQ(with.perceptual->flip, without.perceptual->flip);
   EXPECT_EQ(with.lpips_source->hash, network.source().hash);
   double sum = 0;

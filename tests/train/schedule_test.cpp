@@ -386,5 +386,18 @@ TEST(LatePrune, ComesAtTheIntervalsOfResetsAfterTheRefinements) {
               ElementsAre(18'000, 21'000, 24'000, 27'000));
 }
 
+TEST(PhotometricRate, WarmsUpFallsToAHundredthAndRestsAfterResets) {
+  Config config;
+  config.photometric.rate = 1e-3f;
+  const Schedule schedule(config, 1);
+  EXPECT_LT(schedule.photometric_rate(1), 2e-5f);
+  EXPECT_NEAR(schedule.photometric_rate(500), 1e-3, 1e-4);
+  EXPECT_NEAR(schedule.photometric_rate(30000), 1e-5, 1e-9);
+  for (const int step : {3001, 3500, 4000, 12001}) EXPECT_EQ(schedule.photometric_rate(step), 0);
+  for (const int step : {3000, 4001, 15001}) EXPECT_GT(schedule.photometric_rate(step), 0) << step;
+  config.density.strategy = "mcmc";  // lowers no opacities
+  EXPECT_GT(Schedule(config, 1).photometric_rate(3001), 0);
+}
+
 }  // namespace
 }  // namespace gs

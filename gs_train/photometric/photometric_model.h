@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// The contract of a photometric model: how photos differ in exposure, white balance and vignetting,
+// and what is learned of it.
+//
+// To add a model, for example "ppisp":
+//   1. The formulas go into gs_core/math/photometric.h, with their gradients. The class (derived
+//      from PhotometricModel), its Appearance and the function that makes it go into a file of this
+//      folder, as in gains.cpp.
+//   2. It becomes a row of kModels in photometric_model.cpp and a word of kPhotometricWords in
+//      gs_core/config/config_words.h.
+//   3. Settings of its own are members of PhotometricConfig.
+// Adam, the mean of zero, checkpoints, held-out photos, metrics and photometric.json then take it as
+// they take the others.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "gs_core/config/config.h"
+#include "gs_core/math/photometric.h"
+#include "gs_train/photometric/appearance.h"
+#include "gs_train/photometric/photometric_state.h"
+
+namespace gs {
+
+/// All numbers of a model are 0 where a photo shows the scene's own colors.
+class PhotometricModel {
+ public:
+  virtual ~PhotometricModel() = default;
+  /// Their names, of each photo and of each camera.
+  virtual std::vector<std::string> photo_names() const = 0;
+  virtual std::vector<std::string> camera_names() const = 0;
+  /// What the numbers of a camera mean, for people; by name.
+  virtual std::map<std::string, float> camera_facts(Span<const float> camera) const = 0;
+  /// The appearance of a photo with these numbers.
+  virtual std::unique_ptr<Appearance> appearance(Span<const float> photo, Span<const float> camera,
+                                                 const LensPlace& place) const = 0;
+  /// The numbers of a photo that shows the scene's colors times these gains, as far as the model
+  /// can say it.
+  virtual void start_from_gains(const Vec3f& gains, Span<float> photo) const = 0;
+  /// How far each number of a photo lies above its neutral value, in the mean over all training photos.
+  /// It is subtracted from all of them after every update: what all photos have in common is the
+  /// scene's.
+  virtual std::vector<double> common_part(const PhotometricState& state) const = 0;
+  /// gradient += that of the model's penalties.
+  virtual void add_penalties(const PhotometricState& state,
+                             std::vector<double>& gradient) const = 0;
+};
+
+/// The word of photometric.model that means none.
+inline constexpr const char* kNoPhotometricModel = "none";
+
+/// The model that the settings name; null: none. Throws UsageError for a word that is not in the
+/// table.
+std::unique_ptr<PhotometricModel> make_photometric_model(const PhotometricConfig& config);
+
+/// The words of photometric.model.
+std::vector<std::string> photometric_models();
+
+}  // namespace gs

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// The numbers that a photometric model learns, part of TrainingModel.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "gs_core/buffer.h"
+
+namespace gs {
+
+/// How many photos and cameras there are, and how many numbers each of them has.
+struct PhotometricShape {
+  std::uint32_t photos = 0, photo_size = 0, cameras = 0, camera_size = 0;
+
+  std::size_t size() const {
+    return std::size_t(photos) * photo_size + std::size_t(cameras) * camera_size;
+  }
+  std::size_t photo_begin(std::size_t photo) const { return photo * photo_size; }
+  std::size_t camera_begin(std::size_t camera) const {
+    return std::size_t(photos) * photo_size + camera * camera_size;
+  }
+  bool operator==(const PhotometricShape&) const = default;
+};
+
+/// All arrays have shape.size() numbers: those of the training photos, in the order of the scene,
+/// then those of the cameras.
+struct PhotometricState {
+  PhotometricShape shape;
+  std::vector<std::uint32_t> camera_of;  // (photos) follows from the scene
+  Buffer<float> values, first_moment, second_moment;
+  Buffer<float> start;     // that the values began with
+  int adam_steps = 0;      // updates; fewer than the model's, because the values rest at times
+  bool is_solved = false;  // the start was solved for, so that values stay near it
+
+  explicit PhotometricState(Memory& memory = host_memory())
+      : values(memory), first_moment(memory), second_moment(memory), start(memory) {}
+  bool empty() const { return values.empty(); }
+  Span<float> photo(std::size_t i) const {
+    return {values.data() + shape.photo_begin(i), shape.photo_size};
+  }
+  Span<float> camera(std::size_t i) const {
+    return {values.data() + shape.camera_begin(i), shape.camera_size};
+  }
+};
+
+/// Calls f(name, a.array, b.array, ...) for each array. Checkpoints name their sections like this.
+template <class F, class First, class... Rest>
+void for_each_photometric_array(F&& f, First&& first, Rest&&... rest) {
+  f("photometric.values", first.values, rest.values...);
+  f("photometric.first_moment", first.first_moment, rest.first_moment...);
+  f("photometric.second_moment", first.second_moment, rest.second_moment...);
+  f("photometric.start", first.start, rest.start...);
+}
+
+/// A copy in another memory.
+inline PhotometricState copy_to(Memory& memory, const PhotometricState& from) {
+  PhotometricState state(memory);
+  state.shape = from.shape;
+  state.camera_of = from.camera_of;
+  state.adam_steps = from.adam_steps;
+  state.is_solved = from.is_solved;
+  for_each_photometric_array(
+      [](const char*, auto& to, const auto& array) { to.upload(array.download()); }, state, from);
+  return state;
+}
+
+}  // namespace gs
