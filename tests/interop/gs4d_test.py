@@ -3,7 +3,7 @@
 that gemsplat wrote the file from: where it is at several times, its covariance, opacity and color.
 
   python3 gs4d_test.py PROGRAM FOLDER      exit code 1 if a value differs by more than its rounding
-  python3 gs4d_test.py --make FILE.ply [COUNT LONGEST]     only writes a model that moves
+  python3 gs4d_test.py --make FILE.ply [COUNT LONGEST [slopes]]     only writes a model that moves
 """
 
 import math
@@ -188,7 +188,7 @@ MOST = {"place": 5e-4, "opacity": 0.0025, "covariance": 0.03, "sh0": 0.0065, "sh
 def main():
     if sys.argv[1] == "--make":
         count, longest = sys.argv[3:5] or (COUNT, 0.6)
-        make_ply(sys.argv[2], 1, count=int(count), longest=float(longest))
+        make_ply(sys.argv[2], 1, count=int(count), longest=float(longest), slopes="slopes" in sys.argv[5:])
         return 0
     program, folder = sys.argv[1], Path(sys.argv[2])
     folder.mkdir(parents=True, exist_ok=True)
