@@ -220,9 +220,11 @@ TEST_F(CudaRender, GradientsAgree) {
       cpu_dL.upload(dL_dimage);
       gpu_dL.upload(dL_dimage);
       const std::size_t count = scene.gaussians.count();
-      const bool has_time = scene.gaussians.has_time;
-      Gaussians cpu_gradients(count, host_memory(), has_time),
-          gpu_gradients(count, gpu().memory(), has_time);
+      Gaussians cpu_gradients, gpu_gradients(gpu().memory());
+      for (Gaussians* const gradients : {&cpu_gradients, &gpu_gradients}) {
+        take_learned_arrays(*gradients, scene.gaussians);
+        gradients->resize(count);
+      }
       Buffer<Vec2f> cpu_mean2d(count, host_memory()), gpu_mean2d(count, gpu().memory());
       cpu().renderer().backward(scene.gaussians.span(), scene.camera, scene.settings, r.cpu,
                                 cpu_dL.span(), cpu_gradients.span(), cpu_mean2d.span());

@@ -176,7 +176,8 @@ TEST_F(Gs4d, RefusesDamagedFiles) {
   const std::size_t table = sizeof(Gs4dHeader), blocks = table + sizeof(Gs4dChunk);
   EXPECT_THAT(error_reading("GS4"), HasSubstr("does not begin with \"GS4D\""));
   EXPECT_THAT(error_reading(with(0, 'X')), HasSubstr("does not begin with \"GS4D\""));
-  EXPECT_THAT(error_reading(with(4, 2u)), HasSubstr("version 2, but gemsplat reads version 1"));
+  EXPECT_THAT(error_reading(with(4, 3u)), HasSubstr("version 3, but gemsplat reads versions 1 to"));
+  EXPECT_THAT(error_reading(with(4, 2u)), HasSubstr("promises 300 Gaussians"));  // no slopes follow
   EXPECT_THAT(error_reading(with(8, 4000000000u)), HasSubstr("promises 4000000000 Gaussians"));
   EXPECT_THAT(error_reading(with(12, 4000000000u)), HasSubstr("promises 4000000000 chunks"));
   EXPECT_THAT(error_reading(with(16, std::uint8_t(4))), HasSubstr("SH degree is 4"));
@@ -186,6 +187,15 @@ TEST_F(Gs4d, RefusesDamagedFiles) {
   EXPECT_THAT(error_reading(with(blocks + 4, 1e30f)), HasSubstr("a range"));
   EXPECT_THAT(error_reading(bytes.substr(0, bytes.size() - 1)), HasSubstr("follow the table"));
   EXPECT_THAT(error_reading(bytes + "x"), HasSubstr("follow the table"));
+}
+
+TEST_F(Gs4d, RefusesARangeOfSlopesThatNoGaussiansHave) {
+  GaussianModel model = random_moving_model(300, 1);
+  model.gaussians = with_slopes(model.gaussians, 3);
+  std::string bytes = bytes_of(model);
+  const float bad = std::nanf("");
+  std::memcpy(bytes.data() + sizeof(Gs4dHeader) + sizeof(Gs4dChunk) + 72, &bad, sizeof bad);
+  EXPECT_THAT(error_reading(bytes), HasSubstr("a range"));
 }
 
 }  // namespace
