@@ -348,14 +348,16 @@ class CudaBackend final : private Device, public Backend {
   // The sums are zero between steps; rows have been added or removed since they were made.
   void reserve_sums() {
     const std::size_t count = model_->count();
-    const bool has_time = model_->gaussians.has_time, has_sums = model_->statistics.has_sums;
+    const bool has_sums = model_->statistics.has_sums;
     auto& touched = sums_.touched;  // has its rows if all others have theirs
     const std::size_t marks = (count + kWarp - 1) / kWarp;
     if (touched.size() == marks && sums_.gradients.count() == count &&
-        sums_.gradients.has_time == has_time && sums_.statistics.has_sums == has_sums)
+        sums_.gradients.has_time == model_->gaussians.has_time &&
+        sums_.gradients.has_slope == model_->gaussians.has_slope &&
+        sums_.statistics.has_sums == has_sums)
       return;
     touched.resize_discard(0);
-    sums_.gradients.has_time = has_time;
+    take_learned_arrays(sums_.gradients, model_->gaussians);
     sums_.statistics.has_sums = has_sums;
     sums_.gradients.resize(count);
     for_each_statistic([&](const char*, auto& array) { array.resize_discard(count); },

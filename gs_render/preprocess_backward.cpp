@@ -30,6 +30,12 @@ void write_row(const GaussiansSpan& gradients, std::size_t i,
   gradients.log_time_scale[i] = shape.log_time_scale;
 }
 
+void write_row(const GaussiansSpan& gradients, std::size_t i,
+               const TimeColorGradient<float>& gradient) {
+  write_row(gradients, i, gradient.without);
+  gradients.sh0_slope[i] = gradient.sh0_slope;
+}
+
 SplatGradient sum_of_instances(const RenderPass& pass, const ScalarScratch& scratch,
                                std::size_t i) {
   SplatGradient sum{};
@@ -80,7 +86,12 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
     const SplatGradient dL_dsplat = sum_of_instances(pass, scratch, i);
     gradients.sh_rest[i] = {};  // degrees that are not in use have gradient 0
     Vec3f* const dL_dsh_rest = gradients.sh_rest[i].coefficient;
-    if (gaussians.has_time)
+    if (gaussians.has_slope)
+      write_row(gradients, i,
+                project_gaussian_vjp(camera, spacetime_parameters_of(gaussians, i),
+                                     gaussians.sh0_slope[i], time_of(camera, settings), settings,
+                                     dL_dsplat, dL_dsh_rest));
+    else if (gaussians.has_time)
       write_row(gradients, i,
                 project_gaussian_vjp(camera, spacetime_parameters_of(gaussians, i),
                                      time_of(camera, settings), settings, dL_dsplat, dL_dsh_rest));

@@ -10,7 +10,7 @@ namespace {
 
 // Gives arrays the rows of a model.
 void prepare(Gaussians& arrays, const TrainingModel& model) {
-  arrays.has_time = model.gaussians.has_time;
+  take_learned_arrays(arrays, model.gaussians);
   arrays.resize(model.count());
 }
 

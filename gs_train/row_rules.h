@@ -8,6 +8,7 @@
 #include "gs_core/math/growth.h"
 #include "gs_core/math/mcmc.h"
 #include "gs_core/math/race.h"
+#include "gs_core/math/spacetime_color.h"
 #include "gs_core/math/spacetime_density.h"
 #include "gs_core/math/spacetime_regularizer.h"
 #include "gs_train/optimizer.h"
@@ -105,13 +106,41 @@ GS_HD bool is_pruned(const HalfRow& half, const GaussiansSpan& rows, std::size_t
          is_without_moments(rows, parent, half.time_mean, half.log_time_scale);
 }
 
+/// The row's parameters without color.
+GS_HD SpacetimeShape<float> spacetime_shape_of(const GaussiansSpan& rows, std::size_t i) {
+  return {rows.mean[i],          rows.log_scale[i], {rows.rotation[i], rows.right_rotation[i]},
+          rows.logit_opacity[i], rows.time_mean[i], rows.log_time_scale[i]};
+}
+
+/// Before a row that has its parent's values takes the half's: changes the coefficients of a color
+/// that changes, so that the color at any one time stays what it is.
+GS_HD void keep_time_color(const GaussiansSpan& rows, std::size_t i, const HalfRow& half) {
+  if (!rows.has_slope) return;
+  const SpacetimeShape<float> before = spacetime_shape_of(rows, i);
+  SpacetimeShape<float> after = before;
+  after.log_scale = half.log_scale;
+  after.time_mean = half.time_mean;
+  after.log_time_scale = half.log_time_scale;
+  const TimeColor color = color_in_phases_of({rows.sh0[i], rows.sh0_slope[i]}, before, after);
+  rows.sh0[i] = color.sh0;
+  rows.sh0_slope[i] = color.sh0_slope;
+}
+
 /// Gives a row that has its parent's values those of the half.
 GS_HD void write_half(const GaussiansSpan& rows, std::size_t i, const HalfRow& half) {
+  keep_time_color(rows, i, half);
   rows.mean[i] = half.mean;
   rows.log_scale[i] = half.log_scale;
   if (!rows.has_time) return;
   rows.time_mean[i] = half.time_mean;
   rows.log_time_scale[i] = half.log_time_scale;
+}
+
+/// Gives a row other scales in space; its color at any one time stays what it is.
+GS_HD void write_log_scale(const GaussiansSpan& rows, std::size_t i, const Vec3f& log_scale) {
+  if (rows.has_slope)
+    keep_time_color(rows, i, {rows.mean[i], log_scale, rows.time_mean[i], rows.log_time_scale[i]});
+  rows.log_scale[i] = log_scale;
 }
 
 // ---- the strategy "budgeted": growth.h -----------------------------------------------------------
@@ -223,12 +252,6 @@ GS_HD bool is_pruned(const ChildRow& child, const GaussiansSpan& rows, std::size
 GS_HD void write_child(const GaussiansSpan& rows, std::size_t i, const ChildRow& child) {
   write_half(rows, i, child.half);
   rows.logit_opacity[i] = child.logit_opacity;
-}
-
-/// The row's parameters without color.
-GS_HD SpacetimeShape<float> spacetime_shape_of(const GaussiansSpan& rows, std::size_t i) {
-  return {rows.mean[i],          rows.log_scale[i], {rows.rotation[i], rows.right_rotation[i]},
-          rows.logit_opacity[i], rows.time_mean[i], rows.log_time_scale[i]};
 }
 
 /// gradients += those of spacetime_regularizer().

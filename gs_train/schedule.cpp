@@ -102,6 +102,8 @@ LearningRates Schedule::learning_rates(int step) const {
   rates.has_time = true;  // whether or not the model has
   rates.time_mean = rates_.time_mean_lr;
   rates.log_time_scale = rates_.log_time_scale_lr;
+  rates.has_slope = true;
+  rates.sh0_slope = rates_.time_color_lr;
   return rates;
 }
 

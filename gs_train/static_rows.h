@@ -8,7 +8,7 @@
 #include "gs_core/gaussians.h"
 #include "gs_core/geometry/symmetric_eigen.h"
 #include "gs_core/math/quaternion.h"
-#include "gs_core/math/spacetime_splat.h"
+#include "gs_core/math/spacetime_color.h"
 
 namespace gs {
 
@@ -60,20 +60,38 @@ GS_HD StaticGaussian static_gaussian(const SpacetimeShape<double>& shape, double
   return result;
 }
 
+/// Whether the color of a Gaussian changes by little during the scene, 0 to 1: each channel by
+/// kStaticColorChange at most.
+GS_HD bool has_lasting_color(const Vec3f& sh0_slope, const SpacetimeShape<double>& shape) {
+  using std::abs;
+  using std::sqrt;
+  const double in_scene = kSh0 / sqrt(covariance(shape).time);
+  const double largest =
+      max_of(max_of(abs(double(sh0_slope.x)), abs(double(sh0_slope.y))), abs(double(sh0_slope.z)));
+  return largest * in_scene <= kStaticColorChange;
+}
+/// Gives row i, of this shape before, the color that it has in the middle of the scene.
+GS_HD void make_color_static(const GaussiansSpan& rows, const GaussiansSpan& m,
+                             const GaussiansSpan& v, std::size_t i,
+                             const SpacetimeShape<double>& shape) {
+  const float phase = float(phase_at(shape, 0.5));
+  rows.sh0[i] = sh0_at(rows.sh0[i], rows.sh0_slope[i], phase);
+  rows.sh0_slope[i] = m.sh0_slope[i] = v.sh0_slope[i] = Vec3f(0.0f);
+}
+
 /// Makes row i static if static_gaussian() is near it, and clears the moments m and v of what has
 /// another meaning then. True if it did. Rows have times.
 GS_HD bool make_static(const GaussiansSpan& rows, const GaussiansSpan& m, const GaussiansSpan& v,
                        std::size_t i, double least_time_scale) {
   const Quatf l = rows.rotation[i], r = rows.right_rotation[i];
   if (is_static(rows.log_time_scale[i]) || is_degenerate(l) || is_degenerate(r)) return false;
-  const StaticGaussian made = static_gaussian({Vec3d(rows.mean[i]),
-                                               Vec3d(rows.log_scale[i]),
-                                               {{l.w, l.x, l.y, l.z}, {r.w, r.x, r.y, r.z}},
-                                               rows.logit_opacity[i],
-                                               rows.time_mean[i],
-                                               rows.log_time_scale[i]},
-                                              least_time_scale);
-  if (!made.is_near) return false;
+  const SpacetimeShape<double> shape{
+      Vec3d(rows.mean[i]),   Vec3d(rows.log_scale[i]), {{l.w, l.x, l.y, l.z}, {r.w, r.x, r.y, r.z}},
+      rows.logit_opacity[i], rows.time_mean[i],        rows.log_time_scale[i]};
+  const StaticGaussian made = static_gaussian(shape, least_time_scale);
+  if (!made.is_near || (rows.has_slope && !has_lasting_color(rows.sh0_slope[i], shape)))
+    return false;
+  if (rows.has_slope) make_color_static(rows, m, v, i, shape);
   const Quat<double>& q = made.rotation;
   const Quatf left = static_rotation(Quatf{float(q.w), float(q.x), float(q.y), float(q.z)});
   rows.mean[i] = Vec3f(made.mean);

@@ -46,9 +46,11 @@ struct TrainingModel {
       : gaussians(memory), first_moment(memory), second_moment(memory), statistics(memory),
         photometric(memory) {}
   std::size_t count() const { return gaussians.count(); }
-  /// Says whether the Gaussians live in space and time. Call it before rows are added.
-  void set_has_time(bool has_time) {
-    gaussians.has_time = first_moment.has_time = second_moment.has_time = has_time;
+  /// Says that parameters and moments have the learned quantities of `like`. Call it before rows are
+  /// added.
+  void set_learned_arrays(const Gaussians& like) {
+    for (Gaussians* const arrays : {&gaussians, &first_moment, &second_moment})
+      take_learned_arrays(*arrays, like);
   }
 };
 
@@ -89,7 +91,7 @@ void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
 /// step: zeros.
 inline void clear_history(TrainingModel& model) {
   const std::size_t count = model.count();
-  model.set_has_time(model.gaussians.has_time);
+  model.set_learned_arrays(model.gaussians);
   for_each_row_array(
       [count](const RowArray& which, auto& array) {
         if (which.role == RowRole::parameter) return;
@@ -126,7 +128,7 @@ inline void clear_moments(TrainingModel& model, MomentClearing which) {
 /// A copy of everything, in another memory.
 inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
   TrainingModel model(memory);
-  model.set_has_time(from.gaussians.has_time);
+  model.set_learned_arrays(from.gaussians);
   model.gaussians.has_filter = from.gaussians.has_filter;
   model.statistics.has_sums = from.statistics.has_sums;
   for_each_row_array(

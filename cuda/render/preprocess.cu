@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, spacetime_splat.h for
-// those of Gaussians in space and time, and filtered_splat.h for those with a 3D filter. A thread
+// those of Gaussians in space and time, spacetime_color.h for those whose colors change, and
+// filtered_splat.h for those with a 3D filter. A thread
 // projects one Gaussian. The threads of a warp read the parameters of their 32 Gaussians together,
 // in whole cache lines. They also share the tile rows of the 32 splats evenly when they count
 // tiles.
@@ -12,7 +13,7 @@
 #include "cuda/stages.cuh"
 #include "gs_core/math/depth_key.h"
 #include "gs_core/math/filtered_splat.h"
-#include "gs_core/math/spacetime_splat.h"
+#include "gs_core/math/spacetime_color.h"
 
 namespace gs::cuda {
 namespace {
@@ -25,6 +26,7 @@ struct Parameters {
       logit_opacity[kWarp];
   // of Gaussians in space and time
   float right_rotation[4 * kWarp], time_mean[kWarp], log_time_scale[kWarp];
+  float sh0_slope[3 * kWarp];  // of those whose colors change
 };
 
 struct alignas(16) WarpShared {
@@ -49,8 +51,8 @@ __device__ const float* numbers_from(const Span<T>& array, std::size_t first) {
   return reinterpret_cast<const float*>(array.data + first);
 }
 
-// One Gaussian's parameters without SH. Those of time and the filter are undefined where it has
-// none.
+// One Gaussian's parameters without SH. Those of time, the filter and changes of color are undefined
+// where it has none.
 struct Gaussian {
   Vec3f mean, log_scale, sh0;
   Quatf rotation;
@@ -58,6 +60,7 @@ struct Gaussian {
   Quatf right_rotation;
   float time_mean, log_time_scale;
   float filter_scale;
+  Vec3f sh0_slope;
 };
 
 __device__ Quatf quaternion_of(const float* rows, int lane) {
@@ -66,7 +69,7 @@ __device__ Quatf quaternion_of(const float* rows, int lane) {
 }
 
 // The whole warp: loads its Gaussians, all numbers at once, so that it waits for memory only once.
-template <bool has_time, bool has_filter>
+template <bool has_time, bool has_filter, bool has_slope>
 __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gaussians,
                                   std::size_t first, int rows) {
   start_copy<3>(shared.mean, numbers_from(gaussians.mean, first), rows);
@@ -79,6 +82,8 @@ __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gauss
     start_copy<1>(shared.time_mean, numbers_from(gaussians.time_mean, first), rows);
     start_copy<1>(shared.log_time_scale, numbers_from(gaussians.log_time_scale, first), rows);
   }
+  if constexpr (has_slope)
+    start_copy<3>(shared.sh0_slope, numbers_from(gaussians.sh0_slope, first), rows);
   Gaussian gaussian;
   const int lane = lane_of_thread();
   if constexpr (has_filter)
@@ -97,6 +102,7 @@ __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gauss
     gaussian.time_mean = shared.time_mean[lane];
     gaussian.log_time_scale = shared.log_time_scale[lane];
   }
+  if constexpr (has_slope) gaussian.sh0_slope = vector(shared.sh0_slope);
   __syncwarp();
   return gaussian;
 }
@@ -107,21 +113,20 @@ __device__ bool is_row_far_in_time(const GaussiansSpan& gaussians, std::size_t i
                         time);
 }
 
-// One Gaussian in the view. Where it is visible and has a time, its mean becomes that of the
-// moment.
-template <bool has_time, bool has_filter>
+// One Gaussian in the view. Where it is visible and has a time, its mean and color become those of
+// the moment.
+template <bool has_time, bool has_filter, bool has_slope>
 __device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaussian,
                                             const SplatSettings& settings) {
   if constexpr (has_time) {
-    const ProjectedMoment<float> moment =
-        project_shape(camera,
-                      SpacetimeShape<float>{gaussian.mean,
-                                            gaussian.log_scale,
-                                            {gaussian.rotation, gaussian.right_rotation},
-                                            gaussian.logit_opacity,
-                                            gaussian.time_mean,
-                                            gaussian.log_time_scale},
-                      time_of(camera, settings), settings);
+    const SpacetimeShape<float> shape{
+        gaussian.mean,          gaussian.log_scale, {gaussian.rotation, gaussian.right_rotation},
+        gaussian.logit_opacity, gaussian.time_mean, gaussian.log_time_scale};
+    const float time = time_of(camera, settings);
+    const ProjectedMoment<float> moment = project_shape(camera, shape, time, settings);
+    if constexpr (has_slope)
+      if (moment.projected.is_visible)
+        gaussian.sh0 = sh0_at(gaussian.sh0, gaussian.sh0_slope, phase_at(shape, time));
     gaussian.mean = moment.mean;
     return moment.projected;
   } else if constexpr (has_filter) {
@@ -165,7 +170,7 @@ __device__ void cull(const Output& out, std::size_t i) {
   out.depth_keys[i] = kCulledKey;
 }
 
-template <int degree, bool has_time, bool has_filter>
+template <int degree, bool has_time, bool has_filter, bool has_slope>
 __global__ void __launch_bounds__(kThreads)
     preprocess_kernel(GaussiansSpan gaussians, Camera camera, SplatSettings settings, int tiles_x,
                       int tiles_y, Output out) {
@@ -185,12 +190,12 @@ __global__ void __launch_bounds__(kThreads)
     }
   }
   Gaussian gaussian =
-      load_gaussian<has_time, has_filter>(shared.parameters, gaussians, first, rows);
+      load_gaussian<has_time, has_filter, has_slope>(shared.parameters, gaussians, first, rows);
 
   ProjectedGaussian<float> projected;
   Rect pixels{0, 0, 0, 0};
   if (i < count) {
-    projected = project<has_time, has_filter>(camera, gaussian, settings);
+    projected = project<has_time, has_filter, has_slope>(camera, gaussian, settings);
     if (projected.is_visible)
       pixels = pixels_of(settings.bounds, projected.splat.mean2d, projected.cov2d,
                          projected.splat.cutoff, tiles_x, tiles_y);
@@ -235,8 +240,8 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
       pass.splats.data(),          pass.depths.data(),
       workspace.depth_keys.data(), pass.pixel_rects.data(),
       pass.tile_counts.data(),     depth_keys(settings.near_plane, settings.far_plane)};
-  with_form(settings.sh_degree, gaussians, [&](auto degree, auto has_time, auto has_filter) {
-    context.launch("preprocess", preprocess_kernel<degree(), has_time(), has_filter()>,
+  with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter, auto slope) {
+    context.launch("preprocess", preprocess_kernel<degree(), time(), filter(), slope()>,
                    blocks_for(count, kThreads), kThreads, gaussians, camera, settings, pass.tiles_x,
                    pass.tiles_y, out);
   });

@@ -10,6 +10,7 @@
 #include "cuda/stages.cuh"
 #include "cuda/train/row_updates.cuh"
 #include "gs_core/math/filtered_splat.h"
+#include "gs_core/math/spacetime_color.h"
 
 namespace gs::cuda {
 namespace {
@@ -18,11 +19,11 @@ namespace {
 constexpr int kThreads = 64;
 constexpr int kBasisStride = kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
 
-template <class Numbers>
+template <class Numbers, class Rows>
 struct alignas(16) WarpShared {
   float sh_rows[Numbers::kArrays][kWarp * kShRowNumbers];  // of the parameters, and what goes along
   union {
-    RowNumbers numbers;                 // parameters at first, gradients in the end
+    Rows numbers;                       // parameters at first, gradients in the end
     float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian, between
   };
   float dL_dcolor[kWarp * 3];  // zero where a Gaussian is not visible
@@ -38,16 +39,16 @@ __device__ SplatGradient masked(const SplatGradientSum& sum, const Vec3f& color)
 }
 
 // dL/d(number `number` of SH row `row` of the warp).
-template <class Numbers>
-__device__ float sh_gradient(const WarpShared<Numbers>& shared, int row, int number) {
+template <class Shared>
+__device__ float sh_gradient(const Shared& shared, int row, int number) {
   return shared.basis[row * kBasisStride + 1 + number / 3] * shared.dL_dcolor[row * 3 + number % 3];
 }
 
 // The whole warp: starts to copy its SH rows into shared memory, so that they arrive during other
 // work.
-template <int degree, class Numbers, class Which>
-__device__ void start_sh_rows(WarpShared<Numbers>& shared, const Numbers& numbers,
-                              std::size_t first, int rows, Which which) {
+template <int degree, class Shared, class Numbers, class Which>
+__device__ void start_sh_rows(Shared& shared, const Numbers& numbers, std::size_t first, int rows,
+                              Which which) {
   for (int a = 0; a < Numbers::kArrays; ++a)
     start_sh_copy<degree>(shared.sh_rows[a], numbers.arrays[a] + first * kShRowNumbers, rows,
                           which);
@@ -55,9 +56,9 @@ __device__ void start_sh_rows(WarpShared<Numbers>& shared, const Numbers& number
 }
 
 // The whole warp: applies the gradients to its SH rows, one number at a time.
-template <int degree, class Numbers, class Which>
-__device__ void finish_sh_numbers(WarpShared<Numbers>& shared, const Numbers& numbers,
-                                  std::size_t first, int rows, Which which) {
+template <int degree, class Shared, class Numbers, class Which>
+__device__ void finish_sh_numbers(Shared& shared, const Numbers& numbers, std::size_t first,
+                                  int rows, Which which) {
   constexpr int kInUse = std::max(kShNumbersInUse<degree>, 1);
   for (int item = lane_of_thread(); item < rows * kInUse; item += kWarp) {
     const int row = item / kInUse, number = item % kInUse, at = row * kShRowNumbers + number;
@@ -69,9 +70,9 @@ __device__ void finish_sh_numbers(WarpShared<Numbers>& shared, const Numbers& nu
 }
 
 // The same for 32 whole rows, four numbers at a time.
-template <class Numbers, class Which>
-__device__ void finish_sh_vectors(WarpShared<Numbers>& shared, const Numbers& numbers,
-                                  std::size_t first, Which which) {
+template <class Shared, class Numbers, class Which>
+__device__ void finish_sh_vectors(Shared& shared, const Numbers& numbers, std::size_t first,
+                                  Which which) {
   const std::size_t base = first / 4 * kShRowNumbers;  // `first` is a multiple of 32
   for (int item = lane_of_thread(); item < kWarp * kShRowNumbers / 4; item += kWarp) {
     const int row = 4 * item / kShRowNumbers, number = 4 * item % kShRowNumbers;
@@ -90,9 +91,9 @@ __device__ void finish_sh_vectors(WarpShared<Numbers>& shared, const Numbers& nu
 
 // The whole warp: pulls the color gradients back to the SH coefficients of its `rows` rows. Returns
 // the part of dL/d(mean) that comes from the viewing direction.
-template <int degree, class Numbers, class Which>
-__device__ Vec3f color_backward(WarpShared<Numbers>& shared, const Vec3f& mean,
-                                const Camera& camera, std::size_t first, int rows, bool is_visible,
+template <int degree, class Shared, class Numbers, class Which>
+__device__ Vec3f color_backward(Shared& shared, const Vec3f& mean, const Camera& camera,
+                                std::size_t first, int rows, bool is_visible,
                                 const Vec3f& dL_dcolor, const Numbers& numbers, Which which) {
   if constexpr (degree == 0) return Vec3f(0.0f);
   const int lane = lane_of_thread();
@@ -131,13 +132,16 @@ __device__ RowGradient pull_back_filtered(const Camera& camera, const Shape& sha
   return {project_shape_vjp(camera, shape.mean, shape.log_scale, shape.rotation,
                             shape.logit_opacity, filter_scale, settings, dL_dsplat)};
 }
-// The same in space and time. `by_color` is the color's part of dL/d(mean at the moment).
+// The same in space and time. `by_color` is the color's part of dL/d(mean at the moment), and
+// `by_phase` is dL/dphase, or NoPhase where colors do not change.
+template <class PhaseGradient>
 __device__ RowGradient pull_back_in_time(const Camera& camera, const Shape& shape,
                                          const SplatSettings& settings,
-                                         const SplatGradient& dL_dsplat, const Vec3f& by_color) {
+                                         const SplatGradient& dL_dsplat, const Vec3f& by_color,
+                                         const PhaseGradient& by_phase) {
   RowGradient gradient{};
   gradient.take(project_shape_vjp(camera, shape.in_spacetime(), time_of(camera, settings), settings,
-                                  dL_dsplat, by_color));
+                                  dL_dsplat, by_color, by_phase));
   return gradient;
 }
 
@@ -151,10 +155,13 @@ struct Input {
   SplatGradientSum* sums;            // (N)
 };
 
+template <class Sink>
+using SharedOf = WarpShared<typename Sink::Numbers, RowNumbersOf<Sink>>;
+
 // The whole warp: those of rows first .. first + 31 that `which` has.
 template <int degree, bool has_time, class Sink, class Which>
-__device__ void pull_back_rows(WarpShared<typename Sink::Numbers>& shared, const Input& in,
-                               std::size_t first, Which which, const Sink& sink) {
+__device__ void pull_back_rows(SharedOf<Sink>& shared, const Input& in, std::size_t first,
+                               Which which, const Sink& sink) {
   const std::size_t i = first + lane_of_thread();
   const int rows = int(min(in.count - first, std::size_t(kWarp)));
   // All loads come first, before any store, so that the warp waits for memory only once.
@@ -176,6 +183,7 @@ __device__ void pull_back_rows(WarpShared<typename Sink::Numbers>& shared, const
   const Shape shape = shares.row(shared.numbers, rows, which);
   SplatGradient dL_dsplat{};
   RowGradient gradient{};
+  Vec3f by_slope(0.0f);
   Vec2f by_mean2d(0.0f);
   if (is_visible) {
     dL_dsplat = masked(sum, color);
@@ -187,8 +195,17 @@ __device__ void pull_back_rows(WarpShared<typename Sink::Numbers>& shared, const
         is_visible ? mean_at(shape.in_spacetime(), time_of(in.camera, in.settings)) : Vec3f(0.0f);
     const Vec3f by_color = color_backward<degree>(shared, mean, in.camera, first, rows, is_visible,
                                                   dL_dsplat.color, sink.sh_rest, which);
-    if (is_visible)
-      gradient = pull_back_in_time(in.camera, shape, in.settings, dL_dsplat, by_color);
+    if constexpr (kHasSlope<Sink>) {
+      const float by_phase = float(kSh0) * inner(shape.sh0_slope, dL_dsplat.color);
+      if (is_visible) {
+        gradient = pull_back_in_time(in.camera, shape, in.settings, dL_dsplat, by_color, by_phase);
+        by_slope = dL_dsplat.color *
+                   (float(kSh0) * phase_at(shape.in_spacetime(), time_of(in.camera, in.settings)));
+      }
+    } else {
+      if (is_visible)
+        gradient = pull_back_in_time(in.camera, shape, in.settings, dL_dsplat, by_color, NoPhase());
+    }
   } else {
     if constexpr (kHasFilter<Sink>) {
       if (is_visible)
@@ -204,6 +221,7 @@ __device__ void pull_back_rows(WarpShared<typename Sink::Numbers>& shared, const
   if (is_row) sink.note(i, statistics, by_mean2d, is_visible);
   __syncwarp();
   stage<has_time>(shared.numbers, gradient);
+  if constexpr (kHasSlope<Sink>) stage_slope(shared.numbers, by_slope);
   __syncwarp();
   shares.finish(sink, first, rows, which, shared.numbers);
 }
@@ -216,7 +234,7 @@ constexpr int kGroupsOfWarp = 8;
 template <int degree, bool has_time, class Sink>
 __global__ void __launch_bounds__(kThreads, Sink::kSkipsInvisible ? 5 : 1)
     preprocess_backward_kernel(const Input in, const Sink sink) {
-  __shared__ WarpShared<typename Sink::Numbers> shared_of_warps[kThreads / kWarp];
+  __shared__ SharedOf<Sink> shared_of_warps[kThreads / kWarp];
   auto& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   const std::size_t first = i - lane_of_thread();
@@ -243,10 +261,11 @@ __global__ void __launch_bounds__(kThreads, Sink::kSkipsInvisible ? 5 : 1)
   }
 }
 
+// `sh0_slope` is null where colors do not change.
 template <class Sink>
 void launch(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
             const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
-            const Sink& sink) {
+            const Sink& sink, const typename Sink::Numbers& sh0_slope) {
   const Input in{gaussians.mean.size,
                  camera,
                  settings,
@@ -257,12 +276,15 @@ void launch(Context& context, const GaussiansSpan& gaussians, const Camera& came
   const auto launch_with = [&](auto kernel, const auto& to) {
     context.launch("preprocess backward", kernel, blocks_for(in.count, kRows), kThreads, in, to);
   };
-  with_form(settings.sh_degree, gaussians, [&](auto degree, auto has_time, auto has_filter) {
-    if constexpr (has_filter())
+  with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter, auto slope) {
+    if constexpr (filter())
       launch_with(preprocess_backward_kernel<degree(), false, WithFilter<Sink>>,
                   WithFilter<Sink>{sink, gaussians.filter_scale.data});
+    else if constexpr (slope())
+      launch_with(preprocess_backward_kernel<degree(), true, WithSlope<Sink>>,
+                  WithSlope<Sink>{sink, sh0_slope});
     else
-      launch_with(preprocess_backward_kernel<degree(), has_time(), Sink>, sink);
+      launch_with(preprocess_backward_kernel<degree(), time(), Sink>, sink);
   });
 }
 
@@ -318,7 +340,8 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
                             numbers(gaussians.log_time_scale, gradients.log_time_scale),
                             dL_dmean2d.data,
                             settings.absolute_gradient};
-  launch(context, gaussians, camera, settings, workspace, pass, sink);
+  launch(context, gaussians, camera, settings, workspace, pass, sink,
+         numbers(gaussians.sh0_slope, gradients.sh0_slope));
 }
 
 void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussians,
@@ -342,7 +365,8 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
                           numbers(gaussians.log_time_scale, to.log_time_scale),
                           settings.absolute_gradient,
                           sums.touched.data()};
-  launch(context, gaussians, camera, settings, workspace, pass, sink);
+  launch(context, gaussians, camera, settings, workspace, pass, sink,
+         numbers(gaussians.sh0_slope, to.sh0_slope));
 }
 
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
@@ -354,15 +378,18 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
   const GatherStatistics gather = gather_into(model.statistics, density, pass, workspace);
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
   const Regularizers of_each = density.regularizers.of_each(model.count());
-  const auto launch_sink = [&](const auto& sink) {
-    launch(context, rows, camera, settings, workspace, pass, sink);
+  const GaussiansSpan m = model.first_moment.span(), v = model.second_moment.span();
+  const auto launch_sink = [&](const auto& sink, const auto& numbers) {
+    launch(context, rows, camera, settings, workspace, pass, sink,
+           numbers(numbers_of(rows.sh0_slope), numbers_of(m.sh0_slope), numbers_of(v.sh0_slope),
+                   steps.sh0_slope));
   };
   if (rule.beta2 != AdamRule().beta2) {
     const auto by_rule = [&](float* p, float* m, float* v, const AdamStep& step) {
       return AdamNumbersByRule{{p, m, v}, step, rule};
     };
     const auto sink = update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule);
-    launch_sink(UpdateAsAsked<AdamNumbersByRule>{sink, is_absolute, of_each});
+    launch_sink(UpdateAsAsked<AdamNumbersByRule>{sink, is_absolute, of_each}, by_rule);
     return;
   }
   const auto as_usual = [](float* p, float* m, float* v, const AdamStep& step) {
@@ -370,9 +397,9 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
   };
   const auto sink = update_of<UpdateByAdam>(model, steps, gather, as_usual);
   if (is_absolute || density.regularizers.any())
-    launch_sink(UpdateAsAsked<AdamNumbers>{sink, is_absolute, of_each});
+    launch_sink(UpdateAsAsked<AdamNumbers>{sink, is_absolute, of_each}, as_usual);
   else
-    launch_sink(sink);
+    launch_sink(sink, as_usual);
 }
 
 }  // namespace gs::cuda

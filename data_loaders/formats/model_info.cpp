@@ -102,6 +102,14 @@ void measure(const Gaussians& gaussians, const std::vector<std::size_t>& rows, M
         std::count_if(values.begin(), values.end(), [](float value) { return is_static(value); }));
     info.median_time_scale = std::exp(percentile(values, 0.5));
   }
+  info.has_slope = gaussians.has_slope;
+  if (info.has_slope) {
+    gather([&](std::size_t i) {
+      const Vec3f& slope = gaussians.sh0_slope[i];
+      return float(kSh0) * std::max({std::abs(slope.x), std::abs(slope.y), std::abs(slope.z)});
+    });
+    info.median_color_change = percentile(values, 0.5);
+  }
 
   const auto share_of = [&](auto&& holds) {
     const auto count = std::count_if(

@@ -35,6 +35,9 @@ std::string describe(const ModelInfo& info) {
     text += fmt::format(
         "in time:       yes; median scale {:.3g} of the scene's duration; {} are static\n",
         info.median_time_scale, info.static_count);
+  if (info.has_slope)
+    text += fmt::format("colors:        change; by {:.3g} in a scale in time (median)\n",
+                        info.median_color_change);
   for (const Suspicion& suspicion : info.suspicions) {
     text += fmt::format("suspicious:    {}\n", suspicion.sentence);
   }
@@ -61,6 +64,7 @@ std::string to_json_text(const ModelInfo& info) {
     json["median_time_scale"] = info.median_time_scale;
     json["static_count"] = info.static_count;
   }
+  if (info.has_slope) json["median_color_change"] = info.median_color_change;
   json["suspicions"] = Json::object();
   for (const Suspicion& suspicion : info.suspicions)
     json["suspicions"][suspicion.key] = suspicion.count;

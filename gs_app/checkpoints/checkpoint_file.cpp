@@ -80,21 +80,30 @@ nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& m
 // ---- views -------------------------------------------------------------------------------------
 
 // Behind the count of Gaussians, unless it is 0: which arrays there are besides the usual ones.
-constexpr std::uint64_t kHasTime = 1;         // those of space and time
-constexpr std::uint64_t kHasSums = 2;         // sums over fragments, of density control
-constexpr std::uint64_t kHasFilter = 4;       // that of the 3D filter
-constexpr std::uint64_t kHasPhotometric = 8;  // those of a photometric model, which are no rows
+constexpr std::uint64_t kHasTime = 1;          // those of space and time
+constexpr std::uint64_t kHasSums = 2;          // sums over fragments, of density control
+constexpr std::uint64_t kHasFilter = 4;        // that of the 3D filter
+constexpr std::uint64_t kHasSlope = 8;         // colors that change; only with kHasTime
+constexpr std::uint64_t kHasPhotometric = 16;  // those of a photometric model, which are no rows
 
 std::uint64_t kind_of(const TrainingModel& model) {
   return (model.gaussians.has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0) |
          (model.gaussians.has_filter ? kHasFilter : 0) |
+         (model.gaussians.has_slope ? kHasSlope : 0) |
          (model.photometric.empty() ? 0 : kHasPhotometric);
 }
 
 void set_kind(TrainingModel& model, std::uint64_t kind) {
-  model.set_has_time(kind & kHasTime);
+  model.gaussians.has_time = kind & kHasTime;
+  model.gaussians.has_slope = kind & kHasSlope;
+  model.set_learned_arrays(model.gaussians);
   model.statistics.has_sums = kind & kHasSums;
   model.gaussians.has_filter = kind & kHasFilter;
+}
+
+bool is_kind(std::uint64_t kind) {
+  return kind <= (kHasTime | kHasSums | kHasFilter | kHasSlope | kHasPhotometric) &&
+         (!(kind & kHasSlope) || (kind & kHasTime));
 }
 
 struct ViewNumbers {
@@ -352,16 +361,11 @@ SceneRecord::SceneRecord(const Scene& scene)
     views.push_back({view.name, true, view.camera, view.exposure});
 }
 
-std::uint64_t checkpoint_bytes(std::size_t gaussians, std::size_t views, bool has_time,
-                               bool has_sums, bool has_filter) {
+std::uint64_t checkpoint_bytes(const TrainingModel& model, std::size_t views) {
   std::uint64_t row = 0;
-  TrainingModel none;
-  none.set_has_time(has_time);
-  none.statistics.has_sums = has_sums;
-  none.gaussians.has_filter = has_filter;
   for_each_row_array([&](const RowArray&, const auto& array) { row += sizeof(*array.data()); },
-                     none);
-  return gaussians * row + views * 512;
+                     model);
+  return model.count() * row + views * 512;
 }
 
 void write_checkpoint(const std::filesystem::path& path, const Config& config,
@@ -398,9 +402,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   checkpoint.state.progress.view_order = file.values<std::uint32_t>("view_order");
   const auto count = file.values<std::uint64_t>("gaussians");
   const std::uint64_t kind = count.size() == 2 ? count[1] : 0;
-  if (count.size() != 1 &&
-      !(kind >= 1 && kind <= (kHasTime | kHasSums | kHasFilter | kHasPhotometric)))
-    file.damaged();
+  if (!(count.size() == 1 || (kind > 0 && is_kind(kind)))) file.damaged();
   set_kind(checkpoint.state.model, kind);
   if (kind & kHasTime) read_times(file, checkpoint.scene.views);
   read_model(file, count[0], checkpoint.state.model);

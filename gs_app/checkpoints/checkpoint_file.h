@@ -39,9 +39,8 @@ struct Checkpoint {
   SceneRecord scene;
 };
 
-/// The size of the file that write_checkpoint() writes, in bytes, to within a few KiB.
-std::uint64_t checkpoint_bytes(std::size_t gaussians, std::size_t views, bool has_time,
-                               bool has_sums = false, bool has_filter = false);
+/// The size of the file that write_checkpoint() writes of the model, in bytes, to within a few KiB.
+std::uint64_t checkpoint_bytes(const TrainingModel& model, std::size_t views);
 
 /// Writes the file, whole or not at all. The model may be in any memory, and is copied in pieces.
 /// Throws Error if the disk is full or memory runs out.

@@ -80,10 +80,7 @@ bool CheckpointFolder::save(const RunProgress& progress, const TrainingModel& mo
   try {
     std::error_code ignored;
     fs::create_directories(folder_, ignored);  // if it fails, write_checkpoint() says so
-    if (!has_space(checkpoint_bytes(model.count(), scene_.views.size(), model.gaussians.has_time,
-                                    model.statistics.has_sums, model.gaussians.has_filter) +
-                       kSpareBytes,
-                   progress.step))
+    if (!has_space(checkpoint_bytes(model, scene_.views.size()) + kSpareBytes, progress.step))
       return false;
     write_checkpoint(file_of(progress.step), config_, scene_, progress, model);
   } catch (const Error& error) {

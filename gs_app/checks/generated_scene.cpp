@@ -8,6 +8,7 @@
 
 #include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/math/spacetime.h"
 #include "gs_core/random.h"
 #include "gs_core/threads/parallel.h"
 
@@ -18,6 +19,8 @@ constexpr float kCameraDistance = 3;       // world units from the center of the
 constexpr float kFocalLength = 0.9f;       // in picture widths
 constexpr float kShRestRange = 0.1f;       // largest coefficient beyond degree 0
 constexpr std::uint32_t kShRestDraws = 8;  // the first draw for a Gaussian's SH rest
+constexpr std::uint32_t kTimeDraws = 32;   // the first draw for its numbers of time
+constexpr float kTilt = 0.1f;              // of turns of space, into time
 
 Vec3f xyz(const Vec4f& v) { return {v.x, v.y, v.z}; }
 
@@ -46,6 +49,20 @@ void draw_gaussian(const SceneRecipe& recipe, const Random& random, const Gaussi
         (2.0f * xyz(uniform(kShRestDraws + k)) - Vec3f(1)) * kShRestRange;
 }
 
+/// Gives a Gaussian numbers of time. It moves by about its own size, and is visible in the whole
+/// scene.
+void draw_motion(const Random& random, const Gaussians& to, std::size_t i) {
+  const Vec4f u = random.uniform4(i, kTimeDraws), tilt = random.normal4(i, kTimeDraws + 1);
+  const QuatPair<float> pair = turn_of_space(normalized(to.rotation[i]));
+  const Quatf& r = pair.right;
+  to.rotation[i] = pair.left;
+  to.right_rotation[i] = {r.w + kTilt * tilt.x, r.x + kTilt * tilt.y, r.y + kTilt * tilt.z,
+                          r.z + kTilt * tilt.w};
+  to.time_mean[i] = 0.2f + 0.6f * u.x;
+  to.log_time_scale[i] = -u.y;
+  to.sh0_slope[i] = xyz(random.uniform4(i, kTimeDraws + 2)) - Vec3f(0.5f);
+}
+
 /// Camera `index` of the ring, a little above or below its plane, looking at the center.
 Camera ring_camera(const SceneRecipe& recipe, int index) {
   const float angle = 2 * std::numbers::pi_v<float> * float(index) / float(recipe.views);
@@ -61,6 +78,7 @@ Camera ring_camera(const SceneRecipe& recipe, int index) {
   camera.cy = 0.53f * float(recipe.height);
   camera.cam_from_world_rotation = {{c, 0, -s}, {st * s, ct, st * c}, {ct * s, -st, ct * c}};
   camera.cam_from_world_translation = {0, 0, kCameraDistance};
+  if (recipe.moves) camera.time = (float(index) + 0.5f) / float(recipe.views);
   return camera;
 }
 
@@ -82,9 +100,13 @@ Image8 random_photo(const SceneRecipe& recipe, int index) {
 GeneratedScene generated_scene(const SceneRecipe& recipe) {
   GeneratedScene scene;
   const Random random{recipe.seed, RandomStream::test};
+  scene.model.gaussians.has_time = scene.model.gaussians.has_slope = recipe.moves;
   scene.model.gaussians.resize(recipe.gaussians);
   parallel_for(recipe.gaussians, 1024,
                [&](std::size_t i) { draw_gaussian(recipe, random, scene.model.gaussians, i); });
+  if (recipe.moves)
+    parallel_for(recipe.gaussians, 1024,
+                 [&](std::size_t i) { draw_motion(random, scene.model.gaussians, i); });
   for (int i = 0; i < recipe.views; ++i)
     scene.views.push_back(
         {"view " + std::to_string(i), ring_camera(recipe, i), random_photo(recipe, i)});

@@ -23,11 +23,12 @@ struct SceneRecipe {
   float sigma_low = 0.5f, sigma_high = 7;
   float opacity_low = 0.05f, opacity_high = 0.95f;
   std::uint64_t seed = 1;
+  bool moves = false;  // Gaussians in space and time whose colors change
 };
 
 struct GeneratedScene {
-  GaussianModel model;  // with coefficients of every SH degree
-  std::vector<View> views;
+  GaussianModel model;      // with coefficients of every SH degree
+  std::vector<View> views;  // of a scene that moves, spread over its duration
 };
 
 GeneratedScene generated_scene(const SceneRecipe& recipe);

@@ -27,13 +27,23 @@ struct SlopeStep {
 };
 template <class T>
 using SlopeStepOf = SlopeStep;
-constexpr GaussianArrays<SlopeStepOf> kSteps{{0.004f, kMovingTolerance}, {0.01f, kMovingTolerance},
-                                             {0.02f, kMovingTolerance},  {0.03f, kFixedTolerance},
-                                             {0.02f, kFixedTolerance},   {0.01f, kFixedTolerance}};
+constexpr GaussianArrays<SlopeStepOf> kSteps{{0.004f, kMovingTolerance},
+                                             {0.01f, kMovingTolerance},
+                                             {0.02f, kMovingTolerance},
+                                             {0.03f, kFixedTolerance},
+                                             {0.02f, kFixedTolerance},
+                                             {0.01f, kFixedTolerance},
+                                             true,
+                                             {0.02f, kMovingTolerance},
+                                             {0.01f, kMovingTolerance},
+                                             {0.01f, kMovingTolerance},
+                                             true,
+                                             {0.02f, kFixedTolerance}};
 
 struct SmallScene {
   std::string name;
   RenderSettings settings;
+  bool moves = false;
 };
 
 std::vector<SmallScene> gradient_scenes() {
@@ -42,21 +52,23 @@ std::vector<SmallScene> gradient_scenes() {
   antialias.settings.antialias = true;
   antialias.settings.antialias_detach = false;
   antialias.settings.background = {0.2f, 0.5f, 0.8f};
-  for (SmallScene* scene : {&faster_gs, &classic, &antialias})
+  SmallScene moving{"in space and time", {}, true};
+  for (SmallScene* scene : {&faster_gs, &classic, &antialias, &moving})
     scene->settings.truncation = Truncation::sigma4;
-  return {faster_gs, classic, antialias};
+  return {faster_gs, classic, antialias, moving};
 }
 
 /// A picture of a few Gaussians and a smooth loss: the sum of its values with slowly varying
 /// weights.
 class SlopeCheck {
  public:
-  explicit SlopeCheck(const RenderSettings& settings) : settings_(settings) {
+  explicit SlopeCheck(const SmallScene& small) : settings_(small.settings) {
     SceneRecipe recipe{.gaussians = 24, .width = 53, .height = 38, .views = 1};
     recipe.reach = 0.45f;
     recipe.sigma_low = 2;
     recipe.sigma_high = 6;
     recipe.opacity_high = 0.8f;
+    recipe.moves = small.moves;
     GeneratedScene scene = generated_scene(recipe);
     camera_ = scene.views[0].camera;
     gaussians_ = std::move(scene.model.gaussians);
@@ -68,7 +80,7 @@ class SlopeCheck {
   const Gaussians& gaussians() const { return gaussians_; }
 
   Gaussians gradients() {
-    Gaussians result(gaussians_.count(), host_memory());
+    Gaussians result = rows_like(gaussians_, gaussians_.count(), host_memory());
     Buffer<Vec2f> by_mean2d(gaussians_.count(), host_memory());
     loss();
     renderer_->backward(gaussians_.span(), camera_, settings_, pass_, weights_.span(),
@@ -112,7 +124,7 @@ class SlopeCheck {
 };
 
 void check_slopes(const SmallScene& scene, SelfCheckList& checks) {
-  SlopeCheck check(scene.settings);
+  SlopeCheck check(scene);
   const Gaussians gradients = check.gradients();
   std::uint64_t seed = 100;
   for_each_array(

@@ -47,6 +47,7 @@ std::vector<ParityScene> parity_scenes() {
   add("degree 2, odd size", 131, 77, 2).settings.background = {0.3f, 0.6f, 0.9f};
   add("classic, degree 1", 97, 113, 1).settings.blend_rule = BlendRule::classic;
   add("antialias, degree 0", 160, 96, 0).settings.antialias = true;
+  add("in space and time, degree 1", 131, 77, 1).recipe.moves = true;
   ParityScene& opaque = add("classic, antialias, opaque", 75, 50, 3);
   opaque.settings.blend_rule = BlendRule::classic;
   opaque.settings.antialias = true;
@@ -192,7 +193,8 @@ class ParityCheck {
     Buffer<float> cpu_dL, device_dL(device_.memory());
     cpu_dL.upload(dL_dimage);
     device_dL.upload(dL_dimage);
-    Gaussians expected(count, host_memory()), actual(count, device_.memory());
+    Gaussians expected = rows_like(on_host(), count, host_memory()),
+              actual = rows_like(on_host(), count, device_.memory());
     Buffer<Vec2f> expected_mean2d(count, host_memory()), mean2d(count, device_.memory());
     cpu_.renderer().backward(on_host().span(), view_.camera, settings_, cpu_pass_, cpu_dL.span(),
                              expected.span(), expected_mean2d.span());

@@ -59,6 +59,7 @@ struct ModelConfig {
   float random_box = 0;        // half the edge of the box of random points; 0: around the cameras
   int most_points = 2000000;   // to start from; denser clouds are downsampled
   bool dynamic = false;        // Gaussians in space and time, for scenes that move
+  bool time_colors = false;    // their colors change during their lives
   float initial_time_scale = 0.45f;  // standard deviation, as a fraction of the scene's duration
   bool filter_3d = false;  // no Gaussian is smaller than the photos can show (Mip-Splatting)
 };
@@ -103,7 +104,8 @@ struct OptimizerConfig {
   float sh_rest_lr = 1.25e-4f;
   float time_mean_lr = 8e-4f;
   float log_time_scale_lr = 5e-3f;
-  float beta2 = 0.999f;  // of Adam, for one photo
+  float time_color_lr = 2.5e-3f;  // of the changes of sh0
+  float beta2 = 0.999f;           // of Adam, for one photo
 };
 
 inline constexpr int kMostBatch = 64;           // photos of one update

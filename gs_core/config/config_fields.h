@@ -86,6 +86,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("model.most_points",            model.most_points,            "points",      steps_from(1),           retrain, "most points to start from; a denser COLMAP model is downsampled: one point of each cell of a grid is kept");
   field("model.dynamic",                model.dynamic,                "",            any(),                   retrain, "Gaussians in space and time, for scenes that move; the photos need times (docs/data.md)", "Yang et al. 2024");
   field("model.initial_time_scale",     model.initial_time_scale,     "duration",    above(0),                retrain, "standard deviation in time of a Gaussian at the start, if dynamic", "Yang et al. 2024");
+  field("model.time_colors",            model.time_colors,            "",            any(),                   retrain, "if dynamic, the color of a Gaussian may change during its life, in a straight line");
   field("model.filter_3d",              model.filter_3d,              "",            any(),                   retrain, "widen each Gaussian by a 3D filter as wide as the finest detail that the training photos can show of it, so that close-ups have no thin artifacts; best with render.antialias; not if dynamic", kMip);
 
   auto& render = config.render;
@@ -121,6 +122,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.sh_rest_lr",         optimizer.sh_rest_lr,         "",            at_least(0),             retrain, "learning rate of SH degrees 1 to 3", kKerbl);
   field("optimizer.time_mean_lr",       optimizer.time_mean_lr,       "duration",    at_least(0),             retrain, "learning rate of the means in time, if model.dynamic");
   field("optimizer.log_time_scale_lr",  optimizer.log_time_scale_lr,  "",            at_least(0),             retrain, "learning rate of the logarithms of the scales in time, if model.dynamic", "Yang et al. 2024");
+  field("optimizer.time_color_lr",      optimizer.time_color_lr,      "",            at_least(0),             retrain, "learning rate of the changes of SH degree 0, if model.time_colors");
   field("optimizer.beta2",              optimizer.beta2,              "",            between(0.5, 0.99999),   retrain, "share of its second moments that Adam keeps at each photo; it remembers some 1 / (1 - beta2) photos", "Kingma & Ba 2015");
 
   auto& density = config.density;

@@ -41,6 +41,7 @@ inline constexpr float kMinTimeVariance = 1e-8f;        // durations^2; below it
 inline constexpr float kMaxLogTimeScale = 3.0f;         // a longer life counts as this one: 20 durations
 inline constexpr float kStaticLogTimeScale = 4.75f;     // the mark of a static Gaussian, above the longest life, so that 1 - marginal < 4e-4
 inline constexpr double kStaticWay = 0.25;              // of its own size: most that a Gaussian which becomes static moves in the scene
+inline constexpr double kStaticColorChange = 0.02;      // most that the color of such a Gaussian changes in the scene
 inline constexpr double kStaticLeastAxis = 0.1;         // of the longest axis: shorter ones count as this size
 
 // Spherical harmonics, normalization of the real basis functions.

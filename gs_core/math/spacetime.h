@@ -246,6 +246,29 @@ GS_HD ConditionGradient<T> condition_vjp(const SpacetimeCovariance<T>& S, const 
   return dL;
 }
 
+/// The time since a Gaussian's mean in time, in its own standard deviations: u = dt / sqrt(S_tt).
+/// Since the marginal is exp(-u^2 / 2), |u| is at most 2.45 where the Gaussian is rendered.
+template <class T>
+GS_HD T phase(const SpacetimeCovariance<T>& S, const T& elapsed) {
+  using std::sqrt;
+  return elapsed / sqrt(S.time);
+}
+/// Adds the gradients of phase(S, dt) to those of condition(): du/ddt = 1 / sqrt(S_tt),
+/// du/dS_tt = -u / (2 S_tt).
+template <class T>
+GS_HD void add_phase_vjp(const SpacetimeCovariance<T>& S, const T& elapsed, const T& dL_dphase,
+                         ConditionGradient<T>& dL) {
+  using std::sqrt;
+  const T by_elapsed = dL_dphase / sqrt(S.time);
+  dL.elapsed += by_elapsed;
+  dL.S.time -= T(0.5) * by_elapsed * elapsed / S.time;
+}
+/// Stands for dL/dphase where nothing depends on it; costs nothing.
+struct NoPhase {};
+template <class T>
+GS_HD void add_phase_vjp(const SpacetimeCovariance<T>&, const T&, const NoPhase&,
+                         ConditionGradient<T>&) {}
+
 /// Whether a Gaussian is rendered at `elapsed` after its mean in time.
 template <class T>
 GS_HD bool is_alive(const T& marginal) {

@@ -151,13 +151,15 @@ GS_HD SpacetimeShape<T> static_shape_vjp(const PinholeCamera<T>& camera,
 }
 /// Gradients of project_shape() by the parameters, for a Gaussian that was visible.
 ///
-/// dL_dmean  what the color adds to dL/d(mean at the moment)
-template <class T>
+/// dL_dmean   what the color adds to dL/d(mean at the moment)
+/// dL_dphase  by phase(), of colors that change (spacetime_color.h): a T or NoPhase
+template <class T, class PhaseGradient = NoPhase>
 GS_HD SpacetimeShape<T> project_shape_vjp(const PinholeCamera<T>& camera,
                                           const SpacetimeShape<T>& shape, const T& time,
                                           const SplatSettings& settings,
                                           const BasicSplatGradient<T>& dL_dsplat,
-                                          const Vec3<T>& dL_dmean) {
+                                          const Vec3<T>& dL_dmean,
+                                          const PhaseGradient& dL_dphase = {}) {
   if (is_static(shape)) return static_shape_vjp(camera, shape, settings, dL_dsplat, dL_dmean);
   const Mat4<T> R = rotation_matrix(shape.rotations);
   const Vec4<T> variances = variance(shape.log_scale, shape.log_time_scale);
@@ -173,8 +175,9 @@ GS_HD SpacetimeShape<T> project_shape_vjp(const PinholeCamera<T>& camera,
   gradient.mean = dL.mean + dL_dmean;
   gradient.logit_opacity = sigmoid_vjp(opacity, dL.opacity * moment.marginal);
   // The moment: to the covariance in 4D and the mean in time.
-  const ConditionGradient<T> dL_condition =
+  ConditionGradient<T> dL_condition =
       condition_vjp(S, elapsed, moment, Moment<T>{dL.sigma, gradient.mean, dL.opacity * opacity});
+  add_phase_vjp(S, elapsed, dL_dphase, dL_condition);
   gradient.time_mean = -dL_condition.elapsed;
   const SpacetimeCovarianceGradient<T> dL_covariance = covariance_vjp(R, variances, dL_condition.S);
   const Vec4<T> dL_dlog = T(2) * variances * dL_covariance.variance;

@@ -13,14 +13,15 @@ namespace {
 constexpr double kShareOfFree = 0.85;      // the rest is for other programs and for fragmentation
 constexpr double kBytesOfGaussian = 2048;  // some 1,700 in a run (gemsplat doctor), and a reserve
 constexpr double kBytesOfPixel = 256;
-constexpr double kBytesOfParameters = 236, kBytesOfTimeParameters = 24;
+constexpr double kBytesOfParameters = 236, kBytesOfTimeParameters = 24, kBytesOfSlope = 12;
 constexpr double kBytesOfStatistics = 8;
 constexpr double kTimeParametersAtATime = 6;  // their moments, gradients and scratch with them
 
 }  // namespace
 
 std::int64_t gaussians_for(const RoomForGaussians& room) {
-  const double time = room.has_time ? kBytesOfTimeParameters : 0;
+  const double time =
+      (room.has_time ? kBytesOfTimeParameters : 0) + (room.has_slope ? kBytesOfSlope : 0);
   const double parameters = kBytesOfParameters + time;
   const double sums = room.batch > 1 ? parameters + kBytesOfStatistics : 0;
   const double of_gaussian = kBytesOfGaussian + kTimeParametersAtATime * time + sums;
@@ -38,8 +39,8 @@ std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model
   for (const View& view : scene.train_views)
     pixels = std::max(pixels, std::size_t(view.camera.width) * std::size_t(view.camera.height));
   const std::size_t free = memory.free_bytes();
-  const std::int64_t count =
-      gaussians_for({free, pixels, model.count(), model.gaussians.has_time, batch});
+  const std::int64_t count = gaussians_for(
+      {free, pixels, model.count(), model.gaussians.has_time, batch, model.gaussians.has_slope});
   log_info("there is memory for {:.2f} million Gaussians at most ({:.1f} GiB are free)",
            1e-6 * double(count), double(free) / kBytesPerGib);
   return count;

@@ -14,6 +14,7 @@ struct RoomForGaussians {
   std::size_t present;     // Gaussians, which are part of the memory in use
   bool has_time = false;   // they have a place in time
   int batch = 1;           // photos of one update
+  bool has_slope = false;  // their colors change
 };
 
 /// The number of Gaussians that a backend can train.
@@ -25,6 +26,7 @@ struct RoomForGaussians {
 ///                         a view about 320, and scratch for gathering rows about 300; on the CPU,
 ///                         gradients 236 instead of a part of the scratch
 ///   in time               six more parameters: 24 bytes where there are 236
+///   colors that change    three more: 12 bytes
 ///   in batches            sums of the gradients 236, and of the statistics 8
 ///   scores                sums over fragments 16, or 48 on a GPU: what the 2048 have in reserve
 ///   3D filter             one number, 4: of the same reserve

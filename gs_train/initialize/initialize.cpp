@@ -98,7 +98,10 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
   for (std::size_t i = 0; i < points.size(); ++i) means[i] = points[i].position;
   const KdTree tree({means.data(), means.size()});
 
-  Gaussians start(points.size(), host_memory(), config.model.dynamic);
+  Gaussians start(host_memory());
+  start.has_time = config.model.dynamic;
+  start.has_slope = config.model.time_colors;
+  start.resize(points.size());
   parallel_for(points.size(), 256, [&](std::size_t i) {
     const float distance2 =
         std::max(tree.mean_squared_distance(i, kInitialNeighbors), kMinNeighborDistance2);
@@ -111,9 +114,10 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
     start.sh_rest[i] = {};
   });
   if (start.has_time) spread_in_time(start, config);
+  if (start.has_slope) start.sh0_slope.fill_zero();
 
   TrainingModel model(memory);
-  model.set_has_time(start.has_time);
+  model.set_learned_arrays(start);
   for_each_array([](const char*, auto& to, const auto& from) { to.upload(from.download()); },
                  model.gaussians, start);
   clear_history(model);

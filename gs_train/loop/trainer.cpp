@@ -35,7 +35,10 @@ const Config& without_file(const Config& config) {
       "state_from_model(config, scene), both of gs_app/session; or leave model.start_from empty");
 }
 
-void check_filter(const Config& config) {
+void check_model(const Config& config) {
+  if (config.model.time_colors && !config.model.dynamic)
+    throw UsageError(
+        "model.time_colors is for scenes that move; leave it out, or train with -c dynamic");
   if (config.model.filter_3d && config.model.dynamic)
     throw UsageError(
         "model.filter_3d is for scenes that stand still; leave it out, or train without "
@@ -98,7 +101,7 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
            nullptr},
       recovery_(run_), views_(scene.train_views.size(), config.train.seed), views_ahead_(views_),
       camera_rows_(camera_rows(scene.train_views)) {
-  check_filter(config);
+  check_model(config);
   backend.use_loss(config.loss.kind);
   backend.use_photometric(make_photometric_model(config.photometric));
   if (scene.time_count > 1 && !run_.model.gaussians.has_time)

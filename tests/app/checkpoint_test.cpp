@@ -28,9 +28,11 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 /// A model in which all numbers differ, in the state after some step.
-TrainingState telling_state(std::size_t gaussians, int step, bool has_time = false) {
+TrainingState telling_state(std::size_t gaussians, int step, bool has_time = false,
+                            bool has_slope = false) {
   TrainingState state;
-  state.model.set_has_time(has_time);
+  state.model.gaussians.has_time = has_time;
+  state.model.gaussians.has_slope = has_slope;
   state.model.gaussians.resize(gaussians);
   clear_history(state.model);
   float next = float(step);
@@ -142,7 +144,7 @@ TEST_F(Checkpoints, WithSumsOfDensityControlComeBackBitForBit) {
     EXPECT_TRUE(same_bits(read, expected.model));
     EXPECT_TRUE(same_bits(read.statistics.sums, expected.model.statistics.sums));
     EXPECT_EQ(read.first_count, 77u);
-    EXPECT_NEAR(double(fs::file_size(file(12))), double(checkpoint_bytes(100, 4, has_time, true)),
+    EXPECT_NEAR(double(fs::file_size(file(12))), double(checkpoint_bytes(expected.model, 4)),
                 16384);
   }
 }
@@ -157,7 +159,19 @@ TEST_F(Checkpoints, WithA3dFilterComeBackBitForBit) {
   const TrainingModel read = read_checkpoint(file(12)).state.model;
   ASSERT_TRUE(read.gaussians.has_filter);
   EXPECT_TRUE(same_bits(read, expected.model));
-  EXPECT_EQ(checkpoint_bytes(100, 4, false, false, true), checkpoint_bytes(100, 4, false) + 400);
+  EXPECT_EQ(checkpoint_bytes(expected.model, 4),
+            checkpoint_bytes(telling_state(100, 12).model, 4) + 400);
+}
+
+TEST_F(Checkpoints, WithColorsThatChangeComeBackBitForBit) {
+  const TrainingState expected = telling_state(100, 12, true, true);
+  fs::create_directories(path());
+  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
+  const TrainingModel read = read_checkpoint(file(12)).state.model;
+  ASSERT_TRUE(read.gaussians.has_slope);
+  EXPECT_TRUE(same_bits(read, expected.model));
+  EXPECT_EQ(checkpoint_bytes(expected.model, 4),
+            checkpoint_bytes(telling_state(100, 12, true).model, 4) + 3 * 1200);
 }
 
 TEST_F(Checkpoints, WithAPhotometricModelComeBackBitForBit) {
@@ -231,7 +245,7 @@ TEST_F(Checkpoints, KnowTheirScene) {
 
 TEST_F(Checkpoints, TakeAsMuchSpaceAsForetold) {
   ASSERT_TRUE(save(folder(), 12, 1000));
-  const auto foretold = double(checkpoint_bytes(1000, 4, false));
+  const auto foretold = double(checkpoint_bytes(telling_state(1000, 12).model, 4));
   EXPECT_NEAR(double(fs::file_size(file(12))), foretold, 16384);
 }
 

@@ -520,6 +520,23 @@ TEST_F(Session, AModelOfTheOtherKindIsNoStart) {
   EXPECT_EQ(run(moving_request("out", ply("moving").string())), SessionEnd::finished);
 }
 
+TEST_F(Session, AStartHasChangesOfColorWhereTheRunHasThem) {
+  const auto changing = [&](const std::string& out, const std::string& start_from) {
+    TrainRequest asked = moving_request(out, start_from);
+    asked.settings = [settings = asked.settings](const Config& start) {
+      Config config = settings(start);
+      config.model.time_colors = true;
+      return config;
+    };
+    return asked;
+  };
+  ASSERT_EQ(run(moving_request("one_color")), SessionEnd::finished);
+  ASSERT_EQ(run(changing("changing", ply("one_color").string())), SessionEnd::finished);
+  EXPECT_TRUE(read_gaussian_ply(ply("changing")).gaussians.has_slope);
+  EXPECT_THAT(error_of_run(moving_request("out", ply("changing").string())),
+              AllOf(HasSubstr(ply("changing").string()), HasSubstr("model.time_colors=true")));
+}
+
 TEST_F(Session, AnExportThatHoldsNoTimeIsRefusedBeforeTraining) {
   TrainRequest asked = moving_request("out");
   asked.exports = {"ply", "splat"};

@@ -91,6 +91,9 @@ class CudaRender : public CudaTest {
       all.back().gaussians = in_spacetime(all.back().gaussians, 7);
       make_half_static(all.back().gaussians);
       all.back().camera.time = 0.4f;
+      add("colors that change, degree " + std::to_string(degree), kTypical, 131, 77, settings);
+      all.back().gaussians = with_slopes(in_spacetime(all.back().gaussians, 7), 8);
+      all.back().camera.time = 0.6f;
       settings.antialias = degree % 2 == 1;
       settings.antialias_detach = false;
       add("3D filter, degree " + std::to_string(degree), kTypical, 131, 77, settings);
@@ -217,9 +220,11 @@ TEST_F(CudaRender, GradientsAgree) {
       cpu_dL.upload(dL_dimage);
       gpu_dL.upload(dL_dimage);
       const std::size_t count = scene.gaussians.count();
-      const bool has_time = scene.gaussians.has_time;
-      Gaussians cpu_gradients(count, host_memory(), has_time),
-          gpu_gradients(count, gpu().memory(), has_time);
+      Gaussians cpu_gradients, gpu_gradients(gpu().memory());
+      for (Gaussians* const gradients : {&cpu_gradients, &gpu_gradients}) {
+        take_learned_arrays(*gradients, scene.gaussians);
+        gradients->resize(count);
+      }
       Buffer<Vec2f> cpu_mean2d(count, host_memory()), gpu_mean2d(count, gpu().memory());
       cpu().renderer().backward(scene.gaussians.span(), scene.camera, scene.settings, r.cpu,
                                 cpu_dL.span(), cpu_gradients.span(), cpu_mean2d.span());

@@ -391,6 +391,29 @@ TEST_F(CudaRows, SplitsStaticRowsAsTheScalarTwin) {
   }
 }
 
+TEST_F(CudaRows, SplitsColorsThatChangeAsTheScalarTwin) {
+  Gaussians start =
+      with_slopes(in_spacetime(random_gaussians(kTypical, 600, random_camera(40, 30), 20), 21), 22);
+  for (Vec3f& scale : start.log_scale) scale = Vec3f(-1);
+  TrainingModel host = model_of(start);
+  for (float& visits : host.statistics.visits) visits = 1;
+  for (float& norm : host.statistics.gradient_norm) norm = 1e3f;
+  TrainingModel device = on_gpu(host);
+  const Random random{3, RandomStream::split_gaussians};
+  AdaptiveRules rules = kRules;
+  rules.prune_scale = kInfinity;
+  const RefineReport expected = cpu().rows().refine(host, rules, random, kStep);
+  EXPECT_GT(expected.split, 300u);
+  expect_same_report(gpu().rows().refine(device, rules, random, kStep), expected);
+  const TrainingModel actual = on_host(device);
+  ASSERT_EQ(actual.count(), host.count());
+  for (std::size_t i = 0; i < host.count(); ++i) {
+    const Vec3f sh0 = actual.gaussians.sh0[i] - host.gaussians.sh0[i],
+                slope = actual.gaussians.sh0_slope[i] - host.gaussians.sh0_slope[i];
+    EXPECT_LT(inner(sh0, sh0) + inner(slope, slope), 1e-8f) << i;
+  }
+}
+
 TEST_F(CudaRows, SortsBrokenAndEqualRowsAlongTheSameCurve) {
   for (const std::size_t count : {0, 1, 255, 5000}) {
     SCOPED_TRACE(std::to_string(count) + " rows");

@@ -263,6 +263,41 @@ TEST_F(CudaStep, ABatchIsThatOfTheScalarBackend) {
     }
 }
 
+// In one photo at a time, and in batches; with regularizers, and without.
+TEST_F(CudaStep, AStepOfColorsThatChangeIsTheScalarOne) {
+  std::vector<View> views = some_views(131, 77, 3);
+  for (std::size_t i = 0; i < views.size(); ++i) views[i].camera.time = 0.4f + 0.1f * float(i);
+  LearningRates rates = kRates;
+  rates.right_rotation = rates.time_mean = 1e-3f;
+  rates.log_time_scale = 5e-3f;
+  rates.has_slope = true;
+  rates.sh0_slope = 2.5e-3f;
+  for (const int degree : {0, 1, 2, 3})
+    for (const bool regularizes : {false, true}) {
+      SCOPED_TRACE(degree);
+      RenderSettings settings;
+      settings.sh_degree = degree;
+      DensityStep density{.gather_statistics = true};
+      if (regularizes) density.regularizers = {1e-3f, 1e-3f};
+      const TrainingModel start = model_of(with_slopes(
+          in_spacetime(random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)), 8),
+          9));
+      TrainingModel expected = copy_to(host_memory(), start), actual = on_gpu(start);
+      step_both(expected, actual, views, settings, rates, density);
+      expect_same(on_host(actual), expected, 2e-2);
+      EXPECT_FALSE(same_bits(expected.gaussians.sh0_slope, start.gaussians.sh0_slope));
+
+      const std::vector<TrainingPhoto> batch = batch_of(views, settings);
+      TrainingModel summed = copy_to(host_memory(), start), on_device = on_gpu(start);
+      for (int step = 0; step < 2; ++step) {
+        cpu().step(summed, {batch.data(), batch.size()}, {0.2f}, {rates}, density);
+        gpu().step(on_device, {batch.data(), batch.size()}, {0.2f}, {rates}, density);
+      }
+      gpu().synchronize(on_device);
+      expect_same(on_host(on_device), summed, 2e-2);
+    }
+}
+
 TEST_F(CudaStep, ABatchWithA3dFilterIsThatOfTheScalarBackend) {
   const std::vector<View> views = some_views(131, 77, 3);
   const std::vector<TrainingPhoto> batch = batch_of(views, {});

@@ -63,6 +63,21 @@ TEST(SymmetricEigen, GivesTheAxesOfACovarianceBack) {
   }
 }
 
+TEST(Moment, HasTheColorOfItsTime) {
+  Camera camera = random_camera(kWidth, kHeight, 2);
+  GaussianModel model = moving_model(camera);
+  model.gaussians = with_slopes(model.gaussians, 6);
+  GaussianModel one_color = moving_model(camera);
+  for (const float time : {0.3f, 0.9f}) {
+    camera.time = time;
+    const GaussianModel moment = moment_of(model, time);
+    EXPECT_FALSE(moment.gaussians.has_slope);
+    const std::vector<float> expected = picture_of(model.gaussians, camera);
+    EXPECT_LT(share_that_differs(picture_of(moment.gaussians, camera), expected), 0.01);
+    EXPECT_GT(share_that_differs(picture_of(one_color.gaussians, camera), expected), 0.1);
+  }
+}
+
 TEST(Moment, LooksLikeTheModelAtItsTime) {
   Camera camera = random_camera(kWidth, kHeight, 2);
   const GaussianModel model = moving_model(camera);

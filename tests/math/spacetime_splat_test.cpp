@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "gs_core/camera.h"
+#include "gs_core/math/spacetime_color.h"
 #include "tests/support/jet_oracle.h"
 
 namespace gs {
@@ -118,6 +119,108 @@ TEST(ProjectAStaticGaussian, GradientMatchesJetAndIsZeroByTime) {
     by.rotations.right = Quat<double>{};
   });
   EXPECT_LT(worst, kJetTolerance);
+}
+
+/// The parameters of a Gaussian whose color changes, in one flat array.
+template <class T>
+struct FlatTimeColor {
+  FlatGaussian<T> gaussian;
+  Vec3<T> sh0_slope;
+  explicit FlatTimeColor(const std::array<T, kParameters + 3>& flat)
+      : gaussian(first_of(flat)), sh0_slope(flat[65], flat[66], flat[67]) {}
+  static std::array<T, kParameters> first_of(const std::array<T, kParameters + 3>& flat) {
+    std::array<T, kParameters> first;
+    std::copy_n(flat.begin(), kParameters, first.begin());
+    return first;
+  }
+};
+
+/// The worst gradient by any parameter with colors that change, as worst_error().
+template <class Draw, class Look>
+double worst_color_error(int degree, Draw&& draw, Look&& look) {
+  const SplatSettings settings{.sh_degree = degree};
+  return worst_gradient_error(
+      [&](const auto& x) {
+        using T = std::decay_t<decltype(x[0])>;
+        const FlatTimeColor<T> g(x);
+        const auto splat =
+            project_gaussian(camera_of<T>(), g.gaussian.parameters, g.sh0_slope, T(kTime), settings)
+                .splat;
+        return flatten(splat.mean2d, splat.conic, splat.opacity, splat.color);
+      },
+      [&](const auto& x, const auto& dL) {
+        const FlatTimeColor<double> g(x);
+        std::array<Vec3d, kRest> dL_drest{};
+        auto dL_dx = project_gaussian_vjp(camera_of<double>(), g.gaussian.parameters, g.sh0_slope,
+                                          kTime, settings, splat_gradient(dL), dL_drest.data());
+        look(dL_dx);
+        const SpacetimeShape<double>& by = dL_dx.without.shape;
+        return flatten(by.mean, by.log_scale, by.rotations.left, by.logit_opacity,
+                       dL_dx.without.sh0, dL_drest, by.rotations.right, by.time_mean,
+                       by.log_time_scale, dL_dx.sh0_slope);
+      },
+      [&](TestRandom& random) { return flatten(draw(random), random.uniform3(-1.0, 1.0)); });
+}
+
+TEST(ProjectAColorThatChanges, GradientByEveryParameterMatchesJetForEveryDegree) {
+  for (int degree = 0; degree <= 3; ++degree) {
+    const double worst = worst_color_error(degree, draw_gaussian, [](const auto& by) {
+      EXPECT_NE(inner(by.sh0_slope, by.sh0_slope), 0);
+    });
+    EXPECT_LT(worst, kJetTolerance) << "degree " << degree;
+  }
+}
+
+TEST(ProjectAColorThatChanges, OfAStaticGaussianIsOneColor) {
+  const double worst = worst_color_error(3, draw_static, [](TimeColorGradient<double>& by) {
+    EXPECT_EQ(by.sh0_slope, Vec3d(0.0));
+    by.without.shape.rotations.right = Quat<double>{};  // as above
+  });
+  EXPECT_LT(worst, kJetTolerance);
+}
+
+TEST(ProjectAColorThatChanges, IsThatOfTheSlopeTimesThePhase) {
+  TestRandom random;
+  for (int i = 0; i < 200; ++i) {
+    const FlatGaussian<double> g(draw_gaussian(random));
+    const Vec3d slope = random.uniform3(-1, 1);
+    const auto plain = project_gaussian(camera_of<double>(), g.parameters, kTime, {});
+    const auto changed = project_gaussian(camera_of<double>(), g.parameters, slope, kTime, {});
+    ASSERT_TRUE(plain.is_visible && changed.is_visible);
+    const double u = phase_at(shape_of(g.parameters), kTime);
+    const Moment<double> moment =
+        condition(covariance(shape_of(g.parameters)), kTime - g.parameters.time_mean);
+    EXPECT_NEAR(moment.marginal, std::exp(-u * u / 2), 1e-12);
+    EXPECT_EQ(u > 0, kTime > g.parameters.time_mean);
+    const Vec3d difference = changed.splat.color - plain.splat.color - slope * (kSh0 * u);
+    EXPECT_LT(inner(difference, difference), 1e-24);
+    EXPECT_EQ(flatten(plain.splat.mean2d, plain.splat.conic, plain.splat.opacity),
+              flatten(changed.splat.mean2d, changed.splat.conic, changed.splat.opacity));
+  }
+}
+
+// Splits, and copies that share their extent, change the phases of a row.
+TEST(ColorInPhasesOf, AnotherGaussianIsTheSameAtEveryTime) {
+  TestRandom random;
+  for (int i = 0; i < 500; ++i) {
+    const auto draw = [&] {
+      return SpacetimeShape<float>{Vec3f(0.0f),
+                                   Vec3f(random.uniform3(-3, 0)),
+                                   {random.float_quaternion(), random.float_quaternion()},
+                                   0.0f,
+                                   float(random.uniform(0, 1)),
+                                   float(random.uniform(-3, 1))};
+    };
+    const SpacetimeShape<float> from = draw(), to = draw();
+    const TimeColor color{Vec3f(random.uniform3(-1, 1)), Vec3f(random.uniform3(-1, 1))};
+    const TimeColor same = color_in_phases_of(color, from, to);
+    for (const float time : {0.0f, 0.3f, 1.0f}) {
+      const Vec3f expected = sh0_at(color.sh0, color.sh0_slope, phase_at(from, time));
+      const Vec3f actual = sh0_at(same.sh0, same.sh0_slope, phase_at(to, time));
+      const float size = 1 + std::abs(phase_at(from, time)) + std::abs(phase_at(to, time));
+      for (int c = 0; c < 3; ++c) EXPECT_NEAR(actual[c], expected[c], 3e-5 * size);
+    }
+  }
 }
 
 // Readers that know nothing of static Gaussians draw them by their numbers.

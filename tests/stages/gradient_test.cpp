@@ -56,7 +56,7 @@ void forward(const SmallScene& scene, Backward& result) {
                                   result.pass);
 }
 void backward(const SmallScene& scene, const Buffer<float>& dL_dimage, Backward& result) {
-  result.gradients.has_time = scene.gaussians.has_time;
+  take_learned_arrays(result.gradients, scene.gaussians);
   result.gradients.resize(scene.gaussians.count());
   result.dL_dmean2d.resize(scene.gaussians.count());
   make_scalar_renderer()->backward(scene.gaussians.span(), scene.camera, scene.settings,
@@ -117,7 +117,8 @@ constexpr Kind kKinds[] = {{"mean", 0, 3},
                            {"sh_rest", 14, 59},
                            {"right_rotation", 59, 63},
                            {"time_mean", 63, 64},
-                           {"log_time_scale", 64, 65}};
+                           {"log_time_scale", 64, 65},
+                           {"sh0_slope", 65, 68}};
 
 /// Relative to the largest component of its kind. Floats round at 6e-8, and the terms of a gradient
 /// (over pixels, fragments, window, conic) cancel up to two digits of that: the worst error seen is
@@ -211,6 +212,13 @@ TEST(Gradient, IsTheSlopeInSpaceAndTime) {
     scene.camera.time = 0.5f;
     expect_gradient_of_linear_loss(scene);
   }
+}
+
+TEST(Gradient, IsTheSlopeOfColorsThatChange) {
+  SmallScene scene;
+  scene.gaussians = with_slopes(in_spacetime(scene.gaussians, 41), 45);
+  scene.camera.time = 0.4f;
+  expect_gradient_of_linear_loss(scene);
 }
 
 TEST(Gradient, IsTheSlopeWithA3dFilter) {

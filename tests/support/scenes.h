@@ -175,6 +175,16 @@ inline Gaussians in_spacetime(const Gaussians& still, std::uint64_t seed) {
   return moving;
 }
 
+/// The same Gaussians in space and time with colors that change.
+inline Gaussians with_slopes(const Gaussians& moving, std::uint64_t seed) {
+  Draws draws(seed);
+  Gaussians changing = copy_of(moving);
+  changing.has_slope = true;
+  changing.resize(moving.count());
+  for (Vec3f& slope : changing.sh0_slope) slope = draws.uniform3(-0.5f, 0.5f);
+  return changing;
+}
+
 /// Makes every other row of Gaussians in space and time a static one, with its numbers of space.
 inline void make_half_static(const Gaussians& rows) {
   for (std::size_t i = 0; i < rows.count(); i += 2) {
@@ -197,7 +207,9 @@ inline Gaussians with_filters(const Gaussians& plain, std::uint64_t seed) {
 
 /// All rows of `a`, then all of `b`.
 inline Gaussians joined(const Gaussians& a, const Gaussians& b) {
-  Gaussians all(a.count() + b.count(), host_memory(), a.has_time);
+  Gaussians all(host_memory());
+  take_learned_arrays(all, a);
+  all.resize(a.count() + b.count());
   for_each_array(
       [](const char*, auto& to, const auto& first, const auto& second) {
         std::copy(second.begin(), second.end(), std::copy(first.begin(), first.end(), to.begin()));

@@ -134,6 +134,34 @@ TEST(MakeStatic, KeepsPicturesNearlyTheSameAtEveryTime) {
   }
 }
 
+TEST(MakeStatic, NeedsAColorThatHardlyChangesAndTakesThatOfTheMiddle) {
+  Camera camera = random_camera(96, 64, 3);
+  TrainingModel model = mixed_model(camera, 300, 5);
+  const std::size_t without = [&] {
+    TrainingModel same = copy_to(host_memory(), model);
+    return make_scalar_row_ops()->make_static(same, kAfter);
+  }();
+  model.gaussians = with_slopes(model.gaussians, 4);
+  for (std::size_t i = 0; i < model.count(); ++i)  // of those that live long, half change little
+    model.gaussians.sh0_slope[i] = Vec3f(i % 4 == 0 ? 0.1f : 2.0f);
+  clear_history(model);
+  const Gaussians before = copy_of(model.gaussians);
+  const std::size_t made = make_scalar_row_ops()->make_static(model, kAfter);
+  EXPECT_LT(made, without);
+  EXPECT_GT(made, 50u);
+  for (std::size_t i = 0; i < model.count(); ++i) {
+    const bool is = is_static(model.gaussians.log_time_scale[i]);
+    if (is) {
+      EXPECT_EQ(i % 4, 0u);
+      EXPECT_EQ(model.gaussians.sh0_slope[i], Vec3f(0.0f));
+    }
+    const float u = phase_at(spacetime_shape_of(before.span(), i), 0.5f);
+    const Vec3f expected =
+        is ? sh0_at(before.sh0[i], before.sh0_slope[i], u) : Vec3f(before.sh0[i]);
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(model.gaussians.sh0[i][c], expected[c], 1e-5f);
+  }
+}
+
 TEST(MakeStatic, ClearsTheMomentsOfShapeAndTimeAndLeavesOtherRowsAlone) {
   TrainingModel model = mixed_model(random_camera(96, 64, 3), 100, 6);
   const TrainingModel before = copy_to(host_memory(), model);

@@ -33,12 +33,16 @@ const cameras = join(out, 'cameras.json'), model = join(out, 'model.ply'), file 
 await writeFile(cameras, JSON.stringify([camera]));
 execFileSync(python, [MAKER, '--make', model]);
 gemsplat('export', model, file, '--no-measure', '-q', '--duration', '4');
-const renders = {};
-for (const time of TIMES) {
-  const folder = join(out, `render-${time}`);
-  gemsplat('render', file, '--cameras', cameras, '-r', '1', '-o', folder, '-q', '--device', 'cpu', '--time', String(time));
-  renders[time] = await readFile(join(folder, 'front.png'));
+async function rendersOf(model, name) {
+  const renders = {};
+  for (const time of TIMES) {
+    const folder = join(out, `${name}-${time}`);
+    gemsplat('render', model, '--cameras', cameras, '-r', '1', '-o', folder, '-q', '--device', 'cpu', '--time', String(time));
+    renders[time] = await readFile(join(folder, 'front.png'));
+  }
+  return renders;
 }
+const renders = await rendersOf(file, 'render');
 
 const serve = (...words) => serveProgram(program, 'view', ...words, '--cameras', cameras, '--no-open', '--port', '0');
 const state = page => page.evaluate(() => gemsplatViewer.state());
@@ -50,10 +54,10 @@ const at = async (page, time) => {
 };
 const bare = {at: 'c=0&ui=0', width: WIDTH, height: HEIGHT};
 
-async function agrees(page, time, name, least = LEAST) {
+async function agrees(page, time, name, least = LEAST, wanted = renders) {
   const picture = await at(page, time);
   await writeFile(join(out, `${name}-${time}.png`), picture);
-  const dB = await psnr(page, picture, renders[time]);
+  const dB = await psnr(page, picture, wanted[time]);
   console.log(`  ${name}, time ${time}: ${dB.toFixed(2)} dB`);
   assert.ok(dB > least, `${name} at ${time}: ${dB} dB`);
   return picture;
@@ -76,6 +80,19 @@ const tests = {
     await at(page, TIMES[1]);
     for (const time of [0, 1, TIMES[0]]) await page.evaluate(time => gemsplatViewer.setTime(time), time);  // without waiting
     assert.ok(await psnr(page, await at(page, TIMES[0]), first) >= SAME, 'another picture after scrubbing back');
+    await page.close();
+    server.end();
+  },
+
+  async 'colors that change are those of render'(browser) {
+    const made = join(out, 'changing.ply'), changing = join(out, 'changing.gs4d');
+    execFileSync(python, [MAKER, '--make', made, '700', '0.6', 'slopes']);
+    gemsplat('export', made, changing, '--no-measure', '-q', '--duration', '4');
+    const wanted = await rendersOf(changing, 'changing'), server = await serve(changing);
+    const page = await browser.openServer(server.url, bare);
+    await settled(page);
+    assert.ok(await psnr(page, wanted[TIMES[0]], renders[TIMES[0]]) < LEAST, 'the colors do not change');
+    for (const time of TIMES) await agrees(page, time, 'changing', LEAST, wanted);
     await page.close();
     server.end();
   },

@@ -57,10 +57,9 @@ void append_columns(std::vector<PlyColumn>& columns, const Buffer<T>& buffer,
                           list_of(missing)));
 }
 
-void check_properties(const PlyElement& vertex, int sh_degree, bool has_time, const PlyFile& file) {
+void check_properties(const PlyElement& vertex, const GaussianModel& model, const PlyFile& file) {
   std::vector<std::string> missing;
-  const Gaussians none(0, host_memory(), has_time);
-  for (const PlyColumn& column : gaussian_columns(none, sh_degree)) {
+  for (const PlyColumn& column : gaussian_columns(model.gaussians, model.sh_degree)) {
     if (vertex.find(column.property) < 0) missing.push_back(column.property);
   }
   if (!missing.empty()) fail_without(missing, vertex, file);
@@ -103,10 +102,10 @@ GaussianModel read_plain_ply(PlyFile& file) {
   const PlyElement& vertex = *file.header().find("vertex");
   GaussianModel model;
   model.sh_degree = sh_degree_of(vertex, file.path());
-  const bool has_time = vertex.find(kTimeMean) >= 0;
-  check_properties(vertex, model.sh_degree, has_time, file);
+  model.gaussians.has_time = vertex.find(kTimeMean) >= 0;
+  model.gaussians.has_slope = model.gaussians.has_time && vertex.find(kFirstOfSlope) >= 0;
+  check_properties(vertex, model, file);
   take_comments(file.header(), model);
-  model.gaussians.has_time = has_time;
   model.gaussians.has_filter = has_filter_3d(file.header());
   model.gaussians.resize(vertex.count);
   if (model.sh_degree < kMaxShDegree) model.gaussians.sh_rest.fill_zero();
@@ -174,6 +173,8 @@ std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degre
                  {kFirstOfRightRotation, "right_rot_1", "right_rot_2", "right_rot_3"});
   append_columns(columns, gaussians.time_mean, {kTimeMean});
   append_columns(columns, gaussians.log_time_scale, {"time_scale"});
+  if (gaussians.has_slope)
+    append_columns(columns, gaussians.sh0_slope, {kFirstOfSlope, "f_dc_slope_1", "f_dc_slope_2"});
   return columns;
 }
 
