@@ -159,9 +159,9 @@ PictureMetrics corrected_metrics(const ImageF& render, At&& at) {
 
 // `render` is the picture of the pass.
 ViewMetrics view_metrics(const RenderPass& pass, const ImageF& render, const View& view,
-                         const Vec3f& background, const EvaluationWish& wish) {
+                         const Vec3f& background, const EvaluationOptions& options) {
   check_sizes(render, view.photo);
-  const MetricSet& wanted = wish.metrics;
+  const MetricSet& wanted = options.metrics;
   const auto perceptual = [&](const ImageF& picture, const auto& values) {
     return perceptual_of(picture, view.has_untrained_pixels(), wanted.lpips, values);
   };
@@ -170,8 +170,8 @@ ViewMetrics view_metrics(const RenderPass& pass, const ImageF& render, const Vie
   metrics.time = view.camera.time;
   if (wanted.is_perceptual) metrics.perceptual = perceptual(render, as_it_is);
   metrics.perceptual_exposure = metrics.perceptual;
-  if (wish.is_corrected) metrics.corrected = corrected_metrics(render, as_it_is);
-  if (const auto appearance = wish.appearance_of ? wish.appearance_of(view) : nullptr)
+  if (options.is_corrected) metrics.corrected = corrected_metrics(render, as_it_is);
+  if (const auto appearance = options.appearance_of ? options.appearance_of(view) : nullptr)
     metrics.photometric = photometric_metrics(pass, view, background, *appearance);
   if (!view.has_exposure()) return metrics;
   const auto take = [&](const ImageF& exposed, const auto& values) {
@@ -179,7 +179,8 @@ ViewMetrics view_metrics(const RenderPass& pass, const ImageF& render, const Vie
     metrics.ssim_exposure = ssim_of(exposed, values);
     if (wanted.is_perceptual) metrics.perceptual_exposure = perceptual(exposed, values);
   };
-  if (const auto solved = wish.solved_appearance_of ? wish.solved_appearance_of(view) : nullptr) {
+  if (const auto solved =
+          options.solved_appearance_of ? options.solved_appearance_of(view) : nullptr) {
     const ImageF exposed = shown_picture(pass, *solved);
     take(exposed, values_under(exposed, view, background, *solved));
   } else {
@@ -282,7 +283,7 @@ Image8 shown_photo(const View& view, const Vec3f& background) {
 Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
                     const std::vector<View>& views, const RenderSettings& settings,
                     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view,
-                    const EvaluationWish& wish) {
+                    const EvaluationOptions& options) {
   const auto trains_nowhere = [](const View& view) {
     return view.has_untrained_pixels() &&
            std::all_of(view.mask.pixels.begin(), view.mask.pixels.end(),
@@ -295,11 +296,11 @@ Evaluation evaluate(Renderer& renderer, const GaussiansSpan& gaussians,
     const ImageF render = image_of(pass);
     if (on_view) on_view(i, view, render);
     if (trains_nowhere(view)) return;
-    evaluation.views.push_back(view_metrics(pass, render, view, settings.background, wish));
+    evaluation.views.push_back(view_metrics(pass, render, view, settings.background, options));
     evaluation.has_exposures = evaluation.has_exposures || view.has_exposure();
   });
-  if (wish.metrics.is_perceptual && wish.metrics.lpips)
-    evaluation.lpips_source = wish.metrics.lpips->source();
+  if (options.metrics.is_perceptual && options.metrics.lpips)
+    evaluation.lpips_source = options.metrics.lpips->source();
   take_means(evaluation);
   return evaluation;
 }

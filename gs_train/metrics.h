@@ -95,14 +95,14 @@ struct MetricSet {
 inline const MetricSet MetricSet::quick{}, MetricSet::all{true};
 
 /// What to measure besides PSNR and SSIM.
-struct EvaluationWish {
+struct EvaluationOptions {
   MetricSet metrics = MetricSet::quick;
   AppearanceOf appearance_of = {};  // of a photometric model; measured where it gives one
   // The same under exposures that were solved for; measured in place of the view's exposure alone
   AppearanceOf solved_appearance_of = {};
   bool is_corrected = false;  // measure the picture with fitted colors, too
 
-  EvaluationWish(MetricSet set = MetricSet::quick) : metrics(set) {}
+  EvaluationOptions(MetricSet set = MetricSet::quick) : metrics(set) {}
 };
 
 /// Renders each view and compares it with its photo, without and with the view's exposure. Views
@@ -112,6 +112,6 @@ Evaluation evaluate(
     Renderer& renderer, const GaussiansSpan& gaussians, const std::vector<View>& views,
     const RenderSettings& settings,
     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view = {},
-    const EvaluationWish& wish = {});
+    const EvaluationOptions& options = {});
 
 }  // namespace gs

@@ -48,16 +48,16 @@ std::string line_of(const ViewMetrics& view) {
 }
 
 // A run with a photometric model is measured as when it ended.
-EvaluationWish wish_of(const EvalCommand& command, const OpenedModel& opened, const Scene& scene,
-                       Lpips* lpips) {
-  EvaluationWish wish({true, lpips});
-  wish.is_corrected = command.corrects_colors;
-  if (!opened.run || !std::filesystem::exists(opened.run->photometric())) return wish;
+EvaluationOptions options_of(const EvalCommand& command, const OpenedModel& opened,
+                             const Scene& scene, Lpips* lpips) {
+  EvaluationOptions options({true, lpips});
+  options.is_corrected = command.corrects_colors;
+  if (!opened.run || !std::filesystem::exists(opened.run->photometric())) return options;
   const SceneLooks looks = read_photometric(opened.run->photometric());
-  wish.appearance_of = appearances(looks);
-  wish.solved_appearance_of = solved_appearances(looks, scene);
-  wish.is_corrected = true;
-  return wish;
+  options.appearance_of = appearances(looks);
+  options.solved_appearance_of = solved_appearances(looks, scene);
+  options.is_corrected = true;
+  return options;
 }
 
 void eval(const EvalCommand& command) {
@@ -70,7 +70,7 @@ void eval(const EvalCommand& command) {
   set_thread_count(config.train.threads);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   Scene scene = scene_for(opened, config.dataset, command.has("dataset.source"));
-  const EvaluationWish wish = wish_of(command, opened, scene, lpips.get());
+  const EvaluationOptions options = options_of(command, opened, scene, lpips.get());
   const std::vector<View> views = views_of(std::move(scene), command.split);
   if (lpips) lpips->check_sizes(views);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
@@ -82,7 +82,7 @@ void eval(const EvalCommand& command) {
         const auto done = std::int64_t(index) + 1;
         if (bar.due(done)) bar.draw(done, "", "view");
       },
-      wish);
+      options);
   bar.clear();
   const std::string json = evaluation_json(evaluation, opened.ply.string(), command.split,
                                            gaussians.count(), backend->name());

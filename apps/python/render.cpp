@@ -135,7 +135,8 @@ Evaluation evaluate_views(const Model& model, const LoadedScene& scene, const st
   const Work work;
   const BorrowedBackend backend(device);
   const OnDevice gaussians(model, backend->memory());
-  return evaluate(backend->renderer(), gaussians.span(), views, settings, {}, MetricSet{true, lpips.get()});
+  return evaluate(backend->renderer(), gaussians.span(), views, settings, {},
+                  MetricSet{true, lpips.get()});
 }
 
 // The metrics of a view, or the means over views; 0 when there are no views.

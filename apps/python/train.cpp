@@ -89,7 +89,7 @@ void check(const Arguments& arguments) {
 Evaluation evaluation_of(Trainer& trainer, Lpips* lpips) {
   return evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
                   trainer.scene().test_views, trainer.evaluation_settings(), {},
-                  evaluation_wish(trainer, {true, lpips}));
+                  evaluation_options(trainer, {true, lpips}));
 }
 
 Result result_of(Trainer& trainer, const CallbackObserver& observer) {

@@ -59,10 +59,10 @@ void EvaluationObserver::after_step(int step, Trainer& trainer) {
   const std::vector<View>& views = trainer.scene().test_views;
   if (views.empty() || is_last(step, trainer) || !contains(trainer.config().train.test_steps, step))
     return;
-  const EvaluationWish wish = evaluation_wish(trainer, MetricSet::quick);
+  const EvaluationOptions options = evaluation_options(trainer, MetricSet::quick);
   trainer.look_at_result([&](const Gaussians& gaussians) {
     evaluation_ = evaluate(trainer.backend().renderer(), gaussians.span(), views,
-                           trainer.evaluation_settings(), {}, wish);
+                           trainer.evaluation_settings(), {}, options);
   });
   step_ = step;
   progress_.clear();

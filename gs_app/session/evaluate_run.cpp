@@ -66,7 +66,7 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Resul
           if (is_shown) pictures.keep(index, view, image);
           progress(++done, total);
         },
-        evaluation_wish(trainer, is_shown ? MetricSet{true, lpips} : MetricSet::quick));
+        evaluation_options(trainer, is_shown ? MetricSet{true, lpips} : MetricSet::quick));
   };
   results.test = evaluate_views(scene.test_views, true);
   results.train = evaluate_views(some, !has_test);

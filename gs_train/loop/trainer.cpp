@@ -313,14 +313,14 @@ std::optional<SceneLooks> looks_of(Trainer& trainer) {
   return looks_of(trainer.config().photometric, state, trainer.scene());
 }
 
-EvaluationWish evaluation_wish(Trainer& trainer, MetricSet metrics) {
-  EvaluationWish wish(metrics);
+EvaluationOptions evaluation_options(Trainer& trainer, MetricSet metrics) {
+  EvaluationOptions options(metrics);
   const std::optional<SceneLooks> looks = looks_of(trainer);
-  if (!looks) return wish;
-  wish.appearance_of = appearances(*looks);
-  wish.solved_appearance_of = solved_appearances(*looks, trainer.scene());
-  wish.is_corrected = true;
-  return wish;
+  if (!looks) return options;
+  options.appearance_of = appearances(*looks);
+  options.solved_appearance_of = solved_appearances(*looks, trainer.scene());
+  options.is_corrected = true;
+  return options;
 }
 
 GaussianModel trained_model(Trainer& trainer) {

@@ -137,6 +137,6 @@ GaussianModel visible_part(const GaussianModel& model);
 std::optional<SceneLooks> looks_of(Trainer& trainer);
 /// What to measure of the run's views: with photometric.model, the appearances and pictures with
 /// fitted colors, too.
-EvaluationWish evaluation_wish(Trainer& trainer, MetricSet metrics);
+EvaluationOptions evaluation_options(Trainer& trainer, MetricSet metrics);
 
 }  // namespace gs

@@ -248,10 +248,10 @@ TEST_F(LpipsTest, IsMeasuredWhereItIsAskedFor) {
   const Evaluation without = evaluate(*renderer, gaussians.span(), views, {}, {}, MetricSet::all);
   EXPECT_FALSE(without.perceptual->lpips || without.lpips_source);
   std::vector<ImageF> renders;
-  const Evaluation with =
-      evaluate(*renderer, gaussians.span(), views, {},
-               [&](std::size_t, const View&, const ImageF& render) { renders.push_back(render); },
-               MetricSet{true, &network});
+  const Evaluation with = evaluate(
+      *renderer, gaussians.span(), views, {},
+      [&](std::size_t, const View&, const ImageF& render) { renders.push_back(render); },
+      MetricSet{true, &network});
   EXPECT_EQ(with.perceptual->flip, without.perceptual->flip);
   EXPECT_EQ(with.lpips_source->hash, network.source().hash);
   double sum = 0;

@@ -373,10 +373,10 @@ TEST(EvaluatePhotometric, MeasuresNeutralShownAndCorrectedPicturesApart) {
   looks.config = kGains;
   looks.photos["view 0"] = {0, true, std::vector<float>(3, std::log(0.5f))};
   looks.cameras[0].numbers = {0, 0, 0};
-  EvaluationWish wish;
-  wish.appearance_of = appearances(looks);
-  wish.is_corrected = true;
-  const Evaluation found = evaluate(*renderer, truth.span(), scene.train_views, {}, {}, wish);
+  EvaluationOptions options;
+  options.appearance_of = appearances(looks);
+  options.is_corrected = true;
+  const Evaluation found = evaluate(*renderer, truth.span(), scene.train_views, {}, {}, options);
   EXPECT_LT(found.views[0].psnr, 25);
   EXPECT_GT(found.views[0].photometric->psnr, 50);
   EXPECT_GT(found.views[0].corrected->psnr, 45);  // clamped values above 1 are lost
@@ -400,15 +400,15 @@ TEST(EvaluatePhotometric, ShowsSolvedGainsInTheBrightnessOfTheLearnedScene) {
     view.exposure = k % 2 ? Vec3f(0.8f) : Vec3f(1.25f);
     looks.photos[view.name] = {0, false, std::vector<float>(3, std::log(view.exposure.x) - 0.2f)};
   }
-  EvaluationWish wish;
-  wish.appearance_of = appearances(looks);
+  EvaluationOptions options;
+  options.appearance_of = appearances(looks);
   const auto psnr = [&] {
     const Evaluation found =
-        evaluate(*make_scalar_renderer(), truth.span(), scene.train_views, {}, {}, wish);
+        evaluate(*make_scalar_renderer(), truth.span(), scene.train_views, {}, {}, options);
     return std::pair{found.photometric->psnr, found.psnr_exposure};
   };
   const auto [learned, without] = psnr();
-  wish.solved_appearance_of = solved_appearances(looks, scene);
+  options.solved_appearance_of = solved_appearances(looks, scene);
   EXPECT_NEAR(psnr().second, learned, 1e-4);
   EXPECT_GT(std::abs(without - learned), 0.1);
 }
