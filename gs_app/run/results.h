@@ -45,7 +45,7 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// refined, "refinement" has the fields of CameraRefinement. Where views have exposures, "test" and
 /// "train" also hold each metric as "psnr_exposure" and so on, and "exposure" is {"samples",
 /// "spread_before", "spread_after"}. With a photometric model "test" and "train" hold PSNR and SSIM
-/// as "psnr_photometric" (the picture as the photo shows it: foretold in "test", learned in "train")
+/// as "psnr_photometric" (the picture as the photo shows it: predicted in "test", learned in "train")
 /// and "psnr_cc" (the picture with colors fitted to the photo), and "photometric" is {"model", "rule",
 /// "spreads"}. Of Gaussians in space and time "num_static" says how many are
 /// static (math/spacetime.h).

@@ -18,7 +18,7 @@ struct Shot {
   const float* numbers;
 };
 
-/// All photos by name, with the one that is to be foretold.
+/// All photos by name, with the one that is to be predicted.
 struct Question {
   const std::vector<Shot>& shots;
   std::size_t asked;
@@ -90,7 +90,7 @@ Question question_of(const std::vector<Shot>& shots, std::size_t asked) {
   return question;
 }
 
-std::vector<float> foretold(const RuleRow& rule, const Question& question, std::size_t size) {
+std::vector<float> predicted(const RuleRow& rule, const Question& question, std::size_t size) {
   std::vector<float> numbers(size, 0.0f);
   if (question.known.empty()) return numbers;
   for (const auto& [photo, weight] : rule.weights(question))
@@ -102,7 +102,7 @@ std::vector<float> foretold(const RuleRow& rule, const Question& question, std::
 double spread_of(const RuleRow& rule, const std::vector<Question>& questions, std::size_t size) {
   double sum = 0;
   for (const Question& question : questions) {
-    const std::vector<float> numbers = foretold(rule, question, size);
+    const std::vector<float> numbers = predicted(rule, question, size);
     for (std::size_t k = 0; k < size; ++k) {
       const double error = double(numbers[k]) - double(question.shots[question.asked].numbers[k]);
       sum += error * error;
@@ -113,7 +113,7 @@ double spread_of(const RuleRow& rule, const std::vector<Question>& questions, st
 
 }  // namespace
 
-HeldOutPhotos foretell_held_out(const PhotometricState& state, const Scene& scene) {
+HeldOutPhotos predict_held_out(const PhotometricState& state, const Scene& scene) {
   const std::vector<Shot> shots = shots_of(state, scene);
   const std::size_t size = state.shape.photo_size;
   std::vector<Question> left_out;
@@ -132,7 +132,7 @@ HeldOutPhotos foretell_held_out(const PhotometricState& state, const Scene& scen
     const auto shot = std::find_if(shots.begin(), shots.end(),
                                    [&](const Shot& other) { return other.view == &view; });
     photos.numbers.push_back(
-        foretold(*best, question_of(shots, std::size_t(shot - shots.begin())), size));
+        predicted(*best, question_of(shots, std::size_t(shot - shots.begin())), size));
   }
   return photos;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The numbers of photos that nobody trained on, foretold from those of training photos without a look
+// The numbers of photos that nobody trained on, predicted from those of training photos without a look
 // at a pixel.
 #pragma once
 
@@ -11,7 +11,7 @@
 
 namespace gs {
 
-/// A rule that foretells a photo's numbers, and how well it does.
+/// A rule that predicts a photo's numbers, and how well it does.
 struct HeldOutRule {
   std::string name;
   double spread = 0;  // of its errors, as a root mean square, where each training photo is left out
@@ -27,8 +27,8 @@ struct HeldOutPhotos {
 ///   mean       the mean of all training photos of the same camera
 ///   neighbors  between the photos before and after it, by name, of the same camera
 ///   nearest    the mean of the four photos of the same camera that were taken nearest to it
-/// The one that foretells each training photo best from the others foretells the test views. Where a
+/// The one that predicts each training photo best from the others predicts the test views. Where a
 /// camera took no training photo, all cameras count. The state is in host memory.
-HeldOutPhotos foretell_held_out(const PhotometricState& state, const Scene& scene);
+HeldOutPhotos predict_held_out(const PhotometricState& state, const Scene& scene);
 
 }  // namespace gs

@@ -53,7 +53,7 @@ SceneLooks looks_of(const PhotometricConfig& config, const PhotometricState& in_
     looks.photos[view.name] = {view.camera_id, false, copied(state.photo(i))};
     looks.cameras.try_emplace(view.camera_id, camera_look(view, state.camera(camera_of[i])));
   }
-  HeldOutPhotos held_out = foretell_held_out(state, scene);
+  HeldOutPhotos held_out = predict_held_out(state, scene);
   for (std::size_t i = 0; i < scene.test_views.size(); ++i) {
     const View& view = scene.test_views[i];
     looks.photos[view.name] = {view.camera_id, true, std::move(held_out.numbers[i])};

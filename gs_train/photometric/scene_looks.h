@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The appearances of all photos of a scene: learned ones of training photos, foretold ones of others.
+// The appearances of all photos of a scene: learned ones of training photos, predicted ones of others.
 // photometric.json holds them.
 #pragma once
 
@@ -43,7 +43,7 @@ using AppearanceOf = std::function<std::unique_ptr<Appearance>(const View&)>;
 AppearanceOf appearances(const SceneLooks& looks);
 
 /// The same under the exposures of the scene's views, which were solved for, in place of the learned
-/// or foretold numbers; the cameras' numbers stay. Null for a photo without an exposure. Learned
+/// or predicted numbers; the cameras' numbers stay. Null for a photo without an exposure. Learned
 /// numbers differ from the solved ones by a common part, which is that of the training photos.
 AppearanceOf solved_appearances(const SceneLooks& looks, const Scene& scene);
 

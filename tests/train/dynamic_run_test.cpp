@@ -82,7 +82,9 @@ Config changing_run() {
 }
 
 TEST_F(DynamicRun, GivesTheSameBitsForAnyNumberOfThreads) {
-  for (const Config& config : {dynamic_run(), changing_run(), dynamic_mcmc_run()}) {
+  Config changing_mcmc = dynamic_mcmc_run();
+  changing_mcmc.model.time_colors = true;
+  for (const Config& config : {dynamic_run(), changing_run(), dynamic_mcmc_run(), changing_mcmc}) {
     set_thread_count(1);
     const TrainingModel one = trained(config);
     EXPECT_TRUE(one.gaussians.has_time);

@@ -289,26 +289,26 @@ class HeldOut : public ::testing::Test {
   }
   /// The numbers of the photos are f(place in the alphabet).
   template <class F>
-  HeldOutPhotos foretold(F&& f) {
+  HeldOutPhotos predicted(F&& f) {
     PhotometricState state;
     state.shape = {8, 1, 1, 0};
     state.values.resize(8);
     for (std::size_t i = 0; i < 8; ++i)
       state.values[i] = f(float(scene_.train_views[i].name[0] - 'a'));
-    return foretell_held_out(state, scene_);
+    return predict_held_out(state, scene_);
   }
   Scene scene_;
 };
 
 TEST_F(HeldOut, LieBetweenTheirNeighborsWherePhotosChangeSteadily) {
-  const HeldOutPhotos photos = foretold([](float i) { return 0.1f * i; });
+  const HeldOutPhotos photos = predicted([](float i) { return 0.1f * i; });
   EXPECT_EQ(photos.rule, "neighbors");
   for (std::size_t k = 0; k < 4; ++k)
     EXPECT_NEAR(photos.numbers[k][0], 0.1 * double(3 * k + 1), 1e-6);
 }
 
 TEST_F(HeldOut, AreTheMeanWhereNeighborsSayNothing) {
-  const HeldOutPhotos photos = foretold([](float i) { return int(i) % 2 ? 0.1f : -0.1f; });
+  const HeldOutPhotos photos = predicted([](float i) { return int(i) % 2 ? 0.1f : -0.1f; });
   EXPECT_EQ(photos.rule, "mean");
   EXPECT_NEAR(photos.numbers[0][0], 0, 1e-6);
 }
@@ -321,7 +321,7 @@ TEST_F(HeldOut, AreLikePhotosThatWereTakenNearby) {
       const int i = view.name[0] - 'a';
       view.camera.cam_from_world_translation = {side(i) + 0.1f * float(i), 0, 0};
     }
-  const HeldOutPhotos photos = foretold([&](float i) { return side(int(i)) / 500; });
+  const HeldOutPhotos photos = predicted([&](float i) { return side(int(i)) / 500; });
   EXPECT_EQ(photos.rule, "nearest");
   EXPECT_GT(photos.numbers[0][0], 0.1);  // "b", at 100
   EXPECT_LT(photos.numbers[1][0], 0.1);  // "e", at 0
@@ -330,7 +330,7 @@ TEST_F(HeldOut, AreLikePhotosThatWereTakenNearby) {
 TEST_F(HeldOut, AreLikePhotosOfTheSameCamera) {
   for (auto* views : {&scene_.train_views, &scene_.test_views})
     for (View& view : *views) view.camera_id = view.name[0] < 'g' ? 1 : 2;
-  const HeldOutPhotos photos = foretold([](float i) { return i < 6 ? 0.2f : -0.2f; });
+  const HeldOutPhotos photos = predicted([](float i) { return i < 6 ? 0.2f : -0.2f; });
   for (const HeldOutRule& rule : photos.rules) EXPECT_NEAR(rule.spread, 0, 1e-6) << rule.name;
   EXPECT_NEAR(photos.numbers[1][0], 0.2, 1e-6);
   EXPECT_NEAR(photos.numbers[2][0], -0.2, 1e-6);
