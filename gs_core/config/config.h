@@ -88,7 +88,7 @@ struct LossConfig {
 struct PhotometricConfig {
   std::string model = "none";  // none, gains
   float rate = 2e-3f;          // Adam's, of its numbers
-  bool vignetting = true;      // of each camera
+  bool vignetting = false;     // of each camera
 };
 
 /// Learning rates of Adam; position rates are multiplied by the scene's extent.

@@ -106,9 +106,9 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("loss.lambda_dssim",            loss.lambda_dssim,            "",            between(0, 1),           retrain, "weight of 1 - SSIM in the loss; L1 gets the rest", "Kerbl et al. 2023, Eq. 7");
 
   auto& photometric = config.photometric;
-  field("photometric.model",            photometric.model,            "",            one_of(kPhotometricWords), retrain, "what is learned of each photo, so that the scene need not explain how photos differ: gains, a gain for each photo and channel, and the vignetting of each camera; on the CPU", "docs/photometric.md");
+  field("photometric.model",            photometric.model,            "",            one_of(kPhotometricWords), retrain, "what is learned of each photo, so that the scene need not explain how photos differ: gains, a gain for each photo and channel; on the CPU", "docs/photometric.md");
   field("photometric.rate",             photometric.rate,             "1/step",      above(0),                retrain, "learning rate of these numbers after a warm-up; it falls to a hundredth", "PPISP 2026");
-  field("photometric.vignetting",       photometric.vignetting,       "",            any(),                   retrain, "also learn how much each camera darkens towards the rims of its photos");
+  field("photometric.vignetting",       photometric.vignetting,       "",            any(),                   retrain, "also learn how much each camera darkens towards the rims of its photos", "docs/photometric.md");
 
   auto& optimizer = config.optimizer;
   field("optimizer.position_lr_initial", optimizer.position_lr_initial, "extent",      above(0),                retrain, "learning rate of the means at the first step", kKerbl);

@@ -105,7 +105,8 @@ TEST_F(Program, ExposuresAndRefinedCamerasAreReportedAndAppliedAgain) {
 
 TEST_F(Program, GainsOfPhotosAreWrittenDownMeasuredApartAndAppliedAgain) {
   write_scene(path("scene"), true);
-  const Outcome trained = train("out", "--set photometric.model=gains");
+  const Outcome trained =
+      train("out", "--set photometric.model=gains --set photometric.vignetting=true");
   ASSERT_EQ(trained.code, 0) << trained.err;
   EXPECT_THAT(trained.out, HasSubstr("as the photometric model shows them"));
   const nlohmann::json looks = json("out/photometric.json"), results = json("out/results.json");

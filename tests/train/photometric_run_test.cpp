@@ -93,6 +93,7 @@ Config gains_run(int steps) {
   config.density.until_step = config.density.reset_opacity_until = 0;
   config.photometric.model = "gains";
   config.photometric.rate = 0.02f;
+  config.photometric.vignetting = true;
   return config;
 }
 

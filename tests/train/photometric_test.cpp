@@ -22,7 +22,7 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-const PhotometricConfig kGains{"gains"};
+const PhotometricConfig kGains{"gains", 2e-3f, true};
 const LossSettings kLoss{0.2f};
 
 TEST(PhotometricModels, TheSettingTakesEveryModelOfTheTableAndNoOther) {
@@ -177,7 +177,7 @@ TEST_F(GainsOfAPhoto, WeighThePixelValuesOfDensityControl) {
 
 Config gains_config() {
   Config config = short_run();
-  config.photometric.model = "gains";
+  config.photometric = kGains;
   return config;
 }
 
