@@ -223,7 +223,7 @@ struct Picture {
     density.score = score;
     density.mask_error = mask_error;
     Buffer<float> found;
-    find_pixel_values(view, density, pass, found);
+    find_pixel_values(view, density, pass, nullptr, found);
     return found.download();
   }
 };
