@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, spacetime_splat.h for
 // those of Gaussians in space and time, spacetime_color.h for those whose colors change, and
-// filtered_splat.h for those with a 3D filter. A thread
-// projects one Gaussian. The threads of a warp read the parameters of their 32 Gaussians together,
-// in whole cache lines. They also share the tile rows of the 32 splats evenly when they count
-// tiles.
+// filtered_splat.h for those with a 3D filter. A thread projects one Gaussian. The threads of a
+// warp read the parameters of their 32 Gaussians together, in whole cache lines. They also share
+// the tile rows of the 32 splats evenly when they count tiles.
 // Faster-GS, fused activations, exact and balanced tile culling
 #include <algorithm>
 
@@ -51,8 +50,8 @@ __device__ const float* numbers_from(const Span<T>& array, std::size_t first) {
   return reinterpret_cast<const float*>(array.data + first);
 }
 
-// One Gaussian's parameters without SH. Those of time, the filter and changes of color are undefined
-// where it has none.
+// One Gaussian's parameters without SH. Those of time, the filter and changes of color are
+// undefined where it has none.
 struct Gaussian {
   Vec3f mean, log_scale, sh0;
   Quatf rotation;

@@ -73,8 +73,8 @@ void with_sh_degree(int degree, F&& f) {
   GS_CHECK(!"an SH degree from 0 to 3");
 }
 
-/// The same with std::true_type for Gaussians in space and time, else std::false_type; then for those
-/// with a 3D filter, which have no time; and then for those in time whose colors change.
+/// The same with std::true_type for Gaussians in space and time, else std::false_type; then for
+/// those with a 3D filter, which have no time; and then for those in time whose colors change.
 template <class F>
 void with_form(int degree, const GaussiansSpan& gaussians, F&& f) {
   GS_CHECK(!(gaussians.has_time && gaussians.has_filter));

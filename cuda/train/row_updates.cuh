@@ -89,8 +89,8 @@ struct AdamNumbersByRule {
   }
 };
 
-/// The parameters of one Gaussian without color. Those of time and the change of color are undefined
-/// where it has none.
+/// The parameters of one Gaussian without color. Those of time and the change of color are
+/// undefined where it has none.
 struct Shape {
   Vec3f mean, log_scale;
   Quatf rotation;

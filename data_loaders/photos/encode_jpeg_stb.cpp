@@ -8,24 +8,15 @@
 #pragma GCC diagnostic pop
 
 #include "data_loaders/photos/photos.h"
+#include "data_loaders/photos/stb_bytes.h"
 #include "gs_core/error.h"
 
 namespace gs {
-namespace {
-
-void append(void* context, void* data, int size) {
-  auto& bytes = *static_cast<std::vector<std::uint8_t>*>(context);
-  const auto* const first = static_cast<const std::uint8_t*>(data);
-  bytes.insert(bytes.end(), first, first + size);
-}
-
-}  // namespace
-
 std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality) {
   GS_CHECK(image.channels == 3);
   std::vector<std::uint8_t> bytes;
-  if (!stbi_write_jpg_to_func(append, &bytes, image.width, image.height, 3, image.pixels.data(),
-                              quality))
+  if (!stbi_write_jpg_to_func(append_stb_bytes, &bytes, image.width, image.height, 3,
+                              image.pixels.data(), quality))
     throw Error("cannot encode a JPEG: out of memory; write fewer or smaller pictures",
                 ExitCode::out_of_memory);
   return bytes;

@@ -18,6 +18,7 @@
 #include <numeric>
 
 #include "data_loaders/photos/photo_codec.h"
+#include "data_loaders/photos/stb_bytes.h"
 #include "gs_core/error.h"
 #include "gs_core/io/byte_reader.h"
 
@@ -135,12 +136,6 @@ bool is_whole_png(const std::uint8_t* bytes, std::size_t size) {
   return true;
 }
 
-void append(void* context, void* data, int size) {
-  auto* bytes = static_cast<std::vector<std::uint8_t>*>(context);
-  const auto* begin = static_cast<const std::uint8_t*>(data);
-  bytes->insert(bytes->end(), begin, begin + size);
-}
-
 }  // namespace
 
 Image8 decode_photo(const std::filesystem::path& path) {
@@ -187,7 +182,7 @@ std::string codec_name() { return "stb_image"; }
 std::vector<std::uint8_t> encode_png(const Image8& image) {
   std::vector<std::uint8_t> bytes;
   const int stride = image.width * image.channels;
-  if (!stbi_write_png_to_func(append, &bytes, image.width, image.height, image.channels,
+  if (!stbi_write_png_to_func(append_stb_bytes, &bytes, image.width, image.height, image.channels,
                               image.pixels.data(), stride))
     throw Error("cannot encode a PNG: out of memory; write fewer or smaller pictures",
                 ExitCode::out_of_memory);

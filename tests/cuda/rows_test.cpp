@@ -104,6 +104,17 @@ void expect_same_report(const RefineReport& actual, const RefineReport& expected
 
 class CudaRows : public CudaTest {
  protected:
+  /// Splits most rows of the model on the CPU, and of a copy on the GPU. Returns the latter.
+  TrainingModel split_by_both(TrainingModel& host) {
+    TrainingModel device = on_gpu(host);
+    const Random random{3, RandomStream::split_gaussians};
+    AdaptiveRules rules = kRules;
+    rules.prune_scale = kInfinity;
+    const RefineReport expected = cpu().rows().refine(host, rules, random, kStep);
+    EXPECT_GT(expected.split, 300u);
+    expect_same_report(gpu().rows().refine(device, rules, random, kStep), expected);
+    return on_host(device);
+  }
   /// Expects a refined model of the GPU to equal that of the scalar twin. Returns its number of
   /// halves.
   std::size_t expect_same_model(const TrainingModel& device, const TrainingModel& expected,
@@ -375,14 +386,7 @@ TEST_F(CudaRows, SplitsStaticRowsAsTheScalarTwin) {
   make_half_static(host.gaussians);
   for (float& norm : host.statistics.gradient_norm) norm = 1e3f;
   for (Vec3f& scale : host.gaussians.log_scale) scale = Vec3f(-1);
-  TrainingModel device = on_gpu(host);
-  const Random random{3, RandomStream::split_gaussians};
-  AdaptiveRules rules = kRules;
-  rules.prune_scale = kInfinity;
-  const RefineReport expected = cpu().rows().refine(host, rules, random, kStep);
-  EXPECT_GT(expected.split, 300u);
-  expect_same_report(gpu().rows().refine(device, rules, random, kStep), expected);
-  const TrainingModel actual = on_host(device);
+  const TrainingModel actual = split_by_both(host);
   ASSERT_EQ(actual.count(), host.count());
   for (std::size_t i = 0; i < host.count(); ++i) {
     expect_near(actual.gaussians.mean[i], host.gaussians.mean[i], i);
@@ -398,14 +402,7 @@ TEST_F(CudaRows, SplitsColorsThatChangeAsTheScalarTwin) {
   TrainingModel host = model_of(start);
   for (float& visits : host.statistics.visits) visits = 1;
   for (float& norm : host.statistics.gradient_norm) norm = 1e3f;
-  TrainingModel device = on_gpu(host);
-  const Random random{3, RandomStream::split_gaussians};
-  AdaptiveRules rules = kRules;
-  rules.prune_scale = kInfinity;
-  const RefineReport expected = cpu().rows().refine(host, rules, random, kStep);
-  EXPECT_GT(expected.split, 300u);
-  expect_same_report(gpu().rows().refine(device, rules, random, kStep), expected);
-  const TrainingModel actual = on_host(device);
+  const TrainingModel actual = split_by_both(host);
   ASSERT_EQ(actual.count(), host.count());
   for (std::size_t i = 0; i < host.count(); ++i) {
     const Vec3f sh0 = actual.gaussians.sh0[i] - host.gaussians.sh0[i],

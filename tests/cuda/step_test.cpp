@@ -68,6 +68,16 @@ class CudaStep : public CudaTest {
     }
     gpu().synchronize(on_gpu);
   }
+  /// So many updates of both backends by the same batch.
+  void batches_both(int updates, TrainingModel& on_cpu, TrainingModel& on_gpu,
+                    const std::vector<TrainingPhoto>& batch, const Update& update,
+                    const DensityStep& density) {
+    for (int i = 0; i < updates; ++i) {
+      cpu().step(on_cpu, {batch.data(), batch.size()}, {0.2f}, update, density);
+      gpu().step(on_gpu, {batch.data(), batch.size()}, {0.2f}, update, density);
+    }
+    gpu().synchronize(on_gpu);
+  }
   /// Once `warm_up` has grown the buffers, `steady` may neither wait nor allocate.
   template <class WarmUp, class Steady>
   void expect_steady(TrainingModel& model, WarmUp&& warm_up, Steady&& steady) {
@@ -250,11 +260,7 @@ TEST_F(CudaStep, ABatchIsThatOfTheScalarBackend) {
       Update update{kRates, batch_rule(3)};
       if (has_time) update.rates.right_rotation = update.rates.time_mean = 1e-3f;
       const DensityStep density{.gather_statistics = true, .regularizers = {1e-3f, 1e-3f}};
-      for (int step = 0; step < 3; ++step) {
-        cpu().step(expected, {batch.data(), batch.size()}, {0.2f}, update, density);
-        gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, update, density);
-      }
-      gpu().synchronize(fused);
+      batches_both(3, expected, fused, batch, update, density);
       for (int step = 0; step < 3; ++step)
         gpu().Backend::step(unfused, {batch.data(), batch.size()}, {0.2f}, update, density);
       EXPECT_EQ(fused.adam_steps, 9);
@@ -289,11 +295,7 @@ TEST_F(CudaStep, AStepOfColorsThatChangeIsTheScalarOne) {
 
       const std::vector<TrainingPhoto> batch = batch_of(views, settings);
       TrainingModel summed = copy_to(host_memory(), start), on_device = on_gpu(start);
-      for (int step = 0; step < 2; ++step) {
-        cpu().step(summed, {batch.data(), batch.size()}, {0.2f}, {rates}, density);
-        gpu().step(on_device, {batch.data(), batch.size()}, {0.2f}, {rates}, density);
-      }
-      gpu().synchronize(on_device);
+      batches_both(2, summed, on_device, batch, {rates}, density);
       expect_same(on_host(on_device), summed, 2e-2);
     }
 }
@@ -304,11 +306,7 @@ TEST_F(CudaStep, ABatchWithA3dFilterIsThatOfTheScalarBackend) {
   TrainingModel expected =
       model_of(with_filters(random_gaussians(kTypical, 3000, views[0].camera, 1), 9));
   TrainingModel fused = on_gpu(expected);
-  for (int step = 0; step < 3; ++step) {
-    cpu().step(expected, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
-    gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
-  }
-  gpu().synchronize(fused);
+  batches_both(3, expected, fused, batch, {kRates}, {true});
   expect_same(on_host(fused), expected, 2e-2);
 }
 
@@ -322,11 +320,7 @@ TEST_F(CudaStep, ABatchRegularizesRowsThatItsPhotosDoNotShow) {
   TrainingModel expected = model_of(start);
   TrainingModel fused = on_gpu(expected);
   const DensityStep density{.gather_statistics = true, .regularizers = {1e-2f, 1e-2f}};
-  for (int step = 0; step < 4; ++step) {
-    cpu().step(expected, {batch.data(), batch.size()}, {0.2f}, {kRates}, density);
-    gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, {kRates}, density);
-  }
-  gpu().synchronize(fused);
+  batches_both(4, expected, fused, batch, {kRates}, density);
   expect_same(on_host(fused), expected, 1e-2);
 }
 
@@ -417,11 +411,7 @@ TEST_F(CudaStep, ABatchOfPhotosOfTwoSizesIsThatOfTheScalarBackend) {
   batch[0].reduction = batch[1].reduction = 4;
   TrainingModel expected = model_of(random_gaussians(kTypical, 3000, views[0].camera, 2));
   TrainingModel fused = on_gpu(expected);
-  for (int step = 0; step < 3; ++step) {
-    cpu().step(expected, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
-    gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
-  }
-  gpu().synchronize(fused);
+  batches_both(3, expected, fused, batch, {kRates}, {true});
   expect_same(on_host(fused), expected, 2e-2);
   gpu().upload_views({}, 0);
 }
