@@ -10,7 +10,6 @@
 #include "cuda/backend.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <deque>
 #include <thread>
@@ -19,8 +18,11 @@
 
 #include "cuda/device/warp.cuh"
 #include "cuda/render/renderer.cuh"
+#include "cuda/render/reports.cuh"
+#include "cuda/train/photometric.cuh"
 #include "gs_core/math/density.h"
 #include "gs_train/named_row.h"
+#include "gs_train/photometric/gains.h"
 
 namespace gs::cuda {
 namespace {
@@ -38,6 +40,11 @@ struct LossRow {
 };
 constexpr LossRow kLosses[] = {{"l1_ssim", make_loss}};
 
+struct PhotometricRow {
+  const char* name;  // a word of photometric.model
+};
+constexpr PhotometricRow kPhotometricModels[] = {{kGainsModel}};
+
 __global__ void gather_kernel(Span<const std::uint32_t> tile_counts, const Vec2f* dL_dmean2d,
                               float* visits, float* gradient_norm, int width, int height) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
@@ -50,35 +57,6 @@ __global__ void add_kernel(Span<float> to, const float* from, float weight) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i < to.size) to[i] += weight * from[i];
 }
-
-// The reports of photos, in host memory that the device writes into.
-class Reports {
- public:
-  Reports() {
-    void* memory = nullptr;
-    check(cudaHostAlloc(&memory, kMostPending * sizeof(StepReport), cudaHostAllocMapped),
-          "allocating page-locked memory");
-    reports_ = static_cast<StepReport*>(memory);
-    std::fill(reports_, reports_ + kMostPending, StepReport{});
-  }
-  ~Reports() { cudaFreeHost(reports_); }
-  Reports(const Reports&) = delete;
-  Reports& operator=(const Reports&) = delete;
-
-  StepReport* of_step(std::uint32_t step) { return reports_ + step % kMostPending; }
-  void clear(std::uint32_t step) { *of_step(step) = {}; }
-  /// Returns true and fills `report` once the step's report has arrived.
-  bool read(std::uint32_t step, StepReport& report) {
-    const volatile StepReport* const from = of_step(step);
-    if (from->step != step) return false;
-    std::atomic_thread_fence(std::memory_order_acquire);
-    report = {from->instances, from->halted, 0, step};
-    return true;
-  }
-
- private:
-  StepReport* reports_;
-};
 
 // Forecasts how many instances a view will have. Where its last visit was at a lower resolution, it
 // has more of them now: as many times as there are more pixels, at most.
@@ -140,6 +118,7 @@ class CudaBackend final : private Device, public Backend {
       : Device(index), Backend(device_memory), photos_(context, device_memory),
         renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
         optimizer_(make_optimizer(context)), sums_(device_memory),
+        photometric_gradient_(device_memory), camera_of_(device_memory),
         rows_(make_row_ops(context, device_memory)) {}
   ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
 
@@ -160,6 +139,14 @@ class CudaBackend final : private Device, public Backend {
   Loss& loss() override {
     finish_pending();
     return *loss_;
+  }
+  void use_photometric(std::unique_ptr<PhotometricModel> photometric) override {
+    finish_pending();
+    if (photometric) {
+      row_named(kPhotometricModels, photometric->name(), "photometric.model", " on " + name());
+      check_takes_appearance(*loss_, loss_row_->name);
+    }
+    is_photometric_ = photometric != nullptr;
   }
   RowOps& rows() override {
     finish_pending();
@@ -190,12 +177,14 @@ class CudaBackend final : private Device, public Backend {
       read_reports();
     }
     const std::uint32_t photos = std::uint32_t(batch.size);
+    const PhotometricUpdate photometric = photometric_update(model.photometric, update);
     pending_.push_back({{batch.begin(), batch.end()},
                         loss_settings,
                         adam_steps(model.adam_steps + update.rule.steps, update.rates, update.rule),
                         update.rule,
                         density,
                         update.rates.mean,
+                        photometric,
                         last_photo_ + 1});
     last_photo_ += photos;
     try {
@@ -206,6 +195,7 @@ class CudaBackend final : private Device, public Backend {
       throw;
     }
     model.adam_steps += update.rule.steps;
+    if (photometric.is_due) model.photometric.adam_steps += photometric.rule.steps;
   }
 
   void release_caches() override {
@@ -213,6 +203,7 @@ class CudaBackend final : private Device, public Backend {
     rows_->release_caches();
     renderer_.release_caches();
     sums_ = BatchSums(device_memory);  // zero between steps; made anew for the next batch
+    photometric_gradient_.release();   // the same
   }
 
   void synchronize(TrainingModel&) override {
@@ -242,6 +233,13 @@ class CudaBackend final : private Device, public Backend {
   }
 
  private:
+  // The update of the photometric model; there is none while its numbers rest.
+  struct PhotometricUpdate {
+    bool is_due = false;
+    AdamStep adam{};
+    AdamRule rule = {};
+  };
+
   // A step that may have to be launched again. Its photos have numbers of their own, in order.
   struct Step {
     std::vector<TrainingPhoto> batch;
@@ -250,6 +248,7 @@ class CudaBackend final : private Device, public Backend {
     AdamRule rule;
     DensityStep density;
     float position_rate;  // Adam's rate for the means, which scales the noise
+    PhotometricUpdate photometric;
     std::uint32_t first_photo;
     bool is_launched = false;
 
@@ -282,11 +281,16 @@ class CudaBackend final : private Device, public Backend {
   void enqueue(const Step& step) {
     if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(*model_);
     if (step.batch.size() > 1) reserve_sums();
+    if (is_photometric_) reserve_photometric();
     for (std::size_t i = 0; i < step.batch.size(); ++i) {
       prefetch_after(step, i);
       differentiate(step, step.batch[i], step.first_photo + std::uint32_t(i));
     }
     if (step.batch.size() > 1) update(step);
+    if (step.photometric.is_due)
+      update_gains(context, model_->photometric, camera_of_.span(), photometric_gradient_.span(),
+                   step.photometric.adam, step.photometric.rule,
+                   renderer_.workspace().halted.data());
     if (step.density.noise.scale > 0)
       add_position_noise(context, model_->gaussians.span(), step.density.noise, step.position_rate,
                          renderer_.workspace().halted.data());
@@ -304,6 +308,8 @@ class CudaBackend final : private Device, public Backend {
     const Camera camera = reduced(photo.view->camera, photo.reduction);
     LossSettings loss_settings = step.loss_settings;
     loss_settings.photo_reduction = photo.reduction;
+    const PhotoOnDevice on_device = photo_on_device(step, photo, camera);
+    if (is_photometric_) loss_settings.photo_on_device = &on_device;
     RenderSettings settings = photo.settings;
     settings.fragment_statistic = step.density.fragment_statistic();
     const GaussiansSpan gaussians = model_->gaussians.span();
@@ -314,8 +320,8 @@ class CudaBackend final : private Device, public Backend {
                       number);
     loss_->forward_backward(pass_, *photo.view, loss_settings, dL_dimage_);
     if (settings.fragment_statistic == FragmentStatistic::values)
-      gs::cuda::find_pixel_values(context, photos_.last(), *photo.view, step.density, workspace,
-                                  pass_);
+      gs::cuda::find_pixel_values(context, photos_.last(), *photo.view,
+                                  loss_settings.photo_on_device, step.density, workspace, pass_);
     blend_backward(context, settings, dL_dimage_.span(), workspace, pass_);
     if (step.batch.size() > 1)
       preprocess_backward_and_add(context, gaussians, camera, settings, step.density, workspace,
@@ -345,6 +351,48 @@ class CudaBackend final : private Device, public Backend {
                          step.density.pooling, halted);
   }
 
+  PhotometricUpdate photometric_update(const PhotometricState& state, const Update& update) const {
+    if (!is_photometric_ || !(update.photometric_rate > 0)) return {};
+    const AdamRule& rule = update.photometric_rule;
+    return {true,
+            adam_step(state.adam_steps + rule.steps, update.photometric_rate, rule.photo_beta2),
+            rule};
+  }
+
+  // The numbers of a photo. Where the lens darkens follows from the whole photo, also where this
+  // step sees a reduced one.
+  PhotoOnDevice photo_on_device(const Step& step, const TrainingPhoto& photo,
+                                const Camera& camera) const {
+    if (!is_photometric_) return {};
+    const PhotometricState& state = model_->photometric;
+    const PhotometricShape& shape = state.shape;
+    const Camera& whole = photo.view->camera;
+    PhotoOnDevice result{
+        state.photo(photo.photo_row).data,
+        shape.camera_size ? state.camera(photo.camera_row).data : nullptr,
+        lens_place(camera.cx, camera.cy, whole.width, whole.height, photo.reduction)};
+    if (!step.photometric.is_due) return result;
+    double* const gradient = photometric_gradient_.data();
+    result.photo_gradient = gradient + shape.photo_begin(photo.photo_row);
+    result.camera_gradient = gradient + shape.camera_begin(photo.camera_row);
+    result.weight = 1.0 / double(step.batch.size());
+    return result;
+  }
+
+  // The gradient is zero between steps. Waits where the run is new.
+  void reserve_photometric() {
+    const PhotometricState& state = model_->photometric;
+    GS_CHECK(!state.empty());
+    if (photometric_gradient_.size() != state.shape.size()) {
+      photometric_gradient_.resize_discard(state.shape.size());
+      photometric_gradient_.fill_zero();
+    }
+    if (camera_of_on_host_ == state.camera_of) return;
+    camera_of_on_host_.clear();  // if the upload throws
+    camera_of_.upload(state.camera_of);
+    camera_of_on_host_ = state.camera_of;
+  }
+
   // The sums are zero between steps; rows have been added or removed since they were made.
   void reserve_sums() {
     const std::size_t count = model_->count();
@@ -369,6 +417,7 @@ class CudaBackend final : private Device, public Backend {
     sums_.gradients.fill_zero();
     for_each_statistic([](const char*, auto& array) { array.fill_zero(); }, sums_.statistics);
     sums_.touched.fill_zero();
+    photometric_gradient_.fill_zero();
   }
 
   // Removes the steps that fitted into their buffers, and repeats the others. Waits only where it
@@ -416,8 +465,12 @@ class CudaBackend final : private Device, public Backend {
   std::unique_ptr<Loss> loss_;
   std::unique_ptr<Optimizer> optimizer_;
   BatchSums sums_;
+  bool is_photometric_ = false;
+  Buffer<double> photometric_gradient_;           // (state.shape.size()) zero between steps
+  Buffer<std::uint32_t> camera_of_;               // (photos) PhotometricState::camera_of
+  std::vector<std::uint32_t> camera_of_on_host_;  // what camera_of_ holds
   std::unique_ptr<RowOps> rows_;
-  Reports reports_;
+  Reports reports_{kMostPending};
   InstanceForecast forecast_;
   std::deque<Step> pending_;
   TrainingModel* model_ = nullptr;

@@ -9,14 +9,16 @@
 #include "cuda/density/fragment_sums.cuh"
 #include "cuda/device/context.cuh"
 #include "cuda/device/fixed_sums.cuh"
+#include "cuda/render/view_scratch.h"
 #include "cuda/train/photos.cuh"
 #include "gs_core/math/adam.h"
+#include "gs_core/math/view_splat.h"
 #include "gs_train/backend.h"
 
 namespace gs::cuda {
 
-/// The device's message to the host about one step. create_instances() writes it; the host reads it
-/// later.
+/// The device's message to the host about one step, or one frame. create_instances() writes it; the
+/// host reads it later.
 struct StepReport {
   std::uint32_t instances;  // of the view
   std::uint32_t halted;     // 1: this step or an earlier one had more instances than capacity
@@ -34,16 +36,20 @@ inline constexpr std::uint32_t kNoTile = 0xffffffffu;
 // clang-format off
 /// What stages 3 and 4 leave with a RenderPass for blending: the order of the tiles, and the lists
 /// in segments that the backward pass can walk independently.
-struct CudaScratch final : BackendScratch {
-  Buffer<std::uint32_t> tile_order;         // (tiles) those with the longest lists first
+struct CudaScratch final : ViewScratch {
+  Buffer<std::uint32_t> tile_order;         // (tiles) those with the longest lists first; empty: as they are numbered
   Buffer<std::uint32_t> first_checkpoints;  // (tiles) a tile's first checkpoint; one per segment but the first
   Buffer<ListSegment> segments;             // (capacity S) the longest first, then empty ones
   Buffer<Vec4f> checkpoints;                // (S - tiles, pixels of a tile) color and transmittance before a segment
 
   explicit CudaScratch(Memory& memory)
-      : tile_order(memory), first_checkpoints(memory), segments(memory), checkpoints(memory) {}
+      : ViewScratch(memory), tile_order(memory), first_checkpoints(memory), segments(memory),
+        checkpoints(memory) {}
 };
 // clang-format on
+
+/// An entry of a bin's list, before its list is in order (bins.cuh).
+using BinEntry = std::uint64_t;
 
 // clang-format off
 /// The buffers that one render needs besides the RenderPass: scratch of the sorts, and what the
@@ -58,7 +64,11 @@ struct Workspace {
   Buffer<std::uint32_t> first_of_order;   // (N or M)  first instance of each Gaussian in depth order
   Buffer<std::uint32_t> keys, sorted_keys;  // (capacity) tiles of the instances, in 16 or 32 bits
   Buffer<std::uint32_t> instance_splats;  // (capacity) Gaussians of the instances, in depth order
+  Buffer<std::uint32_t> length_classes;   // (2, classes) tiles whose lists are about as long: all, and ordered so far
   Buffer<std::uint8_t> sort_scratch;      // of CUB
+  // Lists by bins; empty without them.
+  Buffer<std::uint32_t> bin_counts;       // (bins)  entries counted, then those written
+  Buffer<BinEntry> bin_entries;           // (capacity)
   Buffer<SplatGradientSum> splat_gradients;  // (N)  zero between steps
   Buffer<FineSums> fine_sums;             // (N)  zero between steps, if deterministic
   Buffer<CoarseSums> coarse_sums;         // (N)  zero between steps, if deterministic
@@ -72,9 +82,10 @@ struct Workspace {
   explicit Workspace(Memory& memory)
       : depth_keys(memory), sorted_depth_keys(memory), row_numbers(memory), visible_first(memory),
         visible_count(memory), taken_depth_keys(memory), first_of_order(memory), keys(memory),
-        sorted_keys(memory), instance_splats(memory), sort_scratch(memory), splat_gradients(memory),
-        fine_sums(memory), coarse_sums(memory), fragment_sums(memory), fixed_fragment_sums(memory),
-        pixel_values(memory), value_range(memory), halted(memory) {}
+        sorted_keys(memory), instance_splats(memory), length_classes(memory), sort_scratch(memory),
+        bin_counts(memory), bin_entries(memory),
+        splat_gradients(memory), fine_sums(memory), coarse_sums(memory), fragment_sums(memory),
+        fixed_fragment_sums(memory), pixel_values(memory), value_range(memory), halted(memory) {}
 };
 // clang-format on
 
@@ -86,6 +97,33 @@ inline constexpr std::uint32_t kSegmentLength = 512;
 GS_HD std::uint32_t saturating_sum(std::uint32_t a, std::uint32_t b) {
   const std::uint32_t sum = a + b;
   return sum < a ? 0xffffffffu : sum;
+}
+
+/// True where lists are divided into segments, with the state of each pixel between two of them.
+inline bool makes_segments(const RenderSettings& settings) {
+  return settings.for_backward || settings.counted_frames;
+}
+
+/// True where blend() works on tensor cores. Truncation by standard deviations gives each splat a
+/// lowest exponent of its own, which the products cannot test.
+inline bool blends_on_tensor_cores(const Context& context, const RenderSettings& settings) {
+  return settings.use_tensor_cores && context.has_tensor_cores() &&
+         settings.truncation == Truncation::alpha;
+}
+
+/// True where frames of a packed model have splats of 32 bytes.
+inline bool uses_view_splats(const Context& context, const RenderSettings& settings) {
+  return blends_on_tensor_cores(context, settings) && !settings.full_splats;
+}
+
+/// Calls f(splats) with the splats of a pass, of whichever type stage 1 has made.
+template <class F>
+void with_splats(const RenderPass& pass, F&& f) {
+  const CudaScratch& scratch = pass.scratch<CudaScratch>();
+  if (scratch.has_view_splats)
+    f(static_cast<const ViewSplat*>(scratch.view_splats.data()));
+  else
+    f(static_cast<const Splat*>(pass.splats.data()));
 }
 
 /// True where the tile numbers of a pass fit keys of 16 bits, with the number for "no tile".
@@ -103,16 +141,45 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
 void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass,
                     std::size_t most_visible);
 
-/// 2  instances.cu: write one instance for each tile hit, in that order. Places that are left up to
-/// `capacity` belong to no tile. More instances than `capacity` raise workspace.halted. `report`
-/// may be null; else it lies in memory that host and device share.
+/// Throws Error where a pass has more Gaussians than the entries of lists can hold
+/// (kMostGaussians).
+void check_gaussian_count(const RenderPass& pass);
+
+/// How many instances, or entries of bins, are written, and to whom it is told.
+struct InstanceLimit {
+  std::uint32_t capacity;           // places; those that are left belong to no tile
+  std::uint32_t* halted = nullptr;  // raised where there are more instances; may be null
+  StepReport* report = nullptr;     // in memory that host and device share; may be null
+  std::uint32_t step = 0;           // the report's number
+};
+
+/// 2  instances.cu: write one instance for each tile hit, in that order.
 void create_instances(Context& context, const RenderSettings& settings, Workspace& workspace,
-                      RenderPass& pass, std::uint32_t capacity, StepReport* report,
-                      std::uint32_t step);
+                      RenderPass& pass, const InstanceLimit& limit);
+/// After 1, 2  instances.cu: report only how many there are.
+void report_instances(Context& context, const RenderSettings& settings, Workspace& workspace,
+                      const RenderPass& pass, StepReport* report, std::uint32_t step);
 
 /// 3  sort.cu: order the instances by tile, stably, find each tile's list, and put the longest
-/// first.
-void sort_by_tile(Context& context, Workspace& workspace, RenderPass& pass, std::uint32_t capacity);
+/// first, unless there are so many tiles that their order does not matter. For the backward pass
+/// the lists are also divided into segments.
+void sort_by_tile(Context& context, const RenderSettings& settings, Workspace& workspace,
+                  RenderPass& pass, std::uint32_t capacity);
+
+/// 2, 3 by bins, in place of the three above  bins.cu: count the bins of settings.bin_side that the
+/// view splats hit, and find the place of each bin's list. With more entries than limit.capacity
+/// all lists are empty.
+void count_bins(Context& context, const RenderSettings& settings, Workspace& workspace,
+                RenderPass& pass, const InstanceLimit& limit);
+/// 2 by bins  bins.cu: write the entries of the lists, each bin's in any order.
+void fill_bins(Context& context, const RenderSettings& settings, Workspace& workspace,
+               RenderPass& pass, std::uint32_t capacity);
+/// 3 by bins  bin_sort.cu: sort each bin's entries by depth and row, and find the sub-tiles that
+/// they hit.
+void sort_bins(Context& context, const RenderSettings& settings, Workspace& workspace,
+               RenderPass& pass, std::uint32_t capacity);
+/// 4 by bins, on tensor cores  blend_bins.cu: blend each sub-tile's splats front to back.
+void blend_bins(Context& context, const RenderSettings& settings, RenderPass& pass);
 
 /// 4  blend.cu: blend each tile's list front to back over the background.
 void blend(Context& context, const RenderSettings& settings, RenderPass& pass);
@@ -127,9 +194,10 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
                     Workspace& workspace, RenderPass& pass);
 
 /// Before 6  fragment_sums.cu: the values of the pixels that the score sums, into
-/// workspace.pixel_values.
+/// workspace.pixel_values. `photo` is null without a photometric model.
 void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& view,
-                       const DensityStep& density, Workspace& workspace, const RenderPass& pass);
+                       const PhotoOnDevice* photo, const DensityStep& density, Workspace& workspace,
+                       const RenderPass& pass);
 /// After 6  fragment_sums.cu: pools the photo's sums over fragments with those of statistics, and
 /// clears them. The statistics stay as they are while workspace.halted is raised.
 void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,

@@ -26,7 +26,15 @@ struct RenderSettings : SplatSettings {
   // where the GPU has them: exponents as matrix products, blend_gemm.cu
   bool use_tensor_cores = true;
   bool half_precision = false;  // with tensor cores: blending weights of 11 bits, for viewing
+  bool packs_sh = true;         // pack(): SH beyond degree 0 in 16 bits
   bool for_backward = true;     // false: what only the backward pass reads may be skipped
+  // Frames without a backward pass that nevertheless wait for the count of their instances, and
+  // make segments; only for comparisons (gemsplat bench --frame-steps)
+  bool counted_frames = false;
+  bool full_splats = false;  // draw(): splats of 48 bytes in place of 32; only for comparisons
+  // draw(), where splats have 32 bytes: lists by bins of so many pixels, 32 or 64, in place of
+  // lists by tiles. 0: by tiles. Not measured yet, and only for comparisons.
+  int bin_side = 0;
   // sums that do not depend on their order, so that a step has one result
   bool deterministic = false;
 };
@@ -97,16 +105,17 @@ struct RenderPass {
     return *mine;
   }
 
-  /// Sizes what stage 1 fills, for a view and so many Gaussians.
-  void begin(const Camera& camera, std::size_t gaussians) {
+  /// Sizes what stage 1 fills, for a view and so many Gaussians. `with_splats` false: the backend
+  /// keeps splats in a form of its own, and there are no depths.
+  void begin(const Camera& camera, std::size_t gaussians, bool with_splats = true) {
     GS_CHECK(camera.width > 0 && camera.width <= kMaxPictureSide && camera.height > 0 &&
              camera.height <= kMaxPictureSide);
     width = camera.width;
     height = camera.height;
     tiles_x = (camera.width + kTileWidth - 1) / kTileWidth;
     tiles_y = (camera.height + kTileHeight - 1) / kTileHeight;
-    splats.resize_discard(gaussians);
-    depths.resize_discard(gaussians);
+    splats.resize_discard(with_splats ? gaussians : 0);
+    depths.resize_discard(with_splats ? gaussians : 0);
     pixel_rects.resize_discard(gaussians);
     tile_counts.resize_discard(gaussians);
   }

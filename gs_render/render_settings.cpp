@@ -11,6 +11,7 @@ RenderSettings render_settings(const Config& config) {
   settings.bounds = render.bounds;
   settings.use_tensor_cores = render.blend == BlendKernel::gemm;
   settings.half_precision = render.precision == Precision::half;
+  settings.packs_sh = render.packed_sh;
   settings.deterministic = config.train.deterministic;
   settings.blend_rule = render.blend_rule;
   settings.antialias = render.antialias;

@@ -11,6 +11,18 @@
 
 namespace gs {
 
+/// A model that is drawn many times and does not change in between, as a renderer likes to have it
+/// (Renderer::pack). This base class is the Gaussians themselves.
+class PackedScene {
+ public:
+  explicit PackedScene(const GaussiansSpan& gaussians) : gaussians_(gaussians) {}
+  virtual ~PackedScene() = default;
+  const GaussiansSpan& gaussians() const { return gaussians_; }
+
+ private:
+  GaussiansSpan gaussians_;
+};
+
 /// Renders Gaussians and pulls gradients back through the picture. A backend owns one.
 class Renderer {
  public:
@@ -21,6 +33,18 @@ class Renderer {
   /// Renders and fills `pass`: picture, transmittance, and everything that backward() needs.
   virtual void forward(const GaussiansSpan& gaussians, const Camera& camera,
                        const RenderSettings& settings, RenderPass& pass) = 0;
+
+  /// Prepares Gaussians for draw(): worth it from a few frames on. They must outlive the result,
+  /// and must not change meanwhile. `settings` are those of the frames; where a frame has another
+  /// SH degree, or where there was no memory for the packed copy, draw() reads the Gaussians
+  /// themselves.
+  virtual std::unique_ptr<PackedScene> pack(const GaussiansSpan& gaussians,
+                                            const RenderSettings& settings);
+  /// forward() of a packed model, for pictures without a backward pass. SH may be rounded
+  /// (RenderSettings::packs_sh), and so may be colors. Of the pass only the counts and lists of
+  /// tiles, picture and transmittance are defined; `splats` may be empty.
+  virtual void draw(const PackedScene& scene, const Camera& camera, const RenderSettings& settings,
+                    RenderPass& pass);
 
   /// Pulls dL/d(image) back to the parameters. `pass` is the result of forward() with the same
   /// arguments.
@@ -41,5 +65,7 @@ std::unique_ptr<Renderer> make_scalar_renderer();
 /// The pass's picture in host memory, (height, width, 3), multiplied by `exposure` and clamped to
 /// [0, 1].
 ImageF image_of(const RenderPass& pass, const Vec3f& exposure = Vec3f(1));
+/// The same of the picture's planes (3, height, width) in host memory.
+ImageF image_of(Span<const float> planes, int width, int height, const Vec3f& exposure = Vec3f(1));
 
 }  // namespace gs

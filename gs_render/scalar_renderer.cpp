@@ -34,12 +34,26 @@ class ScalarRenderer final : public Renderer {
 
 }  // namespace
 
+std::unique_ptr<PackedScene> Renderer::pack(const GaussiansSpan& gaussians, const RenderSettings&) {
+  return std::make_unique<PackedScene>(gaussians);
+}
+
+void Renderer::draw(const PackedScene& scene, const Camera& camera, const RenderSettings& settings,
+                    RenderPass& pass) {
+  forward(scene.gaussians(), camera, settings, pass);
+}
+
 std::unique_ptr<Renderer> make_scalar_renderer() { return std::make_unique<ScalarRenderer>(); }
 
 ImageF image_of(const RenderPass& pass, const Vec3f& exposure) {
   const std::vector<float> planes = pass.image.download();
-  ImageF image(pass.width, pass.height, 3);
-  const std::size_t plane = pass.pixel_count();
+  return image_of({planes.data(), planes.size()}, pass.width, pass.height, exposure);
+}
+
+ImageF image_of(Span<const float> planes, int width, int height, const Vec3f& exposure) {
+  const std::size_t plane = std::size_t(width) * std::size_t(height);
+  GS_CHECK(planes.size == 3 * plane);
+  ImageF image(width, height, 3);
   parallel_for(plane, kPixelsPerChunk, [&](std::size_t i) {
     for (int c = 0; c < 3; ++c)
       image.pixels[3 * i + c] = clamp_to(exposure[c] * planes[c * plane + i], 0.0f, 1.0f);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/backend.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include "gs_core/error.h"
 #include "gs_core/math/area_filter.h"
 #include "gs_train/reduced_view.h"
@@ -86,6 +88,12 @@ void Backend::use_photometric(std::unique_ptr<PhotometricModel> photometric) {
   if (photometric)
     throw UsageError("photometric.model is not there on " + name() +
                      " yet; train with --device cpu, or leave photometric.model none");
+}
+
+void Backend::check_takes_appearance(const Loss& loss, const std::string& kind) {
+  if (!loss.takes_appearance())
+    throw UsageError(fmt::format(
+        "loss.kind {} does not know photometric.model; leave one of the two out", kind));
 }
 
 // Where the lens darkens follows from the whole photo, also where this step sees a reduced one.

@@ -132,6 +132,8 @@ class Backend {
   /// Adds the gradient of appearance_, times `weight`.
   void add_photometric_gradient(const PhotometricShape& shape, const TrainingPhoto& photo,
                                 double weight);
+  /// Throws UsageError where the loss, a word of loss.kind, knows no photometric model.
+  static void check_takes_appearance(const Loss& loss, const std::string& kind);
   /// One update by the sum of the gradients.
   virtual void update_photometric(PhotometricState& state, const Update& update,
                                   std::vector<double>& gradient);

@@ -16,6 +16,7 @@
 #include "gs_core/scene.h"
 #include "gs_render/render_pass.h"
 #include "gs_train/photometric/appearance.h"
+#include "gs_train/photometric/photometric_state.h"
 
 namespace gs {
 
@@ -29,6 +30,8 @@ struct LossSettings {
   // With a photometric model, that of the view, which has shown the pass's picture. It replaces the
   // view's exposure: its shown() is compared with the photo, and the loss calls its pull_back().
   Appearance* appearance = nullptr;
+  // The same for losses of a device, which show the picture themselves.
+  const PhotoOnDevice* photo_on_device = nullptr;
 };
 
 inline LossSettings loss_settings(const Config& config) { return {config.loss.lambda_dssim}; }
@@ -43,7 +46,7 @@ class Loss {
                                 const LossSettings& settings, Buffer<float>& dL_dimage) = 0;
   /// The loss of the last call. On a device this waits for it; the trainer asks only when it logs.
   virtual double value() = 0;
-  /// Whether it compares what an appearance shows (LossSettings).
+  /// Whether it compares the picture as a photometric model shows it (LossSettings).
   virtual bool takes_appearance() const { return false; }
 };
 

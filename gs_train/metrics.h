@@ -113,5 +113,11 @@ Evaluation evaluate(
     const RenderSettings& settings,
     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view = {},
     const EvaluationOptions& options = {});
+/// The same for a model that was packed for viewing (Renderer::pack).
+Evaluation evaluate(
+    Renderer& renderer, const PackedScene& scene, const std::vector<View>& views,
+    const RenderSettings& settings,
+    const std::function<void(std::size_t, const View&, const ImageF&)>& on_view = {},
+    const EvaluationOptions& options = {});
 
 }  // namespace gs

@@ -74,6 +74,7 @@ sanitize() {
   part "$1-render" "${check[@]}" build/minimal/tests/cuda_render_test --gtest_filter='CudaEdge.*-*65536*'
   part "$1-blend" "${check[@]}" build/minimal/tests/cuda_blend_gemm_test --gtest_filter='*TwoOpaque*:*AtItsCenter'
   part "$1-step" "${check[@]}" build/minimal/tests/cuda_step_test --gtest_filter='*FusedStep*:*ModelsOfAnyNumbers*'
+  part "$1-photometric" "${check[@]}" build/minimal/tests/cuda_photometric_test --gtest_filter='*AStepIs*:*ABatchIs*'
 }
 
 # bench NAME ARGUMENT...: what to time; figures into DIR/bench-NAME.json.

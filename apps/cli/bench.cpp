@@ -30,7 +30,7 @@ struct BenchCommand : CommandLine {
   int gaussians = 0;  // of a generated scene; 0 for a trained model
   int width = 1280, height = 720, views = 8;
   BenchmarkPlan plan;
-  bool json = false, blenders = false;
+  bool json = false, blenders = false, frame_steps = false;
 };
 
 BenchmarkSubject generated_subject(const BenchCommand& command) {
@@ -85,11 +85,13 @@ BenchmarkSubject subject_of(const BenchCommand& command) {
   return is_generated ? generated_subject(command) : trained_subject(command);
 }
 
-BenchmarkReport measure(const BenchmarkSubject& subject, const BenchmarkPlan& plan,
-                        bool with_blenders) {
+BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& command) {
+  const BenchmarkPlan& plan = command.plan;
   const std::unique_ptr<Backend> backend = make_backend(subject.config.train.device);
-  if (with_blenders && &backend->memory() == &host_memory())
+  if (command.blenders && &backend->memory() == &host_memory())
     throw UsageError("--blenders compares the blenders of a GPU; add --device cuda");
+  if (command.frame_steps && &backend->memory() == &host_memory())
+    throw UsageError("--frame-steps compares frames of a GPU; add --device cuda");
   BenchmarkReport report;
   report.device = backend->name();
   {
@@ -102,10 +104,17 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchmarkPlan& pl
     for (const double scale : plan.scales) {
       log_info("timing rendering: {} views, {} frames each, at scale {:g}",
                subject.rendered_views().size(), 2 * plan.frames + 1, scale);
-      report.rendering.push_back(
-          time_rendering(*backend, model, subject.rendered_views(), subject.settings, plan, scale));
+      const std::vector<View>& views = subject.rendered_views();
+      if (!command.frame_steps) {
+        report.rendering.push_back(time_rendering(*backend, model, views, subject.settings, plan,
+                                                  scale, usual_way(subject.settings)));
+        continue;
+      }
+      for (RenderingFigures& figures :
+           compare_frame_ways(*backend, model, views, subject.settings, plan, scale))
+        report.rendering.push_back(std::move(figures));
     }
-    if (with_blenders)
+    if (command.blenders)
       report.blenders =
           compare_blenders(*backend, model, subject.rendered_views(), subject.settings, plan);
   }
@@ -118,7 +127,7 @@ void bench(const BenchCommand& command) {
   setup_log(command.verbosity());
   const BenchmarkSubject subject = subject_of(command);
   check_scales(subject.rendered_views(), command.plan.scales);
-  const BenchmarkReport report = measure(subject, command.plan, command.blenders);
+  const BenchmarkReport report = measure(subject, command);
   const std::string json = report_json(subject, command.plan, report);
   if (!command.output.empty()) {
     keep_older_aside(command.output);
@@ -176,6 +185,8 @@ void add_bench(CLI::App& program) {
       ->type_name("FILE");
   verb.add_flag("--blenders", command->blenders,
                 "compare speed and pictures of the GPU's blenders with each kind of tile bounds");
+  verb.add_flag("--frame-steps", command->frame_steps,
+                "time frames in each way in which the GPU can draw them, and compare the pictures");
   add_generator_options(verb, *command);
   add_plan_options(verb, command->plan);
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");

@@ -3,6 +3,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <iostream>
 #include <memory>
 
@@ -22,8 +23,10 @@ struct ConfigCommand : CommandLine {
 };
 
 void list_presets() {
+  std::size_t width = 0;
+  for (const Preset& preset : presets()) width = std::max(width, preset.name.size());
   for (const Preset& preset : presets())
-    std::cout << fmt::format("{:<15} {}\n", preset.name, summary(preset));
+    std::cout << fmt::format("{:<{}} {}\n", preset.name, width, summary(preset));
 }
 
 void explain_settings(const ConfigCommand& command) {

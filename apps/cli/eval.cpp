@@ -51,7 +51,7 @@ std::string line_of(const ViewMetrics& view) {
 EvaluationOptions options_of(const EvalCommand& command, const OpenedModel& opened,
                              const Scene& scene, Lpips* lpips) {
   EvaluationOptions options({true, lpips});
-  options.is_corrected = command.corrects_colors;
+  options.is_corrected = command.corrects_colors || opened.config.eval.color_corrected;
   if (!opened.run || !std::filesystem::exists(opened.run->photometric())) return options;
   const SceneLooks looks = read_photometric(opened.run->photometric());
   options.appearance_of = appearances(looks);
@@ -74,10 +74,13 @@ void eval(const EvalCommand& command) {
   const std::vector<View> views = views_of(std::move(scene), command.split);
   if (lpips) lpips->check_sizes(views);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
+  const RenderSettings settings = view_settings(opened, config);
+  const std::unique_ptr<PackedScene> scene_to_draw =
+      backend->renderer().pack(gaussians.span(), settings);
 
   ProgressBar bar(std::int64_t(views.size()), !command.quiet);
   const Evaluation evaluation = evaluate(
-      backend->renderer(), gaussians.span(), views, view_settings(opened, config),
+      backend->renderer(), *scene_to_draw, views, settings,
       [&](std::size_t index, const View&, const ImageF&) {
         const auto done = std::int64_t(index) + 1;
         if (bar.due(done)) bar.draw(done, "", "view");

@@ -5,14 +5,18 @@
 
 #include <algorithm>
 #include <csignal>
+#include <functional>
 #include <iostream>
+#include <map>
 #include <memory>
 
 #include "apps/cli/devices.h"
 #include "apps/cli/render_command.h"
+#include "data_loaders/photos/photo_names.h"
 #include "gs_app/export/cameras.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
+#include "gs_app/run/photometric_file.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/provenance.h"
 #include "gs_core/error.h"
@@ -99,6 +103,40 @@ DepthRange depth_range(const RenderCommand& command, ViewPictures& pictures,
   return range_of(pictures.sample_depths(without_names(cameras)));
 }
 
+// --- Colors
+
+constexpr const char* kLikeEach = "each";  // --like: every picture as the photo of its own name
+
+// Gives the appearance of each picture, on a lens of its size; nothing where colors are neutral.
+using LookOf = std::function<std::unique_ptr<Appearance>(const NamedCamera&)>;
+
+LookOf look_of(const OpenedModel& opened, const RenderCommand& command,
+               const std::vector<NamedCamera>& cameras) {
+  if (command.like.empty()) return {};
+  if (!opened.run || !std::filesystem::exists(opened.run->photometric()))
+    throw UsageError(
+        "--like needs a run that was trained with photometric.model, whose photometric.json says "
+        "how its photos look; name such a run's folder, or leave --like out");
+  const SceneLooks looks = read_photometric(opened.run->photometric());
+  std::map<std::string, std::string> names;  // also without extension, as in cameras.json
+  for (const auto& [name, photo] : looks.photos) names[without_extension(name)] = name;
+  for (const auto& [name, photo] : looks.photos) names[name] = name;
+  const auto photo_of = [like = command.like](const NamedCamera& camera) {
+    return like == kLikeEach ? camera.name : like;
+  };
+  for (const NamedCamera& camera : cameras)
+    if (!names.contains(photo_of(camera)))
+      throw UsageError(fmt::format("there is no photo {} in {}; it has {} and others",
+                                   photo_of(camera), opened.run->photometric().string(),
+                                   looks.photos.empty() ? "none" : looks.photos.begin()->first));
+  return [of = appearances(looks), names, photo_of](const NamedCamera& camera) {
+    View view;
+    view.name = names.at(photo_of(camera));
+    view.camera = camera.camera;
+    return of(view);
+  };
+}
+
 // --- What was done
 
 Json model_json(const OpenedModel& opened) {
@@ -125,6 +163,7 @@ Json film_json(const RenderCommand& command, const RenderOutput& output,
   json["height"] = cameras[0].camera.height;
   if (has_depth_in_colors(command)) json["depth_range"] = {range.nearest, range.farthest};
   if (command.shows(Quantity::normal)) json["normal_space"] = command.normal_space;
+  if (!command.like.empty()) json["like"] = command.like;
   return json;
 }
 
@@ -155,7 +194,7 @@ std::vector<std::string> names_of(const std::vector<NamedCamera>& cameras) {
 volatile std::sig_atomic_t g_is_interrupted = 0;
 
 void render_views(const RenderCommand& command, const std::vector<NamedCamera>& cameras,
-                  ViewPictures& pictures, RenderOutput& output) {
+                  const LookOf& look_of, ViewPictures& pictures, RenderOutput& output) {
   ProgressBar bar(std::int64_t(cameras.size()), !command.quiet);
   const SignalHandlers handlers([](int) { g_is_interrupted = 1; });
   if (!command.output.is_film()) put_descriptions_aside(command, output);
@@ -166,7 +205,8 @@ void render_views(const RenderCommand& command, const std::vector<NamedCamera>& 
                                                        : "their pictures are kept"),
                   ExitCode::interrupted);
     const std::vector<Quantity>& quantities = command.output.quantities;
-    const std::vector<ImageF> values = pictures.values(cameras[i].camera, quantities);
+    const std::unique_ptr<Appearance> look = look_of ? look_of(cameras[i]) : nullptr;
+    const std::vector<ImageF> values = pictures.values(cameras[i].camera, quantities, look.get());
     for (std::size_t q = 0; q < values.size(); ++q) output.write(i, quantities[q], values[q]);
     if (bar.due(std::int64_t(i) + 1)) bar.draw(std::int64_t(i) + 1, cameras[i].name, "view");
   }
@@ -206,12 +246,13 @@ void render(const RenderCommand& command) {
   }
   fit_cameras(command, cameras);
   set_times(command, opened.model.gaussians.has_time, cameras);
+  const LookOf look = look_of(opened, command, cameras);
   const DepthRange range = depth_range(command, pictures, cameras);
   RenderOutput output(command.output, names_of(cameras), range);
   if (is_described(command))
     for (const auto& file : {output.description(), output.cameras()})
       check_place(file, command.output.force);
-  render_views(command, cameras, pictures, output);
+  render_views(command, cameras, look, pictures, output);
   if (is_described(command)) {
     Json json = film_json(command, output, cameras, range);
     if (!path.is_null()) json["path"] = path;

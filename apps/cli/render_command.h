@@ -27,6 +27,7 @@ struct RenderCommand : CommandLine {
   std::optional<double> field_of_view;  // degrees across the width
   std::vector<float> depth_range;       // nearest, farthest, world units; empty: found
   std::string normal_space = "world";   // or "camera"
+  std::string like;                     // a photo of the run, or "each"; empty: neutral colors
   std::vector<float> times;             // of all pictures, or of the first and the last; 0 to 1
 
   bool is_path() const { return !path.kind.empty(); }

@@ -165,6 +165,12 @@ void add_picture_options(CLI::App& verb, RenderFlags& flags) {
       ->check(CLI::IsMember({"png", "exr"}))
       ->type_name("png,exr")
       ->group("Pictures");
+  verb.add_option("--like", command.like,
+                  "show colors as this photo of a run with photometric.model does, under its "
+                  "exposure, white balance and vignetting; each: every picture as the photo of "
+                  "its name [the scene's own colors]")
+      ->type_name("PHOTO|each")
+      ->group("Pictures");
   verb.add_option("--size", flags.size, "size of the pictures [that of the cameras]")
       ->type_name("WxH")
       ->excludes("--resolution")

@@ -55,13 +55,14 @@ std::vector<Frame> render_frames(const Model& model, const std::vector<NamedCame
   const BorrowedBackend backend(device);
   const OnDevice gaussians(model, backend->memory());
   Renderer& renderer = backend->renderer();
+  const std::unique_ptr<PackedScene> packed = renderer.pack(gaussians.span(), settings);
   RenderPass pass(backend->memory());
   std::optional<SurfaceRenderer> surface;
   if (wanted.depth || wanted.normals)
     surface.emplace(renderer, gaussians.span(), model.model.gaussians, settings);
   std::vector<Frame> frames;
   for (const NamedCamera& named : cameras) {
-    renderer.forward(gaussians.span(), named.camera, settings, pass);
+    renderer.draw(*packed, named.camera, settings, pass);
     Frame& frame = frames.emplace_back(Frame{image_of(pass), alpha_of(pass), {}, {}});
     if (surface) frame.depth = surface->depth(named.camera);
     if (wanted.normals) frame.normals = normals_of(frame.depth, named.camera);
@@ -135,8 +136,8 @@ Evaluation evaluate_views(const Model& model, const LoadedScene& scene, const st
   const Work work;
   const BorrowedBackend backend(device);
   const OnDevice gaussians(model, backend->memory());
-  return evaluate(backend->renderer(), gaussians.span(), views, settings, {},
-                  MetricSet{true, lpips.get()});
+  const std::unique_ptr<PackedScene> packed = backend->renderer().pack(gaussians.span(), settings);
+  return evaluate(backend->renderer(), *packed, views, settings, {}, MetricSet{true, lpips.get()});
 }
 
 // The metrics of a view, or the means over views; 0 when there are no views.

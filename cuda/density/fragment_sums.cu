@@ -5,6 +5,7 @@
 #include "cuda/density/fragment_sums.cuh"
 
 #include "cuda/stages.cuh"
+#include "cuda/train/photometric.cuh"
 #include "gs_core/image.h"
 #include "gs_core/math/photo_weight.h"
 
@@ -23,16 +24,24 @@ struct ComparedPictures {
   Vec3f exposure, background;
   bool over_background;
   float white;
+  PhotoLook look;  // where the appearance is learned, in place of the exposure
 };
 
+template <bool kIsLearned>
 __global__ void errors_kernel(ComparedPictures pictures, Span<float> values) {
   const std::size_t i = thread_number();
   if (i >= values.size) return;
+  float lens = 1;
+  if (kIsLearned && pictures.look.vignetting) {
+    const int x = int(i % std::size_t(pictures.width)), y = int(i / std::size_t(pictures.width));
+    lens = lens_gain(pictures.look.lens(), pictures.look.rho(x, y));
+  }
   const float m = pictures.bytes.mask ? pictures.bytes.mask[i] * kPerByte : 1.0f;
   float sum = 0;
   for (int c = 0; c < 3; ++c) {
+    const float e = kIsLearned ? pictures.look.photo_gain(c) * lens : pictures.exposure[c];
     const PhotoWeight<float> weight =
-        photo_weight(m, pictures.exposure[c], pictures.background[c], pictures.over_background);
+        photo_weight(m, e, pictures.background[c], pictures.over_background);
     const float x = weight.gain * pictures.image[c * values.size + i];
     const float y = pictures.bytes.photo[3 * i + c] * kPerByte;
     sum += fabsf(x - compared_photo(x, weight.cover * y + weight.backdrop, y, pictures.white));
@@ -107,7 +116,8 @@ __global__ void pool_kernel(Span<FragmentSums> all, FragmentSums* more, ScorePoo
 }  // namespace
 
 void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& view,
-                       const DensityStep& density, Workspace& workspace, const RenderPass& pass) {
+                       const PhotoOnDevice* photo, const DensityStep& density, Workspace& workspace,
+                       const RenderPass& pass) {
   const StageScope scope(context, "pixel values");
   const std::size_t pixels = pass.pixel_count(), blocks = blocks_for(pixels, kThreads);
   workspace.pixel_values.resize_discard(pixels);
@@ -116,11 +126,12 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
     context.launch("pixel values", edges_kernel, blocks, kThreads, bytes.photo, pass.width,
                    pass.height, values);
   else
-    context.launch(
-        "pixel values", errors_kernel, blocks, kThreads,
-        ComparedPictures{pass.image.data(), bytes, pass.width, pass.height, view.exposure,
-                         pass.background, view.over_background, view.white()},
-        values);
+    context.launch("pixel values", photo ? errors_kernel<true> : errors_kernel<false>, blocks,
+                   kThreads,
+                   ComparedPictures{pass.image.data(), bytes, pass.width, pass.height,
+                                    view.exposure, pass.background, view.over_background,
+                                    photo ? kPhotoWhite : view.white(), PhotoLook(photo)},
+                   values);
   if (density.score == GrowthScore::error) return;
   workspace.value_range.resize_discard(2);
   std::uint32_t* const range = workspace.value_range.data();

@@ -15,7 +15,7 @@ struct Output {
   float* transmittance;                    // (H, W)
   std::uint32_t* last;                     // (H, W)
   const std::uint32_t* first_checkpoints;  // (tiles)
-  Vec4f* checkpoints;                      // (.., pixels of a tile)
+  Vec4f* checkpoints;                      // (.., pixels of a tile); null: none are wanted
 };
 
 struct WarpShared {
@@ -29,7 +29,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   __shared__ WarpShared shared_of_warps[kBlendWarps];
   WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
   const WarpWork work;
-  const Subtile subtile(lists, tile_order[work.item], work.subtile);
+  const Subtile subtile(lists, tile_of(tile_order, work.item), work.subtile);
   if (subtile.x0 >= lists.width || subtile.y0 >= lists.height) return;  // the whole warp
 
   PixelState<float> pixel;
@@ -37,7 +37,8 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   std::uint32_t last = 0;
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
   const std::uint32_t length = lists.ranges[subtile.tile + 1] - lists.ranges[subtile.tile];
-  for (ListWalk walk(shared.ahead, lists, subtile.tile, subtile.pixels(), 0, length, true);
+  for (ListWalk walk(shared.ahead, lists, subtile.tile, subtile.pixels(), 0, length,
+                     out.checkpoints != nullptr);
        !walk.is_done();) {
     if (!__any_sync(kAllLanes, is_open)) break;
     if (walk.segment_is_done())
@@ -77,14 +78,11 @@ void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
   pass.image.resize_discard(3 * pass.pixel_count());
   pass.transmittance.resize_discard(pass.pixel_count());
   pass.last_instance.resize_discard(pass.pixel_count());
-  // Truncation by standard deviations gives each splat a lowest exponent of its own, which the
-  // products cannot test.
-  if (settings.use_tensor_cores && context.has_tensor_cores() &&
-      settings.truncation == Truncation::alpha)
-    return blend_gemm(context, settings, pass);
+  if (blends_on_tensor_cores(context, settings)) return blend_gemm(context, settings, pass);
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
-                   scratch.first_checkpoints.data(), scratch.checkpoints.data()};
+                   scratch.first_checkpoints.data(),
+                   makes_segments(settings) ? scratch.checkpoints.data() : nullptr};
   const auto launch = [&](auto kernel) {
     context.launch("blend", kernel, blend_blocks(pass.tile_count()), kBlendThreads,
                    tile_lists(pass), scratch.tile_order.data(), settings.background, out);

@@ -2,6 +2,7 @@
 // Stage 2: write one instance for each tile that a visible Gaussian hits, in depth order. A warp
 // fills kPlacesPerWarp consecutive places of the list. They may belong to many small splats or to a
 // part of one that covers the picture, so that the work is balanced.
+#include "cuda/render/reports.cuh"
 #include "cuda/render/row_spans.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/error.h"
@@ -12,13 +13,14 @@ namespace {
 constexpr int kThreads = 128;
 constexpr std::uint32_t kPlacesPerWarp = 128;  // few enough that short lists also occupy the GPU
 
+template <class AnySplat>
 struct Input {
   std::uint32_t count;                  // of Gaussians in depth order
   const std::uint32_t* depth_order;     // (count)
   const std::uint32_t* first_of_order;  // (count)
   const std::uint32_t* tile_counts;     // (N) by Gaussian, like the arrays that follow
   const Rect* pixel_rects;
-  const Splat* splats;
+  const AnySplat* splats;
   TileBounds bounds;
   int tiles_x;
   std::uint32_t tiles;
@@ -33,10 +35,7 @@ template <class Key>
 struct Output {
   Key* keys;
   std::uint32_t* splats;
-  std::uint32_t capacity;
-  std::uint32_t* halted;
-  volatile StepReport* report;
-  std::uint32_t step;
+  InstanceLimit limit;
 };
 
 // Shared memory of one warp: the tile rows of 32 splats, and the spans of 32 rows.
@@ -51,7 +50,8 @@ struct WarpShared {
 
 // The whole warp: finds the last Gaussian in depth order whose instances begin at `place` or
 // before, by a search that probes 32 candidates in each round.
-__device__ std::uint32_t order_of_place(const Input& in, std::uint32_t place) {
+template <class AnySplat>
+__device__ std::uint32_t order_of_place(const Input<AnySplat>& in, std::uint32_t place) {
   std::uint32_t begin = 0, count = in.count;
   while (count > 1) {
     const std::uint32_t step = (count + kWarp - 1) / kWarp;
@@ -67,10 +67,10 @@ __device__ std::uint32_t order_of_place(const Input& in, std::uint32_t place) {
 
 // The whole warp: writes the instances of rows row .. row + 31, which begin at `place`, as far as
 // they lie in [begin, end). Returns where the instances of the next rows begin.
-template <class Key>
-__device__ std::uint32_t write_spans(WarpShared& shared, const Input& in, const Output<Key>& out,
-                                     std::uint32_t row, std::uint32_t rows, std::uint32_t place,
-                                     std::uint32_t begin, std::uint32_t end) {
+template <class Key, class AnySplat>
+__device__ std::uint32_t write_spans(WarpShared& shared, const Input<AnySplat>& in,
+                                     const Output<Key>& out, std::uint32_t row, std::uint32_t rows,
+                                     std::uint32_t place, std::uint32_t begin, std::uint32_t end) {
   const int lane = lane_of_thread();
   std::uint32_t length = 0;
   if (row + lane < rows) {
@@ -100,18 +100,18 @@ __device__ std::uint32_t write_spans(WarpShared& shared, const Input& in, const 
 }
 
 // The whole warp: writes the instances of places [begin, end).
-template <class Key>
-__device__ void write_places(WarpShared& shared, const Input& in, const Output<Key>& out,
+template <class Key, class AnySplat>
+__device__ void write_places(WarpShared& shared, const Input<AnySplat>& in, const Output<Key>& out,
                              std::uint32_t begin, std::uint32_t end) {
   const int lane = lane_of_thread();
   std::uint32_t order = order_of_place(in, begin);
   for (std::uint32_t place = in.first_of_order[order]; place < end; order += kWarp) {
-    Splat splat;
+    SplatOutline splat;
     Rect pixels{0, 0, 0, 0};
     if (order + lane < in.count && in.first_of_order[order + lane] < end) {
       const std::uint32_t gaussian = in.depth_order[order + lane];
       if (in.tile_counts[gaussian]) {
-        splat = load_in_vectors(in.splats + gaussian);
+        splat = outline_of(load_in_vectors(in.splats + gaussian));
         pixels = in.pixel_rects[gaussian];
         shared.gaussian_of_splat[lane] = gaussian;
       }
@@ -124,20 +124,19 @@ __device__ void write_places(WarpShared& shared, const Input& in, const Output<K
   }
 }
 
-template <class Key>
-__global__ void __launch_bounds__(kThreads) create_instances_kernel(Input in, Output<Key> out) {
+template <class Key, class AnySplat>
+__global__ void __launch_bounds__(kThreads)
+    create_instances_kernel(Input<AnySplat> in, Output<Key> out) {
   __shared__ WarpShared shared_of_warps[kThreads / kWarp];
   const std::uint32_t warp = (blockIdx.x * kThreads + threadIdx.x) / kWarp;
-  const std::uint32_t begin = min(warp * kPlacesPerWarp, out.capacity);
-  const std::uint32_t end = min(begin + kPlacesPerWarp, out.capacity), total = in.instances();
+  const InstanceLimit& limit = out.limit;
+  const std::uint32_t begin = min(warp * kPlacesPerWarp, limit.capacity);
+  const std::uint32_t end = min(begin + kPlacesPerWarp, limit.capacity), total = in.instances();
   if (blockIdx.x == 0 && threadIdx.x == 0) {
-    if (total > out.capacity) *out.halted = 1;
-    if (out.report) {
-      out.report->instances = total;
-      out.report->halted = *out.halted;
-      __threadfence_system();
-      out.report->step = out.step;
-    }
+    const bool are_too_many = total > limit.capacity;
+    if (limit.halted && are_too_many) *limit.halted = 1;
+    if (limit.report)
+      write_report(limit.report, total, limit.halted ? *limit.halted : are_too_many, limit.step);
   }
   if (begin < min(end, total))
     write_places(shared_of_warps[threadIdx.x / kWarp], in, out, begin, min(end, total));
@@ -148,38 +147,60 @@ __global__ void __launch_bounds__(kThreads) create_instances_kernel(Input in, Ou
   }
 }
 
+__global__ void report_instances_kernel(Input<Splat> in, StepReport* report, std::uint32_t step) {
+  write_report(report, in.instances(), 0, step);
+}
+
+template <class AnySplat>
+Input<AnySplat> input_of(const RenderSettings& settings, const Workspace& workspace,
+                         const RenderPass& pass, const AnySplat* splats) {
+  return {std::uint32_t(pass.depth_order.size()),
+          pass.depth_order.data(),
+          workspace.first_of_order.data(),
+          pass.tile_counts.data(),
+          pass.pixel_rects.data(),
+          splats,
+          settings.bounds,
+          pass.tiles_x,
+          std::uint32_t(pass.tile_count())};
+}
+
 }  // namespace
 
-void create_instances(Context& context, const RenderSettings& settings, Workspace& workspace,
-                      RenderPass& pass, std::uint32_t capacity, StepReport* report,
-                      std::uint32_t step) {
-  const StageScope scope(context, "instances");
+void check_gaussian_count(const RenderPass& pass) {
   if (pass.tile_counts.size() > kMostGaussians)
     throw Error(
         "a GPU renders at most 268 million Gaussians; prune the model or set "
         "density.max_gaussians");
-  workspace.keys.resize_discard(capacity);
-  workspace.instance_splats.resize_discard(capacity);
-  const Input in{std::uint32_t(pass.depth_order.size()),
-                 pass.depth_order.data(),
-                 workspace.first_of_order.data(),
-                 pass.tile_counts.data(),
-                 pass.pixel_rects.data(),
-                 pass.splats.data(),
-                 settings.bounds,
-                 pass.tiles_x,
-                 std::uint32_t(pass.tile_count())};
-  const auto launch = [&](auto* keys) {
-    using Key = std::remove_pointer_t<decltype(keys)>;
-    const Output<Key> out{
-        keys, workspace.instance_splats.data(), capacity, workspace.halted.data(), report, step};
-    context.launch("instances", create_instances_kernel<Key>,
-                   blocks_for(capacity, kPlacesPerWarp * (kThreads / kWarp)), kThreads, in, out);
-  };
-  if (uses_short_keys(pass))
-    launch(reinterpret_cast<std::uint16_t*>(workspace.keys.data()));
-  else
-    launch(workspace.keys.data());
+}
+
+void report_instances(Context& context, const RenderSettings& settings, Workspace& workspace,
+                      const RenderPass& pass, StepReport* report, std::uint32_t step) {
+  context.launch("count of instances", report_instances_kernel, 1, 1,
+                 input_of(settings, workspace, pass, pass.splats.data()), report, step);
+}
+
+void create_instances(Context& context, const RenderSettings& settings, Workspace& workspace,
+                      RenderPass& pass, const InstanceLimit& limit) {
+  const StageScope scope(context, "instances");
+  check_gaussian_count(pass);
+  workspace.keys.resize_discard(limit.capacity);
+  workspace.instance_splats.resize_discard(limit.capacity);
+  with_splats(pass, [&](const auto* splats) {
+    using AnySplat = std::remove_cvref_t<decltype(*splats)>;
+    const Input<AnySplat> in = input_of(settings, workspace, pass, splats);
+    const auto launch = [&](auto* keys) {
+      using Key = std::remove_pointer_t<decltype(keys)>;
+      const Output<Key> out{keys, workspace.instance_splats.data(), limit};
+      context.launch("instances", create_instances_kernel<Key, AnySplat>,
+                     blocks_for(limit.capacity, kPlacesPerWarp * (kThreads / kWarp)), kThreads, in,
+                     out);
+    };
+    if (uses_short_keys(pass))
+      launch(reinterpret_cast<std::uint16_t*>(workspace.keys.data()));
+    else
+      launch(workspace.keys.data());
+  });
 }
 
 }  // namespace gs::cuda

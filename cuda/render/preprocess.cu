@@ -7,17 +7,13 @@
 // Faster-GS, fused activations, exact and balanced tile culling
 #include <algorithm>
 
-#include "cuda/render/row_spans.cuh"
+#include "cuda/render/preprocess.cuh"
 #include "cuda/render/sh_rows.cuh"
-#include "cuda/stages.cuh"
-#include "gs_core/math/depth_key.h"
 #include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/spacetime_color.h"
 
 namespace gs::cuda {
 namespace {
-
-constexpr int kThreads = 128;  // four warps; shared memory lets 28 warps run on a multiprocessor
 
 // The parameters of a warp's 32 Gaussians without SH, as they lie in their arrays.
 struct Parameters {
@@ -36,19 +32,6 @@ struct alignas(16) WarpShared {
   TileRows tile_rows;
   std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
 };
-
-// The whole warp: waits for the copies that it has started.
-__device__ void finish_copies() {
-  __pipeline_commit();
-  __pipeline_wait_prior(0);
-  __syncwarp();
-}
-
-// The numbers of an array from row `first` on.
-template <class T>
-__device__ const float* numbers_from(const Span<T>& array, std::size_t first) {
-  return reinterpret_cast<const float*>(array.data + first);
-}
 
 // One Gaussian's parameters without SH. Those of time, the filter and changes of color are
 // undefined where it has none.
@@ -137,45 +120,20 @@ __device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaus
   }
 }
 
-// The whole warp: counts the tiles that each lane's splat hits. `pixels` is empty where a lane has
-// no splat.
-__device__ std::uint32_t count_hit_tiles(WarpShared& shared, const Splat& splat, const Rect& pixels,
-                                         TileBounds bounds) {
-  const int lane = lane_of_thread();
-  shared.hits[lane] = 0;
-  const std::uint32_t rows = shared.tile_rows.take(splat, pixels, bounds);
-  for (std::uint32_t row = lane; row < rows; row += kWarp) {
-    const int owner = owner_of(row, shared.tile_rows.first);
-    const TileSpan span = shared.tile_rows.span(row, owner);
-    if (span.begin < span.end) atomicAdd(&shared.hits[owner], std::uint32_t(span.end - span.begin));
-  }
-  __syncwarp();
-  return shared.hits[lane];
-}
-
 // What the kernel writes, one row per Gaussian.
 struct Output {
   Splat* splats;
   float* depths;
-  std::uint32_t* depth_keys;
-  Rect* pixel_rects;
-  std::uint32_t* tile_counts;
-  DepthKeys keys;
+  ProjectedRows rows;
 };
-constexpr std::uint32_t kCulledKey = (1u << kDepthKeyBits) - 1;  // sorts behind every depth
-
-__device__ void cull(const Output& out, std::size_t i) {
-  out.tile_counts[i] = 0;
-  out.depth_keys[i] = kCulledKey;
-}
 
 template <int degree, bool has_time, bool has_filter, bool has_slope>
-__global__ void __launch_bounds__(kThreads)
+__global__ void __launch_bounds__(kPreprocessThreads)
     preprocess_kernel(GaussiansSpan gaussians, Camera camera, SplatSettings settings, int tiles_x,
                       int tiles_y, Output out) {
-  __shared__ WarpShared shared_of_warps[kThreads / kWarp];
+  __shared__ WarpShared shared_of_warps[kPreprocessThreads / kWarp];
   WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  const std::size_t i = std::size_t(blockIdx.x) * kPreprocessThreads + threadIdx.x;
   const std::size_t count = gaussians.mean.size, first = i - lane_of_thread();
   if (first >= count) return;  // the whole warp
   const int rows = int(min(count - first, std::size_t(kWarp)));
@@ -184,7 +142,7 @@ __global__ void __launch_bounds__(kThreads)
     const float time = time_of(camera, settings);
     const bool is_near = i < count && !is_row_far_in_time(gaussians, i, time);
     if (!__any_sync(kAllLanes, is_near)) {
-      if (i < count) cull(out, i);
+      if (i < count) cull(out.rows, i);
       return;
     }
   }
@@ -209,7 +167,7 @@ __global__ void __launch_bounds__(kThreads)
       start_sh_copy<degree>(shared.sh_rows, sh_rest, rows, visible);
     else
       start_sh_copy<degree>(shared.sh_rows, sh_rest, rows);
-    hits = count_hit_tiles(shared, splat, pixels, settings.bounds);
+    hits = count_hit_tiles(shared, outline_of(splat), pixels, settings.bounds);
     finish_copies();
     if (hits > 0) {
       splat.color = sh_color(
@@ -219,12 +177,10 @@ __global__ void __launch_bounds__(kThreads)
     }
   }
   if (i >= count) return;
-  if (hits == 0) return cull(out, i);
-  out.tile_counts[i] = hits;
-  out.depth_keys[i] = depth_key(out.keys, projected.depth);
+  if (hits == 0) return cull(out.rows, i);
+  keep(out.rows, i, hits, projected.depth, pixels);
   store_in_vectors(out.splats + i, splat);
   out.depths[i] = projected.depth;
-  out.pixel_rects[i] = pixels;
 }
 
 }  // namespace
@@ -234,15 +190,14 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
   const StageScope scope(context, "preprocess");
   const std::size_t count = gaussians.mean.size;
   pass.begin(camera, count);
+  pass.scratch<CudaScratch>().has_view_splats = false;
   workspace.depth_keys.resize_discard(count);
-  const Output out{
-      pass.splats.data(),          pass.depths.data(),
-      workspace.depth_keys.data(), pass.pixel_rects.data(),
-      pass.tile_counts.data(),     depth_keys(settings.near_plane, settings.far_plane)};
+  const Output out{pass.splats.data(), pass.depths.data(),
+                   projected_rows(settings, workspace, pass)};
   with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter, auto slope) {
     context.launch("preprocess", preprocess_kernel<degree(), time(), filter(), slope()>,
-                   blocks_for(count, kThreads), kThreads, gaussians, camera, settings, pass.tiles_x,
-                   pass.tiles_y, out);
+                   blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians, camera,
+                   settings, pass.tiles_x, pass.tiles_y, out);
   });
 }
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "cuda/render/packed_scene.cuh"
+
 namespace gs::cuda {
 namespace {
 
@@ -31,34 +33,129 @@ void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            StepReport* report, std::uint32_t step) {
   pass.background = settings.background;
   preprocess(context_, gaussians, camera, settings, workspace_, pass);
-  // Each visible Gaussian has an instance. One row more shows that there are too many.
-  order_by_depth(context_, workspace_, pass, std::size_t(capacity) + 1);
-  create_instances(context_, settings, workspace_, pass, capacity, report, step);
-  sort_by_tile(context_, workspace_, pass, capacity);
-  blend(context_, settings, pass);
+  finish(settings, pass, {capacity, workspace_.halted.data(), report, step});
 }
 
 void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            const RenderSettings& settings, RenderPass& pass) {
+  draw_frame(gaussians.mean.size, camera, settings, pass,
+             [&] { preprocess(context_, gaussians, camera, settings, workspace_, pass); });
+}
+
+std::unique_ptr<PackedScene> CudaRenderer::pack(const GaussiansSpan& gaussians,
+                                                const RenderSettings& settings) {
+  if (gaussians.has_time) return Renderer::pack(gaussians, settings);
+  try {
+    return std::make_unique<CudaPackedScene>(context_, memory_, gaussians, settings);
+  } catch (const Error& error) {
+    if (error.code() != ExitCode::out_of_memory) throw;
+    return Renderer::pack(gaussians, settings);  // slower, and needs nothing more
+  }
+}
+
+void CudaRenderer::draw(const PackedScene& scene, const Camera& camera,
+                        const RenderSettings& settings, RenderPass& pass) {
+  const auto* const packed = dynamic_cast<const CudaPackedScene*>(&scene);
+  if (!packed || !packed->serves(settings))
+    return forward(scene.gaussians(), camera, settings, pass);
+  if (settings.bin_side != 0 && uses_view_splats(context_, settings))
+    return draw_by_bins(*packed, camera, settings, pass);
+  draw_frame(packed->count(), camera, settings, pass,
+             [&] { preprocess(context_, *packed, camera, settings, workspace_, pass); });
+}
+
+template <class Project>
+void CudaRenderer::draw_frame(std::size_t gaussians, const Camera& camera,
+                              const RenderSettings& settings, RenderPass& pass,
+                              const Project& project) {
   pass.background = settings.background;
-  preprocess(context_, gaussians, camera, settings, workspace_, pass);
-  order_by_depth(context_, workspace_, pass, gaussians.mean.size);
-  const std::uint32_t capacity = std::max(instance_count(pass), 1u);
-  create_instances(context_, settings, workspace_, pass, capacity, nullptr, 0);
-  sort_by_tile(context_, workspace_, pass, capacity);
+  const FrameKind kind{camera.width, camera.height, gaussians};
+  const std::uint32_t capacity = makes_segments(settings) ? 0 : forecast_.capacity_for(kind);
+  if (capacity > 0 && draw_within(capacity, kind, settings, pass, project)) return;
+  project();
+  order_by_depth(context_, workspace_, pass, gaussians);
+  const std::uint32_t instances = count_instances(settings, pass);
+  forecast_.note(kind, instances);
+  sort_and_blend(settings, pass, {std::max(instances, 1u)});
+}
+
+template <class Project>
+bool CudaRenderer::draw_within(std::uint32_t capacity, const FrameKind& kind,
+                               const RenderSettings& settings, RenderPass& pass,
+                               const Project& project) {
+  const std::uint32_t frame = ++last_frame_;
+  project();
+  finish(settings, pass, {capacity, nullptr, reports_.of_step(frame), frame});
+  // The host is here long before the device, which is not kept waiting.
+  const std::uint32_t instances = reports_.wait(context_, frame).instances;
+  if (instances > capacity) return false;  // of which order_by_depth() may have left some out
+  forecast_.note(kind, instances);
+  return true;
+}
+
+void CudaRenderer::draw_by_bins(const CudaPackedScene& scene, const Camera& camera,
+                                const RenderSettings& settings, RenderPass& pass) {
+  pass.background = settings.background;
+  for (Buffer<std::uint32_t>* of_tiles : {&pass.depth_order, &pass.tile_splats, &pass.tile_ranges})
+    of_tiles->resize_discard(0);
+  const FrameKind kind{camera.width, camera.height, scene.count()};
+  FrameForecast& forecast = forecast_of_bins(settings);
+  const std::uint32_t capacity = settings.counted_frames ? 0 : forecast.capacity_for(kind);
+  if (capacity > 0 && draw_by_bins_within(capacity, scene, camera, settings, pass)) return;
+  const std::uint32_t frame = ++last_frame_;
+  preprocess(context_, scene, camera, settings, workspace_, pass);
+  count_bins(context_, settings, workspace_, pass,
+             {kMostInstances, nullptr, reports_.of_step(frame), frame});
+  const std::uint32_t entries = reports_.wait(context_, frame).instances;
+  check_can_be_sorted(entries);
+  forecast.note(kind, entries);
+  sort_and_blend_bins(settings, pass, std::max(entries, 1u));
+}
+
+bool CudaRenderer::draw_by_bins_within(std::uint32_t capacity, const CudaPackedScene& scene,
+                                       const Camera& camera, const RenderSettings& settings,
+                                       RenderPass& pass) {
+  const std::uint32_t frame = ++last_frame_;
+  preprocess(context_, scene, camera, settings, workspace_, pass);
+  count_bins(context_, settings, workspace_, pass,
+             {capacity, nullptr, reports_.of_step(frame), frame});
+  sort_and_blend_bins(settings, pass, capacity);
+  const std::uint32_t entries = reports_.wait(context_, frame).instances;
+  if (entries > capacity) return false;
+  forecast_of_bins(settings).note({camera.width, camera.height, scene.count()}, entries);
+  return true;
+}
+
+void CudaRenderer::sort_and_blend_bins(const RenderSettings& settings, RenderPass& pass,
+                                       std::uint32_t capacity) {
+  fill_bins(context_, settings, workspace_, pass, capacity);
+  sort_bins(context_, settings, workspace_, pass, capacity);
+  blend_bins(context_, settings, pass);
+}
+
+void CudaRenderer::finish(const RenderSettings& settings, RenderPass& pass,
+                          const InstanceLimit& limit) {
+  // Each visible Gaussian has an instance. One row more shows that there are too many.
+  order_by_depth(context_, workspace_, pass, std::size_t(limit.capacity) + 1);
+  sort_and_blend(settings, pass, limit);
+}
+
+void CudaRenderer::sort_and_blend(const RenderSettings& settings, RenderPass& pass,
+                                  const InstanceLimit& limit) {
+  create_instances(context_, settings, workspace_, pass, limit);
+  sort_by_tile(context_, settings, workspace_, pass, limit.capacity);
   blend(context_, settings, pass);
 }
 
 // Waits for the device.
-std::uint32_t CudaRenderer::instance_count(const RenderPass& pass) {
+std::uint32_t CudaRenderer::count_instances(const RenderSettings& settings,
+                                            const RenderPass& pass) {
   if (pass.tile_counts.empty()) return 0;
-  const std::size_t last = pass.depth_order.size() - 1;
-  std::uint32_t gaussian = 0, first = 0, count = 0;
-  memory_.download(&gaussian, pass.depth_order.data() + last, sizeof gaussian);
-  memory_.download(&first, workspace_.first_of_order.data() + last, sizeof first);
-  memory_.download(&count, pass.tile_counts.data() + gaussian, sizeof count);
-  check_can_be_sorted(std::uint64_t(first) + count);
-  return first + count;
+  const std::uint32_t frame = ++last_frame_;
+  report_instances(context_, settings, workspace_, pass, reports_.of_step(frame), frame);
+  const std::uint32_t instances = reports_.wait(context_, frame).instances;
+  check_can_be_sorted(instances);
+  return instances;
 }
 
 void CudaRenderer::release_caches() {

@@ -1,11 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA renderer runs the stages in order. Outside of training it reads back the number of
-// instances, which waits.
+// The CUDA renderer runs the stages in order. Buffers and sorts need the number of instances, which
+// only the device knows. Training has a forecast for each view (backend.cu). A frame without a
+// backward pass has a forecast from the frames before it (frame_forecast.h): all of it is launched
+// at once, and if there turn out to be more instances, it is drawn again. Every other frame waits
+// for the number.
 #pragma once
 
-#include "cuda/stages.cuh"
+#include "cuda/render/reports.cuh"
+#include "gs_render/frame_forecast.h"
 
 namespace gs::cuda {
+
+class CudaPackedScene;
 
 /// Throws Error where a view has more instances than the sorts can count.
 void check_can_be_sorted(std::uint64_t instances);
@@ -16,6 +22,10 @@ class CudaRenderer final : public Renderer {
   Memory& memory() override { return memory_; }
   void forward(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
                RenderPass& pass) override;
+  std::unique_ptr<PackedScene> pack(const GaussiansSpan& gaussians,
+                                    const RenderSettings& settings) override;
+  void draw(const PackedScene& scene, const Camera& camera, const RenderSettings& settings,
+            RenderPass& pass) override;
   void backward(const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, RenderPass& pass, Span<const float> dL_dimage,
                 const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) override;
@@ -32,11 +42,36 @@ class CudaRenderer final : public Renderer {
   void release_caches();
 
  private:
-  std::uint32_t instance_count(const RenderPass& pass);
+  // A frame whose stage 1 is project().
+  template <class Project>
+  void draw_frame(std::size_t gaussians, const Camera& camera, const RenderSettings& settings,
+                  RenderPass& pass, const Project& project);
+  // The same for at most so many instances; false if there are more, and then the pass is
+  // undefined.
+  template <class Project>
+  bool draw_within(std::uint32_t capacity, const FrameKind& kind, const RenderSettings& settings,
+                   RenderPass& pass, const Project& project);
+  // The same with lists by bins: draw() where settings.bin_side is set.
+  void draw_by_bins(const CudaPackedScene& scene, const Camera& camera,
+                    const RenderSettings& settings, RenderPass& pass);
+  bool draw_by_bins_within(std::uint32_t capacity, const CudaPackedScene& scene,
+                           const Camera& camera, const RenderSettings& settings, RenderPass& pass);
+  void sort_and_blend_bins(const RenderSettings& settings, RenderPass& pass,
+                           std::uint32_t capacity);
+  FrameForecast& forecast_of_bins(const RenderSettings& settings) {
+    return bin_forecasts_[settings.bin_side == 64];
+  }
+  void finish(const RenderSettings& settings, RenderPass& pass, const InstanceLimit& limit);
+  void sort_and_blend(const RenderSettings& settings, RenderPass& pass, const InstanceLimit& limit);
+  std::uint32_t count_instances(const RenderSettings& settings, const RenderPass& pass);
 
   Context& context_;
   Memory& memory_;
   Workspace workspace_;
+  FrameForecast forecast_;
+  FrameForecast bin_forecasts_[2];  // of bins of 32 and 64 pixels
+  Reports reports_{1};              // of the frame that is being drawn
+  std::uint32_t last_frame_ = 0;
 };
 
 }  // namespace gs::cuda

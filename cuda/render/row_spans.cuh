@@ -6,7 +6,7 @@
 #pragma once
 
 #include "cuda/device/warp.cuh"
-#include "gs_core/math/splat.h"
+#include "gs_core/math/view_splat.h"
 
 namespace gs::cuda {
 
@@ -36,7 +36,7 @@ struct TileRows {
 
   /// The whole warp: takes each lane's splat, or none where `pixels` is empty, and returns the
   /// number of rows.
-  __device__ std::uint32_t take(const Splat& splat, const Rect& pixels, TileBounds bounds) {
+  __device__ std::uint32_t take(const SplatOutline& splat, const Rect& pixels, TileBounds bounds) {
     const int lane = lane_of_thread();
     const Rect rect = tile_rect(pixels);
     const std::uint32_t rows = pixels.empty() ? 0 : rect.y_end - rect.y_begin;

@@ -9,7 +9,7 @@
 #include <cub/device/device_partition.cuh>
 #include <cub/device/device_scan.cuh>
 
-#include "cuda/device/warp.cuh"
+#include "cuda/render/length_classes.cuh"
 #include "cuda/render/radix_sort.cuh"
 #include "cuda/stages.cuh"
 
@@ -48,11 +48,14 @@ struct SaturatingSum {
   }
 };
 
+static_assert(2 * kLengthClasses <= kThreads);  // one block of tile_ranges_kernel clears them
+
 // Range t begins at the first instance whose tile is not below t.
 template <class Key>
 __global__ void tile_ranges_kernel(const Key* keys, std::uint32_t capacity, std::uint32_t tiles,
-                                   std::uint32_t* ranges) {
+                                   std::uint32_t* ranges, std::uint32_t* length_classes) {
   const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
+  if (length_classes && i < 2 * kLengthClasses) length_classes[i] = 0;  // for order_tiles()
   if (i >= capacity) return;
   const std::uint32_t key = keys[i];
   for (std::uint32_t tile = i ? keys[i - 1] + 1u : 0u; tile <= key; ++tile) ranges[tile] = i;
@@ -60,38 +63,7 @@ __global__ void tile_ranges_kernel(const Key* keys, std::uint32_t capacity, std:
     for (std::uint32_t tile = key + 1; tile <= tiles; ++tile) ranges[tile] = capacity;
 }
 
-constexpr int kOrderThreads = 1024;  // one block: there are few tiles
-constexpr int kLengthClasses = 128;  // four for each doubling of the length, the longest first
-
-// The class of a length: the exponent and two bits of its mantissa.
-__device__ int length_class(std::uint32_t length) {
-  const int quarter_octaves = int(__float_as_uint(float(length)) >> 21) - int(0x3f800000u >> 21);
-  return length ? max(kLengthClasses - 2 - quarter_octaves, 0) : kLengthClasses - 1;
-}
-
-// A counting sort by class, within one block.
-struct ClassSort {
-  std::uint32_t next[kLengthClasses];
-
-  __device__ void clear() {
-    if (threadIdx.x < kLengthClasses) next[threadIdx.x] = 0;
-  }
-  __device__ void count(std::uint32_t length) { atomicAdd(&next[length_class(length)], 1u); }
-  /// One warp: turns the counts into the first place of each class. Returns the total.
-  __device__ std::uint32_t sum() {
-    std::uint32_t before = 0;
-    for (int base = 0; base < kLengthClasses; base += kWarp) {
-      const std::uint32_t counted = next[base + lane_of_thread()],
-                          first = warp_exclusive_sum(counted);
-      next[base + lane_of_thread()] = before + first;
-      before += __shfl_sync(kAllLanes, first + counted, kWarp - 1);
-    }
-    return before;
-  }
-  __device__ std::uint32_t place(std::uint32_t length) {
-    return atomicAdd(&next[length_class(length)], 1u);
-  }
-};
+constexpr int kOrderThreads = 1024;  // one block
 
 struct BlendOrder {
   std::uint32_t* tiles;              // (tiles)
@@ -144,6 +116,58 @@ __global__ void __launch_bounds__(kOrderThreads)
   }
   for (std::uint32_t k = segments + threadIdx.x; k < order.capacity; k += kOrderThreads)
     order.segments[k] = {kNoTile, 0};
+}
+
+// The two kernels that order tiles by many blocks. First the classes of all tiles are counted.
+__global__ void __launch_bounds__(kThreads)
+    count_classes_kernel(const std::uint32_t* ranges, std::uint32_t tiles, std::uint32_t* counts) {
+  __shared__ ClassSort of_block;
+  of_block.clear();
+  __syncthreads();
+  const std::uint32_t tile = blockIdx.x * kThreads + threadIdx.x;
+  if (tile < tiles) of_block.count(ranges[tile + 1] - ranges[tile]);
+  __syncthreads();
+  if (threadIdx.x < kLengthClasses && of_block.next[threadIdx.x] > 0)
+    atomicAdd(&counts[threadIdx.x], of_block.next[threadIdx.x]);
+}
+
+// Then each block takes places for its tiles of each class. `taken` counts those of earlier blocks.
+__global__ void __launch_bounds__(kThreads)
+    order_tiles_kernel(const std::uint32_t* ranges, std::uint32_t tiles,
+                       const std::uint32_t* counts, std::uint32_t* taken, std::uint32_t* order) {
+  __shared__ ClassSort of_all, of_block;
+  of_block.clear();
+  if (threadIdx.x < kLengthClasses) of_all.next[threadIdx.x] = counts[threadIdx.x];
+  __syncthreads();
+  const std::uint32_t tile = blockIdx.x * kThreads + threadIdx.x;
+  const std::uint32_t length = tile < tiles ? ranges[tile + 1] - ranges[tile] : 0;
+  const std::uint32_t place = tile < tiles ? of_block.place(length) : 0;  // within the block
+  if (threadIdx.x < kWarp) of_all.sum();
+  __syncthreads();
+  if (threadIdx.x < kLengthClasses && of_block.next[threadIdx.x] > 0)
+    of_all.next[threadIdx.x] += atomicAdd(&taken[threadIdx.x], of_block.next[threadIdx.x]);
+  __syncthreads();
+  if (tile < tiles) order[of_all.next[length_class(length)] + place] = tile;
+}
+
+// From so many tiles on, pictures are blended in the order of their tiles: each of the GPU's places
+// for a warp gets some 40 of them, so that one long list at the end does not matter.
+constexpr std::size_t kMostOrderedTiles = 16'000;
+
+bool are_ordered(const RenderSettings& settings, const RenderPass& pass) {
+  return makes_segments(settings) || pass.tile_count() <= kMostOrderedTiles;
+}
+
+void order_tiles(Context& context, Workspace& workspace, RenderPass& pass) {
+  const std::uint32_t tiles = std::uint32_t(pass.tile_count());
+  std::uint32_t* const counts = workspace.length_classes.data();
+  CudaScratch& scratch = pass.scratch<CudaScratch>();
+  scratch.tile_order.resize_discard(tiles);
+  context.launch("lengths of lists", count_classes_kernel, blocks_for(tiles, kThreads), kThreads,
+                 pass.tile_ranges.data(), tiles, counts);
+  context.launch("blend order", order_tiles_kernel, blocks_for(tiles, kThreads), kThreads,
+                 pass.tile_ranges.data(), tiles, counts, counts + kLengthClasses,
+                 scratch.tile_order.data());
 }
 
 // An upper bound of the number of segments of lists with so many instances.
@@ -240,24 +264,31 @@ void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass,
                    });
 }
 
-void sort_by_tile(Context& context, Workspace& workspace, RenderPass& pass,
-                  std::uint32_t capacity) {
+void sort_by_tile(Context& context, const RenderSettings& settings, Workspace& workspace,
+                  RenderPass& pass, std::uint32_t capacity) {
   const StageScope scope(context, "tile sort");
   workspace.sorted_keys.resize_discard(capacity);
   pass.tile_splats.resize_discard(capacity);
   pass.tile_ranges.resize_discard(pass.tile_count() + 1);
+  workspace.length_classes.resize_discard(2 * kLengthClasses);
   const auto run = [&](auto key) {
     using Key = decltype(key);
     sort_keys<Key>(context, workspace, pass, capacity);
     context.launch("tile ranges", tile_ranges_kernel<Key>, blocks_for(capacity, kThreads), kThreads,
                    reinterpret_cast<const Key*>(workspace.sorted_keys.data()), capacity,
-                   std::uint32_t(pass.tile_count()), pass.tile_ranges.data());
+                   std::uint32_t(pass.tile_count()), pass.tile_ranges.data(),
+                   workspace.length_classes.data());
   };
   if (uses_short_keys(pass))
     run(std::uint16_t());
   else
     run(std::uint32_t());
-  order_for_blending(context, pass, capacity);
+  if (makes_segments(settings))
+    order_for_blending(context, pass, capacity);
+  else if (are_ordered(settings, pass))
+    order_tiles(context, workspace, pass);
+  else
+    pass.scratch<CudaScratch>().tile_order.resize_discard(0);
 }
 
 }  // namespace gs::cuda

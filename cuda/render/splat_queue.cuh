@@ -39,6 +39,21 @@ struct QueueShared<false, places> {
   float2 colors[places][kColorParts / 2];
 };
 
+/// What a queue takes of a splat: the factors of its conic, log2(255 opacity), and its color,
+/// clamped to 0 from below.
+__device__ inline ConicFactors<float> factors_of(const Splat& splat) {
+  return conic_factors(splat.conic, splat.variance_y);
+}
+__device__ inline float log2_opacity(const Splat& splat) {
+  return __log2f(splat.opacity * (1.0f / kMinAlpha));
+}
+__device__ inline Vec3f color_of(const Splat& splat) {
+  return {fmaxf(splat.color.x, 0.0f), fmaxf(splat.color.y, 0.0f), fmaxf(splat.color.z, 0.0f)};
+}
+__device__ inline ConicFactors<float> factors_of(const ViewSplat& splat) { return splat.L; }
+__device__ inline float log2_opacity(const ViewSplat& splat) { return splat.log2_opacity; }
+__device__ inline Vec3f color_of(const ViewSplat& splat) { return unpacked_color(splat.color); }
+
 /// A queue of one batch must be empty when it takes splats. A queue of two batches takes splats
 /// while less than one batch waits.
 template <bool with_positions, unsigned places>
@@ -54,14 +69,13 @@ class SplatQueue {
   /// The whole warp: takes those of the walk's next 32 splats that hit the pixels.
   template <class Walk>
   __device__ void take(Walk& walk) {
-    count_ += walk.take_next([&](int k, const Splat& splat, std::uint32_t position, std::uint32_t) {
-      ExponentTerms<float> terms = exponent_coefficients(
-          conic_factors(splat.conic, splat.variance_y), splat.mean2d - center_,
-          __log2f(splat.opacity * (1.0f / kMinAlpha)));
+    count_ += walk.take_next([&](int k, const auto& splat, std::uint32_t position, std::uint32_t) {
+      ExponentTerms<float> terms =
+          exponent_coefficients(factors_of(splat), splat.mean2d - center_, log2_opacity(splat));
       // A splat this far away is invisible at every pixel, and its coefficients would overflow
       // fp16.
       if (!(terms.of[0] > kFarAway)) terms = invisible();
-      put(count_ + k, terms, splat.color, position);
+      put(count_ + k, terms, color_of(splat), position);
     });
   }
 
@@ -143,8 +157,8 @@ class SplatQueue {
     shared_.low[column] = *reinterpret_cast<const uint4*>(low);
 #pragma unroll
     for (int c = 0; c < 3; ++c) {
-      const float channel = fmaxf(color[c], 0.0f), part = tf32_part(channel);
-      shared_.colors[place][c] = {part, channel - part};
+      const float part = tf32_part(color[c]);
+      shared_.colors[place][c] = {part, color[c] - part};
     }
     if constexpr (with_positions) shared_.positions[place] = position;
   }

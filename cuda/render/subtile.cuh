@@ -11,7 +11,7 @@
 #include "cuda/device/warp.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/math/blend.h"
-#include "gs_core/math/splat.h"
+#include "gs_core/math/view_splat.h"
 #include "gs_render/render_pass.h"
 
 namespace gs::cuda {
@@ -31,24 +31,32 @@ static_assert(kSubtilesPerTile % kBlendWarps == 0);
 inline constexpr float kSubtileSlack = 4e-6f;
 
 /// A picture and its tiles' lists.
-struct TileLists {
+template <class AnySplat>
+struct TileListsOf {
   int width, height, tiles_x;
   const std::uint32_t* ranges;  // (tiles + 1)
   const std::uint32_t* splats;  // (I) Gaussian and quarters of each place (instance_of)
-  const Splat* of_gaussian;     // (N)
+  const AnySplat* of_gaussian;  // (N)
 
   /// The instance at a place before `end`; behind it 0, which hits no quarter.
   __device__ std::uint32_t instance_at(std::uint32_t place, std::uint32_t end) const {
     return place < end ? splats[place] : 0;
   }
 };
+using TileLists = TileListsOf<Splat>;
+
+template <class AnySplat>
+TileListsOf<AnySplat> tile_lists(const RenderPass& pass, const AnySplat* splats) {
+  return {pass.width, pass.height, pass.tiles_x, pass.tile_ranges.data(), pass.tile_splats.data(),
+          splats};
+}
 inline TileLists tile_lists(const RenderPass& pass) {
-  return {pass.width,
-          pass.height,
-          pass.tiles_x,
-          pass.tile_ranges.data(),
-          pass.tile_splats.data(),
-          pass.splats.data()};
+  return tile_lists(pass, static_cast<const Splat*>(pass.splats.data()));
+}
+/// The tile at a place of the order in which tiles are blended. Without an order it is that of
+/// their numbers.
+__device__ inline std::uint32_t tile_of(const std::uint32_t* order, std::uint32_t place) {
+  return order ? order[place] : place;
 }
 /// Number of blocks that give each sub-tile of so many tiles, or segments, a warp.
 inline std::size_t blend_blocks(std::size_t tiles) {
@@ -142,26 +150,41 @@ __device__ inline float base2_exponent(const ListedSplat& splat, float dx, float
 }
 __device__ inline float exp2_fragment(float e) { return exp2f(e); }
 
-/// Starts to copy a splat into shared memory, without a register in between.
-__device__ inline void copy_ahead(Splat& to, const Splat& from) {
-  for (int k = 0; k < int(sizeof(Splat) / sizeof(float4)); ++k)
-    __pipeline_memcpy_async(reinterpret_cast<float4*>(&to) + k,
-                            reinterpret_cast<const float4*>(&from) + k, sizeof(float4));
-}
+/// A splat for each lane in shared memory. Parts of 16 bytes lie one beside the other, so that the
+/// lanes use different banks.
+template <class AnySplat>
+struct SplatOfLanes {
+  static constexpr int kParts = sizeof(AnySplat) / sizeof(float4);
+  float4 parts[kParts][kWarp];
+
+  /// Starts to copy this lane's splat, without a register in between.
+  __device__ void start_copy(const AnySplat& from) {
+    for (int k = 0; k < kParts; ++k)
+      __pipeline_memcpy_async(&parts[k][lane_of_thread()],
+                              reinterpret_cast<const float4*>(&from) + k, sizeof(float4));
+  }
+  __device__ AnySplat load() const {
+    InVectors<AnySplat> result;
+    for (int k = 0; k < kParts; ++k) result.vectors[k] = parts[k][lane_of_thread()];
+    return result.value;
+  }
+};
 
 /// One warp's walk through positions [first, last) of a tile's list, segment by segment and 32
 /// places at a time. It finds the splats that hit the warp's pixels, and prefetches the next ones
 /// into shared memory.
-class ListWalk {
+template <class AnySplat>
+class ListWalkOf {
  public:
-  using Ahead = Splat[kWarp];  // prefetched splats: shared memory, one for each warp
+  using Ahead = SplatOfLanes<AnySplat>;  // prefetched splats: shared memory, one for each warp
+  using Lists = TileListsOf<AnySplat>;
 
   /// `first` is the beginning of a segment. Without `stops_at_segments` the whole range is one
   /// segment.
-  __device__ ListWalk(Ahead& ahead, const TileLists& lists, std::uint32_t tile,
-                      const PixelRange& pixels, std::uint32_t first, std::uint32_t last,
-                      bool stops_at_segments)
-      : splat_(ahead[lane_of_thread()]), lists_(lists), pixels_(pixels), quarter_(pixels.quarter()),
+  __device__ ListWalkOf(Ahead& ahead, const Lists& lists, std::uint32_t tile,
+                        const PixelRange& pixels, std::uint32_t first, std::uint32_t last,
+                        bool stops_at_segments)
+      : splats_(ahead), lists_(lists), pixels_(pixels), quarter_(pixels.quarter()),
         begin_(lists.ranges[tile]), end_(begin_ + last), next_(begin_ + first),
         stop_(stops_at_segments ? min(next_ + kSegmentLength, end_) : end_) {
     instance_ahead_ = lists_.instance_at(next_ + lane_of_thread(), end_);
@@ -183,10 +206,11 @@ class ListWalk {
   __device__ int take_next(const Take& take) {
     __pipeline_wait_prior(0);
     const std::uint32_t place = next_ + lane_of_thread(), instance = instance_;
-    const Splat splat = load_in_vectors(&splat_);
+    const AnySplat splat = splats_.load();
+    const SplatOutline outline = outline_of(splat);
     // Both are evaluated: a branch would cost more.
     const bool hit = ((instance & quarter_) != 0) &
-                     rectangle_is_hit(splat.mean2d, splat.conic, splat.cutoff, pixels_.x_min,
+                     rectangle_is_hit(outline.mean2d, outline.conic, outline.cutoff, pixels_.x_min,
                                       pixels_.x_max, pixels_.y_min, pixels_.y_max, kSubtileSlack);
     const unsigned hits = __ballot_sync(kAllLanes, hit);
     next_ += kWarp;
@@ -206,32 +230,36 @@ class ListWalk {
   // instance after it.
   __device__ void fetch() {
     instance_ = instance_ahead_;
-    if (instance_ & quarter_) copy_ahead(splat_, lists_.of_gaussian[gaussian_of(instance_)]);
+    if (instance_ & quarter_) splats_.start_copy(lists_.of_gaussian[gaussian_of(instance_)]);
     __pipeline_commit();
     instance_ahead_ = lists_.instance_at(next_ + kWarp + lane_of_thread(), end_);
   }
 
-  Splat& splat_;  // this lane's splat of the next 32
-  const TileLists& lists_;
+  Ahead& splats_;  // the next 32
+  const Lists& lists_;
   const PixelRange pixels_;
   const std::uint32_t quarter_;
   std::uint32_t begin_, end_, next_, stop_;  // places in the list
   std::uint32_t instance_ = 0, instance_ahead_ = 0;
 };
 
+using ListWalk = ListWalkOf<Splat>;
+
 /// The same for a warp that owns a whole quarter of the tile. It fetches only splats that hit the
 /// quarter, 32 at a time.
-class QuarterWalk {
+template <class AnySplat>
+class QuarterWalkOf {
  public:
+  using Lists = TileListsOf<AnySplat>;
   /// Shared memory, one for each warp.
   struct Ahead {
-    Splat splats[kWarp];
+    SplatOfLanes<AnySplat> splats;
     std::uint32_t gaussians[2 * kWarp], positions[2 * kWarp];  // of the splats found, in a ring
   };
 
-  __device__ QuarterWalk(Ahead& ahead, const TileLists& lists, std::uint32_t tile,
-                         const PixelRange& pixels, std::uint32_t first, std::uint32_t last,
-                         bool stops_at_segments)
+  __device__ QuarterWalkOf(Ahead& ahead, const Lists& lists, std::uint32_t tile,
+                           const PixelRange& pixels, std::uint32_t first, std::uint32_t last,
+                           bool stops_at_segments)
       : ahead_(ahead), lists_(lists), quarter_(pixels.quarter()), begin_(lists.ranges[tile]),
         end_(begin_ + last), next_(begin_ + first),
         stop_(stops_at_segments ? min(next_ + kSegmentLength, end_) : end_) {
@@ -254,7 +282,7 @@ class QuarterWalk {
     __pipeline_wait_prior(0);
     const int lane = lane_of_thread();
     const unsigned count = min(found_, unsigned(kWarp)), place = (taken_ + lane) % (2 * kWarp);
-    const Splat splat = load_in_vectors(&ahead_.splats[lane]);
+    const AnySplat splat = ahead_.splats.load();
     const std::uint32_t gaussian = ahead_.gaussians[place], position = ahead_.positions[place];
     taken_ += count;
     found_ -= count;
@@ -284,13 +312,12 @@ class QuarterWalk {
     }
     __syncwarp();
     if (lane < found_)
-      copy_ahead(ahead_.splats[lane],
-                 lists_.of_gaussian[ahead_.gaussians[(taken_ + lane) % (2 * kWarp)]]);
+      ahead_.splats.start_copy(lists_.of_gaussian[ahead_.gaussians[(taken_ + lane) % (2 * kWarp)]]);
     __pipeline_commit();
   }
 
   Ahead& ahead_;
-  const TileLists& lists_;
+  const Lists& lists_;
   const std::uint32_t quarter_;
   std::uint32_t begin_, end_, next_, stop_;          // places in the list
   std::uint32_t instance_ = 0, instance_after_ = 0;  // this lane's, of the next 32 and after

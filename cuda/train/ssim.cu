@@ -16,11 +16,13 @@
 // moments are those of p, q, pp, qq: four windows instead of five, and two multiplications a pixel.
 //
 // Views with a mask or an exposure use kernels of their own, in which photo_weight.h computes X and
-// Y from the two pictures, so that other views are not slowed down.
+// Y from the two pictures, so that other views are not slowed down. So do views with a learned
+// appearance (photometric.cuh), whose kernels also add up the gradient of the photo's gains.
 #include <cstdint>
 
 #include "cuda/device/warp.cuh"
 #include "cuda/stages.cuh"
+#include "cuda/train/photometric.cuh"
 #include "gs_core/image.h"
 #include "gs_core/math/photo_weight.h"
 #include "gs_core/math/ssim.h"
@@ -36,6 +38,17 @@ constexpr int kGroup = 4;  // neighboring means that a thread computes: 16 bytes
 constexpr int kBlockColumns = (kThreads - 2 * kSsimRadius) / kGroup * kGroup;
 constexpr int kBlockRows = 16;  // sets shared memory and code size, not the number of open sums
 
+/// What X is, besides the rendered picture. Each has kernels of its own.
+enum class Shown {
+  plain,      // the picture
+  weighted,   // the picture under a mask or an exposure
+  gained,     // under a mask, perhaps, and the learned gains of the photo
+  vignetted,  // the same, and the learned vignetting of its camera
+};
+constexpr bool is_learned(Shown shown) {
+  return shown == Shown::gained || shown == Shown::vignetted;
+}
+
 /// Both pictures, and how blocks cover them.
 struct Pictures {
   const float* image;         // (3, H, W)
@@ -47,6 +60,7 @@ struct Pictures {
   Vec3f exposure, background;
   bool over_background;
   float white;
+  PhotoLook look;  // of views with a learned appearance, in place of the exposure
 };
 
 /// d_x, d_xx, d_xy: (3 channels, H, row_floats / 96, 3 maps, 32 columns), so that one address leads
@@ -90,9 +104,26 @@ __device__ constexpr float weight(int offset) {
 /// exactly 0.
 __device__ inline float photo_value(std::uint8_t byte) { return __fmul_rn(float(byte), kPerByte); }
 
+/// How a learned appearance shows one channel.
+struct ShownChannel {
+  float gain = 1, background = 0;
+  std::array<float, 3> lens{};
+};
+template <Shown kShown>
+__device__ inline ShownChannel shown_channel(const Pictures& pictures, int channel) {
+  ShownChannel shown;
+  if constexpr (is_learned(kShown)) {
+    shown.gain = pictures.look.photo_gain(channel);
+    shown.background = pictures.background[channel];
+  }
+  if constexpr (kShown == Shown::vignetted) shown.lens = pictures.look.lens();
+  return shown;
+}
+
 /// X' and what it is compared with, at one value, and dX'/dX.
 struct ComparedValue {
   float X, Y, gain;
+  float taught;  // X' as far as the photo covers it: what a learned appearance is taught by
 };
 
 /// X and Y as they are compared. Products and sum are rounded one by one (no fused operations),
@@ -100,13 +131,32 @@ struct ComparedValue {
 template <bool kIsWeighted>
 __device__ inline ComparedValue compared(const Pictures& pictures, int channel, float X, float Y,
                                          const std::uint8_t* mask) {
-  if constexpr (!kIsWeighted) return {X, Y, 1.0f};
+  if constexpr (!kIsWeighted) return {X, Y, 1.0f, X};
   const PhotoWeight<float> weight =
       photo_weight(mask ? photo_value(__ldg(mask)) : 1.0f, pictures.exposure[channel],
                    pictures.background[channel], pictures.over_background);
   const float x_weighted = __fmul_rn(weight.gain, X);
   const float y_weighted = __fadd_rn(__fmul_rn(weight.cover, Y), weight.backdrop);
-  return {x_weighted, compared_photo(x_weighted, y_weighted, Y, pictures.white), weight.gain};
+  return {x_weighted, compared_photo(x_weighted, y_weighted, Y, pictures.white), weight.gain,
+          x_weighted};
+}
+
+/// The same under a learned appearance. The exposure is that of the photo and of the lens at pixel
+/// (x, y).
+template <Shown kShown>
+__device__ inline ComparedValue compared_learned(const Pictures& pictures,
+                                                 const ShownChannel& shown, int x, int y, float X,
+                                                 float Y, const std::uint8_t* mask) {
+  float exposure = shown.gain;
+  if constexpr (kShown == Shown::vignetted)
+    exposure = __fmul_rn(exposure, lens_gain(shown.lens, pictures.look.rho(x, y)));
+  const PhotoWeight<float> weight = photo_weight(mask ? photo_value(__ldg(mask)) : 1.0f, exposure,
+                                                 shown.background, pictures.over_background);
+  const float x_weighted = __fmul_rn(weight.gain, X);
+  const float y_weighted = __fadd_rn(__fmul_rn(weight.cover, Y), weight.backdrop);
+  // The background, which the photo shows as well, teaches nothing.
+  return {x_weighted, compared_photo(x_weighted, y_weighted, Y, pictures.white), weight.gain,
+          weight.cover * (exposure * X)};
 }
 
 /// The pass down, of one thread: read(i, values) gives the maps at row i of the area with its halo.
@@ -157,7 +207,7 @@ __device__ inline void store_four(float* to, const float (&values)[kGroup]) {
 }
 
 /// One column's means of p, q, pp, qq. Returns the thread's share of the sum of |X - Y|.
-template <bool kIsWeighted>
+template <Shown kShown>
 __device__ inline float column_moments(const Pictures& pictures, const Area& area,
                                        ColumnMeans<4>& means) {
   const int x = area.x0 - kSsimRadius + int(threadIdx.x), top = area.y0 - kSsimRadius;
@@ -167,16 +217,22 @@ __device__ inline float column_moments(const Pictures& pictures, const Area& are
   const float* image = pictures.image + (area.channel * width * pictures.height + first);
   const std::uint8_t* photo = pictures.photo + (3 * first + area.channel);
   const std::uint8_t* mask = pictures.mask ? pictures.mask + first : nullptr;
+  const ShownChannel shown = shown_channel<kShown>(pictures, area.channel);
   float l1_sum = 0;
   const auto read = [&](int i, float(&values)[4]) {
     float X = 0, Y = 0;  // outside
     if (is_inside && unsigned(top + i) < unsigned(pictures.height)) {
-      const ComparedValue value = compared<kIsWeighted>(pictures, area.channel, __ldg(image),
-                                                        photo_value(__ldg(photo)), mask);
+      ComparedValue value;
+      if constexpr (is_learned(kShown))
+        value = compared_learned<kShown>(pictures, shown, x, top + i, __ldg(image),
+                                         photo_value(__ldg(photo)), mask);
+      else
+        value = compared<kShown != Shown::plain>(pictures, area.channel, __ldg(image),
+                                                 photo_value(__ldg(photo)), mask);
       X = value.X, Y = value.Y;
     }
     image += width, photo += 3 * width;
-    if (kIsWeighted && mask) mask += width;
+    if (kShown != Shown::plain && mask) mask += width;
     const float p = X + Y, q = X - Y;
     values[0] = p, values[1] = q, values[2] = p * p, values[3] = q * q;
     if (i >= kSsimRadius && i < kSsimRadius + kBlockRows) l1_sum += fabsf(q);
@@ -214,12 +270,12 @@ __device__ inline float similarity_of_four(const Pictures& pictures, const Area&
 
 /// Moments of both pictures, then SSIM and its derivatives. `sums` receives sum |X - Y| and sum
 /// SSIM of each warp. The host adds them up when the loss is read, always in the same order.
-template <bool kIsWeighted>
+template <Shown kShown>
 __global__ void __launch_bounds__(kThreads, 5)
     similarity_kernel(Pictures pictures, float dL_dssim, Derivatives derivatives, float2* sums) {
   alignas(16) __shared__ ColumnMeans<4> means;
   const Area area = area_of_block(pictures);
-  const float l1_sum = column_moments<kIsWeighted>(pictures, area, means);
+  const float l1_sum = column_moments<kShown>(pictures, area, means);
   __syncthreads();
 
   const int warp = int(threadIdx.x) / kWarp, column = kGroup * lane_of_thread();
@@ -269,17 +325,49 @@ __device__ inline void replace_by_means_across(float (&row)[3][kThreads]) {
 
 /// The first pixel of a row of an area.
 struct RowPlace {
-  int channel;
+  int x, y, channel;
   std::int64_t pixel, value;  // of its first pixel; of that pixel's value in (3, H, W)
 };
+
+/// Adds the gradient of one value by the log gain to the sums.
+template <Shown kShown>
+__device__ inline void add_to_look(const Pictures& pictures, int x, int y, float dL_da,
+                                   LookSums& sums) {
+  sums.x += dL_da;
+  if constexpr (kShown == Shown::vignetted) {
+    const std::array<float, 3> P = log_vignetting_vjp(pictures.look.rho(x, y), dL_da);
+    sums.y += P[0], sums.z += P[1], sums.w += P[2];
+  }
+}
+
+/// Writes the sum over the block's threads. All of them take part.
+template <Shown kShown>
+__device__ inline void store_look_sums(LookSums sums, LookSums* of_block) {
+  __shared__ LookSums of_warps[kWarps];
+  sums.x = warp_sum(sums.x);
+  if constexpr (kShown == Shown::vignetted)
+    sums.y = warp_sum(sums.y), sums.z = warp_sum(sums.z), sums.w = warp_sum(sums.w);
+  if (lane_of_thread() == 0) of_warps[threadIdx.x / kWarp] = sums;
+  __syncthreads();
+  if (threadIdx.x != 0) return;
+  for (int warp = 1; warp < kWarps; ++warp) {
+    sums.x += of_warps[warp].x, sums.y += of_warps[warp].y;
+    sums.z += of_warps[warp].z, sums.w += of_warps[warp].w;
+  }
+  *of_block = sums;
+}
 
 /// One row of the gradient, by a warp: lane l computes columns l, l + 32, ... of `columns`, so that
 /// the warp reads and writes consecutive memory.
 ///
 ///   dL/dX = l1 sign(X - Y) + G * d_x + 2 X (G * d_xx) + Y (G * d_xy)
-template <bool kIsWeighted>
-__device__ inline void gradient_of_row(const Pictures& pictures, const RowPlace& place, int columns,
-                                       float l1, float (&means)[3][kThreads], float* dL_dimage) {
+///
+/// Adds the thread's share of a learned appearance's gradient to `look_sums`.
+template <Shown kShown>
+__device__ inline void gradient_of_row(const Pictures& pictures, const ShownChannel& shown,
+                                       const RowPlace& place, int columns, float l1,
+                                       float (&means)[3][kThreads], float* dL_dimage,
+                                       LookSums& look_sums) {
   constexpr int kTurns = (kBlockColumns + kWarp - 1) / kWarp;
   const float* image = pictures.image + place.value;
   const std::uint8_t* photo = pictures.photo + (3 * place.pixel + place.channel);
@@ -287,9 +375,15 @@ __device__ inline void gradient_of_row(const Pictures& pictures, const RowPlace&
 #pragma unroll
   for (int turn = 0; turn < kTurns; ++turn) {
     const int i = min(lane_of_thread() + turn * kWarp, columns - 1);
-    values[turn] = compared<kIsWeighted>(
-        pictures, place.channel, __ldg(image + i), photo_value(__ldg(photo + 3 * i)),
-        pictures.mask ? pictures.mask + (place.pixel + i) : nullptr);
+    if constexpr (is_learned(kShown))
+      values[turn] =
+          compared_learned<kShown>(pictures, shown, place.x + i, place.y, __ldg(image + i),
+                                   photo_value(__ldg(photo + 3 * i)),
+                                   pictures.mask ? pictures.mask + (place.pixel + i) : nullptr);
+    else
+      values[turn] = compared<kShown != Shown::plain>(
+          pictures, place.channel, __ldg(image + i), photo_value(__ldg(photo + 3 * i)),
+          pictures.mask ? pictures.mask + (place.pixel + i) : nullptr);
   }
   replace_by_means_across(means);
 #pragma unroll
@@ -298,14 +392,19 @@ __device__ inline void gradient_of_row(const Pictures& pictures, const RowPlace&
     const float X = values[turn].X, Y = values[turn].Y;
     const float sign = float(X > Y) - float(X < Y);
     const float dL_dX = l1 * sign + means[0][i] + 2.0f * X * means[1][i] + Y * means[2][i];
-    if (i < columns) dL_dimage[place.value + i] = kIsWeighted ? values[turn].gain * dL_dX : dL_dX;
+    if (i < columns)
+      dL_dimage[place.value + i] = kShown == Shown::plain ? dL_dX : values[turn].gain * dL_dX;
+    if (is_learned(kShown) && i < columns)
+      add_to_look<kShown>(pictures, place.x + i, place.y, dL_dX * values[turn].taught, look_sums);
   }
 }
 
-/// From the derivatives of SSIM by the moments to dL/d(image).
-template <bool kIsWeighted>
+/// From the derivatives of SSIM by the moments to dL/d(image). `look_sums` receives the sums of
+/// each block where the appearance is learned.
+template <Shown kShown>
 __global__ void __launch_bounds__(kThreads, 6)
-    image_gradient_kernel(Pictures pictures, float l1, Derivatives derivatives, float* dL_dimage) {
+    image_gradient_kernel(Pictures pictures, float l1, Derivatives derivatives, float* dL_dimage,
+                          LookSums* look_sums) {
   alignas(16) __shared__ ColumnMeans<3> means;
   const Area area = area_of_block(pictures);
   column_derivatives(pictures, area, derivatives, means);
@@ -314,18 +413,22 @@ __global__ void __launch_bounds__(kThreads, 6)
   const int columns = min(kBlockColumns, pictures.width - area.x0);
   const int rows = min(kBlockRows, pictures.height - area.y0);
   const std::int64_t plane = std::int64_t(pictures.width) * pictures.height;
+  const ShownChannel shown = shown_channel<kShown>(pictures, area.channel);
+  LookSums sums{0, 0, 0, 0};
 #pragma unroll 1
   for (int row = int(threadIdx.x) / kWarp; row < rows; row += kWarps) {
     const std::int64_t pixel = std::int64_t(area.y0 + row) * pictures.width + area.x0;
-    const RowPlace place{area.channel, pixel, area.channel * plane + pixel};
-    gradient_of_row<kIsWeighted>(pictures, place, columns, l1, means[row], dL_dimage);
+    const RowPlace place{area.x0, area.y0 + row, area.channel, pixel, area.channel * plane + pixel};
+    gradient_of_row<kShown>(pictures, shown, place, columns, l1, means[row], dL_dimage, sums);
   }
+  if constexpr (is_learned(kShown)) store_look_sums<kShown>(sums, look_sums + blockIdx.x);
 }
 
 class CudaLoss final : public Loss {
  public:
   CudaLoss(Context& context, Memory& memory, PhotoStore& photos)
-      : context_(context), photos_(photos), derivatives_(memory), sums_(memory) {}
+      : context_(context), photos_(photos), derivatives_(memory), sums_(memory),
+        look_sums_(memory) {}
 
   void forward_backward(const RenderPass& pass, const View& view, const LossSettings& settings,
                         Buffer<float>& dL_dimage) override {
@@ -333,6 +436,7 @@ class CudaLoss final : public Loss {
     GS_CHECK(camera.width == pass.width && camera.height == pass.height);
     GS_CHECK(pass.image.size() == 3 * pass.pixel_count());
     const PhotoBytes bytes = photos_.photo(view, settings.photo_reduction);
+    const PhotoLook look(settings.photo_on_device);
     const Pictures pictures{pass.image.data(),
                             bytes.photo,
                             pass.width,
@@ -342,15 +446,24 @@ class CudaLoss final : public Loss {
                             view.exposure,
                             pass.background,
                             view.over_background,
-                            view.white()};
+                            look.is_learned() ? kPhotoWhite : view.white(),
+                            look};
     lambda_dssim_ = settings.lambda_dssim;
     values_ = 3 * pass.pixel_count();
     dL_dimage.resize_discard(values_);
-    if (bytes.mask || view.has_exposure())
-      launch<true>(pictures, dL_dimage.data());
-    else
-      launch<false>(pictures, dL_dimage.data());
+    if (look.is_learned()) {
+      if (look.vignetting)
+        launch<Shown::vignetted>(pictures, dL_dimage.data());
+      else
+        launch<Shown::gained>(pictures, dL_dimage.data());
+      add_look_gradient(context_, look_sums_.span(), *settings.photo_on_device);
+    } else if (bytes.mask || view.has_exposure()) {
+      launch<Shown::weighted>(pictures, dL_dimage.data());
+    } else {
+      launch<Shown::plain>(pictures, dL_dimage.data());
+    }
   }
+  bool takes_appearance() const override { return true; }
 
   double value() override {
     double l1_sum = 0, ssim_sum = 0;
@@ -360,7 +473,7 @@ class CudaLoss final : public Loss {
   }
 
  private:
-  template <bool kIsWeighted>
+  template <Shown kShown>
   void launch(const Pictures& pictures, float* dL_dimage) {
     const std::size_t blocks =
         3 * pictures.blocks_x * blocks_for(std::size_t(pictures.height), kBlockRows);
@@ -369,20 +482,22 @@ class CudaLoss final : public Loss {
         3 * kColumns * blocks_for(std::size_t(pictures.blocks_x) * kBlockColumns, kColumns);
     derivatives_.resize_discard(3 * pictures.height * row_floats);
     sums_.resize_discard(blocks * kWarps);
+    if (is_learned(kShown)) look_sums_.resize_discard(blocks);
     const Derivatives derivatives{derivatives_.data(), std::int64_t(row_floats)};
     const float n = float(values_);
 
     StageScope scope(context_, "loss");
-    context_.launch("loss", similarity_kernel<kIsWeighted>, blocks, kThreads, pictures,
+    context_.launch("loss", similarity_kernel<kShown>, blocks, kThreads, pictures,
                     -lambda_dssim_ / n, derivatives, sums_.data());
-    context_.launch("loss", image_gradient_kernel<kIsWeighted>, blocks, kThreads, pictures,
-                    (1.0f - lambda_dssim_) / n, derivatives, dL_dimage);
+    context_.launch("loss", image_gradient_kernel<kShown>, blocks, kThreads, pictures,
+                    (1.0f - lambda_dssim_) / n, derivatives, dL_dimage, look_sums_.data());
   }
 
   Context& context_;
   PhotoStore& photos_;
   Buffer<float> derivatives_;
-  Buffer<float2> sums_;  // (blocks, warps of a block) sum |X - Y| and sum SSIM
+  Buffer<float2> sums_;         // (blocks, warps of a block) sum |X - Y| and sum SSIM
+  Buffer<LookSums> look_sums_;  // (blocks) of learned appearances
   float lambda_dssim_ = 0;
   std::size_t values_ = 1;
 };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The order of an examination: folders, model, files, headers, pictures, cameras, points, sight,
-// forecast.
+// forecast, light.
 #include "data_loaders/doctor/doctor.h"
 
 #include <algorithm>
@@ -67,6 +67,7 @@ Diagnosis examine(const Config& config, bool look_at_pictures, const ProgressFn&
   examine_sight(examination);
   add_forecast(examination, device);
   check_the_rest(examination);
+  if (look_at_pictures) examine_light(examination);
   return examination.diagnosis;
 }
 

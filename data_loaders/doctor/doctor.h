@@ -20,7 +20,7 @@ struct Finding {
   };
   Level level;
   // scene, model, lenses, photos, masks, orientation, pictures, cameras, points, sight, place,
-  // forecast
+  // forecast, light
   std::string topic;
   std::string text;                // plain words, with the remedy
   std::vector<std::string> names;  // of all photos concerned
@@ -32,7 +32,7 @@ struct Diagnosis {
 };
 
 /// Checks everything that load_scene() would use, without stopping at the first fault. With
-/// `look_at_pictures` every photo is decoded as well, to compare sharpness and brightness;
+/// `look_at_pictures` every photo is decoded as well, to compare sharpness, brightness and light;
 /// `progress` counts these. `device` is the one that the run would use.
 Diagnosis examine(const Config& config, bool look_at_pictures, const ProgressFn& progress = {},
                   const ForecastDevice& device = {});

@@ -52,4 +52,7 @@ void match_mask_files(Examination& examination);
 void examine_headers(Examination& examination);
 void examine_pictures(Examination& examination);
 
+// examine_light.cpp: after all others, because it decodes all photos once more.
+void examine_light(Examination& examination);
+
 }  // namespace gs

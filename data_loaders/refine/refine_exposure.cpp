@@ -1,19 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "data_loaders/refine/refine_exposure.h"
 
-#include <ceres/ceres.h>
-
 #include <algorithm>
 #include <cmath>
 
+#include "data_loaders/refine/color_problem.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
 
-// Display sRGB: the difference of one point's color between well-fitted photos (docs/data.md).
-constexpr double kNoise = 0.02;
-constexpr double kPriorSpread = 0.5;   // of log exposures; matters only where there is little data
 constexpr double kFewestSamples = 20;  // of one photo
 
 /// A sample as one channel sees it.
@@ -45,27 +41,14 @@ struct ColorResidual : ceres::SizedCostFunction<1, 1, 1> {
   double log_color, weight;
 };
 
-/// log_exposure / spread
-struct ExposurePrior : ceres::SizedCostFunction<1, 1> {
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    residuals[0] = parameters[0][0] / kPriorSpread;
-    if (jacobians && jacobians[0]) jacobians[0][0] = 1 / kPriorSpread;
-    return true;
-  }
-};
-
 /// One solution from where `channel` stands. With `points_are_fixed` only exposures move.
 void solve(const std::vector<LogSample>& samples, bool points_are_fixed, ceres::LossFunction* loss,
            Channel& channel) {
-  ceres::Problem::Options shared;
-  shared.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  ceres::Problem problem(shared);
-  ceres::Solver::Options options;
-  options.linear_solver_ordering.reset(new ceres::ParameterBlockOrdering);
+  ceres::Problem problem(color_problem_options());
+  ceres::Solver::Options options = color_solver_options();
   const auto add_photo = [&](double* exposure) {
     if (problem.HasParameterBlock(exposure)) return;
-    problem.AddResidualBlock(new ExposurePrior, nullptr, exposure);
+    problem.AddResidualBlock(new Prior<1>(kExposureSpread), nullptr, exposure);
     options.linear_solver_ordering->AddElementToGroup(exposure, 1);
   };
   for (const LogSample& sample : samples) {
@@ -81,11 +64,6 @@ void solve(const std::vector<LogSample>& samples, bool points_are_fixed, ceres::
       options.linear_solver_ordering->AddElementToGroup(color, 0);
   }
   if (problem.NumResidualBlocks() == 0) return;
-  options.linear_solver_type = ceres::SPARSE_SCHUR;
-  options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-  options.max_num_iterations = 100;
-  options.num_threads = 1;  // sums in one order
-  options.logging_type = ceres::SILENT;
   if (points_are_fixed) {
     options.linear_solver_type = ceres::DENSE_QR;
     options.linear_solver_ordering.reset();
@@ -108,7 +86,7 @@ Channel initial_channel(const std::vector<LogSample>& samples, std::size_t photo
   for (std::size_t i = 0; i < points; ++i) {
     if (counts[i]) channel.log_color[i] /= counts[i];
     channel.is_known.push_back(counts[i] >= 2);
-    channel.weight.push_back(std::exp(channel.log_color[i]) / kNoise);
+    channel.weight.push_back(std::exp(channel.log_color[i]) / kColorNoise);
   }
   return channel;
 }
@@ -173,6 +151,13 @@ std::vector<std::size_t> photos_without_samples(const std::vector<ColorSample>& 
 }
 
 }  // namespace
+
+double spread_of(const std::vector<ColorSample>& samples, std::size_t photos) {
+  std::size_t points = 0;
+  for (const ColorSample& sample : samples)
+    points = std::max(points, std::size_t(sample.point) + 1);
+  return spread(samples, std::vector<Vec3f>(photos, Vec3f(1)), points);
+}
 
 bool can_refine() { return true; }
 void check_can_refine(const char*) {}

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "data_loaders/refine/color_samples.h"
+#include "data_loaders/refine/refine_vignetting.h"
 
 namespace gs {
 
@@ -15,7 +16,11 @@ struct ExposureFit {
   double spread_before = 0, spread_after = 0;  // of a point's colors over photos; relative, robust
   std::size_t sample_count = 0;
   std::vector<std::size_t> unknown;  // photos with too few samples: 1 in every channel
+  Lenses lenses;                     // where vignetting was solved for, too
 };
+
+/// ExposureFit::spread_before of these samples.
+double spread_of(const std::vector<ColorSample>& samples, std::size_t photos);
 
 /// Whether this build can refine anything: it has Ceres.
 bool can_refine();

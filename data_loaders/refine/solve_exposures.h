@@ -4,16 +4,22 @@
 
 #include <vector>
 
+#include "data_loaders/refine/refine_exposure.h"
 #include "data_loaders/refine/tracks.h"
 #include "gs_core/scene.h"
 
 namespace gs {
 
-/// Sets View::exposure of all views and logs the result. `seen` and `is_test` have one entry per
-/// view. Warns of photos that share too few points with others; their exposure stays 1. Only for
-/// builds that can_refine().
-ExposureSummary solve_exposures(const std::vector<ScenePoint>& points,
-                                const std::vector<std::vector<SeenPoint>>& seen,
-                                const std::vector<bool>& is_test, std::vector<View>& views);
+/// Solves for the exposures of all views, and changes nothing. `seen` and `is_test` have one entry
+/// per view. With `has_vignetting` it solves for the vignetting of the cameras first, and the
+/// exposures are those of photos without it. Only for builds that can_refine().
+ExposureFit fit_view_exposures(const std::vector<ScenePoint>& points,
+                               const std::vector<std::vector<SeenPoint>>& seen,
+                               const std::vector<bool>& is_test, const std::vector<View>& views,
+                               bool has_vignetting = false);
+
+/// Sets View::exposure of all views, to those of `fit`, and logs the result. Warns of photos that
+/// share too few points with others; their exposure stays 1.
+ExposureSummary take_exposures(const ExposureFit& fit, std::vector<View>& views);
 
 }  // namespace gs

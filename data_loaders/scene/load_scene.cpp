@@ -332,20 +332,48 @@ void split_views(std::vector<View> views, const std::vector<bool>& is_test, Scen
 
 }  // namespace
 
+std::string why_exposures_are_unknown(const DatasetConfig& dataset) {
+  if (!can_refine()) return "this build has no Ceres, which solves for exposures";
+  if (dataset.times == PhotoTimes::frames)
+    return "its points were seen in one frame of each camera only";
+  DatasetConfig solving = dataset;
+  solving.exposure = true;  // so that the observations are read
+  const SceneModel scene = read_scene_model(solving, find_scene(solving));
+  for (const ColmapImage& image : scene.model.images)
+    if (!image.observations.empty()) return "";
+  return "its model does not say which photos show which points";
+}
+
+ExposureSummary measure_light(const DatasetConfig& dataset) {
+  DatasetConfig solving = dataset;
+  solving.exposure = true;
+  solving.refine_cameras = false;
+  ScenePlan plan = plan_scene(solving, {});
+  const std::vector<View> views =
+      make_views(solving, std::move(plan.views), {}, PhotoLoading::when_asked);
+  const ExposureFit fit = fit_view_exposures(plan.points, plan.seen, plan.is_test, views);
+  return {fit.sample_count, fit.spread_before, fit.spread_after};
+}
+
 void check_scene(const DatasetConfig& dataset) {
   DatasetConfig without_refinement = dataset;
   without_refinement.refine_cameras = false;
   plan_scene(without_refinement, {});
 }
 
-Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress, PhotoLoading loading) {
+Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress, PhotoLoading loading,
+                 bool has_vignetting) {
   ScenePlan plan = plan_scene(dataset, progress);
   Scene scene;
   scene.source = dataset.source;
   std::vector<View> views = make_views(dataset, std::move(plan.views), progress, loading);
   report_masks(views, dataset);
-  if (dataset.exposure)
-    scene.exposure = solve_exposures(plan.points, plan.seen, plan.is_test, views);
+  if (dataset.exposure) {
+    const ExposureFit fit =
+        fit_view_exposures(plan.points, plan.seen, plan.is_test, views, has_vignetting);
+    scene.exposure = take_exposures(fit, views);
+    scene.lenses = fit.lenses;
+  }
   split_views(std::move(views), plan.is_test, scene);
   scene.points = std::move(plan.points);
   scene.world_offset = plan.world_offset;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <string>
 
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
@@ -27,9 +28,18 @@ enum class PhotoLoading { as_they_fit, when_asked };
 /// with the first (test_views_of() has the rule for rigs). Every size and name is checked before
 /// the first photo is decoded. With dataset.refine_cameras the cameras are refined first. Throws
 /// Error that names the file and the remedy; UsageError for a resolution or a photo budget that
-/// cannot work. Warns of a scene that moves, because it is trained as a static one.
+/// cannot work. Warns of a scene that moves, because it is trained as a static one. With
+/// dataset.exposure and `has_vignetting`, Scene::lenses are solved for as well.
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress = {},
-                 PhotoLoading loading = PhotoLoading::as_they_fit);
+                 PhotoLoading loading = PhotoLoading::as_they_fit, bool has_vignetting = false);
+
+/// Why load_scene() could not solve for the exposures of this scene, as the end of a sentence;
+/// empty if it could. Reads the model, and no photo. Throws like load_scene().
+std::string why_exposures_are_unknown(const DatasetConfig& dataset);
+
+/// How much the photos of a scene differ in light. Decodes each photo and keeps none. Throws like
+/// load_scene(); only where exposures can be solved for.
+ExposureSummary measure_light(const DatasetConfig& dataset);
 
 /// All checks of load_scene() before it decodes the first photo, without refining cameras. Throws
 /// like load_scene().

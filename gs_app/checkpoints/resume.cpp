@@ -16,6 +16,8 @@
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
 #include "gs_core/log.h"
+#include "gs_train/initialize/scene_settings.h"
+#include "gs_train/photometric/photometric_model.h"
 #include "gs_train/schedule.h"
 
 namespace gs {
@@ -181,7 +183,7 @@ std::optional<ResumedRun> find_resumed_run(const SettingsOver& settings, const s
   RunProgress& progress = run->checkpoint.state.progress;
   Config start = ours;
   start.model.output = run->source.string();
-  run->config = settings(start);
+  run->config = settled_as_in(ours, settings(start));
   DatasetConfig& dataset = run->config.dataset;
   if (!dataset.source.empty()) {  // else: a scene made of arrays
     // The scene that the run has made of bare photos is in the checkpoint's config.
@@ -190,6 +192,9 @@ std::optional<ResumedRun> find_resumed_run(const SettingsOver& settings, const s
   }
   std::string& start_from = run->config.model.start_from;
   if (!start_from.empty()) start_from = fs::absolute(start_from).lexically_normal().string();
+  // The photos have chosen when the run began.
+  std::string& photometric = run->config.photometric.model;
+  if (photometric == kAutoPhotometricModel) photometric = ours.photometric.model;
   check_kept_settings(ours, run->config, run->source);
   keep_schedule(ours, run->config, progress.step);
   if (run->config.density.max_gaussians != ours.density.max_gaussians) progress.growth_cap = 0;

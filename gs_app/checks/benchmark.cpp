@@ -4,12 +4,15 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
+#include <memory>
 
 #include "gs_app/checks/untrained.h"
 #include "gs_core/bytes.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/math/view_splat.h"
 #include "gs_train/loss.h"
 
 namespace gs {
@@ -61,8 +64,8 @@ Workload workload_of(const RenderPass& pass, const RenderSettings& settings) {
     workload.visible += tiles > 0;
     workload.instances += tiles;
   }
-  const std::vector<std::uint32_t> ranges = pass.tile_ranges.download();
-  for (std::size_t tile = 0; tile < pass.tile_count(); ++tile)
+  const std::vector<std::uint32_t> ranges = pass.tile_ranges.download();  // empty: lists by bins
+  for (std::size_t tile = 0; tile + 1 < ranges.size(); ++tile)
     workload.longest_list =
         std::max(workload.longest_list, double(ranges[tile + 1] - ranges[tile]));
   return workload;
@@ -78,6 +81,54 @@ void add_to_mean(const Workload& view, std::size_t count, Workload& mean) {
   mean.pixels += weight * view.pixels;
   mean.tiles += weight * view.tiles;
   mean.sh_degree = view.sh_degree;
+}
+
+// Draws a model in one way.
+class FrameDrawer {
+ public:
+  FrameDrawer(Backend& backend, const TrainingModel& model, const RenderSettings& settings,
+              const FrameWay& way)
+      : backend_(backend), settings_(settings) {
+    settings_.for_backward = false;
+    settings_.counted_frames = way.is_counted;
+    settings_.packs_sh = way.packs_sh;
+    settings_.full_splats = way.full_splats;
+    settings_.bin_side = way.bin_side;
+    const GaussiansSpan gaussians = model.gaussians.span();
+    scene_ = way.is_packed ? backend_.renderer().pack(gaussians, settings_)
+                           : std::make_unique<PackedScene>(gaussians);
+  }
+  void draw(const Camera& camera, RenderPass& pass) const {
+    backend_.renderer().draw(*scene_, camera, settings_, pass);
+  }
+
+ private:
+  Backend& backend_;
+  RenderSettings settings_;
+  std::unique_ptr<PackedScene> scene_;
+};
+
+// The pictures of one way compared with those of another.
+FrameDifference difference_of(const FrameDrawer& from, const FrameDrawer& to, Memory& memory,
+                              const std::vector<View>& views, double scale) {
+  RenderPass expected(memory), actual(memory);
+  double squares = 0, count = 0;
+  FrameDifference difference;
+  for (const View& view : views) {
+    const Camera camera = at_scale(view.camera, scale);
+    from.draw(camera, expected);
+    to.draw(camera, actual);
+    const std::vector<float> a = expected.image.download(), b = actual.image.download();
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      const double error = std::abs(double(a[i]) - b[i]);
+      squares += error * error;
+      difference.largest = std::max(difference.largest, error);
+    }
+    count += double(a.size());
+  }
+  difference.psnr =
+      squares > 0 ? -10 * std::log10(squares / count) : std::numeric_limits<double>::infinity();
+  return difference;
 }
 
 }  // namespace
@@ -148,13 +199,12 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
 
 RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
                                 const std::vector<View>& views, const RenderSettings& settings,
-                                const BenchmarkPlan& plan, double scale) {
+                                const BenchmarkPlan& plan, double scale, const FrameWay& way) {
   RenderPass pass(backend.memory());
-  RenderSettings viewing = settings;
-  viewing.for_backward = false;
+  const FrameDrawer drawer(backend, model, settings, way);
   const auto milliseconds_of_frame = [&](const Camera& camera) {
     const double begin = milliseconds_now();
-    backend.renderer().forward(model.gaussians.span(), camera, viewing, pass);
+    drawer.draw(camera, pass);
     backend.synchronize(model);
     return milliseconds_now() - begin;
   };
@@ -165,13 +215,17 @@ RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
   };
 
   RenderingFigures figures;
+  figures.way = &backend.memory() == &host_memory() ? "scalar" : way.name;
   figures.scale = scale;
+  figures.mean.is_packed = way.is_packed && !model.gaussians.has_time;
+  figures.mean.has_packed_sh = way.packs_sh;
   std::vector<Camera> cameras;
   for (const View& view : views) cameras.push_back(at_scale(view.camera, scale));
   figures.width = cameras.front().width;
   figures.height = cameras.front().height;
   for (const Camera& camera : cameras) {
     milliseconds_of_frame(camera);
+    figures.mean.splat_bytes = pass.splats.empty() ? sizeof(ViewSplat) : sizeof(Splat);
     add_to_mean(workload_of(pass, settings), cameras.size(), figures.mean);
     figures.ms_per_frame += median_frame(camera) / double(cameras.size());
   }
@@ -180,6 +234,24 @@ RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
   figures.stages = figures_of(backend, figures.mean);
   backend.set_profiling(false);
   return figures;
+}
+
+FrameWay usual_way(const RenderSettings& settings) {
+  return {"packed", false, true, settings.packs_sh, false, 0};
+}
+
+std::vector<RenderingFigures> compare_frame_ways(Backend& backend, TrainingModel& model,
+                                                 const std::vector<View>& views,
+                                                 const RenderSettings& settings,
+                                                 const BenchmarkPlan& plan, double scale) {
+  std::vector<RenderingFigures> all;
+  for (const FrameWay& way : kFrameWays) {
+    all.push_back(time_rendering(backend, model, views, settings, plan, scale, way));
+    const FrameDrawer counted(backend, model, settings, kFrameWays[0]),
+        drawer(backend, model, settings, way);
+    all.back().difference = difference_of(counted, drawer, backend.memory(), views, scale);
+  }
+  return all;
 }
 
 std::optional<double> copy_gb_per_second(Backend& backend) {

@@ -39,14 +39,21 @@ Json stages_json(const std::vector<StageFigures>& stages, const BenchmarkReport&
 }
 
 Json rendering_json(const RenderingFigures& figures, const BenchmarkReport& report) {
-  return {{"scale", figures.scale},
-          {"width", figures.width},
-          {"height", figures.height},
-          {"visible", figures.mean.visible},
-          {"instances", figures.mean.instances},
-          {"longest_list", figures.mean.longest_list},
-          {"ms_per_frame", figures.ms_per_frame},
-          {"stages", stages_json(figures.stages, report)}};
+  Json json = {{"way", figures.way},
+               {"scale", figures.scale},
+               {"width", figures.width},
+               {"height", figures.height},
+               {"visible", figures.mean.visible},
+               {"instances", figures.mean.instances},
+               {"longest_list", figures.mean.longest_list},
+               {"ms_per_frame", figures.ms_per_frame},
+               {"stages", stages_json(figures.stages, report)}};
+  if (const auto& difference = figures.difference) {
+    json["psnr_to_counted"] =
+        std::isfinite(difference->psnr) ? Json(difference->psnr) : Json(nullptr);
+    json["largest_difference_to_counted"] = difference->largest;
+  }
+  return json;
 }
 
 Json blender_json(const BlenderFigures& figures) {
@@ -158,9 +165,12 @@ std::string report_text(const BenchmarkSubject& subject, const BenchmarkPlan& pl
   text += "  " + workload_text(report.workload) + "\n";
   text += stages_text(report.training.stages, report);
   for (const RenderingFigures& figures : report.rendering) {
-    text += fmt::format("\nrendering: {:.3f} ms per frame, {}x{}, {} {} views\n",
+    text += fmt::format("\nrendering: {:.3f} ms per frame, {}x{}, {} {} views, {}\n",
                         figures.ms_per_frame, figures.width, figures.height, rendered,
-                        subject.test_views.empty() ? "training" : "test");
+                        subject.test_views.empty() ? "training" : "test", figures.way);
+    if (const auto& difference = figures.difference)
+      text += fmt::format("  PSNR to counted frames {:.1f} dB, largest difference {:.1e}\n",
+                          difference->psnr, difference->largest);
     text += "  " + workload_text(figures.mean) + "\n" + stages_text(figures.stages, report);
   }
   text += blenders_text(report.blenders) + "\n";

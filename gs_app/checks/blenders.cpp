@@ -139,7 +139,8 @@ std::vector<BlenderFigures> compare_blenders(Backend& backend, TrainingModel& mo
         RenderSettings own = simt;
         own.use_tensor_cores = blender.use_tensor_cores;
         own.half_precision = blender.half_precision;
-        const RenderingFigures timed = time_rendering(backend, model, views, own, plan, scale);
+        const RenderingFigures timed =
+            time_rendering(backend, model, views, own, plan, scale, kPlainFrames);
 
         BlenderFigures figures{bounds.name, blender.name, scale, timed.width, timed.height};
         figures.instances = timed.mean.instances;

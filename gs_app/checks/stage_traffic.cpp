@@ -18,6 +18,13 @@ constexpr double kGradientSum = 48;                   // bytes; dL/d(splat), pad
 constexpr double kDigit = 8;                          // bits per pass of a radix sort
 
 double sh_rest_bytes(const Workload& w) { return 12.0 * sh_rest_count(w.sh_degree); }
+/// A packed model's ellipsoid, and its color in whole vectors of 16 bytes.
+constexpr double kEllipsoid = sizeof(Vec3f) + 6 * sizeof(float) + sizeof(float);
+double packed_color_bytes(const Workload& w) {
+  const double numbers = 3.0 * sh_rest_count(w.sh_degree);
+  const double bytes = w.has_packed_sh ? 16 + 2 * numbers : 12 + 4 * numbers;
+  return 16 * std::ceil(bytes / 16);
+}
 double tile_bits(const Workload& w) { return std::bit_width(std::uint64_t(w.tiles)); }
 double tile_key(const Workload& w) { return w.tiles < 65536 ? 2 : 4; }
 /// A sort of `items` keys with an index each: the keys are read once, then each pass reads and
@@ -33,11 +40,15 @@ struct Rule {
 
 constexpr Rule kRules[] = {
     // Reads shape and SH degree 0 of all and the other degrees of the visible; writes count and key
-    // of all, splat and depth of the visible.
+    // of all, splat and depth of the visible. A packed model has no depth, and all of its color is
+    // read only of the visible.
     {"preprocess",
      [](const Workload& w) {
+       if (w.is_packed)
+         return w.gaussians * (kEllipsoid + kCount + kDepth) +
+                w.visible * (packed_color_bytes(w) + w.splat_bytes + sizeof(Rect));
        return w.gaussians * (kShape + 12 + kCount + kDepth) +
-              w.visible * (sh_rest_bytes(w) + sizeof(Splat) + kDepth + sizeof(Rect));
+              w.visible * (sh_rest_bytes(w) + w.splat_bytes + kDepth + sizeof(Rect));
      }},
     // Sorts all by the bits of the depth that make its key; sums the counts in that order (reads
     // order and count, writes the sum).
@@ -49,7 +60,7 @@ constexpr Rule kRules[] = {
     // of each instance.
     {"instances",
      [](const Workload& w) {
-       return w.gaussians * (kIndex + 2 * kCount) + w.visible * (sizeof(Rect) + sizeof(Splat)) +
+       return w.gaussians * (kIndex + 2 * kCount) + w.visible * (sizeof(Rect) + w.splat_bytes) +
               w.instances * (tile_key(w) + kIndex);
      }},
     // Sorts by as many bits as there are tiles; reads the keys once more for the tiles' ranges.

@@ -18,6 +18,9 @@ struct Workload {
   double pixels = 0;        // P
   double tiles = 0;
   int sh_degree = 3;
+  bool is_packed = false;     // stage 1 reads a packed model (Renderer::pack)
+  bool has_packed_sh = true;  // whose SH is packed, too
+  double splat_bytes = 48;    // one splat
 };
 
 /// Bytes that one run of a stage of the CUDA backend reads and writes. Nothing for the blending

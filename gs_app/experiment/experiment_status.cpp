@@ -10,8 +10,19 @@
 
 namespace gs {
 
+namespace {
+
+// A run that has begun knows its length, which may follow from its scene.
+int steps_of(const ExperimentRun& run) {
+  Config config = run.settings;
+  if (std::filesystem::exists(run.folder.config())) load_config(config, run.folder.config());
+  return Schedule(config, 1).steps();  // the extent changes only learning rates
+}
+
+}  // namespace
+
 std::string status_of(const ExperimentRun& run) {
-  const int steps = Schedule(run.settings, 1).steps();  // the extent changes only learning rates
+  const int steps = steps_of(run);
   return fmt::format("{} at step {} of {}", run.name(),
                      with_commas(std::uint64_t(last_step_in(run.folder.metrics()))),
                      with_commas(std::uint64_t(steps)));

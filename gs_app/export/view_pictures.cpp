@@ -76,18 +76,22 @@ SurfaceRenderer& ViewPictures::surface() {
 }
 
 std::vector<ImageF> ViewPictures::values(const Camera& camera,
-                                         const std::vector<Quantity>& quantities) {
+                                         const std::vector<Quantity>& quantities,
+                                         Appearance* look) {
   const auto is_of_color_pass = [](Quantity q) {
     return q == Quantity::color || q == Quantity::alpha;
   };
-  if (std::any_of(quantities.begin(), quantities.end(), is_of_color_pass))
-    backend_.renderer().forward(gaussians_.span(), camera, settings_, pass_);
+  if (std::any_of(quantities.begin(), quantities.end(), is_of_color_pass)) {
+    if (!packed_) packed_ = backend_.renderer().pack(gaussians_.span(), settings_);
+    backend_.renderer().draw(*packed_, camera, settings_, pass_);
+  }
   ImageF depth;
   if (!std::all_of(quantities.begin(), quantities.end(), is_of_color_pass))
     depth = surface().depth(camera);
   std::vector<ImageF> result;
   for (const Quantity quantity : quantities) {
-    if (quantity == Quantity::color) result.push_back(image_of(pass_));
+    if (quantity == Quantity::color)
+      result.push_back(look ? shown_image(pass_, *look) : image_of(pass_));
     if (quantity == Quantity::alpha) result.push_back(alpha_of(pass_));
     if (quantity == Quantity::depth) result.push_back(depth);
     if (quantity == Quantity::normal) result.push_back(normals(depth, camera));

@@ -33,7 +33,8 @@ struct DepthRange {
 ///   normal   0.5 + 0.5 n; black where empty
 Image8 picture_of(Quantity quantity, const ImageF& values, const DepthRange& range);
 
-/// Renders views of one model. Backend and Gaussians must outlive it.
+/// Renders views of one model. Backend and Gaussians must outlive it, and the Gaussians must not
+/// change.
 class ViewPictures {
  public:
   /// gaussians, host   the same, in the backend's memory and in the host's
@@ -42,7 +43,10 @@ class ViewPictures {
 
   /// The quantities of a view, in this order. Color and alpha take one pass, depth and normal
   /// another (surface_renderer.h).
-  std::vector<ImageF> values(const Camera& camera, const std::vector<Quantity>& quantities);
+  ///
+  /// look   how a photo shows the colors; null: they are the scene's own
+  std::vector<ImageF> values(const Camera& camera, const std::vector<Quantity>& quantities,
+                             Appearance* look = nullptr);
 
   /// Depths of pixels in small pictures of a few of the cameras, sorted. Empty where they show
   /// nothing.
@@ -56,6 +60,7 @@ class ViewPictures {
   const Gaussians &gaussians_, &host_;
   RenderSettings settings_;
   bool normals_in_camera_;
+  std::unique_ptr<PackedScene> packed_;  // where color or alpha was asked for
   RenderPass pass_;
   std::optional<SurfaceRenderer> surface_;  // where depth or normals were asked for
 };

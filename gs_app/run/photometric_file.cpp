@@ -81,7 +81,8 @@ class Reader {
   std::unique_ptr<PhotometricModel> model_of(const PhotometricConfig& config) const {
     const Names known = photometric_models();
     const bool is_known = std::find(known.begin(), known.end(), config.model) != known.end();
-    auto model = is_known ? make_photometric_model(config) : nullptr;
+    const bool is_chosen = is_known && config.model != kAutoPhotometricModel;
+    auto model = is_chosen ? make_photometric_model(config) : nullptr;
     if (!model)
       refuse(fmt::format("there is no photometric.model '{}' here", shown_word(config.model)));
     return model;

@@ -6,6 +6,7 @@
 #include "data_loaders/photos/photos.h"
 #include "gs_app/pictures/comparison.h"
 #include "gs_app/pictures/pictures.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_train/static_rows.h"
 
 namespace gs {
@@ -29,12 +30,20 @@ class PictureKeeper {
       : folder_(std::move(folder)), background_(background), compared_(std::move(compared)) {}
 
   void keep(std::size_t index, const View& view, const ImageF& image) {
-    const Image8 render = to_image8(image), photo = shown_photo(view, background_);
-    const std::string name = picture_file(index);
-    write_png(folder_ / "renders" / name, render);
-    write_png(folder_ / "gt" / name, photo);
+    Image8 render = to_image8(image), photo = shown_photo(view, background_);
     if (std::binary_search(compared_.begin(), compared_.end(), index))
       comparisons_.push_back({photo, render});
+    const std::string name = picture_file(index);
+    files_.push_back({folder_ / "renders" / name, std::move(render)});
+    files_.push_back({folder_ / "gt" / name, std::move(photo)});
+    if (files_.size() >= 2 * std::size_t(thread_count())) write_files();
+  }
+  /// Writes what is still in memory. One thread would take longer to compress the pictures than all
+  /// of them to measure the views.
+  void write_files() {
+    parallel_for(files_.size(), 1,
+                 [&](std::size_t i) { write_png(files_[i].path, files_[i].picture); });
+    files_.clear();
   }
   const std::vector<Comparison>& comparisons() const { return comparisons_; }
 
@@ -43,6 +52,11 @@ class PictureKeeper {
   Vec3f background_;
   std::vector<std::size_t> compared_;  // ascending
   std::vector<Comparison> comparisons_;
+  struct File {
+    std::filesystem::path path;
+    Image8 picture;
+  };
+  std::vector<File> files_;
 };
 
 }  // namespace
@@ -70,6 +84,7 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Resul
   };
   results.test = evaluate_views(scene.test_views, true);
   results.train = evaluate_views(some, !has_test);
+  pictures.write_files();
   if (done < total) progress(total, total);  // views that are masked everywhere are left out
   if (!pictures.comparisons().empty())
     write_png(folder.comparison(), comparison_picture(pictures.comparisons()));

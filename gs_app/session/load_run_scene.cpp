@@ -6,9 +6,11 @@
 #include <sstream>
 
 #include "data_loaders/reconstruct/photo_folder.h"
+#include "data_loaders/scene/photo_light.h"
 #include "gs_app/run/text.h"
 #include "gs_core/log.h"
 #include "gs_core/memory.h"
+#include "gs_train/photometric/gains.h"
 
 namespace gs {
 namespace {
@@ -22,6 +24,19 @@ void move_source(DatasetConfig& dataset, const fs::path& scene) {
   if (dataset.masks != "none" && (is_named || fs::is_directory(masks)))
     dataset.masks = masks.string();
   dataset.source = scene.string();
+}
+
+void settle(Config& config, const PhotometricChoice& choice) {
+  config.photometric.model = choice.has_gains ? kGainsModel : kNoPhotometricModel;
+  config.dataset.exposure |= choice.has_gains;
+  log_info("photometric.model auto is {}: {}", config.photometric.model, choice.why);
+}
+
+void forget_exposures(Scene& scene) {
+  scene.exposure.reset();
+  scene.lenses.clear();
+  for (auto* views : {&scene.train_views, &scene.test_views})
+    for (View& view : *views) view.exposure = Vec3f(1);
 }
 
 }  // namespace
@@ -46,15 +61,36 @@ bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
   return true;
 }
 
-Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks) {
-  Scene scene = load_scene(dataset, [&](LoadStage stage, std::size_t done, std::size_t total) {
+Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks, bool has_vignetting) {
+  const auto show = [&](LoadStage stage, std::size_t done, std::size_t total) {
     hooks.show_loading(stage, done, total);
-  });
+  };
+  Scene scene = load_scene(dataset, show, PhotoLoading::as_they_fit, has_vignetting);
   const View& first = scene.train_views.empty() ? scene.test_views.at(0) : scene.train_views[0];
   log_info("{}: {} training views, {} held out, {}x{} pixels; {} points, extent {:.3g}",
            scene.source, scene.train_views.size(), scene.test_views.size(), first.camera.width,
            first.camera.height, with_commas(scene.points.size()), scene.extent);
   return scene;
+}
+
+Scene load_run_scene(Config& config, SessionHooks& hooks) {
+  const PhotometricConfig& photometric = config.photometric;
+  const bool has_vignetting = photometric.vignetting && photometric.model != kNoPhotometricModel;
+  if (photometric.model != kAutoPhotometricModel)
+    return load_run_scene(config.dataset, hooks, has_vignetting);
+  DatasetConfig dataset = config.dataset;
+  std::string unknown_because;
+  if (!dataset.exposure) unknown_because = why_exposures_are_unknown(dataset);
+  dataset.exposure = unknown_because.empty();
+  Scene scene = load_run_scene(dataset, hooks, has_vignetting);
+  settle(config, choose_photometric(scene.exposure, unknown_because));
+  if (!config.dataset.exposure) forget_exposures(scene);
+  return scene;
+}
+
+void choose_photometric_model(Config& config, const Scene& scene) {
+  if (config.photometric.model != kAutoPhotometricModel) return;
+  settle(config, choose_photometric(scene.exposure, "its exposures were not solved for"));
 }
 
 ForecastDevice forecast_device(Backend& backend) {

@@ -22,7 +22,16 @@ bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
                              const std::function<void()>& clear_folder, SessionHooks& hooks);
 
 /// Loads the scene at dataset.source, and logs its size. Throws as load_scene() does.
-Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks);
+Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks,
+                     bool has_vignetting = false);
+
+/// The same for a run. Where photometric.model is "auto", the photos choose the model: the config
+/// then names it, and dataset.exposure too where gains start from exposures that were solved for.
+/// Logs why.
+Scene load_run_scene(Config& config, SessionHooks& hooks);
+
+/// The choice for a scene that somebody else has made: by the exposures that it has.
+void choose_photometric_model(Config& config, const Scene& scene);
 
 /// Logs what the run is expected to take of the machine.
 void log_forecast(const Config& config, const Scene& scene, Backend& backend);

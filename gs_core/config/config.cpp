@@ -274,14 +274,15 @@ void validate(const Config& config, const SettingOrigins& origins) {
   };
   require(config.render.near_plane < config.render.far_plane, "render.near_plane",
           config.render.near_plane, "less than render.far_plane");
-  require(config.density.strategy != "mcmc" || config.density.max_gaussians != 0,
-          "density.max_gaussians", config.density.max_gaussians,
+  const bool has_limit =
+      config.density.max_gaussians != 0 || config.density.gaussians_per_point > 0;
+  require(config.density.strategy != "mcmc" || has_limit, "density.max_gaussians",
+          config.density.max_gaussians,
           "a number, or auto: density.strategy = \"mcmc\" grows up to it");
   const DensityConfig& density = config.density;
   const bool is_budgeted = density.strategy == "budgeted";
-  require(!is_budgeted || !needs_budget(density.curve) || density.max_gaussians != 0,
-          "density.max_gaussians", density.max_gaussians,
-          "a number, or auto: density.curve rises to it");
+  require(!is_budgeted || !needs_budget(density.curve) || has_limit, "density.max_gaussians",
+          density.max_gaussians, "a number, or auto: density.curve rises to it");
   require(!is_budgeted || !density.prune_unseen || needs_fragment_sums(density.score),
           "density.prune_unseen", density.prune_unseen,
           "false with density.score = \"gradient\", which counts no pixels");

@@ -72,6 +72,7 @@ struct RenderConfig {
   TileBounds bounds = TileBounds::exact;
   BlendKernel blend = BlendKernel::gemm;
   Precision precision = Precision::full;
+  bool packed_sh = true;  // frames for viewing hold SH in 16 bits
   bool antialias = false;
   bool antialias_detach = true;  // no gradient from the opacity compensation to the covariance
   float near_plane = 0.2f;
@@ -86,7 +87,7 @@ struct LossConfig {
 /// How photos that differ in exposure, white balance and vignetting are explained
 /// (docs/photometric.md).
 struct PhotometricConfig {
-  std::string model = "none";  // none, gains
+  std::string model = "none";  // none, gains, auto
   float rate = 2e-3f;          // Adam's, of its numbers
   bool vignetting = false;     // of each camera
 };
@@ -130,6 +131,7 @@ struct DensityConfig {
   int reset_opacity_every = 3000;
   int reset_opacity_until = 12000;
   std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as fit into memory
+  float gaussians_per_point = 0;   // where there is no cap: so many for each sparse point
   bool absolute_gradient = false;  // the statistic sums absolute values over pixels (AbsGS)
   // for mcmc only
   float growth = 0.05f;               // of the count, in one refinement
@@ -175,10 +177,12 @@ struct DensityConfig {
 
 struct TrainConfig {
   int iterations = 30000;
-  int batch = 1;            // photos of one update; steps count photos
-  int batch_from_step = 0;  // updates by single photos until then
-  bool batch_rates = true;  // learning rates and betas that fit the batch
-  float steps_scaler = 1;   // multiplies iterations and the whole schedule
+  int epochs = 0;            // above 0: so many passes over the photos, at most `iterations` steps
+  int least_iterations = 0;  // with it, at least so many steps
+  int batch = 1;             // photos of one update; steps count photos
+  int batch_from_step = 0;   // updates by single photos until then
+  bool batch_rates = true;   // learning rates and betas that fit the batch
+  float steps_scaler = 1;    // multiplies iterations and the whole schedule
   int sh_degree_every = 1000;
   int sh_degree_epochs = 0;          // at least so many epochs between SH degrees
   std::vector<int> resolution_ramp;  // factors by which photos are reduced at first
@@ -202,6 +206,7 @@ struct TrainConfig {
 /// The evaluation at the end of a run, and by `gemsplat eval`.
 struct EvalConfig {
   std::string lpips;  // weights of the network of LPIPS, a file; empty, none: it is not measured
+  bool color_corrected = false;  // also measure pictures with colors fitted to the photos
 };
 
 struct Config {

@@ -96,6 +96,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("render.bounds",                render.bounds,                "",            one_of<TileBounds>(),    retrain, "which tiles list a Gaussian: the tiles that it touches, its bounding box, or a square of 3 standard deviations", kFaster);
   field("render.blend",                 render.blend,                 "",            one_of<BlendKernel>(),   retrain, "how the GPU blends: gemm on tensor cores, if there are any; simt without them", "GEMM-GS");
   field("render.precision",             render.precision,             "",            one_of<Precision>(),     retrain, "half: images for viewing are blended with 11-bit weights; training always uses full precision");
+  field("render.packed_sh",             render.packed_sh,             "",            any(),                   retrain, "GPU frames of a model that is drawn many times: SH beyond degree 0 in 16 bits, with one scale for each Gaussian; false: in float");
   field("render.antialias",             render.antialias,             "",            any(),                   retrain, "dilate splats less and compensate their opacity", kMip);
   field("render.antialias_detach",      render.antialias_detach,      "",            any(),                   retrain, "stop the gradient from that compensation to the covariance", kFaster);
   field("render.near_plane",            render.near_plane,            "world units", above(0),                retrain, "Gaussians nearer to the camera are not drawn", kKerbl);
@@ -106,7 +107,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("loss.lambda_dssim",            loss.lambda_dssim,            "",            between(0, 1),           retrain, "weight of 1 - SSIM in the loss; L1 gets the rest", "Kerbl et al. 2023, Eq. 7");
 
   auto& photometric = config.photometric;
-  field("photometric.model",            photometric.model,            "",            one_of(kPhotometricWords), retrain, "what is learned of each photo, so that the scene need not explain how photos differ: gains, a gain for each photo and channel; on the CPU", "docs/photometric.md");
+  field("photometric.model",            photometric.model,            "",            one_of(kPhotometricWords), retrain, "what is learned of each photo, so that the scene need not explain how photos differ: gains, a gain for each photo and channel; auto, gains where photos differ in light", "docs/photometric.md");
   field("photometric.rate",             photometric.rate,             "1/step",      above(0),                retrain, "learning rate of these numbers after a warm-up; it falls to a hundredth", "PPISP 2026");
   field("photometric.vignetting",       photometric.vignetting,       "",            any(),                   retrain, "also learn how much each camera darkens towards the rims of its photos", "docs/photometric.md");
 
@@ -141,6 +142,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.reset_opacity_every",  density.reset_opacity_every,  "steps",       steps_from(1),           retrain, "interval between opacity resets", kKerbl);
   field("density.reset_opacity_until",  density.reset_opacity_until,  "steps",       steps_from(0),           retrain, "last opacity reset; 0: none", kKerbl);
   field("density.max_gaussians",        density.max_gaussians,        "",            between(kAutoCount, 4e9), proceed, "more points are downsampled to this number, and growth stops at it; 0: no limit; auto (-1): as many as fit into memory");
+  field("density.gaussians_per_point",  density.gaussians_per_point,  "",            between(0, 1e6),         retrain, "if max_gaussians is 0, it becomes so many times the points that training starts from; 0: it does not");
   field("density.absolute_gradient",    density.absolute_gradient,    "",            any(),                   retrain, "for cloning and splitting, sum absolute values of the gradient over pixels; needs a gradient_threshold about four times as large", "Ye et al. 2024");
   field("density.growth",               density.growth,               "",            between(0, 1),           retrain, "fraction of the Gaussians that mcmc adds in one refinement", kMcmc);
   field("density.noise_scale",          density.noise_scale,          "",            at_least(0),             retrain, "strength of mcmc's noise on the means, as a multiple of their learning rate", kMcmc);
@@ -185,6 +187,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
 
   auto& train = config.train;
   field("train.iterations",             train.iterations,             "steps",       steps_from(1),           proceed, "length of the training, one photo each step; the schedule scales with it", kKerbl);
+  field("train.epochs",                 train.epochs,                 "epochs",      between(0, 100000),      retrain, "above 0, the training takes so many passes over the photos, but at most iterations steps");
+  field("train.least_iterations",       train.least_iterations,       "steps",       steps_from(0),           retrain, "with epochs, the training takes at least so many steps");
   field("train.batch",                  train.batch,                  "photos",      between(1, kMostBatch),  retrain, "photos of one update, which takes the mean of their gradients; steps go on counting photos", "Faster-GS (4D)");
   field("train.batch_from_step",        train.batch_from_step,        "steps",       steps_from(0),           retrain, "until this step of a 30,000-step run each photo has an update of its own", "FastGS");
   field("train.batch_rates",            train.batch_rates,            "",            any(),                   retrain, "an update by B photos stands for B updates: learning rates * sqrt(B), betas to the power B; off: as for one photo", "Malladi et al. 2022");
@@ -210,6 +214,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
 
   auto& eval = config.eval;
   field("eval.lpips",                   eval.lpips,                   "file",        any(),                   proceed, "also measure LPIPS at the end of a run, with the weights in this file (docs/equations.md says how to make it); none: it is not measured", "Zhang et al. 2018");
+  field("eval.color_corrected",         eval.color_corrected,         "",            any(),                   proceed, "also measure pictures whose colors are fitted to the photo (psnr_cc); always on with photometric.model", "Mildenhall et al. 2022");
 }
 // clang-format on
 

@@ -13,6 +13,7 @@
 #include "gs_render/render_settings.h"
 #include "gs_train/density/gaussian_budget.h"
 #include "gs_train/initialize/initialize.h"
+#include "gs_train/initialize/scene_settings.h"
 #include "gs_train/photometric/photometric_start.h"
 #include "gs_train/row_rules.h"
 
@@ -118,11 +119,12 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
 }
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
-    : Trainer(scene, config, backend,
-              initial_model(with_views(scene), without_file(config), backend.memory())) {}
+    : Trainer(scene, settled_for(config, scene), backend,
+              initial_model(with_views(scene), settled_for(without_file(config), scene),
+                            backend.memory())) {}
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingState from)
-    : Trainer(scene, with_known_cap(config, from.progress), backend,
+    : Trainer(scene, with_known_cap(settled_for(config, scene), from.progress), backend,
               TrainingModel(backend.memory())) {
   recovery_.resume(std::move(from));
 }
@@ -315,6 +317,7 @@ std::optional<SceneLooks> looks_of(Trainer& trainer) {
 
 EvaluationOptions evaluation_options(Trainer& trainer, MetricSet metrics) {
   EvaluationOptions options(metrics);
+  options.is_corrected = trainer.config().eval.color_corrected;
   const std::optional<SceneLooks> looks = looks_of(trainer);
   if (!looks) return options;
   options.appearance_of = appearances(*looks);

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/photometric/appearance.h"
 
+#include <algorithm>
+
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_render/renderer.h"
 
 namespace gs {
 namespace {
@@ -48,6 +51,17 @@ void Appearance::pull_back(const Planes& picture, Span<float> dL_dshown, Span<co
   });
   gradient_.assign(numbers, 0.0);
   for (std::size_t i = 0; i < row_sums_.size(); ++i) gradient_[i % numbers] += row_sums_[i];
+}
+
+ImageF shown_image(const RenderPass& pass, Appearance& appearance) {
+  const std::vector<float> planes = pass.image.download();
+  return shown_image({planes.data(), pass.width, pass.height}, appearance);
+}
+
+ImageF shown_image(const Planes& picture, Appearance& appearance) {
+  appearance.show(picture);
+  const std::vector<float>& shown = appearance.shown();
+  return image_of({shown.data(), shown.size()}, picture.width, picture.height);
 }
 
 }  // namespace gs

@@ -6,7 +6,9 @@
 #include <vector>
 
 #include "gs_core/buffer.h"
+#include "gs_core/image.h"
 #include "gs_core/types.h"
+#include "gs_render/render_pass.h"
 
 namespace gs {
 
@@ -62,5 +64,10 @@ class Appearance {
   std::vector<float> shown_, behind_;
   std::vector<double> gradient_, row_sums_;
 };
+
+/// The picture of the pass, in any memory, as the photo shows it; in 0..1. Calls show().
+ImageF shown_image(const RenderPass& pass, Appearance& appearance);
+/// The same of a picture in host memory.
+ImageF shown_image(const Planes& picture, Appearance& appearance);
 
 }  // namespace gs

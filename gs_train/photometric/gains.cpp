@@ -7,12 +7,6 @@
 namespace gs {
 namespace {
 
-// Weights in the loss, whose data term is a mean over pixels. Chosen so that they decide only where
-// the photos say little.
-constexpr double kPriorWeight = 0.01;
-constexpr double kPriorSpread = 0.5;  // of log gains, as in refine_exposure.cpp
-constexpr double kRimWeight = 0.01;
-
 class GainsAppearance final : public Appearance {
  public:
   GainsAppearance(Span<const float> photo, Span<const float> camera, const LensPlace& place)
@@ -68,6 +62,7 @@ class GainsAppearance final : public Appearance {
 class GainsModel final : public PhotometricModel {
  public:
   explicit GainsModel(bool has_vignetting) : has_vignetting_(has_vignetting) {}
+  std::string name() const override { return kGainsModel; }
   std::vector<std::string> photo_names() const override {
     return {"log_gain_red", "log_gain_green", "log_gain_blue"};
   }
@@ -87,6 +82,9 @@ class GainsModel final : public PhotometricModel {
   void start_from_gains(const Vec3f& gains, Span<float> photo) const override {
     for (int c = 0; c < 3; ++c) photo[std::size_t(c)] = std::log(gains[c]);
   }
+  void start_from_lens(const std::array<float, 3>& lens, Span<float> camera) const override {
+    for (std::size_t i = 0; i < camera.size; ++i) camera[i] = lens[i];
+  }
   // The scene has the brightness of the middle of the photos, where lenses do not darken.
   std::vector<double> common_part(const PhotometricState& state) const override {
     std::vector<double> sum(3, 0.0);
@@ -103,9 +101,9 @@ class GainsModel final : public PhotometricModel {
     const std::size_t gains = shape.camera_begin(0);
     for (std::size_t i = 0; state.is_solved && i < gains; ++i)
       gradient[i] += gain_prior_vjp(double(state.values[i]), double(state.start[i]),
-                                    kPriorWeight / shape.photos, kPriorSpread);
+                                    kGainPriorWeight / shape.photos, kGainPriorSpread);
     for (std::size_t k = 0; has_vignetting_ && k < shape.cameras; ++k) {
-      const std::array<double, 3> more = bright_rim_vjp(lens(state, k), kRimWeight);
+      const std::array<double, 3> more = bright_rim_vjp(lens(state, k), kBrightRimWeight);
       for (std::size_t i = 0; i < 3; ++i) gradient[shape.camera_begin(k) + i] += more[i];
     }
   }

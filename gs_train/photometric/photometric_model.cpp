@@ -1,11 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/photometric/photometric_model.h"
 
+#include "gs_core/error.h"
 #include "gs_train/named_row.h"
 #include "gs_train/photometric/gains.h"
 
 namespace gs {
 namespace {
+
+// Photos and tracks are read above this library.
+std::unique_ptr<PhotometricModel> refuse_auto(const PhotometricConfig&) {
+  throw UsageError(
+      "photometric.model is auto, and a Trainer by itself does not look at the scene's tracks: "
+      "train with a TrainSession of gs_app/session, or set photometric.model to gains or none");
+}
 
 struct ModelRow {
   const char* name;  // a word of photometric.model
@@ -14,7 +22,8 @@ struct ModelRow {
 constexpr ModelRow kModels[] = {
     {kNoPhotometricModel,
      [](const PhotometricConfig&) { return std::unique_ptr<PhotometricModel>(); }},
-    {"gains", make_gains_model},
+    {kGainsModel, make_gains_model},
+    {kAutoPhotometricModel, refuse_auto},
 };
 
 }  // namespace

@@ -9,10 +9,14 @@
 //   2. It becomes a row of kModels in photometric_model.cpp and a word of kPhotometricWords in
 //      gs_core/config/config_words.h.
 //   3. Settings of its own are members of PhotometricConfig.
+//   4. Its GPU twin is a row of kPhotometricModels in cuda/backend.cu, with the formulas of one pixel
+//      and the update in cuda/train/photometric.*. Without a twin, training on a GPU with this model
+//      is refused when the run starts.
 // Adam, the mean of zero, checkpoints, held-out photos, metrics and photometric.json then take it as
 // they take the others.
 #pragma once
 
+#include <array>
 #include <map>
 #include <memory>
 #include <string>
@@ -25,10 +29,13 @@
 
 namespace gs {
 
-/// All numbers of a model are 0 where a photo shows the scene's own colors.
+/// All numbers of a model are 0 where a photo shows the scene's own colors. This is the scalar twin;
+/// a device has kernels of its own and takes the models that it knows by name().
 class PhotometricModel {
  public:
   virtual ~PhotometricModel() = default;
+  /// Its word of photometric.model.
+  virtual std::string name() const = 0;
   /// Their names, of each photo and of each camera.
   virtual std::vector<std::string> photo_names() const = 0;
   virtual std::vector<std::string> camera_names() const = 0;
@@ -40,6 +47,8 @@ class PhotometricModel {
   /// The numbers of a photo that shows the scene's colors times these gains, as far as the model
   /// can say it.
   virtual void start_from_gains(const Vec3f& gains, Span<float> photo) const = 0;
+  /// The numbers of a camera whose vignetting was solved for (Scene::lenses).
+  virtual void start_from_lens(const std::array<float, 3>& lens, Span<float> camera) const = 0;
   /// How far each number of a photo lies above its neutral value, in the mean over all training photos.
   /// It is subtracted from all of them after every update: what all photos have in common is the
   /// scene's.
@@ -51,9 +60,11 @@ class PhotometricModel {
 
 /// The word of photometric.model that means none.
 inline constexpr const char* kNoPhotometricModel = "none";
+/// The word that leaves the choice to the photos. A TrainSession replaces it by one of the others.
+inline constexpr const char* kAutoPhotometricModel = "auto";
 
 /// The model that the settings name; null: none. Throws UsageError for a word that is not in the
-/// table.
+/// table, and for "auto", which nobody has replaced.
 std::unique_ptr<PhotometricModel> make_photometric_model(const PhotometricConfig& config);
 
 /// The words of photometric.model.

@@ -22,7 +22,8 @@ PhotometricShape shape_of(const PhotometricModel& model, const std::vector<View>
 }
 
 PhotometricState start_of(const PhotometricModel& model, const PhotometricShape& shape,
-                          const std::vector<View>& views) {
+                          const Scene& scene) {
+  const std::vector<View>& views = scene.train_views;
   PhotometricState state;
   state.shape = shape;
   state.camera_of = camera_rows(views);
@@ -37,6 +38,9 @@ PhotometricState start_of(const PhotometricModel& model, const PhotometricShape&
     model.start_from_gains(views[i].exposure, state.photo(i));
     state.is_solved = true;
   }
+  for (std::size_t i = 0; i < views.size(); ++i)
+    if (const auto lens = scene.lenses.find(views[i].camera_id); lens != scene.lenses.end())
+      model.start_from_lens(lens->second, state.camera(state.camera_of[i]));
   center_photos(model, state);
   std::copy(state.values.begin(), state.values.end(), state.start.begin());
   return state;
@@ -58,14 +62,15 @@ void begin_photometric(const Config& config, const Scene& scene, TrainingModel& 
   if (!photometric) return;
   const PhotometricShape shape = shape_of(*photometric, scene.train_views);
   if (model.photometric.empty()) {
-    model.photometric =
-        copy_to(model.gaussians.memory(), start_of(*photometric, shape, scene.train_views));
+    model.photometric = copy_to(model.gaussians.memory(), start_of(*photometric, shape, scene));
   } else if (!(model.photometric.shape == shape)) {
     throw Error(fmt::format(
         "the state of the run has {} photos and {} cameras of photometric.model, but {} has {} and "
         "{}; train on the scene of the run, or start a new run in another folder (-o)",
         model.photometric.shape.photos, model.photometric.shape.cameras, scene.source, shape.photos,
         shape.cameras));
+  } else {
+    model.photometric.camera_of = camera_rows(scene.train_views);  // checkpoints do not have it
   }
 }
 

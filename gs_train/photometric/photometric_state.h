@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The numbers that a photometric model learns, part of TrainingModel.
+// The numbers that a photometric model learns, part of TrainingModel, and where a device finds
+// those of one photo.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
 #include "gs_core/buffer.h"
+#include "gs_core/math/photometric.h"
 
 namespace gs {
 
@@ -42,6 +44,18 @@ struct PhotometricState {
   Span<float> camera(std::size_t i) const {
     return {values.data() + shape.camera_begin(i), shape.camera_size};
   }
+};
+
+/// What a device needs of the state to show a picture as one photo does. All numbers are in the
+/// memory of the device, so that no step waits for them.
+struct PhotoOnDevice {
+  const float* photo;   // (shape.photo_size)
+  const float* camera;  // (shape.camera_size) null: the model has no numbers of cameras
+  LensPlace place;      // of the picture
+  // += weight * dL/d(numbers), by the loss; null: the numbers rest
+  double* photo_gradient = nullptr;
+  double* camera_gradient = nullptr;
+  double weight = 1;
 };
 
 /// Calls f(name, a.array, b.array, ...) for each array. Checkpoints name their sections like this.

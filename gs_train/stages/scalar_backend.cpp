@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // The scalar CPU backend: the contracts in their simplest form.
-#include <spdlog/fmt/fmt.h>
-
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stages.h"
@@ -31,10 +29,7 @@ class ScalarBackend final : public Backend {
   }
   Loss& loss() override { return *loss_; }
   void use_photometric(std::unique_ptr<PhotometricModel> photometric) override {
-    if (photometric && !loss_->takes_appearance())
-      throw UsageError(
-          fmt::format("loss.kind {} does not know photometric.model; leave one of the two out",
-                      loss_row_->name));
+    if (photometric) check_takes_appearance(*loss_, loss_row_->name);
     photometric_ = std::move(photometric);
   }
   Optimizer& optimizer() override { return *optimizer_; }

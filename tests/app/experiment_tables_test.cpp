@@ -87,6 +87,9 @@ TEST_F(ExperimentStatus, IsTheLastWholeRowOfTheMetrics) {
   prepare(run);
   write_text(run.folder.metrics(), "step,loss\n100,0.5\n2200,0.4\n23");  // it is being written
   EXPECT_EQ(status_of(run), "a/plain/seed1 at step 2,200 of 7,500");
+  run.settings.train.epochs = 100;  // the run itself knows how many steps these are
+  write_text(run.folder.config(), "[train]\niterations = 4000\nepochs = 0\n");
+  EXPECT_EQ(status_of(run), "a/plain/seed1 at step 2,200 of 4,500");
 }
 
 TEST_F(ExperimentTables, ShowSettingsOfOneSceneWithThatScene) {

@@ -192,6 +192,31 @@ TEST_F(Session, AStoppedRunIsSavedAndGoesOnToTheSameBytes) {
   EXPECT_EQ(run(asked), SessionEnd::nothing_left);
 }
 
+TEST_F(Session, ARunOfSoManyPassesKeepsItsNumbersWhenItIsResumed) {
+  TrainRequest asked = request("out");
+  asked.settings = [settings = asked.settings](const Config& start) {
+    Config config = settings(start);
+    config.train.epochs = 2;  // of 8 photos
+    config.train.iterations = 1000;
+    config.density.gaussians_per_point = 3;
+    return config;
+  };
+  TestHooks hooks;
+  hooks.watcher.on_step = [](int step, Trainer& trainer) {
+    if (step == 6) trainer.stop();
+  };
+  ASSERT_EQ(TrainSession(asked, hooks).run(), SessionEnd::stopped);
+  Config written;
+  load_config(written, path("out/config.toml"));
+  EXPECT_EQ(written.train.iterations, 16);
+  EXPECT_EQ(written.train.epochs, 0);
+  EXPECT_EQ(written.density.max_gaussians, std::int64_t(3 * scene_.points.size()));
+  asked.resume = "auto";
+  ASSERT_EQ(run(asked), SessionEnd::finished);
+  EXPECT_TRUE(fs::exists(ply("out", 16)));
+  EXPECT_EQ(run(asked), SessionEnd::nothing_left);
+}
+
 TEST_F(Session, MemoryThatRunsOutWhileTheModelIsSavedIsGivenBackAndTheModelSaved) {
   std::optional<FailingMemory> failing;
   TestHooks hooks;

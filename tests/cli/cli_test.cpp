@@ -128,6 +128,57 @@ TEST_F(Program, GainsOfPhotosAreWrittenDownMeasuredApartAndAppliedAgain) {
   EXPECT_TRUE(nlohmann::json::parse(corrected.out).contains("psnr_cc"));
 }
 
+/// Replaces the photos of write_scene() by gray ones, where every second one is so many times as
+/// bright.
+void paint_gray(const fs::path& images, double times) {
+  for (int v = 0; v < kViews; ++v) {
+    Image8 photo(kWidth, kHeight, 3);
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth; ++x)
+        for (int c = 0; c < 3; ++c)
+          photo.at(x, y, c) = std::uint8_t((80 + y + 10 * c) * (v % 2 ? times : 1));
+    write_png(images / ("view_" + std::to_string(v) + ".png"), photo);
+  }
+}
+
+TEST_F(Program, PhotosChooseThePhotometricModelAndTheLogAndTheDoctorSayWhy) {
+  if (!can_refine()) GTEST_SKIP() << "this build has no Ceres";
+  write_scene(path("scene"), true);
+  paint_gray(path("scene/images"), 1.4);
+  const Outcome varied = train("varied", "--set photometric.model=auto");
+  ASSERT_EQ(varied.code, 0) << varied.err;
+  EXPECT_THAT(varied.err, HasSubstr("photometric.model auto is gains: the photos differ in light"));
+  EXPECT_EQ(json("varied/photometric.json").at("model"), "gains");
+  EXPECT_TRUE(fs::exists(path("varied/exposure.json")));
+  EXPECT_THAT(read_bytes(path("varied/config.toml")),
+              AllOf(HasSubstr("model = \"gains\""), HasSubstr("exposure = true")));
+  EXPECT_THAT(run("doctor " + text("scene") + " -q").out,
+              HasSubstr("light        the photos differ in light: a point's colors differ by"));
+  // The same command goes on with what was chosen.
+  EXPECT_EQ(train("varied", "--set photometric.model=auto --resume auto --iterations +2").code, 0);
+  EXPECT_EQ(json("varied/photometric.json").at("model"), "gains");
+
+  paint_gray(path("scene/images"), 1);
+  const Outcome even = train("even", "--set photometric.model=auto");
+  ASSERT_EQ(even.code, 0) << even.err;
+  EXPECT_THAT(even.err,
+              HasSubstr("photometric.model auto is none: the photos hardly differ in light"));
+  for (const char* file : {"even/photometric.json", "even/exposure.json"})
+    EXPECT_FALSE(fs::exists(path(file))) << file;
+  EXPECT_FALSE(json("even/results.json").at("test").contains("psnr_exposure"));
+  EXPECT_THAT(run("doctor " + text("scene") + " -q").out,
+              HasSubstr("ok   light        the photos hardly differ in light"));
+}
+
+TEST_F(Program, WithoutTracksTheAutomaticModelIsNoneAndSaysSo) {
+  write_scene(path("scene"));
+  const Outcome outcome = train("out", "--set photometric.model=auto");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("photometric.model auto is none: it is not known how much the "
+                                     "photos differ in light, because"));
+  EXPECT_THAT(run("doctor " + text("scene") + " -q").out, HasSubstr("it is not known how much"));
+}
+
 TEST_F(Program, DamagedPhotometricFileIsNamedWithARemedy) {
   write_scene(path("scene"));
   ASSERT_EQ(train("out", "--set photometric.model=gains").code, 0);
@@ -135,6 +186,7 @@ TEST_F(Program, DamagedPhotometricFileIsNamedWithARemedy) {
   for (const std::string& damage :
        {std::string("{"), std::string("[]"),
         std::string(R"({"model": "none", "vignetting": true})"),
+        std::string(R"({"model": "auto", "vignetting": true})"),
         std::string(R"({"model": "gains", "vignetting": true, "photos": {"a": {"camera": -1}}})"),
         std::string(R"({"model": "gains", "vignetting": true, "photos": {"a": {"camera": 1e30}}})"),
         whole.substr(0, whole.size() / 2)}) {
@@ -502,6 +554,14 @@ TEST_F(Program, BenchTimesAGeneratedScene) {
   EXPECT_GT(figures.at("render")[1].at("ms_per_frame"), 0.0);
   EXPECT_GT(figures.at("copy_gb_per_s"), 0.0);
   EXPECT_FALSE(figures.contains("peak_gpu_bytes"));
+}
+
+TEST_F(Program, BenchComparesWaysToDrawFramesOnAGpuOnly) {
+  for (const char* flag : {"--blenders", "--frame-steps"}) {
+    const Outcome outcome = run(std::string("bench --gaussians 5 --device cpu ") + flag);
+    EXPECT_EQ(outcome.code, 2);
+    EXPECT_THAT(outcome.err, HasSubstr("add --device cuda"));
+  }
 }
 
 TEST_F(Program, BenchOfARunTakesItsViews) {

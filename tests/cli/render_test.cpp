@@ -244,6 +244,33 @@ TEST_F(Render, FlagsThatDoNotFitAreUsageErrors) {
   EXPECT_FALSE(fs::exists(path("none")));
 }
 
+// The numbers of photometric.json, here of a photo that is half as bright in red.
+TEST_F(Render, ColorsAreThoseOfAPhotoIfItIsNamed) {
+  expect_refused("--like view_1.png -o " + text("none"), "photometric.json");
+  ASSERT_EQ(train("gains", "--set photometric.model=gains").code, 0);
+  nlohmann::json looks = json("gains/photometric.json");
+  auto& photo = looks.at("photos").at("view_1.png");
+  photo["log_gain_red"] = std::log(0.5);
+  photo["log_gain_green"] = photo["log_gain_blue"] = 0;
+  write_bytes(path("gains/photometric.json"), looks.dump());
+  const auto of_gains = [&](const std::string& more) {
+    return run("render " + text("gains") + " --device cpu " + more);
+  };
+  ASSERT_EQ(of_gains("-o " + text("neutral")).code, 0);
+  const Outcome like = of_gains("--like view_1.png -o " + text("like"));
+  ASSERT_EQ(like.code, 0) << like.err;
+  const Image8 neutral = read_photo(path("neutral/view_2.png"));
+  const Image8 shown = read_photo(path("like/view_2.png"));
+  for (std::size_t i = 0; i < neutral.pixels.size(); ++i)
+    EXPECT_NEAR(shown.pixels[i], neutral.pixels[i] * (i % 3 == 0 ? 0.5 : 1.0), 1) << i;
+  ASSERT_EQ(of_gains("--like each -o " + text("each")).code, 0);
+  EXPECT_EQ(read_photo(path("each/view_1.png")).pixels, read_photo(path("like/view_1.png")).pixels);
+  EXPECT_NE(read_photo(path("each/view_2.png")).pixels, shown.pixels);
+  const Outcome unknown = of_gains("--like nobody.png -o " + text("none"));
+  EXPECT_EQ(unknown.code, 2);
+  EXPECT_THAT(unknown.err, AllOf(HasSubstr("no photo nobody.png"), HasSubstr("view_")));
+}
+
 TEST_F(Render, AFieldOfViewZoomsAndASizeKeepsAllThatWasSeen) {
   expect_done("--path orbit --frames 1 --fov 90 --size 50x20 -o " + text("wide"));
   const Camera camera = read_cameras(path("wide/cameras.json"), Vec3d(0.0)).at(0).camera;

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "tests/support/cuda.h"
+#include "tests/support/frames.h"
 
 namespace gs {
 namespace {
@@ -21,18 +22,10 @@ constexpr double kOneFragment = 0.05;
 // PSNR between two pictures in dB, without the few numbers that differ most; none of these may
 // differ by more than one fragment.
 double psnr(const std::vector<float>& a, const std::vector<float>& b) {
-  std::vector<double> squares(a.size());
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    const double difference = double(a[i]) - b[i];
-    if (!(std::abs(difference) < kOneFragment)) return -std::numeric_limits<double>::infinity();
-    squares[i] = difference * difference;
-  }
-  std::sort(squares.begin(), squares.end());
-  squares.resize(squares.size() - std::size_t(kBorderline * double(squares.size())));
-  double sum = 0;
-  for (const double square : squares) sum += square;
-  return sum > 0 ? -10 * std::log10(sum / double(squares.size()))
-                 : std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < a.size(); ++i)
+    if (!(std::abs(double(a[i]) - b[i]) < kOneFragment))
+      return -std::numeric_limits<double>::infinity();
+  return psnr_of_most(a, b, kBorderline);
 }
 
 struct Pictures {

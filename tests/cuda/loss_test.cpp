@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 5 on the GPU against its scalar twin, and the ways in which photos get to the GPU.
+#include "gs_train/photometric/photometric_model.h"
 #include "tests/support/cuda.h"
 
 namespace gs {
@@ -199,6 +200,154 @@ TEST_F(CudaLossTest, TellsTheSameTwice) {
   const Answer first = answer_of(gpu(), pair, 0.2f), second = answer_of(gpu(), pair, 0.2f);
   EXPECT_EQ(first.value, second.value);
   EXPECT_EQ(first.dL_dimage, second.dL_dimage);
+}
+
+// ---- learned appearances -----------------------------------------------------------------------
+
+/// The numbers of a photo and of its camera: gains of a third of a stop, and dark corners.
+const std::vector<float> kNumbers{0.2f, -0.1f, 0.05f, 0.3f, -0.05f, 0.02f};
+
+/// The answer under a learned appearance, and its gradient.
+struct LearnedAnswer : Answer {
+  std::vector<double> gradient;
+};
+
+class CudaLearnedLossTest : public CudaLossTest {
+ protected:
+  /// The middle of the lens is not that of the photo.
+  static LensPlace place_of(const Pair& pair) {
+    const int width = pair.view.photo.width, height = pair.view.photo.height;
+    return lens_place(0.4f * float(width), 0.6f * float(height), width, height, 1);
+  }
+  LearnedAnswer of_cpu(const Pair& pair, float lambda, bool has_lens,
+                       const std::vector<float>& numbers = kNumbers) {
+    PhotometricConfig config{"gains"};
+    config.vignetting = has_lens;
+    const auto appearance = make_photometric_model(config)->appearance(
+        {numbers.data(), 3}, {numbers.data() + 3, has_lens ? std::size_t(3) : 0}, place_of(pair));
+    const RenderPass pass = pair.pass(host_memory());
+    appearance->show({pass.image.data(), pass.width, pass.height});
+    if (pair.view.over_background)
+      appearance->show_background(pass.background, pass.width, pass.height);
+    Buffer<float> dL_dimage;
+    LossSettings settings{lambda};
+    settings.appearance = appearance.get();
+    cpu().loss().forward_backward(pass, pair.view, settings, dL_dimage);
+    return {{cpu().loss().value(), dL_dimage.download()},
+            {appearance->gradient().begin(), appearance->gradient().end()}};
+  }
+  /// Adds the gradient to `sums`, if they are there: six numbers on the GPU.
+  LearnedAnswer of_gpu(const Pair& pair, float lambda, bool has_lens,
+                       const std::vector<float>& numbers = kNumbers,
+                       const Buffer<double>* sums = nullptr, double weight = 1) {
+    Memory& memory = gpu().memory();
+    Buffer<float> on_gpu(memory), dL_dimage(memory);
+    on_gpu.upload(numbers);
+    Buffer<double> own(6, memory);
+    own.fill_zero();
+    double* const to = sums ? sums->data() : own.data();
+    const PhotoOnDevice photo{
+        on_gpu.data(), has_lens ? on_gpu.data() + 3 : nullptr, place_of(pair), to, to + 3, weight};
+    LossSettings settings{lambda};
+    settings.photo_on_device = &photo;
+    const RenderPass pass = pair.pass(memory);
+    gpu().loss().forward_backward(pass, pair.view, settings, dL_dimage);
+    std::vector<double> gradient = (sums ? *sums : own).download();
+    if (!has_lens) {
+      for (std::size_t i = 3; i < 6; ++i) EXPECT_EQ(gradient[i], 0);
+      gradient.resize(3);
+    }
+    return {{gpu().loss().value(), dL_dimage.download()}, gradient};
+  }
+  /// The gains of the GPU differ by some 3e-7 from those of the CPU. So the sign of X - Y differs
+  /// at some values, and whether a bright value counts as white, about at three in a million.
+  void expect_same_answer(const LearnedAnswer& actual, const LearnedAnswer& expected,
+                          const Pair& pair) {
+    EXPECT_NEAR(actual.value, expected.value, 1e-5 * std::max(expected.value, 0.1));
+    ASSERT_EQ(actual.dL_dimage.size(), expected.dL_dimage.size());
+    double largest = 0, shares = 0;
+    for (std::size_t i = 0; i < expected.dL_dimage.size(); ++i) {
+      largest = std::max(largest, std::abs(double(expected.dL_dimage[i])));
+      shares += std::abs(double(expected.dL_dimage[i]) * double(pair.image[i]));
+    }
+    std::size_t others = 0;
+    for (std::size_t i = 0; i < expected.dL_dimage.size(); ++i)
+      others +=
+          !(std::abs(actual.dL_dimage[i] - expected.dL_dimage[i]) <= kRounding.gradient * largest);
+    EXPECT_LE(others, 1 + expected.dL_dimage.size() / 100'000);
+    ASSERT_EQ(actual.gradient.size(), expected.gradient.size());
+    for (std::size_t i = 0; i < expected.gradient.size(); ++i)
+      EXPECT_NEAR(actual.gradient[i], expected.gradient[i], 1e-4 * shares) << i;
+  }
+};
+
+TEST_F(CudaLearnedLossTest, IsTheScalarOne) {
+  for (const Picture picture : {Picture::noise, Picture::near})
+    for (const bool has_lens : {false, true})
+      for (const auto& [width, height] : kSizes)
+        for (const float lambda : {0.0f, 0.2f, 1.0f}) {
+          SCOPED_TRACE(testing::Message() << width << " x " << height << ", lambda " << lambda
+                                          << ", vignetting " << has_lens);
+          const Pair pair(width, height, picture, 31);
+          expect_same_answer(of_gpu(pair, lambda, has_lens), of_cpu(pair, lambda, has_lens), pair);
+        }
+}
+
+TEST_F(CudaLearnedLossTest, OfMaskedPhotosIsTheScalarOne) {
+  for (const bool over_background : {false, true})
+    for (const bool has_lens : {false, true})
+      for (const auto& [width, height] : {std::pair{33, 65}, {97, 41}, {640, 360}}) {
+        SCOPED_TRACE(testing::Message() << width << " x " << height << ", over the background "
+                                        << over_background << ", vignetting " << has_lens);
+        Pair pair(width, height, Picture::near, 32);
+        pair.mask(over_background, 33);
+        pair.view.exposure = {3, 3, 3};  // the learned appearance takes its place
+        expect_same_answer(of_gpu(pair, 0.2f, has_lens), of_cpu(pair, 0.2f, has_lens), pair);
+      }
+}
+
+TEST_F(CudaLearnedLossTest, OfPicturesThatTheMaskCoversTeachesNothing) {
+  for (const bool over_background : {false, true}) {
+    Pair pair(97, 41, Picture::near, 34);
+    pair.view.mask = Image8(97, 41, 1, 0);
+    pair.view.over_background = over_background;
+    for (const double number : of_gpu(pair, 0.2f, true).gradient) EXPECT_EQ(number, 0);
+  }
+}
+
+TEST_F(CudaLearnedLossTest, OfGainsOfOneIsThatOfNoModelWherePhotosAreNotWhite) {
+  Pair pair(97, 41, Picture::near, 35);
+  for (std::uint8_t& value : pair.view.photo.pixels) value = std::uint8_t(value / 2);
+  const LearnedAnswer learned = of_gpu(pair, 0.2f, true, std::vector<float>(6, 0.0f));
+  const Answer plain = answer_of(gpu(), pair, 0.2f);
+  EXPECT_NEAR(learned.value, plain.value, 1e-6);
+  EXPECT_LT(relative_difference(learned.dL_dimage, plain.dL_dimage), kRounding.gradient);
+}
+
+// Whatever --deterministic says: the loss does not know it.
+TEST_F(CudaLearnedLossTest, TellsTheSameBitsTwice) {
+  const Pair pair(640, 360, Picture::near, 36);
+  for (const bool has_lens : {false, true}) {
+    const LearnedAnswer first = of_gpu(pair, 0.2f, has_lens);
+    for (int again = 0; again < 5; ++again) {
+      const LearnedAnswer second = of_gpu(pair, 0.2f, has_lens);
+      EXPECT_EQ(first.value, second.value);
+      EXPECT_EQ(first.dL_dimage, second.dL_dimage);
+      EXPECT_EQ(first.gradient, second.gradient);
+    }
+  }
+}
+
+TEST_F(CudaLearnedLossTest, AddsUpTheWeightedGradientsOfABatch) {
+  const Pair one(97, 41, Picture::near, 37), other(33, 65, Picture::near, 38);
+  const std::vector<double> of_one = of_gpu(one, 0.2f, true).gradient;
+  const std::vector<double> of_other = of_gpu(other, 0.2f, true).gradient;
+  Buffer<double> sums(6, gpu().memory());
+  sums.fill_zero();
+  of_gpu(one, 0.2f, true, kNumbers, &sums, 0.5);
+  const std::vector<double> both = of_gpu(other, 0.2f, true, kNumbers, &sums, 0.5).gradient;
+  for (std::size_t i = 0; i < 6; ++i)
+    EXPECT_NEAR(both[i], (of_one[i] + of_other[i]) / 2, 1e-12 + 1e-9 * std::abs(both[i]));
 }
 
 /// Five views of different sizes with their pictures, and the order in which the test uses them.

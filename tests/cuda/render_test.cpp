@@ -351,16 +351,7 @@ TEST_F(CudaEdge, ScalesBeyondReason) {
 }
 TEST_F(CudaEdge, NotANumberAnywhere) {
   const Camera camera = random_camera(64, 48);
-  const float nan = std::numeric_limits<float>::quiet_NaN();
-  Gaussians mixed = random_gaussians(kTypical, 300, camera, 9);
-  mixed.mean[3].x = nan;
-  mixed.log_scale[40].y = nan;
-  mixed.rotation[50].w = nan;
-  mixed.logit_opacity[60] = nan;
-  mixed.sh0[70].z = nan;
-  mixed.sh_rest[80].coefficient[7].x = nan;
-  mixed.mean[90].z = std::numeric_limits<float>::infinity();
-  expect_same_picture(mixed, camera);
+  expect_same_picture(with_bad_numbers(random_gaussians(kTypical, 300, camera, 9)), camera);
 }
 
 // A sum of 32 bits would wrap to 65,536 here, which looks like a view that can be sorted.

@@ -6,6 +6,7 @@
 
 #include "data_loaders/photos/photo_pool.h"
 #include "tests/support/cuda.h"
+#include "tests/support/gains.h"
 
 // The linker redirects these calls to this file (-Wl,--wrap), which counts them.
 namespace {
@@ -609,6 +610,35 @@ TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
       model, [&] { run(50); }, [&] { run(100); });
 }
 
+// Gains are learned on the device alone: one photo at a time, and in batches.
+TEST_F(CudaStep, SteadyStepsWithGainsNeitherWaitNorAllocate) {
+  std::vector<View> views = some_views(200, 150, 5);
+  for (const bool has_vignetting : {false, true}) {
+    PhotometricConfig gains{"gains"};
+    gains.vignetting = has_vignetting;
+    gpu().use_photometric(make_photometric_model(gains));
+    TrainingModel start = model_of(random_gaussians(kTypical, 20000, views[0].camera, 7));
+    begin_with_gains(gains, views, start);
+    TrainingModel model = on_gpu(start);
+    gpu().upload_views(views, 1 << 30);
+    Update update{kRates};
+    update.photometric_rate = 2e-3f;
+    std::vector<TrainingPhoto> batch = batch_of(views, {});
+    for (std::size_t i = 0; i < batch.size(); ++i) batch[i].photo_row = i;
+    const auto run = [&](int steps) {
+      for (int step = 0; step < steps; ++step) {
+        gpu().prefetch_next(views[(std::size_t(step) + 1) % views.size()]);
+        gpu().step(model, {&batch[std::size_t(step) % batch.size()], 1}, {0.2f}, update, {true});
+      }
+      for (int step = 0; step < steps / 5; ++step)
+        gpu().step(model, {batch.data(), batch.size()}, {0.2f}, update, {true});
+    };
+    expect_steady(
+        model, [&] { run(50); }, [&] { run(100); });
+  }
+  gpu().use_photometric(nullptr);
+}
+
 // The same with photos that do not fit into the budget and are copied one step ahead.
 TEST_F(CudaStep, StreamedPhotosGiveTheSameSteps) {
   const std::vector<View> views = some_views(200, 150, 5);
@@ -661,6 +691,25 @@ TEST_F(CudaStep, PhotosOfAPoolGiveTheSameSteps) {
   EXPECT_LE(pool->counts().decoded, decoded + here.size());  // only for the upload
   EXPECT_LE(pool->counts().peak_bytes, 2 * bytes);
   gpu().upload_views({}, 0);  // these views end here
+}
+
+// The host looks at the device's report in its own memory.
+TEST_F(CudaStep, FramesForViewingNeitherSynchronizeNorAllocate) {
+  const Camera camera = random_camera(320, 240, 3);
+  TrainingModel model = on_gpu(model_of(random_gaussians(kTypical, 5000, camera, 4)));
+  RenderSettings settings;
+  settings.for_backward = false;
+  Renderer& renderer = gpu().renderer();
+  const auto packed = renderer.pack(model.gaussians.span(), settings);
+  RenderPass pass(gpu().memory()), unpacked(gpu().memory());
+  const auto draw = [&](int frames) {
+    for (int frame = 0; frame < frames; ++frame) {
+      renderer.draw(*packed, camera, settings, pass);
+      renderer.forward(model.gaussians.span(), camera, settings, unpacked);
+    }
+  };
+  expect_steady(
+      model, [&] { draw(3); }, [&] { draw(10); });
 }
 
 }  // namespace

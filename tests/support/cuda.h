@@ -33,6 +33,9 @@ class CudaTest : public testing::Test {
 
   /// A model of the GPU with the same contents, and back.
   TrainingModel on_gpu(const TrainingModel& from) { return copy_to(gpu().memory(), from); }
+  Gaussians on_gpu(const Gaussians& from) {
+    return copy_to(gpu().memory(), GaussianModel{copy_of(from), kMaxShDegree, true, false});
+  }
   TrainingModel on_host(const TrainingModel& from) { return copy_to(host_memory(), from); }
 
  private:

@@ -42,6 +42,21 @@ class StopAfter final : public Observer {
   int step_;
 };
 
+/// The model, in host memory, of a run that is stopped after a step and goes on from its
+/// checkpoint.
+inline TrainingModel resumed_after(int stop, const Scene& scene, const Config& config,
+                                   Backend& backend) {
+  LastState kept;
+  StopAfter stopper(stop);
+  Trainer first(scene, config, backend);
+  first.keep_checkpoints_in(kept);
+  first.add_observer(stopper);
+  first.run();
+  Trainer second(scene, config, backend, *kept.newest());
+  second.run();
+  return copy_to(host_memory(), second.model());
+}
+
 /// Tests that train on one scene with the scalar backend.
 class SceneRun : public ::testing::Test {
  protected:
@@ -65,15 +80,8 @@ class SceneRun : public ::testing::Test {
   void expect_goes_on_after(std::initializer_list<int> stops, const Config& config) {
     const TrainingModel expected = trained(config);
     for (const int stop : stops) {
-      LastState kept;
-      StopAfter stopper(stop);
-      Trainer first(scene_, config, *backend_);
-      first.keep_checkpoints_in(kept);
-      first.add_observer(stopper);
-      first.run();
-      Trainer second(scene_, config, *backend_, *kept.newest());
-      second.run();
-      EXPECT_TRUE(same_bits(second.model(), expected)) << config.density.strategy << " " << stop;
+      EXPECT_TRUE(same_bits(resumed_after(stop, scene_, config, *backend_), expected))
+          << config.density.strategy << " " << stop;
     }
   }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -152,6 +153,19 @@ inline Gaussians random_gaussians(const Recipe& recipe, std::size_t count, const
     for (Vec3f& coefficient : gaussians.sh_rest[i].coefficient)
       coefficient = draws.uniform3(-0.1f, 0.1f);
   }
+  return gaussians;
+}
+
+/// At least 91 Gaussians with infinity or NaN in one parameter of some of them.
+inline Gaussians with_bad_numbers(Gaussians gaussians) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  gaussians.mean[3].x = nan;
+  gaussians.log_scale[40].y = nan;
+  gaussians.rotation[50].w = nan;
+  gaussians.logit_opacity[60] = nan;
+  gaussians.sh0[70].z = nan;
+  gaussians.sh_rest[80].coefficient[7].x = nan;
+  gaussians.mean[90].z = std::numeric_limits<float>::infinity();
   return gaussians;
 }
 

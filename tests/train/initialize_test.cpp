@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
 #include "gs_core/math/projection.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_train/initialize/scene_settings.h"
 #include "tests/support/models.h"
 
 namespace gs {
@@ -185,6 +187,55 @@ TEST(InitialModel, ThrowsWhereNoCameraSeesAnyRandomPoint) {
     EXPECT_NE(std::string(error.what()).find("the/scene"), std::string::npos);
     EXPECT_EQ(error.code(), ExitCode::bad_data);
   }
+}
+
+TEST(SceneSettings, BecomeNumbers) {
+  const Scene scene = scene_with(random_points(500, 1));  // 3 photos
+  Config config;
+  config.train.epochs = 100;
+  config.density.gaussians_per_point = 1.5f;
+  const Config settled = settled_for(config, scene);
+  EXPECT_EQ(settled.train.iterations, 300);
+  EXPECT_EQ(settled.density.max_gaussians, 750);
+  EXPECT_TRUE(config_diff(settled, settled_for(settled, scene)).empty());
+}
+
+TEST(SceneSettings, StayWithinTheLimitsGiven) {
+  const Scene scene = scene_with(random_points(500, 1));
+  Config config;
+  config.train.epochs = 100;
+  config.train.iterations = 250;
+  config.density.gaussians_per_point = 2;
+  config.density.max_gaussians = 600;
+  EXPECT_EQ(settled_for(config, scene).train.iterations, 250);
+  EXPECT_EQ(settled_for(config, scene).density.max_gaussians, 600);
+  config.train.iterations = 5000;
+  config.train.least_iterations = 1000;
+  EXPECT_EQ(settled_for(config, scene).train.iterations, 1000);
+  config.density.max_gaussians = kAutoCount;
+  EXPECT_EQ(settled_for(config, scene).density.max_gaussians, kAutoCount);
+}
+
+TEST(SceneSettings, CountRandomPointsWhereTheSceneHasNone) {
+  Config config;
+  config.density.gaussians_per_point = 2;
+  config.model.random_points = 100;
+  EXPECT_EQ(settled_for(config, scene_with({})).density.max_gaussians, 200);
+}
+
+TEST(SceneSettings, OfARunThatGoesOnAreItsNumbers) {
+  Config run, now;
+  run.train.iterations = 4300;
+  run.density.max_gaussians = 700;
+  now.train.iterations = 10000;
+  now.train.epochs = 100;
+  now.train.least_iterations = 1000;
+  now.density.gaussians_per_point = 2;
+  EXPECT_TRUE(config_diff(run, settled_as_in(run, now)).empty());
+  now.train.epochs = 0;
+  now.density.max_gaussians = 800;
+  EXPECT_EQ(settled_as_in(run, now).train.iterations, 10000);
+  EXPECT_EQ(settled_as_in(run, now).density.max_gaussians, 800);
 }
 
 }  // namespace

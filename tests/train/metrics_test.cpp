@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "gs_core/threads/parallel.h"
 #include "tests/support/scenes.h"
 
 namespace gs {
@@ -191,6 +192,42 @@ TEST(Evaluate, AveragesOverViewsAndShowsEachPictureInOrder) {
   }
   EXPECT_NEAR(evaluation.psnr, (evaluation.views[0].psnr + evaluation.views[1].psnr) / 2, 1e-12);
   EXPECT_NEAR(evaluation.ssim, (evaluation.views[0].ssim + evaluation.views[1].ssim) / 2, 1e-12);
+}
+
+// Several views are measured at a time, each by a thread of its own.
+TEST(Evaluate, GivesTheSameOnAnyNumberOfThreads) {
+  const Gaussians gaussians = random_gaussians(kTypical, 50, random_camera(40, 30, 1), 3);
+  std::vector<View> views;
+  for (std::uint64_t seed = 1; seed <= 7; ++seed)
+    views.push_back(
+        {"view " + std::to_string(seed), random_camera(40, 30, seed), random_photo(40, 30, seed)});
+  views[2].mask = Image8(40, 30, 1, 0);  // trains nowhere, and does not count
+  views[4].exposure = Vec3f(0.5f);
+  const auto renderer = make_scalar_renderer();
+  const int threads_before = thread_count();
+  std::vector<Evaluation> evaluations;
+  for (const int threads : {1, 3, 16}) {
+    set_thread_count(threads);
+    std::vector<std::size_t> shown;
+    evaluations.push_back(evaluate(
+        *renderer, gaussians.span(), views, {},
+        [&](std::size_t i, const View&, const ImageF&) { shown.push_back(i); }, MetricSet::all));
+    EXPECT_EQ(shown, (std::vector<std::size_t>{0, 1, 2, 3, 4, 5, 6}));
+  }
+  set_thread_count(threads_before);
+  for (const Evaluation& evaluation : evaluations) {
+    ASSERT_EQ(evaluation.views.size(), 6u);
+    for (std::size_t i = 0; i < 6; ++i) {
+      const ViewMetrics &view = evaluation.views[i], &first = evaluations[0].views[i];
+      EXPECT_EQ(view.name, first.name);
+      EXPECT_EQ(view.psnr, first.psnr);
+      EXPECT_EQ(view.ssim_exposure, first.ssim_exposure);
+      EXPECT_EQ(view.perceptual->flip, first.perceptual->flip);
+    }
+    EXPECT_EQ(evaluation.psnr, evaluations[0].psnr);
+    EXPECT_TRUE(evaluation.has_exposures);
+  }
+  EXPECT_EQ(evaluations[0].views[2].name, "view 4");
 }
 
 TEST(Evaluate, OfNoViewsIsZero) {

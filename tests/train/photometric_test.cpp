@@ -30,10 +30,12 @@ TEST(PhotometricModels, TheSettingTakesEveryModelOfTheTableAndNoOther) {
     Config config;
     config.photometric.model = name;
     validate(config);
+    if (name == kAutoPhotometricModel) continue;
     EXPECT_EQ(make_photometric_model(config.photometric) == nullptr, name == kNoPhotometricModel);
   }
   EXPECT_EQ(fmt::format("{}", fmt::join(photometric_models(), ", ")), kPhotometricWords);
   EXPECT_THROW(make_photometric_model({"ppisq"}), UsageError);
+  EXPECT_THROW(make_photometric_model({kAutoPhotometricModel}), UsageError);  // of TrainSession
 }
 
 /// A photo of noise, a picture near it, and the numbers of an appearance.
@@ -271,6 +273,29 @@ TEST(BeginPhotometric, CountsCamerasByTheirIdsAndRefusesOtherPhotos) {
   EXPECT_EQ(training.photometric.shape, (PhotometricShape{8, 3, 2, 3}));
   scene.train_views.pop_back();
   EXPECT_THROW(begin_photometric(gains_config(), scene, training), Error);
+}
+
+TEST(BeginPhotometric, StartsFromVignettingThatWasSolvedFor) {
+  Scene scene = small_scene();
+  for (std::size_t i = 0; i < 8; ++i) scene.train_views[i].camera_id = i % 3 == 0 ? 7 : 4;
+  scene.lenses[4] = {0.2f, 0.1f, 0.05f};
+  const TrainingModel training = begun(scene);
+  for (const std::size_t i : {0u, 1u, 2u}) {
+    EXPECT_EQ(training.photometric.camera(0)[i], 0);  // 7
+    EXPECT_EQ(training.photometric.camera(1)[i], scene.lenses.at(4)[i]);
+  }
+  const auto model = make_photometric_model(kGains);
+  for (const double number : model->common_part(training.photometric)) EXPECT_NEAR(number, 0, 1e-6);
+}
+
+// A checkpoint has the numbers, and not the cameras of the photos, which the scene has.
+TEST(BeginPhotometric, KnowsTheCamerasOfTheNumbersOfACheckpoint) {
+  Scene scene = small_scene();
+  for (std::size_t i = 0; i < 8; ++i) scene.train_views[i].camera_id = i % 3 == 0 ? 7 : 4;
+  TrainingModel training = begun(scene);
+  training.photometric.camera_of.clear();
+  begin_photometric(gains_config(), scene, training);
+  EXPECT_EQ(training.photometric.camera_of, camera_rows(scene.train_views));
 }
 
 // ---- photos that nobody trained on -------------------------------------------------------------

@@ -1,0 +1,283 @@
+// SPDX-License-Identifier: Apache-2.0
+// The pixels of a warp that blends on tensor cores, whichever list it walks: blend_gemm.cu walks
+// lists of tiles and explains the method, blend_bins.cu those of bins.
+#pragma once
+
+#include "cuda/render/splat_queue.cuh"
+#include "cuda/stages.cuh"
+
+namespace gs::cuda {
+
+inline constexpr int kBlocks = 7;         // per multiprocessor, as many as registers allow
+inline constexpr int kHistoryBlocks = 5;  // the same with history
+// warps of 8 x 8 pixels, in multiples of those that run at a time
+inline constexpr int kSmallPicture = 3;
+
+// A fragment is dropped where 255 alpha < 1. The product (255 alpha) kLeast flushes to zero exactly
+// there, since kLeast is the smallest normal number, so that no comparison is needed. Light is
+// scaled by kLight = 1 / (255 kLeast) to make up for both factors.
+inline constexpr float kLeast = 0x1p-126f;
+inline constexpr float kLight = float(kMinAlpha) / kLeast;
+
+inline constexpr float kClosed = 0.0f;  // transmittance of a pixel that takes no more fragments
+
+/// A variant of the pixels that a warp blends.
+template <BlendRule rule_, bool with_history_, bool half_precision_, int height_>
+struct PixelVariant {
+  static constexpr BlendRule rule = rule_;
+  static constexpr bool with_history = with_history_;  // for the backward pass: last, checkpoints
+  static constexpr bool half_precision = half_precision_;  // weights as TF32 holds them
+  static constexpr int height = height_;                   // pixels of a sub-tile
+  static constexpr bool has_quarter = height == kTileHeight / 2;
+  using Queue = SplatQueue<with_history, has_quarter ? kBatch : 2 * kBatch>;
+  static constexpr int blocks = with_history ? kHistoryBlocks : kBlocks;
+};
+
+/// The pixels of one warp between batches, row by row of the sub-tile. In shared memory.
+template <int height, bool with_history>
+struct PixelShared {
+  float2 transmittance[height / 2][kWarp];  // of two rows, before the next batch, or kClosed
+  float4 sums[height / 2][kWarp];           // of the second product: a lane's part of two rows
+  std::uint32_t last[height][kWarp];        // 1 + position of a lane's last blended splat; 0: none
+};
+template <int height>
+struct PixelShared<height, false> {
+  float2 transmittance[height / 2][kWarp];
+  float4 sums[height / 2][kWarp];
+};
+
+__device__ inline float of_partner(float value, int distance) {
+  return __shfl_xor_sync(kAllLanes, value, distance);
+}
+__device__ inline std::uint32_t greatest_of_owners(std::uint32_t value) {
+  value = max(value, __shfl_xor_sync(kAllLanes, value, 1));
+  return max(value, __shfl_xor_sync(kAllLanes, value, 2));
+}
+
+/// The pixels of a warp's sub-tile, whose corner is (x0, y0). `Kind` is a PixelVariant.
+template <class Kind>
+class SubtilePixels {
+ public:
+  using Queue = typename Kind::Queue;
+  using Shared = PixelShared<Kind::height, Kind::with_history>;
+  static constexpr int kPairs = Kind::height / 2;  // of rows
+
+  template <class Lists>
+  __device__ SubtilePixels(Shared& shared, const Lists& lists, int x0, int y0) : shared_(shared) {
+    const int t = owner();
+    const float x = float(column()) - 0.5f * float(kSubtileWidth - 1);
+    if (t == 0 || t == 3) monomials_[0] = __floats2half2_rn(1.0f, x);
+    if (t == 1) monomials_[0] = __floats2half2_rn(0.0f, x * x);
+    if (t == 1) monomials_[1] = __floats2half2_rn(1.0f, 0.0f);
+    if (t == 2) monomials_[1] = __floats2half2_rn(x, 0.0f);
+    if (t == 2) monomials_[2] = __floats2half2_rn(0.0f, 1.0f);
+    const int rows = x0 + column() < lists.width ? lists.height - y0 : 0;  // inside the picture
+    for (int pair = 0; pair < kPairs; ++pair) {
+      shared_.transmittance[pair][lane_of_thread()] = {2 * pair < rows ? 1.0f : kClosed,
+                                                       2 * pair + 1 < rows ? 1.0f : kClosed};
+      shared_.sums[pair][lane_of_thread()] = {0, 0, 0, 0};
+    }
+    if constexpr (Kind::with_history)
+      for (int y = 0; y < Kind::height; ++y) shared_.last[y][lane_of_thread()] = 0;
+    __syncwarp();
+  }
+
+  /// The whole warp: false where no pixel takes further fragments.
+  __device__ bool any_open() const { return any_open_; }
+
+  /// The whole warp: blends the next batch of the queue, or the last half batch.
+  template <int batch>
+  __device__ void blend(Queue& queue) {
+    constexpr int products = products_of(batch);
+    unsigned exponent_columns[products][2];
+    queue.load_exponents(exponent_columns);
+    float color_columns[products][2];
+    queue.load_colors(color_columns);
+    const __half2 one = __float2half2_rn(1.0f);
+    __half2 y = __float2half2_rn(-0.5f * float(Kind::height - 1));
+    float most_left = 0;
+#pragma unroll 1
+    for (int pair = 0; pair < kPairs; ++pair) {
+      const unsigned top = left_hand_side(y), bottom = left_hand_side(__hadd2(y, one));
+      y = __hadd2(__hadd2(y, one), one);
+      const float2 open = shared_.transmittance[pair][lane_of_thread()];
+      if (!__any_sync(kAllLanes, fmaxf(open.x, open.y) > 0)) continue;
+      float exponents[products][4] = {};
+#pragma unroll
+      for (int j = 0; j < products; ++j)
+        multiply_add_16x8x16(exponents[j], {top, bottom, top, bottom}, exponent_columns[j]);
+      const float2 left = blend_rows(pair, exponents, open, color_columns, queue);
+      most_left = fmaxf(most_left, fmaxf(left.x, left.y));
+    }
+    any_open_ = __any_sync(kAllLanes, most_left > 0);
+    queue.pop(batch);
+  }
+
+  /// The column of the sub-tile that this lane has, and its number among the four lanes of that
+  /// column.
+  __device__ int column() const { return lane_of_thread() / kOwners; }
+  __device__ int owner() const { return lane_of_thread() % kOwners; }
+  /// This lane's part of the pixel in a row: red, green, blue, transmittance.
+  __device__ float part(int row) const {
+    const float4 sums = shared_.sums[row / 2][lane_of_thread()];
+    const float sum = row % 2 == 0 ? sums.x + sums.y : sums.z + sums.w;
+    if (owner() < 3) return sum;
+    const float2 reaching = shared_.transmittance[row / 2][lane_of_thread()];
+    const float left = row % 2 == 0 ? reaching.x : reaching.y;
+    return left > 0 ? left : transmittance_at_the_end(1.0f - sum);
+  }
+  /// The whole warp: returns 1 + position of a pixel's last blended splat; 0: none.
+  __device__ std::uint32_t last(int row) const {
+    return greatest_of_owners(shared_.last[row][lane_of_thread()]);
+  }
+
+ private:
+  // The transmittance of a closed pixel from 1 - sum of its weights.
+  __device__ static float transmittance_at_the_end(float left) {
+    return Kind::rule == BlendRule::classic ? fmaxf(left, float(kMinTransmittance))
+                                            : clamp_to(left, 0.0f, float(kMinTransmittance));
+  }
+
+  // This lane's part of a row of the exponents' left-hand side: two of 1, x, y, x^2, x y, y^2, 1,
+  // x.
+  __device__ unsigned left_hand_side(const __half2& y) const {
+    const __half2 part = __hfma2(y, __hfma2(y, monomials_[2], monomials_[1]), monomials_[0]);
+    return *reinterpret_cast<const unsigned*>(&part);
+  }
+
+  // Blends a batch into two pixels, one above the other. `open_` is the transmittance before the
+  // batch; returns that after.
+  template <int products>
+  __device__ float2 blend_rows(int pair, const float (&exponents)[products][4], const float2& open_,
+                               const float (&color_columns)[products][2], const Queue& queue) {
+    constexpr int batch = 8 * products, owned = owned_of(batch);
+    const float open[2] = {open_.x, open_.y};
+    // This lane's fragments on their own: their weights, and the light that they let through.
+    float weights[owned][2], light[2] = {kLight, kLight};
+    int last[2] = {-1, -1};
+#pragma unroll
+    for (int i = 0; i < owned; ++i)
+#pragma unroll
+      for (int r = 0; r < 2; ++r) {
+        float kept = exp2_fragment(exponents[i / 2][2 * r + i % 2]) * kLeast;
+        if (Kind::rule == BlendRule::classic) kept = fminf(kept, float(kMaxAlphaClassic) / kLight);
+        if (Kind::with_history && kept > 0) last[r] = i;
+        weights[i][r] = kept * light[r];
+        light[r] = fmaf(-kLight, weights[i][r], light[r]);
+      }
+    // The light that reaches them, and the light behind the whole batch.
+    float reaching[2], left[2];
+    bool ends[2];
+#pragma unroll
+    for (int r = 0; r < 2; ++r) {
+      const float through = light[r] * (1.0f / kLight);
+      const float next = of_partner(through, 1), two = through * next;
+      const float other_two = of_partner(two, 2);
+      reaching[r] = open[r] * ((owner() & 1 ? next : 1.0f) * (owner() & 2 ? other_two : 1.0f));
+      left[r] = open[r] * (two * other_two);
+      ends[r] = left[r] < fminf(open[r], float(kMinTransmittance));
+    }
+    if (__any_sync(kAllLanes, ends[0] || ends[1])) {
+#pragma unroll
+      for (int r = 0; r < 2; ++r) {
+        weigh_to_the_end(weights, r, reaching[r], last[r]);
+        if (ends[r]) left[r] = kClosed;
+      }
+    } else {
+#pragma unroll
+      for (int i = 0; i < owned; ++i)
+#pragma unroll
+        for (int r = 0; r < 2; ++r) weights[i][r] *= reaching[r];
+    }
+    add_colors(shared_.sums[pair][lane_of_thread()], weights, color_columns);
+    shared_.transmittance[pair][lane_of_thread()] = {left[0], left[1]};
+    if constexpr (Kind::with_history)
+#pragma unroll
+      for (int r = 0; r < 2; ++r)
+        if (last[r] >= 0 && open[r] > 0)
+          shared_.last[2 * pair + r][lane_of_thread()] = queue.position(batch, last[r]) + 1;
+    return {left[0], left[1]};
+  }
+
+  // The same weights where the pixel may become opaque among them: fragments behind that point get
+  // weight 0.
+  template <int owned>
+  __device__ static void weigh_to_the_end(float (&weights)[owned][2], int r, float reaching,
+                                          int& last) {
+    last = -1;
+    float through = 1;
+#pragma unroll
+    for (int i = 0; i < owned; ++i) {
+      const float after = through - weights[i][r];
+      const bool is_blended =
+          !is_opaque(reaching * (Kind::rule == BlendRule::classic ? after : through));
+      weights[i][r] = is_blended ? weights[i][r] * reaching : 0.0f;
+      if (Kind::with_history && weights[i][r] > 0) last = i;
+      through = after;
+    }
+  }
+
+  // sums += [pixels x splats] [splats x colors]
+  template <int owned, int products>
+  __device__ static void add_colors(float4& sums, const float (&weights)[owned][2],
+                                    const float (&columns)[products][2]) {
+    float high[4] = {sums.x, sums.y, sums.z, sums.w}, low[4] = {};
+#pragma unroll
+    for (int j = 0; j < products; ++j) {
+      const float part[4] = {weights[2 * j][0], weights[2 * j][1], weights[2 * j + 1][0],
+                             weights[2 * j + 1][1]};
+      if (Kind::half_precision)
+        multiply_add_16x8x8(high,
+                            {tf32_rounded(part[0]), tf32_rounded(part[1]), tf32_rounded(part[2]),
+                             tf32_rounded(part[3])},
+                            columns[j]);
+      else
+        multiply_add_in_parts(high, low, part, columns[j]);
+    }
+    sums = {high[0] + low[0], high[1] + low[1], high[2] + low[2], high[3] + low[3]};
+  }
+
+  Shared& shared_;
+  // This lane's part of the exponents' left-hand side as a polynomial of y, exact in fp16.
+  __half2 monomials_[3] = {};
+  bool any_open_ = true;
+};
+
+/// The whole warp: blends a batch. A queue with fewer splats is filled up to half a batch or a
+/// whole one.
+template <class Queue, class Pixels>
+__device__ void blend_next(Queue& queue, Pixels& pixels) {
+  if (queue.count() <= kHalfBatch) {
+    queue.fill_up(kHalfBatch);
+    pixels.template blend<kHalfBatch>(queue);
+  } else {
+    queue.fill_up(kBatch);
+    pixels.template blend<kBatch>(queue);
+  }
+}
+
+/// True where a picture has so few pixels that a warp takes 8 x 4 of them. Sub-tiles of 8 x 8 cost
+/// less for each pixel, but only half as many warps share the work.
+inline bool has_small_subtiles(const Context& context, const RenderPass& pass) {
+  return pass.tile_count() * kTileWidth * kTileHeight / 64 <
+         std::size_t(kSmallPicture * kBlocks * kBlendWarps * context.multiprocessors());
+}
+
+/// Calls f(std::bool_constant<value>()).
+template <class F>
+void with_constant(bool value, F&& f) {
+  if (value)
+    f(std::true_type());
+  else
+    f(std::false_type());
+}
+/// Calls f with the blend rule as a constant.
+template <class F>
+void with_rule(BlendRule rule, F&& f) {
+  if (rule == BlendRule::classic)
+    f(std::integral_constant<BlendRule, BlendRule::classic>());
+  else
+    f(std::integral_constant<BlendRule, BlendRule::faster_gs>());
+}
+
+}  // namespace gs::cuda

@@ -1,0 +1,285 @@
+// SPDX-License-Identifier: Apache-2.0
+// Packs a model for viewing, and preprocesses frames from it: stage 1 as preprocess.cu does it,
+// with the same functions, compiled alike, so that splats have the same shapes to the last bit.
+#include "cuda/render/packed_scene.cuh"
+
+#include "cuda/render/preprocess.cuh"
+#include "cuda/render/sh_rows.cuh"
+#include "gs_core/math/packed_sh.h"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = kPreprocessThreads;
+static_assert(kThreads == kRowsOfBox);
+
+// ---- Packing, once for each model
+
+__device__ Box3 box_of_warp(Box3 box) {
+  for (int distance = kWarp / 2; distance > 0; distance /= 2) {
+    Box3 other;
+    for (int c = 0; c < 3; ++c) {
+      other.low[c] = __shfl_xor_sync(kAllLanes, box.low[c], distance);
+      other.high[c] = __shfl_xor_sync(kAllLanes, box.high[c], distance);
+    }
+    box = joined(box, other);
+  }
+  return box;
+}
+
+template <bool has_filter>
+__global__ void __launch_bounds__(kThreads)
+    pack_ellipsoids_kernel(GaussiansSpan gaussians, Ellipsoid* ellipsoids, Box3* boxes) {
+  __shared__ Box3 box_of_warps[kThreads / kWarp];
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  Box3 box = kEmptyBox;
+  if (i < gaussians.mean.size) {
+    const Vec3f mean = gaussians.mean[i], log_scale = gaussians.log_scale[i];
+    const Quatf rotation = gaussians.rotation[i];
+    const float logit_opacity = gaussians.logit_opacity[i];
+    Ellipsoid ellipsoid;
+    if constexpr (has_filter)
+      ellipsoid = ellipsoid_of(mean, log_scale, rotation, logit_opacity, gaussians.filter_scale[i]);
+    else
+      ellipsoid = ellipsoid_of(mean, log_scale, rotation, logit_opacity);
+    ellipsoids[i] = ellipsoid;
+    box = box_of(ellipsoid);
+  }
+  box = box_of_warp(box);
+  if (lane_of_thread() == 0) box_of_warps[threadIdx.x / kWarp] = box;
+  __syncthreads();
+  if (threadIdx.x > 0) return;
+  for (int warp = 1; warp < kThreads / kWarp; ++warp) box = joined(box, box_of_warps[warp]);
+  boxes[blockIdx.x] = box;
+}
+
+template <int degree, bool is_float>
+__global__ void __launch_bounds__(kThreads)
+    pack_colors_kernel(Span<Vec3f> sh0, Span<ShRest> sh_rest, float4* colors) {
+  using Row = ColorRow<degree, is_float>;
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i >= sh0.size) return;
+  Row row{};
+  row.sh0 = sh0[i];
+  if constexpr (degree > 0) {
+    const ShRest& rest = sh_rest[i];
+    constexpr int kNumbers = kShNumbersInUse<degree>;
+    const float* const numbers = &rest.coefficient[0].x;
+    if constexpr (is_float) {
+      for (int k = 0; k < sh_rest_count(degree); ++k) row.rest[k] = rest.coefficient[k];
+    } else {
+      row.scale = packed_sh_scale(numbers, kNumbers);
+      for (int k = 0; k < kNumbers; ++k) row.rest[k] = packed_sh(numbers[k], row.scale);
+    }
+  }
+  reinterpret_cast<Row*>(colors)[i] = row;
+}
+
+// ---- Preprocessing, in each frame
+
+template <class Row>
+struct alignas(16) WarpShared {
+  static constexpr int kVectors = sizeof(Row) / sizeof(float4);
+  // Vectors from row to row. It is odd, so that lanes that read one row each use different banks.
+  static constexpr int kStride = kVectors | 1;
+  union {
+    Ellipsoid ellipsoids[kWarp];     // at first
+    float4 colors[kWarp * kStride];  // once the ellipsoids were read
+  };
+  TileRows tile_rows;
+  std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
+};
+
+// The whole warp: loads its ellipsoids.
+__device__ Ellipsoid load_ellipsoid(Ellipsoid* shared, const Ellipsoid* ellipsoids, int rows) {
+  constexpr int kNumbers = sizeof(Ellipsoid) / sizeof(float);
+  start_copy<kNumbers>(reinterpret_cast<float*>(shared), reinterpret_cast<const float*>(ellipsoids),
+                       rows);
+  finish_copies();
+  float numbers[kNumbers];
+  const float2* const from = reinterpret_cast<const float2*>(shared + lane_of_thread());
+#pragma unroll
+  for (int k = 0; k < kNumbers / 2; ++k) {
+    numbers[2 * k] = from[k].x;
+    numbers[2 * k + 1] = from[k].y;
+  }
+  __syncwarp();
+  const float* const n = numbers;
+  return {{n[0], n[1], n[2]}, {n[3], n[4], n[5], n[6], n[7], n[8]}, n[9]};
+}
+
+// The whole warp: starts to copy the colors of some rows.
+template <class Row>
+__device__ void start_color_copy(WarpShared<Row>& shared, const float4* colors, int rows,
+                                 SomeRows which) {
+  constexpr int kVectors = WarpShared<Row>::kVectors;
+  for (int k = lane_of_thread(); k < rows * kVectors; k += kWarp) {
+    const int row = k / kVectors;
+    if (which.has(row))
+      __pipeline_memcpy_async(&shared.colors[row * WarpShared<Row>::kStride + k % kVectors],
+                              colors + k, sizeof(float4));
+  }
+}
+
+// The color of this lane's row.
+template <int degree, bool is_float>
+__device__ Vec3f color_of(const float4* from, const Vec3f& direction) {
+  using Row = ColorRow<degree, is_float>;
+  union Copy {
+    __device__ Copy() {}
+    float4 vectors[sizeof(Row) / sizeof(float4)];
+    Row row;
+  } copy;
+#pragma unroll
+  for (std::size_t k = 0; k < sizeof(Row) / sizeof(float4); ++k) copy.vectors[k] = from[k];
+  const Row& row = copy.row;
+  if constexpr (degree == 0)
+    return sh_color(0, direction, row.sh0, static_cast<const Vec3f*>(nullptr));
+  else if constexpr (is_float)
+    return sh_color(degree, direction, row.sh0, row.rest);
+  else
+    return packed_sh_color(degree, direction, row.sh0, row.scale, row.rest);
+}
+
+// A packed model as the kernel reads it.
+struct Input {
+  std::size_t count;
+  const Ellipsoid* ellipsoids;
+  const Box3* boxes;  // null: they do not hold for these settings
+  const float4* colors;
+  int tiles_x, tiles_y;
+};
+
+// The whole warp: true where the view shows nothing of the block's rows. Each lane does one test.
+__device__ bool is_block_outside(const Input& in, const Camera& camera,
+                                 const SplatSettings& settings) {
+  const int test = lane_of_thread();
+  const bool is_below =
+      test < kBoxTests && box_test(camera, settings, in.boxes[blockIdx.x], test) < 0;
+  return is_box_outside(__ballot_sync(kAllLanes, is_below));
+}
+
+// A splat as it is stored, from the one that was projected.
+template <class AnySplat>
+__device__ AnySplat stored(const Splat& splat) {
+  if constexpr (std::is_same_v<AnySplat, Splat>)
+    return splat;
+  else
+    return view_splat(splat);
+}
+
+__device__ void take_color(Splat& splat, const Vec3f& color) { splat.color = color; }
+__device__ void take_color(ViewSplat& splat, const Vec3f& color) {
+  splat.color = packed_color(color);
+}
+
+template <int degree, bool is_float, class AnySplat>
+__global__ void __launch_bounds__(kThreads)
+    preprocess_packed_kernel(Input in, Camera camera, SplatSettings settings, AnySplat* splats,
+                             ProjectedRows out) {
+  using Row = ColorRow<degree, is_float>;
+  __shared__ WarpShared<Row> shared_of_warps[kThreads / kWarp];
+  WarpShared<Row>& shared = shared_of_warps[threadIdx.x / kWarp];
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  const std::size_t first = i - lane_of_thread();
+  if (first >= in.count) return;  // the whole warp
+  if (in.boxes && is_block_outside(in, camera, settings)) {
+    if (i < in.count) cull(out, i);
+    return;
+  }
+  const int rows = int(min(in.count - first, std::size_t(kWarp)));
+  const Ellipsoid ellipsoid = load_ellipsoid(shared.ellipsoids, in.ellipsoids + first, rows);
+
+  ProjectedGaussian<float> projected;
+  Rect pixels{0, 0, 0, 0};
+  if (i < in.count) {
+    projected = project_shape(camera, ellipsoid, settings);
+    if (projected.is_visible)
+      pixels = pixels_of(settings.bounds, projected.splat.mean2d, projected.cov2d,
+                         projected.splat.cutoff, in.tiles_x, in.tiles_y);
+  }
+  AnySplat splat = stored<AnySplat>(projected.splat);  // without color
+  std::uint32_t hits = 0;
+  if (const SomeRows visible{__ballot_sync(kAllLanes, !pixels.empty())}; visible.bits) {
+    start_color_copy<Row>(shared, in.colors + first * WarpShared<Row>::kVectors, rows, visible);
+    hits = count_hit_tiles(shared, outline_of(splat), pixels, settings.bounds);
+    finish_copies();
+    if (hits > 0) {
+      const Vec3f color =
+          color_of<degree, is_float>(shared.colors + lane_of_thread() * WarpShared<Row>::kStride,
+                                     unit_direction(camera.position(), ellipsoid.mean));
+      if (!is_finite(color)) hits = 0;
+      take_color(splat, color);
+    }
+  }
+  if (i >= in.count) return;
+  if (hits == 0) return cull(out, i);
+  keep(out, i, hits, projected.depth, pixels);
+  store_in_vectors(splats + i, splat);
+}
+
+// Calls f(degree, is_float), two constants.
+template <class F>
+void with_row(const CudaPackedScene& scene, F&& f) {
+  with_sh_degree(scene.sh_degree, [&](auto degree) {
+    if (scene.has_float_sh)
+      f(degree, std::true_type());
+    else
+      f(degree, std::false_type());
+  });
+}
+
+}  // namespace
+
+CudaPackedScene::CudaPackedScene(Context& context, Memory& memory, const GaussiansSpan& gaussians,
+                                 const RenderSettings& settings)
+    : PackedScene(gaussians), sh_degree(settings.sh_degree), has_float_sh(!settings.packs_sh),
+      ellipsoids(gaussians.mean.size, memory),
+      boxes(blocks_for(gaussians.mean.size, kRowsOfBox), memory), colors(memory) {
+  GS_CHECK(!gaussians.has_time);
+  const StageScope scope(context, "pack");
+  const auto pack_ellipsoids = [&](auto kernel) {
+    context.launch("pack ellipsoids", kernel, boxes.size(), kThreads, gaussians, ellipsoids.data(),
+                   boxes.data());
+  };
+  if (gaussians.has_filter)
+    pack_ellipsoids(pack_ellipsoids_kernel<true>);
+  else
+    pack_ellipsoids(pack_ellipsoids_kernel<false>);
+  with_row(*this, [&](auto degree, auto is_float) {
+    using Row = ColorRow<degree(), is_float()>;
+    colors.resize(count() * (sizeof(Row) / sizeof(float4)));
+    context.launch("pack colors", pack_colors_kernel<degree(), is_float()>, boxes.size(), kThreads,
+                   gaussians.sh0, gaussians.sh_rest, colors.data());
+  });
+}
+
+void preprocess(Context& context, const CudaPackedScene& scene, const Camera& camera,
+                const RenderSettings& settings, Workspace& workspace, RenderPass& pass) {
+  const StageScope scope(context, "preprocess");
+  CudaScratch& scratch = pass.scratch<CudaScratch>();
+  scratch.has_view_splats = uses_view_splats(context, settings);
+  pass.begin(camera, scene.count(), !scratch.has_view_splats);
+  scratch.view_splats.resize_discard(scratch.has_view_splats ? scene.count() : 0);
+  workspace.depth_keys.resize_discard(scene.count());
+  const Input in{scene.count(),
+                 scene.ellipsoids.data(),
+                 boxes_hold(settings) ? scene.boxes.data() : nullptr,
+                 scene.colors.data(),
+                 pass.tiles_x,
+                 pass.tiles_y};
+  with_row(scene, [&](auto degree, auto is_float) {
+    const auto launch = [&](auto* splats) {
+      using AnySplat = std::remove_pointer_t<decltype(splats)>;
+      context.launch("preprocess", preprocess_packed_kernel<degree(), is_float(), AnySplat>,
+                     blocks_for(scene.count(), kThreads), kThreads, in, camera, settings, splats,
+                     projected_rows(settings, workspace, pass));
+    };
+    if (scratch.has_view_splats)
+      launch(scratch.view_splats.data());
+    else
+      launch(pass.splats.data());
+  });
+}
+
+}  // namespace gs::cuda

@@ -1,0 +1,312 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frames of a packed model against those of its parameters: shapes and lists to the last bit, and
+// colors within the rounding of their SH.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+
+#include "gs_core/error.h"
+#include "tests/support/cuda.h"
+#include "tests/support/frames.h"
+
+namespace gs {
+namespace {
+
+constexpr int kSplatNumbers = 11;  // of a Splat; behind them it is padded
+
+template <class T>
+bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+}
+
+double psnr(const std::vector<float>& a, const std::vector<float>& b) {
+  EXPECT_EQ(a.size(), b.size());
+  double squares = 0;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    squares += (double(a[i]) - b[i]) * (double(a[i]) - b[i]);
+  return squares > 0 ? -10 * std::log10(squares / double(a.size()))
+                     : std::numeric_limits<double>::infinity();
+}
+
+// Pixel by pixel, splats keep all of their digits.
+RenderSettings pixel_by_pixel() {
+  RenderSettings settings = for_viewing();
+  settings.use_tensor_cores = false;
+  return settings;
+}
+RenderSettings with_float_sh(RenderSettings settings) {
+  settings.packs_sh = false;
+  return settings;
+}
+
+// The camera in the middle of the Gaussians, so that most of them are outside of the picture.
+Camera inside(Camera camera, const Gaussians& gaussians) {
+  camera.cam_from_world_translation =
+      -multiply(camera.cam_from_world_rotation, gaussians.mean[gaussians.count() / 2]);
+  return camera;
+}
+
+class CudaPackedScene : public CudaTest {
+ protected:
+  Renderer& renderer() { return gpu().renderer(); }
+
+  void forward(const Gaussians& gaussians, const Camera& camera, const RenderSettings& settings,
+               RenderPass& pass) {
+    renderer().forward(gaussians.span(), camera, settings, pass);
+  }
+  void draw(const Gaussians& gaussians, const Camera& camera, const RenderSettings& settings,
+            RenderPass& pass) {
+    renderer().draw(*renderer().pack(gaussians.span(), settings), camera, settings, pass);
+  }
+  std::vector<float> picture(const Gaussians& gaussians, const Camera& camera,
+                             const RenderSettings& settings) {
+    RenderPass pass(gpu().memory());
+    draw(gaussians, camera, settings, pass);
+    return pass.image.download();
+  }
+
+  // With SH in float everything is the same; with SH in 16 bits everything but the colors is.
+  void expect_same(const Gaussians& host, const Camera& camera, const RenderSettings& settings) {
+    const Gaussians gaussians = on_gpu(host);
+    RenderPass expected(gpu().memory()), actual(gpu().memory());
+    forward(gaussians, camera, settings, expected);
+    const auto counts = expected.tile_counts.download();
+    const auto splats = expected.splats.download();
+    for (const bool packs_sh : {false, true}) {
+      SCOPED_TRACE(packs_sh ? "16 bits" : "float");
+      RenderSettings own = settings;
+      own.packs_sh = packs_sh;
+      draw(gaussians, camera, own, actual);
+      ASSERT_TRUE(same_bits(actual.tile_counts.download(), counts));
+      EXPECT_TRUE(same_bits(actual.tile_ranges.download(), expected.tile_ranges.download()));
+      expect_same_lists(actual, expected);
+      EXPECT_TRUE(same_bits(actual.transmittance.download(), expected.transmittance.download()));
+      const auto own_splats = actual.splats.download();
+      for (std::size_t i = 0; i < counts.size(); ++i) {
+        if (!counts[i]) continue;
+        Splat a = own_splats[i], b = splats[i];
+        if (packs_sh) a.color = b.color = Vec3f(0);
+        ASSERT_EQ(std::memcmp(&a, &b, kSplatNumbers * sizeof(float)), 0) << i;
+      }
+      const auto picture = actual.image.download(), other = expected.image.download();
+      if (packs_sh)
+        EXPECT_GT(psnr(picture, other), 110);
+      else
+        EXPECT_TRUE(same_bits(picture, other));
+    }
+  }
+  static void expect_same_lists(const RenderPass& a, const RenderPass& b) {
+    const auto ranges = b.tile_ranges.download();
+    auto of_a = a.tile_splats.download(), of_b = b.tile_splats.download();
+    of_a.resize(ranges.back());  // behind the lists there are spare places
+    of_b.resize(ranges.back());
+    EXPECT_TRUE(same_bits(of_a, of_b));
+  }
+};
+
+TEST_F(CudaPackedScene, PlacesSplatsToTheLastBit) {
+  const Camera camera = random_camera(320, 240, 3);
+  std::uint64_t seed = 0;
+  for (const Recipe& recipe :
+       {kTypical, kSharp, kNeedles, kHuge, kFaint, kOffScreen, kBehind, kOpaque, kNegativeColors})
+    for (const bool has_filter : {false, true})
+      for (const bool antialias : {false, true}) {
+        SCOPED_TRACE(++seed);
+        Gaussians gaussians = random_gaussians(recipe, 3000, camera, seed);
+        if (has_filter) gaussians = with_filters(gaussians, seed);
+        RenderSettings settings = pixel_by_pixel();
+        settings.antialias = antialias;
+        expect_same(gaussians, camera, settings);
+      }
+}
+
+TEST_F(CudaPackedScene, EachDegreeTruncationAndKindOfBounds) {
+  const Camera camera = random_camera(320, 240, 3);
+  const Gaussians gaussians = random_gaussians(kTypical, 3000, camera, 4);
+  for (int degree = 0; degree <= 3; ++degree) {
+    RenderSettings settings = pixel_by_pixel();
+    settings.sh_degree = degree;
+    expect_same(gaussians, camera, settings);
+  }
+  for (const Truncation truncation : {Truncation::sigma2, Truncation::sigma3, Truncation::sigma4}) {
+    RenderSettings settings = pixel_by_pixel();
+    settings.truncation = truncation;
+    expect_same(gaussians, camera, settings);
+  }
+  for (const TileBounds bounds : {TileBounds::box, TileBounds::square}) {
+    RenderSettings settings = pixel_by_pixel();
+    settings.bounds = bounds;
+    expect_same(gaussians, camera, settings);
+  }
+}
+
+// Boxes of 128 rows are skipped; sorted along an axis, many are outside.
+TEST_F(CudaPackedScene, FromInsideAndTurnedAway) {
+  const Camera camera = random_camera(320, 240, 3);
+  for (const Recipe& recipe : {kTypical, kNeedles, kHuge, kOffScreen}) {
+    const Gaussians random = random_gaussians(recipe, 20'000, camera, 6);
+    std::vector<std::uint32_t> order(random.count());
+    for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
+    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+      return random.mean[a].x < random.mean[b].x;
+    });
+    const Gaussians gaussians = rows_of(random, order);
+    for (std::uint64_t seed = 1; seed < 6; ++seed) {
+      SCOPED_TRACE(seed);
+      expect_same(gaussians, inside(random_camera(320, 240, seed), gaussians), pixel_by_pixel());
+    }
+    Camera away = camera;
+    away.cam_from_world_translation.z -= 1e5f;
+    expect_same(gaussians, away, pixel_by_pixel());
+  }
+}
+
+TEST_F(CudaPackedScene, SmallAndEmptyScenes) {
+  const Camera camera = random_camera(160, 120, 3);
+  for (const std::size_t count : {0, 1, 31, 32, 33, 127, 128, 129, 257})
+    expect_same(random_gaussians(kTypical, count, camera, 9), camera, pixel_by_pixel());
+}
+
+TEST_F(CudaPackedScene, NotANumberAnywhere) {
+  const Camera camera = random_camera(64, 48);
+  Gaussians mixed = with_bad_numbers(random_gaussians(kTypical, 300, camera, 9));
+  mixed.rotation[51] = {0, 0, 0, 0};
+  mixed.log_scale[100] = Vec3f(std::log(1e30f));
+  expect_same(mixed, camera, pixel_by_pixel());
+}
+
+TEST_F(CudaPackedScene, OnTensorCoresPicturesAreThoseOfTheParameters) {
+  std::uint64_t seed = 0;
+  for (const Camera& camera : {random_camera(320, 240, 3), random_camera(1300, 900, 4)})
+    for (const Recipe& recipe : {kTypical, kSharp, kHuge, kFaint, kOpaque, kNegativeColors})
+      for (const BlendRule rule : {BlendRule::faster_gs, BlendRule::classic}) {
+        SCOPED_TRACE(++seed);
+        RenderSettings settings = pixel_by_pixel();
+        settings.use_tensor_cores = true;
+        settings.blend_rule = rule;
+        const Gaussians gaussians = on_gpu(random_gaussians(recipe, 3000, camera, seed));
+        RenderPass pass(gpu().memory());
+        forward(gaussians, camera, settings, pass);
+        const std::vector<float> expected = pass.image.download();
+        EXPECT_GT(psnr_of_most(picture(gaussians, camera, with_float_sh(settings)), expected), 105);
+        EXPECT_GT(psnr_of_most(picture(gaussians, camera, settings), expected), 105);
+      }
+}
+
+TEST_F(CudaPackedScene, NeedlesOnTensorCoresLookTheSame) {
+  for (const Camera& camera : {random_camera(640, 480, 5), random_camera(1300, 900, 6)}) {
+    RenderSettings settings = pixel_by_pixel();
+    settings.use_tensor_cores = true;
+    const Gaussians gaussians = on_gpu(random_gaussians(kNeedles, 3000, camera, 6));
+    RenderPass pass(gpu().memory());
+    forward(gaussians, camera, settings, pass);
+    EXPECT_GT(psnr_of_most(picture(gaussians, camera, settings), pass.image.download()), 90);
+  }
+}
+
+// What is left out of a splat of 32 bytes is the only difference.
+TEST_F(CudaPackedScene, SplatsOf48BytesOnTensorCoresAreTheSameToTheLastBit) {
+  const Camera camera = random_camera(1300, 900, 4);
+  RenderSettings settings = with_float_sh(pixel_by_pixel());
+  settings.use_tensor_cores = settings.full_splats = true;
+  for (const Recipe& recipe : {kTypical, kNeedles, kHuge}) {
+    const Gaussians gaussians = on_gpu(random_gaussians(recipe, 3000, camera, 8));
+    RenderPass pass(gpu().memory());
+    forward(gaussians, camera, settings, pass);
+    EXPECT_TRUE(same_bits(picture(gaussians, camera, settings), pass.image.download()));
+  }
+}
+
+// Stage 1 counts tiles and stage 2 lists them, both from splats of 32 bytes.
+TEST_F(CudaPackedScene, ListsHoldWhatWasCounted) {
+  const Camera camera = random_camera(1300, 900, 4);
+  RenderSettings settings = pixel_by_pixel();
+  settings.use_tensor_cores = true;
+  for (const TileBounds bounds : {TileBounds::exact, TileBounds::box, TileBounds::square})
+    for (const Recipe& recipe : {kTypical, kSharp, kNeedles, kHuge, kOffScreen}) {
+      settings.bounds = bounds;
+      const Gaussians gaussians = on_gpu(random_gaussians(recipe, 3000, camera, 8));
+      RenderPass expected(gpu().memory()), actual(gpu().memory());
+      forward(gaussians, camera, settings, expected);
+      draw(gaussians, camera, settings, actual);
+      const auto counts = actual.tile_counts.download(), ranges = actual.tile_ranges.download();
+      const auto own_counts = expected.tile_counts.download();
+      std::vector<std::uint32_t> listed(counts.size());
+      const auto splats = actual.tile_splats.download();
+      for (std::uint32_t k = 0; k < ranges.back(); ++k) ++listed[gaussian_of(splats[k])];
+      EXPECT_EQ(listed, counts);
+      // A tile that a splat hardly touches may be listed by one of them only.
+      double instances = 0, differ = 0;
+      for (std::size_t i = 0; i < counts.size(); ++i) {
+        instances += own_counts[i];
+        differ += std::abs(double(counts[i]) - own_counts[i]);
+      }
+      EXPECT_LE(differ, 2e-3 * instances + 1);
+    }
+}
+
+TEST_F(CudaPackedScene, WhatIsNotPackedIsDrawnFromItsParameters) {
+  Camera camera = random_camera(160, 120, 3);
+  camera.time = 0.5f;
+  const Gaussians still = random_gaussians(kTypical, 2000, camera, 9);
+  const RenderSettings settings = pixel_by_pixel();
+  for (const Gaussians& host : {in_spacetime(still, 7), with_slopes(in_spacetime(still, 7), 8)}) {
+    const Gaussians gaussians = on_gpu(host);
+    RenderPass pass(gpu().memory());
+    forward(gaussians, camera, settings, pass);
+    EXPECT_TRUE(same_bits(picture(gaussians, camera, settings), pass.image.download()));
+  }
+  // Another SH degree than it was packed with, and a frame for the backward pass.
+  const Gaussians gaussians = on_gpu(still);
+  const auto packed = renderer().pack(gaussians.span(), settings);
+  RenderSettings other = settings, training = settings;
+  other.sh_degree = 1;
+  training.for_backward = true;
+  for (const RenderSettings& own : {other, training}) {
+    RenderPass actual(gpu().memory()), expected(gpu().memory());
+    renderer().draw(*packed, camera, own, actual);
+    forward(gaussians, camera, own, expected);
+    EXPECT_TRUE(same_bits(actual.image.download(), expected.image.download()));
+  }
+}
+
+TEST_F(CudaPackedScene, WithoutMemoryForItTheParametersAreDrawn) {
+  const Camera camera = random_camera(160, 120, 3);
+  const Gaussians gaussians = on_gpu(random_gaussians(kTypical, 2000, camera, 9));
+  const RenderSettings settings = pixel_by_pixel();
+  RenderPass actual(gpu().memory()), expected(gpu().memory());
+  forward(gaussians, camera, settings, expected);
+  set_allocation_hook(
+      [](std::size_t) { throw Error("there is no memory", ExitCode::out_of_memory); });
+  std::unique_ptr<PackedScene> packed;
+  EXPECT_NO_THROW(packed = renderer().pack(gaussians.span(), settings));
+  set_allocation_hook(nullptr);
+  ASSERT_TRUE(packed);
+  renderer().draw(*packed, camera, settings, actual);
+  EXPECT_TRUE(same_bits(actual.image.download(), expected.image.download()));
+}
+
+TEST_F(CudaPackedScene, FramesOfAPathAreThoseDrawnAlone) {
+  const Gaussians host = random_gaussians(kTypical, 20'000, random_camera(640, 480, 3), 6);
+  const Gaussians gaussians = on_gpu(host);
+  RenderSettings settings = pixel_by_pixel();
+  settings.use_tensor_cores = true;
+  const auto packed = renderer().pack(gaussians.span(), settings);
+  RenderPass pass(gpu().memory());
+  for (int frame = 0; frame < 12; ++frame) {
+    Camera camera = random_camera(640, 480, 3);
+    camera.cam_from_world_translation.x += 0.02f * float(frame);
+    if (frame == 7) camera.cam_from_world_translation.z -= 1e5f;  // a cut, and back
+    renderer().draw(*packed, camera, settings, pass);
+    const std::vector<float> actual = pass.image.download();
+    RenderSettings counted = settings;
+    counted.counted_frames = true;
+    renderer().draw(*packed, camera, counted, pass);
+    EXPECT_TRUE(same_bits(actual, pass.image.download())) << frame;
+  }
+}
+
+}  // namespace
+}  // namespace gs

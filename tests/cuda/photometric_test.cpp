@@ -1,0 +1,361 @@
+// SPDX-License-Identifier: Apache-2.0
+// Steps and runs on the GPU with learned gains and vignetting, against the scalar backend. The loss
+// under them is in loss_test.cpp.
+#include "gs_core/error.h"
+#include "gs_train/loop/trainer.h"
+#include "tests/support/cuda.h"
+#include "tests/support/gains.h"
+#include "tests/support/scene_run.h"
+#include "tests/support/wall_scene.h"
+
+namespace gs {
+namespace {
+
+const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
+constexpr float kRate = 5e-3f;  // of the gains
+
+/// Photos of two cameras: a plain one, one with a mask, one over the background.
+std::vector<View> three_views(int width, int height) {
+  std::vector<View> views(3);
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    views[i].name = "view " + std::to_string(i);
+    views[i].camera = random_camera(width, height, 1);
+    views[i].camera.cx += float(3 * i);
+    views[i].camera_id = i == 1 ? 9 : 4;
+    views[i].photo = random_photo(width, height, i);
+  }
+  views[1].mask = Image8(width, height, 1, 255);
+  std::fill_n(views[1].mask.pixels.begin(), std::size_t(width) * std::size_t(height) / 3,
+              std::uint8_t(0));
+  views[2].mask = Image8(width, height, 1, 150);
+  views[2].over_background = true;
+  return views;
+}
+
+class CudaPhotometric : public CudaTest {
+ protected:
+  /// Both backends learn gains from now on.
+  PhotometricConfig use_gains(bool has_vignetting) {
+    PhotometricConfig gains{"gains"};
+    gains.vignetting = has_vignetting;
+    cpu().use_photometric(make_photometric_model(gains));
+    gpu().use_photometric(make_photometric_model(gains));
+    return gains;
+  }
+  /// A model of views_ on the host.
+  TrainingModel started(const PhotometricConfig& gains, std::size_t count = 3000) {
+    TrainingModel model = model_of(random_gaussians(kTypical, count, views_[0].camera, 5));
+    begin_with_gains(gains, views_, model);
+    return model;
+  }
+  std::vector<TrainingPhoto> photos(const RenderSettings& settings, int reduction = 1) const {
+    const std::vector<std::uint32_t> cameras = camera_rows(views_);
+    std::vector<TrainingPhoto> photos;
+    for (std::size_t i = 0; i < views_.size(); ++i)
+      photos.push_back({&views_[i], settings, reduction, i, cameras[i]});
+    return photos;
+  }
+  static Update update_of(int batch = 1) {
+    Update update{kRates, batch_rule(batch)};
+    update.photometric_rate = kRate;
+    update.photometric_rule = batch_rule(batch);
+    return update;
+  }
+  static RenderSettings on_a_background() {
+    RenderSettings settings;
+    settings.background = {0.3f, 0.6f, 0.9f};
+    return settings;
+  }
+  /// The moments say what gradients there were, and the values what Adam made of them.
+  void expect_same_gains(const PhotometricState& actual, const PhotometricState& expected,
+                         const PhotometricState& start, double tolerance) {
+    const auto moved = [&](const PhotometricState& state) {
+      std::vector<float> by = downloaded(state.values), from = downloaded(start.values);
+      for (std::size_t i = 0; i < by.size(); ++i) by[i] -= from[i];
+      return by;
+    };
+    EXPECT_LT(norm_difference(moved(actual), moved(expected)), tolerance);
+    EXPECT_LT(norm_difference(downloaded(actual.first_moment), downloaded(expected.first_moment)),
+              tolerance);
+    EXPECT_LT(norm_difference(downloaded(actual.second_moment), downloaded(expected.second_moment)),
+              2 * tolerance);
+    EXPECT_EQ(actual.adam_steps, expected.adam_steps);
+  }
+
+  const std::vector<View> views_ = three_views(131, 77);
+};
+
+TEST_F(CudaPhotometric, AStepIsTheScalarOne) {
+  for (const bool has_vignetting : {false, true})
+    for (const bool is_solved : {false, true})
+      for (const TrainingPhoto& photo : photos(on_a_background())) {
+        SCOPED_TRACE(testing::Message() << photo.photo_row << has_vignetting << is_solved);
+        const PhotometricConfig gains = use_gains(has_vignetting);
+        TrainingModel expected = started(gains);
+        expected.photometric.is_solved = is_solved;
+        const TrainingModel start = copy_to(host_memory(), expected);
+        TrainingModel actual = on_gpu(start);
+        cpu().step(expected, {&photo, 1}, {0.2f}, update_of(), {true});
+        gpu().step(actual, {&photo, 1}, {0.2f}, update_of(), {true});
+        gpu().synchronize(actual);
+        EXPECT_NEAR(gpu().loss().value(), cpu().loss().value(), 1e-3 * cpu().loss().value());
+        expect_same_gains(on_host(actual).photometric, expected.photometric, start.photometric,
+                          1e-2);
+      }
+}
+
+TEST_F(CudaPhotometric, ManyStepsAreTheScalarOnes) {
+  for (const bool has_vignetting : {false, true})
+    for (const int reduction : {1, 3}) {
+      SCOPED_TRACE(testing::Message() << has_vignetting << reduction);
+      const PhotometricConfig gains = use_gains(has_vignetting);
+      TrainingModel expected = started(gains);
+      const TrainingModel start = copy_to(host_memory(), expected);
+      TrainingModel actual = on_gpu(start);
+      const std::vector<TrainingPhoto> all = photos(on_a_background(), reduction);
+      for (std::size_t step = 0; step < 15; ++step) {
+        cpu().step(expected, {&all[step % 3], 1}, {0.2f}, update_of(), {true});
+        gpu().step(actual, {&all[step % 3], 1}, {0.2f}, update_of(), {true});
+      }
+      gpu().synchronize(actual);
+      expect_same_gains(on_host(actual).photometric, expected.photometric, start.photometric, 3e-2);
+      EXPECT_LT(
+          norm_difference(downloaded(actual.gaussians.sh0), downloaded(expected.gaussians.sh0)),
+          2e-2);
+    }
+}
+
+TEST_F(CudaPhotometric, ABatchIsThatOfTheScalarBackend) {
+  for (const bool has_vignetting : {false, true}) {
+    const PhotometricConfig gains = use_gains(has_vignetting);
+    TrainingModel expected = started(gains);
+    const TrainingModel start = copy_to(host_memory(), expected);
+    TrainingModel actual = on_gpu(start);
+    std::vector<TrainingPhoto> batch = photos(on_a_background());
+    batch.push_back(batch[0]);  // the same photo twice
+    batch[1].reduction = 2;
+    for (int step = 0; step < 4; ++step) {
+      cpu().step(expected, {batch.data(), batch.size()}, {0.2f}, update_of(4), {true});
+      gpu().step(actual, {batch.data(), batch.size()}, {0.2f}, update_of(4), {true});
+    }
+    gpu().synchronize(actual);
+    expect_same_gains(on_host(actual).photometric, expected.photometric, start.photometric, 3e-2);
+  }
+}
+
+// The scores of density control see what the photo shows.
+TEST_F(CudaPhotometric, TheErrorsOfPixelsAreTheScalarOnes) {
+  for (const bool has_vignetting : {false, true}) {
+    const PhotometricConfig gains = use_gains(has_vignetting);
+    TrainingModel expected = started(gains);
+    TrainingModel actual = on_gpu(expected);
+    DensityStep density{.gather_statistics = true};
+    density.score = GrowthScore::error;
+    for (const TrainingPhoto& photo : photos(on_a_background())) {
+      cpu().step(expected, {&photo, 1}, {0.2f}, update_of(), density);
+      gpu().step(actual, {&photo, 1}, {0.2f}, update_of(), density);
+    }
+    gpu().synchronize(actual);
+    EXPECT_LT(
+        norm_difference(downloaded(actual.statistics.sums), downloaded(expected.statistics.sums)),
+        1e-2);
+  }
+}
+
+TEST_F(CudaPhotometric, RestsWhereItsRateIsZero) {
+  const PhotometricConfig gains = use_gains(true);
+  TrainingModel expected = started(gains);
+  const TrainingModel start = copy_to(host_memory(), expected);
+  TrainingModel actual = on_gpu(start);
+  Update update = update_of();
+  update.photometric_rate = 0;
+  for (const TrainingPhoto& photo : photos(on_a_background())) {
+    cpu().step(expected, {&photo, 1}, {0.2f}, update, {true});
+    gpu().step(actual, {&photo, 1}, {0.2f}, update, {true});
+    EXPECT_NEAR(gpu().loss().value(), cpu().loss().value(), 2e-3 * cpu().loss().value());
+  }
+  gpu().synchronize(actual);
+  EXPECT_TRUE(same_bits(on_host(actual).photometric, start.photometric));
+}
+
+// Sums have one order, with --deterministic and without it. The Gaussians have it only with it, so
+// that the gains of later steps differ without it.
+TEST_F(CudaPhotometric, LearnsTheSameBitsEachTime) {
+  const PhotometricConfig gains = use_gains(true);
+  const TrainingModel start = started(gains, 20000);
+  const auto after = [&](int steps, bool deterministic) {
+    TrainingModel model = on_gpu(start);
+    RenderSettings settings = on_a_background();
+    settings.deterministic = deterministic;
+    const std::vector<TrainingPhoto> all = photos(settings);
+    for (int step = 0; step < steps; ++step)
+      gpu().step(model, {&all[std::size_t(step) % 3], 1}, {0.2f}, update_of(), {true});
+    gpu().synchronize(model);
+    return on_host(model);
+  };
+  const TrainingModel one = after(1, false), many = after(30, true);
+  for (int again = 0; again < 3; ++again) {
+    EXPECT_TRUE(same_bits(after(1, false).photometric, one.photometric));
+    EXPECT_TRUE(same_bits(after(30, true), many));
+  }
+}
+
+// What the common update leaves is 0 in the middle of the lenses, however unevenly photos are
+// drawn.
+TEST_F(CudaPhotometric, KeepsAMeanOfZero) {
+  const PhotometricConfig gains = use_gains(true);
+  TrainingModel model = on_gpu(started(gains, 300));
+  const std::vector<TrainingPhoto> all = photos(on_a_background());
+  for (std::size_t step = 0; step < 1000; ++step)
+    gpu().step(model, {&all[step % 10 == 9 ? step / 10 % 3 : 0], 1}, {0.2f}, update_of(), {});
+  gpu().synchronize(model);
+  const TrainingModel learned = on_host(model);
+  const std::vector<double> common =
+      make_photometric_model(gains)->common_part(learned.photometric);
+  for (const double number : common) EXPECT_NEAR(number, 0, 1e-6);
+}
+
+// Buffers that are too small for some steps: these steps are taken again, and gains are learned
+// once.
+TEST_F(CudaPhotometric, TooLittleRoomLosesNothing) {
+  const std::vector<View> views = three_views(320, 240);
+  const PhotometricConfig gains = use_gains(true);
+  const Recipe large{
+      .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
+  TrainingModel start = model_of(random_gaussians(large, 20000, views[0].camera, 3));
+  begin_with_gains(gains, views, start);
+  RenderSettings settings;
+  settings.deterministic = true;
+  const std::vector<std::uint32_t> cameras = camera_rows(views);
+  std::vector<TrainingPhoto> batch;
+  for (std::size_t i = 0; i < 3; ++i) batch.push_back({&views[i], settings, 1, i, cameras[i]});
+  for (const bool in_batches : {false, true}) {
+    const auto after_steps = [&](bool meets_views_anew) {
+      if (meets_views_anew) gpu().upload_views(views, 1 << 30);
+      TrainingModel model = on_gpu(start);
+      for (std::size_t step = 0; step < 9; ++step) {
+        if (in_batches)
+          gpu().step(model, {batch.data(), 3}, {0.2f}, update_of(3), {true});
+        else
+          gpu().step(model, {&batch[step % 3], 1}, {0.2f}, update_of(), {true});
+      }
+      gpu().synchronize(model);
+      return on_host(model);
+    };
+    const TrainingModel crowded = after_steps(true), roomy = after_steps(false);
+    EXPECT_TRUE(same_bits(crowded, roomy));
+    EXPECT_EQ(crowded.photometric.adam_steps, in_batches ? 27 : 9);
+    EXPECT_FALSE(same_bits(crowded.photometric, start.photometric));
+  }
+  gpu().upload_views({}, 0);  // these views end here
+}
+
+TEST_F(CudaPhotometric, LeavesStepsWithoutAModelAsTheyAre) {
+  const TrainingModel start = model_of(random_gaussians(kTypical, 3000, views_[0].camera, 5));
+  RenderSettings settings = on_a_background();
+  settings.deterministic = true;
+  const auto after_steps = [&] {
+    TrainingModel model = on_gpu(start);
+    const std::vector<TrainingPhoto> all = photos(settings);
+    for (std::size_t step = 0; step < 6; ++step)
+      gpu().step(model, {&all[step % 3], 1}, {0.2f}, update_of(), {true});
+    gpu().synchronize(model);
+    return on_host(model);
+  };
+  gpu().use_photometric(nullptr);
+  const TrainingModel before = after_steps();
+  const PhotometricConfig gains = use_gains(true);
+  TrainingModel learned = on_gpu(started(gains));
+  for (const TrainingPhoto& photo : photos(settings))
+    gpu().step(learned, {&photo, 1}, {0.2f}, update_of(), {true});
+  gpu().use_photometric(nullptr);
+  EXPECT_TRUE(same_bits(after_steps(), before));
+}
+
+/// A model that no device knows.
+class OtherModel final : public PhotometricModel {
+ public:
+  std::string name() const override { return "other"; }
+  std::vector<std::string> photo_names() const override { return {"number"}; }
+  std::vector<std::string> camera_names() const override { return {}; }
+  std::map<std::string, float> camera_facts(Span<const float>) const override { return {}; }
+  std::unique_ptr<Appearance> appearance(Span<const float>, Span<const float>,
+                                         const LensPlace&) const override {
+    return nullptr;
+  }
+  void start_from_gains(const Vec3f&, Span<float>) const override {}
+  void start_from_lens(const std::array<float, 3>&, Span<float>) const override {}
+  std::vector<double> common_part(const PhotometricState&) const override { return {}; }
+  void add_penalties(const PhotometricState&, std::vector<double>&) const override {}
+};
+
+TEST_F(CudaPhotometric, RefusesAModelThatItDoesNotKnow) {
+  EXPECT_THROW(gpu().use_photometric(std::make_unique<OtherModel>()), UsageError);
+}
+
+// ---- runs --------------------------------------------------------------------------------------
+
+class CudaPhotometricRun : public CudaTest {
+ protected:
+  TrainingModel trained(const Config& config) {
+    Trainer trainer(scene_, config, gpu());
+    trainer.run();
+    return on_host(trainer.model());
+  }
+  const Scene scene_ = wall_scene(true);
+};
+
+TEST_F(CudaPhotometricRun, FindsTheGainsAndTheVignettingOfThePhotos) {
+  for (const int batch : {1, 4}) {
+    Config config = of_known_shape(gains_run(batch == 1 ? 4000 : 6000));
+    config.train.batch = batch;
+    Trainer trainer(scene_, config, gpu(), gray_wall(config));
+    trainer.run();
+    const TrainingModel model = on_host(trainer.model());
+    EXPECT_LT(gain_error(model.photometric), 0.005) << batch;
+    EXPECT_LT(vignetting_error(model.photometric), 0.01) << batch;
+  }
+}
+
+// Also in batches, and on reduced photos.
+TEST_F(CudaPhotometricRun, GoesOnWhereItWasStopped) {
+  for (const int batch : {1, 4}) {
+    Config config = gains_run(90);
+    config.train.deterministic = true;
+    config.train.batch = batch;
+    config.train.resolution_ramp = {2};
+    config.train.resolution_every = 10000;  // 30 steps
+    config.train.resolution_least = 1;
+    const TrainingModel expected = trained(config);
+    EXPECT_FALSE(expected.photometric.empty());
+    for (const int stop : {5, 29, 60}) {
+      EXPECT_TRUE(same_bits(resumed_after(stop, scene_, config, gpu()), expected))
+          << stop << ", batch " << batch;
+    }
+  }
+}
+
+// Solved exposures, resets of opacity and a growing model: gains rest after each reset.
+TEST_F(CudaPhotometricRun, LearnsWhereTheModelGrows) {
+  Scene scene = scene_;
+  for (std::size_t k = 0; k < kWallViews; ++k)
+    for (int c = 0; c < 3; ++c) scene.train_views[k].exposure[c] = std::exp(true_log_gain(k)[c]);
+  Config config = short_run();
+  config.train.iterations = 600;
+  config.density.from_step = config.density.every = 50;
+  config.density.gradient_threshold = 1e-5f;
+  config.density.reset_opacity_every = 200;
+  config.photometric.model = "gains";
+  Trainer trainer(scene, config, gpu());
+  trainer.run();
+  EXPECT_EQ(gpu().rows().count_not_finite(trainer.model()), 0u);
+  const PhotometricState state = copy_to(host_memory(), trainer.model().photometric);
+  EXPECT_TRUE(state.is_solved);
+  EXPECT_GT(state.adam_steps, 0);
+  for (std::size_t k = 0; k < kWallViews; ++k)
+    for (std::size_t c = 0; c < 3; ++c)
+      EXPECT_NEAR(state.photo(k)[c], true_log_gain(k)[int(c)], 0.1);
+}
+
+}  // namespace
+}  // namespace gs
