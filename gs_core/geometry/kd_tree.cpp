@@ -14,16 +14,21 @@ struct KdTree::Nearest {
   std::uint32_t self;
   Vec3f point;
   int k, found = 0;
-  float distance2[8];
+  float distance2[kMostNearest];
+  std::uint32_t index[kMostNearest];
 
   float bound() const {
     return found < k ? std::numeric_limits<float>::infinity() : distance2[k - 1];
   }
-  void add(float d2) {
+  void add(float d2, std::uint32_t other) {
     if (d2 >= bound()) return;
     int place = found < k ? found++ : k - 1;
-    for (; place > 0 && distance2[place - 1] > d2; --place) distance2[place] = distance2[place - 1];
+    for (; place > 0 && distance2[place - 1] > d2; --place) {
+      distance2[place] = distance2[place - 1];
+      index[place] = index[place - 1];
+    }
     distance2[place] = d2;
+    index[place] = other;
   }
 };
 
@@ -50,7 +55,7 @@ void KdTree::search(std::size_t begin, std::size_t end, int axis, Nearest& neare
   const std::uint32_t here = order_[middle];
   if (here != nearest.self) {
     const Vec3f offset = points_[here] - nearest.point;
-    nearest.add(inner(offset, offset));
+    nearest.add(inner(offset, offset), here);
   }
   const float beyond = nearest.point[axis] - points_[here][axis];
   const int next = (axis + 1) % 3;
@@ -61,12 +66,20 @@ void KdTree::search(std::size_t begin, std::size_t end, int axis, Nearest& neare
 }
 
 float KdTree::mean_squared_distance(std::size_t i, int k) const {
-  GS_CHECK(k >= 1 && k <= 8);
-  Nearest nearest{std::uint32_t(i), points_[i], k, 0, {}};
+  GS_CHECK(k >= 1 && k <= kMostNearest);
+  Nearest nearest{std::uint32_t(i), points_[i], k, 0, {}, {}};
   search(0, order_.size(), 0, nearest);
   float sum = 0;
   for (int n = 0; n < nearest.found; ++n) sum += nearest.distance2[n];
   return nearest.found ? sum / float(nearest.found) : 0;
+}
+
+int KdTree::nearest(std::size_t i, int k, std::uint32_t* to) const {
+  GS_CHECK(k >= 1 && k <= kMostNearest);
+  Nearest nearest{std::uint32_t(i), points_[i], k, 0, {}, {}};
+  search(0, order_.size(), 0, nearest);
+  std::copy_n(nearest.index, nearest.found, to);
+  return nearest.found;
 }
 
 }  // namespace gs

@@ -16,8 +16,13 @@ class KdTree {
 
   /// Mean squared distance from point `i` to its `k` nearest other points, or to all of them if
   /// there are fewer;
-  /// 0 if there are none.   world units^2, 1 <= k <= 8
+  /// 0 if there are none.   world units^2, 1 <= k <= kMostNearest
   float mean_squared_distance(std::size_t i, int k) const;
+
+  /// Writes the indices of the `k` nearest other points to `to`, the nearest first, and returns how
+  /// many there are: fewer than `k` where there are fewer points. 1 <= k <= kMostNearest
+  int nearest(std::size_t i, int k, std::uint32_t* to) const;
+  static constexpr int kMostNearest = 16;
 
  private:
   struct Nearest;

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fewer Gaussians that look like all of them: pairs of near ones are merged, the cheapest first.
+#pragma once
+
+#include <functional>
+
+#include "gs_core/edit/merge_gaussians.h"
+
+namespace gs {
+
+struct DecimateOptions {
+  // How many other Gaussians each one may be merged with: its nearest by means.   2 to 16
+  int neighbors = 10;
+  // (N) factors of the costs, such as the pixels that cameras see of each Gaussian; empty: 1
+  std::vector<float> importance = {};
+  // Called now and then by the calling thread with the merges done and all merges; may be empty.
+  // What it throws leaves decimate(), and the Gaussians are then undefined.
+  std::function<void(std::size_t done, std::size_t total)> on_progress = {};
+};
+
+/// Reduces `gaussians` to `count` rows by merging pairs with matched moments (merge_gaussians.h),
+/// and returns how many rows are left: fewer than `count` only if there were fewer.
+///
+/// Candidates are the edges of a graph of nearest neighbors. Rounds of merges follow each other: in a
+/// round every Gaussian proposes its cheapest edge, and the cheapest proposals that share no
+/// Gaussian are merged, at most one for 16 Gaussians. After a round the costs of all edges of merged
+/// Gaussians are computed again. The graph is made again whenever half of the Gaussians are gone.
+///
+/// A 3D filter is baked in first (bake_filter.h). Rows that are never rendered (NaN, infinity, a
+/// rotation of length 0) are dropped first. A merged Gaussian takes the place of the first row that
+/// it holds, so that the order stays. The result depends on nothing but the arguments, in particular
+/// not on the number of threads. Needs 350 bytes per Gaussian beside the model, all cores, and a
+/// minute for a million Gaussians. Host memory. Throws UsageError for Gaussians in space and time.
+std::size_t decimate(Gaussians& gaussians, std::size_t count, const DecimateOptions& options = {});
+
+}  // namespace gs
