@@ -37,8 +37,7 @@ constexpr Foreign kFirstBytes[] = {
     {"NGSP", "an .spz file of version 4", "give it a name that ends in .spz"},
     {"\x1f\x8b", "a gzip file, as .spz files are", "give it a name that ends in .spz"},
     {"PK\x03\x04", "a zip file, as .sog files are", "give it a name that ends in .sog"},
-    {"glTF", "a .glb file, which gemsplat writes but does not read",
-     "name the model that it was made from"}};
+    {"glTF", "a .glb file", "give it a name that ends in .glb"}};
 
 std::string text_of(const Foreign& foreign) {
   return fmt::format("this is {}, not a PLY; {}", foreign.kind, foreign.remedy);

@@ -57,7 +57,7 @@ const std::vector<ModelFormat>& model_formats() {
       {"csv", ".csv", "everything, as text", kLossless, kAddsOffset, kPlyAxes, Holds::still,
        read_csv, without_options<write_csv>, require_nothing},
       {"glb", ".glb", "everything, as floats after activation", kLossy, kNoOffset, kHalfTurnZ,
-       Holds::still, nullptr, without_options<write_glb>, require_nothing},
+       Holds::still, read_glb, without_options<write_glb>, require_nothing},
       {"compressed.ply", ".compressed.ply", "fractions of the range of 256 neighbors", kLossy,
        kNoOffset, kPlyAxes, Holds::still, read_gaussian_ply, without_options<write_compressed_ply>,
        require_nothing},

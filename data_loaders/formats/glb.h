@@ -19,6 +19,12 @@
 
 namespace gs {
 
+/// Reads one primitive of Gaussians: floats, and the integer types that the extension allows, or an
+/// .spz inside (KHR_gaussian_splatting_compression_spz_2 and two older names). Throws Error, with the
+/// file and a remedy, for damaged files, linear colors, nodes that are moved, several primitives and
+/// meshes of triangles.
+GaussianModel read_glb(const std::filesystem::path& path);
+
 /// Writes a model that finite_model() made. Throws Error for a model without Gaussians, which glTF
 /// cannot hold, for a file of more than 4 GiB, and where the file cannot be written.
 void write_glb(const std::filesystem::path& path, const GaussianModel& model);

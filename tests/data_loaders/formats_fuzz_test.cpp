@@ -48,6 +48,7 @@ const Reader kReaders[] = {
     {"Ply", ".ply", 1, {}, damaged_outside},
     {"CompressedPly", ".compressed.ply", 1, {}, damaged_outside},
     {"Csv", ".csv", 1, {}, damaged_outside},
+    {"Glb", ".glb", 1, {}, damaged_outside},
     {"Splat", ".splat", 0, {}, damaged_outside},
     {"Spz3", ".spz", 1, {3}, damaged_outside},
     {"Spz3Inside", ".spz", 1, {3}, damaged_spz},

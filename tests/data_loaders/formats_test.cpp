@@ -7,6 +7,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
+#include <cstring>
 #include <numbers>
 
 #include "data_loaders/formats/coding/compression.h"
@@ -46,6 +47,7 @@ struct Kind {
 // .sog stores SH as a palette, which random numbers do not fit; a test below checks them.
 const Kind kKinds[] = {
     {".compressed.ply", {}, 3, {0.008f, 0.008f, 0.003f, 0.03f, 0.032f, 0.008f}},
+    {".glb", {}, 3, {0, 1e-5f, 1e-6f, 0, 0, 2e-3f}},
     {".splat", {}, 0, {0, 1e-6f, 0.003f, 0.015f, 0, 0.02f}},
     {".spz", {3}, 3, {0.00025f, 0.064f, 0.003f, 0.03f, 0.135f, 0.006f}},
     {".spz", {4}, 3, {0.00025f, 0.064f, 0.003f, 0.03f, 0.135f, 0.006f}},
@@ -150,7 +152,6 @@ TEST_F(Formats, OneGaussianIsEnough) {
     tolerance.sh_rest = std::min(tolerance.sh_rest, 0.135f);  // a palette with one entry
     expect_near(there_and_back(model, kind.ending, kind.options), model, tolerance);
   }
-  write_model(file("one.glb"), moderate_model(1, 3));
 }
 
 TEST_F(Formats, NoGaussiansAreHeldOrRefusedWithAdvice) {
@@ -258,7 +259,7 @@ TEST_F(Formats, ColorsBeyondAByteAreClampedNeverWrapped) {
 
 TEST_F(Formats, AntialiasedModelsAreTaggedWhereThereIsATag) {
   for (const bool antialiased : {false, true})
-    for (const char* ending : {".ply", ".compressed.ply", ".spz", ".sog"}) {
+    for (const char* ending : {".ply", ".compressed.ply", ".spz", ".sog", ".glb"}) {
       GaussianModel model = moderate_model(4, 0);
       model.antialiased = antialiased;
       EXPECT_EQ(there_and_back(model, ending).antialiased, antialiased) << ending;
@@ -372,7 +373,6 @@ TEST_F(Formats, EndingsSayTheFormatInAnyCase) {
   EXPECT_THAT(error_of([] { format_to_write("a"); }), HasSubstr("files without an ending"));
   EXPECT_EQ(format_named("glb").ending, ".glb");
   EXPECT_THAT(error_of([] { format_named("obj"); }), HasSubstr("it has ply, csv"));
-  EXPECT_THAT(error_of([] { read_model("a.glb"); }), HasSubstr("does not read it"));
 }
 
 TEST_F(Formats, FilesOfOtherProgramsAreNamedWithARemedy) {
@@ -389,6 +389,25 @@ TEST_F(Formats, FilesOfOtherProgramsAreNamedWithARemedy) {
   write_bytes(file("sog/meta.json"), "{}");
   EXPECT_THAT(foreign_kind(file("sog")), HasSubstr("zip -0 -j model.sog"));
   EXPECT_EQ(foreign_kind(file("none.ksplat")), "");  // an Error says that it is missing
+}
+
+TEST_F(Formats, GlbWithLinearColorsOrAMovedNodeIsRefusedWithARemedy) {
+  write_model(file("a.glb"), moderate_model(3, 1));
+  const auto error_with = [&](const std::string& from, const std::string& to) {
+    std::string bytes = read_bytes(file("a.glb"));
+    bytes.replace(bytes.find(from), from.size(), to);
+    const auto json_bytes = load_little<std::uint32_t>(&bytes[12]) + std::uint32_t(to.size()) -
+                            std::uint32_t(from.size());
+    std::memcpy(&bytes[12], &json_bytes, sizeof json_bytes);
+    write_bytes(file("b.glb"), bytes);
+    return error_of([&] { read_model(file("b.glb")); });
+  };
+  EXPECT_THAT(error_with("\"srgb_rec709_display\"", "\"lin_rec709_display\" "),
+              AllOf(HasSubstr("lin_rec709_display"), HasSubstr("export it with")));
+  EXPECT_THAT(error_with("\"nodes\":[{\"mesh\":0}]", "\"nodes\":[{\"scale\":0}]"),
+              HasSubstr("a node has a \"scale\""));
+  EXPECT_THAT(error_with("\"KHR_gaussian_splatting\":{", "\"KHR_other_extensions_\":{"),
+              HasSubstr("it holds no Gaussians"));
 }
 
 TEST_F(Formats, AWrongChecksumOfSpzIsDamage) {

@@ -70,6 +70,7 @@ void write_models() {
   write_seed("ply/compressed", bytes_of("a.compressed.ply", model));
   write_seed("tables/csv", bytes_of("a.csv", flat));
   write_seed("tables/splat", bytes_of("a.splat", flat));
+  write_seed("tables/glb", bytes_of("a.glb", random_model(2, 0)));
   write_seed("gs4d/model", bytes_of("a.gs4d", random_moving_model(3, 1)));
   write_seed("spz/version_3", bytes_of("a.spz", model));
   write_seed("spz/version_4", bytes_of("a.spz", model, {4}));

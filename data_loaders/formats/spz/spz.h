@@ -19,7 +19,9 @@
 #pragma once
 
 #include <filesystem>
+#include <string_view>
 
+#include "data_loaders/formats/coding/frame.h"
 #include "gs_core/gaussians.h"
 
 namespace gs {
@@ -28,6 +30,11 @@ namespace gs {
 /// warning. Throws Error, with the file and a remedy, for other versions, for damaged files, and
 /// where this build lacks zlib or zstd.
 GaussianModel read_spz(const std::filesystem::path& path);
+
+/// The same for the bytes of an .spz that stands inside the file `path`. `signs` lead from its axes
+/// to the PLY's.
+GaussianModel spz_model(const std::filesystem::path& path, std::string_view bytes,
+                        const AxisSigns& signs);
 
 /// Writes version 3 or 4 of a model that finite_model() made. Positions beyond +-2048 units take
 /// fewer fractional bits in the whole file; a warning says how large the steps then are. Throws

@@ -27,14 +27,11 @@ using Arrays = std::array<std::string, kSpzArrays>;
               "check what it is");
 }
 
-// Looks at the first bytes before the whole file is read.
-void check_magic(ByteReader& reader) {
+void check_magic(const Path& path, std::string_view first) {
   constexpr std::string_view kGzipMagic = "\x1F\x8B";
-  if (reader.size() < sizeof(std::uint32_t)) return;  // too short for either
-  const char* const first = reinterpret_cast<const char*>(reader.peek(sizeof(std::uint32_t)));
-  if (std::string_view(first, kGzipMagic.size()) != kGzipMagic &&
-      load_little<std::uint32_t>(first) != kSpzMagic)
-    fail_as_no_spz(reader.path());
+  if (first.size() < sizeof(std::uint32_t)) return;  // too short for either
+  if (!first.starts_with(kGzipMagic) && load_little<std::uint32_t>(first.data()) != kSpzMagic)
+    fail_as_no_spz(path);
 }
 
 void check_header(const SpzHeader& header, const Path& path, std::uint64_t file_bytes) {
@@ -127,12 +124,12 @@ std::array<float, 4> rotation_of(const std::uint8_t* bytes, std::uint32_t versio
   return quaternion_of(parts);
 }
 
-void unpack_row(const SpzHeader& header, const Arrays& arrays, const Gaussians& g, std::size_t i) {
+void unpack_row(const SpzHeader& header, const Arrays& arrays, const AxisSigns& signs,
+                const Gaussians& g, std::size_t i) {
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   const auto row = [&](std::size_t s) {
     return reinterpret_cast<const std::uint8_t*>(arrays[s].data()) + i * row_bytes[s];
   };
-  const AxisSigns& signs = kHalfTurnX;
   const float step = std::ldexp(1.0f, -int(header.fractional_bits));
   for (int axis = 0; axis < 3; ++axis) {
     g.mean[i][axis] = signs[axis] * fixed24(row(0) + 3 * axis, step);
@@ -153,9 +150,18 @@ void unpack_row(const SpzHeader& header, const Arrays& arrays, const Gaussians& 
 
 GaussianModel read_spz(const std::filesystem::path& path) {
   ByteReader reader(path);
-  check_magic(reader);
-  const std::string_view file(reinterpret_cast<const char*>(reader.take(reader.size())),
-                              reader.size());
+  const auto text = [](const std::uint8_t* bytes, std::size_t size) {
+    return std::string_view(reinterpret_cast<const char*>(bytes), size);
+  };
+  const std::size_t few = std::min<std::uint64_t>(reader.size(), sizeof(std::uint32_t));
+  check_magic(path, text(reader.peek(few), few));  // before the whole file is read
+  const std::size_t size = reader.size();
+  return spz_model(path, text(reader.take(size), size), kHalfTurnX);
+}
+
+GaussianModel spz_model(const std::filesystem::path& path, std::string_view file,
+                        const AxisSigns& signs) {
+  check_magic(path, file);
   SpzHeader header;
   const bool is_plain =
       file.size() >= kSpzHeaderBytes && load_little<std::uint32_t>(file.data()) == kSpzMagic;
@@ -169,7 +175,7 @@ GaussianModel read_spz(const std::filesystem::path& path) {
                       (header.flags & kSpzAntialiased) != 0};
   model.gaussians.sh_rest.fill_zero();
   parallel_for(header.count, 4096,
-               [&](std::size_t i) { unpack_row(header, arrays, model.gaussians, i); });
+               [&](std::size_t i) { unpack_row(header, arrays, signs, model.gaussians, i); });
   return model;
 }
 
