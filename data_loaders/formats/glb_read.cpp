@@ -130,21 +130,14 @@ class Accessor {
   float operator()(std::size_t row, std::size_t column) const {
     const char* at = rows_.data() + row * stride_ + column * component_bytes();
     switch (component_) {
-      case 5120:
-        return scaled(load_little<std::int8_t>(at), 127);
-      case 5121:
-        return scaled(load_little<std::uint8_t>(at), 255);
-      case 5122:
-        return scaled(load_little<std::int16_t>(at), 32767);
-      case 5123:
-        return scaled(load_little<std::uint16_t>(at), 65535);
-      default:
-        return load_little<float>(at);
+      case 5120: return scaled(load_little<std::int8_t>(at), 127);
+      case 5121: return scaled(load_little<std::uint8_t>(at), 255);
+      case 5122: return scaled(load_little<std::int16_t>(at), 32767);
+      case 5123: return scaled(load_little<std::uint16_t>(at), 65535);
+      default: return load_little<float>(at);
     }
   }
-  Vec3f vec3(std::size_t row) const {
-    return {(*this)(row, 0), (*this)(row, 1), (*this)(row, 2)};
-  }
+  Vec3f vec3(std::size_t row) const { return {(*this)(row, 0), (*this)(row, 1), (*this)(row, 2)}; }
 
  private:
   std::size_t component_bytes() const {

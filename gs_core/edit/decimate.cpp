@@ -190,7 +190,7 @@ std::size_t decimate(Gaussians& gaussians, std::size_t count, const DecimateOpti
   if (gaussians.has_time)
     throw UsageError(
         "Gaussians in space and time cannot be merged, because each of a pair lives at its own "
-        "time; take one moment of the model first (--time T)");
+        "time; write one moment of the model first (gemsplat export --time T)");
   GS_CHECK(given.neighbors >= 2 && given.neighbors <= kMostNeighbors);
   GS_CHECK(given.importance.empty() || given.importance.size() == gaussians.count());
   if (gaussians.has_filter) bake_filter(gaussians);
