@@ -21,17 +21,18 @@ struct DecimateOptions {
 /// Reduces `gaussians` to `count` rows by merging pairs with matched moments (merge_gaussians.h),
 /// and returns how many rows are left: fewer than `count` only if there were fewer.
 ///
-/// Candidates are the edges of a graph of nearest neighbors. Rounds of merges follow each other: in a
-/// round every Gaussian proposes its cheapest edge, and the cheapest proposals that share no
-/// Gaussian are merged, at most one for 16 Gaussians. After a round the costs of all edges of merged
-/// Gaussians are computed again. The graph is made again whenever half of the Gaussians are gone.
+/// Candidates are the edges of a graph of nearest neighbors. Rounds of merges follow each other:
+/// in a round every Gaussian proposes its cheapest edge, and the cheapest proposals that share no
+/// Gaussian are merged, at most one for 16 Gaussians. After a round the costs of all edges of
+/// merged Gaussians are computed again. The graph is made again whenever half of the Gaussians are
+/// gone.
 ///
 /// A 3D filter is baked in first (bake_filter.h). Rows that are never rendered (NaN, infinity, a
 /// rotation of length 0) are dropped first. A merged Gaussian takes the place of the first row that
-/// it holds, so that the order stays. The result depends on nothing but the arguments, in particular
-/// not on the number of threads. Needs some 200 bytes per Gaussian beside the model, all cores, and
-/// half a minute on two of them for a million Gaussians. Host memory. Throws UsageError for
-/// Gaussians in space and time.
+/// it holds, so that the order stays. The result depends on nothing but the arguments, in
+/// particular not on the number of threads. Needs some 200 bytes per Gaussian beside the model,
+/// all cores, and half a minute on two of them for a million Gaussians. Host memory. Throws
+/// UsageError for Gaussians in space and time.
 std::size_t decimate(Gaussians& gaussians, std::size_t count, const DecimateOptions& options = {});
 
 }  // namespace gs

@@ -23,7 +23,8 @@ struct MergeShape {
 ///
 ///   A = 4 pi (((ab)^p + (ac)^p + (bc)^p) / 3)^(1/p),  p = 1.6075        Thomsen 2004
 ///
-/// Each of `squares` is the square of a half axis, world units^2; slightly negative ones count as 0.
+/// Each of `squares` is the square of a half axis, world units^2; slightly negative ones count as
+/// 0.
 double ellipsoid_area(const Vec3d& squares);
 
 /// The shape of row i.   Host memory, Gaussians without time.
@@ -31,15 +32,16 @@ MergeShape merge_shape_of(const Gaussians& gaussians, std::size_t i, float impor
 
 /// The shape of two merged Gaussians, which has the mean and the covariance of their mixture:
 ///
-///   w_i = m_i / sum m,  m_i = opacity_i A_i                              (half each where both are 0)
+///   w_i = m_i / sum m,  m_i = opacity_i A_i                              (half each where both
+/// are 0)
 ///   mu = sum w_i mu_i,  Sigma = sum w_i (Sigma_i + (mu_i - mu)(mu_i - mu)^T)
 ///   color = sum w_i color_i,  opacity = min(1, sum m_i / A(Sigma))
 MergeShape merged_shape(const MergeShape& a, const MergeShape& b);
 
 /// How much a picture changes if two Gaussians are merged. A splat is taken as opacity times a 2D
-/// Gaussian, as it is blended where nothing is in front of it. Its squared difference to the two that
-/// it replaces is integrated over the plane, in closed form, and averaged over views along the three
-/// axes:
+/// Gaussian, as it is blended where nothing is in front of it. Its squared difference to the two
+/// that it replaces is integrated over the plane, in closed form, and averaged over views along
+/// the three axes:
 ///
 ///   cost = importance / 3 sum over x, y, z of
 ///          integral |o_a c_a G_a + o_b c_b G_b - o_m c_m G_m|^2,   c = (red, green, blue, 1)
@@ -53,8 +55,8 @@ MergeShape merged_shape(const MergeShape& a, const MergeShape& b);
 double merge_cost(const MergeShape& a, const MergeShape& b);
 
 /// Merges `count` rows of `from` into row `to_row` of `to`: the moments of merged_shape(), for any
-/// number, and every SH coefficient sum w_i c_i. `to` may be `from`. Opacities stay below 0.9999, so
-/// that logits are finite. Host memory; Gaussians without time and without a 3D filter
+/// number, and every SH coefficient sum w_i c_i. `to` may be `from`. Opacities stay below 0.9999,
+/// so that logits are finite. Host memory; Gaussians without time and without a 3D filter
 /// (bake_filter.h), with finite values and rotations of any length above 0; `count` is at least 1.
 void merge_gaussians(const Gaussians& from, const std::uint32_t* rows, std::size_t count,
                      const Gaussians& to, std::size_t to_row);

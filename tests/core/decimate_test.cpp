@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Merging Gaussians: moments are kept, near and alike ones go first, and nothing depends on threads.
+// Merging Gaussians: moments are kept, near and alike ones go first, and nothing depends on
+// threads.
 #include "gs_core/edit/decimate.h"
 
 #include <gtest/gtest.h>
