@@ -32,8 +32,7 @@ MergeShape merge_shape_of(const Gaussians& gaussians, std::size_t i, float impor
 
 /// The shape of two merged Gaussians, which has the mean and the covariance of their mixture:
 ///
-///   w_i = m_i / sum m,  m_i = opacity_i A_i                              (half each where both
-/// are 0)
+///   w_i = m_i / sum m,  m_i = opacity_i A_i                    (half each where both are 0)
 ///   mu = sum w_i mu_i,  Sigma = sum w_i (Sigma_i + (mu_i - mu)(mu_i - mu)^T)
 ///   color = sum w_i color_i,  opacity = min(1, sum m_i / A(Sigma))
 MergeShape merged_shape(const MergeShape& a, const MergeShape& b);
