@@ -20,9 +20,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr const char* kExtension = "KHR_gaussian_splatting";
-constexpr std::uint32_t kMagic = 0x46546C67, kVersion2 = 2;                  // "glTF"
-constexpr std::uint32_t kJsonChunk = 0x4E4F534A, kBinaryChunk = 0x004E4942;  // "JSON", "BIN"
 // Numbers of glTF, which has them from OpenGL.
 constexpr int kFloat = 5126, kUnsignedByte = 5121, kPoints = 0, kVertexData = 34962;
 
@@ -50,7 +47,7 @@ Vec3f turned_mean(const Gaussians& g, std::size_t i) { return g.mean[i] * kHalfT
 
 std::vector<Attribute> attributes_of(const GaussianModel& model) {
   const Gaussians& g = model.gaussians;
-  const std::string prefix = std::string(kExtension) + ":";
+  const std::string prefix = std::string(kGlbGaussians) + ":";
   std::vector<Attribute> list;
   const auto add_vec3 = [&](const std::string& name, auto&& value) {
     list.push_back({name, kFloat, "VEC3", 12,
@@ -117,13 +114,13 @@ Json document_of(const GaussianModel& model, const std::vector<Attribute>& attri
                           {"sortingMethod", "cameraDistance"}};
   const Json primitive = {{"mode", kPoints},
                           {"attributes", indices},
-                          {"extensions", {{kExtension, splatting}}},
+                          {"extensions", {{kGlbGaussians, splatting}}},
                           {"extras", {{"antialiased", model.antialiased}}}};
   Json node = {{"mesh", 0}};
   const Vec3d& world = model.world_offset;
   if (world != Vec3d(0.0)) node["extras"] = {{"world_offset", {world.x, world.y, world.z}}};
   return {{"asset", {{"version", "2.0"}, {"generator", fmt::format("gemsplat {}", kVersion)}}},
-          {"extensionsUsed", Json::array({kExtension})},
+          {"extensionsUsed", Json::array({kGlbGaussians})},
           {"scene", 0},
           {"scenes", Json::array({{{"nodes", Json::array({0})}}})},
           {"nodes", Json::array({node})},
@@ -153,12 +150,12 @@ void write_glb(const std::filesystem::path& path, const GaussianModel& model) {
                     "can have; choose .ply, .sog or .spz, or a lower --sh-degree",
                     path.string(), count));
   std::string header;
-  for (const std::uint64_t word : {std::uint64_t(kMagic), std::uint64_t(kVersion2), total,
-                                   std::uint64_t(json.size()), std::uint64_t(kJsonChunk)})
+  for (const std::uint64_t word : {std::uint64_t(kGlbMagic), std::uint64_t(kGlbVersion), total,
+                                   std::uint64_t(json.size()), std::uint64_t(kGlbJson)})
     append_little(header, std::uint32_t(word));
   header += json;
   append_little(header, std::uint32_t(binary_bytes));
-  append_little(header, kBinaryChunk);
+  append_little(header, kGlbBinary);
   AtomicFile file(path);
   file.write(header);
   for (const Attribute& attribute : attributes) {

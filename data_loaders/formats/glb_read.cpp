@@ -24,27 +24,25 @@ using Json = nlohmann::json;
 using Path = std::filesystem::path;
 
 constexpr const char* kRemedy = "export the model again";
-constexpr const char* kExtension = "KHR_gaussian_splatting";
 // Names under which an .spz stands in glTF: that of the draft, and two older ones.
 constexpr const char* kSpzExtensions[] = {"KHR_gaussian_splatting_compression_spz_2",
                                           "KHR_gaussian_splatting_compression_spz",
                                           "KHR_spz_gaussian_splats_compression"};
-constexpr std::uint32_t kMagic = 0x46546C67, kJsonChunk = 0x4E4F534A, kBinaryChunk = 0x004E4942;
 
 /// A file's JSON and its binary chunk. What is missing or of another kind is an Error.
 class Glb {
  public:
   Glb(const Path& path, std::string_view file) : path_(path), file_bytes_(file.size()) {
-    if (file.size() < 20 || word(file, 0) != kMagic) fail("does not begin as .glb files do");
-    if (word(file, 4) != 2) fail("is not of version 2 of glTF");
-    if (word(file, 16) != kJsonChunk) fail("does not begin with its JSON");
+    if (file.size() < 20 || word(file, 0) != kGlbMagic) fail("does not begin as .glb files do");
+    if (word(file, 4) != kGlbVersion) fail("is not of version 2 of glTF");
+    if (word(file, 16) != kGlbJson) fail("does not begin with its JSON");
     const std::string_view rest = file.substr(20);
     const std::size_t json_bytes = word(file, 12);
     if (json_bytes > rest.size()) fail("is cut short");
     document_ = parse_json<Json>(path, rest.substr(0, json_bytes), kRemedy);
     const std::string_view second = rest.substr(json_bytes);
     if (second.size() < 8) return;  // without binary chunk; accessors then fail
-    if (word(second, 4) != kBinaryChunk || word(second, 0) > second.size() - 8)
+    if (word(second, 4) != kGlbBinary || word(second, 0) > second.size() - 8)
       fail("has no whole binary chunk");
     binary_ = second.substr(8, word(second, 0));
   }
@@ -165,7 +163,7 @@ const Json* spz_of(const Json& extensions) {
 const Json* gaussians_in(const Json& primitive) {
   const Json* extensions = Glb::find(primitive, "extensions");
   if (!extensions) return nullptr;
-  return Glb::find(*extensions, kExtension) || spz_of(*extensions) ? extensions : nullptr;
+  return Glb::find(*extensions, kGlbGaussians) || spz_of(*extensions) ? extensions : nullptr;
 }
 
 /// The one primitive with Gaussians.
@@ -219,7 +217,7 @@ GaussianModel plain_model(const Glb& glb, const Json& primitive, const Path& pat
   const auto accessor = [&](const std::string& name, std::size_t width) {
     return Accessor(glb, glb.number(*attributes, name.c_str()), width);
   };
-  const std::string prefix = std::string(kExtension) + ":";
+  const std::string prefix = std::string(kGlbGaussians) + ":";
   const Accessor mean = accessor("POSITION", 3), rotation = accessor(prefix + "ROTATION", 4),
                  scale = accessor(prefix + "SCALE", 3), opacity = accessor(prefix + "OPACITY", 1);
   std::vector<Accessor> sh = {accessor(prefix + "SH_DEGREE_0_COEF_0", 3)};
@@ -270,7 +268,7 @@ GaussianModel read_glb(const Path& path) {
   const Json& primitive = primitive_of(glb, path);
   const Json& extensions = *gaussians_in(primitive);
   check_nodes(glb, path);
-  const Json* splatting = Glb::find(extensions, kExtension);
+  const Json* splatting = Glb::find(extensions, kGlbGaussians);
   if (splatting) check_color_space(*splatting, path);
   const Json* inner = splatting ? Glb::find(*splatting, "extensions") : nullptr;
   const Json* spz = inner ? spz_of(*inner) : nullptr;

@@ -22,6 +22,17 @@ constexpr double kMostOpacity = 0.9999, kLeastOpacity = 1e-6;
 constexpr double kLeastShare = 1e-14;
 
 Sym3<double> in_double(const Sym3<float>& s) { return {s.xx, s.xy, s.xz, s.yy, s.yz, s.zz}; }
+Sym3<float> in_float(const Sym3<double>& s) {
+  return {float(s.xx), float(s.xy), float(s.xz), float(s.yy), float(s.yz), float(s.zz)};
+}
+
+Vec3d variance_of(const Gaussians& gaussians, std::size_t i) {
+  return variance(Vec3d(gaussians.log_scale[i]));
+}
+Sym3<double> covariance_of(const Gaussians& gaussians, std::size_t i) {
+  const Quatf& q = gaussians.rotation[i];
+  return covariance(rotation_matrix(Quat<double>{q.w, q.x, q.y, q.z}), variance_of(gaussians, i));
+}
 
 void add(Sym3<double>& sum, double weight, const Sym3<double>& s, const Vec3d& d) {
   sum.xx += weight * (s.xx + d.x * d.x);
@@ -48,8 +59,8 @@ Vec3d eigenvalues(const Sym3<double>& s) {
   return {largest, 3 * mean - largest - least, least};
 }
 
-double merged_opacity(double mass, const Vec3d& squares) {
-  const double area = ellipsoid_area(squares);
+// The opacity with which a surface has the mass.
+double merged_opacity(double mass, double area) {
   return area > 0 ? std::min(1.0, mass / area) : 0;
 }
 
@@ -95,7 +106,7 @@ Merged merge(const MergeShape& a, const MergeShape& b) {
   add(m.sigma, wa, in_double(a.sigma), Vec3d(a.mean) - m.mean);
   add(m.sigma, wb, in_double(b.sigma), Vec3d(b.mean) - m.mean);
   m.area = ellipsoid_area(eigenvalues(m.sigma));
-  m.opacity = m.area > 0 ? std::min(1.0, mass / m.area) : 0;
+  m.opacity = merged_opacity(mass, m.area);
   m.importance = wa * a.importance + wb * b.importance;
   return m;
 }
@@ -111,26 +122,18 @@ double ellipsoid_area(const Vec3d& squares) {
 }
 
 MergeShape merge_shape_of(const Gaussians& gaussians, std::size_t i, float importance) {
-  const Vec3d squares = variance(Vec3d(gaussians.log_scale[i]));
-  const Quatf& q = gaussians.rotation[i];
-  const Sym3<double> s = covariance(rotation_matrix(Quat<double>{q.w, q.x, q.y, q.z}), squares);
   return {gaussians.mean[i],
-          {float(s.xx), float(s.xy), float(s.xz), float(s.yy), float(s.yz), float(s.zz)},
+          in_float(covariance_of(gaussians, i)),
           sigmoid(gaussians.logit_opacity[i]),
-          float(ellipsoid_area(squares)),
+          float(ellipsoid_area(variance_of(gaussians, i))),
           Vec3f(float(kColorOffset)) + float(kSh0) * gaussians.sh0[i],
           importance};
 }
 
 MergeShape merged_shape(const MergeShape& a, const MergeShape& b) {
   const Merged m = merge(a, b);
-  const Sym3<double>& s = m.sigma;
-  return {Vec3f(m.mean),
-          {float(s.xx), float(s.xy), float(s.xz), float(s.yy), float(s.yz), float(s.zz)},
-          float(m.opacity),
-          float(m.area),
-          Vec3f(m.color),
-          float(m.importance)};
+  return {Vec3f(m.mean), in_float(m.sigma), float(m.opacity),
+          float(m.area), Vec3f(m.color),    float(m.importance)};
 }
 
 double merge_cost(const MergeShape& a, const MergeShape& b) {
@@ -159,8 +162,7 @@ void merge_gaussians(const Gaussians& from, const std::uint32_t* rows, std::size
                      const Gaussians& to, std::size_t to_row) {
   GS_CHECK(count > 0 && !from.has_time && !from.has_filter);
   const auto mass_of = [&](std::size_t i) {
-    return double(sigmoid(double(from.logit_opacity[i]))) *
-           ellipsoid_area(variance(Vec3d(from.log_scale[i])));
+    return double(sigmoid(double(from.logit_opacity[i]))) * ellipsoid_area(variance_of(from, i));
   };
   double mass = 0;
   for (std::size_t k = 0; k < count; ++k) mass += mass_of(rows[k]);
@@ -179,11 +181,7 @@ void merge_gaussians(const Gaussians& from, const std::uint32_t* rows, std::size
   Sym3<double> sigma{};
   for (std::size_t k = 0; k < count; ++k) {
     const std::uint32_t i = rows[k];
-    const Quatf& q = from.rotation[i];
-    add(sigma, weight(i),
-        covariance(rotation_matrix(Quat<double>{q.w, q.x, q.y, q.z}),
-                   variance(Vec3d(from.log_scale[i]))),
-        Vec3d(from.mean[i]) - mean);
+    add(sigma, weight(i), covariance_of(from, i), Vec3d(from.mean[i]) - mean);
   }
   const SymmetricEigen axes = symmetric_eigen(sigma);
   const double largest = std::max({axes.value.x, axes.value.y, axes.value.z, 1e-60});
@@ -193,8 +191,8 @@ void merge_gaussians(const Gaussians& from, const std::uint32_t* rows, std::size
     to.log_scale[to_row][axis] =
         float(0.5 * std::log(std::max(axes.value[axis], kLeastShare * largest)));
   to.rotation[to_row] = {float(q.w), float(q.x), float(q.y), float(q.z)};
-  to.logit_opacity[to_row] =
-      float(logit(std::clamp(merged_opacity(mass, axes.value), kLeastOpacity, kMostOpacity)));
+  to.logit_opacity[to_row] = float(logit(
+      std::clamp(merged_opacity(mass, ellipsoid_area(axes.value)), kLeastOpacity, kMostOpacity)));
   to.sh0[to_row] = Vec3f(sh0);
   for (int c = 0; c < kShRestCount; ++c) to.sh_rest[to_row].coefficient[c] = Vec3f(rest[c]);
 }

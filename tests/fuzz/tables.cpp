@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Trained Gaussians in one file each: .csv, .splat and .glb; and what an error says of a file that is
-// no format of ours.
+// Trained Gaussians in one file each: .csv, .splat and .glb; and what an error says of a file that
+// is no format of ours.
 #include "data_loaders/formats/csv.h"
 #include "data_loaders/formats/foreign_files.h"
 #include "data_loaders/formats/glb.h"
