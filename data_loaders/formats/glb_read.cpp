@@ -4,7 +4,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "data_loaders/formats/coding/count_check.h"
@@ -199,10 +198,6 @@ void check_nodes(const Glb& glb, const Path& path) {
                                       key));
 }
 
-float log_of(float scale) {  // of 0, which is too small for a float, the smallest
-  return std::log(scale <= 0 ? std::numeric_limits<float>::min() : scale);
-}
-
 /// A logit between those of opacities that a float tells from 0 and from 1.
 float finite_logit(float opacity) {
   constexpr float kLeast = 1e-7f;
@@ -237,8 +232,7 @@ GaussianModel plain_model(const Glb& glb, const Json& primitive, const Path& pat
   model.gaussians.sh_rest.fill_zero();
   for (std::size_t i = 0; i < count; ++i) {
     g.mean[i] = mean.vec3(i) * kHalfTurnZ;
-    const Vec3f s = scale.vec3(i);
-    g.log_scale[i] = {log_of(s.x), log_of(s.y), log_of(s.z)};
+    g.log_scale[i] = log_of_scale(scale.vec3(i));
     // As (-y x w -z) of the PLY's rotation it was written: glb.cpp.
     g.rotation[i] = {rotation(i, 2), rotation(i, 1), -rotation(i, 0), -rotation(i, 3)};
     normalize(&g.rotation[i].w);

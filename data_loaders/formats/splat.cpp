@@ -4,7 +4,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <limits>
 #include <numeric>
 
 #include "data_loaders/formats/coding/finite_rows.h"
@@ -39,13 +38,10 @@ Row row_of(const Gaussians& g, std::size_t i) {
 }
 
 void take_row(const Gaussians& g, std::size_t i, const Row& row) {
-  const auto log_of = [](float scale) {  // of 0, which is too small for a float, the smallest
-    return std::log(scale <= 0 ? std::numeric_limits<float>::min() : scale);
-  };
   const auto sh0 = [&](int channel) { return sh0_of_color(from_unorm(row.color[channel], 8)); };
   const auto& r = row.rotation;
   g.mean[i] = row.mean;
-  g.log_scale[i] = {log_of(row.scale.x), log_of(row.scale.y), log_of(row.scale.z)};
+  g.log_scale[i] = log_of_scale(row.scale);
   g.sh0[i] = {sh0(0), sh0(1), sh0(2)};
   g.logit_opacity[i] = logit_of_byte(row.color[3]);
   g.rotation[i] = {component_of(r[0]), component_of(r[1]), component_of(r[2]), component_of(r[3])};

@@ -45,6 +45,15 @@ inline float logit_of_byte(std::uint32_t byte) {
   return float(logit(byte == 0 ? 0.25 / 255 : byte == 255 ? 254.75 / 255 : byte / 255.0));
 }
 
+/// Logarithms of scales, world units. That of 0, which was too small for a float, is that of the
+/// smallest float.
+inline Vec3f log_of_scale(const Vec3f& scale) {
+  const auto log_of = [](float s) {
+    return std::log(s <= 0 ? std::numeric_limits<float>::min() : s);
+  };
+  return {log_of(scale.x), log_of(scale.y), log_of(scale.z)};
+}
+
 /// Color of the SH coefficient of degree 0, and back: c = 0.5 + C0 f.
 inline float color_of_sh0(float f) { return kColorOffset + float(kSh0) * f; }
 inline float sh0_of_color(float c) { return (c - kColorOffset) / float(kSh0); }
