@@ -134,12 +134,13 @@ struct DensityConfig {
   float gaussians_per_point = 0;   // where there is no cap: so many for each sparse point
   bool absolute_gradient = false;  // the statistic sums absolute values over pixels (AbsGS)
   // for mcmc only
-  float growth = 0.05f;               // of the count, in one refinement
-  float noise_scale = 5e5f;           // times the learning rate of the means
-  float opacity_regularizer = 0.01f;  // weight of the mean opacity in the loss
-  float scale_regularizer = 0.01f;    // weight of the mean scale in the loss
-  float time_scale_regularizer = 0;   // weight of the mean of 1 / scale in time
-  float velocity_regularizer = 0;     // weight of the mean squared velocity
+  float growth = 0.05f;      // of the count, in one refinement
+  float noise_scale = 5e5f;  // times the learning rate of the means
+  // for all strategies
+  float opacity_regularizer = 0;     // weight of the mean opacity in the loss
+  float scale_regularizer = 0;       // weight of the mean scale in the loss
+  float time_scale_regularizer = 0;  // weight of the mean of 1 / scale in time
+  float velocity_regularizer = 0;    // weight of the mean squared velocity
   float static_after = 0;  // durations; Gaussians that live longer become 3D ones; 0: none
   StatisticsWindow window = StatisticsWindow::refinement;
   // for budgeted only: docs/density.md

@@ -146,8 +146,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.absolute_gradient",    density.absolute_gradient,    "",            any(),                   retrain, "for cloning and splitting, sum absolute values of the gradient over pixels; needs a gradient_threshold about four times as large", "Ye et al. 2024");
   field("density.growth",               density.growth,               "",            between(0, 1),           retrain, "fraction of the Gaussians that mcmc adds in one refinement", kMcmc);
   field("density.noise_scale",          density.noise_scale,          "",            at_least(0),             retrain, "strength of mcmc's noise on the means, as a multiple of their learning rate", kMcmc);
-  field("density.opacity_regularizer",  density.opacity_regularizer,  "",            at_least(0),             retrain, "weight of the mean opacity in mcmc's loss", kMcmc);
-  field("density.scale_regularizer",    density.scale_regularizer,    "1/world units", at_least(0),             retrain, "weight of the mean scale in mcmc's loss", kMcmc);
+  field("density.opacity_regularizer",  density.opacity_regularizer,  "",            at_least(0),             retrain, "weight of the mean opacity in the loss; the preset mcmc has 0.01", kMcmc);
+  field("density.scale_regularizer",    density.scale_regularizer,    "1/world units", at_least(0),             retrain, "weight of the mean scale in the loss; the preset mcmc has 0.01", kMcmc);
   field("density.time_scale_regularizer", density.time_scale_regularizer, "duration",  at_least(0),             retrain, "if model.dynamic, weight in the loss of the mean of 1 / scale in time, so that Gaussians live long");
   field("density.velocity_regularizer", density.velocity_regularizer, "(duration/world units)^2", at_least(0),  retrain, "if model.dynamic, weight in the loss of the mean squared velocity");
   field("density.static_after",         density.static_after,         "durations",   at_least(0),             retrain, "if model.dynamic, a Gaussian with a larger standard deviation in time that hardly moves becomes static, a 3D Gaussian that is the same at all times; 0: none does");

@@ -17,7 +17,7 @@ class AdaptiveControl final : public DensityControl {
                                     std::numeric_limits<float>::infinity(), 0},
         prune_scale_(config.density.prune_scale * scene_extent),
         random_{config.train.seed, RandomStream::split_gaussians},
-        regularizers_(config.model.dynamic ? time_regularizers(config.density) : Regularizers{}),
+        regularizers_(regularizers_of(config)),
         density_(config.density) {}
 
   DensityStep of_step(int step) const override {

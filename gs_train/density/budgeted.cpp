@@ -16,7 +16,7 @@ class BudgetedControl final : public DensityControl {
       : DensityControl(config.density.max_gaussians), schedule_(schedule), density_(config.density),
         rules_(rules_of(config.density, scene_extent)),
         prune_scale_(config.density.prune_scale * scene_extent), seed_(config.train.seed),
-        regularizers_(config.model.dynamic ? time_regularizers(config.density) : Regularizers{}) {
+        regularizers_(regularizers_of(config)) {
     if (needs_budget(density_.curve) && most_gaussians() <= 0)
       throw UsageError(
           "density.curve needs a number of Gaussians to rise to; give it with --max-gaussians N or "

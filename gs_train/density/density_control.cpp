@@ -20,8 +20,10 @@ constexpr Strategy kStrategies[] = {
 
 std::vector<std::string> density_strategies() { return names_of(kStrategies); }
 
-Regularizers time_regularizers(const DensityConfig& density) {
-  Regularizers weights;
+Regularizers regularizers_of(const Config& config) {
+  const DensityConfig& density = config.density;
+  Regularizers weights{density.opacity_regularizer, density.scale_regularizer};
+  if (!config.model.dynamic) return weights;
   weights.time_scale = density.time_scale_regularizer;
   weights.velocity = density.velocity_regularizer;
   return weights;

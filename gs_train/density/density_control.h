@@ -47,8 +47,9 @@ class DensityControl {
 std::unique_ptr<DensityControl> make_density_control(const Config& config, const Schedule& schedule,
                                                      float scene_extent);
 
-/// The weights for Gaussians in space and time, which hold for every strategy.
-Regularizers time_regularizers(const DensityConfig& density);
+/// The weights of the numbers of Gaussians in the loss, which hold for every strategy; those of
+/// space and time only in a scene that moves.
+Regularizers regularizers_of(const Config& config);
 /// The last part of a refinement under every strategy: density.static_after. Adds to the report.
 void make_static(TrainingModel& model, Backend& backend, const DensityConfig& density,
                  RefineReport& report);

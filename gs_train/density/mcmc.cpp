@@ -15,7 +15,7 @@ class McmcControl final : public DensityControl {
  public:
   McmcControl(const Config& config, const Schedule& schedule)
       : DensityControl(config.density.max_gaussians), schedule_(schedule), density_(config.density),
-        seed_(config.train.seed), is_dynamic_(config.model.dynamic) {
+        seed_(config.train.seed), regularizers_(regularizers_of(config)) {
     if (density_.max_gaussians <= 0)
       throw UsageError(
           "density.strategy = \"mcmc\" needs a cap on the number of Gaussians; give it with "
@@ -23,10 +23,7 @@ class McmcControl final : public DensityControl {
   }
 
   DensityStep of_step(int step) const override {
-    Regularizers weights = is_dynamic_ ? time_regularizers(density_) : Regularizers{};
-    weights.opacity = density_.opacity_regularizer;
-    weights.scale = density_.scale_regularizer;
-    return {.regularizers = weights,
+    return {.regularizers = regularizers_,
             .noise = {density_.noise_scale, {seed_, RandomStream::position_noise}, step}};
   }
 
@@ -46,7 +43,7 @@ class McmcControl final : public DensityControl {
   const Schedule schedule_;
   const DensityConfig density_;
   const std::uint64_t seed_;
-  const bool is_dynamic_;
+  const Regularizers regularizers_;
 };
 
 }  // namespace
