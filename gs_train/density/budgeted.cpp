@@ -14,7 +14,7 @@ class BudgetedControl final : public DensityControl {
  public:
   BudgetedControl(const Config& config, const Schedule& schedule, float scene_extent)
       : DensityControl(config.density.max_gaussians), schedule_(schedule), density_(config.density),
-        rules_(rules_of(config.density, scene_extent)),
+        rules_(rules_of(config, scene_extent)),
         prune_scale_(config.density.prune_scale * scene_extent), seed_(config.train.seed),
         regularizers_(regularizers_of(config)) {
     if (needs_budget(density_.curve) && most_gaussians() <= 0)
@@ -56,10 +56,15 @@ class BudgetedControl final : public DensityControl {
   }
 
  private:
-  static GrowthRules rules_of(const DensityConfig& density, float scene_extent) {
+  static GrowthRules rules_of(const Config& config, float scene_extent) {
+    const DensityConfig& density = config.density;
     GrowthRules rules;
-    rules.limits = {density.gradient_threshold, density.small_scale * scene_extent,
-                    density.prune_opacity, std::numeric_limits<float>::infinity(), 0};
+    rules.limits = {density.gradient_threshold,
+                    density.small_scale * scene_extent,
+                    density.prune_opacity,
+                    std::numeric_limits<float>::infinity(),
+                    0,
+                    prune_scale_within(config, scene_extent)};
     rules.score = density.score;
     rules.select = density.select;
     rules.score_threshold = density.score_threshold;

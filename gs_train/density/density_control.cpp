@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/density/density_control.h"
 
+#include <limits>
+
 #include "gs_train/named_row.h"
 
 namespace gs {
@@ -27,6 +29,10 @@ Regularizers regularizers_of(const Config& config) {
   weights.time_scale = density.time_scale_regularizer;
   weights.velocity = density.velocity_regularizer;
   return weights;
+}
+
+float prune_scale_within(const Config& config, float scene_extent) {
+  return config.model.sky == SkyModel::none ? std::numeric_limits<float>::infinity() : scene_extent;
 }
 
 void make_static(TrainingModel& model, Backend& backend, const DensityConfig& density,

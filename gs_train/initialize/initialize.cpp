@@ -8,12 +8,15 @@
 #include "gs_core/random.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_train/initialize/downsample_points.h"
+#include "gs_train/initialize/sky.h"
 #include "gs_train/photometric/photometric_start.h"
 
 namespace gs {
 namespace {
 
 constexpr float kRandomBoxSize = 3;  // half the edge of the box of random points, in scene extents
+constexpr float kSkyScale = 0.7f;    // of Gaussians of the sky, in distances between neighbors
+constexpr float kSkyOpacity = 0.9f;
 
 bool sees(const Camera& camera, const Vec3f& point, float near_plane) {
   const Vec3f p = to_camera(camera, point);
@@ -54,28 +57,42 @@ struct Limit {
   const char* setting;
 };
 
-// The largest number of points that may become Gaussians.
-Limit most_points(const Scene& scene, const Config& config) {
+// The largest number of points that may become Gaussians, beside those of the sky.
+Limit most_points(const Scene& scene, const Config& config, std::size_t sky_count) {
   Limit limit{config.model.most_points, "model.most_points"};
   if (scene.points.empty()) limit = {config.model.random_points, "model.random_points"};
-  const std::int64_t cap = config.density.max_gaussians;
-  if (cap > 0 && cap < limit.count) limit = {cap, "density.max_gaussians"};
+  const std::int64_t cap = config.density.max_gaussians - std::int64_t(sky_count);
+  if (config.density.max_gaussians > 0 && cap < limit.count)
+    limit = {cap, "density.max_gaussians"};
   return limit;
 }
 
-std::vector<ScenePoint> starting_points(const Scene& scene, const Config& config) {
+std::vector<ScenePoint> starting_points(const Scene& scene, const Config& config,
+                                        std::size_t sky_count) {
   const std::vector<ScenePoint> points =
       scene.points.empty() ? random_points(scene, config) : scene.points;
   if (points.empty())
     throw Error("there is nothing to start from in " + scene.source +
                 ": the model has no points and no training camera sees a random one; check the "
                 "reconstruction");
-  const Limit limit = most_points(scene, config);
+  const Limit limit = most_points(scene, config, sky_count);
   std::vector<ScenePoint> kept = downsampled(points, std::size_t(limit.count));
   if (kept.size() < points.size())
     log_info("training starts from {} of {} points ({} = {})", kept.size(), points.size(),
              limit.setting, limit.count);
   return kept;
+}
+
+// A sphere of the point's color.
+void set_row(const Gaussians& start, std::size_t row, const ScenePoint& point, float log_scale,
+             float opacity) {
+  start.mean[row] = point.position;
+  start.log_scale[row] = Vec3f(log_scale);
+  start.rotation[row] = {1, 0, 0, 0};
+  start.logit_opacity[row] = logit(opacity);
+  for (int c = 0; c < 3; ++c)
+    start.sh0[row][c] = (float(point.color[c]) / 255.0f - kColorOffset) / float(kSh0);
+  start.sh_rest[row] = {};
 }
 
 // Gaussians stand still, and their means in time are uniform in the scene's duration and a little
@@ -93,7 +110,8 @@ void spread_in_time(const Gaussians& start, const Config& config) {
 }  // namespace
 
 TrainingModel initial_model(const Scene& scene, const Config& config, Memory& memory) {
-  const std::vector<ScenePoint> points = starting_points(scene, config);
+  const Sky sky = sky_of(scene, config);
+  const std::vector<ScenePoint> points = starting_points(scene, config, sky.points.size());
   std::vector<Vec3f> means(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) means[i] = points[i].position;
   const KdTree tree({means.data(), means.size()});
@@ -101,18 +119,16 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
   Gaussians start(host_memory());
   start.has_time = config.model.dynamic;
   start.has_slope = config.model.time_colors;
-  start.resize(points.size());
+  start.resize(points.size() + sky.points.size());
   parallel_for(points.size(), 256, [&](std::size_t i) {
     const float distance2 =
         std::max(tree.mean_squared_distance(i, kInitialNeighbors), kMinNeighborDistance2);
-    start.mean[i] = means[i];
-    start.log_scale[i] = Vec3f(0.5f * std::log(distance2) + std::log(config.model.initial_scale));
-    start.rotation[i] = {1, 0, 0, 0};
-    start.logit_opacity[i] = logit(config.model.initial_opacity);
-    for (int c = 0; c < 3; ++c)
-      start.sh0[i][c] = (float(points[i].color[c]) / 255.0f - kColorOffset) / float(kSh0);
-    start.sh_rest[i] = {};
+    set_row(start, i, points[i], 0.5f * std::log(distance2) + std::log(config.model.initial_scale),
+            config.model.initial_opacity);
   });
+  for (std::size_t i = 0; i < sky.points.size(); ++i)
+    set_row(start, points.size() + i, sky.points[i], std::log(kSkyScale * sky.spacing),
+            kSkyOpacity);
   if (start.has_time) spread_in_time(start, config);
   if (start.has_slope) start.sh0_slope.fill_zero();
 
