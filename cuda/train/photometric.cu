@@ -7,6 +7,7 @@
 #include "cuda/train/photometric.cuh"
 
 #include "gs_train/photometric/gains.h"
+#include "gs_train/photometric/lens_model.h"
 
 namespace gs::cuda {
 namespace {

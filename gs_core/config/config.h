@@ -88,7 +88,7 @@ struct LossConfig {
 /// How photos that differ in exposure, white balance and vignetting are explained
 /// (docs/photometric.md).
 struct PhotometricConfig {
-  std::string model = "none";  // none, gains, auto
+  std::string model = "none";  // none, gains, ppisp, auto
   float rate = 2e-3f;          // Adam's, of its numbers
   bool vignetting = false;     // of each camera
 };

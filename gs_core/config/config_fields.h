@@ -108,7 +108,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("loss.lambda_dssim",            loss.lambda_dssim,            "",            between(0, 1),           retrain, "weight of 1 - SSIM in the loss; L1 gets the rest", "Kerbl et al. 2023, Eq. 7");
 
   auto& photometric = config.photometric;
-  field("photometric.model",            photometric.model,            "",            one_of(kPhotometricWords), retrain, "what is learned of each photo, so that the scene need not explain how photos differ: gains, a gain for each photo and channel; auto, gains where photos differ in light", "docs/photometric.md");
+  field("photometric.model",            photometric.model,            "",            one_of(kPhotometricWords), retrain, "what is learned of each photo, so that the scene need not explain how photos differ: gains, a gain for each photo and channel; ppisp, an exposure and the colors of white and of the primaries; auto, gains where photos differ in light", "docs/photometric.md");
   field("photometric.rate",             photometric.rate,             "1/step",      above(0),                retrain, "learning rate of these numbers after a warm-up; it falls to a hundredth", "PPISP 2026");
   field("photometric.vignetting",       photometric.vignetting,       "",            any(),                   retrain, "also learn how much each camera darkens towards the rims of its photos", "docs/photometric.md");
 

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "gs_core/math/cross.h"
 #include "gs_core/types.h"
 
 namespace gs {
@@ -18,11 +19,6 @@ GS_HD T length(const Vec3<T>& v) {
 template <class T>
 GS_HD Vec3<T> unit(const Vec3<T>& v) {
   return v / length(v);
-}
-/// At right angles to both, by the right-hand rule.
-template <class T>
-GS_HD Vec3<T> cross(const Vec3<T>& a, const Vec3<T>& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
 /// The x with S x = b, by Cramer's rule. S must be far from singular.

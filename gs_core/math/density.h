@@ -71,8 +71,7 @@ GS_HD bool is_invisible(const Vec3f& mean, const Vec3f& log_scale, const Quatf& 
 /// The largest scale that a Gaussian at this mean may have.   world units
 GS_HD float largest_scale_kept(const Vec3f& mean, const AdaptiveRules& rules) {
   using std::sqrt;
-  return rules.prune_scale *
-         max_of(1.0f, sqrt(inner(mean, mean)) / rules.prune_scale_within);
+  return rules.prune_scale * max_of(1.0f, sqrt(inner(mean, mean)) / rules.prune_scale_within);
 }
 
 /// True if a refinement removes the Gaussian: it cannot be visible, or it is too large.

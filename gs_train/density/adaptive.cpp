@@ -14,12 +14,12 @@ class AdaptiveControl final : public DensityControl {
         schedule_(schedule), rules_{config.density.gradient_threshold,
                                     config.density.small_scale * scene_extent,
                                     config.density.prune_opacity,
-                                    std::numeric_limits<float>::infinity(), 0,
+                                    std::numeric_limits<float>::infinity(),
+                                    0,
                                     prune_scale_within(config, scene_extent)},
         prune_scale_(config.density.prune_scale * scene_extent),
         random_{config.train.seed, RandomStream::split_gaussians},
-        regularizers_(regularizers_of(config)),
-        density_(config.density) {}
+        regularizers_(regularizers_of(config)), density_(config.density) {}
 
   DensityStep of_step(int step) const override {
     return {.gather_statistics = schedule_.gather_statistics(step), .regularizers = regularizers_};

@@ -11,7 +11,6 @@ namespace gs {
 // the photos say little.
 inline constexpr double kGainPriorWeight = 0.01;
 inline constexpr double kGainPriorSpread = 0.5;  // of log gains, as in refine_exposure.cpp
-inline constexpr double kBrightRimWeight = 0.01;
 
 inline constexpr const char* kGainsModel = "gains";
 

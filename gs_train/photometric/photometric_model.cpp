@@ -4,6 +4,7 @@
 #include "gs_core/error.h"
 #include "gs_train/named_row.h"
 #include "gs_train/photometric/gains.h"
+#include "gs_train/photometric/ppisp.h"
 
 namespace gs {
 namespace {
@@ -23,6 +24,7 @@ constexpr ModelRow kModels[] = {
     {kNoPhotometricModel,
      [](const PhotometricConfig&) { return std::unique_ptr<PhotometricModel>(); }},
     {kGainsModel, make_gains_model},
+    {kPpispModel, make_ppisp_model},
     {kAutoPhotometricModel, refuse_auto},
 };
 

@@ -2,10 +2,10 @@
 // The contract of a photometric model: how photos differ in exposure, white balance and vignetting,
 // and what is learned of it.
 //
-// To add a model, for example "ppisp":
-//   1. The formulas go into gs_core/math/photometric.h, with their gradients. The class (derived
-//      from PhotometricModel), its Appearance and the function that makes it go into a file of this
-//      folder, as in gains.cpp.
+// To add a model:
+//   1. The formulas go into gs_core/math, with their gradients. The class (derived from
+//      PhotometricModel, or from LensModel if cameras have vignetting), its Appearance and the
+//      function that makes it go into a file of this folder, as in gains.cpp and ppisp.cpp.
 //   2. It becomes a row of kModels in photometric_model.cpp and a word of kPhotometricWords in
 //      gs_core/config/config_words.h.
 //   3. Settings of its own are members of PhotometricConfig.

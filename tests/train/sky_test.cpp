@@ -52,8 +52,7 @@ Image8 photo_of(const Camera& camera, const Vec3f& sky, const Vec3f& exposure) {
   for (int y = 0; y < camera.height; ++y)
     for (int x = 0; x < camera.width; ++x)
       for (int c = 0; c < 3; ++c)
-        photo.at(x, y, c) =
-            std::uint8_t(exposure[c] * color_through(camera, x, y, sky)[c] + 0.5f);
+        photo.at(x, y, c) = std::uint8_t(exposure[c] * color_through(camera, x, y, sky)[c] + 0.5f);
   return photo;
 }
 
@@ -115,8 +114,8 @@ TEST(Sky, IsNotWherePhotosDisagree) {
 }
 
 TEST(Sky, HasTheScenesColorsWherePhotosHaveExposures) {
-  const Scene scene = plain([](int) { return kBlue; },
-                            [](int k) { return Vec3f(k % 2 == 0 ? 0.5f : 1.0f); });
+  const Scene scene =
+      plain([](int) { return kBlue; }, [](int k) { return Vec3f(k % 2 == 0 ? 0.5f : 1.0f); });
   const Sky sky = sky_of(scene, with_sky());
   EXPECT_GT(sky.points.size(), 2000u);
   for (const ScenePoint& point : sky.points)
@@ -125,8 +124,7 @@ TEST(Sky, HasTheScenesColorsWherePhotosHaveExposures) {
 
 TEST(Sky, IsNotUnderMasks) {
   Scene scene = even_plain();
-  for (View& view : scene.train_views)
-    view.mask = Image8(view.camera.width, view.camera.height, 1);
+  for (View& view : scene.train_views) view.mask = Image8(view.camera.width, view.camera.height, 1);
   EXPECT_TRUE(sky_of(scene, with_sky()).points.empty());
 }
 
