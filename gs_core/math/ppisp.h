@@ -67,9 +67,9 @@ GS_HD void add_target_vjp(int index, const Vec3<T>& dL_dtarget, ColorLatents<T>&
 
 template <class T>
 GS_HD Vec3<T> column(const Mat3<T>& m, int i) {
-  return i == 0 ? Vec3<T>{m.row0.x, m.row1.x, m.row2.x}
-                : i == 1 ? Vec3<T>{m.row0.y, m.row1.y, m.row2.y}
-                         : Vec3<T>{m.row0.z, m.row1.z, m.row2.z};
+  return i == 0   ? Vec3<T>{m.row0.x, m.row1.x, m.row2.x}
+         : i == 1 ? Vec3<T>{m.row0.y, m.row1.y, m.row2.y}
+                  : Vec3<T>{m.row0.z, m.row1.z, m.row2.z};
 }
 
 /// The rows of the inverse of a matrix with these columns.
@@ -162,7 +162,13 @@ GS_HD ColorLatents<T> latents_of_gains(const Vec3<T>& gains) {
   const LatentScale scale = latent_scale(3);
   const T m00(scale.m00), m01(scale.m01), m10(scale.m10), m11(scale.m11);
   const T determinant = m00 * m11 - m01 * m10;
-  return {T(0), T(0), T(0), T(0), T(0), T(0), (m11 * r - m01 * g) / determinant,
+  return {T(0),
+          T(0),
+          T(0),
+          T(0),
+          T(0),
+          T(0),
+          (m11 * r - m01 * g) / determinant,
           (m00 * g - m10 * r) / determinant};
 }
 

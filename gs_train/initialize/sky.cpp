@@ -115,8 +115,8 @@ bool sky_color(Looks& looks, Color& color) {
   for (std::size_t c = 0; c < 3; ++c) {
     std::sort(looks.empty.begin(), looks.empty.end(),
               [c](const Color& a, const Color& b) { return a[c] < b[c]; });
-    if (looks.empty[3 * (count - 1) / 4][c] - looks.empty[(count - 1) / 4][c] > kAgreement)
-      return false;
+    const std::size_t quartile = (count - 1) / 4;
+    if (looks.empty[count - 1 - quartile][c] - looks.empty[quartile][c] > kAgreement) return false;
     color[c] = looks.empty[count / 2][c];
   }
   return true;

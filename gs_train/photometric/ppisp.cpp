@@ -108,10 +108,9 @@ class PpispModel final : public LensModel {
   void add_penalties(const PhotometricState& state, std::vector<double>& gradient) const override {
     const PhotometricShape& shape = state.shape;
     for (std::size_t i = 0; state.is_solved && i < shape.camera_begin(0); ++i)
-      gradient[i] +=
-          gain_prior_vjp(double(state.values[i]), double(state.start[i]),
-                         kGainPriorWeight / shape.photos,
-                         i % kPhotoNumbers == 0 ? kExposureSpread : kLatentSpread);
+      gradient[i] += gain_prior_vjp(double(state.values[i]), double(state.start[i]),
+                                    kGainPriorWeight / shape.photos,
+                                    i % kPhotoNumbers == 0 ? kExposureSpread : kLatentSpread);
     add_lens_penalty(state, gradient);
   }
 };

@@ -74,6 +74,7 @@ Config everything_changed() {
   config.dataset.photo_ram_gib = 6.5f;
   config.model.sh_degree = 1;
   config.model.random_box = 2;
+  config.density.opacity_regularizer = config.density.scale_regularizer = 0.5f;
   config.density.time_scale_regularizer = config.density.velocity_regularizer = 0.5f;
   config.density.static_after = config.density.gaussians_per_point = 2;
   config.density.score_threshold = 0.5f;
@@ -407,7 +408,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 18u);
+  EXPECT_EQ(settings, 19u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {

@@ -264,8 +264,24 @@ TEST(BudgetedControl, RefusesPoolingAndPruningThatItsScoreDoesNotAllow) {
   }
 }
 
-TEST(McmcControl, AsksForRegularizersAndTheNoiseOfItsStep) {
-  const auto control = control_of(with_strategy("mcmc"));
+TEST(DensityControl, WeighsOpacityAndScaleUnderEveryStrategyAsTheSettingsSay) {
+  for (const std::string& name : density_strategies()) {
+    Config config = with_strategy(name);
+    EXPECT_FALSE(control_of(config)->of_step(77).regularizers.any()) << name;
+    config.density.opacity_regularizer = 0.02f;
+    config.density.scale_regularizer = 0.03f;
+    config.density.velocity_regularizer = 0.04f;  // of scenes that move
+    const Regularizers weights = control_of(config)->of_step(77).regularizers;
+    EXPECT_EQ(weights.opacity, 0.02f) << name;
+    EXPECT_EQ(weights.scale, 0.03f) << name;
+    EXPECT_EQ(weights.velocity, 0.0f) << name;
+  }
+}
+
+TEST(McmcControl, OfThePresetAsksForRegularizersAndTheNoiseOfItsStep) {
+  Config config;
+  load_config(config, "mcmc");
+  const auto control = control_of(config);
   const DensityStep step = control->of_step(77);
   EXPECT_FALSE(step.gather_statistics);
   EXPECT_EQ(step.regularizers.opacity, 0.01f);

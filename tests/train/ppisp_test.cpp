@@ -131,7 +131,9 @@ TEST_F(PpispRun, KeepsAMeanOfZero) {
   EXPECT_NE(state.photo(0)[8], 0);
 }
 
-TEST_F(PpispRun, GoesOnWhereItWasStopped) { expect_goes_on_after({1, 29}, run_of(kPpispModel, 40)); }
+TEST_F(PpispRun, GoesOnWhereItWasStopped) {
+  expect_goes_on_after({1, 29}, run_of(kPpispModel, 40));
+}
 
 }  // namespace
 }  // namespace gs
