@@ -224,7 +224,9 @@ void prune(const PruneCommand& command) {
   GaussianModel result = rows_of(opened.model, kept.rows());
   limit_sh_degree(result, config.model.sh_degree);
   const Measured after = measured(copy_to(backend->memory(), result));
-  export_model(result, {command.output});
+  ExportRequest request{command.output};
+  request.input_from_model = opened.input_from_model;
+  export_model(result, request);
   if (command.json)
     print_json(command, opened, split, removed, before, after);
   else

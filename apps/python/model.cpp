@@ -25,6 +25,7 @@ ModelPointer copied(const Model& from) {
   model->ply = from.ply;
   model->run = from.run;
   model->config = from.config;
+  model->input_from_model = from.input_from_model;
   model->model = host_copy(from.model.gaussians, from.model.sh_degree, from.model.antialiased);
   model->model.is_ours = from.model.is_ours;
   model->model.world_offset = from.model.world_offset;
@@ -84,7 +85,8 @@ ModelPointer load(const std::filesystem::path& path, std::optional<int> step) {
 
 std::size_t save(const Model& model, const std::filesystem::path& path, bool replace,
                  int spz_version) {
-  const ExportRequest request = export_request(path, replace, spz_version);
+  ExportRequest request = export_request(path, replace, spz_version);
+  request.input_from_model = model.input_from_model;
   const Work work;
   return export_model(model.model, request).gaussians;
 }

@@ -48,7 +48,9 @@ py::dict export_file(const Model& model, const fs::path& path, const py::object&
   std::optional<ExportedFile> written;
   {
     const py::gil_scoped_release release;
-    written = write(model, export_request(path, replace, spz_version), viewpoints, device);
+    ExportRequest request = export_request(path, replace, spz_version);
+    request.input_from_model = model.input_from_model;
+    written = write(model, request, viewpoints, device);
   }
   py::dict result(py::arg("file") = written->file,
                   py::arg("format") = std::string(written->format->name),

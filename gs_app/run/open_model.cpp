@@ -46,7 +46,7 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
     opened.config.train = {};  // rendering may use another device than training did
   }
   opened.model = read_model(opened.ply);
-  take_sidecar(opened.ply, opened.model);
+  opened.input_from_model = take_sidecar(opened.ply, opened.model);
   opened.config.model.sh_degree = opened.model.sh_degree;
   opened.config.render.antialias = opened.model.antialiased;
   // as it was trained
