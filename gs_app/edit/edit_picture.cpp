@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kWidth = 640, kHeight = 480;  // pixels of one picture
 constexpr double kFieldOfView = 50;         // degrees, across the width
-constexpr double kElevation = 20;           // degrees above the middle
+constexpr double kElevation = 35;           // degrees above the middle
 constexpr double kMargin = 1.1;             // times the distance at which nine in ten means fit
 
 Image8 picture_of(const EditModel& model, Camera camera, const EditTools& tools) {

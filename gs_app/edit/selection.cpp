@@ -192,7 +192,7 @@ const std::vector<Kind>& kinds() {
        [](auto& what, auto& value, auto) { return in_box(what, value); }},
       {{"sphere", "X,Y,Z,RADIUS", "not farther than the radius from a point"}, false,
        [](auto& what, auto& value, auto) { return in_sphere(what, value); }},
-      {{"polygon", "FILE", "inside of an area of the ground plane (--plane): GeoJSON, or a vertex a line"},
+      {{"polygon", "FILE", "inside of an area in --plane: GeoJSON, or a vertex a line"},
        false, [](auto&, auto& value, auto plane) { return in_polygon(value, plane); }},
       {{"x", "LOW..HIGH", "by a coordinate; y and z alike"}, false, axis_range(0)},
       {{"y", "LOW..HIGH", ""}, false, axis_range(1)},
