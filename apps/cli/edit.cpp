@@ -40,9 +40,8 @@ struct EditCommand : CommandLine {
 // The operations in the order in which they stand.
 std::vector<EditStep> steps_of(const EditCommand& command) {
   const std::vector<double> about = numbers_of_list(command.about, 3, "--about");
-  const EditOptions options{{about[0], about[1], about[2]},
-                            polygon_plane(command.plane),
-                            command.decimate_by == "merge"};
+  const EditOptions options{
+      {about[0], about[1], about[2]}, polygon_plane(command.plane), command.decimate_by == "merge"};
   std::map<std::string, std::size_t> used;
   std::vector<EditStep> steps;
   for (const CLI::Option* option : command.verb->parse_order()) {
@@ -69,7 +68,7 @@ void check(const EditCommand& command, const std::vector<EditStep>& steps) {
     throw UsageError("--picture-view goes with --picture FILE.png");
 }
 
-bool any_of(const std::vector<EditStep>& steps, bool EditStep::* wish) {
+bool any_of(const std::vector<EditStep>& steps, bool EditStep::*wish) {
   return std::any_of(steps.begin(), steps.end(), [&](const EditStep& s) { return s.*wish; });
 }
 
@@ -168,8 +167,7 @@ void edit(const EditCommand& command) {
                             !command.picture_view.empty();
   Opened opened = open_all(command, with_cameras);
   set_thread_count(opened.config.train.threads);
-  const bool has_time =
-      opened.model.model.gaussians.has_time && command.values.at("time").empty();
+  const bool has_time = opened.model.model.gaussians.has_time && command.values.at("time").empty();
   if (!command.output.empty())
     check_holds(format_to_write(command.output), has_time, command.output);
 
@@ -181,8 +179,7 @@ void edit(const EditCommand& command) {
                    },
                    settings_of(session.model, opened.config), !command.quiet};
   std::optional<EditPicture> picture;
-  if (!command.picture.empty())
-    picture.emplace(session.model, session.tools, command.picture_view);
+  if (!command.picture.empty()) picture.emplace(session.model, session.tools, command.picture_view);
 
   const bool says = !command.quiet && !command.json;
   if (says)

@@ -98,9 +98,8 @@ Removed apply_rules(const Pruning& p, Kept& kept) {
   Removed removed;
   if (const std::vector<double>& c = command.box; !c.empty()) {
     const Box box = box_between({c[0], c[1], c[2]}, {c[3], c[4], c[5]});
-    removed.outside = kept.remove([&](std::size_t i) {
-      return !box.holds(Vec3d(host.mean[i]) + p.model.world_offset);
-    });
+    removed.outside = kept.remove(
+        [&](std::size_t i) { return !box.holds(Vec3d(host.mean[i]) + p.model.world_offset); });
   }
   if (command.opacity > 0)
     removed.faint = kept.remove(

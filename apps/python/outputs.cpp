@@ -23,11 +23,7 @@ namespace fs = std::filesystem;
 
 std::vector<Camera> cameras_of(const py::object& cameras) {
   std::vector<Camera> result;
-  if (cameras.is_none()) return result;
-  for (const py::handle& camera : cameras.cast<py::iterable>()) {
-    if (!py::isinstance<NamedCamera>(camera)) throw UsageError("cameras must be a list of Camera");
-    result.push_back(camera.cast<const NamedCamera&>().camera);
-  }
+  for (const NamedCamera& named : named_cameras_of(cameras)) result.push_back(named.camera);
   return result;
 }
 

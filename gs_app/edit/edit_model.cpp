@@ -24,7 +24,7 @@
 namespace gs {
 namespace {
 
-constexpr double kMostLost = 1e-4;              // of the spread, as for scenes (world_offset.h)
+constexpr double kMostLost = 1e-4;               // of the spread, as for scenes (world_offset.h)
 constexpr std::size_t kMostPositions = 100'000;  // that decide about a world offset
 constexpr double kFloorRadius = 2;  // of the cameras' distance from the middle: what is their scene
 
@@ -99,8 +99,9 @@ std::vector<EditCamera> cameras_to_edit(const std::filesystem::path& file, const
 }
 
 std::vector<EditCamera> cameras_to_edit(const DatasetConfig& scene, const EditModel& model) {
-  return in_frame_of(
-      model, [&](const Vec3d& offset) { return as_training(cameras_of_scene(scene, "all", offset)); });
+  return in_frame_of(model, [&](const Vec3d& offset) {
+    return as_training(cameras_of_scene(scene, "all", offset));
+  });
 }
 
 void keep_rows(EditModel& model, const std::vector<std::uint32_t>& rows) {
@@ -125,10 +126,8 @@ void transform_edited(EditModel& model, const ModelTransform& transform) {
   if (transform.is_identity()) return;
   const Vec3d before = model.model.world_offset;
   const Mat4d after_from_model = multiply(matrix_of(transform), translation(before));
-  const Vec3d after =
-      offset_of_positions(positions_under(after_from_model, model.model.gaussians));
-  const Vec3d shift =
-      multiply_transposed(rotation_matrix(transform.turn), after) / transform.scale;
+  const Vec3d after = offset_of_positions(positions_under(after_from_model, model.model.gaussians));
+  const Vec3d shift = multiply_transposed(rotation_matrix(transform.turn), after) / transform.scale;
   const ModelTransform of_numbers{transform.center - before + shift, transform.turn,
                                   transform.scale};
   const Mat4d input_from_before = input_from(model);
@@ -141,8 +140,7 @@ void transform_numbers(EditModel& model, const ModelTransform& transform) {
   transform_model(model.model, transform);
   move_cameras(model.cameras, transform);
   if (model.input_from_model)
-    model.input_from_model =
-        multiply(*model.input_from_model, inverse_of(matrix_of(transform)));
+    model.input_from_model = multiply(*model.input_from_model, inverse_of(matrix_of(transform)));
 }
 
 std::vector<Vec3d> positions_under(const Mat4d& matrix, const Gaussians& gaussians) {

@@ -74,8 +74,8 @@ double scale_of(const EditModel& model);
 
 /// What straighten() did.
 struct Straightened {
-  double degrees = 0;   // between the up direction that was found and that of the model before
-  double raised = 0;    // by how much the floor was below the middle, world units
+  double degrees = 0;  // between the up direction that was found and that of the model before
+  double raised = 0;   // by how much the floor was below the middle, world units
   bool by_cameras = false;
 };
 /// Turns the model so that up is -y, as viewers show it, and moves it so that the floor is at y = 0

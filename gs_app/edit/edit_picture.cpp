@@ -42,8 +42,8 @@ Camera camera_before(const GaussianModel& model) {
   camera.height = kHeight;
   camera = with_field_of_view(camera, kFieldOfView);
   const double half_height = 0.5 * kHeight / double(camera.fy);
-  const double distance =
-      kMargin * std::max(ordinary_distance(middle, positions), 1e-6) / std::sin(std::atan(half_height));
+  const double distance = kMargin * std::max(ordinary_distance(middle, positions), 1e-6) /
+                          std::sin(std::atan(half_height));
   const float c = float(std::cos(angle)), s = float(std::sin(angle));
   camera.cam_from_world_rotation = {{1, 0, 0}, {0, c, -s}, {0, s, c}};
   camera.cam_from_world_translation =

@@ -62,8 +62,8 @@ Make choosing(bool keeps) {
 // --- Moving
 
 EditStep turning(const std::string& what, const std::string& value, const EditOptions& options) {
-  return transforming(
-      what, transform_about(options.about, turn_by_degrees(vector_of(value, what)), 1));
+  return transforming(what,
+                      transform_about(options.about, turn_by_degrees(vector_of(value, what)), 1));
 }
 
 EditStep moving(const std::string& what, const std::string& value, const EditOptions&) {
@@ -127,9 +127,10 @@ EditStep limiting_sh(const std::string& what, const std::string& value, const Ed
     throw UsageError(fmt::format("{}: SH degrees are 0 to {}", what, kMaxShDegree));
   return silent(what, [degree = int(degree), what](EditSession& s) {
     if (degree > s.model.model.sh_degree)
-      throw UsageError(fmt::format("{}: the model has SH degree {}; only training adds higher ones "
-                                   "(gemsplat train --from)",
-                                   what, s.model.model.sh_degree));
+      throw UsageError(
+          fmt::format("{}: the model has SH degree {}; only training adds higher ones "
+                      "(gemsplat train --from)",
+                      what, s.model.model.sh_degree));
     limit_sh_degree(s.model.model, degree);
   });
 }
@@ -156,7 +157,8 @@ const std::vector<Kind>& kinds() {
       {{"up", "X,Y,Z", "turn this direction to -y, which viewers show at the top"}, upright},
       {{"recenter", "", "move the median of the means to the origin"}, recentering},
       {{"straighten", "",
-        "turn the model so that its floor is level, and put the floor's middle at the origin; up is "
+        "turn the model so that its floor is level, and put the floor's middle at the origin; up "
+        "is "
         "that of the cameras or, without, of level surfaces"},
        straightening},
       {{"decimate", "N|SHARE", "leave so many Gaussians, or this share of them (0.25, 25%)"},
@@ -191,8 +193,8 @@ EditStep edit_step(const std::string& name, const std::string& value, const Edit
     if (kind.shown.name == name) return kind.make(what, value, options);
     names.push_back(kind.shown.name);
   }
-  throw UsageError(fmt::format("there is no operation {}; there are {}", name,
-                               fmt::join(names, ", ")));
+  throw UsageError(
+      fmt::format("there is no operation {}; there are {}", name, fmt::join(names, ", ")));
 }
 
 StepReport apply_step(EditSession& session, const EditStep& step) {
@@ -204,8 +206,8 @@ StepReport apply_step(EditSession& session, const EditStep& step) {
   report.note = step.apply(session);
   report.after = session.model.model.gaussians.count();
   if (report.after == 0)
-    throw UsageError(fmt::format("no Gaussian is left after {}; the means lay between {}",
-                                 step.text, extent));
+    throw UsageError(
+        fmt::format("no Gaussian is left after {}; the means lay between {}", step.text, extent));
   return report;
 }
 
@@ -223,9 +225,10 @@ Amount amount_of(const std::string& text, const std::string& what) {
   const bool is_share = is_percent || (is_number && value < 1);
   const bool is_count = value == std::floor(value) && value <= double(1ull << 53);
   if (!is_number || !(value > 0) || (is_share ? value > 1 : !is_count))
-    throw UsageError(fmt::format("{}: \"{}\" is neither a number of Gaussians, such as 20000, nor a "
-                                 "share of them, such as 0.25 or 25%",
-                                 what, text));
+    throw UsageError(
+        fmt::format("{}: \"{}\" is neither a number of Gaussians, such as 20000, nor a "
+                    "share of them, such as 0.25 or 25%",
+                    what, text));
   return {value, is_share};
 }
 
@@ -234,9 +237,8 @@ void decimate_by_dropping(EditSession& session, std::size_t count) {
   if (model.gaussians.count() <= count) return;
   std::optional<Gaussians> storage;
   const std::vector<float> scores =
-      session.model.cameras.empty()
-          ? coverages_of(drawn_gaussians(model, storage))
-          : training_contributions(session.model, session.tools).largest;
+      session.model.cameras.empty() ? coverages_of(drawn_gaussians(model, storage))
+                                    : training_contributions(session.model, session.tools).largest;
   keep_rows(session.model, rows_with_largest(scores, count));
 }
 

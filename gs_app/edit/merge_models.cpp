@@ -12,8 +12,8 @@ namespace {
 
 [[noreturn]] void refuse(const NamedModel& has, const char* what, const NamedModel& has_not,
                          const char* what_not, const std::string& remedy) {
-  throw UsageError(fmt::format("{} {}, and {} {}; {}", has.name, what, has_not.name, what_not,
-                               remedy));
+  throw UsageError(
+      fmt::format("{} {}, and {} {}; {}", has.name, what, has_not.name, what_not, remedy));
 }
 
 // Refuses two models of which one has what the other lacks.
@@ -31,24 +31,27 @@ void check_mergeable(const NamedModel& a, const NamedModel& b, const MergeOption
       a, b, [](const GaussianModel& m) { return m.gaussians.has_time; },
       "holds Gaussians in space and time", "3D Gaussians",
       [](const NamedModel& with) {
-        return fmt::format("write one moment of the former first: gemsplat edit {} --time 0.5 -o "
-                           "moment.ply",
-                           with.name);
+        return fmt::format(
+            "write one moment of the former first: gemsplat edit {} --time 0.5 -o "
+            "moment.ply",
+            with.name);
       });
   check_alike(
       a, b, [](const GaussianModel& m) { return m.gaussians.has_filter; },
       "has a 3D filter beside its Gaussians", "has none",
       [](const NamedModel& with) {
-        return fmt::format("put the filter into scales and opacities first: gemsplat export {} "
-                           "plain.csv",
-                           with.name);
+        return fmt::format(
+            "put the filter into scales and opacities first: gemsplat export {} "
+            "plain.csv",
+            with.name);
       });
   if (options.antialiased) return;
   check_alike(
       a, b, [](const GaussianModel& m) { return m.antialiased; }, "is antialiased", "is not",
       [](const NamedModel&) {
-        return std::string("one of them will look different; say how to render the result with "
-                           "--antialiased yes or --antialiased no");
+        return std::string(
+            "one of them will look different; say how to render the result with "
+            "--antialiased yes or --antialiased no");
       });
 }
 

@@ -38,8 +38,7 @@ Vec2<double> vertex_of(const Path& file, std::string_view line, int number) {
     xy[count] = value;
     at = end;
   }
-  if (count != 2)
-    cannot_read(file, fmt::format("line {} has one number; a vertex is two", number));
+  if (count != 2) cannot_read(file, fmt::format("line {} has one number; a vertex is two", number));
   return {xy[0], xy[1]};
 }
 

@@ -37,21 +37,23 @@ Interval interval_of(const std::string& what, std::string_view text) {
   const auto number = [&](std::string_view word, double if_empty) {
     double value = if_empty;
     if (!word.empty() && (!parse_number(word, value) || std::isnan(value)))
-      throw UsageError(fmt::format("{}: \"{}\" is no number; a range is written LOW..HIGH, and one "
-                                   "of the two may be left out, as in {}=0.5..",
-                                   what, word, what.substr(0, what.find('='))));
+      throw UsageError(
+          fmt::format("{}: \"{}\" is no number; a range is written LOW..HIGH, and one "
+                      "of the two may be left out, as in {}=0.5..",
+                      what, word, what.substr(0, what.find('='))));
     return value;
   };
   const Interval all;
   const std::size_t dots = text.find(kRange);
   Interval interval{number(text.substr(0, dots), all.low), 0};
-  interval.high = dots == text.npos ? interval.low
-                                    : number(text.substr(dots + kRange.size()), all.high);
+  interval.high =
+      dots == text.npos ? interval.low : number(text.substr(dots + kRange.size()), all.high);
   const bool says_nothing = text.empty() || text == kRange;
   if (says_nothing || interval.low > interval.high)
-    throw UsageError(fmt::format("{}: \"{}\" is no range; write LOW..HIGH, and leave out one of the "
-                                 "two at most",
-                                 what, text));
+    throw UsageError(
+        fmt::format("{}: \"{}\" is no range; write LOW..HIGH, and leave out one of the "
+                    "two at most",
+                    what, text));
   return interval;
 }
 
@@ -153,8 +155,9 @@ MarksOf alive_in(const Interval& range) {
   return [range](const EditModel& model, const EditTools&) {
     const Gaussians& g = model.model.gaussians;
     if (!g.has_time)
-      throw UsageError("time= chooses among Gaussians in space and time, and these are 3D "
-                       "Gaussians, which are there at all times; leave it out");
+      throw UsageError(
+          "time= chooses among Gaussians in space and time, and these are 3D "
+          "Gaussians, which are there at all times; leave it out");
     return marks_where(g.count(), [&](std::size_t i) {
       const Life life = life_of(g, i);
       return life.begin <= range.high && life.end >= range.low;
@@ -165,7 +168,8 @@ MarksOf alive_in(const Interval& range) {
 // --- The table
 
 /// What a kind of selection makes of its words: `what` is "NAME=VALUE", for messages.
-using Make = std::function<MarksOf(const std::string& what, const std::string& value, PolygonPlane)>;
+using Make =
+    std::function<MarksOf(const std::string& what, const std::string& value, PolygonPlane)>;
 
 struct Kind {
   SelectionKind shown;
@@ -188,34 +192,43 @@ Make axis_range(int axis) {
 
 const std::vector<Kind>& kinds() {
   static const std::vector<Kind> kKinds = {
-      {{"box", "X,Y,Z,X,Y,Z", "inside of a box, by two opposite corners"}, false,
+      {{"box", "X,Y,Z,X,Y,Z", "inside of a box, by two opposite corners"},
+       false,
        [](auto& what, auto& value, auto) { return in_box(what, value); }},
-      {{"sphere", "X,Y,Z,RADIUS", "not farther than the radius from a point"}, false,
+      {{"sphere", "X,Y,Z,RADIUS", "not farther than the radius from a point"},
+       false,
        [](auto& what, auto& value, auto) { return in_sphere(what, value); }},
       {{"polygon", "FILE", "inside of an area in --plane: GeoJSON, or a vertex a line"},
-       false, [](auto&, auto& value, auto plane) { return in_polygon(value, plane); }},
+       false,
+       [](auto&, auto& value, auto plane) { return in_polygon(value, plane); }},
       {{"x", "LOW..HIGH", "by a coordinate; y and z alike"}, false, axis_range(0)},
       {{"y", "LOW..HIGH", ""}, false, axis_range(1)},
       {{"z", "LOW..HIGH", ""}, false, axis_range(2)},
-      {{"view", "NAME", "inside of the picture of this camera; view=all: of any camera"}, true,
+      {{"view", "NAME", "inside of the picture of this camera; view=all: of any camera"},
+       true,
        [](auto&, auto& value, auto) { return in_view(value); }},
       {{"opacity", "LOW..HIGH", "by opacity, 0 to 1"}, false, ranged(opacities)},
-      {{"size", "LOW..HIGH", "by the largest of the three standard deviations, world units"}, false,
+      {{"size", "LOW..HIGH", "by the largest of the three standard deviations, world units"},
+       false,
        ranged(sizes)},
       {{"distance", "LOW..HIGH", "by the distance to the nearest training camera, world units"},
-       true, ranged(camera_distances)},
-      {{"seen", "LOW..HIGH", "by the number of training cameras that see it"}, true,
+       true,
+       ranged(camera_distances)},
+      {{"seen", "LOW..HIGH", "by the number of training cameras that see it"},
+       true,
        ranged([](const EditModel& model, const EditTools& tools) {
          return training_contributions(model, tools).views;
        })},
       {{"contribution", "LOW..HIGH", "by the largest contribution to a training view, pixels"},
-       true, ranged([](const EditModel& model, const EditTools& tools) {
+       true,
+       ranged([](const EditModel& model, const EditTools& tools) {
          return training_contributions(model, tools).largest;
        })},
       {{"time", "LOW..HIGH", "there at some moment between these, 0 to 1, in space and time"},
        false,
        [](auto& what, auto& value, auto) { return alive_in(interval_of(what, value)); }},
-      {{"invalid", "", "holds NaN or infinity, or a rotation of length 0"}, false,
+      {{"invalid", "", "holds NaN or infinity, or a rotation of length 0"},
+       false,
        [](auto& what, auto& value, auto) -> MarksOf {
          if (!value.empty()) throw UsageError(what + ": invalid has no value");
          return invalid;
@@ -248,9 +261,10 @@ RenderSettings settings_for(const EditModel& model, const EditTools& tools) {
 
 const EditCamera& camera_named(const EditModel& model, const std::string& name) {
   if (model.cameras.empty())
-    throw UsageError(fmt::format("the camera {} is not known; name a run's folder, or give --data "
-                                 "SCENE or --cameras FILE",
-                                 name));
+    throw UsageError(
+        fmt::format("the camera {} is not known; name a run's folder, or give --data "
+                    "SCENE or --cameras FILE",
+                    name));
   std::vector<std::string> names;
   for (const EditCamera& camera : model.cameras) {
     if (camera.named.name == name || without_extension(camera.named.name) == name ||
@@ -259,15 +273,17 @@ const EditCamera& camera_named(const EditModel& model, const std::string& name) 
     names.push_back(camera.named.name);
   }
   const std::string nearest = nearest_word(name, names);
-  throw UsageError(fmt::format("there is no camera {}; {}", name,
-                               nearest.empty() ? fmt::format("there are {} cameras, such as {}",
-                                                             names.size(), names.front())
-                                               : "did you mean " + nearest + "?"));
+  throw UsageError(fmt::format(
+      "there is no camera {}; {}", name,
+      nearest.empty() ? fmt::format("there are {} cameras, such as {}", names.size(), names.front())
+                      : "did you mean " + nearest + "?"));
 }
 
 PolygonPlane polygon_plane(std::string_view word) {
   constexpr std::string_view kAxes = "xyz";
-  const auto axis = [&](std::size_t i) { return i < word.size() ? kAxes.find(word[i]) : kAxes.npos; };
+  const auto axis = [&](std::size_t i) {
+    return i < word.size() ? kAxes.find(word[i]) : kAxes.npos;
+  };
   if (word.size() != 2 || axis(0) == kAxes.npos || axis(1) == kAxes.npos || axis(0) == axis(1))
     throw UsageError(fmt::format("{} is no plane; name two axes, such as xz or xy", word));
   return {int(axis(0)), int(axis(1))};
@@ -279,8 +295,8 @@ Contributions training_contributions(const EditModel& model, const EditTools& to
     if (!camera.is_test) cameras.push_back(camera.named.camera);
   Backend& backend = tools.backend();
   const Gaussians gaussians = copy_to(backend.memory(), model.model);
-  return contributions_of(backend.renderer(), gaussians.span(), cameras,
-                          settings_for(model, tools), tools.show_progress);
+  return contributions_of(backend.renderer(), gaussians.span(), cameras, settings_for(model, tools),
+                          tools.show_progress);
 }
 
 Selection selection_of(const std::string& text, PolygonPlane plane) {
@@ -306,15 +322,16 @@ std::vector<double> numbers_of_list(std::string_view text, std::size_t count,
     const std::size_t end = std::min(left.find(','), left.size());
     double value;
     if (!parse_number(left.substr(0, end), value) || !std::isfinite(value))
-      throw UsageError(fmt::format("{}: \"{}\" is no number; give {} with commas between and "
-                                   "without spaces",
-                                   what, left.substr(0, end), count));
+      throw UsageError(
+          fmt::format("{}: \"{}\" is no number; give {} with commas between and "
+                      "without spaces",
+                      what, left.substr(0, end), count));
     numbers.push_back(value);
     left.remove_prefix(std::min(end + 1, left.size()));
   }
   if (numbers.size() != count)
-    throw UsageError(fmt::format("{}: these are {} numbers, and it takes {}", what, numbers.size(),
-                                 count));
+    throw UsageError(
+        fmt::format("{}: these are {} numbers, and it takes {}", what, numbers.size(), count));
   return numbers;
 }
 

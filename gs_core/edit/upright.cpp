@@ -64,8 +64,7 @@ double floor_height(const Gaussians& gaussians, const Vec3d& up, const Vec3d& ce
   for (std::size_t i = 0; i < gaussians.count(); ++i) {
     const Vec3d from_center = Vec3d(gaussians.mean[i]) - center;
     if (!(inner(from_center, from_center) <= radius * radius)) continue;  // also NaN
-    if (sigmoid(gaussians.logit_opacity[i]) >= kFaintest)
-      heights.push_back(inner(from_center, up));
+    if (sigmoid(gaussians.logit_opacity[i]) >= kFaintest) heights.push_back(inner(from_center, up));
   }
   if (heights.empty()) return 0;
   const auto lowest = heights.begin() + std::ptrdiff_t(kLowestShare * double(heights.size()));

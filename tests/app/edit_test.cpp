@@ -100,8 +100,7 @@ TEST_F(Edit, WhatIsKeptHasTheProperty) {
 
 TEST_F(Edit, PlacesAreInThePhotosCoordinates) {
   EditSession s = typical(kUtm);
-  const StepReport report =
-      apply(s, "keep", "box=499999,5399999,299,500001,5400001,301");
+  const StepReport report = apply(s, "keep", "box=499999,5399999,299,500001,5400001,301");
   EXPECT_GT(report.after, 0u);
   EXPECT_LT(report.after, 300u);
   for (const Vec3f& mean : s.model.model.gaussians.mean)
@@ -235,17 +234,20 @@ TEST_F(Edit, DamagedAreasAreNamedWithTheirLine) {
 TEST_F(Edit, AMovedModelLooksTheSameFromACameraThatMovesAlong) {
   EditOptions options;
   options.about = {0.5, -1, 2};
-  for (const auto& [name, value] : std::vector<std::pair<std::string, std::string>>{
-           {"move", "3,-2,1"}, {"turn", "20,-30,70"}, {"scale", "2.5"}, {"up", "0.3,0.8,-0.4"},
-           {"recenter", ""}, {"straighten", ""}}) {
+  for (const auto& [name, value] :
+       std::vector<std::pair<std::string, std::string>>{{"move", "3,-2,1"},
+                                                        {"turn", "20,-30,70"},
+                                                        {"scale", "2.5"},
+                                                        {"up", "0.3,0.8,-0.4"},
+                                                        {"recenter", ""},
+                                                        {"straighten", ""}}) {
     EditSession s = typical();
     const std::vector<float> before = picture(s);
     const Vec3d mean(s.model.model.gaussians.mean[7]);
     apply(s, name, value, options);
     EXPECT_LT(share_that_differs(picture(s), before), 1e-3) << name;
     EXPECT_GT(length(Vec3d(s.model.model.gaussians.mean[7]) - mean), 0.1) << name;
-    for (int k = 0; k < 3; ++k)
-      EXPECT_NEAR(in_photos_frame(s.model, 7)[k], mean[k], 1e-5) << name;
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(in_photos_frame(s.model, 7)[k], mean[k], 1e-5) << name;
   }
 }
 
@@ -298,15 +300,15 @@ TEST_F(Edit, StraightenMakesTheCamerasUpMinusYAndPutsTheFloorAtZero) {
     const Vec3d center = Vec3d(1, 2, 3) + 4.0 * outward;
     Camera camera = camera_;
     camera.cam_from_world_rotation = {Vec3f(right), Vec3f(down), Vec3f(forward)};
-    camera.cam_from_world_translation =
-        -multiply(camera.cam_from_world_rotation, Vec3f(center));
+    camera.cam_from_world_translation = -multiply(camera.cam_from_world_rotation, Vec3f(center));
     s.model.cameras.push_back({{"c" + std::to_string(i), camera}, false});
   }
   Gaussians& g = s.model.model.gaussians;
   Draws draws(8);
   for (std::size_t i = 0; i < g.count(); ++i)  // a floor 1.5 below the middle
-    set_gaussian(g, i, Vec3f(Vec3d(1, 2, 3) - 1.5 * up + double(draws.uniform(-3, 3)) * x +
-                             double(draws.uniform(-3, 3)) * y),
+    set_gaussian(g, i,
+                 Vec3f(Vec3d(1, 2, 3) - 1.5 * up + double(draws.uniform(-3, 3)) * x +
+                       double(draws.uniform(-3, 3)) * y),
                  0.1f, 0.9f);
   const StepReport report = apply(s, "straighten");
   EXPECT_THAT(report.note, HasSubstr("as the cameras say"));
@@ -427,8 +429,8 @@ TEST_F(Edit, CamerasOfAFileFitAModelThatWasMovedBefore) {
 
 TEST_F(Edit, MergedModelsStandInTheFrameOfTheFirst) {
   EditSession a = typical(), b = session(random_gaussians(kTypical, 200, camera_, 9));
-  const std::vector<float> together = picture(
-      session(joined(a.model.model.gaussians, b.model.model.gaussians)));
+  const std::vector<float> together =
+      picture(session(joined(a.model.model.gaussians, b.model.model.gaussians)));
   apply(a, "turn", "10,20,30");
   apply(b, "scale", "3");
   apply(b, "move", "0,1,0");
