@@ -34,14 +34,15 @@ struct EditCommand : CommandLine {
   std::string about = "0,0,0", plane = "xz", decimate_by = "merge", antialiased;
   std::optional<int> step;
   ExportOptions options;
-  bool as_stored = false, dry_run = false, json = false, force = false;
+  bool whole = false, as_stored = false, dry_run = false, json = false, force = false;
 };
 
 // The operations in the order in which they stand.
 std::vector<EditStep> steps_of(const EditCommand& command) {
   const std::vector<double> about = numbers_of_list(command.about, 3, "--about");
-  const EditOptions options{
-      {about[0], about[1], about[2]}, polygon_plane(command.plane), command.decimate_by == "merge"};
+  const EditOptions options{{about[0], about[1], about[2]},
+                            {polygon_plane(command.plane), command.whole},
+                            command.decimate_by == "merge"};
   std::map<std::string, std::size_t> used;
   std::vector<EditStep> steps;
   for (const CLI::Option* option : command.verb->parse_order()) {
@@ -254,6 +255,9 @@ void add_edit(CLI::App& program) {
                   "the two axes of the plane of polygons: xz is the floor of a straightened model, "
                   "xy that of a map [xz]")
       ->type_name("AXES");
+  verb.add_flag("--whole", command->whole,
+                "a Gaussian is in a box, sphere, polygon or range of coordinates if all of it is, "
+                "to three standard deviations [its mean counts]");
   verb.add_option("--decimate-by", command->decimate_by,
                   "merge: merge near and similar Gaussians; drop: drop those that contribute least "
                   "to the training views [merge]")

@@ -43,11 +43,12 @@ EditStep step_of(const std::string& text, const EditOptions& options) {
                    options);
 }
 
-EditOptions options_of(const py::object& about, const std::string& plane,
+EditOptions options_of(const py::object& about, const std::string& plane, bool whole,
                        const std::string& decimate_by) {
   if (decimate_by != "merge" && decimate_by != "drop")
     throw UsageError("decimate_by must be merge or drop, and is " + decimate_by);
-  return {about.is_none() ? Vec3d(0.0) : vector_of("about", about), polygon_plane(plane),
+  return {about.is_none() ? Vec3d(0.0) : vector_of("about", about),
+          {polygon_plane(plane), whole},
           decimate_by == "merge"};
 }
 
@@ -80,14 +81,15 @@ ModelPointer edited(const Model& model, const std::vector<EditStep>& steps,
 }
 
 ModelPointer edit(const Model& model, const py::args& operations, const py::object& cameras,
-                  const py::object& about, const std::string& plane,
+                  const py::object& about, const std::string& plane, bool whole,
                   const std::string& decimate_by, const std::string& device) {
-  const EditOptions options = options_of(about, plane, decimate_by);
+  const EditOptions options = options_of(about, plane, whole, decimate_by);
   std::vector<EditStep> steps;
   for (const py::handle& operation : operations) {
     if (!py::isinstance<py::str>(operation))
-      throw UsageError("operations are words, such as \"keep opacity=0.1..\"; rows of an array are "
-                       "kept with Model.keep");
+      throw UsageError(
+          "operations are words, such as \"keep opacity=0.1..\"; rows of an array are "
+          "kept with Model.keep");
     steps.push_back(step_of(operation.cast<std::string>(), options));
   }
   const std::vector<NamedCamera> given = named_cameras_of(cameras);
@@ -99,9 +101,10 @@ ModelPointer edit(const Model& model, const py::args& operations, const py::obje
 ModelPointer chosen(const Model& model, const py::array& rows, bool value) {
   const auto count = py::ssize_t(model.model.gaussians.count());
   if (!py::isinstance<py::array_t<bool>>(rows) || rows.ndim() != 1 || rows.shape(0) != count)
-    throw UsageError(fmt::format(
-        "rows must be an array of {} booleans, one for each Gaussian, such as model.opacities > 0.1",
-        count));
+    throw UsageError(
+        fmt::format("rows must be an array of {} booleans, one for each Gaussian, such as "
+                    "model.opacities > 0.1",
+                    count));
   const auto marked = py::array_t<bool, py::array::c_style | py::array::forcecast>(rows);
   const Marks marks(marked.data(), marked.data() + count);
   const py::gil_scoped_release release;
@@ -117,8 +120,8 @@ ModelPointer merge(const std::vector<ModelPointer>& models, bool as_stored,
   const Work work;
   std::vector<NamedModel> named;
   for (const ModelPointer& model : models) {
-    const std::string name = model->ply.empty() ? fmt::format("model {}", named.size() + 1)
-                                                : model->ply.string();
+    const std::string name =
+        model->ply.empty() ? fmt::format("model {}", named.size() + 1) : model->ply.string();
     named.push_back({name, edit_model_of(*model)});
   }
   return model_of(merge_models(std::move(named), {as_stored, antialiased}), *models.front());
@@ -129,15 +132,16 @@ ModelPointer merge(const std::vector<ModelPointer>& models, bool as_stored,
 void bind_edits(py::module_& module, py::class_<Model, ModelPointer>& model) {
   model.def(
       "edit", edit, py::kw_only(), py::arg("cameras") = py::none(), py::arg("about") = py::none(),
-      py::arg("plane") = "xz", py::arg("decimate_by") = "merge", py::arg("device") = "auto",
+      py::arg("plane") = "xz", py::arg("whole") = false, py::arg("decimate_by") = "merge",
+      py::arg("device") = "auto",
       R"(A new model after operations, in their order. They are those of `gemsplat edit`, in the same words
 without dashes: model.edit("drop opacity=..0.05", "straighten", "decimate 0.5"). docs/editing.md
 lists them.
 
 cameras: a list of Camera in the model's coordinates, all of which count as training views; by
 default those of the run from which the model was loaded.
-about: the point that turn, scale and up leave where it is. plane: that of polygons. decimate_by:
-merge or drop. device: where contributions are rendered.)");
+about: the point that turn, scale and up leave where it is. plane: that of polygons. whole: all of
+a Gaussian has to be in a place, and not its mean alone. decimate_by: merge or drop. device: where contributions are rendered.)");
   model.def(
       "keep", [](const Model& self, const py::array& rows) { return chosen(self, rows, true); },
       py::arg("rows"),

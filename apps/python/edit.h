@@ -8,7 +8,6 @@
 
 namespace gs::python {
 
-void bind_edits(pybind11::module_& module,
-                pybind11::class_<Model, std::shared_ptr<Model>>& model);
+void bind_edits(pybind11::module_& module, pybind11::class_<Model, std::shared_ptr<Model>>& model);
 
 }  // namespace gs::python

@@ -50,7 +50,7 @@ EditStep transforming(const std::string& what, const ModelTransform& transform) 
 
 Make choosing(bool keeps) {
   return [keeps](const std::string& what, const std::string& value, const EditOptions& options) {
-    const Selection selection = selection_of(value, options.plane);
+    const Selection selection = selection_of(value, options.places);
     EditStep step = silent(what, [selection, keeps](EditSession& s) {
       keep_rows(s.model, rows_marked(selection.marks(s.model, s.tools), keeps));
     });

@@ -14,7 +14,7 @@ namespace gs {
 /// How operations are meant, for all of them.
 struct EditOptions {
   Vec3d about{0.0, 0.0, 0.0};  // stays in place where the model is turned or scaled
-  PolygonPlane plane;
+  PlaceOptions places;
   bool decimates_by_merging = true;  // or by dropping what matters least
 };
 

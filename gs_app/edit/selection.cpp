@@ -25,11 +25,6 @@ using MarksOf = std::function<Marks(const EditModel&, const EditTools&)>;
 
 constexpr std::string_view kRange = "..";
 
-/// Where a mean stands in the coordinates that users know.
-Vec3d position_of(const EditModel& model, std::size_t i) {
-  return Vec3d(model.model.gaussians.mean[i]) + model.model.world_offset;
-}
-
 std::size_t count_of(const EditModel& model) { return model.model.gaussians.count(); }
 
 // "0.1..0.5", "0.1..", "..0.5", or one number.
@@ -68,39 +63,53 @@ MarksOf by_value(const Interval& range, F&& values) {
 
 // --- Places
 
-MarksOf in_box(const std::string& what, std::string_view values) {
+/// A place, given by whether it holds all points within `reach` of a point: along each axis.
+using Holds = std::function<bool(const Vec3d& point, const Vec3d& reach)>;
+
+MarksOf in_place(Holds holds, bool whole) {
+  return [holds, whole](const EditModel& model, const EditTools&) {
+    std::optional<Gaussians> storage;
+    std::vector<Vec3f> reaches;
+    if (whole) reaches = reaches_of(drawn_gaussians(model.model, storage));
+    return marks_where(count_of(model), [&](std::size_t i) {
+      const Vec3d position = Vec3d(model.model.gaussians.mean[i]) + model.model.world_offset;
+      return holds(position, whole ? Vec3d(reaches[i]) : Vec3d(0.0));
+    });
+  };
+}
+
+Holds box_of(const std::string& what, std::string_view values) {
   const std::vector<double> c = numbers_of_list(values, 6, what);
   const Box box = box_between({c[0], c[1], c[2]}, {c[3], c[4], c[5]});
-  return [box](const EditModel& model, const EditTools&) {
-    return marks_where(count_of(model),
-                       [&](std::size_t i) { return box.holds(position_of(model, i)); });
+  return [box](const Vec3d& p, const Vec3d& reach) {
+    return box.holds(p - reach) && box.holds(p + reach);
   };
 }
 
-MarksOf in_sphere(const std::string& what, std::string_view values) {
+Holds sphere_of(const std::string& what, std::string_view values) {
   const std::vector<double> c = numbers_of_list(values, 4, what);
   if (!(c[3] > 0)) throw UsageError(what + ": the radius must be above 0");
-  return [center = Vec3d{c[0], c[1], c[2]}, r = c[3]](const EditModel& model, const EditTools&) {
-    return marks_where(count_of(model), [&](std::size_t i) {
-      const Vec3d d = position_of(model, i) - center;
-      return inner(d, d) <= r * r;
-    });
+  return [center = Vec3d{c[0], c[1], c[2]}, r = c[3]](const Vec3d& p, const Vec3d& reach) {
+    Vec3d far = p - center;  // the farthest corner of the box around the Gaussian
+    for (int axis = 0; axis < 3; ++axis) far[axis] = std::abs(far[axis]) + reach[axis];
+    return inner(far, far) <= r * r;
   };
 }
 
-MarksOf in_polygon(std::string_view file, PolygonPlane plane) {
-  return [polygon = read_polygon(file), plane](const EditModel& model, const EditTools&) {
-    return marks_where(count_of(model), [&](std::size_t i) {
-      const Vec3d p = position_of(model, i);
-      return polygon.holds({p[plane.first], p[plane.second]});
-    });
+Holds polygon_of(std::string_view file, PolygonPlane plane) {
+  return [area = read_polygon(file), plane](const Vec3d& p, const Vec3d& reach) {
+    for (const double a : {-1.0, 0.0, 1.0})  // corners, middles of sides, and the mean
+      for (const double b : {-1.0, 0.0, 1.0})
+        if (!area.holds({p[plane.first] + a * reach[plane.first],
+                         p[plane.second] + b * reach[plane.second]}))
+          return false;
+    return true;
   };
 }
 
-MarksOf along_axis(int axis, const Interval& range) {
-  return [axis, range](const EditModel& model, const EditTools&) {
-    return marks_where(count_of(model),
-                       [&](std::size_t i) { return range.holds(position_of(model, i)[axis]); });
+Holds range_of_axis(int axis, const Interval& range) {
+  return [axis, range](const Vec3d& p, const Vec3d& reach) {
+    return range.holds(p[axis] - reach[axis]) && range.holds(p[axis] + reach[axis]);
   };
 }
 
@@ -168,8 +177,8 @@ MarksOf alive_in(const Interval& range) {
 // --- The table
 
 /// What a kind of selection makes of its words: `what` is "NAME=VALUE", for messages.
-using Make =
-    std::function<MarksOf(const std::string& what, const std::string& value, PolygonPlane)>;
+using Make = std::function<MarksOf(const std::string& what, const std::string& value,
+                                   const PlaceOptions& places)>;
 
 struct Kind {
   SelectionKind shown;
@@ -179,14 +188,14 @@ struct Kind {
 
 template <class F>
 Make ranged(F&& values) {
-  return [values](const std::string& what, const std::string& value, PolygonPlane) {
+  return [values](const std::string& what, const std::string& value, const PlaceOptions&) {
     return by_value(interval_of(what, value), values);
   };
 }
 
 Make axis_range(int axis) {
-  return [axis](const std::string& what, const std::string& value, PolygonPlane) {
-    return along_axis(axis, interval_of(what, value));
+  return [axis](const std::string& what, const std::string& value, const PlaceOptions& places) {
+    return in_place(range_of_axis(axis, interval_of(what, value)), places.whole);
   };
 }
 
@@ -194,19 +203,25 @@ const std::vector<Kind>& kinds() {
   static const std::vector<Kind> kKinds = {
       {{"box", "X,Y,Z,X,Y,Z", "inside of a box, by two opposite corners"},
        false,
-       [](auto& what, auto& value, auto) { return in_box(what, value); }},
+       [](auto& what, auto& value, auto& places) {
+         return in_place(box_of(what, value), places.whole);
+       }},
       {{"sphere", "X,Y,Z,RADIUS", "not farther than the radius from a point"},
        false,
-       [](auto& what, auto& value, auto) { return in_sphere(what, value); }},
+       [](auto& what, auto& value, auto& places) {
+         return in_place(sphere_of(what, value), places.whole);
+       }},
       {{"polygon", "FILE", "inside of an area in --plane: GeoJSON, or a vertex a line"},
        false,
-       [](auto&, auto& value, auto plane) { return in_polygon(value, plane); }},
+       [](auto&, auto& value, auto& places) {
+         return in_place(polygon_of(value, places.plane), places.whole);
+       }},
       {{"x", "LOW..HIGH", "by a coordinate; y and z alike"}, false, axis_range(0)},
       {{"y", "LOW..HIGH", ""}, false, axis_range(1)},
       {{"z", "LOW..HIGH", ""}, false, axis_range(2)},
       {{"view", "NAME", "inside of the picture of this camera; view=all: of any camera"},
        true,
-       [](auto&, auto& value, auto) { return in_view(value); }},
+       [](auto&, auto& value, auto&) { return in_view(value); }},
       {{"opacity", "LOW..HIGH", "by opacity, 0 to 1"}, false, ranged(opacities)},
       {{"size", "LOW..HIGH", "by the largest of the three standard deviations, world units"},
        false,
@@ -226,10 +241,10 @@ const std::vector<Kind>& kinds() {
        })},
       {{"time", "LOW..HIGH", "there at some moment between these, 0 to 1, in space and time"},
        false,
-       [](auto& what, auto& value, auto) { return alive_in(interval_of(what, value)); }},
+       [](auto& what, auto& value, auto&) { return alive_in(interval_of(what, value)); }},
       {{"invalid", "", "holds NaN or infinity, or a rotation of length 0"},
        false,
-       [](auto& what, auto& value, auto) -> MarksOf {
+       [](auto& what, auto& value, auto&) -> MarksOf {
          if (!value.empty()) throw UsageError(what + ": invalid has no value");
          return invalid;
        }},
@@ -299,14 +314,14 @@ Contributions training_contributions(const EditModel& model, const EditTools& to
                           tools.show_progress);
 }
 
-Selection selection_of(const std::string& text, PolygonPlane plane) {
+Selection selection_of(const std::string& text, const PlaceOptions& places) {
   const std::size_t equals = text.find('=');
   const std::string name = text.substr(0, equals);
   const Kind& kind = kind_named(text, name);
   const std::string value = equals == text.npos ? "" : text.substr(equals + 1);
   if (value.empty() && !kind.shown.values.empty())
     throw UsageError(fmt::format("{} needs a value: {}={}", text, name, kind.shown.values));
-  return {text, kind.needs_cameras, kind.make(text, value, plane)};
+  return {text, kind.needs_cameras, kind.make(text, value, places)};
 }
 
 std::vector<SelectionKind> selection_kinds() {

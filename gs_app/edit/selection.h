@@ -38,6 +38,14 @@ struct PolygonPlane {
 /// "xz", "xy", "yz" and so on. Throws UsageError.
 PolygonPlane polygon_plane(std::string_view word);
 
+/// How places are meant.
+struct PlaceOptions {
+  PolygonPlane plane;
+  // Whether all of a Gaussian has to be inside, to three standard deviations, or its mean alone. It
+  // counts for boxes, spheres, polygons and ranges of coordinates.
+  bool whole = false;
+};
+
 struct Selection {
   std::string text;            // as it was given
   bool needs_cameras = false;  // of the run or scene
@@ -48,7 +56,7 @@ struct Selection {
 
 /// Reads the words of a selection; files that they name are read at once. Throws UsageError that
 /// names the words and lists what there is.
-Selection selection_of(const std::string& text, PolygonPlane plane = {});
+Selection selection_of(const std::string& text, const PlaceOptions& places = {});
 
 /// A kind of selection, for help texts and pages: "sphere", "X,Y,Z,RADIUS", "...".
 struct SelectionKind {

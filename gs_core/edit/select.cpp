@@ -6,9 +6,13 @@
 #include <numeric>
 
 #include "gs_core/edit/merge_gaussians.h"
+#include "gs_core/math/covariance.h"
+#include "gs_core/math/rotation.h"
 
 namespace gs {
 namespace {
+
+constexpr double kReach = 3;  // standard deviations
 
 // (N) f(i), computed on all cores.
 template <class F>
@@ -74,6 +78,17 @@ bool is_in_picture(const Camera& camera, const Vec3f& point) {
   if (!(p.z > 0)) return false;
   const float x = camera.fx * p.x / p.z + camera.cx, y = camera.fy * p.y / p.z + camera.cy;
   return x >= 0 && y >= 0 && x <= float(camera.width) && y <= float(camera.height);
+}
+
+std::vector<Vec3f> reaches_of(const Gaussians& gaussians) {
+  std::vector<Vec3f> reaches(gaussians.count());
+  parallel_for(reaches.size(), 4096, [&](std::size_t i) {
+    const Quatf& q = gaussians.rotation[i];
+    const Sym3<double> S = covariance(rotation_matrix(Quat<double>{q.w, q.x, q.y, q.z}),
+                                      variance(Vec3d(gaussians.log_scale[i])));
+    reaches[i] = Vec3f(kReach * Vec3d(std::sqrt(S.xx), std::sqrt(S.yy), std::sqrt(S.zz)));
+  });
+  return reaches;
 }
 
 std::vector<float> sizes_of(const Gaussians& gaussians) {

@@ -53,6 +53,10 @@ Box box_of_means(const Gaussians& gaussians);
 /// Whether a point is in front of the camera and inside its picture.
 bool is_in_picture(const Camera& camera, const Vec3f& point);
 
+/// (N) how far a Gaussian reaches along each axis, to both sides of its mean: three standard
+/// deviations, which is as far as it is drawn. Gaussians without time.   world units
+std::vector<Vec3f> reaches_of(const Gaussians& gaussians);
+
 /// (N) the largest of a Gaussian's three standard deviations.   world units
 std::vector<float> sizes_of(const Gaussians& gaussians);
 

@@ -192,7 +192,7 @@ TEST_F(Edit, APolygonLiesInThePlaneThatIsNamed) {
   const TempFolder folder;
   EditOptions options;
   for (const auto& [plane, axis] : {std::pair("xz", 0), std::pair("zx", 2), std::pair("yz", 1)}) {
-    options.plane = polygon_plane(plane);
+    options.places.plane = polygon_plane(plane);
     EditSession s = typical();
     const double half = median_mean(s.model.model)[axis];
     write_bytes(folder.path() / "area.txt",
@@ -227,6 +227,29 @@ TEST_F(Edit, DamagedAreasAreNamedWithTheirLine) {
   EXPECT_THAT(error("0 0\n1 1\n"), HasSubstr("a ring has 2 vertices"));
   EXPECT_THAT(error("# none\n"), HasSubstr("it holds no polygon"));
   EXPECT_THAT(error("{\"type\":\"Polygon\"}"), HasSubstr("a.txt"));
+}
+
+TEST_F(Edit, AllOfAGaussianIsInsideWhereTheWholeCounts) {
+  const TempFolder folder;
+  write_bytes(folder.path() / "area.txt", "-1 -1\n1 -1\n1 1\n-1 1\n");
+  EditOptions whole;
+  whole.places.whole = true;
+  for (const std::string what :
+       {"x=-1..1", "box=-1,-1,-1,1,1,1", "sphere=0,0,0,1", "polygon=area.txt"}) {
+    const std::string value =
+        what.starts_with("polygon") ? "polygon=" + (folder.path() / "area.txt").string() : what;
+    EditSession s = session(Gaussians(4, host_memory()));
+    const Gaussians& g = s.model.model.gaussians;
+    for (std::size_t i = 0; i < 4; ++i) set_gaussian(g, i, {0.5f, 0, 0}, 0.1f, 0.5f);
+    g.log_scale[1].x = g.log_scale[2].y = std::log(0.3f);  // reach 0.9 along x, along y
+    g.log_scale[2].x = std::log(0.02f);
+    g.mean[3].x = 1.5f;
+    EXPECT_EQ(apply(s, "keep", value).after, 3u) << what;
+    EditSession kept = session(copy_of(s.model.model.gaussians));
+    // The sphere is tested by the box around a Gaussian, and the third one reaches beyond.
+    EXPECT_EQ(apply(kept, "keep", value, whole).after, what.starts_with("sphere") ? 1u : 2u)
+        << what;
+  }
 }
 
 // --- Moving

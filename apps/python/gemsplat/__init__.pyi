@@ -72,6 +72,7 @@ class Model:
         cameras: Optional[Iterable[Camera]] = None,
         about: Optional[ArrayLike] = None,
         plane: str = "xz",
+        whole: bool = False,
         decimate_by: str = "merge",
         device: str = "auto",
     ) -> Model: ...
