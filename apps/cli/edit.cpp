@@ -147,8 +147,10 @@ std::optional<ExportedFile> write(const EditCommand& command, const EditModel& m
 }
 
 void print_json(const EditCommand& command, const nlohmann::ordered_json& inputs,
-                const nlohmann::ordered_json& steps, const EditModel& model,
+                const std::vector<StepReport>& reports, const EditModel& model,
                 const std::optional<ExportedFile>& written) {
+  nlohmann::ordered_json steps = nlohmann::ordered_json::array();
+  for (const StepReport& report : reports) steps.push_back(json_of(report));
   nlohmann::ordered_json json = {{"inputs", inputs},
                                  {"steps", steps},
                                  {"gaussians", model.model.gaussians.count()},
@@ -159,20 +161,42 @@ void print_json(const EditCommand& command, const nlohmann::ordered_json& inputs
   std::cout << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n";
 }
 
+bool wants_cameras(const EditCommand& command, const std::vector<EditStep>& steps) {
+  return any_of(steps, &EditStep::needs_cameras) || any_of(steps, &EditStep::likes_cameras) ||
+         !command.picture_view.empty();
+}
+
+void check_format(const EditCommand& command, const GaussianModel& model) {
+  if (command.output.empty()) return;
+  const bool has_time = model.gaussians.has_time && command.values.at("time").empty();
+  check_holds(format_to_write(command.output), has_time, command.output);
+}
+
+// Applies all steps and prints a line for each.
+std::vector<StepReport> apply_all(const std::vector<EditStep>& steps, EditSession& session,
+                                  bool says) {
+  std::vector<StepReport> reports;
+  for (const EditStep& step : steps) {
+    reports.push_back(apply_step(session, step));
+    if (says) std::cout << line_of(reports.back()) << std::flush;
+  }
+  return reports;
+}
+
+void write_picture(const std::string& file, const Image8& picture) {
+  keep_older_aside(file);
+  write_png(file, picture);
+}
+
 void edit(const EditCommand& command) {
   setup_log(command.verbosity());
   const std::vector<EditStep> steps = steps_of(command);
   check(command, steps);
-  const bool with_cameras = any_of(steps, &EditStep::needs_cameras) ||
-                            any_of(steps, &EditStep::likes_cameras) ||
-                            !command.picture_view.empty();
-  Opened opened = open_all(command, with_cameras);
+  Opened opened = open_all(command, wants_cameras(command, steps));
   set_thread_count(opened.config.train.threads);
-  const bool has_time = opened.model.model.gaussians.has_time && command.values.at("time").empty();
-  if (!command.output.empty())
-    check_holds(format_to_write(command.output), has_time, command.output);
+  check_format(command, opened.model.model);
 
-  std::unique_ptr<Backend> backend;
+  std::unique_ptr<Backend> backend;  // made when something is rendered
   EditSession session{std::move(opened.model), {}};
   session.tools = {[&]() -> Backend& {
                      if (!backend) backend = make_backend(opened.config.train.device);
@@ -183,23 +207,13 @@ void edit(const EditCommand& command) {
   if (!command.picture.empty()) picture.emplace(session.model, session.tools, command.picture_view);
 
   const bool says = !command.quiet && !command.json;
+  const std::size_t inputs = command.inputs.size();
   if (says)
-    std::cout << line_of(command.inputs.size() == 1
-                             ? command.inputs.front()
-                             : fmt::format("{} models merged", command.inputs.size()),
+    std::cout << line_of(inputs == 1 ? command.inputs[0] : fmt::format("{} models merged", inputs),
                          session.model.model.gaussians.count(), "");
-  nlohmann::ordered_json reports = nlohmann::ordered_json::array();
-  for (const EditStep& step : steps) {
-    const StepReport report = apply_step(session, step);
-    reports.push_back(json_of(report));
-    if (says) std::cout << line_of(report) << std::flush;
-  }
+  const std::vector<StepReport> reports = apply_all(steps, session, says);
   const std::optional<ExportedFile> written = write(command, session.model);
-  if (picture) {
-    const Image8 both = picture->beside(session.model);
-    keep_older_aside(command.picture);
-    write_png(command.picture, both);
-  }
+  if (picture) write_picture(command.picture, picture->beside(session.model));
   if (command.json) print_json(command, opened.inputs, reports, session.model, written);
   if (says) std::cout << (written ? summary(*written, nullptr) : "nothing is written") << "\n";
 }

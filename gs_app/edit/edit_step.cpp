@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "data_loaders/formats/model_moment.h"
+#include "gs_app/edit/places/words.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_core/error.h"
 #include "gs_core/io/parse_number.h"

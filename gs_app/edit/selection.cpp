@@ -11,10 +11,8 @@
 #include "data_loaders/formats/model_moment.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/edit/contributions.h"
-#include "gs_app/edit/polygon_file.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
-#include "gs_core/io/parse_number.h"
 #include "gs_core/math/activations.h"
 #include "gs_core/math/rotation.h"
 
@@ -23,34 +21,7 @@ namespace {
 
 using MarksOf = std::function<Marks(const EditModel&, const EditTools&)>;
 
-constexpr std::string_view kRange = "..";
-
 std::size_t count_of(const EditModel& model) { return model.model.gaussians.count(); }
-
-// "0.1..0.5", "0.1..", "..0.5", or one number.
-Interval interval_of(const std::string& what, std::string_view text) {
-  const auto number = [&](std::string_view word, double if_empty) {
-    double value = if_empty;
-    if (!word.empty() && (!parse_number(word, value) || std::isnan(value)))
-      throw UsageError(
-          fmt::format("{}: \"{}\" is no number; a range is written LOW..HIGH, and one "
-                      "of the two may be left out, as in {}=0.5..",
-                      what, word, what.substr(0, what.find('='))));
-    return value;
-  };
-  const Interval all;
-  const std::size_t dots = text.find(kRange);
-  Interval interval{number(text.substr(0, dots), all.low), 0};
-  interval.high =
-      dots == text.npos ? interval.low : number(text.substr(dots + kRange.size()), all.high);
-  const bool says_nothing = text.empty() || text == kRange;
-  if (says_nothing || interval.low > interval.high)
-    throw UsageError(
-        fmt::format("{}: \"{}\" is no range; write LOW..HIGH, and leave out one of the "
-                    "two at most",
-                    what, text));
-  return interval;
-}
 
 /// A selection by one number of each Gaussian: `values` gives all of them.
 template <class F>
@@ -63,10 +34,7 @@ MarksOf by_value(const Interval& range, F&& values) {
 
 // --- Places
 
-/// A place, given by whether it holds all points within `reach` of a point: along each axis.
-using Holds = std::function<bool(const Vec3d& point, const Vec3d& reach)>;
-
-MarksOf in_place(Holds holds, bool whole) {
+MarksOf in_place(Place holds, bool whole) {
   return [holds, whole](const EditModel& model, const EditTools&) {
     std::optional<Gaussians> storage;
     std::vector<Vec3f> reaches;
@@ -75,41 +43,6 @@ MarksOf in_place(Holds holds, bool whole) {
       const Vec3d position = Vec3d(model.model.gaussians.mean[i]) + model.model.world_offset;
       return holds(position, whole ? Vec3d(reaches[i]) : Vec3d(0.0));
     });
-  };
-}
-
-Holds box_of(const std::string& what, std::string_view values) {
-  const std::vector<double> c = numbers_of_list(values, 6, what);
-  const Box box = box_between({c[0], c[1], c[2]}, {c[3], c[4], c[5]});
-  return [box](const Vec3d& p, const Vec3d& reach) {
-    return box.holds(p - reach) && box.holds(p + reach);
-  };
-}
-
-Holds sphere_of(const std::string& what, std::string_view values) {
-  const std::vector<double> c = numbers_of_list(values, 4, what);
-  if (!(c[3] > 0)) throw UsageError(what + ": the radius must be above 0");
-  return [center = Vec3d{c[0], c[1], c[2]}, r = c[3]](const Vec3d& p, const Vec3d& reach) {
-    Vec3d far = p - center;  // the farthest corner of the box around the Gaussian
-    for (int axis = 0; axis < 3; ++axis) far[axis] = std::abs(far[axis]) + reach[axis];
-    return inner(far, far) <= r * r;
-  };
-}
-
-Holds polygon_of(std::string_view file, PolygonPlane plane) {
-  return [area = read_polygon(file), plane](const Vec3d& p, const Vec3d& reach) {
-    for (const double a : {-1.0, 0.0, 1.0})  // corners, middles of sides, and the mean
-      for (const double b : {-1.0, 0.0, 1.0})
-        if (!area.holds({p[plane.first] + a * reach[plane.first],
-                         p[plane.second] + b * reach[plane.second]}))
-          return false;
-    return true;
-  };
-}
-
-Holds range_of_axis(int axis, const Interval& range) {
-  return [axis, range](const Vec3d& p, const Vec3d& reach) {
-    return range.holds(p[axis] - reach[axis]) && range.holds(p[axis] + reach[axis]);
   };
 }
 
@@ -294,16 +227,6 @@ const EditCamera& camera_named(const EditModel& model, const std::string& name) 
                       : "did you mean " + nearest + "?"));
 }
 
-PolygonPlane polygon_plane(std::string_view word) {
-  constexpr std::string_view kAxes = "xyz";
-  const auto axis = [&](std::size_t i) {
-    return i < word.size() ? kAxes.find(word[i]) : kAxes.npos;
-  };
-  if (word.size() != 2 || axis(0) == kAxes.npos || axis(1) == kAxes.npos || axis(0) == axis(1))
-    throw UsageError(fmt::format("{} is no plane; name two axes, such as xz or xy", word));
-  return {int(axis(0)), int(axis(1))};
-}
-
 Contributions training_contributions(const EditModel& model, const EditTools& tools) {
   std::vector<Camera> cameras;
   for (const EditCamera& camera : model.cameras)
@@ -328,26 +251,6 @@ std::vector<SelectionKind> selection_kinds() {
   std::vector<SelectionKind> result;
   for (const Kind& kind : kinds()) result.push_back(kind.shown);
   return result;
-}
-
-std::vector<double> numbers_of_list(std::string_view text, std::size_t count,
-                                    const std::string& what) {
-  std::vector<double> numbers;
-  for (std::string_view left = text; !left.empty() || numbers.empty();) {
-    const std::size_t end = std::min(left.find(','), left.size());
-    double value;
-    if (!parse_number(left.substr(0, end), value) || !std::isfinite(value))
-      throw UsageError(
-          fmt::format("{}: \"{}\" is no number; give {} with commas between and "
-                      "without spaces",
-                      what, left.substr(0, end), count));
-    numbers.push_back(value);
-    left.remove_prefix(std::min(end + 1, left.size()));
-  }
-  if (numbers.size() != count)
-    throw UsageError(
-        fmt::format("{}: these are {} numbers, and it takes {}", what, numbers.size(), count));
-  return numbers;
 }
 
 }  // namespace gs

@@ -9,6 +9,7 @@
 
 #include "gs_app/edit/contributions.h"
 #include "gs_app/edit/edit_model.h"
+#include "gs_app/edit/places/places.h"
 #include "gs_core/edit/select.h"
 #include "gs_train/backend.h"
 
@@ -31,21 +32,6 @@ Contributions training_contributions(const EditModel& model, const EditTools& to
 /// The camera of this name, with or without the extension of a photo. Throws UsageError.
 const EditCamera& camera_named(const EditModel& model, const std::string& name);
 
-/// The two axes of the plane in which polygons lie: x = 0, y = 1, z = 2.
-struct PolygonPlane {
-  int first = 0, second = 2;  // the floor of a model whose up is y
-};
-/// "xz", "xy", "yz" and so on. Throws UsageError.
-PolygonPlane polygon_plane(std::string_view word);
-
-/// How places are meant.
-struct PlaceOptions {
-  PolygonPlane plane;
-  // Whether all of a Gaussian has to be inside, to three standard deviations, or its mean alone. It
-  // counts for boxes, spheres, polygons and ranges of coordinates.
-  bool whole = false;
-};
-
 struct Selection {
   std::string text;            // as it was given
   bool needs_cameras = false;  // of the run or scene
@@ -63,9 +49,5 @@ struct SelectionKind {
   std::string name, values, meaning;
 };
 std::vector<SelectionKind> selection_kinds();
-
-/// "1,2,3" as finite numbers, exactly `count` of them. Throws UsageError that begins with `what`.
-std::vector<double> numbers_of_list(std::string_view text, std::size_t count,
-                                    const std::string& what);
 
 }  // namespace gs

@@ -10,7 +10,7 @@
 
 #include "gs_app/edit/edit_picture.h"
 #include "gs_app/edit/merge_models.h"
-#include "gs_app/edit/polygon_file.h"
+#include "gs_app/edit/places/polygon_file.h"
 #include "gs_app/export/export_model.h"
 #include "gs_core/bake_filter.h"
 #include "gs_core/error.h"

@@ -7,7 +7,7 @@
 #include "data_loaders/cameras/exposure_file.h"
 #include "data_loaders/reconstruct/colmap_plan.h"
 #include "data_loaders/reconstruct/scene_state.h"
-#include "gs_app/edit/polygon_file.h"
+#include "gs_app/edit/places/polygon_file.h"
 #include "gs_app/run/photometric_file.h"
 #include "gs_app/run/run_folder.h"
 #include "tests/fuzz/fuzz_target.h"
