@@ -98,9 +98,11 @@ ModelPointer edit(const Model& model, const py::args& operations, const py::obje
 }
 
 // Keeps the rows where the array is `value`.
-ModelPointer chosen(const Model& model, const py::array& rows, bool value) {
+ModelPointer chosen(const Model& model, const py::object& given, bool value) {
+  const py::array rows = py::array::ensure(given);
   const auto count = py::ssize_t(model.model.gaussians.count());
-  if (!py::isinstance<py::array_t<bool>>(rows) || rows.ndim() != 1 || rows.shape(0) != count)
+  if (!rows || !py::isinstance<py::array_t<bool>>(rows) || rows.ndim() != 1 ||
+      rows.shape(0) != count)
     throw UsageError(
         fmt::format("rows must be an array of {} booleans, one for each Gaussian, such as "
                     "model.opacities > 0.1",
@@ -143,11 +145,11 @@ default those of the run from which the model was loaded.
 about: the point that turn, scale and up leave where it is. plane: that of polygons. whole: all of
 a Gaussian has to be in a place, and not its mean alone. decimate_by: merge or drop. device: where contributions are rendered.)");
   model.def(
-      "keep", [](const Model& self, const py::array& rows) { return chosen(self, rows, true); },
+      "keep", [](const Model& self, const py::object& rows) { return chosen(self, rows, true); },
       py::arg("rows"),
       "A new model of the Gaussians where `rows`, an array of N booleans, is True.");
   model.def(
-      "drop", [](const Model& self, const py::array& rows) { return chosen(self, rows, false); },
+      "drop", [](const Model& self, const py::object& rows) { return chosen(self, rows, false); },
       py::arg("rows"),
       "A new model of the Gaussians where `rows`, an array of N booleans, is False.");
   module.def(

@@ -13,6 +13,7 @@
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
 #include "gs_core/io/byte_reader.h"
+#include "gs_core/log.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {
@@ -68,6 +69,11 @@ void take_moment(OpenedModel& opened, double time) {
 Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene) {
   if (dataset.source.empty())
     throw UsageError("the photos are not known; give the scene with --data SCENE");
+  if (opened.input_from_model)
+    log_warning(
+        "{} was turned, scaled or moved after training, and does not lie where the photos' cameras "
+        "are; name the file that it was made from",
+        opened.ply.string());
   const bool has_file = opened.run && !is_other_scene && fs::exists(opened.run->exposures());
   if (has_file) dataset.exposure = false;
   Scene scene = load_scene(dataset);

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "gs_core/edit/merge_gaussians.h"
+#include "gs_core/math/activations.h"
 #include "gs_core/math/covariance.h"
 #include "gs_core/math/rotation.h"
 

@@ -100,7 +100,11 @@ TEST_F(EditVerb, AMovedFileSaysSoAndExportKeepsTheWayBack) {
   EXPECT_EQ(read_model(path("b.csv")).gaussians.mean[3],
             read_model(path("a.ply")).gaussians.mean[3]);
   EXPECT_NEAR(json("b.csv.transforms.json")["input_from_file"][0][3].get<double>(), -5, 1e-9);
+  const std::string compared = " --data " + text("scene") + " --device cpu";
+  EXPECT_THAT(run("eval " + text("b.csv") + compared).err,
+              HasSubstr("was turned, scaled or moved"));
   ASSERT_EQ(edit("--keep z=..4 -o " + text("c.ply")).code, 0);
+  EXPECT_EQ(run("eval " + text("c.ply") + compared).err, "");
   EXPECT_FALSE(json("c.ply.transforms.json").contains("was_moved"));
 }
 
