@@ -170,7 +170,7 @@ Straightened straighten(EditModel& model) {
   result.by_cameras = !cameras.empty();
   double radius = kFloorRadius * frame.radius;
   if (!result.by_cameras) {
-    frame.up = up_of_surfaces(gaussians);
+    frame.up = up_of_levels(gaussians);
     radius = frame.radius;
   }
   const double height = floor_height(gaussians, frame.up, frame.center, radius);

@@ -5,55 +5,113 @@
 #include <cmath>
 #include <numbers>
 
-#include "gs_core/edit/merge_gaussians.h"
+#include "gs_core/edit/select.h"
+#include "gs_core/geometry/outliers.h"
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/math/activations.h"
-#include "gs_core/math/rotation.h"
 
 namespace gs {
 namespace {
 
-constexpr double kConesInDegrees[] = {45, 30, 20, 12, 8, 8, 8};
-constexpr double kLowestShare = 0.02;   // of the Gaussians may lie below the floor
-constexpr float kFaintest = 0.1f;       // opacity of a Gaussian that counts for the floor
-constexpr float kLeastFlatness = 0.5f;  // the thinnest axis is at most half of the next one
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kMostTilt = 45 * kDegree, kCoarseStep = 3 * kDegree;
+constexpr double kFirstStep = 2 * kDegree, kLastStep = 0.05 * kDegree;
+constexpr int kAround = 8;                   // directions around one that are compared with it
+constexpr int kHeightSteps = 100;            // of the radius
+constexpr std::size_t kMostLooked = 50'000;  // at Gaussians, evenly chosen
+constexpr double kMostWeightShare = 0.95;    // heavier Gaussians count as this one in all
+constexpr double kLowestShare = 0.02;        // of the Gaussians may lie below the floor
+constexpr float kFaintest = 0.1f;            // opacity of a Gaussian that counts
 
-/// A direction and how much it counts.
-struct Normal {
-  Vec3d direction;
-  double weight;
+/// What counts for heights: positions relative to their median, and how much each one counts.
+struct HeightSamples {
+  std::vector<Vec3d> positions;
+  std::vector<double> weights;
+  double radius = 0;  // none is farther from the median
 };
 
-std::vector<Normal> normals_of(const Gaussians& gaussians) {
-  std::vector<Normal> normals;
-  for (std::size_t i = 0; i < gaussians.count(); ++i) {
-    const Quatf& q = gaussians.rotation[i];
-    const Vec3f& s = gaussians.log_scale[i];
-    if (is_degenerate(q) || !is_finite(s) || !is_finite(gaussians.mean[i])) continue;
-    const int thin = s.x <= s.y && s.x <= s.z ? 0 : s.y <= s.z ? 1 : 2;
-    const double next = std::min(s[(thin + 1) % 3], s[(thin + 2) % 3]);
-    const double flatness = 1 - std::exp(double(s[thin]) - next);
-    const double weight = flatness * merge_shape_of(gaussians, i).mass();
-    if (flatness < kLeastFlatness || !(weight > 0) || !std::isfinite(weight)) continue;
-    const Mat3<double> R = rotation_matrix(Quat<double>{q.w, q.x, q.y, q.z});
-    normals.push_back({{R.row0[thin], R.row1[thin], R.row2[thin]}, weight});
+HeightSamples height_samples(const Gaussians& gaussians) {
+  const std::vector<float> coverages = coverages_of(gaussians);
+  std::vector<std::size_t> rows;
+  for (std::size_t i = 0; i < gaussians.count(); ++i)
+    if (is_finite(gaussians.mean[i]) && std::isfinite(coverages[i]) &&
+        sigmoid(gaussians.logit_opacity[i]) >= kFaintest)
+      rows.push_back(i);
+  const std::size_t step = rows.size() / kMostLooked + 1;
+  HeightSamples all, near;
+  for (std::size_t n = 0; n < rows.size(); n += step) {
+    all.positions.push_back(Vec3d(gaussians.mean[rows[n]]));
+    all.weights.push_back(coverages[rows[n]]);
   }
-  return normals;
+  if (all.weights.empty()) return near;
+  const Vec3d median = median_position(all.positions);
+  near.radius = ordinary_distance(median, all.positions);
+  std::vector<double> sorted = all.weights;
+  std::sort(sorted.begin(), sorted.end());
+  const double most = sorted[std::size_t(kMostWeightShare * double(sorted.size() - 1))];
+  for (std::size_t n = 0; n < all.weights.size(); ++n) {
+    const Vec3d from_median = all.positions[n] - median;
+    if (inner(from_median, from_median) > near.radius * near.radius) continue;
+    near.positions.push_back(from_median);
+    near.weights.push_back(std::min(all.weights[n], most));
+  }
+  return near;
+}
+
+// The sum of the squared weights of all heights along `up`.
+double levelness(const HeightSamples& samples, const Vec3d& up) {
+  std::vector<double> counts(2 * kHeightSteps + 2);
+  for (std::size_t n = 0; n < samples.positions.size(); ++n) {
+    const double height = inner(samples.positions[n], up) / samples.radius;
+    counts[std::size_t((height + 1) * kHeightSteps)] += samples.weights[n];
+  }
+  double sum = 0;
+  for (const double count : counts) sum += count * count;
+  return sum;
+}
+
+// `count` directions at an angle from another one, evenly around it.
+std::vector<Vec3d> directions_around(const Vec3d& axis, double angle, int count) {
+  const Vec3d a = unit(cross(axis, std::abs(axis.x) < 0.5 ? Vec3d(1, 0, 0) : Vec3d(0, 0, 1)));
+  const Vec3d b = cross(axis, a);
+  std::vector<Vec3d> directions;
+  for (int k = 0; k < count; ++k) {
+    const double turn = 2 * std::numbers::pi * k / count;
+    const Vec3d aside = std::cos(turn) * a + std::sin(turn) * b;
+    directions.push_back(unit(std::cos(angle) * axis + std::sin(angle) * aside));
+  }
+  return directions;
+}
+
+// The direction of the most level one; the first of equal ones.
+Vec3d most_level(const HeightSamples& samples, const std::vector<Vec3d>& directions) {
+  std::vector<double> scores(directions.size());
+  parallel_for(directions.size(), 8,
+               [&](std::size_t i) { scores[i] = levelness(samples, directions[i]); });
+  return directions[std::size_t(std::max_element(scores.begin(), scores.end()) - scores.begin())];
 }
 
 }  // namespace
 
-Vec3d up_of_surfaces(const Gaussians& gaussians) {
-  const std::vector<Normal> normals = normals_of(gaussians);
-  Vec3d up(0.0, -1.0, 0.0);
-  for (const double degrees : kConesInDegrees) {
-    const double least = std::cos(degrees * std::numbers::pi / 180);
-    Vec3d sum(0.0);
-    for (const auto& [direction, weight] : normals) {
-      const double cosine = inner(direction, up);  // a normal has no sign
-      if (std::abs(cosine) >= least) sum += (cosine < 0 ? -weight : weight) * direction;
-    }
-    if (inner(sum, sum) > 0) up = sum / length(sum);
+Vec3d up_of_levels(const Gaussians& gaussians) {
+  const HeightSamples samples = height_samples(gaussians);
+  const Vec3d start(0.0, -1.0, 0.0);
+  if (!(samples.radius > 0)) return start;
+  std::vector<Vec3d> directions = {start};
+  for (double tilt = kCoarseStep; tilt <= kMostTilt + 1e-9; tilt += kCoarseStep) {
+    const int around = int(std::ceil(2 * std::numbers::pi * std::sin(tilt) / kCoarseStep));
+    const std::vector<Vec3d> ring = directions_around(start, tilt, around);
+    directions.insert(directions.end(), ring.begin(), ring.end());
+  }
+  Vec3d up = most_level(samples, directions);
+  for (double step = kFirstStep; step >= kLastStep;) {
+    directions = directions_around(up, step, kAround);
+    std::erase_if(directions,
+                  [&](const Vec3d& d) { return inner(d, start) < std::cos(kMostTilt); });
+    directions.insert(directions.begin(), up);
+    const Vec3d better = most_level(samples, directions);
+    if (better == up) step /= 2;
+    up = better;
   }
   return up;
 }

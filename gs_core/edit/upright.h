@@ -6,14 +6,14 @@
 
 namespace gs {
 
-/// The up direction of a model without cameras, from the flat Gaussians of its floor and of other
-/// level surfaces. Each flat Gaussian has a normal, its thinnest axis, which counts by opacity,
-/// surface and flatness. The direction starts at -y, which is up in COLMAP's axes, and goes to the
-/// mean of all normals within a cone around it, several times, while the cone becomes narrower.
+/// The up direction of a model without cameras: the one along which the most Gaussians have the same
+/// height, because floors, tables and steps are level. Heights are counted in a hundred steps of the
+/// model's radius; each Gaussian counts by opacity and surface, and the sum of the squared counts is
+/// largest for the direction. All directions within 45 degrees of -y, which is up in COLMAP's axes,
+/// are compared. Faint Gaussians, and the tenth that is farthest from the median, are left out.
 ///
-/// Unit length; -y where no Gaussian says anything. A floor that is tilted by more than 45 degrees
-/// is not found. Gaussians without time.
-Vec3d up_of_surfaces(const Gaussians& gaussians);
+/// Unit length; -y where no Gaussian says anything. Gaussians without time and without a 3D filter.
+Vec3d up_of_levels(const Gaussians& gaussians);
 
 /// The height of the floor along `up` (unit length), relative to `center`: of the Gaussians that are
 /// not faint and not farther from the center than `radius`, one in fifty lies lower. 0 where there

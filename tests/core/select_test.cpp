@@ -107,32 +107,35 @@ TEST(Polygon, AHalfLineThroughAVertexCrossesOnce) {
   EXPECT_FALSE(kite.holds({-1, 2}));
 }
 
-// A floor of flat Gaussians below, tilted by 20 degrees about z, and a wall.
+// A floor with a table on it, a wall, and things at random, tilted about z.
 Gaussians tilted_room(double tilt) {
   Draws draws(4);
-  Gaussians g(900, host_memory());
-  const double half = tilt / 2, wall_half = half + M_PI / 4;
-  for (std::size_t i = 0; i < g.count(); ++i) {
-    const bool is_floor = i % 3 != 0;
-    const Vec3f in_room = is_floor ? Vec3f(draws.uniform(-2, 2), 1, draws.uniform(-2, 2))
-                                   : Vec3f(2, draws.uniform(-1, 1), draws.uniform(-2, 2));
+  std::vector<Vec3f> means;
+  const auto add = [&](const Vec3f& p) {
     const float c = float(std::cos(tilt)), s = float(std::sin(tilt));
-    set_gaussian(g, i, {c * in_room.x - s * in_room.y, s * in_room.x + c * in_room.y, in_room.z},
-                 0.1f, 0.8f);
-    g.log_scale[i].y = std::log(0.001f);  // thin along its y axis
-    const double h = is_floor ? half : wall_half;
-    g.rotation[i] = {float(std::cos(h)), 0, 0, float(std::sin(h))};
-  }
-  return g;
+    means.push_back({c * p.x - s * p.y, s * p.x + c * p.y, p.z});
+  };
+  for (int i = 0; i < 600; ++i) add({draws.uniform(-2, 2), 1, draws.uniform(-2, 2)});
+  for (int i = 0; i < 100; ++i) add({draws.uniform(-1, 0), 0.3f, draws.uniform(-1, 0)});
+  for (int i = 0; i < 900; ++i) add({2, draws.uniform(-1, 1), draws.uniform(-2, 2)});
+  for (int i = 0; i < 300; ++i) add(draws.uniform3(-1, 1));
+  return spheres(means);
 }
 
 TEST(Upright, LevelSurfacesSayWhichWayIsUpAndWallsDoNot) {
-  const double tilt = 20 * M_PI / 180;
-  const Vec3d up = up_of_surfaces(tilted_room(tilt));
-  EXPECT_NEAR(up.x, std::sin(tilt), 1e-3);
-  EXPECT_NEAR(up.y, -std::cos(tilt), 1e-3);
-  EXPECT_NEAR(up.z, 0, 1e-3);
-  EXPECT_EQ(up_of_surfaces(spheres({{0, 0, 0}})), Vec3d(0, -1, 0));  // nothing is flat
+  for (const double degrees : {0.0, 20.0, -30.0}) {
+    const double tilt = degrees * M_PI / 180;
+    const Vec3d up = up_of_levels(tilted_room(tilt));
+    EXPECT_NEAR(up.x, std::sin(tilt), 0.01) << degrees;
+    EXPECT_NEAR(up.y, -std::cos(tilt), 0.01) << degrees;
+    EXPECT_NEAR(up.z, 0, 0.01) << degrees;
+  }
+}
+
+TEST(Upright, WithoutGaussiansThatCountUpIsMinusY) {
+  EXPECT_EQ(up_of_levels(spheres({})), Vec3d(0, -1, 0));
+  EXPECT_EQ(up_of_levels(spheres({{1, 2, 3}})), Vec3d(0, -1, 0));
+  EXPECT_EQ(up_of_levels(spheres({{kNan, 2, 3}})), Vec3d(0, -1, 0));
 }
 
 TEST(Upright, TheFloorIsTheLowestOfWhatIsNearAndNotFaint) {
