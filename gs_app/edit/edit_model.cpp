@@ -181,6 +181,13 @@ Straightened straighten(EditModel& model) {
   return result;
 }
 
+void restore_frame(EditModel& model) {
+  if (!model.input_from_model) return;
+  const Mat4d numbers_from_now = translation(-model.model.world_offset);
+  transform_edited(model, transform_of(multiply(*model.input_from_model, numbers_from_now)));
+  model.input_from_model.reset();
+}
+
 void decimate_by_merging(EditModel& model, std::size_t count, const DecimateOptions& options) {
   if (!model.model.gaussians.has_time && model.model.gaussians.count() <= count) return;
   decimate(model.model.gaussians, count, options);

@@ -99,6 +99,14 @@ EditStep straightening(const std::string& what, const std::string&, const EditOp
           }};
 }
 
+EditStep restoring_frame(const std::string& what, const std::string&, const EditOptions&) {
+  return {what, false, false, [](EditSession& s) {
+            const bool was_moved = s.model.input_from_model.has_value();
+            restore_frame(s.model);
+            return std::string(was_moved ? "" : "the model was not moved");
+          }};
+}
+
 // --- Making less
 
 EditStep decimating(const std::string& what, const std::string& value, const EditOptions& options) {
@@ -162,6 +170,8 @@ const std::vector<Kind>& kinds() {
         "is "
         "that of the cameras or, without, of level surfaces"},
        straightening},
+      {{"restore-frame", "", "bring a model that was moved back to where the photos' cameras are"},
+       restoring_frame},
       {{"decimate", "N|SHARE", "leave so many Gaussians, or this share of them (0.25, 25%)"},
        decimating},
       {{"sh-degree", "0..3", "remove the SH coefficients beyond this degree"}, limiting_sh},

@@ -72,7 +72,7 @@ Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_
   if (opened.input_from_model)
     log_warning(
         "{} was turned, scaled or moved after training, and does not lie where the photos' cameras "
-        "are; name the file that it was made from",
+        "are; bring it back with `gemsplat edit --restore-frame`",
         opened.ply.string());
   const bool has_file = opened.run && !is_other_scene && fs::exists(opened.run->exposures());
   if (has_file) dataset.exposure = false;

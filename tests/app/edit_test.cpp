@@ -310,6 +310,24 @@ TEST_F(Edit, FarFromTheOriginNothingIsLost) {
   EXPECT_NEAR(length(in_photos_frame(s.model, 7) - before), 0, 1e-5);
 }
 
+TEST_F(Edit, TheFrameOfThePhotosIsRestored) {
+  for (const Vec3d& offset : {Vec3d(0.0), kUtm}) {
+    EditSession s = typical(offset);
+    EditOptions options;
+    options.about = offset;
+    const Vec3d before = in_photos_frame(s.model, 7);
+    const std::vector<float> picture_before = picture(s);
+    for (const auto& [name, value] :
+         {std::pair("turn", "10,20,30"), std::pair("scale", "3"), std::pair("move", "1,2,3")})
+      apply(s, name, value, options);
+    apply(s, "restore-frame");
+    EXPECT_FALSE(s.model.input_from_model);
+    EXPECT_NEAR(length(in_photos_frame(s.model, 7) - before), 0, 1e-5);
+    EXPECT_LT(share_that_differs(picture(s), picture_before), 1e-3);
+    EXPECT_EQ(apply(s, "restore-frame").note, "the model was not moved");
+  }
+}
+
 TEST_F(Edit, StraightenMakesTheCamerasUpMinusYAndPutsTheFloorAtZero) {
   EditSession s = typical();
   s.model.cameras.clear();
