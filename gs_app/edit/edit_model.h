@@ -2,9 +2,11 @@
 // A trained model that is being edited: rows are chosen, the whole is moved, its size is reduced.
 // Its cameras move with it, and it remembers the way back to the photos' frame.
 //
-//   EditModel model = model_to_edit(open_model("out/scene", {}));
-//   model.cameras = cameras_to_edit(*opened.run, model);
-//   keep_rows(model, rows_marked(marks));
+//   OpenedModel opened = open_model("out/scene", {});
+//   const RunFolder run = *opened.run;
+//   EditModel model = model_to_edit(std::move(opened));
+//   model.cameras = cameras_to_edit(run, model);
+//   keep_rows(model, rows_marked(marks));                        // select.h
 //   straighten(model);
 //   ExportRequest request{"small.spz"};
 //   request.input_from_model = model.input_from_model;

@@ -416,6 +416,7 @@ TEST_F(Edit, TheSidecarLeadsBackThroughSeveralEdits) {
   for (const char* ending : {".ply", ".csv", ".glb"})
     for (const Vec3d& offset : {Vec3d(0.0), kUtm}) {
       EditSession s = typical(offset);
+      s.model.model.antialiased = true;
       const Vec3d before = in_photos_frame(s.model, 7);
       EditOptions options;
       options.about = offset;
@@ -427,6 +428,7 @@ TEST_F(Edit, TheSidecarLeadsBackThroughSeveralEdits) {
       export_model(s.model.model, request);
       s.model = model_to_edit(open_model(first, {}));
       EXPECT_NEAR(length(in_photos_frame(s.model, 7) - before), 0, 1e-3) << ending << offset.x;
+      EXPECT_TRUE(s.model.model.antialiased);  // no column of a .csv says so
       apply(s, "move", "1,2,3");
       request = {second};
       request.input_from_model = s.model.input_from_model;
@@ -452,6 +454,20 @@ TEST_F(Edit, AMoveIsThereAfterReadingAgain) {
   EXPECT_NEAR(again.model.gaussians.mean[7].x, before.x + 5, 1e-5);
   ASSERT_TRUE(again.input_from_model);
   EXPECT_NEAR(again.input_from_model->m[0][3], -5, 1e-9);
+}
+
+TEST_F(Edit, ASidecarWhoseMatrixIsNoTurnIsIgnored) {
+  const TempFolder folder;
+  const std::filesystem::path file = folder.path() / "a.ply";
+  export_model(typical().model.model, {file});
+  for (const char* row : {"[0,0,0,0]", "[1,1,0,0]", "[-1,0,0,0]"}) {
+    write_bytes(sidecar_of(file), fmt::format(R"({{"antialiased": true, "input_from_file":
+        [{},[0,1,0,0],[0,0,1,0],[0,0,0,1]]}})",
+                                              row));
+    const OpenedModel opened = open_model(file, {});
+    EXPECT_FALSE(opened.input_from_model) << row;
+    EXPECT_FALSE(opened.model.antialiased) << row;
+  }
 }
 
 TEST_F(Edit, CamerasOfAFileFitAModelThatWasMovedBefore) {
