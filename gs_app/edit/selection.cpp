@@ -238,10 +238,10 @@ Contributions training_contributions(const EditModel& model, const EditTools& to
 }
 
 Selection selection_of(const std::string& text, const PlaceOptions& places) {
-  const std::size_t equals = text.find('=');
-  const std::string name = text.substr(0, equals);
+  const std::size_t end = std::min(text.find_first_of("=<>:"), text.size());
+  const std::string name = text.substr(0, end);
   const Kind& kind = kind_named(text, name);
-  const std::string value = equals == text.npos ? "" : text.substr(equals + 1);
+  const std::string value = text.substr(end).starts_with('=') ? text.substr(end + 1) : "";
   if (value.empty() && !kind.shown.values.empty())
     throw UsageError(fmt::format("{} needs a value: {}={}", text, name, kind.shown.values));
   return {text, kind.needs_cameras, kind.make(text, value, places)};

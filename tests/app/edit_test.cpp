@@ -171,6 +171,7 @@ TEST_F(Edit, WordsThatAreNotUnderstoodAreRefusedBeforeAnyWork) {
   };
   EXPECT_THAT(error("keep", "opacty=0.1.."), HasSubstr("did you mean opacity?"));
   EXPECT_THAT(error("keep", "opacity"), HasSubstr("needs a value: opacity=LOW..HIGH"));
+  EXPECT_THAT(error("keep", "opacity>0.1"), HasSubstr("needs a value: opacity=LOW..HIGH"));
   EXPECT_THAT(error("keep", "opacity=..abc"), HasSubstr("\"abc\" is no number"));
   EXPECT_THAT(error("keep", "opacity=2..1"), HasSubstr("\"2..1\" is no range"));
   EXPECT_THAT(error("keep", "opacity=.."), HasSubstr("is no range"));
