@@ -64,15 +64,16 @@ std::vector<std::string> files_of_table(const std::string& folder, const ExportO
   return files;
 }
 
-std::vector<ExportRequest> requests_of(const ExportCommand& command, const GaussianModel& model,
+std::vector<ExportRequest> requests_of(const ExportCommand& command, const OpenedModel& opened,
                                        int sh_degree) {
+  const GaussianModel& model = opened.model;
   const ModelTransform transform = transform_of(command, model);
   std::vector<ExportRequest> requests;
   if (command.table && command.outputs.size() != 1)
     throw UsageError("--table takes one folder, in which it writes a file of each format");
   for (const std::string& file :
        command.table ? files_of_table(command.outputs[0], command.options, model) : command.outputs)
-    requests.push_back({file, command.options, transform, sh_degree});
+    requests.push_back({file, command.options, transform, sh_degree, opened.input_from_model});
   std::set<std::filesystem::path> names;
   for (const ExportRequest& request : requests) {
     check_export(request, command.force);
@@ -143,8 +144,7 @@ void run_export(const ExportCommand& command) {
   if (command.time) take_moment(opened, *command.time);
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
-  const std::vector<ExportRequest> requests =
-      requests_of(command, opened.model, config.model.sh_degree);
+  const std::vector<ExportRequest> requests = requests_of(command, opened, config.model.sh_degree);
   if (command.unmeasured || !is_any_lossy(requests, opened.model.sh_degree))
     return export_all(command, requests, opened.model, nullptr);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);

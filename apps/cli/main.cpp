@@ -109,6 +109,7 @@ int run(int argc, const char* const* argv) {
   add_render(program);
   add_view(program);
   add_prune(program);
+  add_edit(program);
   add_export(program);
   add_info(program);
   add_bench(program);

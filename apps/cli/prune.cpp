@@ -16,15 +16,15 @@
 #include "apps/cli/verbs.h"
 #include "data_loaders/formats/coding/finite_rows.h"
 #include "data_loaders/formats/model_transform.h"
+#include "gs_app/edit/contributions.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
-#include "gs_app/run/progress_bar.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
+#include "gs_core/edit/select.h"
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_train/density/contribution.h"
 #include "gs_train/density/floaters.h"
 #include "gs_train/metrics.h"
 
@@ -62,12 +62,12 @@ class Kept {
   }
   /// Keeps the `count` rows with the largest scores, of equal ones the first; returns how many go.
   std::size_t keep_best(std::size_t count, const std::vector<float>& score) {
-    const std::size_t before = rows_.size();
-    std::stable_sort(rows_.begin(), rows_.end(),
-                     [&](std::uint32_t a, std::uint32_t b) { return score[a] > score[b]; });
-    rows_.resize(std::min(count, before));
-    std::sort(rows_.begin(), rows_.end());
-    return before - rows_.size();
+    std::vector<float> of_kept;
+    for (const std::uint32_t row : rows_) of_kept.push_back(score[row]);
+    std::vector<std::uint32_t> best;
+    for (const std::uint32_t k : rows_with_largest(of_kept, count)) best.push_back(rows_[k]);
+    rows_.swap(best);
+    return best.size() - rows_.size();
   }
   const std::vector<std::uint32_t>& rows() const { return rows_; }
 
@@ -85,29 +85,10 @@ struct Pruning {
   const RenderSettings& settings;
 };
 
-// (N) the largest share in any view.   pixels
-std::vector<float> largest_shares(Renderer& renderer, const GaussiansSpan& gaussians,
-                                  const std::vector<View>& views, const RenderSettings& settings,
-                                  bool show_progress) {
-  std::vector<float> largest(gaussians.mean.size);
-  ContributionMeter meter(renderer, gaussians, settings);
-  ProgressBar bar(std::int64_t(views.size()), show_progress);
-  std::int64_t done = 0;
-  for (const View& view : views) {
-    const std::vector<float>& shares = meter.measure(view.camera);
-    for (std::size_t i = 0; i < largest.size(); ++i) largest[i] = std::max(largest[i], shares[i]);
-    if (bar.due(++done)) bar.draw(done, "contributions", "view");
-  }
-  bar.clear();
-  return largest;
-}
-
-bool is_inside(const std::vector<double>& box, const Vec3d& point) {
-  for (int axis = 0; axis < 3; ++axis) {
-    const auto [low, high] = std::minmax(box[axis], box[3 + axis]);
-    if (!(point[axis] >= low && point[axis] <= high)) return false;
-  }
-  return true;
+std::vector<Camera> cameras_of(const std::vector<View>& views) {
+  std::vector<Camera> cameras;
+  for (const View& view : views) cameras.push_back(view.camera);
+  return cameras;
 }
 
 // Applies the rules one after another, in the order of Removed.
@@ -115,17 +96,19 @@ Removed apply_rules(const Pruning& p, Kept& kept) {
   const PruneCommand& command = p.command;
   const Gaussians& host = p.model.gaussians;
   Removed removed;
-  if (!command.box.empty())
-    removed.outside = kept.remove([&](std::size_t i) {
-      return !is_inside(command.box, Vec3d(host.mean[i]) + p.model.world_offset);
-    });
+  if (const std::vector<double>& c = command.box; !c.empty()) {
+    const Box box = box_between({c[0], c[1], c[2]}, {c[3], c[4], c[5]});
+    removed.outside = kept.remove(
+        [&](std::size_t i) { return !box.holds(Vec3d(host.mean[i]) + p.model.world_offset); });
+  }
   if (command.opacity > 0)
     removed.faint = kept.remove(
         [&](std::size_t i) { return sigmoid(host.logit_opacity[i]) < command.opacity; });
   std::vector<float> shares;
   if (command.contribution > 0 || command.keep < 1)
-    shares = largest_shares(p.renderer, p.gaussians.span(), p.scene.train_views, p.settings,
-                            !command.quiet);
+    shares = contributions_of(p.renderer, p.gaussians.span(), cameras_of(p.scene.train_views),
+                              p.settings, !command.quiet)
+                 .largest;
   if (command.contribution > 0)
     removed.unseen = kept.remove([&](std::size_t i) { return shares[i] < command.contribution; });
   if (command.clearance > 0) {
@@ -224,7 +207,9 @@ void prune(const PruneCommand& command) {
   GaussianModel result = rows_of(opened.model, kept.rows());
   limit_sh_degree(result, config.model.sh_degree);
   const Measured after = measured(copy_to(backend->memory(), result));
-  export_model(result, {command.output});
+  ExportRequest request{command.output};
+  request.input_from_model = opened.input_from_model;
+  export_model(result, request);
   if (command.json)
     print_json(command, opened, split, removed, before, after);
   else

@@ -21,6 +21,7 @@ void add_eval(CLI::App& program);
 void add_render(CLI::App& program);
 void add_view(CLI::App& program);
 void add_prune(CLI::App& program);
+void add_edit(CLI::App& program);
 void add_export(CLI::App& program);
 void add_info(CLI::App& program);
 void add_bench(CLI::App& program);

@@ -120,6 +120,16 @@ std::vector<NamedCamera> load_cameras(const std::filesystem::path& path,
 
 }  // namespace
 
+std::vector<NamedCamera> named_cameras_of(const py::object& cameras) {
+  std::vector<NamedCamera> result;
+  if (cameras.is_none()) return result;
+  for (const py::handle& camera : cameras.cast<py::iterable>()) {
+    if (!py::isinstance<NamedCamera>(camera)) throw UsageError("cameras must be a list of Camera");
+    result.push_back(camera.cast<const NamedCamera&>());
+  }
+  return result;
+}
+
 void bind_camera(py::module_& module) {
   py::class_<NamedCamera> camera(
       module, "Camera",

@@ -9,6 +9,7 @@
 
 #include "apps/python/arrays.h"
 #include "apps/python/devices.h"
+#include "apps/python/edit.h"
 #include "apps/python/outputs.h"
 #include "gs_app/run/open_model.h"
 #include "gs_core/error.h"
@@ -19,17 +20,6 @@ namespace gs::python {
 namespace {
 
 using ModelPointer = std::shared_ptr<Model>;
-
-ModelPointer copied(const Model& from) {
-  auto model = std::make_shared<Model>();
-  model->ply = from.ply;
-  model->run = from.run;
-  model->config = from.config;
-  model->model = host_copy(from.model.gaussians, from.model.sh_degree, from.model.antialiased);
-  model->model.is_ours = from.model.is_ours;
-  model->model.world_offset = from.model.world_offset;
-  return model;
-}
 
 // ---- to arrays ---------------------------------------------------------------------------------
 
@@ -84,7 +74,8 @@ ModelPointer load(const std::filesystem::path& path, std::optional<int> step) {
 
 std::size_t save(const Model& model, const std::filesystem::path& path, bool replace,
                  int spz_version) {
-  const ExportRequest request = export_request(path, replace, spz_version);
+  ExportRequest request = export_request(path, replace, spz_version);
+  request.input_from_model = model.input_from_model;
   const Work work;
   return export_model(model.model, request).gaussians;
 }
@@ -152,6 +143,18 @@ void bind_activated(py::class_<Model, ModelPointer>& model) {
 
 }  // namespace
 
+ModelPointer copy_of_model(const Model& from) {
+  auto model = std::make_shared<Model>();
+  model->ply = from.ply;
+  model->run = from.run;
+  model->config = from.config;
+  model->input_from_model = from.input_from_model;
+  model->model = host_copy(from.model.gaussians, from.model.sh_degree, from.model.antialiased);
+  model->model.is_ours = from.model.is_ours;
+  model->model.world_offset = from.model.world_offset;
+  return model;
+}
+
 void bind_model(py::module_& module) {
   py::class_<Model, ModelPointer> model(
       module, "Model",
@@ -177,7 +180,7 @@ or log_scales, opacities or logit_opacities, colors or sh0. Without sh_rest the 
   bind_activated(model);
   model.def("__len__", [](const Model& self) { return self.model.gaussians.count(); });
   model.def("__repr__", description);
-  model.def("copy", copied, py::call_guard<py::gil_scoped_release>(),
+  model.def("copy", copy_of_model, py::call_guard<py::gil_scoped_release>(),
             "A model with its own memory.");
   model.def(
       "save", save, py::call_guard<py::gil_scoped_release>(), py::arg("path"), py::kw_only(),
@@ -198,6 +201,7 @@ A file that is there already is refused (UsageError), or with replace=True kept 
         return py::make_tuple(offset.x, offset.y, offset.z);
       },
       "Three floats: add them to the means to get the photos' own coordinates; 0 for most scenes.");
+  bind_edits(module, model);
   module.def(
       "load", load, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
       py::arg("step") = py::none(),

@@ -25,6 +25,9 @@ struct ModelArrays {
 std::shared_ptr<Model> make_model(const ModelArrays& arrays, bool antialiased,
                                   const pybind11::object& world_offset);
 
+/// A model with its own memory.
+std::shared_ptr<Model> copy_of_model(const Model& model);
+
 void bind_model(pybind11::module_& module);
 
 }  // namespace gs::python

@@ -23,11 +23,7 @@ namespace fs = std::filesystem;
 
 std::vector<Camera> cameras_of(const py::object& cameras) {
   std::vector<Camera> result;
-  if (cameras.is_none()) return result;
-  for (const py::handle& camera : cameras.cast<py::iterable>()) {
-    if (!py::isinstance<NamedCamera>(camera)) throw UsageError("cameras must be a list of Camera");
-    result.push_back(camera.cast<const NamedCamera&>().camera);
-  }
+  for (const NamedCamera& named : named_cameras_of(cameras)) result.push_back(named.camera);
   return result;
 }
 
@@ -48,7 +44,9 @@ py::dict export_file(const Model& model, const fs::path& path, const py::object&
   std::optional<ExportedFile> written;
   {
     const py::gil_scoped_release release;
-    written = write(model, export_request(path, replace, spz_version), viewpoints, device);
+    ExportRequest request = export_request(path, replace, spz_version);
+    request.input_from_model = model.input_from_model;
+    written = write(model, request, viewpoints, device);
   }
   py::dict result(py::arg("file") = written->file,
                   py::arg("format") = std::string(written->format->name),

@@ -78,4 +78,20 @@ GaussianModel moment_of(const GaussianModel& model, double time) {
   return result;
 }
 
+Gaussians middles_of_lives(const Gaussians& gaussians) {
+  Gaussians result(gaussians.count(), host_memory());
+  parallel_for(gaussians.count(), 1024, [&](std::size_t i) {
+    write_moment(gaussians, i, gaussians.time_mean[i], result, i);
+    if (is_degenerate(spacetime_shape_of(gaussians, i).rotations)) result.log_scale[i] = Vec3f(NAN);
+  });
+  return result;
+}
+
+Life life_of(const Gaussians& gaussians, std::size_t i) {
+  const SpacetimeShape<double> shape = spacetime_shape_of(gaussians, i);
+  // exp(-dt^2 / (2 S_tt)) is kMinMarginal at either end
+  const double half = std::sqrt(-2 * std::log(double(kMinMarginal)) * covariance(shape).time);
+  return {shape.time_mean - half, shape.time_mean + half};
+}
+
 }  // namespace gs

@@ -16,6 +16,8 @@
 namespace gs {
 namespace {
 
+constexpr double kRounding = 1e-12;  // a turn or scaling by less is none
+
 /// How a turn R mixes SH coefficients: f'(d) = f(R^T d) has, since the basis Y is orthonormal,
 ///
 ///   c'_i = sum_j D_ij c_j,   D_ij = integral over the sphere of Y_i(d) Y_j(R^T d)
@@ -103,6 +105,7 @@ void transform_model(GaussianModel& model, const ModelTransform& transform) {
     const Vec3d from_center = Vec3d(g.mean[i]) - transform.center;
     g.mean[i] = Vec3f(transform.scale * (turns ? multiply(R, from_center) : from_center));
     g.log_scale[i] += Vec3f(log_scale);
+    if (g.has_filter) g.filter_scale[i] *= float(transform.scale);
     if (!turns) return;
     if (g.has_time) {
       const QuatPair<double> turn = turn_of_space(transform.turn);
@@ -141,6 +144,18 @@ Mat4d matrix_of(const ModelTransform& transform) {
   }
   result.m[3][3] = 1;
   return result;
+}
+
+ModelTransform transform_of(const Mat4d& similarity) {
+  const auto row = [&](int i) {
+    return Vec3d{similarity.m[i][0], similarity.m[i][1], similarity.m[i][2]};
+  };
+  double scale = std::sqrt(inner(row(0), row(0)));
+  if (std::abs(scale - 1) < kRounding) scale = 1;
+  Quat<double> turn = quaternion_of(Mat3<double>{row(0) / scale, row(1) / scale, row(2) / scale});
+  if (std::abs(turn.x) + std::abs(turn.y) + std::abs(turn.z) < kRounding) turn = {1, 0, 0, 0};
+  const Mat4d back = inverse_of(similarity);
+  return {{back.m[0][3], back.m[1][3], back.m[2][3]}, turn, scale};
 }
 
 Mat4d multiply(const Mat4d& a, const Mat4d& b) {

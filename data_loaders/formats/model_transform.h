@@ -38,8 +38,12 @@ ModelTransform inverse_of(const ModelTransform& transform);
 /// Transforms as matrices for columns (x y z 1), by rows.
 struct Mat4d {
   double m[4][4];
+
+  bool operator==(const Mat4d&) const = default;
 };
 Mat4d matrix_of(const ModelTransform& transform);
+/// The opposite, for a matrix that turns, scales evenly and moves.
+ModelTransform transform_of(const Mat4d& similarity);
 Mat4d multiply(const Mat4d& a, const Mat4d& b);
 Mat4d diagonal(const Vec3f& signs);
 Mat4d translation(const Vec3d& by);

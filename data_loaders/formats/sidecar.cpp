@@ -4,10 +4,10 @@
 #include <cmath>
 #include <new>
 #include <nlohmann/json.hpp>
-#include <vector>
 
 #include "gs_core/access.h"
 #include "gs_core/error.h"
+#include "gs_core/geometry/vectors.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/read_json.h"
 #include "gs_core/log.h"
@@ -20,6 +20,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr double kSameAxis = 1e-9;  // entries of a matrix that differ by less are the same
+constexpr double kSimilar = 1e-6;   // products of a matrix's rows may be off by so much
 
 Json rows_of(const Mat4d& matrix) {
   Json rows = Json::array();
@@ -52,17 +53,47 @@ Json json_of(const ExportedFile& exported) {
                {"file_from_input", rows_of(inverse_of(frames.input_from_file()))},
                {"input_from_train", rows_of(frames.input_from_train)},
                {"train_from_input", rows_of(inverse_of(frames.input_from_train))}};
+  if (exported.was_moved) json["was_moved"] = true;
   if (const auto& fidelity = exported.fidelity)
     json["fidelity"] = {
         {"psnr", fidelity->psnr}, {"ssim", fidelity->ssim}, {"num_views", fidelity->num_views}};
   return json;
 }
 
-/// Whether the upper left 3x3 of `rows` is the diagonal of these signs: no turn, no scale.
-bool has_plain_axes(const std::vector<std::vector<double>>& rows, const AxisSigns& signs) {
+/// What a sidecar says of its file.
+struct Sidecar {
+  Mat4d input_from_file{};
+  bool antialiased = false, was_moved = false;
+};
+
+/// Whether the matrix turns, scales evenly and moves, as all that gemsplat writes do.
+bool is_similarity(const Mat4d& matrix) {
+  const auto row = [&](int i) { return Vec3d{matrix.m[i][0], matrix.m[i][1], matrix.m[i][2]}; };
+  const double scale = length(row(0));
+  return is_rotation(Mat3<double>{row(0) / scale, row(1) / scale, row(2) / scale}, kSimilar);
+}
+
+Sidecar read_sidecar(const fs::path& path) {
+  const Json json = read_json(path);
+  Sidecar sidecar;
+  take_from_json(path, "export the model again", [&] {
+    const Json& rows = json.at("input_from_file");
+    for (std::size_t i = 0; i < 4; ++i)
+      for (std::size_t j = 0; j < 4; ++j)
+        sidecar.input_from_file.m[i][j] = rows.at(i).at(j).get<double>();
+    sidecar.antialiased = json.at("antialiased").get<bool>();
+    sidecar.was_moved = json.value("was_moved", false);
+  });
+  if (!is_similarity(sidecar.input_from_file))
+    throw Error("input_from_file does not turn, scale evenly and move; export the model again");
+  return sidecar;
+}
+
+/// Whether the matrix has these signs on its diagonal and moves, but neither turns nor scales.
+bool has_plain_axes(const Mat4d& matrix, const AxisSigns& signs) {
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j)
-      if (std::abs(rows.at(i).at(j) - (i == j ? double(signs[i]) : 0)) > kSameAxis) return false;
+      if (std::abs(matrix.m[i][j] - (i == j ? double(signs[i]) : 0)) > kSameAxis) return false;
   return true;
 }
 
@@ -85,31 +116,28 @@ void write_sidecar(const ExportedFile& exported) {
   file.commit();
 }
 
-void take_sidecar(const fs::path& file, GaussianModel& model) {
-  const fs::path sidecar = sidecar_of(file);
+std::optional<Mat4d> take_sidecar(const fs::path& file, GaussianModel& model) {
+  const fs::path path = sidecar_of(file);
   const ModelFormat* const format = find_format(file);
-  if (!format || !fs::exists(sidecar)) return;
+  if (!format || !fs::exists(path)) return {};
   try {
-    const Json json = read_json(sidecar);
-    std::vector<std::vector<double>> rows;
-    bool antialiased = false;
-    take_from_json(sidecar, "export the model again", [&] {
-      rows = json.at("input_from_file").get<std::vector<std::vector<double>>>();
-      antialiased = json.at("antialiased").get<bool>();
-    });
-    if (!has_plain_axes(rows, format->signs)) return;
-    const Vec3d offset{rows.at(0).at(3), rows.at(1).at(3), rows.at(2).at(3)};
-    // A format that adds the offset was read without it already; `offset` is what is still missing.
-    model.world_offset = format->adds_world_offset ? model.world_offset + offset : offset;
-    model.antialiased = antialiased;
+    const Sidecar sidecar = read_sidecar(path);
+    const Mat4d& matrix = sidecar.input_from_file;
+    model.antialiased = sidecar.antialiased;
     model.is_ours = true;
+    // A format that adds the offset was read without it already.
+    const Vec3d taken_off = format->adds_world_offset ? model.world_offset : Vec3d(0.0);
+    if (sidecar.was_moved || !has_plain_axes(matrix, format->signs))
+      return multiply(multiply(matrix, diagonal(format->signs)), translation(taken_off));
+    model.world_offset = taken_off + Vec3d{matrix.m[0][3], matrix.m[1][3], matrix.m[2][3]};
   } catch (const AccessError&) {  // without it the model would stand elsewhere
     throw;
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::exception& error) {
-    log_warning("{} is ignored: {}", sidecar.string(), plain_message(error));
+    log_warning("{} is ignored: {}", path.string(), plain_message(error));
   }
+  return {};
 }
 
 }  // namespace gs

@@ -42,6 +42,7 @@ struct ExportedFile {
   std::size_t gaussians = 0;
   std::uint64_t bytes = 0;
   std::optional<Fidelity> fidelity = {};  // where it was measured
+  bool was_moved = false;                 // before: the model has a frame of its own
 
   double bytes_per_gaussian() const { return gaussians ? double(bytes) / double(gaussians) : 0; }
 };
@@ -54,13 +55,16 @@ std::filesystem::path sidecar_of(const std::filesystem::path& file);
 ///   "axes": {"x", "y", "z"}                of the numbers in the file: "right", "up", ...
 ///   "input_from_file", "file_from_input"   4x4 by rows
 ///   "input_from_train", "train_from_input"
+///   "was_moved": true                      only where a model was moved on purpose (gemsplat edit)
 ///   "fidelity": {"psnr", "ssim", "num_views"}
 void write_sidecar(const ExportedFile& exported);
 
 /// Takes from the sidecar of `file`, where there is one, what the format cannot say: whether the
-/// model is antialiased, its world offset, and that gemsplat wrote it. Nothing is taken for a file
-/// that was turned, moved or scaled, which has a frame of its own. A damaged sidecar is ignored,
+/// model is antialiased, its world offset, and that gemsplat wrote it. A damaged sidecar is ignored,
 /// with a warning. `model` is what read_model() gave.
-void take_sidecar(const std::filesystem::path& file, GaussianModel& model);
+///
+/// A file that was turned or scaled, or moved by `gemsplat edit`, has a frame of its own, and no
+/// world offset is taken. Returned is then the matrix from the model's numbers to the photos' frame.
+std::optional<Mat4d> take_sidecar(const std::filesystem::path& file, GaussianModel& model);
 
 }  // namespace gs

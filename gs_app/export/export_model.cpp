@@ -94,6 +94,8 @@ ExportedFile export_model(const GaussianModel& model, const ExportRequest& reque
   keep_older_aside(sidecar);
   ExportedFile exported{request.file, &format, frames_of(format, model, request.transform),
                         std::min(request.sh_degree, model.sh_degree), model.antialiased};
+  exported.was_moved = request.input_from_model.has_value();
+  if (exported.was_moved) exported.frames.input_from_train = *request.input_from_model;
   const bool is_changed = !request.transform.is_identity() || request.sh_degree < model.sh_degree;
   GaussianModel changed;
   if (is_changed) changed = prepared(model, request, format);
@@ -107,7 +109,8 @@ ExportedFile export_model(const GaussianModel& model, const ExportRequest& reque
     exported.fidelity = measure(exported, request.transform, model.world_offset, *viewpoints);
     write_sidecar(exported);
   }
-  if (!request.transform.turns_or_scales()) say_where(exported, model.world_offset);
+  if (!request.transform.turns_or_scales() && !exported.was_moved)
+    say_where(exported, model.world_offset);
   return exported;
 }
 

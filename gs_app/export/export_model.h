@@ -10,6 +10,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -24,6 +25,8 @@ struct ExportRequest {
   ExportOptions options = {};
   ModelTransform transform = {};
   int sh_degree = kMaxShDegree;  // the file has no higher one
+  // Where the model was moved before: from its numbers to the photos' frame (OpenedModel).
+  std::optional<Mat4d> input_from_model = {};
 };
 
 /// Throws UsageError where `file` exists and may not be moved aside (`force`), or is not a file. The

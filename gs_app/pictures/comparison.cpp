@@ -94,6 +94,13 @@ Image8 flip_picture(const Image8& photo, const Image8& render) {
   return result;
 }
 
+Image8 side_by_side(const Image8& left, const Image8& right) {
+  Image8 canvas(left.width + kGap + right.width, std::max(left.height, right.height), 3, 255);
+  paste(left, 0, 0, canvas);
+  paste(right, left.width + kGap, 0, canvas);
+  return canvas;
+}
+
 Image8 comparison_picture(const std::vector<Comparison>& comparisons) {
   GS_CHECK(!comparisons.empty());
   const Image8& first = comparisons.front().photo;

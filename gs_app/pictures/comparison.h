@@ -21,6 +21,9 @@ Image8 error_picture(const Image8& photo, const Image8& render);
 /// have the same size.
 Image8 flip_picture(const Image8& photo, const Image8& render);
 
+/// Two pictures next to each other on white; they may differ in size.
+Image8 side_by_side(const Image8& left, const Image8& right);
+
 /// Photo, render and error side by side on white: one view in a row, or two if the pictures are
 /// upright. All pictures get the same width, 320 to 640 pixels. `comparisons` is not empty.
 Image8 comparison_picture(const std::vector<Comparison>& comparisons);

@@ -13,6 +13,7 @@
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
 #include "gs_core/io/byte_reader.h"
+#include "gs_core/log.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {
@@ -46,7 +47,7 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
     opened.config.train = {};  // rendering may use another device than training did
   }
   opened.model = read_model(opened.ply);
-  take_sidecar(opened.ply, opened.model);
+  opened.input_from_model = take_sidecar(opened.ply, opened.model);
   opened.config.model.sh_degree = opened.model.sh_degree;
   opened.config.render.antialias = opened.model.antialiased;
   // as it was trained
@@ -68,6 +69,11 @@ void take_moment(OpenedModel& opened, double time) {
 Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene) {
   if (dataset.source.empty())
     throw UsageError("the photos are not known; give the scene with --data SCENE");
+  if (opened.input_from_model)
+    log_warning(
+        "{} was turned, scaled or moved after training, and does not lie where the photos' cameras "
+        "are; bring it back with `gemsplat edit --restore-frame`",
+        opened.ply.string());
   const bool has_file = opened.run && !is_other_scene && fs::exists(opened.run->exposures());
   if (has_file) dataset.exposure = false;
   Scene scene = load_scene(dataset);

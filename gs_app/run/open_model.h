@@ -18,6 +18,9 @@ struct OpenedModel {
   std::filesystem::path ply;     // or a file of another format
   std::optional<RunFolder> run;  // where a folder was named
   GaussianModel model;
+  // From the model's numbers to the photos' frame, where the file was turned or scaled, or moved by
+  // `gemsplat edit`. Elsewhere that is a shift by the world offset.
+  std::optional<Mat4d> input_from_model = {};
   // the run's, but its [train], or the defaults; SH degree, antialiasing and, where another trainer
   // wrote it, the classic blending rule of the PLY
   Config config;

@@ -67,6 +67,15 @@ TEST(ModelTransform, MeansScalesAndAxesGoAlong) {
   }
 }
 
+TEST(ModelTransform, SizesOf3dFiltersAreScaled) {
+  GaussianModel model = random_model(3, 0);
+  model.gaussians.has_filter = true;
+  model.gaussians.resize(3);
+  model.gaussians.filter_scale[1] = 0.5f;
+  transform_model(model, some_transform());
+  EXPECT_NEAR(model.gaussians.filter_scale[1], 1.25f, 1e-6);
+}
+
 TEST(ModelTransform, TheInverseTakesTheModelBack) {
   const GaussianModel before = random_model(5, 3);
   GaussianModel after = random_model(5, 3);

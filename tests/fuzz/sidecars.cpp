@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Small JSON files beside models and scenes: the sidecar of an export, exposure.json, photometric.json,
-// split.json and reconstruct.json, whose list of files says what may be removed.
+// split.json and reconstruct.json, whose list of files says what may be removed; and areas, in GeoJSON
+// or as text.
 #include "data_loaders/formats/sidecar.h"
 
 #include "data_loaders/cameras/exposure_file.h"
 #include "data_loaders/reconstruct/colmap_plan.h"
 #include "data_loaders/reconstruct/scene_state.h"
+#include "gs_app/edit/places/polygon_file.h"
 #include "gs_app/run/photometric_file.h"
 #include "gs_app/run/run_folder.h"
 #include "tests/fuzz/fuzz_target.h"
@@ -35,6 +37,7 @@ void read(std::string_view bytes) {
     file_of("model.ply.transforms.json", bytes);
     take_sidecar(file, model);
   });
+  takes([&] { read_polygon(file_of("area.txt", bytes)); });
   takes([&] { read_exposures(file_of("exposure.json", bytes)); });
   takes([&] { read_photometric(file_of("photometric.json", bytes)); });
   takes([&] {

@@ -203,5 +203,59 @@ class WithoutNumPy(TestCase):
         self.assertIn(f"gemsplat needs NumPy, and {sys.executable} lacks it", done.stderr)
 
 
+class Edits(TestCase):
+    def test_rows_are_kept_or_dropped_by_an_array_and_the_model_stays(self):
+        model = gemsplat.Model(**random_arrays(), antialiased=True, world_offset=(1, 2, 3))
+        faint = model.opacities < 0.5
+        kept, dropped = model.keep(faint), model.drop(faint)
+        np.testing.assert_array_equal(kept.means, model.means[faint])
+        np.testing.assert_array_equal(dropped.sh_rest, model.sh_rest[~faint])
+        self.assertEqual(len(model), 50)
+        self.assertEqual((kept.antialiased, kept.world_offset, kept.sh_degree), (True, (1.0, 2.0, 3.0), 3))
+
+    def test_operations_apply_in_their_order(self):
+        model = gemsplat.Model(**random_arrays())
+        edited = model.edit("move 10,0,0", "keep x=10..", "sh-degree 1")
+        right = model.means[:, 0] >= 0
+        np.testing.assert_allclose(edited.means, model.means[right] + [10, 0, 0], rtol=1e-6)
+        self.assertEqual(edited.sh_rest.shape[1], 3)
+        self.assertEqual(len(model.edit("decimate 0.5")), 25)
+        self.assertEqual(len(model.edit("decimate 10", decimate_by="drop")), 10)
+        turned = model.edit("turn 0,0,90", about=(1, 0, 0))
+        np.testing.assert_allclose(turned.means[:, 0], 1 - model.means[:, 1], atol=1e-5)
+
+    def test_cameras_choose(self):
+        model = gemsplat.Model(**random_arrays())
+        camera = gemsplat.Camera(64, 48, 60, name="front")
+        seen = model.edit("keep view=front", cameras=[camera])
+        self.assertTrue(np.all(seen.means[:, 2] > 0))
+        self.assertGreater(len(seen), 0)
+        self.assertLessEqual(len(model.edit("keep seen=1", cameras=[camera], device="cpu")), 50)
+        self.assert_refused("needs cameras", model.edit, "keep seen=1")
+
+    def test_models_are_merged_in_the_frame_of_the_first(self):
+        model = gemsplat.Model(**random_arrays())
+        both = gemsplat.merge([model, model.edit("move 5,0,0")])
+        np.testing.assert_allclose(both.means[50:], model.means, atol=1e-5)
+        both = gemsplat.merge([model, model.edit("move 5,0,0")], as_stored=True)
+        np.testing.assert_allclose(both.means[50:], model.means + [5, 0, 0], atol=1e-5)
+
+    def test_a_moved_model_is_saved_with_the_way_back(self):
+        gemsplat.Model(**random_arrays()).edit("move 5,0,0").save(self.folder / "moved.ply")
+        again = gemsplat.load(self.folder / "moved.ply")
+        np.testing.assert_allclose(again.means[:, 0], random_arrays()["means"][:, 0] + 5, rtol=1e-5)
+        back = gemsplat.merge([gemsplat.Model(**random_arrays()), again])
+        np.testing.assert_allclose(back.means[50:], back.means[:50], atol=1e-5)
+
+    def test_mistakes_are_refused(self):
+        model = gemsplat.Model(**random_arrays())
+        self.assert_refused("did you mean opacity", model.edit, "keep opacty=0.1..")
+        self.assert_refused("operations are words", model.edit, model.opacities > 0.5)
+        self.assert_refused("an array of 50 booleans", model.keep, [True])
+        self.assert_refused("an array of 50 booleans", model.keep, np.arange(50))
+        self.assert_refused("decimate_by must be", model.edit, "decimate 5", decimate_by="magic")
+        self.assert_refused("one model at least", gemsplat.merge, [])
+
+
 if __name__ == "__main__":
     unittest.main()

@@ -1,0 +1,306 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat edit: crops, merges, moves and shrinks trained models. Operations apply in the order in
+// which they stand on the command line.
+#include <spdlog/fmt/fmt.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "apps/cli/options.h"
+#include "apps/cli/verbs.h"
+#include "data_loaders/photos/photos.h"
+#include "gs_app/edit/edit_picture.h"
+#include "gs_app/edit/edit_step.h"
+#include "gs_app/edit/merge_models.h"
+#include "gs_app/export/export_model.h"
+#include "gs_app/run/make_backend.h"
+#include "gs_app/run/text.h"
+#include "gs_core/error.h"
+#include "gs_core/threads/parallel.h"
+#include "gs_render/render_settings.h"
+
+namespace gs {
+namespace {
+
+struct EditCommand : CommandLine {
+  const CLI::App* verb = nullptr;
+  std::vector<std::string> inputs;
+  std::string output, cameras, picture, picture_view;
+  std::map<std::string, std::vector<std::string>> values;  // of each kind of operation, in order
+  std::string about = "0,0,0", plane = "xz", decimate_by = "merge", antialiased;
+  std::optional<int> step;
+  ExportOptions options;
+  bool whole = false, as_stored = false, dry_run = false, json = false, force = false;
+};
+
+// The operations in the order in which they stand.
+std::vector<EditStep> steps_of(const EditCommand& command) {
+  const std::vector<double> about = numbers_of_list(command.about, 3, "--about");
+  const EditOptions options{{about[0], about[1], about[2]},
+                            {polygon_plane(command.plane), command.whole},
+                            command.decimate_by == "merge"};
+  std::map<std::string, std::size_t> used;
+  std::vector<EditStep> steps;
+  for (const CLI::Option* option : command.verb->parse_order()) {
+    const auto values = command.values.find(option->get_name().substr(2));
+    if (values == command.values.end()) continue;
+    const std::size_t n = used[values->first]++;
+    const bool is_flag = values->second.empty();
+    steps.push_back(edit_step(values->first, is_flag ? "" : values->second.at(n), options));
+  }
+  return steps;
+}
+
+void check(const EditCommand& command, const std::vector<EditStep>& steps) {
+  if (steps.empty() && command.inputs.size() < 2)
+    throw UsageError(
+        "there is nothing to do; give operations, such as --keep opacity=0.1.., or several models "
+        "to merge");
+  if (command.output.empty() && !command.dry_run)
+    throw UsageError("there is no file to write; name it with -o, or give --dry-run");
+  if (!command.output.empty() && !command.dry_run)
+    check_export({command.output, command.options}, command.force);
+  if (!command.picture.empty()) check_place(command.picture, command.force);
+  if (!command.picture_view.empty() && command.picture.empty())
+    throw UsageError("--picture-view goes with --picture FILE.png");
+}
+
+bool any_of(const std::vector<EditStep>& steps, bool EditStep::*wish) {
+  return std::any_of(steps.begin(), steps.end(), [&](const EditStep& s) { return s.*wish; });
+}
+
+// The cameras that go with one of the models; none where they are not known.
+std::vector<EditCamera> cameras_of(const EditCommand& command, const Config& config,
+                                   const std::optional<RunFolder>& run, const EditModel& model) {
+  if (!command.cameras.empty()) return cameras_to_edit(command.cameras, model);
+  if (command.has("dataset.source")) return cameras_to_edit(config.dataset, model);
+  if (run && std::filesystem::exists(run->cameras())) return cameras_to_edit(*run, model);
+  return {};
+}
+
+/// All models as one, with what is known of each.
+struct Opened {
+  EditModel model;
+  Config config;  // that of the first
+  nlohmann::ordered_json inputs = nlohmann::ordered_json::array();
+};
+
+Opened open_all(const EditCommand& command, bool with_cameras) {
+  Opened result;
+  std::vector<NamedModel> models;
+  bool cameras_are_shared = false;
+  for (const std::string& input : command.inputs) {
+    OpenedModel opened = open_model(input, command.step);
+    const Config config = resolve(command, opened.config);
+    if (models.empty()) result.config = config;
+    result.inputs.push_back(
+        {{"file", opened.ply.string()}, {"gaussians", opened.model.gaussians.count()}});
+    const std::optional<RunFolder> run = opened.run;
+    models.push_back({opened.ply.string(), model_to_edit(std::move(opened))});
+    if (with_cameras && !cameras_are_shared)
+      models.back().model.cameras = cameras_of(command, config, run, models.back().model);
+    cameras_are_shared = !command.cameras.empty() || command.has("dataset.source");
+  }
+  MergeOptions options{command.as_stored, {}};
+  if (!command.antialiased.empty()) options.antialiased = command.antialiased == "yes";
+  result.model = merge_models(std::move(models), options);
+  return result;
+}
+
+RenderSettings settings_of(const EditModel& model, Config config) {
+  config.model.sh_degree = model.model.sh_degree;
+  config.render.antialias = model.model.antialiased;
+  RenderSettings settings = render_settings(config);
+  settings.for_backward = false;
+  return settings;
+}
+
+std::string line_of(const std::string& text, std::size_t count, const std::string& note) {
+  return fmt::format("{:<40} {:>12}{}\n", text, with_commas(count),
+                     note.empty() ? "" : "   " + note);
+}
+
+std::string line_of(const StepReport& report) {
+  std::string note = report.note;
+  if (report.after < report.before)
+    note = fmt::format("{} fewer{}{}", with_commas(report.before - report.after),
+                       note.empty() ? "" : ", ", note);
+  return line_of(report.text, report.after, note);
+}
+
+nlohmann::ordered_json json_of(const StepReport& report) {
+  nlohmann::ordered_json json = {
+      {"step", report.text}, {"before", report.before}, {"after", report.after}};
+  if (!report.note.empty()) json["note"] = report.note;
+  return json;
+}
+
+std::optional<ExportedFile> write(const EditCommand& command, const EditModel& model) {
+  if (command.dry_run) return {};
+  ExportRequest request{command.output, command.options};
+  request.input_from_model = model.input_from_model;
+  return export_model(model.model, request);
+}
+
+void print_json(const EditCommand& command, const nlohmann::ordered_json& inputs,
+                const std::vector<StepReport>& reports, const EditModel& model,
+                const std::optional<ExportedFile>& written) {
+  nlohmann::ordered_json steps = nlohmann::ordered_json::array();
+  for (const StepReport& report : reports) steps.push_back(json_of(report));
+  nlohmann::ordered_json json = {{"inputs", inputs},
+                                 {"steps", steps},
+                                 {"gaussians", model.model.gaussians.count()},
+                                 {"sh_degree", model.model.sh_degree},
+                                 {"was_moved", model.input_from_model.has_value()}};
+  if (written) json["output"] = written->file.string(), json["bytes"] = written->bytes;
+  if (!command.picture.empty()) json["picture"] = command.picture;
+  std::cout << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n";
+}
+
+bool wants_cameras(const EditCommand& command, const std::vector<EditStep>& steps) {
+  return any_of(steps, &EditStep::needs_cameras) || any_of(steps, &EditStep::likes_cameras) ||
+         !command.picture_view.empty();
+}
+
+void check_format(const EditCommand& command, const GaussianModel& model) {
+  if (command.output.empty()) return;
+  const bool has_time = model.gaussians.has_time && command.values.at("time").empty();
+  check_holds(format_to_write(command.output), has_time, command.output);
+}
+
+// Applies all steps and prints a line for each.
+std::vector<StepReport> apply_all(const std::vector<EditStep>& steps, EditSession& session,
+                                  bool says) {
+  std::vector<StepReport> reports;
+  for (const EditStep& step : steps) {
+    reports.push_back(apply_step(session, step));
+    if (says) std::cout << line_of(reports.back()) << std::flush;
+  }
+  return reports;
+}
+
+void write_picture(const std::string& file, const Image8& picture) {
+  keep_older_aside(file);
+  write_png(file, picture);
+}
+
+void edit(const EditCommand& command) {
+  setup_log(command.verbosity());
+  const std::vector<EditStep> steps = steps_of(command);
+  check(command, steps);
+  Opened opened = open_all(command, wants_cameras(command, steps));
+  set_thread_count(opened.config.train.threads);
+  check_format(command, opened.model.model);
+
+  std::unique_ptr<Backend> backend;  // made when something is rendered
+  EditSession session{std::move(opened.model), {}};
+  session.tools = {[&]() -> Backend& {
+                     if (!backend) backend = make_backend(opened.config.train.device);
+                     return *backend;
+                   },
+                   settings_of(session.model, opened.config), !command.quiet};
+  std::optional<EditPicture> picture;
+  if (!command.picture.empty()) picture.emplace(session.model, session.tools, command.picture_view);
+
+  const bool says = !command.quiet && !command.json;
+  const std::size_t inputs = command.inputs.size();
+  if (says)
+    std::cout << line_of(inputs == 1 ? command.inputs[0] : fmt::format("{} models merged", inputs),
+                         session.model.model.gaussians.count(), "");
+  const std::vector<StepReport> reports = apply_all(steps, session, says);
+  const std::optional<ExportedFile> written = write(command, session.model);
+  if (picture) write_picture(command.picture, picture->beside(session.model));
+  if (command.json) print_json(command, opened.inputs, reports, session.model, written);
+  if (says) std::cout << (written ? summary(*written, nullptr) : "nothing is written") << "\n";
+}
+
+void add_operations(CLI::App& verb, EditCommand& command) {
+  for (const EditStepKind& kind : edit_step_kinds()) {
+    std::vector<std::string>& values = command.values[kind.name];
+    CLI::Option& option = kind.values.empty()
+                              ? *verb.add_flag("--" + kind.name, kind.meaning)
+                              : *verb.add_option("--" + kind.name, values, kind.meaning)
+                                     ->type_name(kind.values)
+                                     ->expected(1)
+                                     ->allow_extra_args(false)
+                                     ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+    option.group("Operations, in the order in which they are given");
+  }
+}
+
+// What --keep and --drop take, for the end of the help.
+std::string selections_text() {
+  std::string text = "What --keep and --drop take (ranges may lack an end: 0.1.. or ..0.1):\n";
+  for (const SelectionKind& kind : selection_kinds()) {
+    if (kind.meaning.empty()) continue;
+    const std::string form = kind.values.empty() ? kind.name : kind.name + "=" + kind.values;
+    text += fmt::format("  {:<24} {}\n", form, kind.meaning);
+  }
+  return text;
+}
+
+}  // namespace
+
+void add_edit(CLI::App& program) {
+  CLI::App& verb =
+      *program.add_subcommand("edit", "Crop, merge, move, straighten and shrink trained models");
+  const auto command = std::make_shared<EditCommand>();
+  command->verb = &verb;
+  verb.add_option("model", command->inputs,
+                  "models in any format that gemsplat reads, or runs' folders; several are merged "
+                  "first, in the frame of the first one")
+      ->type_name("MODEL|RUN")
+      ->required();
+  verb.add_option("-o,--output", command->output,
+                  "file to write; its ending chooses the format: " + format_names())
+      ->type_name("FILE");
+  verb.add_option("--iteration", command->step,
+                  "which model of a run: the one saved after this step [the newest]")
+      ->type_name("STEP");
+  add_operations(verb, *command);
+  verb.add_option("--about", command->about,
+                  "the point that --turn, --scale and --up leave where it is [0,0,0]")
+      ->type_name("X,Y,Z");
+  verb.add_option("--plane", command->plane,
+                  "the two axes of the plane of polygons: xz is the floor of a straightened model, "
+                  "xy that of a map [xz]")
+      ->type_name("AXES");
+  verb.add_flag("--whole", command->whole,
+                "a Gaussian is in a box, sphere, polygon or range of coordinates if all of it is, "
+                "to three standard deviations [its mean counts]");
+  verb.add_option("--decimate-by", command->decimate_by,
+                  "merge: merge near and similar Gaussians; drop: drop those that contribute least "
+                  "to the training views [merge]")
+      ->check(CLI::IsMember({"merge", "drop"}))
+      ->type_name("HOW");
+  verb.add_flag("--as-stored", command->as_stored,
+                "merge the numbers of the files as they stand, whatever their sidecars say of "
+                "their frames");
+  verb.add_option("--antialiased", command->antialiased,
+                  "whether merged models are rendered antialiased, if they do not agree")
+      ->check(CLI::IsMember({"yes", "no"}))
+      ->type_name("yes|no");
+  verb.add_option("--cameras", command->cameras,
+                  "cameras.json, transforms.json or COLMAP model instead of the run's cameras")
+      ->type_name("FILE");
+  verb.add_option("--picture", command->picture,
+                  "write a picture of the model before and after, side by side")
+      ->type_name("FILE.png");
+  verb.add_option("--picture-view", command->picture_view,
+                  "the camera of that picture [one outside of the model]")
+      ->type_name("NAME");
+  verb.add_flag("--dry-run", command->dry_run,
+                "print the number of Gaussians after each operation, and write no model");
+  verb.add_flag("--json", command->json, "print JSON");
+  verb.add_flag("--force", command->force, "if a file exists, move it to FILE.bak-N first");
+  add_camera_options(verb, *command, "-d,--data,-s,--source-path");
+  add_general_options(verb, *command);
+  verb.footer(selections_text());
+  verb.callback([command] { edit(*command); });
+}
+
+}  // namespace gs

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// A trained model that is being edited: rows are chosen, the whole is moved, its size is reduced.
+// Its cameras move with it, and it remembers the way back to the photos' frame.
+//
+//   OpenedModel opened = open_model("out/scene", {});
+//   const RunFolder run = *opened.run;
+//   EditModel model = model_to_edit(std::move(opened));
+//   model.cameras = cameras_to_edit(run, model);
+//   keep_rows(model, rows_marked(marks));                        // select.h
+//   straighten(model);
+//   ExportRequest request{"small.spz"};
+//   request.input_from_model = model.input_from_model;
+//   export_model(model.model, request);
+//
+// Coordinates that users give are those of the model as it is at that moment: means plus world
+// offset, in double precision.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "data_loaders/cameras/camera_file.h"
+#include "data_loaders/formats/model_transform.h"
+#include "gs_app/run/open_model.h"
+#include "gs_core/edit/decimate.h"
+
+namespace gs {
+
+struct EditCamera {
+  NamedCamera named;
+  bool is_test = false;  // of a view that training did not see
+};
+
+struct EditModel {
+  GaussianModel model;
+  std::optional<Mat4d> input_from_model;  // as in OpenedModel
+  std::vector<EditCamera> cameras;        // in the frame of the model's numbers
+};
+
+/// The model of a file or run, without cameras.
+EditModel model_to_edit(OpenedModel opened);
+
+/// From the numbers of the model to the photos' frame.
+Mat4d input_from(const EditModel& model);
+
+/// The cameras of a run, of a file (read_cameras.h) or of a scene, in the frame of the model.
+/// Throws Error.
+std::vector<EditCamera> cameras_to_edit(const RunFolder& run, const EditModel& model);
+std::vector<EditCamera> cameras_to_edit(const std::filesystem::path& file, const EditModel& model);
+std::vector<EditCamera> cameras_to_edit(const DatasetConfig& scene, const EditModel& model);
+
+/// Keeps these rows and no others.
+void keep_rows(EditModel& model, const std::vector<std::uint32_t>& rows);
+
+/// The transform x -> scale R (x - center) + center, which leaves `center` where it is.
+ModelTransform transform_about(const Vec3d& center, const Quat<double>& turn, double scale);
+/// The turn about the x axis, then about the y axis, then about the z axis.
+Quat<double> turn_by_degrees(const Vec3d& degrees);
+
+/// Moves the model and its cameras: `transform` is in the model's coordinates. A picture from a
+/// camera that moves along stays as it is, if near and far plane are scaled, too. Throws UsageError
+/// where Gaussians in space and time would be scaled.
+void transform_edited(EditModel& model, const ModelTransform& transform);
+
+/// The same in the numbers of the model, without their world offset. The way to the photos' frame
+/// stays true, also after a mere shift.
+void transform_numbers(EditModel& model, const ModelTransform& transform);
+
+/// The means of up to 100,000 Gaussians, evenly chosen, under a matrix.
+std::vector<Vec3d> positions_under(const Mat4d& matrix, const Gaussians& gaussians);
+/// What to take off such positions so that floats can hold them; 0 where they are near the origin.
+Vec3d offset_of_positions(const std::vector<Vec3d>& positions);
+
+/// How many times the model is as large as in the photos' frame.
+double scale_of(const EditModel& model);
+
+/// What straighten() did.
+struct Straightened {
+  double degrees = 0;  // between the up direction that was found and that of the model before
+  double raised = 0;   // by how much the floor was below the middle, world units
+  bool by_cameras = false;
+};
+/// Turns the model so that up is -y, as viewers show it, and moves it so that the floor is at y = 0
+/// and the middle of the scene above the origin. Up and middle are those of the cameras
+/// (scene_frame.h); without cameras up is that of level surfaces (upright.h) and the middle is the
+/// median of the means.
+Straightened straighten(EditModel& model);
+
+/// Brings a model that was moved back to the photos' frame; others stay as they are.
+void restore_frame(EditModel& model);
+
+/// Merges pairs of Gaussians until `count` are left (decimate.h). Throws UsageError for Gaussians in
+/// space and time.
+void decimate_by_merging(EditModel& model, std::size_t count, const DecimateOptions& options = {});
+
+/// The Gaussians as pictures show them, for questions about size and opacity: with the 3D filter in
+/// scales and opacities, and those in space and time in the middle of their lives. `storage` holds
+/// them where they differ from the model's.
+const Gaussians& drawn_gaussians(const GaussianModel& model, std::optional<Gaussians>& storage);
+
+}  // namespace gs

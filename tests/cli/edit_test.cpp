@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat edit as users run it.
+#include <gmock/gmock.h>
+
+#include "data_loaders/formats/formats.h"
+#include "tests/support/program.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class EditVerb : public Program {
+ protected:
+  void SetUp() override { train("run"); }
+  Outcome edit(const std::string& more) {
+    return run("edit " + text("run") + " " + more + " --device cpu");
+  }
+  std::size_t count(const std::string& name) { return read_model(path(name)).gaussians.count(); }
+};
+
+TEST_F(EditVerb, OperationsApplyInTheOrderOfTheCommandLineAndAreCounted) {
+  const Outcome outcome = edit("--keep z=..4 --move 0,0,10 --keep z=13.5.. -o " + text("a.ply"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("--keep z=..4 "), HasSubstr("fewer"),
+                                 HasSubstr("--move 0,0,10 "), HasSubstr("a.ply: ")));
+  EXPECT_LT(outcome.out.find("--keep z=..4"), outcome.out.find("--move"));
+  EXPECT_LT(outcome.out.find("--move"), outcome.out.find("--keep z=13.5.."));
+  EXPECT_GT(count("a.ply"), 0u);
+  for (const Vec3f& mean : read_model(path("a.ply")).gaussians.mean) {
+    EXPECT_GE(mean.z, 13.5f);
+    EXPECT_LE(mean.z, 14.0f);
+  }
+}
+
+TEST_F(EditVerb, ADryRunWritesNothingAndJsonHasTheCounts) {
+  const Outcome outcome =
+      edit("--drop opacity=..0.1 --decimate 50 --sh-degree 0 --dry-run --json -o " + text("a.ply"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const auto json = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(json["steps"].size(), 3u);
+  EXPECT_EQ(json["steps"][0]["step"], "--drop opacity=..0.1");
+  EXPECT_EQ(json["steps"][1]["after"], 50);
+  EXPECT_EQ(json["gaussians"], 50);
+  EXPECT_EQ(json["sh_degree"], 0);
+  EXPECT_EQ(json["inputs"][0]["gaussians"], json["steps"][0]["before"]);
+  EXPECT_FALSE(json.contains("output"));
+  EXPECT_FALSE(fs::exists(path("a.ply")));
+}
+
+TEST_F(EditVerb, TheRunsCamerasChooseAndTestViewsAreNoTrainingViews) {
+  const auto left = [&](const std::string& what) {
+    const Outcome outcome = edit(what + " --dry-run --json");
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return nlohmann::json::parse(outcome.out)["gaussians"].get<int>();
+  };
+  EXPECT_GT(left("--keep seen=4"), 0);
+  EXPECT_EQ(edit("--keep seen=5.. --dry-run").code, 2);  // six views, two of them held out
+  EXPECT_GT(left("--keep view=view_0"), 0);
+  EXPECT_LE(left("--keep view=view_0.png"), left("--keep view=all"));
+}
+
+TEST_F(EditVerb, ASceneOrAFileGivesTheCamerasOfAFileOfGaussians) {
+  const std::string model = text("run/point_cloud/iteration_20/point_cloud.ply");
+  const Outcome refused = run("edit " + model + " --keep seen=1.. --dry-run");
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("give --data SCENE or --cameras FILE"));
+  const Outcome scene =
+      run("edit " + model + " --keep seen=1.. --dry-run --device cpu --data " + text("scene"));
+  const Outcome file = run("edit " + model + " --keep seen=1.. --dry-run --device cpu --cameras " +
+                           text("run/cameras.json"));
+  EXPECT_EQ(scene.code, 0) << scene.err;
+  EXPECT_EQ(scene.out, file.out);
+}
+
+TEST_F(EditVerb, SeveralModelsAreMergedWhereTheyWereTrained) {
+  ASSERT_EQ(edit("--turn 0,90,0 --keep x=4.. -o " + text("a.ply")).code, 0);
+  ASSERT_EQ(edit("--keep z=..4 -o " + text("b.csv")).code, 0);
+  const Outcome outcome =
+      run("edit " + text("b.csv") + " " + text("a.ply") + " -o " + text("c.ply"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("2 models merged"));
+  EXPECT_EQ(count("c.ply"), count("a.ply") + count("b.csv"));
+  for (const Vec3f& mean : read_model(path("c.ply")).gaussians.mean) EXPECT_GT(mean.z, 2);
+  const Outcome stored =
+      run("edit " + text("b.csv") + " " + text("a.ply") + " --as-stored -o " + text("d.ply"));
+  ASSERT_EQ(stored.code, 0) << stored.err;
+  std::size_t far = 0;  // where the turn left them
+  for (const Vec3f& mean : read_model(path("d.ply")).gaussians.mean) far += mean.x >= 4;
+  EXPECT_EQ(far, count("a.ply"));
+}
+
+TEST_F(EditVerb, AMovedFileSaysSoAndExportKeepsTheWayBack) {
+  ASSERT_EQ(edit("--move 5,0,0 -o " + text("a.ply")).code, 0);
+  EXPECT_EQ(json("a.ply.transforms.json")["was_moved"], true);
+  ASSERT_EQ(run("export " + text("a.ply") + " " + text("b.csv")).code, 0);
+  EXPECT_EQ(read_model(path("b.csv")).gaussians.mean[3],
+            read_model(path("a.ply")).gaussians.mean[3]);
+  EXPECT_NEAR(json("b.csv.transforms.json")["input_from_file"][0][3].get<double>(), -5, 1e-9);
+  const std::string compared = " --data " + text("scene") + " --device cpu";
+  EXPECT_THAT(run("eval " + text("b.csv") + compared).err,
+              HasSubstr("was turned, scaled or moved"));
+  ASSERT_EQ(edit("--keep z=..4 -o " + text("c.ply")).code, 0);
+  EXPECT_THAT(run("eval " + text("c.ply") + compared).err, Not(HasSubstr("was turned")));
+  EXPECT_FALSE(json("c.ply.transforms.json").contains("was_moved"));
+}
+
+TEST_F(EditVerb, APictureIsWrittenEvenInADryRun) {
+  const Outcome outcome = edit("--keep z=..4 --dry-run --picture " + text("a.png"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Image8 picture = read_photo(path("a.png"));
+  EXPECT_EQ(picture.width, 640 + 4 + 640);
+  EXPECT_EQ(edit("--keep z=..4 --dry-run --picture " + text("a.png")).code, 2);  // it is there
+  ASSERT_EQ(
+      edit("--keep z=..4 --dry-run --force --picture-view view_3 --picture " + text("a.png")).code,
+      0);
+  EXPECT_EQ(read_photo(path("a.png")).width, 2 * kWidth + 4);
+  EXPECT_TRUE(fs::exists(path("a.png.bak-1")));
+}
+
+TEST_F(EditVerb, MistakesAreNamedBeforeTheWorkAndNothingIsOverwritten) {
+  const auto refusal = [&](const std::string& more) {
+    const Outcome outcome = edit(more);
+    EXPECT_EQ(outcome.code, 2) << more;
+    return outcome.err;
+  };
+  EXPECT_THAT(refusal("-o " + text("b.ply")), HasSubstr("there is nothing to do"));
+  EXPECT_THAT(refusal("--recenter"), HasSubstr("name it with -o, or give --dry-run"));
+  EXPECT_THAT(refusal("--recenter -o " + text("b.obj")), HasSubstr("does not write .obj"));
+  EXPECT_THAT(refusal("--recenter -o " + text("b.gs4d")), HasSubstr("space and time"));
+  EXPECT_THAT(refusal("--keep opacty=1 -o " + text("b.ply")), HasSubstr("did you mean opacity?"));
+  EXPECT_THAT(refusal("--kep opacity=1 -o " + text("b.ply")), HasSubstr("did you mean --keep?"));
+  EXPECT_THAT(refusal("--keep sphere=9,9,9,1 -o " + text("b.ply")),
+              HasSubstr("no Gaussian is left after --keep sphere=9,9,9,1"));
+  EXPECT_FALSE(fs::exists(path("b.ply")));
+  write_bytes(path("a.ply"), "somebody's");
+  EXPECT_THAT(refusal("--recenter -o " + text("a.ply")),
+              AllOf(HasSubstr("a.ply is there already"), HasSubstr("--force")));
+  ASSERT_EQ(edit("--recenter --force -o " + text("a.ply")).code, 0);
+  EXPECT_EQ(read_bytes(path("a.ply.bak-1")), "somebody's");
+}
+
+TEST_F(EditVerb, TheHelpListsOperationsAndSelections) {
+  const Outcome outcome = run("edit --help");
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("--straighten"), HasSubstr("--decimate N|SHARE"),
+                                 HasSubstr("sphere=X,Y,Z,RADIUS"), Not(HasSubstr("\n  y=LOW"))));
+  std::istringstream lines(outcome.out);
+  for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), 100u) << line;
+}
+
+}  // namespace
+}  // namespace gs
