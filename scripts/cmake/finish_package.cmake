@@ -14,4 +14,9 @@ if(notice)
   file(REMOVE ${folder}/LICENSE)  # every Debian system has the text
   file(APPEND ${folder}/copyright "\nThe Apache License, Version 2.0, is in /usr/share/common-licenses/Apache-2.0.\n")
 endif()
+# nvcc writes the number of its process into each object, as the name of a file.
+file(GLOB_RECURSE libraries ${CPACK_TEMPORARY_INSTALL_DIRECTORY}/*.a)
+foreach(library IN LISTS libraries)
+  execute_process(COMMAND strip --strip-debug --enable-deterministic-archives ${library} COMMAND_ERROR_IS_FATAL ANY)
+endforeach()
 execute_process(COMMAND chmod -R u=rwX,go=rX ${CPACK_TEMPORARY_INSTALL_DIRECTORY} COMMAND_ERROR_IS_FATAL ANY)

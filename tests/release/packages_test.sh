@@ -18,6 +18,7 @@ source "$root/scripts/release/pack.sh"
 rm -rf "$work"
 mkdir -p "$work"
 echo 'int main() {}' | c++ -x c++ - -o "$work/program"
+echo 'int answer() { return 42; }' >"$work/answer.cpp"
 
 # stage FOLDER FILE...: an installed program whose files are made in that order.
 stage() {
@@ -35,11 +36,17 @@ packed() {
   umask "$2"
   shift 2
   stage "$tree/stage/gemsplat-1.0-linux" "$@"
+  # Objects name their source, as nvcc's do with a name that changes each time.
+  cp "$work/answer.cpp" "$work/$(basename "$tree").cpp"
+  c++ -c "$work/$(basename "$tree").cpp" -o "$tree/answer.o"
+  mkdir -p "$tree/stage/gemsplat-1.0-linux/lib"
+  ar rcs "$tree/stage/gemsplat-1.0-linux/lib/libanswer.a" "$tree/answer.o"
   stage "$tree/module" gemsplat/_gemsplat.cpython-311-x86_64-linux-gnu.so
+  pack_deb "$tree" OFF || die "$(cat "$tree/cpack.log")"
+  rm -r "$tree/stage/gemsplat-1.0-linux/lib"  # libraries are in a Debian package alone
   pack_tar "$tree/stage/gemsplat-1.0-linux" "$tree/out"
   python3 "$root/scripts/release/wheel.py" --module "$tree/module" --program "$tree/stage/gemsplat-1.0-linux" \
     --version 1.0 "$tree/out" >/dev/null
-  pack_deb "$tree" OFF || die "$(cat "$tree/cpack.log")"
 }
 
 # pack_deb TREE NATIVE: with the scripts that scripts/cmake/package.cmake names.
@@ -101,12 +108,22 @@ check_native_is_refused() {
 
 check_wrong_usage() {
   local flag
+  if copy_sysroot "$work" "$work/sysroot" 2>"$work/error"; then die "release.sh links with a system that has no C library"; fi
+  grep -q 'has no libc6-dev' "$work/error" || die "$(cat "$work/error")"
   for flag in "--out" "--sysroot" "--nonsense" "rpm"; do
     if "$root/scripts/release.sh" $flag >/dev/null 2>"$work/error"; then die "release.sh takes $flag"; fi
     grep -q '^error: ' "$work/error" || die "$flag: $(cat "$work/error")"
   done
 }
 
+# A tag of an action can be moved; a hash cannot.
+check_actions_are_pinned() {
+  local file=$root/.github/workflows/release.yml
+  [[ $(grep -c 'uses:' "$file") -ge 4 ]] || die "$file uses few actions"
+  if grep 'uses:' "$file" | grep -vE '@[0-9a-f]{40} '; then die "an action is not pinned by its hash"; fi
+}
+
+check_actions_are_pinned
 check_same_bytes
 check_contents
 check_native_is_refused

@@ -33,6 +33,16 @@ std::vector<std::string> checked_set(const std::string& type) {
   return split(type.substr(begin + 1, end - begin - 1), ',');
 }
 
+// The type without its check: "N" of "N:INT in [0 - 65535]". A colon can be part of it: "cuda:N".
+std::string placeholder_of(const std::string& type) {
+  std::size_t end = type.size();
+  for (const char* check : {":{", ":INT ", ":UINT ", ":FLOAT ", ":POSITIVE", ":NONNEGATIVE"})
+    end = std::min(end, type.find(check));
+  std::string text = type.substr(0, end);
+  if (!text.starts_with('{')) return text;
+  return replaced(text.substr(1, text.find('}') - 1), ",", "|");
+}
+
 std::vector<std::string> choices_of(const std::string& type) {
   if (const std::vector<std::string> set = checked_set(type); !set.empty()) return set;
   std::vector<std::string> words;
@@ -61,9 +71,7 @@ Argument read_argument(const CLI::Option& option) {
   if (!argument.takes_value) return argument;
   const std::string type = option.get_type_name();
   argument.choices = choices_of(type);
-  argument.placeholder = type.substr(0, type.find(':', 1));
-  if (const std::size_t set = type.find('{'); set != type.npos && set < type.find(':'))
-    argument.placeholder = replaced(type.substr(set + 1, type.find('}') - set - 1), ",", "|");
+  argument.placeholder = placeholder_of(type);
   return argument;
 }
 
