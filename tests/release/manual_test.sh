@@ -28,6 +28,7 @@ check_pages() {
     done
   done
   grep -q '1970-01-02' "$pages/gemsplat.1" || die "the date is not that of SOURCE_DATE_EPOCH"
+  grep -qF '[\fIscene\fR]' "$pages/gemsplat-train.1" || die "the synopsis of train lacks its scene"
   [[ -s $pages/gemsplat-config-diff.1 ]] || die "a verb of a verb has no page"
   if "$program" --help | grep -q self-doc; then die "--help lists self-doc"; fi
 }
@@ -78,21 +79,12 @@ check_zsh() {
   need zsh
   local script=$work/zsh/site-functions/_gemsplat
   zsh -n "$script"
-  # The completion system runs in a terminal of its own, and types what it finds.
-  cat >"$work/try.zsh" <<'EOF_ZSH'
-zmodload zsh/zpty
-zpty shell zsh -f -i
-zpty -w shell "PS1=; fpath=($1 \$fpath); autoload -Uz compinit; compinit -u -D; stty -echo"
-zpty -w -n shell $'gemsplat trai\t --viewer-w\t\x01echo \x0b'
-zpty -w shell "print -r -- READ-\$CUTBUFFER"
-EOF_ZSH
   [[ $(head -n 1 "$script") == "#compdef gemsplat" ]] || die "zsh would not find the script"
-  # Without a terminal the specifications are checked: _arguments refuses a wrong one.
+  # The completion system needs a terminal; here its functions print what they are given.
   zsh -f -c "_arguments() { print -rl -- \"\$@\" }; _describe() { print -r -- \"\$@\" }
     functions[complete]=\"\$(<'$script')\"; complete gemsplat" >"$work/zsh.log" 2>&1 || die "$(cat "$work/zsh.log")"
   grep -q '1: :->verb' "$work/zsh.log" || die "zsh got no verbs: $(cat "$work/zsh.log")"
   grep -q "'train:Train Gaussians" "$script" || die "zsh does not describe train"
-  rm "$work/try.zsh"
 }
 
 check_fish() {

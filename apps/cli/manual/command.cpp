@@ -57,17 +57,20 @@ std::vector<std::string> choices_of(const std::string& type) {
   return words;
 }
 
-Argument read_argument(const CLI::Option& option) {
+Argument read_argument(const CLI::Option& option, bool as_positional) {
   Argument argument;
-  argument.is_positional = option.get_positional();
+  argument.is_positional = as_positional;
   argument.is_required = option.get_required();
   argument.takes_value = option.get_items_expected_max() > 0;
   argument.takes_several = option.get_items_expected_max() > 1;
   argument.meaning = option.get_description();
   argument.group = option.get_group();
-  for (const std::string& name : option.get_snames()) argument.names.push_back("-" + name);
-  for (const std::string& name : option.get_lnames()) argument.names.push_back("--" + name);
-  if (argument.names.empty()) argument.names.push_back(option.get_name());
+  if (as_positional) {
+    argument.names.push_back(option.get_name(true));
+  } else {
+    for (const std::string& name : option.get_snames()) argument.names.push_back("-" + name);
+    for (const std::string& name : option.get_lnames()) argument.names.push_back("--" + name);
+  }
   if (!argument.takes_value) return argument;
   const std::string type = option.get_type_name();
   argument.choices = choices_of(type);
@@ -80,8 +83,13 @@ Command read_below(const CLI::App& app, std::vector<std::string> words) {
   command.words = std::move(words);
   command.words.push_back(app.get_name());
   command.meaning = app.get_description();
-  for (const CLI::Option* option : app.get_options())
-    if (!option->get_group().empty()) command.arguments.push_back(read_argument(*option));
+  for (const CLI::Option* option : app.get_options()) {
+    if (option->get_group().empty()) continue;
+    // One option can be both: `train SCENE` and `train -s SCENE`.
+    if (option->get_positional()) command.arguments.push_back(read_argument(*option, true));
+    if (!option->get_snames().empty() || !option->get_lnames().empty())
+      command.arguments.push_back(read_argument(*option, false));
+  }
   for (const CLI::App* verb : app.get_subcommands({}))
     if (!verb->get_group().empty()) command.verbs.push_back(read_below(*verb, command.words));
   return command;
