@@ -32,12 +32,11 @@ Capability openimageio_capability() {
 
 Capability opencv_capability() {
 #ifdef GS_HAVE_OPENCV
-  return {"OpenCV", true, "undistorts photos of radial, tangential and fisheye lens models"};
+  return {"OpenCV", true, "undistorts photos quickly, measures LPIPS"};
 #else
-  return {
-      "OpenCV", false,
-      "takes undistorted photos only (PINHOLE, SIMPLE_PINHOLE); run `colmap image_undistorter`, or "
-      "install libopencv-dev and build again"};
+  return {"OpenCV", false,
+          "measures no LPIPS, and undistorts photos by slower code of its own; install "
+          "libopencv-dev and build again"};
 #endif
 }
 

@@ -8,13 +8,9 @@
 #include <limits>
 #include <numbers>
 
+#include "data_loaders/lenses/resample.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
-
-#ifdef GS_HAVE_OPENCV
-#include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
-#endif
 
 namespace gs {
 namespace {
@@ -118,13 +114,18 @@ void check_field_of_view(const LensCamera& camera, const PinholeCamera<double>& 
                   std::max({left, right, up, down}), kWidestHalfField, kUndistortRemedy));
 }
 
-[[noreturn]] void fail_without_opencv(const std::string& photo) {
-  throw Error(fmt::format(
-      "cannot undistort photo '{}': its camera has a lens, and this build has no OpenCV; run "
-      "`gemsplat undistort SCENE -o NEW` on a machine with a build that has OpenCV and train on "
-      "NEW "
-      "here, or build with OpenCV, or {}",
-      photo, kUndistortRemedy));
+/// Where the pixels of the rows from `begin` to `end` of `pinhole` lie in the photo.
+PhotoPositions photo_positions(const LensCamera& camera, const PinholeCamera<double>& pinhole,
+                               std::size_t begin, std::size_t end) {
+  PhotoPositions result(pinhole.width, int(end - begin));
+  std::size_t i = 0;
+  for (std::size_t y = begin; y < end; ++y)
+    for (int x = 0; x < pinhole.width; ++x, ++i) {
+      const Vec2d at = photo_pixel(camera, pinhole, x + 0.5, double(y) + 0.5);
+      result.x[i] = float(at.x - 0.5);
+      result.y[i] = float(at.y - 0.5);
+    }
+  return result;
 }
 
 }  // namespace
@@ -132,7 +133,6 @@ void check_field_of_view(const LensCamera& camera, const PinholeCamera<double>& 
 PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::string& photo) {
   const PinholeCamera<double>& from = camera.pinhole;
   if (camera.lens == LensCamera::Lens::none) return from;
-  if (!can_undistort()) fail_without_opencv(photo);
   constexpr double kLeast = 0.05;  // of the photo's side: less is no picture
   if (from.cx > 0 && from.cx < from.width && from.cy > 0 && from.cy < from.height) {
     // The outermost pixel centers lie half a pixel inside the border.
@@ -160,50 +160,19 @@ PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::s
       photo, camera_model_info(camera.model).name, kUndistortRemedy));
 }
 
-#ifdef GS_HAVE_OPENCV
-
-bool can_undistort() { return true; }
-std::string resampler_name() { return "OpenCV " CV_VERSION; }
-
 Image8 undistorted_photo(const Image8& image, const LensCamera& camera,
                          const PinholeCamera<double>& pinhole, const std::string& photo) {
   GS_CHECK(image.width == camera.pinhole.width && image.height == camera.pinhole.height);
-  constexpr int kLongestSide = std::numeric_limits<short>::max();  // of cv::remap
-  if (std::max({image.width, image.height, pinhole.width, pinhole.height}) >= kLongestSide)
-    throw Error(
-        fmt::format("cannot undistort photo '{}': OpenCV takes at most {} pixels a side; {}", photo,
-                    kLongestSide - 1, kUndistortRemedy));
+  if (std::max({image.width, image.height, pinhole.width, pinhole.height}) > kLongestResampled)
+    throw Error(fmt::format("cannot undistort photo '{}': {} takes at most {} pixels a side; {}",
+                            photo, resampler_name(), kLongestResampled, kUndistortRemedy));
   Image8 result(pinhole.width, pinhole.height, image.channels);
-  const int type = CV_8UC(image.channels);
-  const cv::Mat source(image.height, image.width, type,
-                       const_cast<std::uint8_t*>(image.pixels.data()));
-  constexpr std::size_t kRowsPerChunk = 16;  // the maps of a chunk stay in the cache
+  constexpr std::size_t kRowsPerChunk = 16;  // the positions of a chunk stay in the cache
   parallel_chunks(
       std::size_t(result.height), kRowsPerChunk, [&](std::size_t begin, std::size_t end) {
-        cv::Mat target(int(end - begin), result.width, type, &result.at(0, int(begin), 0));
-        cv::Mat map_x(target.size(), CV_32F), map_y(target.size(), CV_32F);
-        for (int y = 0; y < target.rows; ++y)
-          for (int x = 0; x < target.cols; ++x) {
-            const Vec2d at = photo_pixel(camera, pinhole, x + 0.5, double(begin) + y + 0.5);
-            // OpenCV's pixel centers are at whole numbers.
-            map_x.at<float>(y, x) = float(at.x - 0.5);
-            map_y.at<float>(y, x) = float(at.y - 0.5);
-          }
-        cv::remap(source, target, map_x, map_y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+        resample(image, photo_positions(camera, pinhole, begin, end), &result.at(0, int(begin), 0));
       });
   return result;
 }
-
-#else
-
-bool can_undistort() { return false; }
-std::string resampler_name() { return {}; }
-
-Image8 undistorted_photo(const Image8&, const LensCamera&, const PinholeCamera<double>&,
-                         const std::string& photo) {
-  fail_without_opencv(photo);
-}
-
-#endif
 
 }  // namespace gs

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Turns a photo taken through a lens into the photo of a pinhole camera, which training expects.
-// OpenCV resamples; a build without it refuses photos with a lens.
 #pragma once
 
 #include <string>
@@ -10,24 +9,19 @@
 
 namespace gs {
 
-/// Whether this build has OpenCV.
-bool can_undistort();
-/// OpenCV with its version: another one may resample to other bytes.
-std::string resampler_name();
-
 /// The pinhole camera of the undistorted photo. It keeps the focal lengths, so that the center
 /// stays as sharp as it was, and the principal point's relative position; it is as large as it can
 /// be while every pixel lies inside the photo, at most kMostEnlargement times the photo's size.
 /// `colmap image_undistorter` does the same by default. A camera without a lens is returned as it
-/// is. `photo` names the photo in errors. Throws Error for coefficients that leave no picture, for
-/// a pinhole with a side kWidestHalfField or more from the axis, and in a build without OpenCV.
+/// is. `photo` names the photo in errors. Throws Error for coefficients that leave no picture, and
+/// for a pinhole with a side kWidestHalfField or more from the axis.
 PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::string& photo);
 
 inline constexpr double kMostEnlargement = 2;   // COLMAP's max_scale, a limit for wide lenses
 inline constexpr double kWidestHalfField = 75;  // degrees; a pinhole stretches 1 / cos^2 = 15 times
 
 /// The photo as `pinhole` sees it. `image` has the size of `camera`. `photo` names the photo in
-/// errors. Throws Error for photos larger than OpenCV takes, and in a build without OpenCV.
+/// errors. Throws Error for photos with a side longer than kLongestResampled.
 ///
 /// Resampled bicubically: on the 25 photos of a 360 x 640 phone video, bilinear resampling
 /// (COLMAP's) leaves 64 % of the energy of the Laplacian of the photos undistorted at 1080 x 1920,

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <array>
 
-#include "data_loaders/lenses/undistort.h"
+#include "data_loaders/lenses/resample.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/bytes.h"

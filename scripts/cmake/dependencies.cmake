@@ -5,6 +5,16 @@
 include(nvcc)
 include(summary)
 
+# CUDA and Python, at the end, are found in their usual form again.
+set(gs_library_suffixes ${CMAKE_FIND_LIBRARY_SUFFIXES})
+if(GS_STATIC_LIBRARIES)
+  if(GS_WITH_OPENIMAGEIO OR GS_WITH_OPENCV OR GS_WITH_CERES)
+    message(FATAL_ERROR "GS_STATIC_LIBRARIES is on, and OpenImageIO, OpenCV and Ceres need many shared libraries. Add "
+                        "-DGS_WITH_OPENIMAGEIO=OFF -DGS_WITH_OPENCV=OFF -DGS_WITH_CERES=OFF, as the preset `tarball` does.")
+  endif()
+  set(CMAKE_FIND_LIBRARY_SUFFIXES .a)
+endif()
+
 # gs_header_library(target header): makes an interface target for headers in GS_DEPS_INCLUDE or on
 # the system.
 function(gs_header_library target header)
@@ -29,7 +39,8 @@ gs_header_library(gs_xxhash xxhash.h)
 target_link_libraries(gs_spdlog INTERFACE gs_fmt)
 target_compile_definitions(gs_spdlog INTERFACE SPDLOG_FMT_EXTERNAL)
 # Files compile in two thirds of the time with the compiled library of fmt. Packed headers have
-# none. The name must not be set before: find_library() leaves a variable that exists alone.
+# none, and packages do without it: the preset `package` sets the name to nothing, and find_library()
+# leaves a variable that exists alone.
 if(NOT GS_DEPS_INCLUDE)
   find_library(GS_FMT_LIBRARY fmt)
 endif()
@@ -66,7 +77,7 @@ if(GS_WITH_OPENCV)
   find_package(OpenCV QUIET COMPONENTS core imgproc calib3d OPTIONAL_COMPONENTS videoio dnn)
 endif()
 set(GS_HAVE_OPENCV ${OpenCV_FOUND})
-gs_report("OpenCV" GS_WITH_OPENCV "${GS_HAVE_OPENCV}" "only undistorted photos (PINHOLE, SIMPLE_PINHOLE) can be trained")
+gs_report("OpenCV" GS_WITH_OPENCV "${GS_HAVE_OPENCV}" "photos are undistorted by slower code of gemsplat")
 set(GS_HAVE_VIDEO FALSE)
 if(TARGET opencv_videoio)
   set(GS_HAVE_VIDEO TRUE)
@@ -117,6 +128,13 @@ if(GS_WITH_CERES)
   find_package(Ceres QUIET)
 endif()
 set(GS_HAVE_CERES ${Ceres_FOUND})
+# Debian's Ceres names ATLAS beside the BLAS that the system chooses. A program linked with ATLAS
+# would need it everywhere.
+if(GS_HAVE_CERES)
+  get_target_property(gs_ceres_libraries Ceres::ceres INTERFACE_LINK_LIBRARIES)
+  list(FILTER gs_ceres_libraries EXCLUDE REGEX "/lib(f77blas|atlas)\\.so$")
+  set_target_properties(Ceres::ceres PROPERTIES INTERFACE_LINK_LIBRARIES "${gs_ceres_libraries}")
+endif()
 gs_report("Ceres" GS_WITH_CERES "${GS_HAVE_CERES}" "no cameras are refined (--refine-cameras) and no exposures solved for (--exposure), and the gradient tests against ceres::Jet are left out")
 
 # Found through pkg-config, which knows the macros that the library was compiled with: its header
@@ -133,6 +151,7 @@ if(TARGET PkgConfig::gs_httplib)
 endif()
 gs_report("cpp-httplib" GS_WITH_HTTPLIB "${GS_HAVE_HTTPLIB}" "tests of the viewer's server are left out")
 
+set(CMAKE_FIND_LIBRARY_SUFFIXES ${gs_library_suffixes})
 include(web)
 include(python)
 

@@ -46,6 +46,17 @@ function(gs_portable_architectures result nvcc)
   set(${result} "${list}" PARENT_SCOPE)
 endfunction()
 
+# gs_compress_option(result nvcc): the flag that makes device code smallest. CUDA 12.8 brought the
+# first one; its programs need a driver from 550.54 on (CUDA 12.4).
+function(gs_compress_option result nvcc)
+  gs_nvcc_version(version ${nvcc})
+  if(version VERSION_LESS 12.8)
+    set(${result} -Xfatbin=-compress-all PARENT_SCOPE)
+  else()
+    set(${result} --compress-mode=size PARENT_SCOPE)
+  endif()
+endfunction()
+
 # gs_default_architectures(result): CUDAARCHS of the environment (a variable of CMake); else the GPU
 # of this machine; else GS_ARCHITECTURES_WITHOUT_GPU.
 function(gs_default_architectures result)

@@ -34,9 +34,7 @@ class Corpus {
  public:
   Corpus() {
     ColmapModel model = small_model(4);
-    // The camera has a lens if this build can undistort its photo.
-    const double k1 = can_undistort() ? 0.1 : 0, k2 = can_undistort() ? 0.01 : 0;
-    model.cameras[8] = {8, CameraModel::opencv, 12, 8, {10, 11, 6.5, 3.5, k1, k2, 0, 0}};
+    model.cameras[8] = {8, CameraModel::opencv, 12, 8, {10, 11, 6.5, 3.5, 0.1, 0.01, 0, 0}};
     model.images[3].camera_id = 8;
     model.rigs.push_back(
         {1, {{7, true, {1, 0, 0, 0}, {0, 0, 0}}, {8, true, {1, 0, 0, 0}, {1, 0, 0}}}});

@@ -102,7 +102,6 @@ TEST_F(LargeScene, PhotosStayInTheirFilesUntilTheyAreAskedFor) {
 }
 
 TEST_F(LargeScene, UndistortedAndResizedPhotosAreTheSameToo) {
-  if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   write_photos(scene(), 12, true);
   DatasetConfig small = dataset();
   small.resolution = 2;

@@ -331,7 +331,6 @@ TEST_F(Masks, AreResizedWithThePhotoAndNothingOfWhatTheyCoverShows) {
 }
 
 TEST_F(Masks, GoThroughTheLensWithThePhoto) {
-  if (!can_undistort()) GTEST_SKIP() << "this build has no OpenCV";
   ColmapModel model = small_model(1);
   model.cameras[7] = {7, CameraModel::simple_radial, 120, 80, {100, 63, 38, -0.1}};
   write_scene(folder(), model);

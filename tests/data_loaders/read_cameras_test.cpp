@@ -143,7 +143,6 @@ TEST_F(ReadCameras, TheWorldOffsetIsTakenOffInDoublePrecision) {
 }
 
 TEST_F(ReadCameras, ALensBecomesThePinholeOfItsUndistortedPhoto) {
-  if (!can_undistort()) GTEST_SKIP() << "this build has no OpenCV";
   ColmapModel model = small_model(1);
   model.cameras[7] = {7, CameraModel::simple_radial, 120, 80, {100, 60, 40, -0.1}};
   write_binary_model(path("model"), model);

@@ -81,7 +81,6 @@ void expect_same_views(const Scene& a, const Scene& b) {
 }
 
 TEST(UndistortScene, CopyLoadsAsTheSameViewsAtEveryResolution) {
-  if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   const TempFolder temp;
   write_lens_scene(temp.path() / "scene");
   const UndistortedScene result =
@@ -95,7 +94,6 @@ TEST(UndistortScene, CopyLoadsAsTheSameViewsAtEveryResolution) {
 }
 
 TEST(UndistortScene, ModelHasPinholesOnlyAndKeepsTracks) {
-  if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   const TempFolder temp;
   write_lens_scene(temp.path() / "scene");
   undistort_scene(dataset_at(temp.path() / "scene"), temp.path() / "copy", 0);
@@ -133,7 +131,6 @@ TEST(UndistortScene, KeepsRigsAndFrames) {
 }
 
 TEST(UndistortScene, JpegStatesItsLoss) {
-  if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   const TempFolder temp;
   write_lens_scene(temp.path() / "scene");
   const UndistortedScene result =

@@ -4,7 +4,10 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <cstdlib>
+#include <limits>
 
+#include "data_loaders/lenses/resample.h"
 #include "gs_core/error.h"
 #include "tests/data_loaders/lens_cases.h"
 
@@ -59,7 +62,6 @@ TEST(Undistort, PinholesStayAsTheyAre) {
 }
 
 TEST(Undistort, EverySupportedLensKeepsItsFocalLengthsAndRelativePrincipalPoint) {
-  if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   for (const LensCase& lens : lens_cases()) {
     const LensCamera camera = lens_camera(lens.camera, "a.jpg");
     const PinholeCamera<double> pinhole = undistorted_pinhole(camera, "a.jpg");
@@ -73,7 +75,6 @@ TEST(Undistort, EverySupportedLensKeepsItsFocalLengthsAndRelativePrincipalPoint)
 }
 
 TEST(Undistort, EveryPixelShowsThePhotoAndNoLargerPictureWould) {
-  if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   for (const LensCase& lens : lens_cases()) {
     const PinholeCamera<double> pinhole =
         undistorted_pinhole(lens_camera(lens.camera, "a.jpg"), "a.jpg");
@@ -123,7 +124,6 @@ Difference difference(const LensCase& lens, Scene scene) {
 }
 
 TEST(Undistort, SmoothScenePhotographedThroughTheLensComesBack) {
-  if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   for (const LensCase& lens : lens_cases()) {
     const Difference found = difference(lens, smooth_scene);
     // Rounding twice gives a mean of 0.3 and at most 1.3. The scene changes by 1 to 4 per pixel, so
@@ -134,13 +134,11 @@ TEST(Undistort, SmoothScenePhotographedThroughTheLensComesBack) {
 }
 
 TEST(Undistort, CheckerboardPhotographedThroughTheLensComesBack) {
-  if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   for (const LensCase& lens : lens_cases())
     EXPECT_LT(difference(lens, checkerboard).mean, 1.0) << lens.label;
 }
 
 TEST(Undistort, WideFisheyeStopsGrowing) {
-  if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   // A field of view of 180 degrees: its pinhole picture would be infinite.
   const ColmapCamera camera = {
       1, CameraModel::opencv_fisheye, 300, 300, {95.5, 95.5, 150, 150, 0, 0, 0, 0}};
@@ -150,7 +148,6 @@ TEST(Undistort, WideFisheyeStopsGrowing) {
 }
 
 TEST(Undistort, FoldingPolynomialIsCroppedToItsSoundPart) {
-  if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   const ColmapCamera camera = {1, CameraModel::simple_radial, 400, 400, {200, 200, 200, -0.3}};
   const LensCamera lens = lens_camera(camera, "a.jpg");
   const PinholeCamera<double> pinhole = undistorted_pinhole(lens, "a.jpg");
@@ -159,7 +156,6 @@ TEST(Undistort, FoldingPolynomialIsCroppedToItsSoundPart) {
 }
 
 TEST(Undistort, TooWideAFieldOfViewNamesModelPhotoFieldAndRemedy) {
-  if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   // A field of view of 220 degrees: twice the size at the same focal length ends 75.4 degrees from
   // the axis.
   const std::string message = error_of({1, CameraModel::simple_fisheye, 384, 384, {100, 192, 192}});
@@ -169,18 +165,47 @@ TEST(Undistort, TooWideAFieldOfViewNamesModelPhotoFieldAndRemedy) {
 }
 
 TEST(Undistort, CoefficientsThatLeaveNoPictureAreAnError) {
-  if (!can_undistort()) GTEST_SKIP() << "built without OpenCV";
   EXPECT_THAT(error_of({1, CameraModel::simple_radial, 100, 80, {90, 50, 40, -1e6}}),
               AllOf(HasSubstr("leave no picture"), HasSubstr("SIMPLE_RADIAL")));
   EXPECT_THAT(error_of({1, CameraModel::simple_radial, 100, 80, {90, 500, 40, 0.1}}),
               HasSubstr("leave no picture"));
 }
 
-TEST(Undistort, BuildWithoutOpenCvSaysSo) {
-  if (can_undistort()) GTEST_SKIP() << "built with OpenCV";
-  EXPECT_THAT(error_of({1, CameraModel::simple_radial, 100, 80, {90, 50, 40, 0.1}}),
-              AllOf(HasSubstr("no OpenCV"), HasSubstr("gemsplat undistort SCENE -o NEW"),
-                    HasSubstr("colmap image_undistorter"), HasSubstr("sub/a.jpg")));
+TEST(Undistort, OwnResamplerAgreesWithTheOneOfTheBuild) {
+  Image8 photo(40, 30, 3);
+  for (int y = 0; y < photo.height; ++y)
+    for (int x = 0; x < photo.width; ++x)
+      for (int c = 0; c < 3; ++c) photo.at(x, y, c) = rounded(checkerboard(x / 40.0, y / 40.0, c));
+  // Positions on a grid of 1/32 pixel, which OpenCV does not round, inside and beyond the border.
+  PhotoPositions positions(101, 79);
+  for (int i = 0; i < 101 * 79; ++i) {
+    positions.x[i] = float(i % 101) * 15 / 32 - 4;
+    positions.y[i] = float(i / 101) * 15 / 32 - 4;
+  }
+  Image8 expected(101, 79, 3), found(101, 79, 3);
+  resample(photo, positions, expected.pixels.data());
+  resample_bicubic(photo, positions, found.pixels.data());
+  int worst = 0;
+  for (std::size_t i = 0; i < found.pixels.size(); ++i)
+    worst = std::max(worst, std::abs(int(found.pixels[i]) - int(expected.pixels[i])));
+  EXPECT_LE(worst, 1);  // weights are rounded differently
+  EXPECT_EQ(found.at(0, 0, 1), photo.at(0, 0, 1)) << "beyond the border";
+}
+
+TEST(Undistort, ResamplingAtPixelsCopiesThem) {
+  Image8 photo(3, 2, 1);
+  photo.pixels = {0, 255, 7, 19, 128, 250};
+  PhotoPositions positions(3, 2);
+  for (int i = 0; i < 6; ++i) {
+    positions.x[i] = float(i % 3);
+    positions.y[i] = float(i / 3);
+  }
+  Image8 found(3, 2, 1);
+  resample_bicubic(photo, positions, found.pixels.data());
+  EXPECT_EQ(found.pixels, photo.pixels);
+  for (float& x : positions.x) x = std::numeric_limits<float>::quiet_NaN();
+  resample_bicubic(photo, positions, found.pixels.data());
+  EXPECT_EQ(found.pixels, (std::vector<std::uint8_t>{0, 0, 0, 19, 19, 19}));
 }
 
 }  // namespace
