@@ -60,6 +60,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_core/processes", {}},
     {"gs_core/geometry", {"gs_core/math", "gs_core/threads"}},
     {"gs_core/edit", {"gs_core/geometry", "gs_core/math", "gs_core/threads"}},
+    {"gs_core/edit/lod", {"gs_core/edit", "gs_core/math", "gs_core/threads"}},
     {"gs_core/io", {"gs_core/config", "gs_core/math"}},
     {"data_loaders/colmap", {}},
     {"data_loaders/photos", {"data_loaders/colmap"}},
