@@ -12,6 +12,7 @@
 #include "data_loaders/formats/foreign_files.h"
 #include "data_loaders/formats/glb.h"
 #include "data_loaders/formats/gs4d/gs4d.h"
+#include "data_loaders/formats/lod/streamed_sog.h"
 #include "data_loaders/formats/ply/compressed_ply.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/sog/sog.h"
@@ -25,7 +26,8 @@
 namespace gs {
 namespace {
 
-using Path = std::filesystem::path;
+namespace fs = std::filesystem;
+using Path = fs::path;
 
 const AxisSigns kPlyAxes{1, 1, 1};
 
@@ -46,6 +48,16 @@ void require_for_spz(const ExportOptions& options) {
   options.spz_version == 4 ? require_zstd() : require_zlib();
 }
 void require_for_sog(const ExportOptions&) { require_webp(); }
+
+// Files that stand for a folder; the whole name counts. export --lod writes the first.
+const std::vector<ModelFormat>& folder_formats() {
+  static const std::vector<ModelFormat> kFormats = {
+      {"streamed sog", kLodMeta, "levels of detail as SOG", false, false, kPlyAxes, Holds::still,
+       read_streamed_sog, nullptr, require_for_sog},
+      {"sog folder", "meta.json", "SOG, unpacked", false, false, kPlyAxes, Holds::still,
+       read_sog_folder, nullptr, require_for_sog}};
+  return kFormats;
+}
 
 }  // namespace
 
@@ -90,6 +102,8 @@ const ModelFormat* find_format(const Path& path) {
   std::string name = path.filename().string();
   std::transform(name.begin(), name.end(), name.begin(),
                  [](unsigned char c) { return char(std::tolower(c)); });
+  for (const ModelFormat& format : folder_formats())
+    if (name == format.ending) return &format;
   const ModelFormat* longest = nullptr;
   for (const ModelFormat& format : model_formats())
     if (name.ends_with(format.ending) &&
@@ -99,7 +113,13 @@ const ModelFormat* find_format(const Path& path) {
 }
 
 const ModelFormat& format_to_write(const Path& path) {
-  if (const ModelFormat* format = find_format(path)) return *format;
+  const ModelFormat* const found = find_format(path);
+  if (found && found->write) return *found;
+  if (found)
+    throw UsageError(fmt::format(
+        "{}: a {} is a folder of files; name the folder, and add --lod to write levels of detail "
+        "into it, or choose .sog for one file",
+        path.string(), found->name));
   std::string endings;
   for (const ModelFormat& format : model_formats())
     endings += (endings.empty() ? "" : ", ") + std::string(format.ending);
@@ -108,7 +128,16 @@ const ModelFormat& format_to_write(const Path& path) {
                                ending.empty() ? "files without an ending" : ending, endings));
 }
 
-GaussianModel read_model(const Path& path) {
+Path model_in_folder(const Path& folder) {
+  std::error_code ignored;
+  for (const ModelFormat& format : folder_formats())
+    if (fs::is_regular_file(folder / format.ending, ignored)) return folder / format.ending;
+  return {};
+}
+
+GaussianModel read_model(const Path& named) {
+  const Path inside = model_in_folder(named);
+  const Path& path = inside.empty() ? named : inside;
   const ModelFormat* format = find_format(path);
   if (format && !format->read)
     cannot_read(

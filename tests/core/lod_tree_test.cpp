@@ -77,7 +77,8 @@ TEST(LodTree, ANodeIsSplitAtThePlaneBetweenItsChildren) {
     for (int axis = 0; axis < 3; ++axis) {
       float highest = -INFINITY, lowest = INFINITY;
       const auto end_of = [](const LodNode& n) { return n.first_leaf + n.num_leaves; };
-      for (std::size_t i = finest.leaf_begin[low.first_leaf]; i < finest.leaf_begin[end_of(low)]; ++i)
+      for (std::size_t i = finest.leaf_begin[low.first_leaf]; i < finest.leaf_begin[end_of(low)];
+           ++i)
         highest = std::max(highest, finest.gaussians.mean[i][axis]);
       for (std::size_t i = finest.leaf_begin[high.first_leaf]; i < finest.leaf_begin[end_of(high)];
            ++i)

@@ -386,8 +386,6 @@ TEST_F(Formats, FilesOfOtherProgramsAreNamedWithARemedy) {
               AllOf(HasSubstr("a zip file, as .sog files are"), HasSubstr("ends in .sog")));
   EXPECT_THAT(error_reading("a.model", "NGSP"), HasSubstr("ends in .spz"));
   EXPECT_THAT(error_reading("a.model", "some text"), HasSubstr("not a PLY file"));
-  write_bytes(file("sog/meta.json"), "{}");
-  EXPECT_THAT(foreign_kind(file("sog")), HasSubstr("zip -0 -j model.sog"));
   EXPECT_EQ(foreign_kind(file("none.ksplat")), "");  // an Error says that it is missing
 }
 

@@ -108,9 +108,10 @@ std::vector<std::size_t> reduced_leaves(const std::vector<std::size_t>& begin, s
 }
 
 // Makes a level of the one before it, leaf by leaf, and gives that one its `parent`.
-LodLevel coarser(LodLevel& finer, std::size_t ratio, const std::function<void(std::size_t)>& count) {
-  LodLevel level{rows_like(finer.gaussians, 0, host_memory()),
-                 reduced_leaves(finer.leaf_begin, ratio), {}};
+LodLevel coarser(LodLevel& finer, std::size_t ratio,
+                 const std::function<void(std::size_t)>& count) {
+  LodLevel level{
+      rows_like(finer.gaussians, 0, host_memory()), reduced_leaves(finer.leaf_begin, ratio), {}};
   level.gaussians.resize(level.leaf_begin.back());
   for (std::size_t leaf = 0; leaf + 1 < finer.leaf_begin.size(); ++leaf) {
     const std::size_t first = level.leaf_begin[leaf];
@@ -125,8 +126,7 @@ LodLevel coarser(LodLevel& finer, std::size_t ratio, const std::function<void(st
           for (std::size_t i = 0; i < from.size(); ++i) to[first + i] = from[i];
         },
         level.gaussians, rows);
-    for (const std::uint32_t row : merged_into)
-      finer.parent.push_back(std::uint32_t(first) + row);
+    for (const std::uint32_t row : merged_into) finer.parent.push_back(std::uint32_t(first) + row);
     count(finer.count(leaf) - level.count(leaf));
   }
   return level;

@@ -51,8 +51,7 @@ Families families_of(const Rows& parent, std::size_t num_parents) {
   for (const std::uint32_t p : parent) ++families.begin[p + 1];
   for (std::size_t p = 0; p < num_parents; ++p) families.begin[p + 1] += families.begin[p];
   Rows next = families.begin;
-  for (std::uint32_t row = 0; row < parent.size(); ++row)
-    families.order[next[parent[row]]++] = row;
+  for (std::uint32_t row = 0; row < parent.size(); ++row) families.order[next[parent[row]]++] = row;
   return families;
 }
 
