@@ -23,7 +23,6 @@ struct Foreign {
 constexpr Foreign kEndings[] = {
     {".ksplat", "a .ksplat file of GaussianSplats3D", kConvert},
     {".lcc", "an .lcc scene of XGRIDS", kConvert},
-    {".rad", "a .rad file of Spark", kConvert},
     {".splatv", "a .splatv file of moving Gaussians", "train one moment and name its .ply"},
     {".pth", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
     {".pt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
@@ -36,6 +35,7 @@ constexpr Foreign kFirstBytes[] = {
     {"NGSP", "an .spz file of version 4", "give it a name that ends in .spz"},
     {"\x1f\x8b", "a gzip file, as .spz files are", "give it a name that ends in .spz"},
     {"PK\x03\x04", "a zip file, as .sog files are", "give it a name that ends in .sog"},
+    {"RAD0", "a .rad file", "give it a name that ends in .rad"},
     {"glTF", "a .glb file", "give it a name that ends in .glb"}};
 
 std::string text_of(const Foreign& foreign) {

@@ -12,6 +12,7 @@
 #include "data_loaders/formats/foreign_files.h"
 #include "data_loaders/formats/glb.h"
 #include "data_loaders/formats/gs4d/gs4d.h"
+#include "data_loaders/formats/lod/rad.h"
 #include "data_loaders/formats/lod/streamed_sog.h"
 #include "data_loaders/formats/ply/compressed_ply.h"
 #include "data_loaders/formats/ply/ply.h"
@@ -39,6 +40,9 @@ void without_options(const Path& path, const GaussianModel& model, const ExportO
 void write_spz_version(const Path& path, const GaussianModel& model, const ExportOptions& options) {
   write_spz(path, model, options.spz_version);
 }
+void write_rad_with(const Path& path, const GaussianModel& model, const ExportOptions&) {
+  write_rad(path, model);
+}
 void write_gs4d_with(const Path& path, const GaussianModel& model, const ExportOptions& options) {
   write_gs4d(path, model, options.duration);
 }
@@ -47,6 +51,7 @@ void require_nothing(const ExportOptions&) {}
 void require_for_spz(const ExportOptions& options) {
   options.spz_version == 4 ? require_zstd() : require_zlib();
 }
+void require_for_rad(const ExportOptions&) { require_zlib(); }
 void require_for_sog(const ExportOptions&) { require_webp(); }
 
 // Files that stand for a folder; the whole name counts. export --lod writes the first.
@@ -77,6 +82,8 @@ const std::vector<ModelFormat>& model_formats() {
        Holds::still, read_spz, write_spz_version, require_for_spz},
       {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kNoOffset, kPlyAxes,
        Holds::still, read_sog, without_options<write_sog>, require_for_sog},
+      {"rad", ".rad", "a tree of levels of detail, floats of 16 bits, compressed", kLossy,
+       kNoOffset, kPlyAxes, Holds::still, read_rad, write_rad_with, require_for_rad},
       {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kNoOffset, kPlyAxes, Holds::still,
        read_splat, without_options<write_splat>, require_nothing},
       {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kNoOffset,

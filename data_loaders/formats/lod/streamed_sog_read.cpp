@@ -59,8 +59,7 @@ class LodMeta {
     if (!name.is_string()) fail("names a file that is no text");
     const auto text = name.get<std::string>();
     const Path file = Path(text).lexically_normal();
-    if (text.empty() || file.is_absolute() || *file.begin() == ".." ||
-        text.find('\0') != text.npos)
+    if (text.empty() || file.is_absolute() || *file.begin() == ".." || text.find('\0') != text.npos)
       cannot_read(path_, fmt::format("it names {}, which is not in its folder; put all its files "
                                      "into one folder and write their names relative to it",
                                      shown_word(text)));

@@ -32,9 +32,7 @@ struct Bound {
     const Vec3f half{std::sqrt(sigma.xx), std::sqrt(sigma.yy), std::sqrt(sigma.zz)};
     add(g.mean[i] - half, g.mean[i] + half);
   }
-  Json json() const {
-    return {{"min", {low.x, low.y, low.z}}, {"max", {high.x, high.y, high.z}}};
-  }
+  Json json() const { return {{"min", {low.x, low.y, low.z}}, {"max", {high.x, high.y, high.z}}}; }
 };
 
 /// Where the rows of a leaf at a level lie.

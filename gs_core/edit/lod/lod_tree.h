@@ -13,7 +13,7 @@ namespace gs {
 struct LodOptions {
   std::size_t leaf_rows = 50'000;   // a cell with more Gaussians is split
   std::size_t ratio = 4;            // a level has 1/ratio of the Gaussians of the one before it
-  std::size_t coarsest_rows = 500;  // no level has fewer, unless the model has
+  std::size_t coarsest_rows = 250;  // no level has fewer, unless the model has
   // Called now and then by the calling thread with the Gaussians merged so far, and those of all
   // leaves; may be empty. What it throws leaves build_lod_tree().
   std::function<void(std::size_t done, std::size_t total)> on_progress = {};
