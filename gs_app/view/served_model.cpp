@@ -50,7 +50,7 @@ bool is_served_as_it_is(const std::filesystem::path& file) {
   const std::string_view name = format_of(file).name;
   if (name == "ply" || name == "compressed.ply") return is_plain(PlyFile(file).header());
   if (name == "spz") return !is_newer_spz(file);
-  return name == "sog" || name == "splat" || name == "gs4d";
+  return name == "sog" || name == "splat" || name == "gs4d" || name == "rad";
 }
 
 ServedModel serve_model(const OpenedModel& opened) {

@@ -25,7 +25,7 @@ struct ServedModel {
 };
 
 /// Whether the page can read the file: a binary little-endian PLY whose properties are all floats,
-/// a compressed PLY, .spz up to version 3, .sog, .splat or .gs4d. Throws Error if the file cannot be
+/// a compressed PLY, .spz up to version 3, .sog, .splat, .gs4d or .rad. Throws Error if the file cannot be
 /// read.
 bool is_served_as_it_is(const std::filesystem::path& file);
 

@@ -34,8 +34,8 @@ class ExportLod : public Program {
 };
 
 TEST_F(ExportLod, WritesLevelsWithATableOfWhatTheyCost) {
-  const Outcome outcome = export_lod(text("lod") + " --lod-leaf 600 --test-every 3 --data " +
-                                     text("scene"));
+  const Outcome outcome =
+      export_lod(text("lod") + " --lod-leaf 600 --test-every 3 --data " + text("scene"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const std::string table = read_bytes(path("lod/levels.md"));
   EXPECT_EQ(outcome.out, table);

@@ -81,7 +81,8 @@ class RadChunk {
   }
 
   /// (count, numbers); nothing where the chunk has no such property and it is `optional`.
-  std::vector<float> values(const char* property, std::size_t numbers, bool optional = false) const {
+  std::vector<float> values(const char* property, std::size_t numbers,
+                            bool optional = false) const {
     const Json* json = find(property);
     if (!json && optional) return {};
     if (!json) bytes_.fail(fmt::format("lacks {}", property));
@@ -128,7 +129,8 @@ class RadChunk {
     return nullptr;
   }
   std::string data(const Json& json, std::size_t size) const {
-    const std::uint64_t offset = bytes_.number(json, "offset"), count = bytes_.number(json, "bytes");
+    const std::uint64_t offset = bytes_.number(json, "offset"),
+                        count = bytes_.number(json, "bytes");
     if (offset > end_ - std::min(end_, payload_)) bytes_.fail("has a property beyond its chunk");
     const std::string_view packed = bytes_.part(payload_ + offset, count);
     if (!json.contains("compression") || json["compression"].is_null()) {
@@ -162,13 +164,15 @@ void append_leaves(const RadChunk& chunk, std::size_t count, int sh_degree, Gaus
   const std::vector<Quatf> rotations = chunk.rotations();
   std::vector<float> sh[3];
   for (int band = 0; band < sh_degree; ++band)
-    sh[band] = chunk.values(kRadBands[band].property, std::size_t(3 * kRadBands[band].coefficients),
-                            true);
+    sh[band] =
+        chunk.values(kRadBands[band].property, std::size_t(3 * kRadBands[band].coefficients), true);
   std::size_t row = g.count();
   g.resize(row + std::size_t(std::count(is_leaf.begin(), is_leaf.end(), true)));
   for (std::size_t i = 0; i < count; ++i) {
     if (!is_leaf[i]) continue;
-    const auto at = [&](const std::vector<float>& v) { return Vec3f{v[3 * i], v[3 * i + 1], v[3 * i + 2]}; };
+    const auto at = [&](const std::vector<float>& v) {
+      return Vec3f{v[3 * i], v[3 * i + 1], v[3 * i + 2]};
+    };
     g.mean[row] = at(means);
     g.log_scale[row] = log_of_scale(at(scales));
     g.rotation[row] = rotations[i];
@@ -191,8 +195,7 @@ void append_leaves(const RadChunk& chunk, std::size_t count, int sh_degree, Gaus
 GaussianModel read_rad(const Path& path) {
   ByteReader reader(path);
   const std::size_t size = reader.size();
-  const RadBytes bytes(path,
-                       {reinterpret_cast<const char*>(reader.take(size)), size});
+  const RadBytes bytes(path, {reinterpret_cast<const char*>(reader.take(size)), size});
   std::uint64_t begin = 0;
   const Json head = bytes.head(begin, kRadMagic);
   const std::uint64_t count = bytes.number(head, "count");
@@ -211,14 +214,16 @@ GaussianModel read_rad(const Path& path) {
   for (const Json& range : head["chunks"]) {
     if (range.is_object() && range.contains("filename"))
       cannot_read(path, "its chunks are files of their own; export it as one file");
-    const std::uint64_t offset = bytes.number(range, "offset"), length = bytes.number(range, "bytes");
+    const std::uint64_t offset = bytes.number(range, "offset"),
+                        length = bytes.number(range, "bytes");
     bytes.part(begin, offset);
     bytes.part(begin + offset, length);
     const std::size_t rows = std::min(each, count - done);
     const RadChunk chunk(bytes, begin + offset, begin + offset + length, rows);
     if (chunk.has("sh_label"))
-      cannot_read(path, "its SH are a palette, which gemsplat does not read; export it again "
-                        "without clusters of SH");
+      cannot_read(path,
+                  "its SH are a palette, which gemsplat does not read; export it again "
+                  "without clusters of SH");
     append_leaves(chunk, rows, int(degree), model.gaussians);
     done += rows;
   }

@@ -19,10 +19,9 @@ struct Encoding {
   std::string_view name;
   std::size_t bytes;
 };
-constexpr Encoding kEncodings[] = {{"f32", 4},         {"f16", 2}, {"f32_lebytes", 4},
-                                   {"f16_lebytes", 2}, {"r8", 1},  {"r8_delta", 1},
-                                   {"s8", 1},          {"s8_delta", 1}, {"ln_f16", 2},
-                                   {"ln_0r8", 1}};
+constexpr Encoding kEncodings[] = {
+    {"f32", 4},      {"f16", 2}, {"f32_lebytes", 4}, {"f16_lebytes", 2}, {"r8", 1},
+    {"r8_delta", 1}, {"s8", 1},  {"s8_delta", 1},    {"ln_f16", 2},      {"ln_0r8", 1}};
 
 // Calls f(value, place): `place` counts number by number.
 template <class F>
@@ -48,8 +47,8 @@ std::uint16_t to_half(float value) {
   if (size < 0x1p-14f)  // too small for an exponent: multiples of 2^-24
     return std::uint16_t(sign | std::uint32_t(std::lrint(size * 0x1p24f)));
   const std::uint32_t kept = (bits & 0x7fffffff) - (112u << 23);
-  return std::uint16_t(
-      sign | std::min<std::uint32_t>((kept + 0xfff + (kept >> 13 & 1)) >> 13, 0x7bff));
+  return std::uint16_t(sign |
+                       std::min<std::uint32_t>((kept + 0xfff + (kept >> 13 & 1)) >> 13, 0x7bff));
 }
 
 float from_half(std::uint16_t half) {
@@ -98,7 +97,8 @@ std::vector<float> decoded(std::string_view encoding, std::string_view bytes, st
     using T = decltype(type);
     std::array<std::uint8_t, sizeof(T)> parts;
     for (std::size_t b = 0; b < sizeof(T); ++b)
-      parts[b] = encoding.ends_with("_lebytes") ? byte(b * all + place) : byte(sizeof(T) * place + b);
+      parts[b] =
+          encoding.ends_with("_lebytes") ? byte(b * all + place) : byte(sizeof(T) * place + b);
     return std::bit_cast<T>(parts);
   };
   std::vector<float> values(all);

@@ -51,10 +51,8 @@ class Chunk {
       : tree_(tree), g_(tree.gaussians), begin_(begin), end_(end) {
     add("center", "f32_lebytes", f32_lebytes(vectors(g_.mean, [](float x) { return x; }), 3));
     add("alpha", "f16",
-        f16_planes(values(1, [&](std::size_t i, float* to) {
-                     to[0] = sigmoid(g_.logit_opacity[i]);
-                   }),
-                   1));
+        f16_planes(
+            values(1, [&](std::size_t i, float* to) { to[0] = sigmoid(g_.logit_opacity[i]); }), 1));
     add("rgb", "f16", f16_planes(vectors(g_.sh0, color_of_sh0), 3));
     add("scales", "ln_f16", f16_planes(vectors(g_.log_scale, [](float s) { return s; }), 3));
     std::string rotations;
@@ -172,9 +170,9 @@ void write_rad(const std::filesystem::path& path, const SplatTree& tree, int sh_
   const Json encoding = splat_encoding(tree.gaussians, sh_degree);
   std::vector<std::string> chunks((count + kRadChunk - 1) / kRadChunk);
   parallel_for(chunks.size(), 1, [&](std::size_t k) {
-    chunks[k] = Chunk(tree, sh_degree, encoding, k * kRadChunk,
-                      std::min(count, (k + 1) * kRadChunk))
-                    .bytes();
+    chunks[k] =
+        Chunk(tree, sh_degree, encoding, k * kRadChunk, std::min(count, (k + 1) * kRadChunk))
+            .bytes();
   });
   Json ranges = Json::array();
   std::size_t offset = 0;
@@ -183,18 +181,17 @@ void write_rad(const std::filesystem::path& path, const SplatTree& tree, int sh_
     offset += chunk.size();
   }
   AtomicFile file(path);
-  file.write(head_of(kRadMagic,
-                     {{"version", 1},
-                      {"type", "gsplat"},
-                      {"count", count},
-                      {"maxSh", sh_degree},
-                      {"lodTree", true},
-                      {"chunkSize", kRadChunk},
-                      {"allChunkBytes", offset},
-                      {"chunks", ranges},
-                      {"splatEncoding", encoding},
-                      {"comment", fmt::format("gemsplat {}{}", kVersion,
-                                              antialiased ? " antialiased" : "")}}));
+  file.write(head_of(kRadMagic, {{"version", 1},
+                                 {"type", "gsplat"},
+                                 {"count", count},
+                                 {"maxSh", sh_degree},
+                                 {"lodTree", true},
+                                 {"chunkSize", kRadChunk},
+                                 {"allChunkBytes", offset},
+                                 {"chunks", ranges},
+                                 {"splatEncoding", encoding},
+                                 {"comment", fmt::format("gemsplat {}{}", kVersion,
+                                                         antialiased ? " antialiased" : "")}}));
   for (const std::string& chunk : chunks) file.write(chunk);
   file.commit();
 }

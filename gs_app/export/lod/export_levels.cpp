@@ -58,7 +58,11 @@ void measure(ExportedLevels& exported, const LevelsRequest& request, const Viewp
 ExportedFile described(const fs::path& file, const GaussianModel& model, const GaussianModel& whole,
                        const ModelTransform& transform) {
   const ModelFormat* const format = find_format(file);
-  return {file, format, frames_of(*format, model, transform), whole.sh_degree, whole.antialiased,
+  return {file,
+          format,
+          frames_of(*format, model, transform),
+          whole.sh_degree,
+          whole.antialiased,
           whole.gaussians.count()};
 }
 
@@ -121,23 +125,21 @@ ExportedLevels export_levels(const GaussianModel& model, const LevelsRequest& re
 }
 
 std::string levels_table(const ExportedLevels& exported) {
-  std::string table =
-      markdown_header({"level", "Gaussians", "bytes", "share of the bytes in %", "PSNR in dB",
-                       "PSNR in dB at 1/2^level of the size"});
+  std::string table = markdown_header({"level", "Gaussians", "bytes", "share of the bytes in %",
+                                       "PSNR in dB", "PSNR in dB at 1/2^level of the size"});
   for (std::size_t k = 0; k < exported.levels.size(); ++k) {
     const ExportedLevel& level = exported.levels[k];
     table += markdown_row(
         {fmt::format("{}", k), fmt::format("{}", level.written.gaussians),
          fmt::format("{}", level.written.bytes),
-         fmt::format("{:.1f}",
-                     100 * double(level.written.bytes) / double(exported.streamed.bytes)),
+         fmt::format("{:.1f}", 100 * double(level.written.bytes) / double(exported.streamed.bytes)),
          decibels(level.full), decibels(level.reduced)});
   }
   table += "\n" + markdown_header({"file", "bytes", "bytes per Gaussian", "PSNR in dB"});
   for (const ExportedFile* file : {&exported.streamed, &exported.rad})
-    table += markdown_row({file->file.filename().string(), fmt::format("{}", file->bytes),
-                           fmt::format("{:.1f}", file->bytes_per_gaussian()),
-                           decibels(file->fidelity)});
+    table +=
+        markdown_row({file->file.filename().string(), fmt::format("{}", file->bytes),
+                      fmt::format("{:.1f}", file->bytes_per_gaussian()), decibels(file->fidelity)});
   return table;
 }
 
