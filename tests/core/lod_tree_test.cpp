@@ -148,6 +148,15 @@ TEST(LodTree, RowsThatAreNeverRenderedAreDropped) {
   EXPECT_EQ(tree.nodes.size(), 1u);
 }
 
+TEST(LodTree, EndsAtOneGaussianInEachLeaf) {
+  LodOptions options;
+  options.leaf_rows = 10;
+  options.coarsest_rows = 1;
+  const LodTree tree = build_lod_tree(cloud(10), options);
+  EXPECT_EQ(tree.levels.size(), 3u);  // 10, 3, 1
+  EXPECT_EQ(tree.levels.back().gaussians.count(), 1u);
+}
+
 TEST(LodTree, RefusesModelsWithoutGaussiansAndThoseWithTime) {
   EXPECT_THROW(build_lod_tree(Gaussians()), UsageError);
   EXPECT_THROW(build_lod_tree(random_moving_model(10, 0).gaussians), UsageError);

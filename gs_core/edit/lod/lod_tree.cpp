@@ -89,7 +89,7 @@ std::size_t reduced(std::size_t count, std::size_t ratio) { return (count + rati
 
 std::size_t num_levels(std::size_t count, const LodOptions& options) {
   std::size_t levels = 1;
-  while ((count = reduced(count, options.ratio)) >= options.coarsest_rows) ++levels;
+  while (count > 1 && (count = reduced(count, options.ratio)) >= options.coarsest_rows) ++levels;
   return levels;
 }
 
