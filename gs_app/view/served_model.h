@@ -29,7 +29,7 @@ struct ServedModel {
 /// read.
 bool is_served_as_it_is(const std::filesystem::path& file);
 
-/// Makes another file if one is needed. Throws Error if it cannot be written.
+/// Makes another file if one is needed; of a folder of export --lod it takes the .rad. Throws Error if it cannot be written.
 ServedModel serve_model(const OpenedModel& opened);
 
 /// "model" of /scene.json: {"format", "gaussians", "bytes", "sh_degree", "antialiased", "name",

@@ -21,6 +21,8 @@ namespace gs {
 
 /// The one name that viewers know.
 inline constexpr const char* kLodMeta = "lod-meta.json";
+/// The same levels as export --lod writes them beside it, for Spark (rad.h).
+inline constexpr const char* kLodRad = "model.rad";
 
 struct StreamedSogOptions {
   int sh_degree = kMaxShDegree;  // of the files, 0..3

@@ -79,7 +79,7 @@ std::string decibels(const std::optional<Fidelity>& fidelity) {
 
 void check_export_levels(const LevelsRequest& request, bool force,
                          const std::vector<fs::path>& needed) {
-  for (const char* file : {kLodMeta, "model.rad"}) find_format(file)->require({});
+  for (const char* file : {kLodMeta, kLodRad}) find_format(file)->require({});
   std::error_code ignored;
   if (!fs::exists(fs::symlink_status(request.folder, ignored)) || is_empty_output(request.folder))
     return;
@@ -101,7 +101,7 @@ ExportedLevels export_levels(const GaussianModel& model, const LevelsRequest& re
   warn_of_left_out(request.folder, whole.gaussians.count(), model.gaussians.count());
   const LodTree tree = build_lod_tree(copy_of(whole.gaussians), request.lod);
 
-  const fs::path meta = request.folder / kLodMeta, rad = request.folder / "model.rad";
+  const fs::path meta = request.folder / kLodMeta, rad = request.folder / kLodRad;
   ExportedLevels exported{{},
                           described(meta, model, whole, request.transform),
                           described(rad, model, whole, request.transform)};
