@@ -13,7 +13,9 @@
 #include "apps/cli/verbs.h"
 #include "gs_app/export/cameras.h"
 #include "gs_app/export/export_model.h"
+#include "gs_app/export/lod/export_levels.h"
 #include "gs_app/run/open_model.h"
+#include "gs_app/run/progress_bar.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
 
@@ -28,7 +30,8 @@ struct ExportCommand : CommandLine {
   ExportOptions options;
   std::vector<double> up;  // empty: no turn
   double scale = 1;
-  bool recenter = false, force = false, table = false, unmeasured = false;
+  std::size_t lod_leaf = LodOptions().leaf_rows;
+  bool recenter = false, force = false, table = false, lod = false, unmeasured = false;
 };
 
 ModelTransform transform_of(const ExportCommand& command, const GaussianModel& model) {
@@ -138,21 +141,51 @@ void export_all(const ExportCommand& command, const std::vector<ExportRequest>& 
   std::cout << "\n" << table;
 }
 
+LevelsRequest levels_request_of(const ExportCommand& command, const GaussianModel& model,
+                                int sh_degree) {
+  if (command.outputs.size() != 1)
+    throw UsageError("--lod takes one folder, in which it writes levels of detail");
+  LevelsRequest request{command.outputs[0], transform_of(command, model), sh_degree};
+  request.lod.leaf_rows = command.lod_leaf;
+  check_export_levels(request, command.force, {command.model});
+  return request;
+}
+
+void export_lod(const ExportCommand& command, LevelsRequest request, const GaussianModel& model,
+                const Viewpoints* viewpoints) {
+  ProgressBar bar(std::int64_t(model.gaussians.count()), !command.quiet);
+  request.lod.on_progress = [&](std::size_t done, std::size_t) {
+    if (bar.due(std::int64_t(done))) bar.draw(std::int64_t(done), "merged", "Gaussians");
+  };
+  const ExportedLevels exported = export_levels(model, request, viewpoints);
+  bar.clear();
+  if (!command.quiet) std::cout << levels_table(exported);
+}
+
 void run_export(const ExportCommand& command) {
   setup_log(command.verbosity());
   OpenedModel opened = open_model(command.model, command.step);
   if (command.time) take_moment(opened, *command.time);
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
-  const std::vector<ExportRequest> requests = requests_of(command, opened, config.model.sh_degree);
-  if (command.unmeasured || !is_any_lossy(requests, opened.model.sh_degree))
-    return export_all(command, requests, opened.model, nullptr);
+  std::vector<ExportRequest> requests;
+  LevelsRequest levels;
+  if (command.lod)
+    levels = levels_request_of(command, opened.model, config.model.sh_degree);
+  else
+    requests = requests_of(command, opened, config.model.sh_degree);
+  const auto write = [&](const Viewpoints* viewpoints) {
+    command.lod ? export_lod(command, levels, opened.model, viewpoints)
+                : export_all(command, requests, opened.model, viewpoints);
+  };
+  if (command.unmeasured || !(command.lod || is_any_lossy(requests, opened.model.sh_degree)))
+    return write(nullptr);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
   Viewpoints viewpoints{*backend, gaussians.span(), settings_of(opened, config), {}};
   for (const NamedCamera& named : cameras_of(command, opened, config, viewpoints.what))
     viewpoints.cameras.push_back(named.camera);
-  export_all(command, requests, opened.model, &viewpoints);
+  write(&viewpoints);
 }
 
 }  // namespace
@@ -178,7 +211,19 @@ void add_export(CLI::App& program) {
                   "write this moment of Gaussians in space and time, 0 to 1, as 3D Gaussians");
   verb.add_flag("--table", command->table,
                 "output is a folder: write every format into it, with a table of sizes and losses");
-  verb.add_flag("--force", command->force, "if a file exists, move it to FILE.bak-N first");
+  CLI::Option* const lod =
+      verb.add_flag("--lod", command->lod,
+                    "output is a folder: write levels of detail into it for viewers that stream "
+                    "(lod-meta.json and model.rad), with a table of what each level costs");
+  lod->excludes("--table");
+  verb.add_option("--lod-leaf", command->lod_leaf,
+                  "Gaussians of the parts that a viewer shows at levels of their own, at most "
+                  "[50000]")
+      ->check(CLI::Range(std::size_t(100), std::size_t(10'000'000)))
+      ->type_name("N")
+      ->needs(lod);
+  verb.add_flag("--force", command->force,
+                "if a file exists, move it to FILE.bak-N first, and the folder of --lod, too");
   verb.add_option("--spz-version", command->options.spz_version,
                   "version of .spz files: 3, which Spark and splat-transform read, or 4, which "
                   "fewer programs read [3]")

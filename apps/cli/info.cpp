@@ -58,9 +58,10 @@ void add_info(CLI::App& program) {
   CLI::App& verb =
       *program.add_subcommand("info", "Describe a trained model, or what this build can do");
   const auto command = std::make_shared<InfoCommand>();
-  verb.add_option("model", command->model,
-                  "a PLY, .spz, .sog, .splat, .csv or .gs4d of any trainer, or a run's folder "
-                  "[none: the build]")
+  verb.add_option(
+          "model", command->model,
+          "a PLY, .spz, .sog, .rad, .splat, .csv or .gs4d of any trainer, or a run's folder "
+          "[none: the build]")
       ->type_name("MODEL|RUN");
   verb.add_flag("--json", command->json, "print JSON");
   verb.callback([command] { info(*command); });

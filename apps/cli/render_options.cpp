@@ -215,8 +215,9 @@ void add_render(CLI::App& program) {
       "render", "Render pictures or a film of a trained model, from given cameras or along a path");
   const auto flags = std::make_shared<RenderFlags>();
   RenderCommand& command = flags->command;
-  verb.add_option("model", command.model,
-                  "a PLY, .spz, .sog, .splat, .csv or .gs4d of any trainer, or a run's folder")
+  verb.add_option(
+          "model", command.model,
+          "a PLY, .spz, .sog, .rad, .splat, .csv or .gs4d of any trainer, or a run's folder")
       ->type_name("MODEL|RUN")
       ->required();
   verb.add_option("-o,--output", flags->output,

@@ -81,8 +81,9 @@ void view(const ViewCommand& command) {
 void add_view(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand("view", "Show a trained model in the browser");
   const auto command = std::make_shared<ViewCommand>();
-  verb.add_option("model", command->model,
-                  "a PLY, .spz, .sog, .splat, .csv or .gs4d of any trainer, or a run's folder")
+  verb.add_option(
+          "model", command->model,
+          "a PLY, .spz, .sog, .rad, .splat, .csv or .gs4d of any trainer, or a run's folder")
       ->type_name("MODEL|RUN")
       ->required();
   add_time_option(

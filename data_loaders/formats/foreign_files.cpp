@@ -23,9 +23,7 @@ struct Foreign {
 constexpr Foreign kEndings[] = {
     {".ksplat", "a .ksplat file of GaussianSplats3D", kConvert},
     {".lcc", "an .lcc scene of XGRIDS", kConvert},
-    {".rad", "a .rad file of Spark", kConvert},
     {".splatv", "a .splatv file of moving Gaussians", "train one moment and name its .ply"},
-    {"lod-meta.json", "a streamed SOG scene", kConvert},
     {".pth", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
     {".pt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
     {".ckpt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
@@ -37,6 +35,7 @@ constexpr Foreign kFirstBytes[] = {
     {"NGSP", "an .spz file of version 4", "give it a name that ends in .spz"},
     {"\x1f\x8b", "a gzip file, as .spz files are", "give it a name that ends in .spz"},
     {"PK\x03\x04", "a zip file, as .sog files are", "give it a name that ends in .sog"},
+    {"RAD0", "a .rad file", "give it a name that ends in .rad"},
     {"glTF", "a .glb file", "give it a name that ends in .glb"}};
 
 std::string text_of(const Foreign& foreign) {
@@ -50,20 +49,10 @@ std::string lowercase_name(const fs::path& path) {
   return name;
 }
 
-// PlayCanvas' tools write a .sog as one file, or as a folder of the same pictures with meta.json.
-std::string sog_folder(const fs::path& folder) {
-  return fmt::format(
-      "this is a SOG model unpacked into a folder, but gemsplat reads one file; pack it with: zip "
-      "-0 -j model.sog {}/*",
-      folder.string());
-}
-
 }  // namespace
 
 std::string foreign_kind(const fs::path& path) {
   std::error_code ignored;
-  if (fs::is_directory(path, ignored))
-    return fs::exists(path / "meta.json", ignored) ? sog_folder(path) : "";
   if (!fs::is_regular_file(path, ignored)) return "";  // to open a FIFO would wait for its writer
   std::ifstream file(path, std::ios::binary);
   char first[4] = {};
@@ -72,7 +61,6 @@ std::string foreign_kind(const fs::path& path) {
   const std::string_view beginning(first, std::size_t(file.gcount()));
   if (beginning.starts_with("ply")) return "";
   const std::string name = lowercase_name(path);
-  if (name == "meta.json") return sog_folder(path.parent_path());
   for (const Foreign& foreign : kEndings)
     if (name.ends_with(foreign.mark)) return text_of(foreign);
   for (const Foreign& foreign : kFirstBytes)

@@ -8,7 +8,7 @@
 
 namespace gs {
 
-/// What a file or folder is that no reader takes, and a remedy: "this is a .ksplat file, which
+/// What a file is that no reader takes, and a remedy: "this is a .ksplat file, which
 /// gemsplat does not read; convert it to .ply with SuperSplat". Looks at the ending and the first
 /// bytes. Empty for a PLY, for something unknown, and where there is no such file.
 std::string foreign_kind(const std::filesystem::path& path);

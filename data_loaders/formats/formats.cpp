@@ -12,6 +12,8 @@
 #include "data_loaders/formats/foreign_files.h"
 #include "data_loaders/formats/glb.h"
 #include "data_loaders/formats/gs4d/gs4d.h"
+#include "data_loaders/formats/lod/rad.h"
+#include "data_loaders/formats/lod/streamed_sog.h"
 #include "data_loaders/formats/ply/compressed_ply.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/sog/sog.h"
@@ -25,7 +27,8 @@
 namespace gs {
 namespace {
 
-using Path = std::filesystem::path;
+namespace fs = std::filesystem;
+using Path = fs::path;
 
 const AxisSigns kPlyAxes{1, 1, 1};
 
@@ -37,6 +40,9 @@ void without_options(const Path& path, const GaussianModel& model, const ExportO
 void write_spz_version(const Path& path, const GaussianModel& model, const ExportOptions& options) {
   write_spz(path, model, options.spz_version);
 }
+void write_rad_with(const Path& path, const GaussianModel& model, const ExportOptions&) {
+  write_rad(path, model);
+}
 void write_gs4d_with(const Path& path, const GaussianModel& model, const ExportOptions& options) {
   write_gs4d(path, model, options.duration);
 }
@@ -45,7 +51,18 @@ void require_nothing(const ExportOptions&) {}
 void require_for_spz(const ExportOptions& options) {
   options.spz_version == 4 ? require_zstd() : require_zlib();
 }
+void require_for_rad(const ExportOptions&) { require_zlib(); }
 void require_for_sog(const ExportOptions&) { require_webp(); }
+
+// Files that stand for a folder; the whole name counts. export --lod writes the first.
+const std::vector<ModelFormat>& folder_formats() {
+  static const std::vector<ModelFormat> kFormats = {
+      {"streamed sog", kLodMeta, "levels of detail as SOG", false, false, kPlyAxes, Holds::still,
+       read_streamed_sog, nullptr, require_for_sog},
+      {"sog folder", "meta.json", "SOG, unpacked", false, false, kPlyAxes, Holds::still,
+       read_sog_folder, nullptr, require_for_sog}};
+  return kFormats;
+}
 
 }  // namespace
 
@@ -65,6 +82,8 @@ const std::vector<ModelFormat>& model_formats() {
        Holds::still, read_spz, write_spz_version, require_for_spz},
       {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kNoOffset, kPlyAxes,
        Holds::still, read_sog, without_options<write_sog>, require_for_sog},
+      {"rad", ".rad", "a tree of levels of detail, floats of 16 bits, compressed", kLossy,
+       kNoOffset, kPlyAxes, Holds::still, read_rad, write_rad_with, require_for_rad},
       {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kNoOffset, kPlyAxes, Holds::still,
        read_splat, without_options<write_splat>, require_nothing},
       {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kNoOffset,
@@ -90,6 +109,8 @@ const ModelFormat* find_format(const Path& path) {
   std::string name = path.filename().string();
   std::transform(name.begin(), name.end(), name.begin(),
                  [](unsigned char c) { return char(std::tolower(c)); });
+  for (const ModelFormat& format : folder_formats())
+    if (name == format.ending) return &format;
   const ModelFormat* longest = nullptr;
   for (const ModelFormat& format : model_formats())
     if (name.ends_with(format.ending) &&
@@ -99,7 +120,13 @@ const ModelFormat* find_format(const Path& path) {
 }
 
 const ModelFormat& format_to_write(const Path& path) {
-  if (const ModelFormat* format = find_format(path)) return *format;
+  const ModelFormat* const found = find_format(path);
+  if (found && found->write) return *found;
+  if (found)
+    throw UsageError(fmt::format(
+        "{}: a {} is a folder of files; name the folder, and add --lod to write levels of detail "
+        "into it, or choose .sog for one file",
+        path.string(), found->name));
   std::string endings;
   for (const ModelFormat& format : model_formats())
     endings += (endings.empty() ? "" : ", ") + std::string(format.ending);
@@ -108,7 +135,16 @@ const ModelFormat& format_to_write(const Path& path) {
                                ending.empty() ? "files without an ending" : ending, endings));
 }
 
-GaussianModel read_model(const Path& path) {
+Path model_in_folder(const Path& folder) {
+  std::error_code ignored;
+  for (const ModelFormat& format : folder_formats())
+    if (fs::is_regular_file(folder / format.ending, ignored)) return folder / format.ending;
+  return {};
+}
+
+GaussianModel read_model(const Path& named) {
+  const Path inside = model_in_folder(named);
+  const Path& path = inside.empty() ? named : inside;
   const ModelFormat* format = find_format(path);
   if (format && !format->read)
     cannot_read(

@@ -40,6 +40,7 @@ struct ModelFormat {
   AxisSigns signs;          // of the file's axes relative to the PLY's
   Holds gaussians;          // with time, without, or both
   GaussianModel (*read)(const std::filesystem::path&);  // null: gemsplat only writes it
+  // null: gemsplat only reads it
   void (*write)(const std::filesystem::path&, const GaussianModel&, const ExportOptions&);
   void (*require)(const ExportOptions&);  // throws Error where this build lacks a library for it
 };
@@ -53,6 +54,7 @@ std::string format_names();
 /// The format of a name such as "spz". Throws UsageError with a list for an unknown name.
 const ModelFormat& format_named(std::string_view name);
 /// The format that a file name's ending stands for, in upper or lower case; null if there is none.
+/// meta.json and lod-meta.json, which stand for folders of files, are not in model_formats().
 const ModelFormat* find_format(const std::filesystem::path& path);
 /// The same for a file to write. Throws UsageError with a list of the endings.
 const ModelFormat& format_to_write(const std::filesystem::path& path);
@@ -62,7 +64,11 @@ bool holds(const ModelFormat& format, bool has_time);
 /// Throws UsageError where they cannot. The message begins with `file` and names formats that can.
 void check_holds(const ModelFormat& format, bool has_time, std::string_view file);
 
-/// Reads trained Gaussians in the format of the file's name; a file of another name is read as PLY.
+/// The file that a folder of SOG files is read by, lod-meta.json or meta.json; empty for others.
+std::filesystem::path model_in_folder(const std::filesystem::path& folder);
+
+/// Reads trained Gaussians in the format of the file's name, or of the file in a folder that
+/// model_in_folder() finds; a file of another name is read as PLY.
 /// Throws Error as the readers do, and one that names the kind of file for formats that are not
 /// read (foreign_files.h).
 GaussianModel read_model(const std::filesystem::path& path);

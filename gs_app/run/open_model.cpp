@@ -7,12 +7,10 @@
 
 #include "data_loaders/cameras/exposure_file.h"
 #include "data_loaders/colmap/world_offset.h"
-#include "data_loaders/formats/foreign_files.h"
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/model_moment.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
-#include "gs_core/io/byte_reader.h"
 #include "gs_core/log.h"
 #include "gs_render/render_settings.h"
 
@@ -39,8 +37,9 @@ fs::path ply_of(const RunFolder& run, std::optional<int> step) {
 OpenedModel open_model(const fs::path& path, std::optional<int> step) {
   OpenedModel opened;
   opened.ply = path;
-  if (fs::is_directory(path)) {
-    if (const std::string kind = foreign_kind(path); !kind.empty()) cannot_read(path, kind);
+  if (const fs::path inside = model_in_folder(path); !inside.empty()) {
+    opened.ply = inside;
+  } else if (fs::is_directory(path)) {
     opened.run.emplace(path);
     opened.ply = ply_of(*opened.run, step);
     if (fs::exists(opened.run->config())) load_config(opened.config, opened.run->config());

@@ -26,8 +26,8 @@ struct OpenedModel {
   Config config;
 };
 
-/// Opens a file of any format that can be read (formats.h). In a run's folder this is the newest
-/// PLY, or the PLY after `step`. Throws Error if there is none.
+/// Opens a file of any format that can be read (formats.h), or a folder of SOG files. In a run's
+/// folder this is the newest PLY, or the PLY after `step`. Throws Error if there is none.
 OpenedModel open_model(const std::filesystem::path& path, std::optional<int> step);
 
 /// Throws UsageError where the model has no time.

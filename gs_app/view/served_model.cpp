@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cstring>
 
+#include "data_loaders/formats/lod/streamed_sog.h"
 #include "data_loaders/formats/model_transform.h"
 #include "data_loaders/formats/ply/compressed_ply.h"
 #include "data_loaders/formats/ply/mip_filter.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/ply/ply_file.h"
+#include "gs_app/run/text.h"
 #include "gs_core/io/byte_reader.h"
 #include "gs_core/log.h"
 
@@ -16,6 +18,8 @@ namespace gs {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kWorthStreaming = 1'000'000;  // Gaussians: 200 MB and more as a PLY
 
 bool is_plain(const PlyHeader& header) {
   if (header.format != PlyFormat::little_endian || header.elements.empty()) return false;
@@ -44,25 +48,41 @@ const ModelFormat& format_of(const std::filesystem::path& file) {
   return format_named(is_compressed_ply(PlyFile(file).header()) ? "compressed.ply" : "ply");
 }
 
+// The .rad that export --lod has written beside a streamed SOG, or the file itself.
+std::filesystem::path streamable(const std::filesystem::path& file) {
+  const std::filesystem::path rad = file.parent_path() / kLodRad;
+  return file.filename() == kLodMeta && std::filesystem::exists(rad) ? rad : file;
+}
+
+void advise_streaming(const ServedModel& model) {
+  if (model.gaussians < kWorthStreaming || model.format->name == "rad") return;
+  log_info(
+      "{} has {} Gaussians, which the page loads completely; `gemsplat export MODEL FILE.rad` "
+      "makes "
+      "a file that it streams",
+      model.name, with_commas(model.gaussians));
+}
+
 }  // namespace
 
 bool is_served_as_it_is(const std::filesystem::path& file) {
   const std::string_view name = format_of(file).name;
   if (name == "ply" || name == "compressed.ply") return is_plain(PlyFile(file).header());
   if (name == "spz") return !is_newer_spz(file);
-  return name == "sog" || name == "splat" || name == "gs4d";
+  return name == "sog" || name == "splat" || name == "gs4d" || name == "rad";
 }
 
 ServedModel serve_model(const OpenedModel& opened) {
   ServedModel model;
-  model.file = opened.ply;
-  model.format = &format_of(opened.ply);
-  model.name = opened.ply.filename().string();
+  model.file = streamable(opened.ply);
+  model.format = &format_of(model.file);
+  model.name = model.file.filename().string();
   model.gaussians = opened.model.gaussians.count();
   model.sh_degree = opened.model.sh_degree;
   model.antialiased = opened.model.antialiased;
   const bool has_time = opened.model.gaussians.has_time;
-  if (is_served_as_it_is(opened.ply)) return model;
+  if (!has_time) advise_streaming(model);
+  if (is_served_as_it_is(model.file)) return model;
   model.scratch = std::make_shared<ScratchFolder>();
   model.format = &format_named(has_time ? "gs4d" : "ply");
   model.file = model.scratch->path() / ("model" + std::string(model.format->ending));

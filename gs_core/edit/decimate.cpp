@@ -71,6 +71,16 @@ class Decimation {
     return rows_;
   }
 
+  /// For each row of the beginning: where in the rows that are left it is now.
+  std::vector<std::uint32_t> places() const {
+    std::vector<std::uint32_t> places(target_.size());
+    for (std::size_t n = 0; n < rows_.size(); ++n) places[rows_[n]] = std::uint32_t(n);
+    // A row goes into one before it, whose place is known then.
+    for (std::size_t i = 0; i < places.size(); ++i)
+      if (target_[i] != kNone) places[i] = places[target_[i]];
+    return places;
+  }
+
  private:
   Edge* edges_of(std::uint32_t row) { return edges_.data() + std::size_t(row) * std::size_t(k_); }
   float cost(std::uint32_t a, std::uint32_t b) const {
@@ -184,7 +194,23 @@ bool is_rendered(const Gaussians& g, std::size_t i) {
                      [](const Vec3f& c) { return is_finite(c); });
 }
 
+// Rows of the result for all rows of the beginning, of which only `rendered` were looked at.
+std::vector<std::uint32_t> spread_out(const std::vector<std::uint32_t>& places,
+                                      const std::vector<std::uint32_t>& rendered,
+                                      std::size_t count) {
+  std::vector<std::uint32_t> all(count, kNotRendered);
+  for (std::size_t n = 0; n < rendered.size(); ++n) all[rendered[n]] = places[n];
+  return all;
+}
+
 }  // namespace
+
+std::vector<std::uint32_t> rendered_rows(const Gaussians& gaussians) {
+  std::vector<std::uint32_t> rows;
+  for (std::uint32_t i = 0; i < gaussians.count(); ++i)
+    if (is_rendered(gaussians, i)) rows.push_back(i);
+  return rows;
+}
 
 std::size_t decimate(Gaussians& gaussians, std::size_t count, const DecimateOptions& given) {
   if (gaussians.has_time)
@@ -195,9 +221,8 @@ std::size_t decimate(Gaussians& gaussians, std::size_t count, const DecimateOpti
   GS_CHECK(given.importance.empty() || given.importance.size() == gaussians.count());
   if (gaussians.has_filter) bake_filter(gaussians);
   DecimateOptions options = given;
-  std::vector<std::uint32_t> rendered;
-  for (std::uint32_t i = 0; i < gaussians.count(); ++i)
-    if (is_rendered(gaussians, i)) rendered.push_back(i);
+  const std::size_t given_count = gaussians.count();
+  const std::vector<std::uint32_t> rendered = rendered_rows(gaussians);
   if (rendered.size() < gaussians.count()) {
     if (!options.importance.empty())
       for (std::size_t n = 0; n < rendered.size(); ++n)
@@ -205,9 +230,15 @@ std::size_t decimate(Gaussians& gaussians, std::size_t count, const DecimateOpti
     gaussians = rows_of(gaussians, rendered);
     if (!options.importance.empty()) options.importance.resize(rendered.size());
   }
+  std::vector<std::uint32_t> places(rendered.size());
+  std::iota(places.begin(), places.end(), 0u);
   count = std::max<std::size_t>(count, 1);
-  if (gaussians.count() > count)
-    gaussians = rows_of(gaussians, Decimation(gaussians, options).reduce_to(count));
+  if (gaussians.count() > count) {
+    Decimation decimation(gaussians, options);
+    gaussians = rows_of(gaussians, decimation.reduce_to(count));
+    places = decimation.places();
+  }
+  if (given.merged_into) *given.merged_into = spread_out(places, rendered, given_count);
   return gaussians.count();
 }
 

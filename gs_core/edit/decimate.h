@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 
 #include "gs_core/edit/merge_gaussians.h"
 
@@ -16,7 +17,14 @@ struct DecimateOptions {
   // Called now and then by the calling thread with the merges done and all merges; may be empty.
   // What it throws leaves decimate(), and the Gaussians are then undefined.
   std::function<void(std::size_t done, std::size_t total)> on_progress = {};
+  // Gets (N): the row of the result that holds each row, kNotRendered for dropped ones. May be null.
+  std::vector<std::uint32_t>* merged_into = nullptr;
 };
+
+inline constexpr std::uint32_t kNotRendered = std::numeric_limits<std::uint32_t>::max();
+
+/// The rows that a renderer can draw: all values are finite, and the rotation is not 0.
+std::vector<std::uint32_t> rendered_rows(const Gaussians& gaussians);
 
 /// Reduces `gaussians` to `count` rows by merging pairs with matched moments (merge_gaussians.h),
 /// and returns how many rows are left: fewer than `count` only if there were fewer.
@@ -27,8 +35,8 @@ struct DecimateOptions {
 /// merged Gaussians are computed again. The graph is made again whenever half of the Gaussians are
 /// gone.
 ///
-/// A 3D filter is baked in first (bake_filter.h). Rows that are never rendered (NaN, infinity, a
-/// rotation of length 0) are dropped first. A merged Gaussian takes the place of the first row that
+/// A 3D filter is baked in first (bake_filter.h), and rows that are never rendered are dropped
+/// (rendered_rows()). A merged Gaussian takes the place of the first row that
 /// it holds, so that the order stays. The result depends on nothing but the arguments, in
 /// particular not on the number of threads. Needs some 200 bytes per Gaussian beside the model,
 /// all cores, and half a minute on two of them for a million Gaussians. Host memory. Throws

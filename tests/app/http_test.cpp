@@ -24,6 +24,7 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::EndsWith;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -71,6 +72,38 @@ TEST(HttpServer, AnswersGetAndHead) {
   const std::string head = asked(server, "HEAD /small HTTP/1.1\r\nHost: localhost\r\n\r\n");
   EXPECT_THAT(head, HasSubstr("Content-Length: 5\r\n"));
   EXPECT_THAT(head, EndsWith("\r\n\r\n"));
+}
+
+TEST(HttpServer, SendsTheRangeThatIsAskedFor) {
+  const TempFolder folder;
+  write_bytes(folder.path() / "digits", "0123456789");
+  const HttpServer server({"127.0.0.1", 0}, [&](const HttpRequest& request) {
+    if (request.path == "/text") return http_text("0123456789", "text/plain");
+    if (request.path != "/file") return http_error(404, "nothing is here");
+    HttpAnswer answer;
+    answer.file = folder.path() / "digits";
+    return answer;
+  });
+  const auto range = [&](const std::string& path, const std::string& bytes) {
+    return asked(server,
+                 "GET " + path + " HTTP/1.1\r\nHost: localhost\r\nRange: " + bytes + "\r\n\r\n");
+  };
+  for (const char* path : {"/text", "/file"}) {
+    EXPECT_THAT(
+        range(path, "bytes=2-4"),
+        AllOf(StartsWith("HTTP/1.1 206 Partial Content\r\n"), EndsWith("\r\n\r\n234"),
+              HasSubstr("Content-Length: 3\r\n"), HasSubstr("Content-Range: bytes 2-4/10\r\n")));
+    EXPECT_THAT(range(path, "bytes=7-"), EndsWith("\r\n\r\n789"));
+    EXPECT_THAT(range(path, "bytes=8-65535"), AllOf(EndsWith("\r\n\r\n89"), HasSubstr("8-9/10")));
+    EXPECT_THAT(range(path, "bytes=10-11"),
+                AllOf(StartsWith("HTTP/1.1 416 "), HasSubstr("Content-Range: bytes */10\r\n"),
+                      EndsWith("\r\n\r\n")));
+    for (const char* other : {"bytes=-3", "bytes=1-2,4-5", "bytes=5-4", "lines=1-2", "bytes=a-"})
+      EXPECT_THAT(range(path, other),
+                  AllOf(StartsWith("HTTP/1.1 200 OK\r\n"), EndsWith("\r\n\r\n0123456789")))
+          << other;
+  }
+  EXPECT_THAT(range("/none", "bytes=0-1"), StartsWith("HTTP/1.1 404 "));
 }
 
 TEST(HttpServer, TakesARequestByteByByteAndFromAPeerThatSaysNoMore) {

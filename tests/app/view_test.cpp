@@ -9,10 +9,12 @@
 #include <chrono>
 #include <thread>
 
+#include "data_loaders/formats/lod/streamed_sog.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
 #include "tests/support/program.h"
+#include "tests/support/random_model.h"
 
 namespace gs {
 namespace {
@@ -162,6 +164,27 @@ TEST_F(View, TheModelHasTheBytesOfItsFile) {
   EXPECT_EQ(said.at("name"), "point_cloud.ply");
   EXPECT_EQ(said.at("sh_degree"), 3);
   EXPECT_EQ(said.at("gaussians"), read_gaussian_ply(ply()).gaussians.count());
+}
+
+TEST_F(View, LevelsOfDetailAreStreamed) {
+  const GaussianModel model = random_model(300, 1);
+  try {
+    write_model(path("lod/model.rad"), model);
+    write_streamed_sog(path("lod"), build_lod_tree(copy_of(model.gaussians)), {1});
+  } catch (const Error& missing) {
+    GTEST_SKIP() << missing.what();  // zlib or libwebp
+  }
+  const std::string bytes = read_bytes(path("lod/model.rad"));
+  for (const char* name : {"lod", "lod/lod-meta.json", "lod/model.rad"}) {
+    const Served served = serve(name);
+    const Json said = served.json("/scene.json").at("model");
+    EXPECT_EQ(said.at("format"), "rad");
+    EXPECT_EQ(said.at("gaussians"), 300);
+    const auto part = served.get("/model?v=0", {{"Range", "bytes=8-107"}});
+    EXPECT_EQ(part->status, 206);
+    EXPECT_EQ(part->body, bytes.substr(8, 100));
+    EXPECT_EQ(part->get_header_value("Content-Range"), fmt::format("bytes 8-107/{}", bytes.size()));
+  }
 }
 
 TEST_F(View, ThePageHasTheBytesOfItsFileAndIsNeverKept) {

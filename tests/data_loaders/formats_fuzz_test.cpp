@@ -55,6 +55,7 @@ const Reader kReaders[] = {
     {"Spz4", ".spz", 1, {4}, damaged_outside},
     {"Sog", ".sog", 1, {}, damaged_outside},
     {"SogInside", ".sog", 1, {}, damaged_sog},
+    {"Rad", ".rad", 1, {}, damaged_outside},
     {"Gs4d", ".gs4d", 1, {}, damaged_outside},
 };
 

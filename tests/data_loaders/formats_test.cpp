@@ -52,6 +52,7 @@ const Kind kKinds[] = {
     {".spz", {3}, 3, {0.00025f, 0.064f, 0.003f, 0.03f, 0.135f, 0.006f}},
     {".spz", {4}, 3, {0.00025f, 0.064f, 0.003f, 0.03f, 0.135f, 0.006f}},
     {".sog", {}, 3, {0.0004f, 0.06f, 0.003f, 0.06f, 100, 0.02f}},
+    {".rad", {}, 3, {0, 0.005f, 0.0005f, 0.004f, 0.01f, 0.045f}},
 };
 
 float angle_between(const Quatf& a, const Quatf& b) {
@@ -159,7 +160,7 @@ TEST_F(Formats, NoGaussiansAreHeldOrRefusedWithAdvice) {
     SCOPED_TRACE(ending);
     EXPECT_EQ(there_and_back(random_model(0, 2), ending).gaussians.count(), 0u);
   }
-  for (const char* ending : {".glb", ".sog"})
+  for (const char* ending : {".glb", ".sog", ".rad"})
     EXPECT_THAT(
         error_of([&] { write_model(file(std::string("none") + ending), random_model(0, 2)); }),
         AllOf(HasSubstr("no Gaussians"), HasSubstr("choose .ply")));
@@ -386,8 +387,6 @@ TEST_F(Formats, FilesOfOtherProgramsAreNamedWithARemedy) {
               AllOf(HasSubstr("a zip file, as .sog files are"), HasSubstr("ends in .sog")));
   EXPECT_THAT(error_reading("a.model", "NGSP"), HasSubstr("ends in .spz"));
   EXPECT_THAT(error_reading("a.model", "some text"), HasSubstr("not a PLY file"));
-  write_bytes(file("sog/meta.json"), "{}");
-  EXPECT_THAT(foreign_kind(file("sog")), HasSubstr("zip -0 -j model.sog"));
   EXPECT_EQ(foreign_kind(file("none.ksplat")), "");  // an Error says that it is missing
 }
 

@@ -64,9 +64,9 @@ export class Browser {
   }
 
   // Opens the page of a server on this machine, which may load from there alone. options: `at`,
-  // what follows # in the address
-  openServer(url, {at = '', ...options} = {}) {
-    const own = address => address.startsWith(url) || address.startsWith(`blob:${url}`);
+  // what follows # in the address; `own`, where the address of the server is not that of the page
+  openServer(url, {at = '', own: server = url, ...options} = {}) {
+    const own = address => address.startsWith(server) || address.startsWith(`blob:${server}`);
     return this.visit(`${url}${at && `#${at}`}`, own, options);
   }
 

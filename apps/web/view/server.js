@@ -45,6 +45,9 @@ export async function askForModel(version, bytes, progress) {
   return {stream: response.body.pipeThrough(counted), length: length || undefined};
 }
 
+/// Where a model lies whose parts are fetched one by one.
+export const modelAddress = version => new URL(`model?v=${version}`, location.href).href;
+
 /// A frame as {picture: ImageBitmap, milliseconds}: milliseconds that the server rendered, or null
 /// if it did not say. The frame is null if a newer request has replaced this one.
 export async function askForFrame(query) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The picture that the browser draws: Spark on three.js, set up to agree with gemsplat's renderer
 // (docs/viewer.md).
-import {SparkRenderer, SplatFileType, SplatMesh} from '@sparkjsdev/spark';
+import {PagedSplats, SparkRenderer, SplatFileType, SplatMesh} from '@sparkjsdev/spark';
 import {readGs4d} from './gs4d.js';
 import {MovingModel} from './moving.js';
 import {HalfFloatType, LinearFilter, Matrix4, Mesh, PerspectiveCamera, PlaneGeometry, Raycaster, Scene, ShaderMaterial,
@@ -16,6 +16,8 @@ const FAR_OUTSIDE = 1e4;
 const ANY_SIZE = 1e6;                         // pixels: no splat is made smaller
 // Of GPU memory at full precision: the mesh and Spark's working copies.
 const BYTES_PER_GAUSSIAN = 200;
+const STREAM_TICK = 50;  // milliseconds between looks at what has arrived of a streamed model
+const PAGE = 65536;  // Gaussians of a chunk of .rad
 // Larger models get 16-byte Gaussians.
 const MOST_BYTES = /Android|iPhone|iPad/.test(navigator.userAgent) ? 2 ** 28 : 2 ** 30;
 
@@ -24,12 +26,14 @@ const FILE_TYPES = {ply: SplatFileType.PLY, 'compressed.ply': SplatFileType.PLY,
 
 export class SplatPicture {
   // model: of scene.json, if it is known already; changed(): called when there is something new to
-  // draw.
-  constructor(renderer, model, changed) {
+  // draw; arrived(): when all parts of a streamed model that the view needs are there.
+  constructor(renderer, model, changed, arrived) {
     this.renderer = renderer;
     this.changed = changed;
+    this.arrived = arrived;
     this.precise = (model?.gaussians ?? 0) * BYTES_PER_GAUSSIAN <= MOST_BYTES;
     this.mesh = null;
+    this.streamed = null;  // of a model whose parts are fetched as the view needs them
     this.time = 0;                // of a model that moves
     this.timeOf = new WeakMap();  // of what Spark has gathered
     this.scene = new Scene();
@@ -74,6 +78,7 @@ export class SplatPicture {
   // that moves can be played
   async load(model, read, played) {
     if (model.format === 'gs4d') return this.loadMoving(read, played);
+    if (model.format === 'rad') return this.stream(model, read.address);
     const fileType = FILE_TYPES[model.format];
     if (!fileType) throw new Error(`This page does not read .${model.format} files.`);
     const next = new SplatMesh({stream: read.stream, streamLength: read.length, fileType, extSplats: this.precise});
@@ -83,10 +88,37 @@ export class SplatPicture {
       next.dispose();
       throw error;
     }
+    this.prepare(next, model);
+    this.replaceWith(next);
+  }
+
+  prepare(next, model) {
     if (model.world_from_file) new Matrix4().set(...model.world_from_file).decompose(next.position, next.quaternion, next.scale);
     if (this.shDegree !== undefined) next.maxSh = this.shDegree;
     this.setAntialiased(model.antialiased ?? false);
+  }
+
+  // Shows a tree of levels of detail, of which Spark fetches the chunks that the view needs, coarse
+  // ones first. Returns when the coarsest ones are shown.
+  async stream(model, address) {
+    const {spark} = this, paged = new PagedSplats({rootUrl: address, fileType: SplatFileType.RAD});
+    const {meta} = await paged.radMetaPromise;
+    spark.enableLod = spark.enableDriveLod = true;
+    spark.pagedExtSplats = this.precise;
+    spark.maxPagedSplats = Math.min(spark.maxPagedSplats, meta.chunks.length * PAGE);
+    const next = new SplatMesh({paged});
+    this.prepare(next, model);
     this.replaceWith(next);
+    this.streamed = {gaussians: model.gaussians, wasBusy: false, timer: setInterval(() => this.followStream(), STREAM_TICK)};
+    while (!(paged.numSplats > 0)) await new Promise(done => setTimeout(done, STREAM_TICK));
+  }
+
+  // Spark looks for what has arrived when a frame is drawn.
+  followStream() {
+    const isBusy = this.isStreaming, {wasBusy} = this.streamed;
+    this.streamed.wasBusy = isBusy;
+    if (isBusy) this.changed();
+    else if (wasBusy) this.arrived();
   }
 
   async loadMoving({stream}, played) {
@@ -119,6 +151,8 @@ export class SplatPicture {
 
   replaceWith(next) {
     this.scene.add(next);
+    clearInterval(this.streamed?.timer);
+    this.streamed = null;
     if (this.mesh) {
       this.scene.remove(this.mesh);
       this.mesh.dispose();  // Spark shows its copy of it until the next model is sorted
@@ -127,8 +161,15 @@ export class SplatPicture {
     this.changed();
   }
 
-  get gaussians() { return this.mesh?.numSplats ?? 0; }
-  get isPending() { return this.spark.sorting || this.spark.sortDirty || this.spark.dirty || !this.showsItsTime; }
+  get gaussians() { return this.streamed?.gaussians ?? this.mesh?.numSplats ?? 0; }
+  get isPending() { return this.spark.sorting || this.spark.sortDirty || this.spark.dirty || this.isStreaming || !this.showsItsTime; }
+  // Whether chunks that this view needs are on their way, or not yet drawn.
+  get isStreaming() {
+    if (!this.streamed) return false;
+    const {pager, lodDirty, lodUpdates, lodWorker} = this.spark;
+    return !pager || lodDirty || lodUpdates.length > 0 || lodWorker.queue !== null || pager.fetchers.length > 0 || pager.fetched.length > 0 ||
+        pager.lodTreeUpdates.length > 0 || pager.newUploads.length > 0 || pager.readyUploads.length > 0;
+  }
 
   setTime(time) {
     if (time === this.time) return;
@@ -152,6 +193,7 @@ export class SplatPicture {
     this.camera.updateMatrixWorld(true);
     this.camera.projectionMatrix.copy(projection);
     this.camera.projectionMatrixInverse.copy(projection).invert();
+    this.camera.fov = 2 * Math.atan(1 / projection.elements[5]) * 180 / Math.PI;  // decides on levels of detail
   }
 
   draw(width, height) {

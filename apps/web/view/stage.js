@@ -33,7 +33,7 @@ export class Stage {
     if (this.isRemote) {
       this.frames = new FramePicture(this.frameCanvas, view => this.overlay(view), failed);
     } else {
-      this.splats = new SplatPicture(this.renderer, scene.model, () => this.request());
+      this.splats = new SplatPicture(this.renderer, scene.model, () => this.request(), () => this.touch());
       this.splats.setBackground(scene.background);
     }
     this.isStale = true;        // something has changed since the last frame

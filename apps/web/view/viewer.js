@@ -16,7 +16,7 @@ import {modelFacts} from './model_panel.js';
 import {iconButton, panel} from './parts.js';
 import {Player} from './player.js';
 import {Rig} from './rig.js';
-import {askForModel, askForScene} from './server.js';
+import {askForModel, askForScene, modelAddress} from './server.js';
 import {settings} from './settings.js';
 import {Stage} from './stage.js';
 
@@ -129,7 +129,8 @@ export class Viewer {
   async load(version) {
     const bar = this.messages.progress(this.stage.splats.gaussians ? null : 'Loading the model');
     try {
-      const read = await askForModel(version, this.scene.model.bytes, share => bar.set(share));
+      const isStreamed = this.scene.model.format === 'rad';
+      const read = isStreamed ? {address: modelAddress(version)} : await askForModel(version, this.scene.model.bytes, share => bar.set(share));
       await this.stage.splats.load(this.scene.model, read, played => this.player.take(played));
       this.facts.show();
     } catch (error) {

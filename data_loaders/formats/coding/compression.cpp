@@ -19,16 +19,19 @@ namespace gs {
 namespace {
 
 [[maybe_unused]] constexpr int kGzip = 15 + 16;  // zlib: a window of 2^15 bytes, gzip's header
+[[maybe_unused]] constexpr const char* kOfZlib = "a .spz or .rad file";
+[[maybe_unused]] constexpr int kRaw = -15;       // the same window without header and checksum
 [[maybe_unused]] constexpr int kZstdLevel = 12;  // higher ones are slower and hardly smaller
 [[maybe_unused]] constexpr std::size_t kMostUnpacked = 1032;  // bytes from one, by deflate
 [[maybe_unused]] constexpr std::size_t kFirstUnpacked = std::size_t(1) << 20;  // bytes
 [[maybe_unused]] constexpr std::size_t kZlibRoom = std::size_t(1) << 30;  // zlib counts in 32 bits
 
-[[maybe_unused]] [[noreturn]] void fail_without(const char* library, const char* package) {
+[[maybe_unused]] [[noreturn]] void fail_without(const char* library, const char* package,
+                                                const char* formats) {
   throw Error(
-      fmt::format("this build has no {}, which .spz needs; install {}, run `cmake --fresh "
+      fmt::format("this build has no {}, which {} needs; install {}, run `cmake --fresh "
                   "--preset default` and build again, or choose another format",
-                  library, package));
+                  library, formats, package));
 }
 
 [[maybe_unused]] [[noreturn]] void damaged(const std::filesystem::path& path) {
@@ -39,11 +42,11 @@ namespace {
 
 #ifdef GS_HAVE_ZLIB
 
-void require_zlib() {}
+namespace {
 
-std::string gzip(std::string_view bytes) {
+std::string packed_by_zlib(std::string_view bytes, int format) {
   z_stream stream{};
-  GS_CHECK(deflateInit2(&stream, Z_BEST_COMPRESSION, Z_DEFLATED, kGzip, 9, Z_DEFAULT_STRATEGY) ==
+  GS_CHECK(deflateInit2(&stream, Z_BEST_COMPRESSION, Z_DEFLATED, format, 9, Z_DEFAULT_STRATEGY) ==
            Z_OK);
   std::string packed;
   std::size_t taken = 0;
@@ -68,11 +71,11 @@ std::string gzip(std::string_view bytes) {
   return packed;
 }
 
-std::string gunzip(const std::filesystem::path& path, std::string_view compressed,
-                   std::size_t bytes, bool is_whole) {
+std::string unpacked_by_zlib(const std::filesystem::path& path, std::string_view compressed,
+                             std::size_t bytes, bool is_whole, int format) {
   if (bytes / kMostUnpacked > compressed.size()) damaged(path);
   z_stream stream{};
-  GS_CHECK(inflateInit2(&stream, kGzip) == Z_OK);
+  GS_CHECK(inflateInit2(&stream, format) == Z_OK);
   const struct End {  // also where memory runs out
     z_stream& stream;
     ~End() { inflateEnd(&stream); }
@@ -106,12 +109,30 @@ std::string gunzip(const std::filesystem::path& path, std::string_view compresse
   return unpacked;
 }
 
+}  // namespace
+
+void require_zlib() {}
+std::string gzip(std::string_view bytes) { return packed_by_zlib(bytes, kGzip); }
+std::string gunzip(const std::filesystem::path& path, std::string_view compressed,
+                   std::size_t bytes, bool is_whole) {
+  return unpacked_by_zlib(path, compressed, bytes, is_whole, kGzip);
+}
+std::string deflate_raw(std::string_view bytes) { return packed_by_zlib(bytes, kRaw); }
+std::string inflate_raw(const std::filesystem::path& path, std::string_view compressed,
+                        std::size_t bytes) {
+  return unpacked_by_zlib(path, compressed, bytes, true, kRaw);
+}
+
 #else
 
-void require_zlib() { fail_without("zlib", "zlib1g-dev"); }
-std::string gzip(std::string_view) { fail_without("zlib", "zlib1g-dev"); }
+void require_zlib() { fail_without("zlib", "zlib1g-dev", kOfZlib); }
+std::string gzip(std::string_view) { fail_without("zlib", "zlib1g-dev", kOfZlib); }
 std::string gunzip(const std::filesystem::path&, std::string_view, std::size_t, bool) {
-  fail_without("zlib", "zlib1g-dev");
+  fail_without("zlib", "zlib1g-dev", kOfZlib);
+}
+std::string deflate_raw(std::string_view) { fail_without("zlib", "zlib1g-dev", kOfZlib); }
+std::string inflate_raw(const std::filesystem::path&, std::string_view, std::size_t) {
+  fail_without("zlib", "zlib1g-dev", kOfZlib);
 }
 
 #endif
@@ -149,10 +170,10 @@ std::string unpack_zstd(const std::filesystem::path& path, std::string_view comp
 
 #else
 
-void require_zstd() { fail_without("zstd", "libzstd-dev"); }
-std::string zstd_frame(std::string_view) { fail_without("zstd", "libzstd-dev"); }
+void require_zstd() { fail_without("zstd", "libzstd-dev", ".spz"); }
+std::string zstd_frame(std::string_view) { fail_without("zstd", "libzstd-dev", ".spz"); }
 std::string unpack_zstd(const std::filesystem::path&, std::string_view, std::size_t) {
-  fail_without("zstd", "libzstd-dev");
+  fail_without("zstd", "libzstd-dev", ".spz");
 }
 
 #endif

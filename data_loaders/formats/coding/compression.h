@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gzip and zstd. In a build without zlib or zstd, the functions throw an Error that names what is
+// gzip, DEFLATE and zstd. In a build without zlib or zstd, the functions throw an Error that names what is
 // missing.
 #pragma once
 
@@ -19,6 +19,11 @@ std::string gzip(std::string_view bytes);
 /// checksum is checked. Throws Error "cannot read PATH: ..." where it is damaged or holds fewer.
 std::string gunzip(const std::filesystem::path& path, std::string_view compressed,
                    std::size_t bytes, bool is_whole);
+
+/// The same without header and checksum: DEFLATE alone (RFC 1951), all of it.
+std::string deflate_raw(std::string_view bytes);
+std::string inflate_raw(const std::filesystem::path& path, std::string_view compressed,
+                        std::size_t bytes);
 
 /// One zstd frame, and the `bytes` bytes that a frame holds; errors as above.
 std::string zstd_frame(std::string_view bytes);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // .sog, version 2 (PlayCanvas): a zip archive of lossless WebP pictures, one pixel for each
-// Gaussian, and meta.json, which says what their bytes mean. Axes and units are the PLY's.
+// Gaussian, and meta.json, which says what their bytes mean. The same files may lie in a folder. Axes and units are the PLY's.
 //
 //   means_l, means_u   r g b: low and high byte of sign(x) ln(1 + |x|) in 16 bits from mins to maxs
 //   quats              r g b: three of w x y z as (0.5 + v / sqrt(2)) * 255
@@ -12,6 +12,7 @@
 //                      r g b: indices into a codebook
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 
 #include "gs_core/gaussians.h"
@@ -22,9 +23,16 @@ namespace gs {
 /// build lacks libwebp.
 GaussianModel read_sog(const std::filesystem::path& path);
 
+/// The same for a folder: `path` is its meta.json, beside which the pictures lie. Files of other
+/// folders are never read.
+GaussianModel read_sog_folder(const std::filesystem::path& path);
+
 /// Writes a model that finite_model() made, rows in Morton order. The same model gives the same
 /// bytes. Throws Error for a model without Gaussians, where this build lacks libwebp, and where the
 /// file cannot be written.
 void write_sog(const std::filesystem::path& path, const GaussianModel& model);
+
+/// The same as files in a folder, meta.json last, with the rows in their order. Returns their bytes.
+std::uint64_t write_sog_folder(const std::filesystem::path& folder, const GaussianModel& model);
 
 }  // namespace gs

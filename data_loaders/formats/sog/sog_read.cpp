@@ -20,14 +20,22 @@ namespace {
 using Json = nlohmann::json;
 using Path = std::filesystem::path;
 
+constexpr const char *kMeta = "meta.json", *kAgain = "export the file again";
+
+/// The files by name, and the bytes of all of them.
+struct SogFiles {
+  std::map<std::string, std::string_view> entries;
+  std::size_t bytes = 0;
+};
+
 /// meta.json and the pictures that it names. What is missing or of another kind is an Error.
 class Sog {
  public:
-  Sog(const Path& path, std::string_view bytes)
-      : path_(path), entries_(zip_entries(path, bytes)), file_bytes_(bytes.size()) {
-    const auto entry = entries_.find("meta.json");
+  Sog(const Path& path, SogFiles files)
+      : path_(path), entries_(std::move(files.entries)), file_bytes_(files.bytes) {
+    const auto entry = entries_.find(kMeta);
     if (entry == entries_.end()) fail("lacks meta.json");
-    meta_ = parse_json<Json>(path / "meta.json", entry->second, "export the file again");
+    meta_ = parse_json<Json>(path_ / kMeta, entry->second, kAgain);
     if (!meta_.is_object()) fail("has a meta.json that is not a JSON object");
     if (number(meta_, "version", 1000) != kSogVersion)
       cannot_read(path_, "it is a .sog of a version other than 2; export it again as version 2");
@@ -156,15 +164,8 @@ int read_sh(const Sog& sog, const Gaussians& g) {
   return degree;
 }
 
-}  // namespace
-
-GaussianModel read_sog(const std::filesystem::path& path) {
-  ByteReader reader(path);
-  const std::size_t size = reader.size();
-  if (size >= 2 && std::string_view(reinterpret_cast<const char*>(reader.peek(2)), 2) != "PK")
-    cannot_read(path, "it is no zip archive, which a .sog is; check what it is");
-  const std::string_view bytes(reinterpret_cast<const char*>(reader.take(size)), size);
-  const Sog sog(path, bytes);
+GaussianModel model_of(const Path& path, SogFiles files) {
+  const Sog sog(path, std::move(files));
   const MeansPictures means = means_pictures(sog);  // fails before memory for Gaussians is taken
   GaussianModel model{Gaussians(sog.count(), host_memory()), 0, sog.is_ours(),
                       sog.is_antialiased()};
@@ -178,6 +179,54 @@ GaussianModel read_sog(const std::filesystem::path& path) {
   for (std::size_t i = 0; i < g.count(); ++i) g.logit_opacity[i] = logit_of_byte(pixel(sh0, i)[3]);
   if (sog.has("shN")) model.sh_degree = read_sh(sog, g);
   return model;
+}
+
+std::string bytes_of(const Path& file) {
+  ByteReader reader(file);
+  const std::size_t size = reader.size();
+  return {reinterpret_cast<const char*>(reader.take(size)), size};
+}
+
+// The names in "files" of all sections. Those that lead to another folder are left out.
+std::vector<std::string> named_files(const Json& meta) {
+  std::vector<std::string> names;
+  if (!meta.is_object()) return names;
+  for (const Json& section : meta) {
+    if (!section.is_object() || !section.contains("files") || !section["files"].is_array())
+      continue;
+    for (const Json& name : section["files"]) {
+      if (!name.is_string()) continue;
+      const auto text = name.get<std::string>();
+      if (text != "." && text != ".." && Path(text).filename() == text) names.push_back(text);
+    }
+  }
+  return names;
+}
+
+}  // namespace
+
+GaussianModel read_sog(const Path& path) {
+  ByteReader reader(path);
+  const std::size_t size = reader.size();
+  if (size >= 2 && std::string_view(reinterpret_cast<const char*>(reader.peek(2)), 2) != "PK")
+    cannot_read(path, "it is no zip archive, which a .sog is; check what it is");
+  const std::string_view bytes(reinterpret_cast<const char*>(reader.take(size)), size);
+  return model_of(path, {zip_entries(path, bytes), size});
+}
+
+GaussianModel read_sog_folder(const Path& path) {
+  std::map<std::string, std::string> owned;
+  owned[kMeta] = read_json_text(path);
+  for (const std::string& name : named_files(parse_json<Json>(path, owned[kMeta], kAgain)))
+    if (std::error_code missing;
+        !owned.contains(name) && std::filesystem::exists(path.parent_path() / name, missing))
+      owned[name] = bytes_of(path.parent_path() / name);
+  SogFiles files;
+  for (const auto& [name, bytes] : owned) {
+    files.entries[name] = bytes;
+    files.bytes += bytes.size();
+  }
+  return model_of(path, std::move(files));
 }
 
 }  // namespace gs

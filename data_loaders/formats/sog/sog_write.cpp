@@ -145,10 +145,7 @@ void add_sh(const GaussianModel& model, Archive& archive) {
                          {"files", {"shN_centroids.webp", "shN_labels.webp"}}};
 }
 
-}  // namespace
-
-void write_sog(const std::filesystem::path& path, const GaussianModel& unsorted) {
-  const std::size_t count = unsorted.gaussians.count();
+void check_count(const std::filesystem::path& path, std::size_t count) {
   if (count == 0)
     throw Error(fmt::format(
         "cannot write {}: there are no Gaussians, and .sog cannot hold an empty model; choose .ply",
@@ -157,12 +154,15 @@ void write_sog(const std::filesystem::path& path, const GaussianModel& unsorted)
     throw Error(fmt::format(
         "cannot write {}: {} Gaussians do not fit into pictures of {} pixels a side; choose .ply",
         path.string(), count, kWebpLargestSide));
-  const GaussianModel model = in_morton_order(unsorted);
+}
+
+// meta.json and the pictures, rows in their order.
+std::vector<ZipEntry> entries_of(const GaussianModel& model) {
   const Gaussians& g = model.gaussians;
   Archive archive;
   archive.meta = {{"version", kSogVersion},
                   {"asset", {{"generator", fmt::format("gemsplat {}", kVersion)}}},
-                  {"count", count}};
+                  {"count", g.count()}};
   if (model.antialiased) archive.meta["model"] = "antialiased";
   add_means(g, archive);
   add_rotations(g, archive);
@@ -173,9 +173,28 @@ void write_sog(const std::filesystem::path& path, const GaussianModel& unsorted)
       archive);
   if (model.sh_degree > 0) add_sh(model, archive);
   archive.entries.push_back({"meta.json", archive.meta.dump()});
+  return std::move(archive.entries);
+}
+
+}  // namespace
+
+void write_sog(const std::filesystem::path& path, const GaussianModel& model) {
+  check_count(path, model.gaussians.count());
   AtomicFile file(path);
-  file.write(zip_of(archive.entries));
+  file.write(zip_of(entries_of(in_morton_order(model))));
   file.commit();
+}
+
+std::uint64_t write_sog_folder(const std::filesystem::path& folder, const GaussianModel& model) {
+  check_count(folder, model.gaussians.count());
+  std::uint64_t bytes = 0;
+  for (const ZipEntry& entry : entries_of(model)) {
+    AtomicFile file(folder / entry.name);
+    file.write(entry.bytes);
+    file.commit();
+    bytes += entry.bytes.size();
+  }
+  return bytes;
 }
 
 }  // namespace gs

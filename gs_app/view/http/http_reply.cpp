@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <charconv>
 
 #include "gs_core/error.h"
 
@@ -24,10 +25,12 @@ constexpr const char* kHeaders =
 const char* words_of(int status) {
   switch (status) {
     case 200: return "OK";
+    case 206: return "Partial Content";
     case 400: return "Bad Request";
     case 403: return "Forbidden";
     case 404: return "Not Found";
     case 409: return "Conflict";
+    case 416: return "Range Not Satisfiable";
     case 431: return "Request Header Fields Too Large";
     default: return "Internal Server Error";
   }
@@ -57,17 +60,47 @@ std::string head_of(const HttpAnswer& answer, std::uint64_t body_bytes) {
 
 }  // namespace
 
-HttpReply::HttpReply(const HttpAnswer& answer, bool has_body) : body_(answer.body) {
+std::optional<ByteRange> range_of(std::string_view header, std::uint64_t bytes) {
+  constexpr std::string_view kUnit = "bytes=";
+  if (!header.starts_with(kUnit)) return std::nullopt;
+  const char* const end = header.data() + header.size();
+  ByteRange range{0, bytes == 0 ? 0 : bytes - 1};
+  const auto [dash, error] = std::from_chars(header.data() + kUnit.size(), end, range.first);
+  if (error != std::errc() || dash == end || *dash != '-') return std::nullopt;
+  if (dash + 1 < end) {
+    std::uint64_t last = 0;
+    const auto [rest, no_number] = std::from_chars(dash + 1, end, last);
+    if (no_number != std::errc() || rest != end || last < range.first) return std::nullopt;
+    range.last = std::min(range.last, last);
+  }
+  if (range.first >= bytes) range.first = bytes;
+  return range;
+}
+
+HttpReply::HttpReply(const HttpAnswer& answer, bool has_body, std::string_view range)
+    : body_(answer.body) {
   if (!answer.file.empty()) file_.emplace(opened(answer.file));
-  body_bytes_ = file_ ? bytes_of(*file_) : body_ ? body_->size() : 0;
-  head_ = head_of(answer, body_bytes_);
+  const std::uint64_t all = file_ ? bytes_of(*file_) : body_ ? body_->size() : 0;
+  body_bytes_ = all;
+  HttpAnswer part = answer;
+  if (answer.status == 200 && file_) part.headers.emplace_back("Accept-Ranges", "bytes");
+  if (const auto wanted = range_of(range, all); wanted && answer.status == 200) {
+    const bool is_there = wanted->first < all;
+    part.status = is_there ? 206 : 416;
+    body_begin_ = is_there ? wanted->first : 0;
+    body_bytes_ = is_there ? wanted->last - wanted->first + 1 : 0;
+    part.headers.emplace_back(
+        "Content-Range", is_there ? fmt::format("bytes {}-{}/{}", wanted->first, wanted->last, all)
+                                  : fmt::format("bytes */{}", all));
+  }
+  head_ = head_of(part, body_bytes_);
   if (!has_body) body_bytes_ = 0;
 }
 
 std::string_view HttpReply::next(std::vector<char>& space) const {
   if (sent_ < head_.size()) return std::string_view(head_).substr(sent_);
-  const std::uint64_t from = sent_ - head_.size();
-  const auto count = std::size_t(std::min<std::uint64_t>(body_bytes_ - from, space.size()));
+  const std::uint64_t done = sent_ - head_.size(), from = body_begin_ + done;
+  const auto count = std::size_t(std::min<std::uint64_t>(body_bytes_ - done, space.size()));
   if (!file_) return std::string_view(*body_).substr(from, count);
   const ssize_t read = ::pread(*file_, space.data(), count, off_t(from));
   return {space.data(), read > 0 ? std::size_t(read) : 0};

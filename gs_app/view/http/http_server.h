@@ -21,6 +21,7 @@ struct HttpRequest {
   std::string path;  // "/photo/12", decoded
   std::map<std::string, std::string> query;
   std::string client;  // its address
+  std::string range;   // of the bytes that are wanted, as its header has it: "bytes=0-65535"
 };
 
 struct HttpAnswer {

@@ -34,18 +34,18 @@ HttpAnswer answer_of(const HttpHandler& handler, const HttpRequest& request) {
   }
 }
 
-std::unique_ptr<HttpReply> reply_of(const HttpAnswer& answer, bool has_body) {
+std::unique_ptr<HttpReply> reply_of(const HttpAnswer& answer, const HttpJob& job) {
   try {
-    return std::make_unique<HttpReply>(answer, has_body);
+    return std::make_unique<HttpReply>(answer, job.has_body, job.request.range);
   } catch (const Error& error) {  // its file cannot be read
-    return std::make_unique<HttpReply>(internal_error(error), has_body);
+    return std::make_unique<HttpReply>(internal_error(error), job.has_body);
   }
 }
 
 // Null if memory runs out.
 std::unique_ptr<HttpReply> reply_or_null(const HttpHandler& handler, const HttpJob& job) {
   try {
-    return reply_of(answer_of(handler, job.request), job.has_body);
+    return reply_of(answer_of(handler, job.request), job);
   } catch (const std::exception&) {
     return nullptr;
   }
