@@ -59,6 +59,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_core/threads", {}},
     {"gs_core/processes", {}},
     {"gs_core/geometry", {"gs_core/math", "gs_core/threads"}},
+    {"gs_core/geodesy", {"gs_core/geometry"}},
     {"gs_core/edit", {"gs_core/geometry", "gs_core/math", "gs_core/threads"}},
     {"gs_core/io", {"gs_core/config", "gs_core/math"}},
     {"data_loaders/colmap", {}},
