@@ -8,9 +8,9 @@ namespace gs {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
-constexpr double kPolarAxis = kEarthAxis * (1 - kEarthFlattening);                // b, metres
+constexpr double kPolarAxis = kEarthAxis * (1 - kEarthFlattening);                  // b, metres
 constexpr double kSquaredEccentricity = kEarthFlattening * (2 - kEarthFlattening);  // e^2
-constexpr double kHighest = 1e6;                                                  // metres
+constexpr double kHighest = 1e6;                                                    // metres
 
 /// N: the radius of curvature across the meridian.   metres
 double transverse_radius(double sin_latitude) {

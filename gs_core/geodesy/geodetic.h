@@ -7,7 +7,7 @@
 
 namespace gs {
 
-inline constexpr double kEarthAxis = 6378137;                 // a, metres: the equator's radius
+inline constexpr double kEarthAxis = 6378137;                  // a, metres: the equator's radius
 inline constexpr double kEarthFlattening = 1 / 298.257223563;  // f = 1 - b / a
 
 /// A place. The height is above the ellipsoid, which is not the height above sea level: the geoid

@@ -19,12 +19,14 @@ double distance(const Geodetic& a, const Geodetic& b) { return length(ecef_of(a)
 
 // echo "48.2 15.5 300" | cs2cs -f %.6f EPSG:4979 EPSG:4978, and so on
 TEST(Geodetic, EarthCenteredCoordinatesAreThoseOfProj) {
-  EXPECT_LT(length(ecef_of({15.5, 48.2, 300}) -
-                   Vec3d(4104454.243643, 1138265.901733, 4731951.528420)), 2e-6);
+  EXPECT_LT(
+      length(ecef_of({15.5, 48.2, 300}) - Vec3d(4104454.243643, 1138265.901733, 4731951.528420)),
+      2e-6);
   EXPECT_LT(length(ecef_of({151.2, -33.87, -20}) -
-                   Vec3d(-4645557.229919, 2553916.699176, -3534471.759322)), 2e-6);
-  EXPECT_LT(length(ecef_of({-30, 89.9, 8848}) -
-                   Vec3d(9686.351105, -5592.417418, 6365590.553633)), 2e-6);
+                   Vec3d(-4645557.229919, 2553916.699176, -3534471.759322)),
+            2e-6);
+  EXPECT_LT(length(ecef_of({-30, 89.9, 8848}) - Vec3d(9686.351105, -5592.417418, 6365590.553633)),
+            2e-6);
 }
 
 TEST(Geodetic, TheWayBackEndsWhereItBegan) {
@@ -101,8 +103,8 @@ TEST(Utm, TheFrameHasTheScaleOfProjAndTheConvergence) {
   EXPECT_NEAR(frame.place.longitude, 16.343, 1e-7);
   EXPECT_NEAR(frame.scale, 0.999722, 1e-6);
   const double radians = std::numbers::pi / 180;
-  EXPECT_NEAR(frame.convergence,
-              std::atan(std::tan(1.343 * radians) * std::sin(48.2 * radians)), 2e-6);
+  EXPECT_NEAR(frame.convergence, std::atan(std::tan(1.343 * radians) * std::sin(48.2 * radians)),
+              2e-6);
 }
 
 TEST(Utm, TheFrameLeadsFromGridMetresToMetresOnEarth) {
@@ -112,7 +114,8 @@ TEST(Utm, TheFrameLeadsFromGridMetresToMetresOnEarth) {
   const Vec3d moved = multiply(enu_from_ecef(frame.place),
                                ecef_of(geodetic_of_utm(zone, at + step)) - ecef_of(frame.place));
   const double c = std::cos(frame.convergence), s = std::sin(frame.convergence);
-  const Vec3d expected = Vec3d(c * step.x + s * step.y, -s * step.x + c * step.y, 0.0) / frame.scale;
+  const Vec3d expected =
+      Vec3d(c * step.x + s * step.y, -s * step.x + c * step.y, 0.0) / frame.scale;
   EXPECT_NEAR(moved.x, expected.x, 1e-3);
   EXPECT_NEAR(moved.y, expected.y, 1e-3);
   EXPECT_NEAR(moved.z, 5, 1e-3);

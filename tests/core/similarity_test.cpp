@@ -72,14 +72,15 @@ TEST(Similarity, NoNearbySimilarityHasSmallerDistances) {
       (axis == 0 ? small.x : axis == 1 ? small.y : small.z) = sign * 0.01;
       const Mat3<double> turn = rotation_matrix(small);
       const Mat3<double>& R = found->R;
-      for (auto [row, by] : {std::pair{&turned.R.row0, turn.row0}, {&turned.R.row1, turn.row1},
+      for (auto [row, by] : {std::pair{&turned.R.row0, turn.row0},
+                             {&turned.R.row1, turn.row1},
                              {&turned.R.row2, turn.row2}})
         *row = by.x * R.row0 + by.y * R.row1 + by.z * R.row2;
       Vec3d center(0.0);
       for (const Vec3d& at : sets.from) center += at / double(sets.from.size());
-      turned.shift += (*found)(center) - turned(center);
+      turned.shift += (*found)(center)-turned(center);
       scaled.scale *= 1 + sign * 0.01;
-      scaled.shift += (*found)(center) - scaled(center);
+      scaled.shift += (*found)(center)-scaled(center);
       EXPECT_GT(cost(moved), least);
       EXPECT_GT(cost(turned), least);
       EXPECT_GT(cost(scaled), least);
