@@ -59,8 +59,9 @@ int epsg_of(const std::string& crs) {
 GeorefFile by_origin(const GeorefCommand& command) {
   const Geodetic origin{command.origin[0], command.origin[1], command.origin[2] + command.geoid};
   if (!is_on_earth(origin))
-    throw UsageError("--origin is not LONGITUDE,LATITUDE,HEIGHT of a place on earth, in degrees "
-                     "and metres");
+    throw UsageError(
+        "--origin is not LONGITUDE,LATITUDE,HEIGHT of a place on earth, in degrees "
+        "and metres");
   return {{origin, {}}, "an origin"};
 }
 
@@ -102,11 +103,12 @@ std::string summary_of(const std::filesystem::path& path, const GeorefFile& file
   if (const auto& quality = file.quality)
     text += fmt::format("{} of {} cameras fit their GPS places within {} m, RMS {:.2f} m; ",
                         quality->fitting, quality->cameras, most, quality->rms);
-  return text + fmt::format(
-                    "one unit of the scene is {:.6g} m; the origin is at longitude {:.7f}, latitude "
-                    "{:.7f}, {:.2f} m above the ellipsoid\n",
-                    file.georeference.enu_from_input.scale, origin.longitude, origin.latitude,
-                    origin.height);
+  return text +
+         fmt::format(
+             "one unit of the scene is {:.6g} m; the origin is at longitude {:.7f}, latitude "
+             "{:.7f}, {:.2f} m above the ellipsoid\n",
+             file.georeference.enu_from_input.scale, origin.longitude, origin.latitude,
+             origin.height);
 }
 
 void georef(const GeorefCommand& command) {
@@ -165,8 +167,8 @@ void add_source_options(CLI::App& verb, GeorefCommand& command) {
 }  // namespace
 
 void add_georef(CLI::App& program) {
-  CLI::App& verb = *program.add_subcommand(
-      "georef", "Find where a scene stands on earth, for exports to maps");
+  CLI::App& verb =
+      *program.add_subcommand("georef", "Find where a scene stands on earth, for exports to maps");
   const auto command = std::make_shared<GeorefCommand>();
   CommandLine& line = *command;
   add_setting(verb, line, "scene,-s,--source-path,-d,--data", "dataset.source", "Scene");

@@ -124,6 +124,11 @@ void limit_sh_degree(GaussianModel& model, int degree) {
     std::fill(rest.coefficient + sh_rest_count(degree), std::end(rest.coefficient), Vec3f(0));
 }
 
+ModelTransform transform_of(const Similarity& similarity, const Vec3d& offset) {
+  const Vec3d from_shift = multiply_transposed(similarity.R, similarity.shift) / similarity.scale;
+  return {-(offset + from_shift), quaternion_of(similarity.R), similarity.scale};
+}
+
 ModelTransform inverse_of(const ModelTransform& transform) {
   const Quat<double>& q = transform.turn;
   const Vec3d origin = multiply(rotation_matrix(q), -transform.center) * transform.scale;
@@ -137,6 +142,18 @@ Mat4d matrix_of(const ModelTransform& transform) {
   for (const Vec3d& r : {R.row0, R.row1, R.row2}) {
     for (int column = 0; column < 3; ++column) result.m[row][column] = transform.scale * r[column];
     result.m[row][3] = -transform.scale * inner(r, transform.center);
+    ++row;
+  }
+  result.m[3][3] = 1;
+  return result;
+}
+
+Mat4d matrix_of(const Similarity& similarity) {
+  Mat4d result{};
+  int row = 0;
+  for (const Vec3d& r : {similarity.R.row0, similarity.R.row1, similarity.R.row2}) {
+    for (int column = 0; column < 3; ++column) result.m[row][column] = similarity.scale * r[column];
+    result.m[row][3] = similarity.shift[row];
     ++row;
   }
   result.m[3][3] = 1;

@@ -10,6 +10,7 @@
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/model_transform.h"
 #include "gs_core/gaussians.h"
+#include "gs_core/geodesy/georeference.h"
 
 namespace gs {
 
@@ -41,7 +42,8 @@ struct ExportedFile {
   bool antialiased = false;
   std::size_t gaussians = 0;
   std::uint64_t bytes = 0;
-  std::optional<Fidelity> fidelity = {};  // where it was measured
+  std::optional<Fidelity> fidelity = {};          // where it was measured
+  std::optional<Georeference> georeference = {};  // where it is known
 
   double bytes_per_gaussian() const { return gaussians ? double(bytes) / double(gaussians) : 0; }
 };
@@ -55,6 +57,7 @@ std::filesystem::path sidecar_of(const std::filesystem::path& file);
 ///   "input_from_file", "file_from_input"   4x4 by rows
 ///   "input_from_train", "train_from_input"
 ///   "fidelity": {"psnr", "ssim", "num_views"}
+///   "georeference": {"origin": [longitude, latitude, height], "enu_from_file", "ecef_from_file"}
 void write_sidecar(const ExportedFile& exported);
 
 /// Takes from the sidecar of `file`, where there is one, what the format cannot say: whether the

@@ -14,8 +14,8 @@
 namespace gs {
 namespace {
 
-constexpr int kEarthCentered = 4978;  // EPSG
-constexpr double kMostTurnError = 0.1;  // radians; a house of 20 m would lean 2 m
+constexpr int kEarthCentered = 4978;        // EPSG
+constexpr double kMostTurnError = 0.1;      // radians; a house of 20 m would lean 2 m
 constexpr double kHighestCamera = 100'000;  // metres; beyond, the coordinates are of another system
 
 /// Camera centers and places, pair by pair.
@@ -50,10 +50,11 @@ void check_agreement(const std::optional<RobustSimilarity>& fit, const PlacedCam
                      double most_distance) {
   const std::size_t fitting = fit ? fit->fit_count : 0;
   if (2 * fitting >= placed.names.size() && fitting >= 3) return;
-  throw Error(fmt::format(
-      "{} of {} cameras fit their GPS places within {} m, and half of them must, but not all on one "
-      "line; raise --max-distance, or give better places in a file (--gps FILE)",
-      fitting, placed.names.size(), most_distance));
+  throw Error(
+      fmt::format("{} of {} cameras fit their GPS places within {} m, and half of them must, but "
+                  "not all on one "
+                  "line; raise --max-distance, or give better places in a file (--gps FILE)",
+                  fitting, placed.names.size(), most_distance));
 }
 
 void check_turn(const RobustSimilarity& fit) {
@@ -118,7 +119,8 @@ Georeference georeference_of_epsg(const ColmapModel& model, int epsg, double geo
         epsg));
   if (model.images.empty()) throw Error("the scene has no cameras; run COLMAP again");
   const Vec3d center = median_position(centers_of(model));
-  const bool fits = zone ? is_in_utm(center) : std::abs(geodetic_of(center).height) < kHighestCamera;
+  const bool fits =
+      zone ? is_in_utm(center) : std::abs(geodetic_of(center).height) < kHighestCamera;
   if (!fits || std::abs(zone ? center.z : 0) > kHighestCamera)
     throw Error(fmt::format(
         "the cameras stand about {}, which is nowhere in EPSG:{}; name the system of the scene's "

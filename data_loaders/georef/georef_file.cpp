@@ -20,7 +20,7 @@ using Rows = std::vector<std::vector<double>>;
 
 constexpr int kVersion1 = 1;
 constexpr double kTurnTolerance = 1e-6;  // of inner products: rows are written with all digits
-constexpr double kMostMetres = 1e9;  // of a unit, and of a scene's zero from the origin
+constexpr double kMostMetres = 1e9;      // of a unit, and of a scene's zero from the origin
 constexpr const char* kRemedy = "write it again with `gemsplat georef`";
 
 Json rows_of(const Similarity& similarity) {
@@ -55,14 +55,14 @@ Similarity similarity_of(const std::filesystem::path& path, const Rows& rows) {
                         is_rotation(result.R, kTurnTolerance) &&
                         length(result.shift) <= kMostMetres;
   if (!is_sound)
-    cannot_read(path, fmt::format("enu_from_input does not turn, scale evenly and shift; {}",
-                                  kRemedy));
+    cannot_read(path,
+                fmt::format("enu_from_input does not turn, scale evenly and shift; {}", kRemedy));
   return result;
 }
 
 Geodetic place_of(const std::filesystem::path& path, const std::vector<double>& numbers) {
-  const Geodetic place = numbers.size() == 3 ? Geodetic{numbers[0], numbers[1], numbers[2]}
-                                             : Geodetic{NAN, NAN, NAN};
+  const Geodetic place =
+      numbers.size() == 3 ? Geodetic{numbers[0], numbers[1], numbers[2]} : Geodetic{NAN, NAN, NAN};
   if (!is_on_earth(place))
     cannot_read(path, fmt::format("its origin is not the longitude, latitude and height of a place "
                                   "on earth; {}",

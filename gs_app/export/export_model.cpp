@@ -94,6 +94,7 @@ ExportedFile export_model(const GaussianModel& model, const ExportRequest& reque
   keep_older_aside(sidecar);
   ExportedFile exported{request.file, &format, frames_of(format, model, request.transform),
                         std::min(request.sh_degree, model.sh_degree), model.antialiased};
+  exported.georeference = request.georeference;
   const bool is_changed = !request.transform.is_identity() || request.sh_degree < model.sh_degree;
   GaussianModel changed;
   if (is_changed) changed = prepared(model, request, format);

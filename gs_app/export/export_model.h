@@ -10,6 +10,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -23,7 +24,8 @@ struct ExportRequest {
   std::filesystem::path file;  // its ending is the format
   ExportOptions options = {};
   ModelTransform transform = {};
-  int sh_degree = kMaxShDegree;  // the file has no higher one
+  int sh_degree = kMaxShDegree;                   // the file has no higher one
+  std::optional<Georeference> georeference = {};  // of the model's scene, for the sidecar
 };
 
 /// Throws UsageError where `file` exists and may not be moved aside (`force`), or is not a file. The

@@ -7,6 +7,14 @@
 
 namespace gs {
 
+/// From metres east, north and up of a place to earth-centered coordinates.
+inline Similarity ecef_from_enu(const Geodetic& place) {
+  const auto [east, north, up] = enu_from_ecef(place);
+  return {1,
+          {{east.x, north.x, up.x}, {east.y, north.y, up.y}, {east.z, north.z, up.z}},
+          ecef_of(place)};
+}
+
 /// A place, and how the coordinates of the photos' poses ("input": train + world offset) become
 /// metres east, north and up of it.
 struct Georeference {
@@ -14,7 +22,7 @@ struct Georeference {
   Similarity enu_from_input;
 
   Vec3d ecef_of_input(const Vec3d& input) const {
-    return ecef_of(origin) + multiply_transposed(enu_from_ecef(origin), enu_from_input(input));
+    return ecef_from_enu(origin)(enu_from_input(input));
   }
 };
 

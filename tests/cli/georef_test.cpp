@@ -42,7 +42,8 @@ TEST_F(Georef, PhotosWithGpsPlaceTheScene) {
     GTEST_SKIP() << "this build reads no EXIF";
   }
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_THAT(outcome.out, AllOf(HasSubstr("9 of 9 cameras"), HasSubstr("one unit of the scene is 7.5")));
+  EXPECT_THAT(outcome.out,
+              AllOf(HasSubstr("9 of 9 cameras"), HasSubstr("one unit of the scene is 7.5")));
   EXPECT_THAT(outcome.err, HasSubstr("--heights sea-level"));
   EXPECT_LT(metres_off("scene/georef.json"), 0.1);
   EXPECT_EQ(json("scene/georef.json").at("cameras"), 9);
@@ -71,8 +72,11 @@ TEST_F(Georef, NothingIsOverwrittenWithoutForce) {
 
 TEST_F(Georef, AnOriginTakesCoordinatesAsTheyAre) {
   write_placed_scene();
-  ASSERT_EQ(run("georef " + text("scene") + " --origin 15.5,48.2,252.5 --heights sea-level --geoid "
-                "47.5").code, 0);
+  ASSERT_EQ(run("georef " + text("scene") +
+                " --origin 15.5,48.2,252.5 --heights sea-level --geoid "
+                "47.5")
+                .code,
+            0);
   const Georeference found = read_georef(path("scene/georef.json"));
   EXPECT_EQ(found.origin.height, 300);
   EXPECT_EQ(found.enu_from_input(Vec3d(1.0, 2.0, 3.0)), Vec3d(1.0, 2.0, 3.0));
@@ -81,15 +85,14 @@ TEST_F(Georef, AnOriginTakesCoordinatesAsTheyAre) {
 TEST_F(Georef, WrongFlagsNameTheRemedy) {
   write_placed_scene();
   const std::string command = "georef " + text("scene") + " ";
-  for (const auto& [flags, word] :
-       {std::pair{"--crs EPSG:4978 --origin 1,2,3", "give one"},
-        {"--heights sea-level", "--geoid"},
-        {"--geoid 40", "--heights"},
-        {"--crs utm", "EPSG:32633"},
-        {"--crs EPSG:31468", "EPSG:4978"},
-        {"--crs EPSG:32633", "--origin"},
-        {"--origin 15,95,0", "LATITUDE"},
-        {"--gps missing.txt", "missing.txt"}}) {
+  for (const auto& [flags, word] : {std::pair{"--crs EPSG:4978 --origin 1,2,3", "give one"},
+                                    {"--heights sea-level", "--geoid"},
+                                    {"--geoid 40", "--heights"},
+                                    {"--crs utm", "EPSG:32633"},
+                                    {"--crs EPSG:31468", "EPSG:4978"},
+                                    {"--crs EPSG:32633", "--origin"},
+                                    {"--origin 15,95,0", "LATITUDE"},
+                                    {"--gps missing.txt", "missing.txt"}}) {
     const Outcome outcome = run(command + flags);
     EXPECT_NE(outcome.code, 0) << flags;
     EXPECT_THAT(outcome.err, HasSubstr(word)) << flags;

@@ -97,6 +97,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_app/run", {}},
     {"gs_app/pictures", {}},
     {"gs_app/export", {"gs_app/run", "gs_app/pictures"}},
+    {"gs_app/export/tiles", {}},
     {"gs_app/checkpoints", {"gs_app/run"}},
     {"gs_app/observers", {"gs_app/run"}},
     {"gs_app/report", {"gs_app/run", "gs_app/pictures"}},

@@ -40,8 +40,7 @@ GpsPlaces places_of(const ColmapModel& model, double error = 0) {
   std::uint64_t i = 0;
   for (const ColmapImage& image : model.images) {
     const Vec4f n = Random{9, RandomStream::test}.normal4(i++);
-    places[image.name] =
-        geodetic_of(ecef_of(true_place(image)) + error * Vec3d(n.x, n.y, n.z));
+    places[image.name] = geodetic_of(ecef_of(true_place(image)) + error * Vec3d(n.x, n.y, n.z));
   }
   return places;
 }
@@ -205,7 +204,8 @@ TEST(GpsFile, ErrorsNameTheLine) {
 TEST(GeorefFile, ReadsWhatWasWritten) {
   TempFolder folder;
   const auto file = folder.path() / "georef.json";
-  write_georef(file, {true_georeference(), "a test", "above the ellipsoid", GpsFitQuality{9, 8, 1}});
+  write_georef(file,
+               {true_georeference(), "a test", "above the ellipsoid", GpsFitQuality{9, 8, 1}});
   EXPECT_LT(metres_apart(read_georef(file), true_georeference()), 1e-7);
 }
 
@@ -228,8 +228,9 @@ TEST(GeorefFile, DamageIsNamedWithARemedy) {
   EXPECT_THAT(with("-30.0", "-30.0, 1"), AllOf(HasSubstr("enu_from_input"), has_remedy));
   EXPECT_THAT(with("-30.0", "\"x\""), has_remedy);
   EXPECT_THAT(with("enu_from_input", "enu"), has_remedy);
-  write_bytes(file, "{\"version\": 1, \"origin\": [1, 2, 3], \"enu_from_input\": [[1,0,0,0],[0,2,0,"
-                    "0],[0,0,1,0],[0,0,0,1]]}");
+  write_bytes(file,
+              "{\"version\": 1, \"origin\": [1, 2, 3], \"enu_from_input\": [[1,0,0,0],[0,2,0,"
+              "0],[0,0,1,0],[0,0,0,1]]}");
   EXPECT_THAT(error_of([&] { read_georef(file); }), HasSubstr("enu_from_input"));
 }
 

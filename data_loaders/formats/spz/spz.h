@@ -19,6 +19,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 #include <string_view>
 
 #include "data_loaders/formats/coding/frame.h"
@@ -35,6 +36,12 @@ GaussianModel read_spz(const std::filesystem::path& path);
 /// to the PLY's.
 GaussianModel spz_model(const std::filesystem::path& path, std::string_view bytes,
                         const AxisSigns& signs);
+
+/// The bytes of an .spz of version 3 or 4 that is to stand inside the file `path`. `signs` lead from
+/// the PLY's axes to those of its numbers: kHalfTurnX as in a file of its own (RUB), (1, 1, 1) for
+/// readers that take the numbers as they are. The rest is as for write_spz().
+std::string spz_bytes(const std::filesystem::path& path, const GaussianModel& model, int version,
+                      const AxisSigns& signs);
 
 /// Writes version 3 or 4 of a model that finite_model() made. Positions beyond +-2048 units take
 /// fewer fractional bits in the whole file; a warning says how large the steps then are. Throws

@@ -80,12 +80,12 @@ std::uint8_t packed_sh(int k, float value) {
   return std::uint8_t(std::min<std::uint32_t>((byte + step / 2) / step * step, 255));
 }
 
-void pack_row(const SpzHeader& header, const Gaussians& g, std::size_t i, Arrays& arrays) {
+void pack_row(const SpzHeader& header, const AxisSigns& signs, const Gaussians& g, std::size_t i,
+              Arrays& arrays) {
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   const auto row = [&](std::size_t s) {
     return reinterpret_cast<std::uint8_t*>(arrays[s].data()) + i * row_bytes[s];
   };
-  const AxisSigns& signs = kHalfTurnX;
   for (int axis = 0; axis < 3; ++axis) {
     const auto fixed = std::int32_t(
         std::lround(std::ldexp(signs[axis] * g.mean[i][axis], header.fractional_bits)));
@@ -129,7 +129,8 @@ std::string version4_file(SpzHeader header, const Arrays& arrays) {
 
 }  // namespace
 
-void write_spz(const std::filesystem::path& path, const GaussianModel& model, int version) {
+std::string spz_bytes(const std::filesystem::path& path, const GaussianModel& model, int version,
+                      const AxisSigns& signs) {
   GS_CHECK(version == 3 || version == 4);
   const Gaussians& g = model.gaussians;
   SpzHeader header;
@@ -142,9 +143,12 @@ void write_spz(const std::filesystem::path& path, const GaussianModel& model, in
   Arrays arrays;
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   for (std::size_t s = 0; s < kSpzArrays; ++s) arrays[s].resize(row_bytes[s] * g.count());
-  parallel_for(g.count(), 4096, [&](std::size_t i) { pack_row(header, g, i, arrays); });
-  const std::string bytes =
-      version == 4 ? version4_file(header, arrays) : gzip(plain_file(header, arrays));
+  parallel_for(g.count(), 4096, [&](std::size_t i) { pack_row(header, signs, g, i, arrays); });
+  return version == 4 ? version4_file(header, arrays) : gzip(plain_file(header, arrays));
+}
+
+void write_spz(const std::filesystem::path& path, const GaussianModel& model, int version) {
+  const std::string bytes = spz_bytes(path, model, version, kHalfTurnX);
   AtomicFile file(path);
   file.write(bytes);
   file.commit();
