@@ -87,13 +87,25 @@ TEST(TileTree, ErrorsGrowUpwardsAndBoxesHoldWhatIsBelow) {
   });
 }
 
-// A Gaussian with sigma = 0.01 is 2 pixels wide where 0.08 units are 8 pixels of error, that is 16 / 2
-// times 2 sigma.
-TEST(TileTree, TheErrorIsThatOfTheLargerSplats) {
+// Nine tenths of the area are that of the large ones, and small ones with less than a tenth do not
+// count: 16 / 2 times 2 sigma.
+TEST(TileTree, TheErrorIsThatOfSplatsThatCoverMost) {
   GaussianModel model = scattered(10);
-  for (std::size_t i = 0; i < 10; ++i)
-    model.gaussians.log_scale[i] = Vec3f(std::log(i < 9 ? 0.001f : 0.01f), -9, -9);
+  for (std::size_t i = 0; i < 10; ++i) {
+    model.gaussians.log_scale[i] = Vec3f(std::log(i < 8 ? 0.001f : 0.01f));
+    model.gaussians.logit_opacity[i] = 0;
+  }
   EXPECT_NEAR(geometric_error_of(model.gaussians), 8 * 2 * 0.01, 1e-6);
+  for (std::size_t i = 0; i < 9; ++i) model.gaussians.log_scale[i] = Vec3f(std::log(0.005f));
+  EXPECT_NEAR(geometric_error_of(model.gaussians), 8 * 2 * 0.005, 1e-6);
+}
+
+TEST(TileTree, CoarserTilesFollowAboveTheOneThatCoversAll) {
+  const GaussianModel model = scattered(5000);
+  const Tile root = tile_tree(model.gaussians, 5000);
+  std::vector<std::size_t> counts;
+  for_each_tile(root, [&](const Tile& tile, int) { counts.push_back(tile.gaussians.count()); });
+  EXPECT_EQ(counts, (std::vector<std::size_t>{625, 1250, 2500, 5000}));
 }
 
 TEST(TileTree, TheSameGaussiansGiveTheSameTree) {
@@ -116,7 +128,9 @@ class Tileset : public testing::Test {
   TilesetRequest request(std::size_t most) const {
     return {path("tiles"), true_georeference(), kMaxShDegree, most};
   }
-  nlohmann::json tileset() const { return nlohmann::json::parse(read_bytes(path("tiles/tileset.json"))); }
+  nlohmann::json tileset() const {
+    return nlohmann::json::parse(read_bytes(path("tiles/tileset.json")));
+  }
 
  private:
   TempFolder folder_;
@@ -196,7 +210,8 @@ TEST_F(Tileset, ShapesAndColorsTurnWithTheScene) {
     EXPECT_GT(std::abs(a.w * b.w + a.x * b.x + a.y * b.y + a.z * b.z), 0.9999f);
     for (int k = 0; k < kShRestCount; ++k)
       EXPECT_LT(length(found.gaussians.sh_rest[i].coefficient[k] -
-                       model.gaussians.sh_rest[i].coefficient[k]), 0.25f);
+                       model.gaussians.sh_rest[i].coefficient[k]),
+                0.25f);
   }
 }
 

@@ -29,8 +29,7 @@ class Attributes {
 
   Json& add(const std::string& name, int component_type, const char* type) {
     indices_[name] = accessors_.size();
-    accessors_.push_back(
-        {{"componentType", component_type}, {"count", count_}, {"type", type}});
+    accessors_.push_back({{"componentType", component_type}, {"count", count_}, {"type", type}});
     return accessors_.back();
   }
   const Json& indices() const { return indices_; }
@@ -87,9 +86,7 @@ Json document_of(const GaussianModel& model, std::size_t spz_bytes) {
           {"buffers", Json::array({{{"byteLength", spz_bytes}}})}};
 }
 
-void pad_to_four(std::string& bytes, char with) {
-  bytes.resize((bytes.size() + 3) / 4 * 4, with);
-}
+void pad_to_four(std::string& bytes, char with) { bytes.resize((bytes.size() + 3) / 4 * 4, with); }
 
 }  // namespace
 

@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kSigmas = 3;  // half the extent of a Gaussian in a box
 constexpr double kRefinedPixels = 16, kSplatPixels = 2;
+constexpr double kSmallShare = 0.1;  // of opacity * area, which may be lost in small splats
 
 using Rows = std::vector<std::uint32_t>;
 
@@ -84,42 +85,64 @@ Gaussians joined(const Gaussians& a, const Gaussians& b) {
   return both;
 }
 
-Tile tile_of(const Gaussians& g, Rows rows, std::size_t most) {
+/// The tile above some tiles, with half of their Gaussians.
+Tile tile_above(std::vector<Tile> children) {
   Tile tile;
-  if (rows.size() <= most) {
-    tile.gaussians = rows_of(g, rows);
-    tile.box = box_of(tile.gaussians);
-    return tile;
-  }
-  Rows upper = split_at_median(g, rows);
-  tile.children.push_back(tile_of(g, std::move(rows), most));
-  tile.children.push_back(tile_of(g, std::move(upper), most));
-  const Tile &left = tile.children[0], &right = tile.children[1];
-  tile.gaussians = joined(left.gaussians, right.gaussians);
+  tile.gaussians = children.size() == 1 ? copy_of(children[0].gaussians)
+                                        : joined(children[0].gaussians, children[1].gaussians);
   decimate(tile.gaussians, (tile.gaussians.count() + 1) / 2);
   tile.box = box_of(tile.gaussians);
-  extend(tile.box, left.box);
-  extend(tile.box, right.box);
-  tile.geometric_error = std::max({geometric_error_of(tile.gaussians), left.geometric_error,
-                                   right.geometric_error});
+  tile.geometric_error = geometric_error_of(tile.gaussians);
+  for (const Tile& child : children) {
+    extend(tile.box, child.box);
+    tile.geometric_error = std::max(tile.geometric_error, child.geometric_error);
+  }
+  tile.children = std::move(children);
   return tile;
+}
+
+Tile tile_of(const Gaussians& g, Rows rows, std::size_t most) {
+  if (rows.size() <= most) {
+    Tile leaf;
+    leaf.gaussians = rows_of(g, rows);
+    leaf.box = box_of(leaf.gaussians);
+    return leaf;
+  }
+  Rows upper = split_at_median(g, rows);
+  std::vector<Tile> children;
+  children.push_back(tile_of(g, std::move(rows), most));
+  children.push_back(tile_of(g, std::move(upper), most));
+  return tile_above(std::move(children));
 }
 
 }  // namespace
 
 double geometric_error_of(const Gaussians& gaussians) {
-  std::vector<float> largest;
-  for (const Vec3f& s : gaussians.log_scale) largest.push_back(std::max({s.x, s.y, s.z}));
-  const auto at = largest.begin() + std::ptrdiff_t(largest.size() * 9 / 10);
-  std::nth_element(largest.begin(), at, largest.end());
-  return kRefinedPixels / kSplatPixels * 2 * std::exp(double(*at));
+  std::vector<std::pair<float, double>> splats;  // log of sigma, opacity * area
+  double sum = 0;
+  for (std::size_t i = 0; i < gaussians.count(); ++i) {
+    const Vec3f& s = gaussians.log_scale[i];
+    splats.push_back({std::max({s.x, s.y, s.z}), double(merge_shape_of(gaussians, i).mass())});
+    sum += splats.back().second;
+  }
+  std::sort(splats.begin(), splats.end());
+  std::size_t at = 0;
+  for (double below = 0; at + 1 < splats.size(); ++at)
+    if ((below += splats[at].second) > kSmallShare * sum) break;
+  return kRefinedPixels / kSplatPixels * 2 * std::exp(double(splats[at].first));
 }
 
 Tile tile_tree(const Gaussians& gaussians, std::size_t most) {
   GS_CHECK(gaussians.count() > 0 && most >= 2);
   Rows rows(gaussians.count());
   std::iota(rows.begin(), rows.end(), 0u);
-  return tile_of(gaussians, std::move(rows), most);
+  Tile root = tile_of(gaussians, std::move(rows), most);
+  while (root.gaussians.count() > kRootGaussians) {
+    std::vector<Tile> below;
+    below.push_back(std::move(root));
+    root = tile_above(std::move(below));
+  }
+  return root;
 }
 
 }  // namespace gs

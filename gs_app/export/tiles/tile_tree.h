@@ -19,19 +19,26 @@ struct Tile {
   Gaussians gaussians;         // at least one
   TileBox box;                 // holds three standard deviations of all of this tile and below
   double geometric_error = 0;  // world units; 0 where there are no children, and never below theirs
-  std::vector<Tile> children;  // none or two
+  std::vector<Tile> children;  // none, one or two
 };
 
-/// The error with which a tile gives way to its children when its own splats cover two pixels, if a
-/// viewer refines tiles of more than 16 pixels of error (as CesiumJS does by default):
+inline constexpr std::size_t kRootGaussians = 1000;  // of the coarsest tile, at most
+
+/// The error with which a tile gives way to its children when its own splats are wider than two
+/// pixels, if a viewer refines tiles of more than 16 pixels of error (as CesiumJS does by default):
 ///
-///   16 / 2 * the 90th percentile of 2 sigma,  sigma the largest standard deviation of a Gaussian
+///   16 / 2 * 2 sigma,  where Gaussians with a largest standard deviation below sigma have a tenth of
+///                      the sum of opacity * area
+///
+/// CesiumJS 1.145 drops splats with a standard deviation below 0.65 pixels. Down to there a tile is
+/// shown until the one above it, whose Gaussians are 1.4 times as wide, takes over at 1 pixel.
 double geometric_error_of(const Gaussians& gaussians);
 
 /// Splits the Gaussians at the median of the longest axis of their means until no tile has more than
 /// `most` (at least 2). The tiles above hold the Gaussians of both children merged to half their
-/// number (decimate.h), so each level has half of the one below. Ties go by index: the same
-/// Gaussians give the same tree. Host memory; at least one Gaussian, finite, without time and
+/// number (decimate.h), so each level has half of the one below. Above the tile that covers all, more
+/// with one child each follow until kRootGaussians are left. Ties go by index: the same Gaussians give
+/// the same tree. Host memory; at least one Gaussian, finite, without time and
 /// without a 3D filter.
 Tile tile_tree(const Gaussians& gaussians, std::size_t most);
 

@@ -33,16 +33,14 @@ GaussianModel placed(const GaussianModel& model, const TilesetRequest& request) 
   warn_of_left_out(request.folder, result.gaussians.count(), model.gaussians.count());
   bake_filter(result.gaussians);
   limit_sh_degree(result, request.sh_degree);
-  transform_model(result,
-                  transform_of(request.georeference.enu_from_input, model.world_offset));
+  transform_model(result, transform_of(request.georeference.enu_from_input, model.world_offset));
   return result;
 }
 
 /// Center and half axes, as 3D Tiles has a box.
 Json json_of(const TileBox& box) {
   const Vec3d center = 0.5 * (box.low + box.high), half = 0.5 * (box.high - box.low);
-  return {{"box",
-           {center.x, center.y, center.z, half.x, 0, 0, 0, half.y, 0, 0, 0, half.z}}};
+  return {{"box", {center.x, center.y, center.z, half.x, 0, 0, 0, half.y, 0, 0, 0, half.z}}};
 }
 
 /// Writes the tiles of a tree and describes them.
@@ -101,13 +99,11 @@ Json tileset_of(const Geodetic& origin, double error, Json root) {
   const Json content_gltf = Json::array({"3DTILES_content_gltf"});
   Json placed_root = {{"transform", transform_to_earth(origin)}};
   placed_root.update(root);
-  return {{"asset",
-           {{"version", "1.1"}, {"generator", fmt::format("gemsplat {}", kVersion)}}},
+  return {{"asset", {{"version", "1.1"}, {"generator", fmt::format("gemsplat {}", kVersion)}}},
           {"extensionsUsed", content_gltf},
           {"extensionsRequired", content_gltf},
           {"extensions",
-           {{"3DTILES_content_gltf",
-             {{"extensionsUsed", tiles}, {"extensionsRequired", tiles}}}}},
+           {{"3DTILES_content_gltf", {{"extensionsUsed", tiles}, {"extensionsRequired", tiles}}}}},
           {"geometricError", error},
           {"root", placed_root}};
 }
@@ -128,7 +124,8 @@ void check_tileset(const TilesetRequest& request, bool force) {
   const fs::path& folder = request.folder;
   if (!fs::exists(folder)) return;
   if (!fs::is_directory(folder))
-    throw UsageError(folder.string() + " is a file, and a tileset is a folder; choose another name");
+    throw UsageError(folder.string() +
+                     " is a file, and a tileset is a folder; choose another name");
   if (is_empty_output(folder)) return;
   if (!force)
     throw UsageError(
@@ -145,9 +142,10 @@ ExportedTileset export_tileset(const GaussianModel& model, const TilesetRequest&
         "export --time T`");
   GaussianModel placed_model = placed(model, request);
   if (placed_model.gaussians.count() == 0)
-    throw Error(fmt::format("cannot write {}: there are no Gaussians; train again, or name another "
-                            "model",
-                            request.folder.string()));
+    throw Error(
+        fmt::format("cannot write {}: there are no Gaussians; train again, or name another "
+                    "model",
+                    request.folder.string()));
   const OutputLock lock = free_folder(request);
   Tile root = tile_tree(placed_model.gaussians, request.most_gaussians);
   placed_model.gaussians = Gaussians();

@@ -23,7 +23,7 @@ inline constexpr std::size_t kTileGaussiansAtMost = 50'000;  // some 1 MB, as ot
 struct TilesetRequest {
   std::filesystem::path folder;
   Georeference georeference;
-  int sh_degree = kMaxShDegree;  // the tiles have no higher one
+  int sh_degree = kMaxShDegree;                       // the tiles have no higher one
   std::size_t most_gaussians = kTileGaussiansAtMost;  // of a tile
   std::vector<std::filesystem::path> needed = {};     // may not be moved aside with the folder
 };
