@@ -10,6 +10,7 @@
 #include "gs_app/export/tiles/tile_tree.h"
 #include "gs_app/export/tiles/tileset.h"
 #include "gs_core/geometry/vectors.h"
+#include "gs_core/log.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"
 #include "tests/support/placed_scene.h"
@@ -250,6 +251,23 @@ TEST_F(Tileset, ModelsThatDoNotFitAreRefused) {
               HasSubstr("--time"));
   EXPECT_THAT(error_of([&] { export_tileset(GaussianModel(), request(100)); }),
               HasSubstr("no Gaussians"));
+  GaussianModel far = scattered(5);
+  far.gaussians.mean[3].x = 3e6f;  // units of 7.5 m
+  EXPECT_THAT(error_of([&] { export_tileset(far, request(100)); }),
+              AllOf(HasSubstr("from the georeference's origin"), HasSubstr("gemsplat georef")));
+  EXPECT_FALSE(fs::exists(path("tiles")));
+}
+
+TEST_F(Tileset, FarGaussiansTakeCoarserStepsAndStayWhereTheyAre) {
+  GaussianModel model = scattered(5);
+  model.gaussians.mean[3] = {1000, 0, 0};  // 7.5 km: two bits fewer
+  setup_log(Verbosity::quiet);  // to stderr
+  testing::internal::CaptureStderr();
+  export_tileset(model, request(100));
+  EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("1 Gaussians stand up to"));
+  const ReadTile tile(path("tiles/0/0.glb"));
+  const Vec3d expected = true_georeference().enu_from_input(Vec3d(1000.0, 0.0, 0.0));
+  EXPECT_LT(length(Vec3d(tile.model.gaussians.mean[3]) - expected), 0.002);
 }
 
 }  // namespace

@@ -34,21 +34,26 @@ float largest_position(const Gaussians& g) {
   return largest;
 }
 
-int fractional_bits_for(const Gaussians& g, const Path& path) {
+/// As many as all positions leave room for, at most the usual ones; below 0 where they leave none.
+int fractional_bits_for(const Gaussians& g) {
   const float largest = largest_position(g);
   int bits = kUsualFractionalBits;
-  while (bits > 0 && std::ldexp(largest, bits) > float(kLargestPosition) - 1) --bits;
-  if (std::ldexp(largest, bits) > float(kLargestPosition) - 1)
+  while (bits >= 0 && std::ldexp(largest, bits) > float(kLargestPosition) - 1) --bits;
+  return bits;
+}
+
+void check_positions(const Gaussians& g, const Path& path) {
+  const int bits = fractional_bits_for(g);
+  if (bits < 0)
     throw Error(
         fmt::format("cannot write {}: a position is {:.3g} world units from the origin, but .spz "
                     "ends at {}; add --recenter or --scale, or choose .ply",
-                    path.string(), largest, kLargestPosition));
+                    path.string(), largest_position(g), kLargestPosition));
   if (bits < kUsualFractionalBits)
     log_warning(
         "{}: positions reach {:.5g} world units, so .spz holds them in steps of 1/{} of a unit; "
         "--recenter may make these finer",
-        path.string(), largest, 1 << bits);
-  return bits;
+        path.string(), largest_position(g), 1 << bits);
 }
 
 void warn_of_clamped_scales(const Gaussians& g, const Path& path) {
@@ -129,17 +134,16 @@ std::string version4_file(SpzHeader header, const Arrays& arrays) {
 
 }  // namespace
 
-std::string spz_bytes(const std::filesystem::path& path, const GaussianModel& model, int version,
-                      const AxisSigns& signs) {
-  GS_CHECK(version == 3 || version == 4);
+std::string spz_bytes(const GaussianModel& model, int version, const AxisSigns& signs) {
   const Gaussians& g = model.gaussians;
+  const int fractional_bits = fractional_bits_for(g);
+  GS_CHECK((version == 3 || version == 4) && fractional_bits >= 0);
   SpzHeader header;
   header.version = std::uint32_t(version);
   header.count = std::uint32_t(g.count());
   header.sh_degree = std::uint8_t(model.sh_degree);
-  header.fractional_bits = std::uint8_t(fractional_bits_for(g, path));
+  header.fractional_bits = std::uint8_t(fractional_bits);
   header.flags = model.antialiased ? kSpzAntialiased : 0;
-  warn_of_clamped_scales(g, path);
   Arrays arrays;
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   for (std::size_t s = 0; s < kSpzArrays; ++s) arrays[s].resize(row_bytes[s] * g.count());
@@ -148,7 +152,9 @@ std::string spz_bytes(const std::filesystem::path& path, const GaussianModel& mo
 }
 
 void write_spz(const std::filesystem::path& path, const GaussianModel& model, int version) {
-  const std::string bytes = spz_bytes(path, model, version, kHalfTurnX);
+  check_positions(model.gaussians, path);
+  warn_of_clamped_scales(model.gaussians, path);
+  const std::string bytes = spz_bytes(model, version, kHalfTurnX);
   AtomicFile file(path);
   file.write(bytes);
   file.commit();

@@ -92,7 +92,7 @@ void pad_to_four(std::string& bytes, char with) { bytes.resize((bytes.size() + 3
 
 std::uint64_t write_tile(const std::filesystem::path& path, const GaussianModel& model) {
   GS_CHECK(model.gaussians.count() > 0);
-  std::string spz = spz_bytes(path, model, kSpzVersion, kAsTheyAre);
+  std::string spz = spz_bytes(model, kSpzVersion, kAsTheyAre);
   std::string json = document_of(model, spz.size()).dump();
   pad_to_four(json, ' ');
   pad_to_four(spz, '\0');

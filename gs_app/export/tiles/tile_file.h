@@ -18,8 +18,8 @@ inline constexpr const char* kTileGaussians = "KHR_gaussian_splatting";
 inline constexpr const char* kTileSpz = "KHR_gaussian_splatting_compression_spz_2";
 
 /// Writes Gaussians that stand in the tile's frame (east, north, up in a tileset on earth). The
-/// model is one that finite_model() made, with at least one Gaussian. Throws Error as write_spz()
-/// does. Returns the bytes of the file.
+/// model is one that finite_model() made, with at least one Gaussian and positions within kSpzReach
+/// (spz.h). Throws Error where the file cannot be written. Returns the bytes of the file.
 std::uint64_t write_tile(const std::filesystem::path& path, const GaussianModel& model);
 
 }  // namespace gs

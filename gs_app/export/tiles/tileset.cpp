@@ -10,6 +10,7 @@
 #include "data_loaders/formats/coding/compression.h"
 #include "data_loaders/formats/coding/finite_rows.h"
 #include "data_loaders/formats/model_transform.h"
+#include "data_loaders/formats/spz/spz.h"
 #include "gs_app/export/tiles/tile_file.h"
 #include "gs_app/export/tiles/tile_tree.h"
 #include "gs_core/bake_filter.h"
@@ -35,6 +36,35 @@ GaussianModel placed(const GaussianModel& model, const TilesetRequest& request) 
   limit_sh_degree(result, request.sh_degree);
   transform_model(result, transform_of(request.georeference.enu_from_input, model.world_offset));
   return result;
+}
+
+/// Tiles are .spz inside, which ends somewhere. Real scenes have Gaussians far away or huge ones now
+/// and then, as part of their sky.
+void check_reach(const GaussianModel& placed, const fs::path& folder) {
+  std::size_t far = 0, large = 0;
+  double farthest = 0;
+  for (std::size_t i = 0; i < placed.gaussians.count(); ++i) {
+    const Vec3f& at = placed.gaussians.mean[i];
+    const double reach = std::max({std::abs(at.x), std::abs(at.y), std::abs(at.z)});
+    const Vec3f& s = placed.gaussians.log_scale[i];
+    far += reach > kSpzFineReach;
+    large += std::exp(double(std::max({s.x, s.y, s.z}))) > kSpzLargestSigma;
+    farthest = std::max(farthest, reach);
+  }
+  if (!(farthest <= kSpzReach))
+    throw Error(
+        fmt::format("cannot write {}: a Gaussian stands {:.3g} m from the georeference's origin; "
+                    "find the place "
+                    "again with `gemsplat georef`, for the scene that the model was trained on",
+                    folder.string(), farthest));
+  if (far > 0)
+    log_warning(
+        "{}: {} Gaussians stand up to {:.0f} m from the georeference's origin; tiles with such "
+        "beyond {} m have their positions in coarser steps than 1/4096 m",
+        folder.string(), far, farthest, kSpzFineReach);
+  if (large > 0)
+    log_warning("{}: {} Gaussians are wider than {} m and were cut down to that size",
+                folder.string(), large, kSpzLargestSigma);
 }
 
 /// Center and half axes, as 3D Tiles has a box.
@@ -146,6 +176,7 @@ ExportedTileset export_tileset(const GaussianModel& model, const TilesetRequest&
         fmt::format("cannot write {}: there are no Gaussians; train again, or name another "
                     "model",
                     request.folder.string()));
+  check_reach(placed_model, request.folder);
   const OutputLock lock = free_folder(request);
   Tile root = tile_tree(placed_model.gaussians, request.most_gaussians);
   placed_model.gaussians = Gaussians();
