@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a scene stands on earth, found in one of four ways: its photos have GPS places, or its
-// coordinates are those of a UTM zone, earth-centered (ECEF), or metres east, north, up of a place.
+// Where a scene stands on earth, found from GPS places of its photos, or from what its coordinates
+// are: those of a UTM zone, or earth-centered (ECEF).
 #pragma once
 
 #include <string>

@@ -82,7 +82,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"data_loaders/cameras",
      {"data_loaders/colmap", "data_loaders/lenses", "data_loaders/photos", "data_loaders/scene",
       "data_loaders/transforms"}},
-    {"data_loaders/georef", {"data_loaders/colmap", "data_loaders/photos", "data_loaders/scene"}},
+    {"data_loaders/georef", {"data_loaders/colmap", "data_loaders/photos"}},
     {"data_loaders/reconstruct",
      {"data_loaders/colmap", "data_loaders/photos", "data_loaders/video"}},
     {"data_loaders/doctor",
