@@ -20,7 +20,8 @@ enum class RandomStream : std::uint32_t {
   position_noise,
   initial_time,
   time_shift,
-  growth
+  growth,
+  alignment
 };
 
 struct RandomBits {

@@ -131,3 +131,19 @@ build() {
     NINJA_STATUS='@@ %f %t ' "${build[@]}" | show_progress
   fi
 }
+
+skip() { printf 'skipped: %s\n' "$*"; exit 77; }  # as CTest is told
+
+# install_npm_packages SOURCE FOLDER: the packages of SOURCE/package-lock.json in FOLDER/node_modules. Skips where they
+# cannot be had.
+install_npm_packages() {
+  local source=$1 folder=$2
+  command -v node >/dev/null || skip "there is no node; install Node 20 or newer"
+  command -v npm >/dev/null || skip "there is no npm"
+  mkdir -p "$folder"
+  cp "$source/package.json" "$source/package-lock.json" "$folder/"
+  cmp -s "$source/package-lock.json" "$folder/node_modules/.lock-of-these" && return
+  (cd "$folder" && npm ci --ignore-scripts --no-audit --no-fund >npm.log 2>&1) ||
+    skip "npm cannot install the packages of $source ($(tail -1 "$folder/npm.log"))"
+  cp "$source/package-lock.json" "$folder/node_modules/.lock-of-these"
+}

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // gemsplat export: a trained model in the formats of viewers, and what each format costs.
+#include <spdlog/fmt/fmt.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -11,9 +13,11 @@
 #include "apps/cli/devices.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "data_loaders/georef/georef_file.h"
 #include "gs_app/export/cameras.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/export/lod/export_levels.h"
+#include "gs_app/export/tiles/tileset.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_core/error.h"
@@ -31,6 +35,8 @@ struct ExportCommand : CommandLine {
   std::vector<double> up;  // empty: no turn
   double scale = 1;
   std::size_t lod_leaf = LodOptions().leaf_rows;
+  std::string georef;  // empty: that of the scene, if there is one
+  std::size_t tile_gaussians = kTileGaussiansAtMost;
   bool recenter = false, force = false, table = false, lod = false, unmeasured = false;
 };
 
@@ -45,6 +51,42 @@ ModelTransform transform_of(const ExportCommand& command, const GaussianModel& m
   if (!std::isfinite(command.scale)) throw UsageError("--scale is no number");
   transform.scale = command.scale;
   return transform;
+}
+
+/// Where the model's scene stands on earth, if that is known.
+std::optional<Georeference> georeference_of(const ExportCommand& command, const Config& config) {
+  if (!command.georef.empty()) return read_georef(command.georef);
+  const std::string& scene = config.dataset.source;
+  if (scene.empty() || !std::filesystem::exists(georef_file_of(scene))) return {};
+  return read_georef(georef_file_of(scene));
+}
+
+/// An output that ends in / is the folder of a tileset.
+bool is_tileset(const ExportCommand& command, const std::string& output) {
+  return !command.table && output.ends_with('/');
+}
+
+std::vector<TilesetRequest> tilesets_of(const ExportCommand& command, int sh_degree,
+                                        const std::optional<Georeference>& georeference) {
+  std::vector<TilesetRequest> tilesets;
+  for (const std::string& output : command.outputs) {
+    if (!is_tileset(command, output)) continue;
+    if (!georeference)
+      throw UsageError(output +
+                       " is to be a tileset, which stands on earth, and nothing says where: run "
+                       "`gemsplat georef SCENE` first, or name its file with --georef FILE");
+    if (command.recenter || !command.up.empty() || command.scale != 1)
+      throw UsageError(
+          "--recenter, --up and --scale move the model, and a tileset stands where the scene is; "
+          "leave them out");
+    tilesets.push_back({std::filesystem::path(output).parent_path(),
+                        *georeference,
+                        sh_degree,
+                        command.tile_gaussians,
+                        {command.model}});
+    check_tileset(tilesets.back(), command.force);
+  }
+  return tilesets;
 }
 
 std::filesystem::path table_file(const std::string& folder) {
@@ -68,7 +110,8 @@ std::vector<std::string> files_of_table(const std::string& folder, const ExportO
 }
 
 std::vector<ExportRequest> requests_of(const ExportCommand& command, const OpenedModel& opened,
-                                       int sh_degree) {
+                                       int sh_degree,
+                                       const std::optional<Georeference>& georeference) {
   const GaussianModel& model = opened.model;
   const ModelTransform transform = transform_of(command, model);
   std::vector<ExportRequest> requests;
@@ -76,7 +119,9 @@ std::vector<ExportRequest> requests_of(const ExportCommand& command, const Opene
     throw UsageError("--table takes one folder, in which it writes a file of each format");
   for (const std::string& file :
        command.table ? files_of_table(command.outputs[0], command.options, model) : command.outputs)
-    requests.push_back({file, command.options, transform, sh_degree, opened.input_from_model});
+    if (!is_tileset(command, file))
+      requests.push_back({file, command.options, transform, sh_degree, opened.input_from_model,
+                          georeference});
   std::set<std::filesystem::path> names;
   for (const ExportRequest& request : requests) {
     check_export(request, command.force);
@@ -162,18 +207,30 @@ void export_lod(const ExportCommand& command, LevelsRequest request, const Gauss
   if (!command.quiet) std::cout << levels_table(exported);
 }
 
+void export_tilesets(const ExportCommand& command, const std::vector<TilesetRequest>& tilesets,
+                     const GaussianModel& model) {
+  for (const TilesetRequest& request : tilesets) {
+    const ExportedTileset tileset = export_tileset(model, request);
+    if (!command.quiet) std::cout << summary(tileset, request.georeference) << std::endl;
+  }
+}
+
 void run_export(const ExportCommand& command) {
   setup_log(command.verbosity());
   OpenedModel opened = open_model(command.model, command.step);
   if (command.time) take_moment(opened, *command.time);
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
+  const int sh_degree = config.model.sh_degree;
+  const std::optional<Georeference> georeference = georeference_of(command, config);
   std::vector<ExportRequest> requests;
   LevelsRequest levels;
-  if (command.lod)
-    levels = levels_request_of(command, opened.model, config.model.sh_degree);
-  else
-    requests = requests_of(command, opened, config.model.sh_degree);
+  if (command.lod) {
+    levels = levels_request_of(command, opened.model, sh_degree);
+  } else {
+    requests = requests_of(command, opened, sh_degree, georeference);
+    export_tilesets(command, tilesets_of(command, sh_degree, georeference), opened.model);
+  }
   const auto write = [&](const Viewpoints* viewpoints) {
     command.lod ? export_lod(command, levels, opened.model, viewpoints)
                 : export_all(command, requests, opened.model, viewpoints);
@@ -201,7 +258,9 @@ void add_export(CLI::App& program) {
           "output", command->outputs,
           "files to write, each with a FILE.transforms.json that describes it; the ending of a "
           "name chooses its format: " +
-              format_names())
+              format_names() +
+              "; a name that ends in / is the folder of a 3D Tiles tileset, which needs a "
+              "georeference")
       ->type_name("FILE")
       ->required();
   verb.add_option("--iteration", command->step,
@@ -247,6 +306,15 @@ void add_export(CLI::App& program) {
       ->check(CLI::Range(1e-6, 1e6))
       ->type_name("FACTOR")
       ->group("Frame");
+  verb.add_option("--georef", command->georef,
+                  "where the scene stands on earth [georef.json of the run's scene or of --data]")
+      ->type_name("FILE")
+      ->group("Frame");
+  verb.add_option(
+          "--tile-gaussians", command->tile_gaussians,
+          fmt::format("Gaussians in a tile of a tileset at most [{}]", kTileGaussiansAtMost))
+      ->check(CLI::Range(100, 1'000'000))
+      ->type_name("N");
   verb.add_flag("--no-measure", command->unmeasured,
                 "do not render pictures to measure the loss of lossy files");
   add_camera_options(verb, *command, "-d,--data,-s,--source-path");

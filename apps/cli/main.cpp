@@ -101,6 +101,7 @@ int run(int argc, const char* const* argv) {
   add_convert_cameras(program);
   add_undistort(program);
   add_doctor(program);
+  add_georef(program);
   add_train(program);
   add_config(program);
   add_experiment(program);

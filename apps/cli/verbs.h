@@ -13,6 +13,7 @@ void add_reconstruct(CLI::App& program);
 void add_convert_cameras(CLI::App& program);
 void add_undistort(CLI::App& program);
 void add_doctor(CLI::App& program);
+void add_georef(CLI::App& program);
 void add_train(CLI::App& program);
 void add_config(CLI::App& program);
 void add_experiment(CLI::App& program);

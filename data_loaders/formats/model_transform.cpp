@@ -127,6 +127,11 @@ void limit_sh_degree(GaussianModel& model, int degree) {
     std::fill(rest.coefficient + sh_rest_count(degree), std::end(rest.coefficient), Vec3f(0));
 }
 
+ModelTransform transform_of(const Similarity& similarity, const Vec3d& offset) {
+  const Vec3d from_shift = multiply_transposed(similarity.R, similarity.shift) / similarity.scale;
+  return {-(offset + from_shift), quaternion_of(similarity.R), similarity.scale};
+}
+
 ModelTransform inverse_of(const ModelTransform& transform) {
   const Quat<double>& q = transform.turn;
   const Vec3d origin = multiply(rotation_matrix(q), -transform.center) * transform.scale;
@@ -156,6 +161,18 @@ ModelTransform transform_of(const Mat4d& similarity) {
   if (std::abs(turn.x) + std::abs(turn.y) + std::abs(turn.z) < kRounding) turn = {1, 0, 0, 0};
   const Mat4d back = inverse_of(similarity);
   return {{back.m[0][3], back.m[1][3], back.m[2][3]}, turn, scale};
+}
+
+Mat4d matrix_of(const Similarity& similarity) {
+  Mat4d result{};
+  int row = 0;
+  for (const Vec3d& r : {similarity.R.row0, similarity.R.row1, similarity.R.row2}) {
+    for (int column = 0; column < 3; ++column) result.m[row][column] = similarity.scale * r[column];
+    result.m[row][3] = similarity.shift[row];
+    ++row;
+  }
+  result.m[3][3] = 1;
+  return result;
 }
 
 Mat4d multiply(const Mat4d& a, const Mat4d& b) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "gs_core/gaussians.h"
+#include "gs_core/geometry/similarity.h"
 
 namespace gs {
 
@@ -32,6 +33,9 @@ void transform_model(GaussianModel& model, const ModelTransform& transform);
 /// Sets the SH degree to `degree` if that is lower, and the coefficients beyond it to 0.
 void limit_sh_degree(GaussianModel& model, int degree);
 
+/// The transform x -> similarity(x + offset).
+ModelTransform transform_of(const Similarity& similarity, const Vec3d& offset);
+
 /// The transform that undoes another.
 ModelTransform inverse_of(const ModelTransform& transform);
 
@@ -44,6 +48,7 @@ struct Mat4d {
 Mat4d matrix_of(const ModelTransform& transform);
 /// The opposite, for a matrix that turns, scales evenly and moves.
 ModelTransform transform_of(const Mat4d& similarity);
+Mat4d matrix_of(const Similarity& similarity);
 Mat4d multiply(const Mat4d& a, const Mat4d& b);
 Mat4d diagonal(const Vec3f& signs);
 Mat4d translation(const Vec3d& by);

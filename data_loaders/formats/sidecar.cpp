@@ -39,6 +39,16 @@ Json axes_of(const AxisSigns& signs) {
           {"z", signs.z > 0 ? "forward" : "backward"}};
 }
 
+Json json_of(const Georeference& georeference, const FileFrames& frames) {
+  const Geodetic& origin = georeference.origin;
+  const Mat4d enu_from_file =
+      multiply(matrix_of(georeference.enu_from_input), frames.input_from_file());
+  const Mat4d ecef_from_file = multiply(matrix_of(ecef_from_enu(origin)), enu_from_file);
+  return {{"origin", {origin.longitude, origin.latitude, origin.height}},
+          {"enu_from_file", rows_of(enu_from_file)},
+          {"ecef_from_file", rows_of(ecef_from_file)}};
+}
+
 Json json_of(const ExportedFile& exported) {
   const FileFrames& frames = exported.frames;
   Json json = {{"file", exported.file.filename().string()},
@@ -57,6 +67,7 @@ Json json_of(const ExportedFile& exported) {
   if (const auto& fidelity = exported.fidelity)
     json["fidelity"] = {
         {"psnr", fidelity->psnr}, {"ssim", fidelity->ssim}, {"num_views", fidelity->num_views}};
+  if (exported.georeference) json["georeference"] = json_of(*exported.georeference, frames);
   return json;
 }
 

@@ -10,6 +10,7 @@
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/model_transform.h"
 #include "gs_core/gaussians.h"
+#include "gs_core/geodesy/georeference.h"
 
 namespace gs {
 
@@ -41,8 +42,9 @@ struct ExportedFile {
   bool antialiased = false;
   std::size_t gaussians = 0;
   std::uint64_t bytes = 0;
-  std::optional<Fidelity> fidelity = {};  // where it was measured
-  bool was_moved = false;                 // before: the model has a frame of its own
+  std::optional<Fidelity> fidelity = {};          // where it was measured
+  bool was_moved = false;                         // before: the model has a frame of its own
+  std::optional<Georeference> georeference = {};  // where it is known
 
   double bytes_per_gaussian() const { return gaussians ? double(bytes) / double(gaussians) : 0; }
 };
@@ -57,6 +59,7 @@ std::filesystem::path sidecar_of(const std::filesystem::path& file);
 ///   "input_from_train", "train_from_input"
 ///   "was_moved": true                      only where a model was moved on purpose (gemsplat edit)
 ///   "fidelity": {"psnr", "ssim", "num_views"}
+///   "georeference": {"origin": [longitude, latitude, height], "enu_from_file", "ecef_from_file"}
 void write_sidecar(const ExportedFile& exported);
 
 /// Takes from the sidecar of `file`, where there is one, what the format cannot say: whether the

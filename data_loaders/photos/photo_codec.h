@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,7 @@ void check_photo_size(const std::filesystem::path& path, const PhotoSize& size);
 Image8 decode_photo(const std::filesystem::path& path);
 PhotoSize decode_photo_size(const std::filesystem::path& path);
 int decode_photo_orientation(const std::filesystem::path& path);
+std::optional<Geodetic> decode_photo_place(const std::filesystem::path& path);
 
 /// The result of decode_photo() as color and alpha.
 PhotoWithAlpha separated(Image8 decoded);

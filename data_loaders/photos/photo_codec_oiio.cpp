@@ -54,6 +54,26 @@ int channels_of(const OIIO::ImageSpec& spec) {
   return spec.alpha_channel == colors ? colors + 1 : colors;
 }
 
+/// Degrees, minutes and seconds of a GPS tag, negative where NAMERef has the letter `negative`.
+std::optional<double> gps_angle(const OIIO::ImageSpec& spec, const std::string& name,
+                                char negative) {
+  const OIIO::ParamValue* const parts = spec.find_attribute(name);
+  if (!parts) return {};
+  double degrees = 0, unit = 1;
+  for (int i = 0; i < std::min(3, int(parts->type().basevalues())); ++i, unit /= 60)
+    degrees += unit * double(parts->get_float_indexed(i));
+  const std::string side(spec.get_string_attribute(name + "Ref"));
+  return !side.empty() && side[0] == negative ? -degrees : degrees;
+}
+
+/// The altitude; GPS:AltitudeRef is odd below sea level (1) and below the ellipsoid (3).
+std::optional<double> gps_altitude(const OIIO::ImageSpec& spec) {
+  const OIIO::ParamValue* const altitude = spec.find_attribute("GPS:Altitude");
+  if (!altitude) return {};
+  const bool is_below = spec.get_int_attribute("GPS:AltitudeRef", 0) % 2 == 1;
+  return double(altitude->get_float()) * (is_below ? -1 : 1);
+}
+
 OIIO::ImageSpec spec_of(const Image8& image) {
   return OIIO::ImageSpec(image.width, image.height, image.channels, OIIO::TypeDesc::UINT8);
 }
@@ -90,6 +110,16 @@ PhotoSize decode_photo_size(const std::filesystem::path& path) { return open_pho
 
 int decode_photo_orientation(const std::filesystem::path& path) {
   return open_photo(path).input->spec().get_int_attribute("Orientation", 1);
+}
+
+std::optional<Geodetic> decode_photo_place(const std::filesystem::path& path) {
+  const OpenPhoto photo = open_photo(path);
+  const OIIO::ImageSpec& spec = photo.input->spec();
+  const auto latitude = gps_angle(spec, "GPS:Latitude", 'S');
+  const auto longitude = gps_angle(spec, "GPS:Longitude", 'W');
+  const auto altitude = gps_altitude(spec);
+  if (!latitude || !longitude || !altitude) return {};
+  return Geodetic{*longitude, *latitude, *altitude};
 }
 
 std::string codec_name() { return "OpenImageIO " OIIO_VERSION_STRING; }

@@ -177,6 +177,12 @@ PhotoSize decode_photo_size(const std::filesystem::path& path) {
 
 int decode_photo_orientation(const std::filesystem::path&) { return 1; }  // stb_image reads no EXIF
 
+std::optional<Geodetic> decode_photo_place(const std::filesystem::path& path) {
+  throw Error("cannot read where the photo " + path.string() +
+              " was taken: this build has no OpenImageIO, which reads EXIF; build with it, or give "
+              "the places in a file (--gps FILE)");
+}
+
 std::string codec_name() { return "stb_image"; }
 
 std::vector<std::uint8_t> encode_png(const Image8& image) {

@@ -133,6 +133,11 @@ int read_photo_orientation(const fs::path& path) {
   return with_sound_file(path, decode_photo_orientation);
 }
 
+std::optional<Geodetic> read_photo_place(const fs::path& path) {
+  const std::optional<Geodetic> place = with_sound_file(path, decode_photo_place);
+  return place && is_on_earth(*place) ? place : std::nullopt;
+}
+
 Image8 area_resized(const Image8& image, int width, int height) {
   GS_CHECK(width > 0 && height > 0 && !image.empty());
   if (width == image.width && height == image.height) return image;

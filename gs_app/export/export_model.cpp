@@ -96,6 +96,7 @@ ExportedFile export_model(const GaussianModel& model, const ExportRequest& reque
                         std::min(request.sh_degree, model.sh_degree), model.antialiased};
   exported.was_moved = request.input_from_model.has_value();
   if (exported.was_moved) exported.frames.input_from_train = *request.input_from_model;
+  exported.georeference = request.georeference;
   const bool is_changed = !request.transform.is_identity() || request.sh_degree < model.sh_degree;
   GaussianModel changed;
   if (is_changed) changed = prepared(model, request, format);

@@ -27,6 +27,7 @@ struct ExportRequest {
   int sh_degree = kMaxShDegree;  // the file has no higher one
   // Where the model was moved before: from its numbers to the photos' frame (OpenedModel).
   std::optional<Mat4d> input_from_model = {};
+  std::optional<Georeference> georeference = {};  // of the model's scene, for the sidecar
 };
 
 /// Throws UsageError where `file` exists and may not be moved aside (`force`), or is not a file. The

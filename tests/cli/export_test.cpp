@@ -3,6 +3,10 @@
 // write.
 #include <gmock/gmock.h>
 
+#include "data_loaders/formats/formats.h"
+#include "data_loaders/formats/spz/spz.h"
+#include "gs_core/geodesy/utm.h"
+#include "gs_core/geometry/vectors.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -22,6 +26,24 @@ class Export : public Program {
   }
   Outcome export_run(const std::string& more) {
     return run("export " + text("run") + " " + more + " --device cpu");
+  }
+  // The scene of the other tests, moved to UTM coordinates.
+  void write_far_scene() const {
+    write_scene(path("scene"));
+    std::istringstream images(read_bytes(path("scene/sparse/0/images.txt")));
+    std::string moved, line;
+    for (int v = 0; std::getline(images, line);
+         ++v)  // every second line is an empty list of points
+      moved += v % 2 ? "\n"
+                     : std::to_string(v / 2 + 1) + " 1 0 0 0 " +
+                           std::to_string(-500000.0 - 0.1 * (v / 2)) + " -5400000 -300 1 view_" +
+                           std::to_string(v / 2) + ".png\n";
+    write_bytes(path("scene/sparse/0/images.txt"), moved);
+    std::ostringstream points;
+    for (int p = 0; p < kPoints; ++p)
+      points << std::fixed << p + 1 << ' ' << 500000.0 + point(p).x << ' ' << 5400000.0 + point(p).y
+             << ' ' << 300.0 + point(p).z << " 120 130 140 0.5\n";
+    write_bytes(path("scene/sparse/0/points3D.txt"), points.str());
   }
   // An entry of the product of two matrices of a sidecar.
   static double entry(const nlohmann::json& a, const nlohmann::json& b, int i, int j) {
@@ -123,22 +145,8 @@ TEST_F(Export, ALowerShDegreeIsInTheFileAndItsLossIsMeasured) {
   EXPECT_FALSE(json("full.ply.transforms.json").contains("fidelity"));
 }
 
-// The scene of the other tests, moved to UTM coordinates.
 TEST_F(Export, AFarSceneIsShiftedBackInCsvAndItsOffsetIsNamedElsewhere) {
-  write_scene(path("scene"));
-  std::istringstream images(read_bytes(path("scene/sparse/0/images.txt")));
-  std::string moved, line;
-  for (int v = 0; std::getline(images, line); ++v)  // every second line is an empty list of points
-    moved += v % 2 ? "\n"
-                   : std::to_string(v / 2 + 1) + " 1 0 0 0 " +
-                         std::to_string(-500000.0 - 0.1 * (v / 2)) + " -5400000 -300 1 view_" +
-                         std::to_string(v / 2) + ".png\n";
-  write_bytes(path("scene/sparse/0/images.txt"), moved);
-  std::ostringstream points;
-  for (int p = 0; p < kPoints; ++p)
-    points << std::fixed << p + 1 << ' ' << 500000.0 + point(p).x << ' ' << 5400000.0 + point(p).y
-           << ' ' << 300.0 + point(p).z << " 120 130 140 0.5\n";
-  write_bytes(path("scene/sparse/0/points3D.txt"), points.str());
+  write_far_scene();
   ASSERT_EQ(train("run").code, 0);
   const Outcome outcome = export_run(text("a.csv") + " " + text("a.splat") + " --no-measure");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
@@ -163,6 +171,65 @@ TEST_F(Export, AFarSceneIsShiftedBackInCsvAndItsOffsetIsNamedElsewhere) {
   EXPECT_LT(std::abs(std::stod(
                 read_bytes(path("b.csv")).substr(read_bytes(path("b.csv")).find('\n') + 1))),
             100);  // --recenter moved it to the origin
+}
+
+/// A 4x4 matrix of a sidecar, by rows, times (x y z 1).
+Vec3d times(const nlohmann::json& matrix, const Vec3d& x) {
+  Vec3d result;
+  for (int i = 0; i < 3; ++i)
+    result[i] = matrix[i][0].get<double>() * x.x + matrix[i][1].get<double>() * x.y +
+                matrix[i][2].get<double>() * x.z + matrix[i][3].get<double>();
+  return result;
+}
+
+// a.csv has UTM coordinates, and the other files have frames of their own.
+TEST_F(Export, SidecarsOfAFarSceneLeadToTheEarth) {
+  write_far_scene();
+  ASSERT_EQ(train("run").code, 0);
+  ASSERT_EQ(run("georef " + text("scene") + " --crs EPSG:32633").code, 0);
+  ASSERT_EQ(export_run(text("a.csv") + " " + text("a.spz") + " --no-measure").code, 0);
+  ASSERT_EQ(export_run(text("b.ply") + " --recenter --up 1,2,3 --scale 0.5").code, 0);
+  std::istringstream csv(read_bytes(path("a.csv")));
+  std::string line;
+  std::getline(csv, line);
+  const GaussianModel turned = read_model(path("b.ply")), packed = read_spz(path("a.spz"));
+  for (std::size_t i = 0; std::getline(csv, line); ++i) {
+    const std::size_t comma = line.find(',');
+    const Vec3d utm(std::stod(line), std::stod(line.substr(comma + 1)),
+                    std::stod(line.substr(line.find(',', comma + 1) + 1)));
+    const auto off = [&](const std::string& file, const Vec3d& at) {
+      const Vec3d there =
+          times(json(file + ".transforms.json")["georeference"]["ecef_from_file"], at);
+      return length(there - ecef_of(geodetic_of_utm({33, false}, utm)));
+    };
+    // The scene is some metres deep, so a height differs by 2 mm between UTM and its similarity.
+    EXPECT_LT(off("a.csv", utm), 0.005);
+    EXPECT_LT(off("b.ply", Vec3d(turned.gaussians.mean[i])), 0.005);
+    // read_spz() turns the file's axes to the PLY's: half a turn about x.
+    EXPECT_LT(off("a.spz", Vec3d(packed.gaussians.mean[i] * Vec3f(1, -1, -1))), 0.005);
+  }
+}
+
+TEST_F(Export, ANameThatEndsInASlashIsATileset) {
+  train("run");
+  const Outcome without = export_run(text("tiles/"));
+  EXPECT_EQ(without.code, 2);
+  EXPECT_THAT(without.err, AllOf(HasSubstr("gemsplat georef"), HasSubstr("--georef")));
+  ASSERT_EQ(run("georef " + text("scene") + " --origin 15.5,48.2,300").code, 0);
+  const Outcome outcome = export_run(text("tiles/") + " --tile-gaussians 100");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("150 Gaussians in 3 tiles of 2 levels"));
+  EXPECT_TRUE(fs::exists(path("tiles/1/1.glb")));
+  EXPECT_EQ(export_run(text("tiles/")).code, 2);
+  EXPECT_EQ(export_run(text("tiles/") + " --force").code, 0);
+  EXPECT_TRUE(fs::exists(path("tiles.bak-1/1/1.glb")));
+  EXPECT_FALSE(fs::exists(path("tiles/1/1.glb")));
+  EXPECT_THAT(export_run(text("other/") + " --scale 2").err, HasSubstr("--scale"));
+  EXPECT_EQ(export_run(text("run/") + " --force").code, 2);  // it holds the model
+  write_bytes(path("scene/georef.json"), "{");
+  EXPECT_THAT(export_run(text("other/")).err,
+              AllOf(HasSubstr("georef.json"), HasSubstr("gemsplat georef")));
+  EXPECT_FALSE(fs::exists(path("other")));
 }
 
 TEST_F(Export, TheTableHasEveryFormat) {

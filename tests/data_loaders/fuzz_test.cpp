@@ -5,12 +5,15 @@
 
 #include "data_loaders/cameras/camera_file.h"
 #include "data_loaders/formats/ply/ply.h"
+#include "data_loaders/georef/georef_file.h"
+#include "data_loaders/georef/gps_places.h"
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/scene/load_scene.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/log.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/damage.h"
+#include "tests/support/gps_photo.h"
 #include "tests/support/tiny_photos.h"
 
 namespace gs {
@@ -76,6 +79,17 @@ class Corpus {
                           read_photo_size(root / "photo.png");
                           read_photo(root / "photo.png");
                         }});
+    write_gps_photo(path("place.jpg"), 12, 8, {15.5, 48.2, 300});
+    if (can_read_places()) {
+      const auto place = [](const fs::path& root) { read_photo_place(root / "place.jpg"); };
+      targets_.push_back({path("place.jpg"), place});
+    }
+    write_georef(path("georef.json"), {{{15.5, 48.2, 300}, {}}, "a test", "above the ellipsoid"});
+    targets_.push_back(
+        {path("georef.json"), [](const fs::path& root) { read_georef(root / "georef.json"); }});
+    write_bytes(path("gps.txt"), "# places\na.jpg 48.2 15.5 300\nb c.jpg -33.1 +151.2 -2.5\n");
+    targets_.push_back(
+        {path("gps.txt"), [](const fs::path& root) { read_gps_file(root / "gps.txt"); }});
     for (const Target& target : targets_) originals_.push_back(read_bytes(target.file));
   }
 
@@ -95,6 +109,13 @@ class Corpus {
   }
 
  private:
+  bool can_read_places() const {
+    try {
+      return read_photo_place(path("place.jpg")).has_value();
+    } catch (const Error&) {  // this build has no OpenImageIO
+      return false;
+    }
+  }
   fs::path path(const std::string& name) const { return temp_.path() / name; }
   static void read_binary(const fs::path& root) { load(root / "binary"); }
   static void read_text(const fs::path& root) { load(root / "text"); }

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Small JSON files beside models and scenes: the sidecar of an export, exposure.json, photometric.json,
-// split.json and reconstruct.json, whose list of files says what may be removed; and areas, in GeoJSON
-// or as text.
+// split.json, georef.json, places of photos as text, and reconstruct.json, whose list of files says what
+// may be removed; and areas, in GeoJSON or as text.
 #include "data_loaders/formats/sidecar.h"
 
 #include "data_loaders/cameras/exposure_file.h"
+#include "data_loaders/georef/georef_file.h"
+#include "data_loaders/georef/gps_places.h"
 #include "data_loaders/reconstruct/colmap_plan.h"
 #include "data_loaders/reconstruct/scene_state.h"
 #include "gs_app/edit/places/polygon_file.h"
@@ -40,6 +42,11 @@ void read(std::string_view bytes) {
   takes([&] { read_polygon(file_of("area.txt", bytes)); });
   takes([&] { read_exposures(file_of("exposure.json", bytes)); });
   takes([&] { read_photometric(file_of("photometric.json", bytes)); });
+  takes([&] {
+    const Georeference read = read_georef(file_of("georef.json", bytes));
+    require(is_finite(read.ecef_of_input({1.0, 2.0, 3.0})), "a georeference leads to no place");
+  });
+  takes([&] { read_gps_file(file_of("gps.txt", bytes)); });
   takes([&] {
     file_of("split.json", bytes);
     split_names(RunFolder(folder()), "test");

@@ -11,6 +11,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,6 +30,7 @@ struct PhotoModule {
   Image8 (*decode_photo)(const std::filesystem::path&);
   PhotoSize (*decode_photo_size)(const std::filesystem::path&);
   int (*decode_photo_orientation)(const std::filesystem::path&);
+  std::optional<Geodetic> (*decode_photo_place)(const std::filesystem::path&);
   std::string (*codec_name)();
   std::vector<std::uint8_t> (*encode_png)(const Image8&);
   std::vector<std::uint8_t> (*encode_jpeg)(const Image8&, int quality);

@@ -22,10 +22,13 @@ export const colorsAt = (page, png, places) => inPage(page, String(([{data, widt
   return [data[at], data[at + 1], data[at + 2]];
 })), [png], places);
 
-/// PSNR in dB of two PNGs of one size, over all pixels and channels.
-export const psnr = (page, a, b) => inPage(page, String(([x, y]) => {
+/// PSNR in dB of two PNGs of one size, over all channels and all pixels, or those of a box [left, top,
+/// right, bottom].
+export const psnr = (page, a, b, box) => inPage(page, String(([x, y], box) => {
   if (x.width !== y.width || x.height !== y.height) throw new Error(`${x.width} x ${x.height} against ${y.width} x ${y.height}`);
+  const [left, top, right, bottom] = box ?? [0, 0, x.width, x.height];
   let sum = 0;
-  for (let i = 0; i < x.data.length; ++i) if (i % 4 < 3) sum += (x.data[i] - y.data[i]) ** 2;
-  return -10 * Math.log10(Math.max(sum / (x.width * x.height * 3) / 255 ** 2, 1e-12));
-}), [a, b]);
+  for (let row = top; row < bottom; ++row)
+    for (let i = 4 * (row * x.width + left); i < 4 * (row * x.width + right); ++i) if (i % 4 < 3) sum += (x.data[i] - y.data[i]) ** 2;
+  return -10 * Math.log10(Math.max(sum / ((right - left) * (bottom - top) * 3) / 255 ** 2, 1e-12));
+}), [a, b], ...(box ? [box] : []));

@@ -34,21 +34,26 @@ float largest_position(const Gaussians& g) {
   return largest;
 }
 
-int fractional_bits_for(const Gaussians& g, const Path& path) {
+/// As many as all positions leave room for, at most the usual ones; below 0 where they leave none.
+int fractional_bits_for(const Gaussians& g) {
   const float largest = largest_position(g);
   int bits = kUsualFractionalBits;
-  while (bits > 0 && std::ldexp(largest, bits) > float(kLargestPosition) - 1) --bits;
-  if (std::ldexp(largest, bits) > float(kLargestPosition) - 1)
+  while (bits >= 0 && std::ldexp(largest, bits) > float(kLargestPosition) - 1) --bits;
+  return bits;
+}
+
+void check_positions(const Gaussians& g, const Path& path) {
+  const int bits = fractional_bits_for(g);
+  if (bits < 0)
     throw Error(
         fmt::format("cannot write {}: a position is {:.3g} world units from the origin, but .spz "
                     "ends at {}; add --recenter or --scale, or choose .ply",
-                    path.string(), largest, kLargestPosition));
+                    path.string(), largest_position(g), kLargestPosition));
   if (bits < kUsualFractionalBits)
     log_warning(
         "{}: positions reach {:.5g} world units, so .spz holds them in steps of 1/{} of a unit; "
         "--recenter may make these finer",
-        path.string(), largest, 1 << bits);
-  return bits;
+        path.string(), largest_position(g), 1 << bits);
 }
 
 void warn_of_clamped_scales(const Gaussians& g, const Path& path) {
@@ -80,12 +85,12 @@ std::uint8_t packed_sh(int k, float value) {
   return std::uint8_t(std::min<std::uint32_t>((byte + step / 2) / step * step, 255));
 }
 
-void pack_row(const SpzHeader& header, const Gaussians& g, std::size_t i, Arrays& arrays) {
+void pack_row(const SpzHeader& header, const AxisSigns& signs, const Gaussians& g, std::size_t i,
+              Arrays& arrays) {
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   const auto row = [&](std::size_t s) {
     return reinterpret_cast<std::uint8_t*>(arrays[s].data()) + i * row_bytes[s];
   };
-  const AxisSigns& signs = kHalfTurnX;
   for (int axis = 0; axis < 3; ++axis) {
     const auto fixed = std::int32_t(
         std::lround(std::ldexp(signs[axis] * g.mean[i][axis], header.fractional_bits)));
@@ -129,22 +134,27 @@ std::string version4_file(SpzHeader header, const Arrays& arrays) {
 
 }  // namespace
 
-void write_spz(const std::filesystem::path& path, const GaussianModel& model, int version) {
-  GS_CHECK(version == 3 || version == 4);
+std::string spz_bytes(const GaussianModel& model, int version, const AxisSigns& signs) {
   const Gaussians& g = model.gaussians;
+  const int fractional_bits = fractional_bits_for(g);
+  GS_CHECK((version == 3 || version == 4) && fractional_bits >= 0);
   SpzHeader header;
   header.version = std::uint32_t(version);
   header.count = std::uint32_t(g.count());
   header.sh_degree = std::uint8_t(model.sh_degree);
-  header.fractional_bits = std::uint8_t(fractional_bits_for(g, path));
+  header.fractional_bits = std::uint8_t(fractional_bits);
   header.flags = model.antialiased ? kSpzAntialiased : 0;
-  warn_of_clamped_scales(g, path);
   Arrays arrays;
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   for (std::size_t s = 0; s < kSpzArrays; ++s) arrays[s].resize(row_bytes[s] * g.count());
-  parallel_for(g.count(), 4096, [&](std::size_t i) { pack_row(header, g, i, arrays); });
-  const std::string bytes =
-      version == 4 ? version4_file(header, arrays) : gzip(plain_file(header, arrays));
+  parallel_for(g.count(), 4096, [&](std::size_t i) { pack_row(header, signs, g, i, arrays); });
+  return version == 4 ? version4_file(header, arrays) : gzip(plain_file(header, arrays));
+}
+
+void write_spz(const std::filesystem::path& path, const GaussianModel& model, int version) {
+  check_positions(model.gaussians, path);
+  warn_of_clamped_scales(model.gaussians, path);
+  const std::string bytes = spz_bytes(model, version, kHalfTurnX);
   AtomicFile file(path);
   file.write(bytes);
   file.commit();
