@@ -353,7 +353,7 @@ class CudaBackend final : private Device, public Backend {
 
   PhotometricUpdate photometric_update(const PhotometricState& state, const Update& update) const {
     if (!is_photometric_ || !(update.photometric_rate > 0)) return {};
-    const AdamRule& rule = update.photometric_rule;
+    const AdamRule& rule = update.photo_rule;
     return {true,
             adam_step(state.adam_steps + rule.steps, update.photometric_rate, rule.photo_beta2),
             rule};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small geometry that loaders, films and the viewer share: lengths and products of vectors, a 3x3
-// linear system, and whether a matrix is a rotation.
+// Small geometry that loaders, films and the viewer share: lengths of vectors, a 3x3 linear system,
+// and whether a matrix is a rotation.
 #pragma once
 
 #include <cmath>
@@ -18,11 +18,6 @@ GS_HD T length(const Vec3<T>& v) {
 template <class T>
 GS_HD Vec3<T> unit(const Vec3<T>& v) {
   return v / length(v);
-}
-/// At right angles to both, by the right-hand rule.
-template <class T>
-GS_HD Vec3<T> cross(const Vec3<T>& a, const Vec3<T>& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
 /// The x with S x = b, by Cramer's rule. S must be far from singular.

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_train/poses/poses.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "gs_core/error.h"
+
+namespace gs {
+namespace {
+
+// The rows of the photos, in the order in which the photos name them.
+std::vector<std::uint32_t> rows_of(const std::vector<View>& views) {
+  std::map<std::uint32_t, std::uint32_t> row_of_frame;
+  std::vector<std::uint32_t> rows;
+  std::uint32_t next = 0;
+  for (const View& view : views) {
+    const bool is_new =
+        view.rig_frame == 0 || row_of_frame.try_emplace(view.rig_frame, next).second;
+    rows.push_back(is_new ? next++ : row_of_frame.at(view.rig_frame));
+  }
+  return rows;
+}
+
+// A frame has the axes of its first camera and turns about the mean of its centers.
+void take_frames(const Scene& scene, PoseState& state) {
+  const std::vector<View>& views = scene.train_views;
+  state.extent = double(scene.extent);
+  state.row_of = rows_of(views);
+  state.photos_of.clear();
+  state.frames.clear();
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const auto camera = camera_as<double>(views[i].camera);
+    if (state.row_of[i] == state.frames.size()) {
+      state.frames.push_back({camera.cam_from_world_rotation, Vec3d(0.0)});
+      state.photos_of.push_back(0);
+    }
+    state.frames[state.row_of[i]].pivot += camera.position();
+    ++state.photos_of[state.row_of[i]];
+  }
+  for (std::size_t row = 0; row < state.frames.size(); ++row)
+    state.frames[row].pivot /= double(state.photos_of[row]);
+}
+
+}  // namespace
+
+void begin_poses(const Config& config, const Scene& scene, TrainingModel& model) {
+  if (!config.poses.refine) return;
+  PoseState& state = model.poses;
+  take_frames(scene, state);
+  const std::size_t size = kPoseNumbers * state.frames.size();
+  if (state.empty())
+    for_each_pose_array([&](const char*, auto& array) { array.assign(size, 0.0f); }, state);
+  if (state.values.size() != size)
+    throw Error(fmt::format(
+        "the state of the run has refined poses of {} photos or rig frames, but {} has {}; train "
+        "on the scene of the run, or start a new run in another folder (-o)",
+        state.rows(), scene.source, state.frames.size()));
+}
+
+Camera refined_camera(const PoseState& state, const std::vector<View>& train_views,
+                      std::size_t photo) {
+  const Camera& given = train_views[photo].camera;
+  if (state.empty()) return given;
+  const std::size_t row = state.row_of[photo];
+  return camera_as<float>(moved(camera_as<double>(given), state.frames[row], state.motion(row)));
+}
+
+std::vector<Camera> refined_cameras(const PoseState& state, const std::vector<View>& train_views) {
+  std::vector<Camera> cameras;
+  for (std::size_t i = 0; i < train_views.size(); ++i)
+    cameras.push_back(refined_camera(state, train_views, i));
+  return cameras;
+}
+
+void add_pose_gradient(const PoseState& state, std::size_t photo, const Camera& given,
+                       const CameraGradient<double>& dL, double weight,
+                       std::vector<double>& gradient) {
+  const std::size_t row = state.row_of[photo];
+  const RigidMotion<double> by_motion =
+      moved_vjp(camera_as<double>(given), state.frames[row], state.motion(row), dL);
+  double* const of_row = gradient.data() + kPoseNumbers * row;
+  for (int k = 0; k < 3; ++k) {
+    of_row[k] += weight * by_motion.turn[k];
+    of_row[3 + k] += weight * state.extent * by_motion.shift[k];
+  }
+}
+
+// The pull is the mean over all rows of |turn|^2 / (2 sigma^2) and of the same of shifts.
+void update_poses(PoseState& state, float pull, float rate, const AdamRule& rule,
+                  std::vector<double>& gradient) {
+  GS_CHECK(gradient.size() == state.values.size());
+  const AdamStep step = adam_step(state.adam_steps += rule.steps, rate, rule.photo_beta2);
+  const double weight = double(pull) / double(state.rows());
+  for (std::size_t i = 0; i < gradient.size(); ++i) {
+    const double sigma = i % kPoseNumbers < 3 ? kPoseSpreadTurn : kPoseSpreadShift;
+    const double of_pull = weight * double(state.values[i]) / (sigma * sigma);
+    adam_update(state.values[i], state.first_moment[i], state.second_moment[i],
+                float(gradient[i] + of_pull), step, rule);
+  }
+  center_poses(state);
+}
+
+PoseChange pose_change(const PoseState& state) {
+  double turn = 0, shift = 0, photos = 0;
+  for (std::size_t row = 0; row < state.rows(); ++row) {
+    const RigidMotion<double> motion = state.motion(row);
+    const double weight = double(state.photos_of[row]);
+    turn += weight * inner(motion.turn, motion.turn);
+    shift += weight * inner(motion.shift, motion.shift);
+    photos += weight;
+  }
+  if (photos == 0) return {};
+  return {std::sqrt(turn / photos) * 180 / std::numbers::pi, std::sqrt(shift / photos)};
+}
+
+}  // namespace gs
