@@ -66,6 +66,9 @@ class Backend {
   virtual void use_photometric(std::unique_ptr<PhotometricModel> photometric);
   /// Throws UsageError where the backend cannot refine poses.
   virtual void check_refines_poses() const;
+  /// Waits until the last step has updated model.poses. The cameras of the next step are computed
+  /// from them on the host.
+  virtual void synchronize_poses(TrainingModel&) {}
   virtual Optimizer& optimizer() = 0;
   virtual RowOps& rows() = 0;
 

@@ -182,6 +182,7 @@ void Trainer::advance(int last_step) {
 
 void Trainer::take_batch(int last_step) {
   batch_.clear();
+  run_.backend.synchronize_poses(run_.model);
   for (int step = run_.step + 1; step <= last_step; ++step) {
     const View& view = view_of(views_, step);
     const std::size_t row = std::size_t(&view - run_.scene.train_views.data());

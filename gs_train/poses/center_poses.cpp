@@ -1,68 +1,80 @@
 // SPDX-License-Identifier: Apache-2.0
 // The gauge of refined poses. A similarity of scene and cameras together changes no picture, so that
-// nothing in the photos holds the scene at its place. It is held by the means over all photos.
+// nothing in the photos holds the scene at its place. What a similarity of all cameras would explain
+// is therefore taken out of their motions, by least squares.
+#include <cmath>
+
 #include "gs_train/poses/poses.h"
 
 namespace gs {
 namespace {
 
-/// The motion of a row in the world's axes: the turn of the frame, and the shift of its pivot from
-/// its given place, with the lever of that place from the mean of all photos.
-struct WorldMotion {
-  Vec3d turn, shift, lever;
-  double weight;
-};
+constexpr double kLeastMode = 1e-6;  // share of its length that a mode has beyond all earlier ones
 
-std::vector<WorldMotion> world_motions(const PoseState& state) {
-  Vec3d mean(0.0);
-  double photos = 0;
-  for (std::size_t row = 0; row < state.rows(); ++row) {
-    mean += double(state.photos_of[row]) * state.frames[row].pivot;
-    photos += double(state.photos_of[row]);
-  }
-  mean /= photos;
-  std::vector<WorldMotion> motions;
-  for (std::size_t row = 0; row < state.rows(); ++row) {
-    const RigidFrame<double>& frame = state.frames[row];
-    const RigidMotion<double> motion = state.motion(row);
-    motions.push_back({-multiply_transposed(frame.axes, motion.turn),
-                       multiply_transposed(frame.axes, motion.shift), frame.pivot - mean,
-                       double(state.photos_of[row]) / photos});
-  }
-  return motions;
+using Numbers = std::vector<double>;  // (rows, 6)
+
+double product_of(const Numbers& a, const Numbers& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
+  return sum;
 }
 
-/// Writes a row's motion back where it is not what it was.
-void set_motion(const WorldMotion& motion, std::size_t row, PoseState& state) {
+/// Writes a motion of a row, given in the world's axes: its turn, and the shift of its pivot.
+void set_row(const PoseState& state, std::size_t row, const Vec3d& turn, const Vec3d& shift,
+             Numbers& numbers) {
   const Mat3<double>& axes = state.frames[row].axes;
-  const Vec3d turn = -multiply(axes, motion.turn),
-              shift = multiply(axes, motion.shift) / state.extent;
-  float* const v = state.values.data() + kPoseNumbers * row;
-  for (int k = 0; k < 3; ++k) v[k] = float(turn[k]), v[3 + k] = float(shift[k]);
+  const Vec3d w = -multiply(axes, turn), v = multiply(axes, shift) / state.extent;
+  for (int k = 0; k < 3; ++k) {
+    numbers[kPoseNumbers * row + std::size_t(k)] = w[k];
+    numbers[kPoseNumbers * row + std::size_t(3 + k)] = v[k];
+  }
+}
+
+/// The motions of all rows under small similarities: turns about three axes, shifts along them, and
+/// the scaling, which moves centers and turns nothing.
+std::vector<Numbers> similarities(const PoseState& state) {
+  Vec3d middle(0.0);
+  for (const Vec3d& center : state.centers) middle += center / double(state.centers.size());
+  std::vector<Numbers> modes(7, Numbers(kPoseNumbers * state.frames.size()));
+  for (std::size_t row = 0; row < state.frames.size(); ++row) {
+    for (int k = 0; k < 3; ++k) {
+      Vec3d axis(0.0);
+      axis[k] = 1;
+      set_row(state, row, axis, cross(axis, state.frames[row].pivot - middle),
+              modes[std::size_t(k)]);
+      set_row(state, row, Vec3d(0.0), axis, modes[std::size_t(3 + k)]);
+    }
+    set_row(state, row, Vec3d(0.0), state.centers[row] - middle, modes[6]);
+  }
+  return modes;
 }
 
 }  // namespace
 
-// To first order: turns and shifts are small. Levers have the mean zero, so that each step leaves the
-// means of the others alone.
+// Gram and Schmidt. Where all cameras stand at one place, for example, there is no scaling.
+std::vector<Numbers> common_modes(const PoseState& state) {
+  std::vector<Numbers> modes;
+  for (Numbers& mode : similarities(state)) {
+    const double before = std::sqrt(product_of(mode, mode));
+    for (int twice = 0; twice < 2; ++twice)  // once leaves rounding errors of nearly equal modes
+      for (const Numbers& other : modes) {
+        const double share = product_of(mode, other);
+        for (std::size_t i = 0; i < mode.size(); ++i) mode[i] -= share * other[i];
+      }
+    const double length = std::sqrt(product_of(mode, mode));
+    if (!(length > kLeastMode * before)) continue;
+    for (double& number : mode) number /= length;
+    modes.push_back(std::move(mode));
+  }
+  return modes;
+}
+
 void center_poses(PoseState& state) {
-  std::vector<WorldMotion> motions = world_motions(state);
-  Vec3d turn(0.0), shift(0.0);
-  for (const WorldMotion& motion : motions) {
-    turn += motion.weight * motion.turn;
-    shift += motion.weight * motion.shift;
-  }
-  double along = 0, levers = 0;
-  for (WorldMotion& motion : motions) {
-    motion.turn -= turn;
-    motion.shift -= shift + cross(turn, motion.lever);
-    along += motion.weight * inner(motion.shift, motion.lever);
-    levers += motion.weight * inner(motion.lever, motion.lever);
-  }
-  const double scaling = levers > 0 ? along / levers : 0;
-  for (std::size_t row = 0; row < motions.size(); ++row) {
-    motions[row].shift -= scaling * motions[row].lever;
-    set_motion(motions[row], row, state);
+  for (const Numbers& mode : state.common_modes) {
+    double share = 0;
+    for (std::size_t i = 0; i < mode.size(); ++i) share += mode[i] * double(state.values[i]);
+    for (std::size_t i = 0; i < mode.size(); ++i)
+      state.values[i] = float(double(state.values[i]) - share * mode[i]);
   }
 }
 

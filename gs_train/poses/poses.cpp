@@ -3,14 +3,18 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
 
 #include "gs_core/error.h"
+#include "gs_core/math/projection.h"
 
 namespace gs {
 namespace {
+
+constexpr std::size_t kMostPointsLookedAt = 10000;  // of the scene's, for each camera
 
 // The rows of the photos, in the order in which the photos name them.
 std::vector<std::uint32_t> rows_of(const std::vector<View>& views) {
@@ -25,24 +29,47 @@ std::vector<std::uint32_t> rows_of(const std::vector<View>& views) {
   return rows;
 }
 
-// A frame has the axes of its first camera and turns about the mean of its centers.
+// Where a camera looks: the point on its axis at the median depth of what it sees. Its own center
+// where it sees no point.
+Vec3d focus_of(const PinholeCamera<double>& camera, const std::vector<ScenePoint>& points) {
+  std::vector<double> depths;
+  const std::size_t stride = points.size() / kMostPointsLookedAt + 1;
+  for (std::size_t i = 0; i < points.size(); i += stride) {
+    const Vec3d p = to_camera(camera, Vec3d(points[i].position));
+    if (p.z <= 0) continue;
+    const Vec2<double> pixel = project_mean(camera, p);
+    if (pixel.x >= 0 && pixel.y >= 0 && pixel.x <= camera.width && pixel.y <= camera.height)
+      depths.push_back(p.z);
+  }
+  if (depths.empty()) return camera.position();
+  const auto middle = depths.begin() + std::ptrdiff_t(depths.size() / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  return camera.position() + *middle * camera.cam_from_world_rotation.row2;
+}
+
+// A frame has the axes of its first camera. It turns about the mean of the points that its cameras
+// look at: there a turn moves pictures as no shift does, so that Adam finds both at their own rates.
+// About a camera's own center, both would move them nearly alike.
 void take_frames(const Scene& scene, PoseState& state) {
   const std::vector<View>& views = scene.train_views;
   state.extent = double(scene.extent);
   state.row_of = rows_of(views);
-  state.photos_of.clear();
-  state.frames.clear();
+  const std::size_t rows = *std::max_element(state.row_of.begin(), state.row_of.end()) + 1;
+  std::vector<int> photos(rows, 0);
+  state.centers.assign(rows, Vec3d(0.0));
+  state.frames.assign(rows, {{}, Vec3d(0.0)});
   for (std::size_t i = 0; i < views.size(); ++i) {
     const auto camera = camera_as<double>(views[i].camera);
-    if (state.row_of[i] == state.frames.size()) {
-      state.frames.push_back({camera.cam_from_world_rotation, Vec3d(0.0)});
-      state.photos_of.push_back(0);
-    }
-    state.frames[state.row_of[i]].pivot += camera.position();
-    ++state.photos_of[state.row_of[i]];
+    const std::uint32_t row = state.row_of[i];
+    if (photos[row]++ == 0) state.frames[row].axes = camera.cam_from_world_rotation;
+    state.frames[row].pivot += focus_of(camera, scene.points);
+    state.centers[row] += camera.position();
   }
-  for (std::size_t row = 0; row < state.frames.size(); ++row)
-    state.frames[row].pivot /= double(state.photos_of[row]);
+  for (std::size_t row = 0; row < rows; ++row) {
+    state.frames[row].pivot /= double(photos[row]);
+    state.centers[row] /= double(photos[row]);
+  }
+  state.common_modes = common_modes(state);
 }
 
 }  // namespace
@@ -104,17 +131,19 @@ void update_poses(PoseState& state, float pull, float rate, const AdamRule& rule
   center_poses(state);
 }
 
-PoseChange pose_change(const PoseState& state) {
-  double turn = 0, shift = 0, photos = 0;
-  for (std::size_t row = 0; row < state.rows(); ++row) {
+PoseChange pose_change(const PoseState& state, const std::vector<View>& train_views) {
+  double angles = 0, shifts = 0;
+  for (std::size_t i = 0; i < train_views.size(); ++i) {
+    const std::size_t row = state.row_of[i];
+    const auto given = camera_as<double>(train_views[i].camera);
     const RigidMotion<double> motion = state.motion(row);
-    const double weight = double(state.photos_of[row]);
-    turn += weight * inner(motion.turn, motion.turn);
-    shift += weight * inner(motion.shift, motion.shift);
-    photos += weight;
+    const Vec3d shift =
+        moved(given, state.frames[row], motion).position() - given.position();
+    angles += inner(motion.turn, motion.turn);
+    shifts += inner(shift, shift);
   }
-  if (photos == 0) return {};
-  return {std::sqrt(turn / photos) * 180 / std::numbers::pi, std::sqrt(shift / photos)};
+  const double count = double(train_views.size());
+  return {std::sqrt(angles / count) * 180 / std::numbers::pi, std::sqrt(shifts / count)};
 }
 
 }  // namespace gs

@@ -38,15 +38,17 @@ void add_pose_gradient(const PoseState& state, std::size_t photo, const Camera& 
 void update_poses(PoseState& state, float pull, float rate, const AdamRule& rule,
                   std::vector<double>& gradient);
 
-/// Makes the mean turn, the mean shift and the mean scaling of all photos zero, by the similarity of
-/// the scene that does so: what all photos have in common is the scene's.
+/// Takes out of the motions what a similarity of all cameras explains, by least squares, where turns
+/// in radians and shifts in extents count alike: what all photos have in common is the scene's.
 void center_poses(PoseState& state);
+/// PoseState::common_modes, of the state's frames.
+std::vector<std::vector<double>> common_modes(const PoseState& state);
 
-/// How far the photos were moved, as root mean squares.
+/// How far the cameras of training photos were moved, as root mean squares.
 struct PoseChange {
   double degrees = 0;
   double shift = 0;  // of the centers, world units
 };
-PoseChange pose_change(const PoseState& state);
+PoseChange pose_change(const PoseState& state, const std::vector<View>& train_views);
 
 }  // namespace gs

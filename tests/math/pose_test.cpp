@@ -117,7 +117,8 @@ TEST(Pose, GradientMatchesJet) {
     };
     const auto forward = [&](const auto& x) { return moved_pose(camera, frame, x); };
     const auto vjp = [&](const std::array<double, 6>& x, const std::array<double, 12>& dL_dy) {
-      Unflatten in(x), by(dL_dy);
+      Unflatten in(x);
+      Unflatten by(dL_dy);
       const Vec3d turn = in.vec3(), shift = in.vec3();
       const RigidMotion<double> motion{turn, shift};
       const Mat3<double> dL_dW = by.mat3();

@@ -12,8 +12,19 @@
 
 namespace gs {
 
-/// Turns each row by `turn` radians about a random axis, and shifts it by `shift` extents along
-/// another one.
+/// Adds a small motion of a row, in the axes of the world: a turn, and a shift of its center.
+inline void add_motion(PoseState& state, std::size_t row, const Vec3d& turn, const Vec3d& shift) {
+  const RigidFrame<double>& frame = state.frames[row];
+  const Vec3d of_pivot = shift + cross(turn, frame.pivot - state.centers[row]);
+  const Vec3d w = -multiply(frame.axes, turn), v = multiply(frame.axes, of_pivot) / state.extent;
+  for (int k = 0; k < 3; ++k) {
+    state.values[6 * row + std::size_t(k)] += float(w[k]);
+    state.values[6 * row + std::size_t(3 + k)] += float(v[k]);
+  }
+}
+
+/// Turns each row by `turn` radians about a random axis, and shifts its center by `shift` extents
+/// along another one.
 inline void disturb(PoseState& state, double turn, double shift, std::uint64_t seed = 3) {
   Draws draws(seed);
   const auto direction = [&] {
@@ -21,11 +32,8 @@ inline void disturb(PoseState& state, double turn, double shift, std::uint64_t s
     return v / std::sqrt(inner(v, v));
   };
   for (std::size_t row = 0; row < state.rows(); ++row) {
-    const Vec3d by_turn = turn * direction(), by_shift = shift * direction();
-    for (int k = 0; k < 3; ++k) {
-      state.values[6 * row + std::size_t(k)] += float(by_turn[k]);
-      state.values[6 * row + std::size_t(3 + k)] += float(by_shift[k]);
-    }
+    const Vec3d by_turn = turn * direction();
+    add_motion(state, row, by_turn, shift * state.extent * direction());
   }
 }
 
@@ -33,18 +41,10 @@ inline void disturb(PoseState& state, double turn, double shift, std::uint64_t s
 inline void add_similarity(PoseState& state, const Vec3d& turn, const Vec3d& shift,
                            double scaling) {
   Vec3d mean(0.0);
-  for (const RigidFrame<double>& frame : state.frames) mean += frame.pivot;
-  mean /= double(state.rows());
+  for (const Vec3d& center : state.centers) mean += center / double(state.rows());
   for (std::size_t row = 0; row < state.rows(); ++row) {
-    const RigidFrame<double>& frame = state.frames[row];
-    const Vec3d lever = frame.pivot - mean;
-    const Vec3d w = -multiply(frame.axes, turn);
-    const Vec3d v =
-        multiply(frame.axes, shift + cross(turn, lever) + scaling * lever) / state.extent;
-    for (int k = 0; k < 3; ++k) {
-      state.values[6 * row + std::size_t(k)] += float(w[k]);
-      state.values[6 * row + std::size_t(3 + k)] += float(v[k]);
-    }
+    const Vec3d lever = state.centers[row] - mean;
+    add_motion(state, row, turn, shift + cross(turn, lever) + scaling * lever);
   }
 }
 
