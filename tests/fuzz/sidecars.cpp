@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small JSON files beside models and scenes: the sidecar of an export, exposure.json, photometric.json,
+// Small JSON files beside models and scenes: the sidecar of an export, exposure.json, photometric.json, poses.json,
 // split.json and reconstruct.json, whose list of files says what may be removed.
 #include "data_loaders/formats/sidecar.h"
 
@@ -7,6 +7,7 @@
 #include "data_loaders/reconstruct/colmap_plan.h"
 #include "data_loaders/reconstruct/scene_state.h"
 #include "gs_app/run/photometric_file.h"
+#include "gs_app/run/pose_file.h"
 #include "gs_app/run/run_folder.h"
 #include "tests/fuzz/fuzz_target.h"
 
@@ -37,6 +38,7 @@ void read(std::string_view bytes) {
   });
   takes([&] { read_exposures(file_of("exposure.json", bytes)); });
   takes([&] { read_photometric(file_of("photometric.json", bytes)); });
+  takes([&] { read_poses(file_of("poses.json", bytes)); });
   takes([&] {
     file_of("split.json", bytes);
     split_names(RunFolder(folder()), "test");

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "gs_train/checkpoint.h"
+#include "gs_train/loop/view_sampler.h"
 #include "tests/support/poses.h"
 
 namespace gs {
@@ -90,7 +92,22 @@ inline Config posed_run(int steps) {
 inline Config refining_run(int steps) {
   Config config = posed_run(steps);
   config.poses.refine = true;
+  config.poses.rate = 1e-3f;  // as high as such a short run needs
   return config;
+}
+
+/// The Gaussians that the photos show, to start from.
+inline TrainingState state_of_truth(const PosedScene& posed, const Config& config) {
+  TrainingState state;
+  std::vector<ScenePoint> points;
+  state.model.gaussians = posed_truth(points);
+  clear_history(state.model);
+  const std::size_t photos = posed.truth.size();
+  state.progress.strikes.assign(photos, 0);
+  ViewSampler views(photos, config.train.seed);
+  views.view_of(1);
+  state.progress.view_order = {views.order().begin(), views.order().end()};
+  return state;
 }
 
 }  // namespace gs
