@@ -61,14 +61,11 @@ class CudaPoses : public CudaTest {
     update.photo_rule = batch_rule(int(rows.size()));
     backend.step(model, {batch.data(), batch.size()}, {0.2f}, update, {true});
   }
-  static double norm_difference_of(const std::vector<float>& a, const std::vector<float>& b) {
-    return norm_difference(a, b);
-  }
   /// The moments say what gradients there were, and the values what Adam made of them.
   void expect_same_poses(const PoseState& actual, const PoseState& expected, double tolerance) {
-    EXPECT_LT(norm_difference_of(actual.first_moment, expected.first_moment), tolerance);
-    EXPECT_LT(norm_difference_of(actual.second_moment, expected.second_moment), 2 * tolerance);
-    EXPECT_LT(norm_difference_of(actual.values, expected.values), tolerance);
+    EXPECT_LT(norm_difference(actual.first_moment, expected.first_moment), tolerance);
+    EXPECT_LT(norm_difference(actual.second_moment, expected.second_moment), 2 * tolerance);
+    EXPECT_LT(norm_difference(actual.values, expected.values), tolerance);
     EXPECT_EQ(actual.adam_steps, expected.adam_steps);
   }
   void expect_scalar_step(const Gaussians& gaussians, const RenderSettings& settings) {
@@ -167,8 +164,8 @@ class CudaPosesRun : public CudaTest {};
 
 TEST_F(CudaPosesRun, FindsDisturbedPoses) {
   const PosedScene posed = posed_scene();
-  const Config config = refining_run(kPosedSteps);
-  Trainer trainer(posed.disturbed, config, gpu());
+  const Config config = of_known_gaussians(refining_run(kPosedSteps));
+  Trainer trainer(posed.disturbed, config, gpu(), state_of_truth(posed, config));
   trainer.run();
   const PoseError left =
       pose_error(refined_cameras(trainer.model().poses, posed.disturbed.train_views), posed.truth);

@@ -80,7 +80,7 @@ inline PosedScene posed_scene() {
 }
 
 /// Short runs, in which no Gaussian is added.
-inline constexpr int kPosedSteps = 3000;
+inline constexpr int kPosedSteps = 6000;
 inline Config posed_run(int steps) {
   Config config;
   config.train.iterations = steps;
@@ -96,6 +96,14 @@ inline Config refining_run(int steps) {
   return config;
 }
 
+/// The same run where the Gaussians are known and stay.
+inline Config of_known_gaussians(Config config) {
+  for (float* rate : {&config.optimizer.position_lr_initial, &config.optimizer.position_lr_final,
+                      &config.optimizer.log_scale_lr, &config.optimizer.rotation_lr,
+                      &config.optimizer.opacity_lr, &config.optimizer.sh0_lr})
+    *rate = 1e-9f;
+  return config;
+}
 /// The Gaussians that the photos show, to start from.
 inline TrainingState state_of_truth(const PosedScene& posed, const Config& config) {
   TrainingState state;

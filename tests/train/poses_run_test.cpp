@@ -37,11 +37,7 @@ TEST_F(PosesRun, BeginsWithPosesThatAreOff) {
 }
 
 TEST_F(PosesRun, BringsPosesBackToATenthWhereTheGaussiansAreKnown) {
-  Config config = refining_run(6000);
-  for (float* rate : {&config.optimizer.position_lr_initial, &config.optimizer.position_lr_final,
-                      &config.optimizer.log_scale_lr, &config.optimizer.rotation_lr,
-                      &config.optimizer.opacity_lr, &config.optimizer.sh0_lr})
-    *rate = 1e-9f;
+  const Config config = of_known_gaussians(refining_run(kPosedSteps));
   Trainer trainer(posed_.disturbed, config, *backend_, state_of_truth(posed_, config));
   trainer.run();
   EXPECT_LT(error_of(trainer).degrees, 0.05);
@@ -49,13 +45,12 @@ TEST_F(PosesRun, BringsPosesBackToATenthWhereTheGaussiansAreKnown) {
 }
 
 TEST_F(PosesRun, MakesUpForTheDisturbanceWhereAllIsLearned) {
-  const int steps = 6000;
-  Trainer given(posed_.given, posed_run(steps), *backend_);
+  Trainer given(posed_.given, posed_run(kPosedSteps), *backend_);
   given.run();
-  Trainer disturbed(posed_.disturbed, posed_run(steps), *backend_);
+  Trainer disturbed(posed_.disturbed, posed_run(kPosedSteps), *backend_);
   disturbed.run();
   EXPECT_LT(test_psnr(disturbed), test_psnr(given) - 5);
-  Trainer refined(posed_.disturbed, refining_run(steps), *backend_);
+  Trainer refined(posed_.disturbed, refining_run(kPosedSteps), *backend_);
   refined.run();
   EXPECT_GT(test_psnr(refined), test_psnr(given) - 0.2);
   EXPECT_LT(error_of(refined).degrees, 0.2);
@@ -97,6 +92,7 @@ TEST_F(PosesRun, HasTheSameBitsWithAnyNumberOfThreads) {
 
 TEST_F(PosesRun, RestsAfterAnOpacityReset) {
   Config config = refining_run(1200);
+  config.density.gradient_threshold = 1;  // nothing grows
   config.density.until_step = config.density.reset_opacity_until = 30000;
   config.density.reset_opacity_every = 300;
   const TrainingModel model = trained(config);
