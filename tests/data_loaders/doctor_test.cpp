@@ -203,6 +203,21 @@ TEST(Doctor, WarnsOfPointsAndPlaces) {
   EXPECT_THAT(the(diagnosis, Level::note, "place").text, HasSubstr("0 -4000000 0 is subtracted"));
 }
 
+TEST(Doctor, AdvisesToRefinePosesWhereReprojectionErrorsAreLarge) {
+  for (const double error : {0.5, 3.0}) {
+    const TempFolder temp;
+    ColmapModel model = small_model(24);
+    for (ColmapPoint& point : model.points) point.error = error;
+    write_scene(temp.path(), model);
+    const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
+    const bool is_advised =
+        std::any_of(diagnosis.findings.begin(), diagnosis.findings.end(), [](const Finding& found) {
+          return found.text.find("--set poses.refine=true") != std::string::npos;
+        });
+    EXPECT_EQ(is_advised, error > 2) << error;
+  }
+}
+
 TEST(Doctor, RefusesWhatLoadingRefuses) {
   const TempFolder temp;
   ColmapModel model = small_model(24);
