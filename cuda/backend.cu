@@ -121,8 +121,7 @@ class CudaBackend final : private Device, public Backend {
         renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
         optimizer_(make_optimizer(context)), sums_(device_memory),
         photometric_gradient_(device_memory), camera_of_(device_memory),
-        camera_gradients_(device_memory),
-        rows_(make_row_ops(context, device_memory)) {}
+        camera_gradients_(device_memory), rows_(make_row_ops(context, device_memory)) {}
   ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
 
   void make_current() override { check(cudaSetDevice(context.device()), "choosing the GPU"); }
@@ -212,8 +211,8 @@ class CudaBackend final : private Device, public Backend {
     model.adam_steps += update.rule.steps;
     if (photometric.is_due) model.photometric.adam_steps += photometric.rule.steps;
     if (pending_.back().refines_poses)
-      pose_step_ = {{batch.begin(), batch.end()}, update.pose_rate, update.pose_pull,
-                    update.photo_rule};
+      pose_step_ = {
+          {batch.begin(), batch.end()}, update.pose_rate, update.pose_pull, update.photo_rule};
   }
 
   void release_caches() override {

@@ -12,7 +12,8 @@
 namespace gs {
 namespace {
 
-constexpr std::size_t kRowsPerSum = 512;  // a sum of its own, so that threads do not change the bits
+constexpr std::size_t kRowsPerSum =
+    512;  // a sum of its own, so that threads do not change the bits
 
 void add_to(CameraGradient<double>& sum, const CameraGradient<float>& part) {
   sum.turn += Vec3d(part.turn);
@@ -31,8 +32,7 @@ CameraGradient<double> camera_gradient(const GaussiansSpan& gaussians, const Cam
     const std::size_t end = std::min(count, (k + 1) * kRowsPerSum);
     for (std::size_t i = k * kRowsPerSum; i < end; ++i)
       if (pass.tile_counts[i])
-        add_to(sums[k],
-               camera_vjp(gaussians, i, camera, settings, splat_gradient_of(pass, i)));
+        add_to(sums[k], camera_vjp(gaussians, i, camera, settings, splat_gradient_of(pass, i)));
   });
   CameraGradient<double> all{Vec3d(0.0), Vec3d(0.0)};
   for (const CameraGradient<double>& sum : sums) {

@@ -16,7 +16,7 @@ constexpr int kRareFilter = 10;          // refinement intervals between filters
 constexpr int kExtraResetStep = 500;     // on a white background; Kerbl et al. 2023, code
 constexpr int kPhotometricWarmup = 500;  // steps; PPISP 2026, code
 constexpr double kPhotometricFinal = 0.01;  // of the rate, at the first and at the last step
-constexpr double kPoseFinal = 0.01;  // of the rate, at the last step
+constexpr double kPoseFinal = 0.01;         // of the rate, at the last step
 constexpr int kRecoveryShare = 3;           // 1 / share of the steps between two resets
 // Limits of the rules for short runs: docs/schedule.md
 constexpr double kMostFinalRate = 10;  // times position_lr_final

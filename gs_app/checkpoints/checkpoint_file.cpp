@@ -91,8 +91,7 @@ std::uint64_t kind_of(const TrainingModel& model) {
   return (model.gaussians.has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0) |
          (model.gaussians.has_filter ? kHasFilter : 0) |
          (model.gaussians.has_slope ? kHasSlope : 0) |
-         (model.photometric.empty() ? 0 : kHasPhotometric) |
-         (model.poses.empty() ? 0 : kHasPoses);
+         (model.photometric.empty() ? 0 : kHasPhotometric) | (model.poses.empty() ? 0 : kHasPoses);
 }
 
 void set_kind(TrainingModel& model, std::uint64_t kind) {
@@ -251,9 +250,9 @@ void read_photometric(CheckedReader& file, PhotometricState& state) {
 }
 
 void write_poses(CheckedWriter& file, const PoseState& state) {
-  write_values(file, "poses",
-               std::vector<std::uint32_t>{std::uint32_t(state.rows()),
-                                          std::uint32_t(state.adam_steps)});
+  write_values(
+      file, "poses",
+      std::vector<std::uint32_t>{std::uint32_t(state.rows()), std::uint32_t(state.adam_steps)});
   for_each_pose_array([&](const char* name, const auto& array) { write_values(file, name, array); },
                       state);
 }

@@ -6,9 +6,9 @@
 #include <optional>
 #include <string>
 
-#include "gs_train/poses/poses.h"
 #include "gs_train/backend.h"
 #include "gs_train/metrics.h"
+#include "gs_train/poses/poses.h"
 
 namespace gs {
 

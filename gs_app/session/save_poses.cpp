@@ -22,7 +22,8 @@ Scene scene_with(const Scene& scene, const std::vector<Camera>& train_cameras) {
   cameras.world_offset = scene.world_offset;
   for (std::size_t i = 0; i < train_cameras.size(); ++i)
     cameras.train_views.push_back({scene.train_views[i].name, train_cameras[i], {}});
-  for (const View& view : scene.test_views) cameras.test_views.push_back({view.name, view.camera, {}});
+  for (const View& view : scene.test_views)
+    cameras.test_views.push_back({view.name, view.camera, {}});
   return cameras;
 }
 

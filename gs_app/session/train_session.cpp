@@ -295,8 +295,7 @@ void TrainSession::finish() {
   write_text(folder_->results(), results_text);  // last: it says that the run is finished
   checkpoints_->keep_only_newest();
   // From here on the run is saved, and nothing can be lost.
-  guarded("the COLMAP model of refined poses",
-          [&] { save_refined_model(*folder_, *trainer_); });
+  guarded("the COLMAP model of refined poses", [&] { save_refined_model(*folder_, *trainer_); });
   guarded("an export", [&] { export_run(request_.exports, *folder_, *trainer_); });
 }
 

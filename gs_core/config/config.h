@@ -95,7 +95,7 @@ struct PhotometricConfig {
 /// Poses of the training photos, refined while training (docs/poses.md).
 struct PosesConfig {
   bool refine = false;
-  float rate = 2e-4f;  // Adam's, of radians and of shares of the scene's extent
+  float rate = 1e-4f;  // Adam's, of radians and of shares of the scene's extent
   int warmup = 1000;   // steps of a 30,000-step run in which the rate rises from 0
   float pull = 1e-4f;  // weight of the pull to the given poses
 };

@@ -23,8 +23,8 @@ GS_HD CameraGradient<T> camera_vjp(const PinholeCamera<T>& camera, const Vec3<T>
                                    const SplatSettings& settings,
                                    const BasicSplatGradient<T>& dL_dsplat,
                                    const Vec3<T>& by_color) {
-  const EllipsoidGradient<T> dL = project_ellipsoid_vjp(camera, to_camera(camera, mean), sigma,
-                                                        opacity, settings, dL_dsplat);
+  const EllipsoidGradient<T> dL =
+      project_ellipsoid_vjp(camera, to_camera(camera, mean), sigma, opacity, settings, dL_dsplat);
   const Sym3<T>& G = dL.sigma;
   const Vec3<T> g0{G.xx, G.xy, G.xz}, g1{G.xy, G.yy, G.yz}, g2{G.xz, G.yz, G.zz};
   const Vec3<T> m0 = multiply(sigma, g0), m1 = multiply(sigma, g1), m2 = multiply(sigma, g2);
@@ -41,9 +41,12 @@ GS_HD Ellipsoid ellipsoid_at(const GaussiansSpan& gaussians, std::size_t i, floa
   if (gaussians.has_filter)
     return ellipsoid_of(mean, log_scale, rotation, logit_opacity, gaussians.filter_scale[i]);
   if (!gaussians.has_time) return ellipsoid_of(mean, log_scale, rotation, logit_opacity);
-  const SpacetimeShape<float> shape{
-      mean,          log_scale,              {rotation, gaussians.right_rotation[i]},
-      logit_opacity, gaussians.time_mean[i], gaussians.log_time_scale[i]};
+  const SpacetimeShape<float> shape{mean,
+                                    log_scale,
+                                    {rotation, gaussians.right_rotation[i]},
+                                    logit_opacity,
+                                    gaussians.time_mean[i],
+                                    gaussians.log_time_scale[i]};
   if (is_static(shape))
     return ellipsoid_of(mean, log_scale, static_rotation(rotation), logit_opacity);
   const Moment<float> moment = condition(covariance(shape), time - shape.time_mean);
@@ -61,8 +64,8 @@ GS_HD CameraGradient<float> camera_vjp(const GaussiansSpan& gaussians, std::size
   const Vec3f* const sh_rest = gaussians.sh_rest[i].coefficient;
   for (int k = 1; k < (settings.sh_degree + 1) * (settings.sh_degree + 1); ++k)
     dL_dbasis[k] = inner(sh_rest[k - 1], dL_dsplat.color);
-  const Vec3f by_color = unit_direction_vjp(
-      eye, ellipsoid.mean, sh_basis_vjp(settings.sh_degree, direction, dL_dbasis));
+  const Vec3f by_color = unit_direction_vjp(eye, ellipsoid.mean,
+                                            sh_basis_vjp(settings.sh_degree, direction, dL_dbasis));
   return camera_vjp(camera, ellipsoid.mean, ellipsoid.sigma, ellipsoid.opacity, settings, dL_dsplat,
                     by_color);
 }

@@ -137,8 +137,7 @@ PoseChange pose_change(const PoseState& state, const std::vector<View>& train_vi
     const std::size_t row = state.row_of[i];
     const auto given = camera_as<double>(train_views[i].camera);
     const RigidMotion<double> motion = state.motion(row);
-    const Vec3d shift =
-        moved(given, state.frames[row], motion).position() - given.position();
+    const Vec3d shift = moved(given, state.frames[row], motion).position() - given.position();
     angles += inner(motion.turn, motion.turn);
     shifts += inner(shift, shift);
   }

@@ -4,8 +4,8 @@
 
 #include "gs_train/loop/trainer.h"
 #include "tests/support/cuda.h"
-#include "tests/support/poses.h"
 #include "tests/support/posed_scene.h"
+#include "tests/support/poses.h"
 #include "tests/support/scene_run.h"
 
 namespace gs {

@@ -3,9 +3,11 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <fstream>
 #include <random>
 
+#include "data_loaders/colmap/colmap_write.h"
 #include "data_loaders/photos/picture_quality.h"
 #include "data_loaders/video/video_frames.h"
 #include "tests/support/avi_writer.h"
@@ -209,6 +211,7 @@ TEST(Doctor, AdvisesToRefinePosesWhereReprojectionErrorsAreLarge) {
     ColmapModel model = small_model(24);
     for (ColmapPoint& point : model.points) point.error = error;
     write_scene(temp.path(), model);
+    write_colmap_model(temp.path() / "sparse" / "0", model);  // with its errors
     const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
     const bool is_advised =
         std::any_of(diagnosis.findings.begin(), diagnosis.findings.end(), [](const Finding& found) {

@@ -85,7 +85,8 @@ TEST(Pose, OfARigMovesItsCamerasAsOne) {
   const auto b_in_a = [&](const PinholeCamera<double>& of_a, const PinholeCamera<double>& of_b) {
     return to_camera(of_a, of_b.position());
   };
-  const Vec3d before = b_in_a(a, b), after = b_in_a(moved(a, frame, motion), moved(b, frame, motion));
+  const Vec3d before = b_in_a(a, b),
+              after = b_in_a(moved(a, frame, motion), moved(b, frame, motion));
   EXPECT_LT(length(after - before), 1e-14);
 }
 
@@ -165,8 +166,8 @@ std::array<T, 9> splat_of(const SeenGaussian& seen, const PinholeCamera<T>& came
   std::array<Vec3<T>, kShRestCount> sh_rest;
   for (std::size_t k = 0; k < sh_rest.size(); ++k) sh_rest[k] = Vec3<T>(seen.sh_rest[k]);
   const Vec3<T> mean(seen.mean);
-  const auto projected = project_ellipsoid(camera, to_camera(camera, mean), sigma, T(seen.opacity),
-                                           seen.settings);
+  const auto projected =
+      project_ellipsoid(camera, to_camera(camera, mean), sigma, T(seen.opacity), seen.settings);
   const Vec3<T> color = sh_color(seen.settings.sh_degree, unit_direction(camera.position(), mean),
                                  Vec3<T>(seen.sh0), sh_rest.data());
   return flatten(projected.splat.mean2d, projected.splat.conic, projected.splat.opacity, color);
@@ -195,10 +196,9 @@ TEST(CameraGradient, OfASplatMatchesJetThroughTheMotion) {
     const GaussianParameters<double> colors{{}, {}, {}, {}, seen.sh0, seen.sh_rest.data()};
     const Vec3d by_color =
         color_splat_vjp(camera, seen.mean, colors, seen.settings, dL_dsplat.color, unused).mean;
-    const RigidMotion<double> dL =
-        moved_vjp(seen.camera, frame_of(seen.camera), motion,
-                  camera_vjp(camera, seen.mean, seen.sigma, seen.opacity, seen.settings, dL_dsplat,
-                             by_color));
+    const RigidMotion<double> dL = moved_vjp(seen.camera, frame_of(seen.camera), motion,
+                                             camera_vjp(camera, seen.mean, seen.sigma, seen.opacity,
+                                                        seen.settings, dL_dsplat, by_color));
     return flatten(dL.turn, dL.shift);
   };
   EXPECT_LT(worst_gradient_error(forward, vjp, draw), 1e-8);

@@ -85,9 +85,8 @@ double slope(const Case& scene, std::size_t k) {
 }
 
 void expect_slopes(const Case& scene, const char* what) {
-  const RigidMotion<double> dL =
-      moved_vjp(camera_as<double>(scene.given), scene.frame(), motion_of(scene.motion),
-                pipeline_gradient(scene));
+  const RigidMotion<double> dL = moved_vjp(camera_as<double>(scene.given), scene.frame(),
+                                           motion_of(scene.motion), pipeline_gradient(scene));
   const Numbers gradient{dL.turn.x, dL.turn.y, dL.turn.z, dL.shift.x, dL.shift.y, dL.shift.z};
   double largest = 0;
   Numbers slopes;

@@ -35,9 +35,8 @@ inline bool same_bits(const PoseState& a, const PoseState& b) {
 /// Compares parameters and moments, but not the statistics.
 inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
   return same_bits(a.photometric, b.photometric) && same_bits(a.poses, b.poses) &&
-         same_bits(a.gaussians, b.gaussians) &&
-         same_bits(a.first_moment, b.first_moment) && same_bits(a.second_moment, b.second_moment) &&
-         a.adam_steps == b.adam_steps;
+         same_bits(a.gaussians, b.gaussians) && same_bits(a.first_moment, b.first_moment) &&
+         same_bits(a.second_moment, b.second_moment) && a.adam_steps == b.adam_steps;
 }
 
 /// A model of these Gaussians with zero moments and statistics.

@@ -17,8 +17,8 @@ inline constexpr std::size_t kPosedViews = 20, kHeldOut = 5;  // every fourth vi
 inline constexpr double kDisturbedTurn = 0.5 * std::numbers::pi / 180, kDisturbedShift = 0.01;
 
 struct PosedScene {
-  Scene given, disturbed;      // the same but for the poses of training photos
-  std::vector<Camera> truth;   // of training photos
+  Scene given, disturbed;     // the same but for the poses of training photos
+  std::vector<Camera> truth;  // of training photos
 };
 
 /// A ball of Gaussians with colors of its own at each place.
@@ -31,8 +31,9 @@ inline Gaussians posed_truth(std::vector<ScenePoint>& points) {
     while (inner(place, place) > 1);
     const Vec3f color = draws.uniform3(0, 1);
     set_gaussian(truth, i, place, draws.uniform(0.05f, 0.16f), draws.uniform(0.6f, 0.97f), color);
-    points.push_back({place, {std::uint8_t(255 * color.x), std::uint8_t(255 * color.y),
-                              std::uint8_t(255 * color.z)}});
+    points.push_back(
+        {place,
+         {std::uint8_t(255 * color.x), std::uint8_t(255 * color.y), std::uint8_t(255 * color.z)}});
   }
   return truth;
 }

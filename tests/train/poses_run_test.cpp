@@ -12,8 +12,8 @@ namespace {
 class PosesRun : public ::testing::Test {
  protected:
   double test_psnr(Trainer& trainer) {
-    return evaluate(backend_->renderer(), trainer.model().gaussians.span(),
-                    posed_.given.test_views, trainer.evaluation_settings())
+    return evaluate(backend_->renderer(), trainer.model().gaussians.span(), posed_.given.test_views,
+                    trainer.evaluation_settings())
         .psnr;
   }
   PoseError error_of(Trainer& trainer) {
