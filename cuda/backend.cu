@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <optional>
 #include <thread>
 #include <unordered_map>
 #include <utility>
@@ -23,6 +24,7 @@
 #include "gs_core/math/density.h"
 #include "gs_train/named_row.h"
 #include "gs_train/photometric/gains.h"
+#include "gs_train/poses/poses.h"
 
 namespace gs::cuda {
 namespace {
@@ -119,7 +121,7 @@ class CudaBackend final : private Device, public Backend {
         renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
         optimizer_(make_optimizer(context)), sums_(device_memory),
         photometric_gradient_(device_memory), camera_of_(device_memory),
-        rows_(make_row_ops(context, device_memory)) {}
+        camera_gradients_(device_memory), rows_(make_row_ops(context, device_memory)) {}
   ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
 
   void make_current() override { check(cudaSetDevice(context.device()), "choosing the GPU"); }
@@ -148,6 +150,16 @@ class CudaBackend final : private Device, public Backend {
     }
     is_photometric_ = photometric != nullptr;
   }
+  void check_refines_poses() const override {}
+  // The numbers of poses are few, and the host makes cameras of them: it takes their step.
+  void synchronize_poses(TrainingModel&) override {
+    if (!pose_step_) return;
+    finish_pending();
+    std::vector<double> numbers(kPoseNumbers * pose_step_->batch.size());
+    device_memory.download(numbers.data(), camera_gradients_.data(),
+                           numbers.size() * sizeof(double));
+    update_poses(model_->poses, *std::exchange(pose_step_, std::nullopt), numbers);
+  }
   RowOps& rows() override {
     finish_pending();
     return *rows_;
@@ -169,6 +181,7 @@ class CudaBackend final : private Device, public Backend {
             const LossSettings& loss_settings, const Update& update,
             const DensityStep& density) override {
     GS_CHECK(batch.size >= 1 && batch.size <= std::size_t(kMostBatch));
+    if (model_) synchronize_poses(*model_);
     if (model_ != &model) finish_pending();
     model_ = &model;
     read_reports();
@@ -185,6 +198,7 @@ class CudaBackend final : private Device, public Backend {
                         density,
                         update.rates.mean,
                         photometric,
+                        update.pose_rate > 0 && !model.poses.empty(),
                         last_photo_ + 1});
     last_photo_ += photos;
     try {
@@ -196,6 +210,9 @@ class CudaBackend final : private Device, public Backend {
     }
     model.adam_steps += update.rule.steps;
     if (photometric.is_due) model.photometric.adam_steps += photometric.rule.steps;
+    if (pending_.back().refines_poses)
+      pose_step_ = {
+          {batch.begin(), batch.end()}, update.pose_rate, update.pose_pull, update.photo_rule};
   }
 
   void release_caches() override {
@@ -208,6 +225,7 @@ class CudaBackend final : private Device, public Backend {
 
   void synchronize(TrainingModel&) override {
     finish_pending();
+    if (model_) synchronize_poses(*model_);
     context.synchronize();
   }
   void set_profiling(bool on) override { context.set_profiling(on); }
@@ -240,6 +258,13 @@ class CudaBackend final : private Device, public Backend {
     AdamRule rule = {};
   };
 
+  // An update of the poses that waits until the device has computed its gradients.
+  struct PoseStep {
+    std::vector<TrainingPhoto> batch;
+    float rate, pull;
+    AdamRule rule;
+  };
+
   // A step that may have to be launched again. Its photos have numbers of their own, in order.
   struct Step {
     std::vector<TrainingPhoto> batch;
@@ -249,6 +274,7 @@ class CudaBackend final : private Device, public Backend {
     DensityStep density;
     float position_rate;  // Adam's rate for the means, which scales the noise
     PhotometricUpdate photometric;
+    bool refines_poses;
     std::uint32_t first_photo;
     bool is_launched = false;
 
@@ -282,9 +308,10 @@ class CudaBackend final : private Device, public Backend {
     if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(*model_);
     if (step.batch.size() > 1) reserve_sums();
     if (is_photometric_) reserve_photometric();
+    if (step.refines_poses) camera_gradients_.resize(kPoseNumbers * std::size_t(kMostBatch));
     for (std::size_t i = 0; i < step.batch.size(); ++i) {
       prefetch_after(step, i);
-      differentiate(step, step.batch[i], step.first_photo + std::uint32_t(i));
+      differentiate(step, i);
     }
     if (step.batch.size() > 1) update(step);
     if (step.photometric.is_due)
@@ -303,9 +330,12 @@ class CudaBackend final : private Device, public Backend {
     photos_.prefetch_next(is_last ? *std::exchange(next_, nullptr) : *step.batch[i + 1].view);
   }
 
-  void differentiate(const Step& step, const TrainingPhoto& photo, std::uint32_t number) {
+  // Photo i of a step.
+  void differentiate(const Step& step, std::size_t i) {
+    const TrainingPhoto& photo = step.batch[i];
+    const std::uint32_t number = step.first_photo + std::uint32_t(i);
     reports_.clear(number);
-    const Camera camera = reduced(photo.view->camera, photo.reduction);
+    const Camera camera = reduced(photo.camera(), photo.reduction);
     LossSettings loss_settings = step.loss_settings;
     loss_settings.photo_reduction = photo.reduction;
     const PhotoOnDevice on_device = photo_on_device(step, photo, camera);
@@ -323,6 +353,9 @@ class CudaBackend final : private Device, public Backend {
       gs::cuda::find_pixel_values(context, photos_.last(), *photo.view,
                                   loss_settings.photo_on_device, step.density, workspace, pass_);
     blend_backward(context, settings, dL_dimage_.span(), workspace, pass_);
+    if (step.refines_poses)
+      gs::cuda::camera_gradient(context, gaussians, camera, settings, workspace, pass_,
+                                camera_gradients_.data() + kPoseNumbers * i);
     if (step.batch.size() > 1)
       preprocess_backward_and_add(context, gaussians, camera, settings, step.density, workspace,
                                   pass_, 1.0f / float(step.batch.size()), sums_);
@@ -353,10 +386,24 @@ class CudaBackend final : private Device, public Backend {
 
   PhotometricUpdate photometric_update(const PhotometricState& state, const Update& update) const {
     if (!is_photometric_ || !(update.photometric_rate > 0)) return {};
-    const AdamRule& rule = update.photometric_rule;
+    const AdamRule& rule = update.photo_rule;
     return {true,
             adam_step(state.adam_steps + rule.steps, update.photometric_rate, rule.photo_beta2),
             rule};
+  }
+
+  // (batch, 6) `numbers` are CameraGradients.
+  static void update_poses(PoseState& poses, const PoseStep& step,
+                           const std::vector<double>& numbers) {
+    std::vector<double> gradient(poses.values.size(), 0.0);
+    for (std::size_t i = 0; i < step.batch.size(); ++i) {
+      const TrainingPhoto& photo = step.batch[i];
+      const double* const n = numbers.data() + kPoseNumbers * i;
+      add_pose_gradient(poses, photo.photo_row, photo.view->camera,
+                        {Vec3d(n[0], n[1], n[2]), Vec3d(n[3], n[4], n[5])},
+                        1.0 / double(step.batch.size()), gradient);
+    }
+    gs::update_poses(poses, step.pull, step.rate, step.rule, gradient);
   }
 
   // The numbers of a photo. Where the lens darkens follows from the whole photo, also where this
@@ -469,6 +516,8 @@ class CudaBackend final : private Device, public Backend {
   Buffer<double> photometric_gradient_;           // (state.shape.size()) zero between steps
   Buffer<std::uint32_t> camera_of_;               // (photos) PhotometricState::camera_of
   std::vector<std::uint32_t> camera_of_on_host_;  // what camera_of_ holds
+  Buffer<double> camera_gradients_;               // (kMostBatch, 6) of the photos of a step
+  std::optional<PoseStep> pose_step_;
   std::unique_ptr<RowOps> rows_;
   Reports reports_{kMostPending};
   InstanceForecast forecast_;

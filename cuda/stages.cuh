@@ -72,6 +72,7 @@ struct Workspace {
   Buffer<SplatGradientSum> splat_gradients;  // (N)  zero between steps
   Buffer<FineSums> fine_sums;             // (N)  zero between steps, if deterministic
   Buffer<CoarseSums> coarse_sums;         // (N)  zero between steps, if deterministic
+  Buffer<double> camera_sums;             // (blocks, 6)  of runs that refine poses; empty in others
   // For scores that sum over fragments; empty without one.
   Buffer<FragmentSums> fragment_sums;     // (N)  zero between steps
   Buffer<FixedFragmentSums> fixed_fragment_sums;  // (N)  the same if deterministic
@@ -84,10 +85,22 @@ struct Workspace {
         visible_count(memory), taken_depth_keys(memory), first_of_order(memory), keys(memory),
         sorted_keys(memory), instance_splats(memory), length_classes(memory), sort_scratch(memory),
         bin_counts(memory), bin_entries(memory),
-        splat_gradients(memory), fine_sums(memory), coarse_sums(memory), fragment_sums(memory),
+        splat_gradients(memory), fine_sums(memory), coarse_sums(memory), camera_sums(memory),
+        fragment_sums(memory),
         fixed_fragment_sums(memory), pixel_values(memory), value_range(memory), halted(memory) {}
 };
 // clang-format on
+
+#ifdef __CUDACC__
+/// dL/d(splat) of a visible Gaussian. Color gradients are zero where blending clamped the color.
+__device__ inline SplatGradient masked(const SplatGradientSum& sum, const Vec3f& color) {
+  return {sum.mean2d,
+          {sum.conic_xx, sum.conic_xy, sum.conic_yy},
+          sum.opacity,
+          {color.x >= 0.0f ? sum.red : 0.0f, color.y >= 0.0f ? sum.green : 0.0f,
+           color.z >= 0.0f ? sum.blue : 0.0f}};
+}
+#endif
 
 /// Instances of a list that one warp takes in the backward pass. Each pixel has a checkpoint
 /// between two segments.
@@ -213,6 +226,13 @@ void pool_fragment_sums(Context& context, Span<FragmentSums> all, Span<FragmentS
 void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
                          const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d);
+
+/// Before 7, for runs that refine poses  camera_gradient.cu: the gradient by the camera, of all
+/// Gaussians, added up in an order that is always the same. The result is on the device: a
+/// CameraGradient<double> as six numbers. It is undefined while workspace.halted is raised.
+void camera_gradient(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
+                     const RenderSettings& settings, Workspace& workspace, const RenderPass& pass,
+                     double* result);
 
 /// The Adam step of each learned quantity.
 template <class T>

@@ -32,6 +32,8 @@ struct View {
   std::size_t index = 0;        // in `source`
   bool may_be_masked = false;   // whether the view from `source` may have a mask
   std::uint32_t camera_id = 0;  // views of one camera have the same
+  // Photos that a rig took at one moment have the same number; 0: the photo was taken alone.
+  std::uint32_t rig_frame = 0;
 
   /// Whether the loss weights the photo's pixels, for its mask or its exposure. Ask when the photo
   /// is there.

@@ -73,6 +73,11 @@ template <class T>
 GS_HD T inner(const Vec3<T>& a, const Vec3<T>& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }
+/// At right angles to both, by the right-hand rule.
+template <class T>
+GS_HD Vec3<T> cross(const Vec3<T>& a, const Vec3<T>& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
 /// False where a component is NaN or infinite, or their sum overflows.
 template <class T>
 GS_HD bool is_finite(const Vec3<T>& v) {

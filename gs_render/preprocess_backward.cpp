@@ -36,8 +36,20 @@ void write_row(const GaussiansSpan& gradients, std::size_t i,
   gradients.sh0_slope[i] = gradient.sh0_slope;
 }
 
-SplatGradient sum_of_instances(const RenderPass& pass, const ScalarScratch& scratch,
-                               std::size_t i) {
+// The gradient by the mean of all instances, of absolute values.
+Vec2f absolute_sum_of_instances(const RenderPass& pass, const ScalarScratch& scratch,
+                                std::size_t i) {
+  Vec2f sum(0.0f);
+  const std::uint32_t begin = scratch.first_instance[i], end = begin + pass.tile_counts[i];
+  for (std::uint32_t instance = begin; instance < end; ++instance)
+    sum += scratch.absolute_gradients[instance];
+  return sum;
+}
+
+}  // namespace
+
+SplatGradient splat_gradient_of(const RenderPass& pass, std::size_t i) {
+  const ScalarScratch& scratch = pass.scratch<ScalarScratch>();
   SplatGradient sum{};
   const std::uint32_t begin = scratch.first_instance[i], end = begin + pass.tile_counts[i];
   for (std::uint32_t instance = begin; instance < end; ++instance) {
@@ -50,18 +62,6 @@ SplatGradient sum_of_instances(const RenderPass& pass, const ScalarScratch& scra
   }
   return sum;
 }
-
-// The same for the absolute values.
-Vec2f absolute_sum_of_instances(const RenderPass& pass, const ScalarScratch& scratch,
-                                std::size_t i) {
-  Vec2f sum(0.0f);
-  const std::uint32_t begin = scratch.first_instance[i], end = begin + pass.tile_counts[i];
-  for (std::uint32_t instance = begin; instance < end; ++instance)
-    sum += scratch.absolute_gradients[instance];
-  return sum;
-}
-
-}  // namespace
 
 FragmentSums fragment_sums_of(const RenderPass& pass, std::size_t i) {
   const ScalarScratch& scratch = pass.scratch<ScalarScratch>();
@@ -83,7 +83,7 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
       dL_dmean2d[i] = {};
       return;
     }
-    const SplatGradient dL_dsplat = sum_of_instances(pass, scratch, i);
+    const SplatGradient dL_dsplat = splat_gradient_of(pass, i);
     gradients.sh_rest[i] = {};  // degrees that are not in use have gradient 0
     Vec3f* const dL_dsh_rest = gradients.sh_rest[i].coefficient;
     if (gaussians.has_slope)

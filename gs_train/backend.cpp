@@ -5,6 +5,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/math/area_filter.h"
+#include "gs_train/poses/poses.h"
 #include "gs_train/reduced_view.h"
 
 namespace gs {
@@ -29,8 +30,10 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
   if (density.fragment_statistic() != FragmentStatistic::none) begin_sums(model);
   if (is_summed) prepare_sums(model);
   photometric_sum_.assign(photometric_ ? model.photometric.shape.size() : 0, 0.0);
+  pose_sum_.assign(update.pose_rate > 0 ? model.poses.values.size() : 0, 0.0);
   for (const TrainingPhoto& photo : batch) {
     differentiate(model, photo, loss_settings, density);
+    if (!pose_sum_.empty()) add_camera_gradient(model, photo, 1.0 / double(batch.size));
     if (photometric_)
       add_photometric_gradient(model.photometric.shape, photo, 1.0 / double(batch.size));
     if (!is_summed) break;
@@ -44,6 +47,8 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
   if (density.noise.scale > 0) optimizer().add_noise(model, density.noise, update.rates.mean);
   if (photometric_ && update.photometric_rate > 0)
     update_photometric(model.photometric, update, photometric_sum_);
+  if (!pose_sum_.empty())
+    update_poses(model.poses, update.pose_pull, update.pose_rate, update.photo_rule, pose_sum_);
   if (!density.gather_statistics) return;
   if (is_summed)
     add(model.statistics, statistics_sum_, density.pooling);
@@ -70,7 +75,7 @@ void Backend::differentiate(const TrainingModel& model, const TrainingPhoto& pho
   const GaussiansSpan gaussians = model.gaussians.span();
   std::shared_ptr<const View> view = with_photo(*photo.view);
   if (photo.reduction > 1) view = std::make_shared<View>(reduced_view(*view, photo.reduction));
-  const Camera camera = reduced(photo.view->camera, photo.reduction);
+  const Camera camera = reduced(photo.camera(), photo.reduction);
   RenderSettings settings = photo.settings;
   settings.fragment_statistic = density.fragment_statistic();
   renderer().forward(gaussians, camera, settings, pass_);
@@ -88,6 +93,23 @@ void Backend::use_photometric(std::unique_ptr<PhotometricModel> photometric) {
   if (photometric)
     throw UsageError("photometric.model is not there on " + name() +
                      " yet; train with --device cpu, or leave photometric.model none");
+}
+
+void Backend::check_refines_poses() const {
+  throw UsageError("poses.refine is not there on " + name() +
+                   " yet; train with --device cpu, or leave poses.refine false");
+}
+
+CameraGradient<double> Backend::camera_gradient(const GaussiansSpan&, const Camera&,
+                                                const RenderSettings&, const RenderPass&) {
+  GS_CHECK(false);  // of a backend whose check_refines_poses() throws
+}
+
+void Backend::add_camera_gradient(const TrainingModel& model, const TrainingPhoto& photo,
+                                  double weight) {
+  const CameraGradient<double> dL = camera_gradient(
+      model.gaussians.span(), reduced(photo.camera(), photo.reduction), photo.settings, pass_);
+  add_pose_gradient(model.poses, photo.photo_row, photo.view->camera, dL, weight, pose_sum_);
 }
 
 void Backend::check_takes_appearance(const Loss& loss, const std::string& kind) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -37,7 +38,10 @@ struct TrainingPhoto {
   const View* view;
   RenderSettings settings;
   int reduction = 1;  // camera and photo are reduced so many times (math/area_filter.h)
-  std::size_t photo_row = 0, camera_row = 0;  // of TrainingModel::photometric
+  std::size_t photo_row = 0, camera_row = 0;  // of TrainingModel::photometric; poses has the former
+  std::optional<Camera> refined = {};         // in place of the view's camera
+
+  const Camera& camera() const { return refined ? *refined : view->camera; }
 };
 
 /// Everything that the trainer needs from a device. The program makes it; it outlives the trainer.
@@ -60,6 +64,11 @@ class Backend {
   /// Takes a photometric model from now on, for models that have its numbers; at first there is none.
   /// Null: none. Throws UsageError where the backend or its loss lacks it.
   virtual void use_photometric(std::unique_ptr<PhotometricModel> photometric);
+  /// Throws UsageError where the backend cannot refine poses.
+  virtual void check_refines_poses() const;
+  /// Waits until the last step has updated model.poses. The cameras of the next step are computed
+  /// from them on the host.
+  virtual void synchronize_poses(TrainingModel&) {}
   virtual Optimizer& optimizer() = 0;
   virtual RowOps& rows() = 0;
 
@@ -138,9 +147,18 @@ class Backend {
   virtual void update_photometric(PhotometricState& state, const Update& update,
                                   std::vector<double>& gradient);
 
+  /// Adds the gradient of the pose of the photo that was differentiated, times `weight`.
+  void add_camera_gradient(const TrainingModel& model, const TrainingPhoto& photo, double weight);
+  /// dL by the camera of that photo, after backward() of its pass.
+  virtual CameraGradient<double> camera_gradient(const GaussiansSpan& gaussians,
+                                                 const Camera& camera,
+                                                 const RenderSettings& settings,
+                                                 const RenderPass& pass);
+
   std::unique_ptr<PhotometricModel> photometric_;
   std::unique_ptr<Appearance> appearance_;  // of the photo that is differentiated
   std::vector<double> photometric_sum_;     // of a batch
+  std::vector<double> pose_sum_;            // of a batch; empty while poses rest
   RenderPass pass_;
   Buffer<float> dL_dimage_;
   Buffer<Vec2f> dL_dmean2d_;

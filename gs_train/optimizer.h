@@ -20,7 +20,9 @@ struct Update {
   LearningRates rates;
   AdamRule rule = {};
   float photometric_rate = 0;  // of the photometric model; 0: it rests
-  AdamRule photometric_rule = {};
+  float pose_rate = 0;         // of the poses; 0: they rest
+  float pose_pull = 0;         // PosesConfig::pull
+  AdamRule photo_rule = {};    // of both
 };
 
 /// Noise on the means in one step. It depends on seed, step and row alone, so that every backend

@@ -16,6 +16,7 @@ constexpr int kRareFilter = 10;          // refinement intervals between filters
 constexpr int kExtraResetStep = 500;     // on a white background; Kerbl et al. 2023, code
 constexpr int kPhotometricWarmup = 500;  // steps; PPISP 2026, code
 constexpr double kPhotometricFinal = 0.01;  // of the rate, at the first and at the last step
+constexpr double kPoseFinal = 0.01;         // of the rate, at the last step
 constexpr int kRecoveryShare = 3;           // 1 / share of the steps between two resets
 // Limits of the rules for short runs: docs/schedule.md
 constexpr double kMostFinalRate = 10;  // times position_lr_final
@@ -31,7 +32,8 @@ Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
       ramp_(config.train.resolution_ramp), ramp_least_(std::size_t(config.train.resolution_least)),
       rates_(config.optimizer), batch_rates_(config.train.batch_rates),
       resets_opacity_(config.density.strategy != "mcmc"),
-      photometric_rate_(config.photometric.rate), extent_(scene_extent) {
+      photometric_rate_(config.photometric.rate),
+      pose_rate_(config.poses.refine ? config.poses.rate : 0), extent_(scene_extent) {
   steps_ =
       std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));
   extra_steps_ = config.train.extra_steps;
@@ -47,6 +49,7 @@ Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
   batch_from_ = scaled_or_none(config.train.batch_from_step);
   ramp_every_ = scaled(config.train.resolution_every);
   photometric_warmup_ = scaled(kPhotometricWarmup);
+  pose_warmup_ = scaled(config.poses.warmup);
   decay_from_ = std::min(scaled_or_none(rates_.position_decay_from), steps_ - 1);
   if (rates_.position_lr_final_power > 0 && steps_ < kStandardSteps)
     rates_.position_lr_final *= float(std::min(
@@ -119,6 +122,13 @@ float Schedule::photometric_rate(int step) const {
   const double t = std::min(1.0, double(step) / double(steps_));
   return float(photometric_rate_ * (kPhotometricFinal + (1 - kPhotometricFinal) * warm) *
                std::pow(kPhotometricFinal, t));
+}
+
+float Schedule::pose_rate(int step) const {
+  if (recovers_from_reset(step)) return 0;
+  const double warm = std::min(1.0, double(step) / double(pose_warmup_));
+  const double t = std::min(1.0, double(step) / double(steps_));
+  return float(pose_rate_ * warm * std::pow(kPoseFinal, t));
 }
 
 bool Schedule::recovers_from_reset(int step) const {

@@ -29,6 +29,8 @@ class Schedule {
   /// Of the numbers of a photometric model; 0 while opacities recover from a reset, when pictures are
   /// dark and gains would answer.
   float photometric_rate(int step) const;
+  /// Of the poses; 0 where they are not refined, and at the times when those rest.
+  float pose_rate(int step) const;
   /// Photos of the batch that `step` is in.
   int batch(int step) const { return step > batch_from_ ? batch_ : 1; }
   /// The factor by which the photo of this camera is reduced in the step; 1: it is not.
@@ -87,6 +89,8 @@ class Schedule {
   bool batch_rates_, resets_opacity_;
   float photometric_rate_;
   int photometric_warmup_;
+  float pose_rate_;
+  int pose_warmup_;
   float extent_;
 };
 

@@ -7,6 +7,7 @@
 #include "gs_core/gaussians.h"
 #include "gs_core/math/growth.h"
 #include "gs_train/photometric/photometric_state.h"
+#include "gs_train/poses/pose_state.h"
 
 namespace gs {
 
@@ -37,6 +38,7 @@ struct TrainingModel {
   Gaussians gaussians, first_moment, second_moment;
   DensityStatistics statistics;
   PhotometricState photometric;  // of the photos; empty without photometric.model
+  PoseState poses;               // of the photos; empty without poses.refine
   // updates since the start; one count for all Gaussians, as in Kerbl et al. 2023
   int adam_steps = 0;
   // Gaussians before the first step; a growth curve begins there. 0: not known
@@ -135,6 +137,7 @@ inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
       [](const RowArray&, auto& to, const auto& array) { to.upload(array.download()); }, model,
       from);
   model.photometric = copy_to(memory, from.photometric);
+  model.poses = from.poses;
   model.adam_steps = from.adam_steps;
   model.first_count = from.first_count;
   return model;

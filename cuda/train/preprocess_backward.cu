@@ -29,15 +29,6 @@ struct alignas(16) WarpShared {
   float dL_dcolor[kWarp * 3];  // zero where a Gaussian is not visible
 };
 
-// dL/d(splat) of a visible Gaussian. Color gradients are zero where blending clamped the color.
-__device__ SplatGradient masked(const SplatGradientSum& sum, const Vec3f& color) {
-  return {sum.mean2d,
-          {sum.conic_xx, sum.conic_xy, sum.conic_yy},
-          sum.opacity,
-          {color.x >= 0.0f ? sum.red : 0.0f, color.y >= 0.0f ? sum.green : 0.0f,
-           color.z >= 0.0f ? sum.blue : 0.0f}};
-}
-
 // dL/d(number `number` of SH row `row` of the warp).
 template <class Shared>
 __device__ float sh_gradient(const Shared& shared, int row, int number) {

@@ -203,8 +203,9 @@ void examine_points(Examination& examination) {
   if (error / count > kLargeError)
     examination.add(Level::warning, "points",
                     "that error is large: poses or lens are inaccurate, and pictures will be soft; "
-                    "try another --camera-model with `gemsplat reconstruct`, or `colmap "
-                    "bundle_adjuster`");
+                    "try another --camera-model with `gemsplat reconstruct`, `colmap "
+                    "bundle_adjuster`, or training with --set poses.refine=true, which also "
+                    "learns the poses (docs/poses.md)");
   if (2 * few > points.size() && observations > 0)
     examination.add(Level::note, "points",
                     fmt::format("{} of {} points were seen in fewer than {} photos", few,

@@ -108,6 +108,7 @@ View empty_view(const ViewPlan& plan) {
   view.name = plan.name;
   view.camera = plan.camera;
   view.camera_id = plan.camera_id;
+  view.rig_frame = plan.rig_frame;
   view.may_be_masked = plan.may_be_masked;
   view.over_background = plan.masks.over_background && view.may_be_masked;
   return view;

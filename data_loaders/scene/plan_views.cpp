@@ -139,12 +139,14 @@ std::vector<ViewPlan> read_headers(const SceneModel& scene,
   std::vector<ViewPlan> plans(scene.photos.size());
   constexpr std::size_t kHeadersPerChunk = 8;
   PhotoSizes sizes;
+  const std::vector<std::size_t> frames = frame_numbers(scene.model);
   std::mutex mutex;
   std::size_t done = 0;
   parallel_for(plans.size(), kHeadersPerChunk, [&](std::size_t i) {
     ViewPlan& plan = plans[i];
     plan.name = scene.model.images[i].name;
     plan.camera_id = scene.model.images[i].camera_id;
+    plan.rig_frame = std::uint32_t(frames[i]) + 1;
     plan.file = scene.photos[i];
     plan.is_frame = !scene.model.images[i].video.empty();
     plan.frame = scene.model.images[i].frame;

@@ -18,7 +18,8 @@ namespace gs {
 struct ViewPlan {
   std::string name;
   std::uint32_t camera_id = 0;
-  std::filesystem::path file;  // of the photo, or the video that it is a frame of
+  std::uint32_t rig_frame = 0;  // View::rig_frame
+  std::filesystem::path file;   // of the photo, or the video that it is a frame of
   bool is_frame = false;
   std::int64_t frame = 0;           // its number in the video, from 0
   std::filesystem::path mask_file;  // empty: none

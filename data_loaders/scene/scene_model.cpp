@@ -22,24 +22,6 @@ namespace fs = std::filesystem;
 
 // --- Split
 
-/// The number of each image's frame. Frames are numbered in the order of their first images.
-std::vector<std::size_t> frame_numbers(const ColmapModel& model) {
-  std::unordered_map<std::uint64_t, std::size_t> frame_of_image;  // index in model.frames
-  for (std::size_t frame = 0; frame < model.frames.size(); ++frame)
-    for (std::uint64_t image : model.frames[frame].image_ids) frame_of_image[image] = frame;
-
-  std::unordered_map<std::size_t, std::size_t> number_of_frame;
-  std::vector<std::size_t> numbers;
-  std::size_t next = 0;
-  for (const ColmapImage& image : model.images) {
-    const auto frame = frame_of_image.find(image.id);
-    const bool is_new =
-        frame == frame_of_image.end() || number_of_frame.try_emplace(frame->second, next).second;
-    numbers.push_back(is_new ? next++ : number_of_frame.at(frame->second));
-  }
-  return numbers;
-}
-
 /// The split of a scene whose files name the test photos.
 std::vector<bool> split_of_files(const TransformsScene& transforms, const ColmapModel& model) {
   const std::set<std::string> held_out(transforms.test_names.begin(), transforms.test_names.end());
@@ -124,6 +106,23 @@ void check_registered(const ColmapModel& model, const fs::path& images) {
 }
 
 }  // namespace
+
+std::vector<std::size_t> frame_numbers(const ColmapModel& model) {
+  std::unordered_map<std::uint64_t, std::size_t> frame_of_image;  // index in model.frames
+  for (std::size_t frame = 0; frame < model.frames.size(); ++frame)
+    for (std::uint64_t image : model.frames[frame].image_ids) frame_of_image[image] = frame;
+
+  std::unordered_map<std::size_t, std::size_t> number_of_frame;
+  std::vector<std::size_t> numbers;
+  std::size_t next = 0;
+  for (const ColmapImage& image : model.images) {
+    const auto frame = frame_of_image.find(image.id);
+    const bool is_new =
+        frame == frame_of_image.end() || number_of_frame.try_emplace(frame->second, next).second;
+    numbers.push_back(is_new ? next++ : number_of_frame.at(frame->second));
+  }
+  return numbers;
+}
 
 std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel& model) {
   if (model.images.empty())

@@ -35,6 +35,10 @@ struct SceneModel {
 /// and for a name that no image has.
 std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel& model);
 
+/// The number of each image's frame, from 0. The photos that a rig took at one moment are one frame;
+/// every other photo is a frame of its own. Frames are numbered in the order of their first images.
+std::vector<std::size_t> frame_numbers(const ColmapModel& model);
+
 /// The three steps of read_scene_model(), for callers that report faults instead of stopping.
 /// First: reads a COLMAP model or transforms.json and splits it, as the files say or else by
 /// test_views_of(). The images' observations are read if dataset.exposure or dataset.refine_cameras

@@ -85,12 +85,13 @@ constexpr std::uint64_t kHasSums = 2;          // sums over fragments, of densit
 constexpr std::uint64_t kHasFilter = 4;        // that of the 3D filter
 constexpr std::uint64_t kHasSlope = 8;         // colors that change; only with kHasTime
 constexpr std::uint64_t kHasPhotometric = 16;  // those of a photometric model, which are no rows
+constexpr std::uint64_t kHasPoses = 32;        // those of poses, which are no rows either
 
 std::uint64_t kind_of(const TrainingModel& model) {
   return (model.gaussians.has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0) |
          (model.gaussians.has_filter ? kHasFilter : 0) |
          (model.gaussians.has_slope ? kHasSlope : 0) |
-         (model.photometric.empty() ? 0 : kHasPhotometric);
+         (model.photometric.empty() ? 0 : kHasPhotometric) | (model.poses.empty() ? 0 : kHasPoses);
 }
 
 void set_kind(TrainingModel& model, std::uint64_t kind) {
@@ -102,7 +103,7 @@ void set_kind(TrainingModel& model, std::uint64_t kind) {
 }
 
 bool is_kind(std::uint64_t kind) {
-  return kind <= (kHasTime | kHasSums | kHasFilter | kHasSlope | kHasPhotometric) &&
+  return kind <= (kHasTime | kHasSums | kHasFilter | kHasSlope | kHasPhotometric | kHasPoses) &&
          (!(kind & kHasSlope) || (kind & kHasTime));
 }
 
@@ -248,6 +249,28 @@ void read_photometric(CheckedReader& file, PhotometricState& state) {
       state);
 }
 
+void write_poses(CheckedWriter& file, const PoseState& state) {
+  write_values(
+      file, "poses",
+      std::vector<std::uint32_t>{std::uint32_t(state.rows()), std::uint32_t(state.adam_steps)});
+  for_each_pose_array([&](const char* name, const auto& array) { write_values(file, name, array); },
+                      state);
+}
+
+void read_poses(CheckedReader& file, PoseState& state) {
+  constexpr std::uint32_t kMostRows = 1u << 28;
+  const auto numbers = file.values<std::uint32_t>("poses");
+  if (numbers.size() != 2 || numbers[0] > kMostRows || numbers[1] > std::uint32_t(kMostSteps))
+    file.damaged();
+  state.adam_steps = int(numbers[1]);
+  for_each_pose_array(
+      [&](const char* name, auto& array) {
+        array = file.values<float>(name);
+        if (array.size() != kPoseNumbers * std::size_t(numbers[0])) file.damaged();
+      },
+      state);
+}
+
 // The texts of a file. They are parsed only after its checksum was found right.
 struct Contents {
   std::string about, config;
@@ -346,6 +369,9 @@ void check(const std::filesystem::path& path, const Checkpoint& checkpoint) {
   for (const float value : checkpoint.state.model.photometric.values)
     if (!std::isfinite(value))
       cannot_read(path, fmt::format("a number of photometric.model is not finite; {}", kRemedy));
+  for (const float value : checkpoint.state.model.poses.values)
+    if (!std::isfinite(value))
+      cannot_read(path, fmt::format("a number of a refined pose is not finite; {}", kRemedy));
   for (const int strikes : checkpoint.state.progress.strikes)
     if (strikes < 0 || strikes > kMostStrikes)
       cannot_read(path, fmt::format("a view is counted {} breakdowns; {}", strikes, kRemedy));
@@ -388,6 +414,7 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
       },
       model);
   if (kind & kHasPhotometric) write_photometric(file, model.photometric);
+  if (kind & kHasPoses) write_poses(file, model.poses);
   file.commit();
 }
 
@@ -407,6 +434,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   if (kind & kHasTime) read_times(file, checkpoint.scene.views);
   read_model(file, count[0], checkpoint.state.model);
   if (kind & kHasPhotometric) read_photometric(file, checkpoint.state.model.photometric);
+  if (kind & kHasPoses) read_poses(file, checkpoint.state.model.poses);
   file.finish();
   try {
     apply(path, contents, checkpoint);

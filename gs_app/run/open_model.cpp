@@ -10,6 +10,7 @@
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/model_moment.h"
 #include "data_loaders/scene/load_scene.h"
+#include "gs_app/run/pose_file.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_render/render_settings.h"
@@ -78,6 +79,8 @@ Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_
   Scene scene = load_scene(dataset);
   bring_to_offset(scene, opened.model.world_offset);
   if (has_file) apply_exposures(read_exposures(opened.run->exposures()), scene);
+  if (opened.run && !is_other_scene && fs::exists(opened.run->poses()))
+    apply_poses(read_poses(opened.run->poses()), scene);
   return scene;
 }
 

@@ -37,7 +37,7 @@ void check_has_time(const OpenedModel& opened);
 void take_moment(OpenedModel& opened, double time);
 
 /// The scene at dataset.source in the model's frame. A run's own scene gets the exposures that the
-/// run was trained with, if there are any.
+/// run was trained with, and the poses that it has refined, if there are any.
 Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene);
 
 /// The settings for rendering the model with a config. The SH degree is at most that of the model,

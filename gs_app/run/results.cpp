@@ -136,6 +136,8 @@ std::string results_json(const Results& results) {
                         {"spread_before", results.exposure->spread_before},
                         {"spread_after", results.exposure->spread_after}};
   if (results.looks) json["photometric"] = photometric_json(*results.looks);
+  if (results.poses)
+    json["poses"] = {{"degrees", results.poses->degrees}, {"shift", results.poses->shift}};
   if (results.peak_gpu_bytes) {
     json["peak_gpu_bytes"] = *results.peak_gpu_bytes;
     json["driver"] = gpu_driver();

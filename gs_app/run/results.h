@@ -8,6 +8,7 @@
 
 #include "gs_train/backend.h"
 #include "gs_train/metrics.h"
+#include "gs_train/poses/poses.h"
 
 namespace gs {
 
@@ -28,6 +29,7 @@ struct Results {
   std::optional<CameraRefinement> refinement;  // where cameras were refined
   std::optional<ExposureSummary> exposure;     // where exposures were solved for
   std::optional<SceneLooks> looks;             // of a photometric model
+  std::optional<PoseChange> poses;             // where poses were refined
 };
 
 /// The most GPU memory that this process has held so far, in bytes; none for a CPU backend.
@@ -47,7 +49,8 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// "spread_before", "spread_after"}. With a photometric model "test" and "train" hold PSNR and SSIM
 /// as "psnr_photometric" (the picture as the photo shows it: predicted in "test", learned in "train")
 /// and "psnr_cc" (the picture with colors fitted to the photo), and "photometric" is {"model", "rule",
-/// "spreads"}. Of Gaussians in space and time "num_static" says how many are
+/// "spreads"}. Where poses were refined while training, "poses" has the fields of PoseChange, and
+/// "train" is measured at the refined poses. Of Gaussians in space and time "num_static" says how many are
 /// static (math/spacetime.h).
 std::string results_json(const Results& results);
 

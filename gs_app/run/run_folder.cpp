@@ -85,7 +85,7 @@ bool RunFolder::holds_run() const {
   for (const fs::path& path :
        {root_ / "point_cloud", checkpoints(), cameras(), cfg_args(), config(), input_points(),
         split(), metrics(), profile(), results(), per_view(), comparison(), report(), exposures(),
-        photometric(), world_offset()}) {
+        photometric(), poses(), refined_model(), world_offset()}) {
     if (fs::exists(path)) return true;
   }
   return false;

@@ -32,6 +32,8 @@ class RunFolder {
   Path input_points() const { return root_ / "input.ply"; }
   Path exposures() const { return root_ / "exposure.json"; }
   Path photometric() const { return root_ / "photometric.json"; }
+  Path poses() const { return root_ / "poses.json"; }
+  Path refined_model() const { return root_ / "sparse" / "0"; }
   Path world_offset() const { return root_ / "world_offset.json"; }
   Path split() const { return root_ / "split.json"; }
   Path metrics() const { return root_ / "metrics.csv"; }

@@ -7,6 +7,7 @@
 #include "gs_app/pictures/comparison.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_train/poses/poses.h"
 #include "gs_train/static_rows.h"
 
 namespace gs {
@@ -14,10 +15,14 @@ namespace {
 
 constexpr std::size_t kComparedViews = 4;  // rows of comparison.png
 
-std::vector<View> sample_of(const std::vector<View>& views, std::size_t wanted) {
+// At the poses that the run has refined, if it has.
+std::vector<View> sample_of_training_views(Trainer& trainer, std::size_t wanted) {
+  const std::vector<View>& views = trainer.scene().train_views;
   std::vector<View> sample;
-  for (const std::size_t index : evenly_chosen(views.size(), wanted))
+  for (const std::size_t index : evenly_chosen(views.size(), wanted)) {
     sample.push_back(views[index]);
+    sample.back().camera = refined_camera(trainer.model().poses, views, index);
+  }
   return sample;
 }
 
@@ -65,7 +70,7 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Resul
                   const std::function<void(std::size_t, std::size_t)>& progress) {
   const Scene& scene = trainer.scene();
   const RenderSettings settings = trainer.evaluation_settings();
-  const std::vector<View> some = sample_of(scene.train_views, kTrainViewsShown);
+  const std::vector<View> some = sample_of_training_views(trainer, kTrainViewsShown);
   const bool has_test = !scene.test_views.empty();
   const std::size_t shown =
       has_test ? scene.test_views.size() : std::min(some.size(), kComparedViews);
@@ -104,6 +109,8 @@ Results results_of(Trainer& trainer) {
   results.refinement = scene.refinement;
   results.exposure = scene.exposure;
   results.looks = looks_of(trainer);
+  if (const PoseState& poses = trainer.model().poses; !poses.empty())
+    results.poses = pose_change(poses, scene.train_views);
   results.peak_gpu_bytes = peak_gpu_bytes(trainer.backend());
   return results;
 }

@@ -16,6 +16,7 @@
 #include "gs_app/session/evaluate_run.h"
 #include "gs_app/session/export_run.h"
 #include "gs_app/session/load_run_scene.h"
+#include "gs_app/session/save_poses.h"
 #include "gs_app/session/start_model.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -272,6 +273,7 @@ void TrainSession::train() {
 void TrainSession::save_last_model() {
   const int last = trainer_->step();
   const bool is_last_step = last == trainer_->schedule().steps();
+  save_poses(*folder_, *trainer_);
   if (!is_last_step && fs::exists(folder_->ply(last))) return;  // train.save_steps named the step
   guarded("saving the model", [&] { save_model(*folder_, last, *trainer_); });
   if (const auto looks = looks_of(*trainer_)) write_photometric(folder_->photometric(), *looks);
@@ -293,6 +295,7 @@ void TrainSession::finish() {
   write_text(folder_->results(), results_text);  // last: it says that the run is finished
   checkpoints_->keep_only_newest();
   // From here on the run is saved, and nothing can be lost.
+  guarded("the COLMAP model of refined poses", [&] { save_refined_model(*folder_, *trainer_); });
   guarded("an export", [&] { export_run(request_.exports, *folder_, *trainer_); });
 }
 

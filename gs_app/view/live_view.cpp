@@ -17,6 +17,7 @@
 #include "gs_core/threads/low_priority.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
+#include "gs_train/poses/poses.h"
 
 namespace gs {
 namespace {
@@ -111,7 +112,15 @@ void LiveView::after_step(int step, Trainer& trainer) {
   // The degree in use so far.
   copy->sh_degree = std::min(copy->sh_degree, trainer.settings().sh_degree);
   ++copies_;
+  take_poses(trainer);
   pass_to_encoder(std::move(*copy));
+}
+
+void LiveView::take_poses(Trainer& trainer) {
+  const PoseState& poses = trainer.model().poses;
+  if (poses.empty()) return;
+  const std::lock_guard lock(mutex_);
+  refined_ = refined_cameras(poses, trainer.scene().train_views);
 }
 
 void LiveView::after_rollback(int step, Trainer&) {
@@ -123,6 +132,7 @@ void LiveView::after_rollback(int step, Trainer&) {
 }
 
 void LiveView::after_run(Trainer& trainer) {
+  take_poses(trainer);
   const std::lock_guard lock(mutex_);
   progress_.is_stopped = trainer.step() < trainer.schedule().steps();
 }
@@ -215,6 +225,12 @@ LiveView::Snapshot LiveView::encode(const GaussianModel& model) const {
 Json LiveView::mode_and_model() {
   const std::lock_guard lock(mutex_);
   Json json = {{"mode", "live"}};
+  if (!refined_.empty()) {  // test views come first in viewed_cameras()
+    std::vector<ViewedCamera> cameras = scene_.cameras;
+    const std::size_t first = cameras.size() - refined_.size();
+    for (std::size_t i = 0; i < refined_.size(); ++i) cameras[first + i].camera = refined_[i];
+    json["cameras"] = cameras_json(cameras);
+  }
   if (version_ > 0)
     json["model"] =
         model_json(snapshot_format(scene_.moves), fmt::format("snapshot {}", version_),

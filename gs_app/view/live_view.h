@@ -60,6 +60,7 @@ class LiveView final : public ViewSource, public Observer {
     int message_until = 0;  // the step up to which the message is shown
   };
 
+  void take_poses(Trainer& trainer);
   void update_progress(int step, Trainer& trainer);
   void update_losses();  // mutex_ is held
   void pass_to_encoder(GaussianModel model);
@@ -75,6 +76,7 @@ class LiveView final : public ViewSource, public Observer {
   std::mutex mutex_;
   std::condition_variable changed_;
   Progress progress_;
+  std::vector<Camera> refined_;  // of training views at the last copy, where poses are refined
   Snapshot newest_;
   int version_ = 0;
   std::optional<GaussianModel> waiting_;  // the copy that the encoder takes next

@@ -47,6 +47,12 @@ std::string name_of(const std::filesystem::path& path) {
   return (whole.has_filename() ? whole : whole.parent_path()).filename().string();
 }
 
+Json cameras_json(const std::vector<ViewedCamera>& cameras) {
+  Json json = Json::array();
+  for (std::size_t i = 0; i < cameras.size(); ++i) json.push_back(camera_json(cameras[i], i));
+  return json;
+}
+
 Json scene_json(const ViewScene& scene) {
   Json json = {{"title", scene.title},
                {"background", {scene.background.x, scene.background.y, scene.background.z}},
@@ -58,10 +64,7 @@ Json scene_json(const ViewScene& scene) {
                {"moves", scene.moves},
                {"notes", scene.notes}};
   if (scene.time) json["time"] = *scene.time;
-  Json cameras = Json::array();
-  for (std::size_t i = 0; i < scene.cameras.size(); ++i)
-    cameras.push_back(camera_json(scene.cameras[i], i));
-  json["cameras"] = std::move(cameras);
+  json["cameras"] = cameras_json(scene.cameras);
   return json;
 }
 

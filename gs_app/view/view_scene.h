@@ -47,6 +47,8 @@ struct ViewScene {
 /// "a", "." -> the name of the current folder.
 std::string name_of(const std::filesystem::path& path);
 
+/// The list "cameras" of it, by itself.
+nlohmann::ordered_json cameras_json(const std::vector<ViewedCamera>& cameras);
 /// /scene.json without "mode" and "model".
 nlohmann::ordered_json scene_json(const ViewScene& scene);
 

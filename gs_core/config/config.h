@@ -93,6 +93,14 @@ struct PhotometricConfig {
   bool vignetting = false;     // of each camera
 };
 
+/// Poses of the training photos, refined while training (docs/poses.md).
+struct PosesConfig {
+  bool refine = false;
+  float rate = 1e-4f;  // Adam's, of radians and of shares of the scene's extent
+  int warmup = 1000;   // steps of a 30,000-step run in which the rate rises from 0
+  float pull = 1e-4f;  // weight of the pull to the given poses
+};
+
 /// Learning rates of Adam; position rates are multiplied by the scene's extent.
 struct OptimizerConfig {
   float position_lr_initial = 1.6e-4f;
@@ -218,6 +226,7 @@ struct Config {
   RenderConfig render;
   LossConfig loss;
   PhotometricConfig photometric;
+  PosesConfig poses;
   OptimizerConfig optimizer;
   DensityConfig density;
   TrainConfig train;

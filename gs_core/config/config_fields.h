@@ -112,6 +112,12 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("photometric.rate",             photometric.rate,             "1/step",      above(0),                retrain, "learning rate of these numbers after a warm-up; it falls to a hundredth", "PPISP 2026");
   field("photometric.vignetting",       photometric.vignetting,       "",            any(),                   retrain, "also learn how much each camera darkens towards the rims of its photos", "docs/photometric.md");
 
+  auto& poses = config.poses;
+  field("poses.refine",                 poses.refine,                 "",            any(),                   retrain, "also learn where each training photo was taken; for poses that are some tenths of a degree off", "docs/poses.md");
+  field("poses.rate",                   poses.rate,                   "1/step",      above(0),                retrain, "learning rate of the poses after the warm-up, in radians and in shares of the scene's extent; it falls to a hundredth", "docs/poses.md");
+  field("poses.warmup",                 poses.warmup,                 "steps",       steps_from(0),           retrain, "the learning rate of the poses rises from 0 in so many steps of a 30,000-step run", "docs/poses.md");
+  field("poses.pull",                   poses.pull,                   "",            at_least(0),             retrain, "weight of the pull to the given poses in the loss: of the mean squared motion in units of half a degree and of 1% of the extent", "docs/poses.md");
+
   auto& optimizer = config.optimizer;
   field("optimizer.position_lr_initial", optimizer.position_lr_initial, "extent",      above(0),                retrain, "learning rate of the means at the first step", kKerbl);
   field("optimizer.position_lr_final",  optimizer.position_lr_final,  "extent",      above(0),                retrain, "learning rate of the means at the last step; it falls exponentially", kKerbl);

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small geometry that loaders, films and the viewer share: lengths and products of vectors, a 3x3
-// linear system, and whether a matrix is a rotation.
+// Small geometry that loaders, films and the viewer share: lengths of vectors, a 3x3 linear system,
+// and whether a matrix is a rotation.
 #pragma once
 
 #include <cmath>
 
-#include "gs_core/math/cross.h"
 #include "gs_core/types.h"
 
 namespace gs {

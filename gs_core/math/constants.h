@@ -84,6 +84,11 @@ inline constexpr float kNoiseSteepness = 100.0f;        // of its fall towards o
 inline constexpr int kMostCopies = 51;                  // that one Gaussian is shared among, for its new size [MCMC, code]
 inline constexpr float kMinShareTransmittance = 0x1p-23f;  // 1 - o of an opaque Gaussian that is shared
 
+// Poses that are refined.
+inline constexpr double kSmallAngle2 = 1e-6;            // radians^2, below which a rotation is its series
+inline constexpr double kPoseSpreadTurn = 0.00872664625997;  // radians, half a degree: the unit of poses.pull
+inline constexpr double kPoseSpreadShift = 0.01;        // of the extent: the same of shifts
+
 // Initialization.
 inline constexpr int kInitialNeighbors = 3;            // whose mean distance is the first scale [3DGS]
 inline constexpr float kExtentMargin = 1.1f;            // of the farthest camera's distance [3DGS]

@@ -5,7 +5,6 @@
 
 #include <array>
 
-#include "gs_core/math/cross.h"
 #include "gs_core/types.h"
 
 namespace gs {

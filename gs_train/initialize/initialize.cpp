@@ -10,6 +10,7 @@
 #include "gs_train/initialize/downsample_points.h"
 #include "gs_train/initialize/sky.h"
 #include "gs_train/photometric/photometric_start.h"
+#include "gs_train/poses/poses.h"
 
 namespace gs {
 namespace {
@@ -137,6 +138,7 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
                  model.gaussians, start);
   clear_history(model);
   begin_photometric(config, scene, model);
+  begin_poses(config, scene, model);
   return model;
 }
 

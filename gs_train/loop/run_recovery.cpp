@@ -12,6 +12,7 @@
 #include "gs_train/initialize/initialize.h"
 #include "gs_train/loop/view_sampler.h"
 #include "gs_train/photometric/photometric_start.h"
+#include "gs_train/poses/poses.h"
 
 namespace gs {
 namespace {
@@ -215,6 +216,7 @@ void RunRecovery::restore(TrainingState from) {
         "the checkpoint has another order of views than this seed gives: it is of another scene or "
         "version; start a new run in another folder (-o)");
   begin_photometric(run_.config, run_.scene, from.model);
+  begin_poses(run_.config, run_.scene, from.model);
   run_.backend.synchronize(run_.model);
   Memory& memory = run_.backend.memory();
   run_.model = &memory == &host_memory() ? std::move(from.model) : copy_to(memory, from.model);

@@ -15,6 +15,7 @@
 #include "gs_train/initialize/initialize.h"
 #include "gs_train/initialize/scene_settings.h"
 #include "gs_train/photometric/photometric_start.h"
+#include "gs_train/poses/poses.h"
 #include "gs_train/row_rules.h"
 
 namespace gs {
@@ -109,6 +110,7 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   check_model(config);
   backend.use_loss(config.loss.kind);
   backend.use_photometric(make_photometric_model(config.photometric));
+  if (config.poses.refine) backend.check_refines_poses();
   if (scene.time_count > 1 && !run_.model.gaussians.has_time)
     log_warning("{}", text_of_moving_scene(scene.time_count));
   backend.upload_views(scene.train_views,
@@ -184,20 +186,26 @@ void Trainer::advance(int last_step) {
 
 void Trainer::take_batch(int last_step) {
   batch_.clear();
+  run_.backend.synchronize_poses(run_.model);
   for (int step = run_.step + 1; step <= last_step; ++step) {
     const View& view = view_of(views_, step);
     const std::size_t row = std::size_t(&view - run_.scene.train_views.data());
     batch_.push_back({&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera),
                       row, camera_rows_[row]});
+    if (!run_.model.poses.empty())
+      batch_.back().refined = refined_camera(run_.model.poses, run_.scene.train_views, row);
   }
   run_.backend.prefetch_next(view_of(views_, last_step + 1));
   const int photos = int(batch_.size());
   Update update{run_.schedule.learning_rates(last_step), run_.schedule.adam_rule(photos)};
   update.photometric_rate = run_.schedule.photometric_rate(last_step);
-  update.photometric_rule = batch_rule(update.rule.steps);
+  update.pose_rate = run_.schedule.pose_rate(last_step);
+  update.pose_pull = run_.config.poses.pull;
+  update.photo_rule = batch_rule(update.rule.steps);
   if (update.rule.steps > 1) {
     for_each_array([&](const char*, float& rate) { rate *= batch_rate(photos); }, update.rates);
     update.photometric_rate *= batch_rate(photos);
+    update.pose_rate *= batch_rate(photos);
   }
   run_.backend.step(run_.model, {batch_.data(), batch_.size()}, loss_settings(run_.config), update,
                     run_.density->of_step(last_step));
@@ -255,8 +263,7 @@ void Trainer::sort_by_morton() {
 
 // Each Gaussian's filter follows its mean.   Yu et al. 2024
 void Trainer::measure_filter() {
-  std::vector<Camera> cameras;
-  for (const View& view : run_.scene.train_views) cameras.push_back(view.camera);
+  const std::vector<Camera> cameras = refined_cameras(run_.model.poses, run_.scene.train_views);
   run_.backend.rows().measure_filter(run_.model, cameras, run_.config.render.near_plane);
 }
 

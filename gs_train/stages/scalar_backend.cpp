@@ -32,6 +32,7 @@ class ScalarBackend final : public Backend {
     if (photometric) check_takes_appearance(*loss_, loss_row_->name);
     photometric_ = std::move(photometric);
   }
+  void check_refines_poses() const override {}
   Optimizer& optimizer() override { return *optimizer_; }
   RowOps& rows() override { return *rows_; }
   void set_profiling(bool on) override { host_stage_clock().set_on(on); }
@@ -57,9 +58,14 @@ class ScalarBackend final : public Backend {
   void add(Span<float> to, Span<const float> from, float weight) override {
     parallel_for(to.size, 16384, [=](std::size_t i) { to[i] += weight * from[i]; });
   }
+  CameraGradient<double> camera_gradient(const GaussiansSpan& gaussians, const Camera& camera,
+                                         const RenderSettings& settings,
+                                         const RenderPass& pass) override {
+    return gs::camera_gradient(gaussians, camera, settings, pass);
+  }
   void update_photometric(PhotometricState& state, const Update& update,
                           std::vector<double>& gradient) override {
-    gs::update_photometric(state, *photometric_, update.photometric_rate, update.photometric_rule,
+    gs::update_photometric(state, *photometric_, update.photometric_rate, update.photo_rule,
                            gradient);
   }
   void pool(Span<FragmentSums> all, Span<FragmentSums> more, ScorePooling pooling) override {

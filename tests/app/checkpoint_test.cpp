@@ -196,6 +196,25 @@ TEST_F(Checkpoints, WithAPhotometricModelComeBackBitForBit) {
   EXPECT_THROW(read_checkpoint(file(12)), Error);
 }
 
+TEST_F(Checkpoints, WithRefinedPosesComeBackBitForBit) {
+  TrainingState expected = telling_state(100, 12);
+  PoseState& poses = expected.model.poses;
+  poses.adam_steps = 7;
+  float next = 0.25f;
+  for_each_pose_array(
+      [&](const char*, auto& array) {
+        array.resize(3 * kPoseNumbers);
+        for (float& number : array) number = next += 0.37f;
+      },
+      poses);
+  fs::create_directories(path());
+  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
+  EXPECT_TRUE(same_bits(read_checkpoint(file(12)).state.model, expected.model));
+  poses.values[5] = std::numeric_limits<float>::quiet_NaN();
+  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
+  EXPECT_THROW(read_checkpoint(file(12)), Error);
+}
+
 // Version 0.1.0 did not write "first_gaussians".
 TEST_F(Checkpoints, OfVersionsWithoutTheFirstCountAreRead) {
   ASSERT_TRUE(save(folder(), 12));

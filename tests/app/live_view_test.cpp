@@ -10,6 +10,7 @@
 
 #include "data_loaders/formats/formats.h"
 #include "gs_core/error.h"
+#include "gs_train/poses/poses.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
 
@@ -175,6 +176,27 @@ TEST_F(LiveRun, TakesBackTheLossesOfARolledBackRun) {
   metrics_.after_rollback(first, trainer_);
   view_.after_rollback(first, trainer_);
   EXPECT_EQ(view_.state(-1).at("losses").size(), 1u);
+}
+
+TEST(LiveRunThatRefinesPoses, ShowsThePosesThatItHas) {
+  const Scene scene = small_scene();
+  Config config = short_run();
+  config.poses.refine = true;
+  config.poses.rate = 0.01f;
+  const auto backend = make_scalar_backend();
+  Trainer trainer(scene, config, *backend);
+  LiveView view("a run", scene, config);
+  EXPECT_FALSE(view.mode_and_model().contains("cameras"));
+  trainer.add_observer(view);
+  trainer.run();
+  const Json cameras = view.mode_and_model().at("cameras");
+  ASSERT_EQ(cameras.size(), scene.train_views.size());
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const Camera now = refined_camera(trainer.model().poses, scene.train_views, i);
+    EXPECT_NEAR(cameras[i].at("world_from_camera")[3], now.position().x, 1e-5);
+    EXPECT_EQ(cameras[i].at("name"), scene.train_views[i].name);
+    EXPECT_GT(std::abs(now.position().x - scene.train_views[i].camera.position().x), 1e-6f);
+  }
 }
 
 TEST_F(LiveRun, EndsWithTheModelItWasGiven) {

@@ -130,13 +130,13 @@ TEST(Config, EveryFieldHasKeyMeaningAndADefaultWithinItsLimits) {
 }
 
 TEST(Config, TheListHoldsEveryFieldOfTheStructs) {
-  constexpr std::size_t kFields = field_count<DatasetConfig>() + field_count<ReconstructConfig>() +
-                                  field_count<ModelConfig>() + field_count<RenderConfig>() +
-                                  field_count<LossConfig>() + field_count<PhotometricConfig>() +
-                                  field_count<OptimizerConfig>() + field_count<DensityConfig>() +
-                                  field_count<TrainConfig>() + field_count<EvalConfig>();
+  constexpr std::size_t kFields =
+      field_count<DatasetConfig>() + field_count<ReconstructConfig>() + field_count<ModelConfig>() +
+      field_count<RenderConfig>() + field_count<LossConfig>() + field_count<PhotometricConfig>() +
+      field_count<PosesConfig>() + field_count<OptimizerConfig>() + field_count<DensityConfig>() +
+      field_count<TrainConfig>() + field_count<EvalConfig>();
   EXPECT_EQ(fields_of(Config{}).size(), kFields);
-  EXPECT_EQ(field_count<Config>(), 10u);
+  EXPECT_EQ(field_count<Config>(), 11u);
 }
 
 TEST(Config, EveryFieldOfTheListIsItsOwn) {

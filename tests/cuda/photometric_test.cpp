@@ -58,7 +58,7 @@ class CudaPhotometric : public CudaTest {
   static Update update_of(int batch = 1) {
     Update update{kRates, batch_rule(batch)};
     update.photometric_rate = kRate;
-    update.photometric_rule = batch_rule(batch);
+    update.photo_rule = batch_rule(batch);
     return update;
   }
   static RenderSettings on_a_background() {

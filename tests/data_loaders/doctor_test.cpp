@@ -3,9 +3,11 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <fstream>
 #include <random>
 
+#include "data_loaders/colmap/colmap_write.h"
 #include "data_loaders/photos/picture_quality.h"
 #include "data_loaders/video/video_frames.h"
 #include "tests/support/avi_writer.h"
@@ -201,6 +203,22 @@ TEST(Doctor, WarnsOfPointsAndPlaces) {
   EXPECT_TRUE(diagnosis.can_train());
   EXPECT_THAT(the(diagnosis, Level::warning, "points").text, HasSubstr("no points"));
   EXPECT_THAT(the(diagnosis, Level::note, "place").text, HasSubstr("0 -4000000 0 is subtracted"));
+}
+
+TEST(Doctor, AdvisesToRefinePosesWhereReprojectionErrorsAreLarge) {
+  for (const double error : {0.5, 3.0}) {
+    const TempFolder temp;
+    ColmapModel model = small_model(24);
+    for (ColmapPoint& point : model.points) point.error = error;
+    write_scene(temp.path(), model);
+    write_colmap_model(temp.path() / "sparse" / "0", model);  // with its errors
+    const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
+    const bool is_advised =
+        std::any_of(diagnosis.findings.begin(), diagnosis.findings.end(), [](const Finding& found) {
+          return found.text.find("--set poses.refine=true") != std::string::npos;
+        });
+    EXPECT_EQ(is_advised, error > 2) << error;
+  }
 }
 
 TEST(Doctor, RefusesWhatLoadingRefuses) {

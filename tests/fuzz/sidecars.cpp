@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Small JSON files beside models and scenes: the sidecar of an export, exposure.json, photometric.json,
-// split.json, georef.json, places of photos as text, and reconstruct.json, whose list of files says what
+// poses.json, split.json, georef.json, places of photos as text, and reconstruct.json, whose list of files says what
 // may be removed; and areas, in GeoJSON or as text.
 #include "data_loaders/formats/sidecar.h"
 
@@ -11,6 +11,7 @@
 #include "data_loaders/reconstruct/scene_state.h"
 #include "gs_app/edit/places/polygon_file.h"
 #include "gs_app/run/photometric_file.h"
+#include "gs_app/run/pose_file.h"
 #include "gs_app/run/run_folder.h"
 #include "tests/fuzz/fuzz_target.h"
 
@@ -42,6 +43,7 @@ void read(std::string_view bytes) {
   takes([&] { read_polygon(file_of("area.txt", bytes)); });
   takes([&] { read_exposures(file_of("exposure.json", bytes)); });
   takes([&] { read_photometric(file_of("photometric.json", bytes)); });
+  takes([&] { read_poses(file_of("poses.json", bytes)); });
   takes([&] {
     const Georeference read = read_georef(file_of("georef.json", bytes));
     require(is_finite(read.ecef_of_input({1.0, 2.0, 3.0})), "a georeference leads to no place");

@@ -72,8 +72,9 @@ struct ReferenceSplats {
 /// Projects every Gaussian in the scalar T. With `float` the splats are exactly those of a renderer
 /// in float, so that ill-conditioned ones (needles, huge ones) can be compared, too. With `double`
 /// the renderer's rounding errors become visible.
-template <class T>
-ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians, const Camera& camera,
+template <class T, class CameraScalar>
+ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians,
+                                 const PinholeCamera<CameraScalar>& camera,
                                  const RenderSettings& settings) {
   constexpr bool kExact = std::is_same_v<T, float>;
   // For exact splats, an offset from the mean is rounded to half a unit in the last place of 16

@@ -27,11 +27,16 @@ inline bool same_bits(const PhotometricState& a, const PhotometricState& b) {
       [&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); }, a, b);
   return same;
 }
+inline bool same_bits(const PoseState& a, const PoseState& b) {
+  bool same = a.adam_steps == b.adam_steps;
+  for_each_pose_array([&](const char*, const auto& x, const auto& y) { same &= x == y; }, a, b);
+  return same;
+}
 /// Compares parameters and moments, but not the statistics.
 inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
-  return same_bits(a.photometric, b.photometric) && same_bits(a.gaussians, b.gaussians) &&
-         same_bits(a.first_moment, b.first_moment) && same_bits(a.second_moment, b.second_moment) &&
-         a.adam_steps == b.adam_steps;
+  return same_bits(a.photometric, b.photometric) && same_bits(a.poses, b.poses) &&
+         same_bits(a.gaussians, b.gaussians) && same_bits(a.first_moment, b.first_moment) &&
+         same_bits(a.second_moment, b.second_moment) && a.adam_steps == b.adam_steps;
 }
 
 /// A model of these Gaussians with zero moments and statistics.

@@ -386,6 +386,22 @@ TEST(LatePrune, ComesAtTheIntervalsOfResetsAfterTheRefinements) {
               ElementsAre(18'000, 21'000, 24'000, 27'000));
 }
 
+TEST(PoseRate, WarmsUpFallsToAHundredthAndRestsAfterResets) {
+  Config config;
+  EXPECT_EQ(Schedule(config, 1).pose_rate(15001), 0);  // poses are not refined
+  config.poses.refine = true;
+  config.poses.rate = 1e-3f;
+  const Schedule schedule(config, 1);
+  EXPECT_LT(schedule.pose_rate(1), 2e-6f);
+  EXPECT_NEAR(schedule.pose_rate(500), 5e-4, 1e-4);
+  EXPECT_NEAR(schedule.pose_rate(1000), 1e-3, 2e-4);
+  EXPECT_NEAR(schedule.pose_rate(30000), 1e-5, 1e-9);
+  for (const int step : {3001, 3500, 4000, 12001}) EXPECT_EQ(schedule.pose_rate(step), 0);
+  for (const int step : {3000, 4001, 15001}) EXPECT_GT(schedule.pose_rate(step), 0) << step;
+  config.train.iterations = 3000;
+  EXPECT_NEAR(Schedule(config, 1).pose_rate(50), 5e-4, 1e-4);  // the warm-up is scaled
+}
+
 TEST(PhotometricRate, WarmsUpFallsToAHundredthAndRestsAfterResets) {
   Config config;
   config.photometric.rate = 1e-3f;

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 7 for runs that refine poses: the gradients of all splats pulled back to the camera, and
+// added up. Twin of gs_render/camera_gradient.cpp. A thread takes one Gaussian, a block adds up its
+// threads' shares, and a single block those of all blocks. Each sum has an order of its own, so that
+// the same bits come out each time.
+#include "cuda/device/warp.cuh"
+#include "cuda/stages.cuh"
+#include "gs_core/math/camera_gradient.h"
+#include "gs_train/poses/pose_state.h"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = 256;  // of both kernels; a multiple of a warp
+constexpr int kWarps = kThreads / kWarp;
+constexpr int kSums = int(kPoseNumbers);
+
+/// All threads of a block: adds up their sums. Thread k < kSums writes sum k to `to`.
+__device__ void add_up(const double (&sums)[kSums], double (&of_warps)[kWarps][kSums], double* to) {
+  for (int k = 0; k < kSums; ++k) {
+    const double of_warp = warp_sum(sums[k]);
+    if (lane_of_thread() == 0) of_warps[threadIdx.x / kWarp][k] = of_warp;
+  }
+  __syncthreads();
+  if (int(threadIdx.x) >= kSums) return;
+  double sum = 0;
+  for (int warp = 0; warp < kWarps; ++warp) sum += of_warps[warp][threadIdx.x];
+  to[threadIdx.x] = sum;
+}
+
+// What the kernel reads of stages 1 and 6.
+struct SplatGradients {
+  const std::uint32_t* tile_counts;  // (N)
+  const Splat* splats;               // (N)
+  const SplatGradientSum* sums;      // (N)
+};
+
+__global__ void __launch_bounds__(kThreads)
+    add_gaussians_kernel(GaussiansSpan gaussians, Camera camera, SplatSettings settings,
+                         SplatGradients in, double* of_blocks) {
+  __shared__ double of_warps[kWarps][kSums];
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  double sums[kSums] = {0, 0, 0, 0, 0, 0};
+  if (i < gaussians.mean.size && in.tile_counts[i] > 0) {
+    const SplatGradient dL_dsplat = masked(load_in_vectors(in.sums + i), in.splats[i].color);
+    const CameraGradient<float> dL = camera_vjp(gaussians, i, camera, settings, dL_dsplat);
+    for (int k = 0; k < 3; ++k) sums[k] = double(dL.turn[k]), sums[3 + k] = double(dL.center[k]);
+  }
+  add_up(sums, of_warps, of_blocks + kSums * std::size_t(blockIdx.x));
+}
+
+// Thread t takes the blocks t, t + kThreads, ...
+__global__ void __launch_bounds__(kThreads)
+    add_blocks_kernel(const double* of_blocks, std::size_t blocks, double* result) {
+  __shared__ double of_warps[kWarps][kSums];
+  double sums[kSums] = {0, 0, 0, 0, 0, 0};
+  for (std::size_t block = threadIdx.x; block < blocks; block += kThreads)
+    for (int k = 0; k < kSums; ++k) sums[k] += of_blocks[kSums * block + k];
+  add_up(sums, of_warps, result);
+}
+
+}  // namespace
+
+void camera_gradient(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
+                     const RenderSettings& settings, Workspace& workspace, const RenderPass& pass,
+                     double* result) {
+  const StageScope scope(context, "camera gradient");
+  const std::size_t blocks = blocks_for(gaussians.mean.size, kThreads);
+  workspace.camera_sums.resize_discard(kSums * blocks);
+  const SplatGradients in{pass.tile_counts.data(), pass.splats.data(),
+                          workspace.splat_gradients.data()};
+  const SplatSettings& of_splats = settings;
+  context.launch("camera gradient", add_gaussians_kernel, blocks, kThreads, gaussians, camera,
+                 of_splats, in, workspace.camera_sums.data());
+  context.launch("camera gradient", add_blocks_kernel, 1, kThreads,
+                 static_cast<const double*>(workspace.camera_sums.data()), blocks, result);
+}
+
+}  // namespace gs::cuda

@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+// Steps and runs on the GPU that refine poses, against the scalar backend.
+#include "gs_train/poses/poses.h"
+
+#include "gs_train/loop/trainer.h"
+#include "tests/support/cuda.h"
+#include "tests/support/posed_scene.h"
+#include "tests/support/poses.h"
+#include "tests/support/scene_run.h"
+
+namespace gs {
+namespace {
+
+const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
+constexpr float kRate = 1e-3f;  // of the poses
+
+/// Three views, of which two are those of a rig at one moment.
+Scene three_views(int width, int height) {
+  Scene scene;
+  for (std::size_t i = 0; i < 3; ++i) {
+    View view;
+    view.name = "view " + std::to_string(i);
+    view.camera = random_camera(width, height, 1);
+    view.camera.cx += float(3 * i);
+    view.camera.cam_from_world_translation.x += 0.05f * float(i);
+    view.camera.time = 0.4f;
+    view.rig_frame = i == 0 ? 0 : 7;
+    view.photo = random_photo(width, height, i);
+    scene.train_views.push_back(std::move(view));
+  }
+  scene.extent = 0.5f;
+  return scene;
+}
+
+class CudaPoses : public CudaTest {
+ protected:
+  /// A model on the host whose poses are disturbed.
+  TrainingModel started(const Gaussians& gaussians) const {
+    TrainingModel model = model_of(gaussians);
+    Config config;
+    config.poses.refine = true;
+    begin_poses(config, scene_, model);
+    disturb(model.poses, 0.005, 0.01);
+    return model;
+  }
+  Gaussians plain(std::size_t count = 3000) const {
+    return random_gaussians(kTypical, count, scene_.train_views[0].camera, 5);
+  }
+  /// Steps by these photos, in one batch, where each camera is as refined as the model says.
+  void step(Backend& backend, TrainingModel& model, const std::vector<std::size_t>& rows,
+            const RenderSettings& settings, float rate = kRate) const {
+    backend.synchronize_poses(model);
+    std::vector<TrainingPhoto> batch;
+    for (const std::size_t row : rows) {
+      batch.push_back({&scene_.train_views[row], settings, rows.size() > 1 ? 2 : 1, row});
+      batch.back().refined = refined_camera(model.poses, scene_.train_views, row);
+    }
+    Update update{kRates, batch_rule(int(rows.size()))};
+    update.pose_rate = rate;
+    update.pose_pull = 1e-4f;
+    update.photo_rule = batch_rule(int(rows.size()));
+    backend.step(model, {batch.data(), batch.size()}, {0.2f}, update, {true});
+  }
+  /// The moments say what gradients there were, and the values what Adam made of them.
+  void expect_same_poses(const PoseState& actual, const PoseState& expected, double tolerance) {
+    EXPECT_LT(norm_difference(actual.first_moment, expected.first_moment), tolerance);
+    EXPECT_LT(norm_difference(actual.second_moment, expected.second_moment), 2 * tolerance);
+    EXPECT_LT(norm_difference(actual.values, expected.values), tolerance);
+    EXPECT_EQ(actual.adam_steps, expected.adam_steps);
+  }
+  void expect_scalar_step(const Gaussians& gaussians, const RenderSettings& settings) {
+    for (const std::vector<std::size_t>& rows :
+         {std::vector<std::size_t>{0}, std::vector<std::size_t>{1},
+          std::vector<std::size_t>{0, 1, 2, 0}}) {
+      TrainingModel expected = started(gaussians), actual = on_gpu(expected);
+      step(cpu(), expected, rows, settings);
+      step(gpu(), actual, rows, settings);
+      gpu().synchronize(actual);
+      expect_same_poses(on_host(actual).poses, expected.poses, 1e-2);
+    }
+  }
+
+  const Scene scene_ = three_views(131, 77);
+};
+
+TEST_F(CudaPoses, AStepIsTheScalarOne) {
+  for (int degree = 0; degree <= kMaxShDegree; ++degree) {
+    RenderSettings settings;
+    settings.sh_degree = degree;
+    settings.antialias = degree == 2;
+    settings.antialias_detach = false;
+    expect_scalar_step(plain(), settings);
+  }
+}
+
+TEST_F(CudaPoses, AStepWithA3dFilterIsTheScalarOne) {
+  expect_scalar_step(with_filters(plain(), 44), {});
+}
+
+TEST_F(CudaPoses, AStepInSpaceAndTimeIsTheScalarOne) {
+  Gaussians gaussians = in_spacetime(plain(), 41);
+  expect_scalar_step(gaussians, {});
+  make_half_static(gaussians);
+  expect_scalar_step(with_slopes(gaussians, 45), {});
+}
+
+TEST_F(CudaPoses, ManyStepsAreTheScalarOnes) {
+  TrainingModel expected = started(plain()), actual = on_gpu(expected);
+  for (std::size_t k = 0; k < 15; ++k) {
+    step(cpu(), expected, {k % 3}, {});
+    step(gpu(), actual, {k % 3}, {});
+  }
+  gpu().synchronize(actual);
+  expect_same_poses(on_host(actual).poses, expected.poses, 3e-2);
+}
+
+TEST_F(CudaPoses, RestWhereTheirRateIsZero) {
+  const TrainingModel start = started(plain());
+  TrainingModel actual = on_gpu(start);
+  for (std::size_t k = 0; k < 3; ++k) step(gpu(), actual, {k}, {}, 0);
+  gpu().synchronize(actual);
+  EXPECT_TRUE(same_bits(on_host(actual).poses, start.poses));
+}
+
+// Sums have one order, with --deterministic and without it.
+TEST_F(CudaPoses, LearnTheSameBitsEachTime) {
+  const TrainingModel start = started(plain(20000));
+  RenderSettings settings;
+  settings.deterministic = true;
+  const auto after = [&](std::size_t steps) {
+    TrainingModel model = on_gpu(start);
+    for (std::size_t k = 0; k < steps; ++k) step(gpu(), model, {k % 3}, settings);
+    gpu().synchronize(model);
+    return on_host(model);
+  };
+  const TrainingModel first = after(20);
+  for (int again = 0; again < 3; ++again) EXPECT_TRUE(same_bits(after(20), first));
+}
+
+// Buffers that are too small for some steps: these steps are taken again, and poses learn once.
+TEST_F(CudaPoses, TooLittleRoomLosesNothing) {
+  const Recipe large{
+      .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
+  const TrainingModel start =
+      started(random_gaussians(large, 20000, scene_.train_views[0].camera, 3));
+  RenderSettings settings;
+  settings.deterministic = true;
+  const auto after_steps = [&](bool meets_views_anew) {
+    if (meets_views_anew) gpu().upload_views(scene_.train_views, 1 << 30);
+    TrainingModel model = on_gpu(start);
+    for (std::size_t k = 0; k < 6; ++k) step(gpu(), model, {k % 3}, settings);
+    gpu().synchronize(model);
+    return on_host(model);
+  };
+  const TrainingModel crowded = after_steps(true), roomy = after_steps(false);
+  EXPECT_TRUE(same_bits(crowded, roomy));
+  EXPECT_EQ(crowded.poses.adam_steps, 6);
+  gpu().upload_views({}, 0);  // these views end here
+}
+
+// ---- runs --------------------------------------------------------------------------------------
+
+class CudaPosesRun : public CudaTest {};
+
+TEST_F(CudaPosesRun, FindsDisturbedPoses) {
+  const PosedScene posed = posed_scene();
+  const Config config = of_known_gaussians(refining_run(kPosedSteps));
+  Trainer trainer(posed.disturbed, config, gpu(), state_of_truth(posed, config));
+  trainer.run();
+  const PoseError left =
+      pose_error(refined_cameras(trainer.model().poses, posed.disturbed.train_views), posed.truth);
+  EXPECT_LT(left.degrees, 0.05);
+  EXPECT_LT(left.shift, 0.001 * posed.disturbed.extent);
+}
+
+TEST_F(CudaPosesRun, GoesOnWhereItWasStopped) {
+  const PosedScene posed = posed_scene();
+  for (const int batch : {1, 4}) {
+    Config config = refining_run(90);
+    config.train.deterministic = true;
+    config.train.batch = batch;
+    Trainer trainer(posed.disturbed, config, gpu());
+    trainer.run();
+    const TrainingModel expected = on_host(trainer.model());
+    EXPECT_GT(expected.poses.adam_steps, 0);
+    for (const int stop : {5, 60})
+      EXPECT_TRUE(same_bits(resumed_after(stop, posed.disturbed, config, gpu()), expected))
+          << stop << ", batch " << batch;
+  }
+}
+
+}  // namespace
+}  // namespace gs

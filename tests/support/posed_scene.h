@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// A scene whose training photos have disturbed poses, for runs that refine them.
+#pragma once
+
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "gs_train/checkpoint.h"
+#include "gs_train/loop/view_sampler.h"
+#include "tests/support/poses.h"
+
+namespace gs {
+
+inline constexpr std::size_t kPosedViews = 20, kHeldOut = 5;  // every fourth view is held out
+inline constexpr double kDisturbedTurn = 0.5 * std::numbers::pi / 180, kDisturbedShift = 0.01;
+
+struct PosedScene {
+  Scene given, disturbed;     // the same but for the poses of training photos
+  std::vector<Camera> truth;  // of training photos
+};
+
+/// A ball of Gaussians with colors of its own at each place.
+inline Gaussians posed_truth(std::vector<ScenePoint>& points) {
+  Draws draws(11);
+  Gaussians truth(250, host_memory());
+  for (std::size_t i = 0; i < truth.count(); ++i) {
+    Vec3f place;
+    do place = draws.uniform3(-1, 1);
+    while (inner(place, place) > 1);
+    const Vec3f color = draws.uniform3(0, 1);
+    set_gaussian(truth, i, place, draws.uniform(0.05f, 0.16f), draws.uniform(0.6f, 0.97f), color);
+    points.push_back(
+        {place,
+         {std::uint8_t(255 * color.x), std::uint8_t(255 * color.y), std::uint8_t(255 * color.z)}});
+  }
+  return truth;
+}
+
+/// An orbit that goes up and down, so that every direction is seen from several sides.
+inline Camera posed_camera(std::size_t k) {
+  const float turn = 2 * float(std::numbers::pi) * float(k) / float(kPosedViews);
+  Camera camera = orbit_camera(turn);
+  const float tilt = 0.5f * std::sin(3 * turn + 0.4f), c = std::cos(tilt), s = std::sin(tilt);
+  const Mat3<float> W = camera.cam_from_world_rotation;
+  camera.cam_from_world_rotation = {W.row0, c * W.row1 - s * W.row2, s * W.row1 + c * W.row2};
+  return camera;
+}
+
+inline PosedScene posed_scene() {
+  PosedScene scenes;
+  Scene& given = scenes.given;
+  given.source = "a scene of the test";
+  const Gaussians truth = posed_truth(given.points);
+  const auto renderer = make_scalar_renderer();
+  RenderPass pass;
+  for (std::size_t k = 0; k < kPosedViews; ++k) {
+    const Camera camera = posed_camera(k);
+    renderer->forward(truth.span(), camera, {}, pass);
+    const ImageF picture = image_of(pass);
+    Image8 photo(camera.width, camera.height, 3);
+    for (std::size_t i = 0; i < photo.pixels.size(); ++i)
+      photo.pixels[i] = std::uint8_t(std::lround(255 * picture.pixels[i]));
+    auto& views = k % (kPosedViews / kHeldOut) == 0 ? given.test_views : given.train_views;
+    views.push_back({"view " + std::to_string(10 + k), camera, photo});
+  }
+  given.extent = camera_extent(given.train_views);
+  for (const View& view : given.train_views) scenes.truth.push_back(view.camera);
+  // What all photos have in common is no error of theirs.
+  Config config;
+  config.poses.refine = true;
+  TrainingModel model;
+  begin_poses(config, given, model);
+  disturb(model.poses, kDisturbedTurn, kDisturbedShift);
+  center_poses(model.poses);
+  scenes.disturbed = given;
+  for (std::size_t i = 0; i < scenes.truth.size(); ++i)
+    scenes.disturbed.train_views[i].camera = refined_camera(model.poses, given.train_views, i);
+  return scenes;
+}
+
+/// Short runs, in which no Gaussian is added.
+inline constexpr int kPosedSteps = 6000;
+inline Config posed_run(int steps) {
+  Config config;
+  config.train.iterations = steps;
+  config.model.sh_degree = 0;
+  config.density.until_step = config.density.reset_opacity_until = 0;
+  config.optimizer.sh0_lr = 0.01f;
+  return config;
+}
+inline Config refining_run(int steps) {
+  Config config = posed_run(steps);
+  config.poses.refine = true;
+  config.poses.rate = 1e-3f;  // as high as such a short run needs
+  return config;
+}
+
+/// The same run where the Gaussians are known and stay.
+inline Config of_known_gaussians(Config config) {
+  for (float* rate : {&config.optimizer.position_lr_initial, &config.optimizer.position_lr_final,
+                      &config.optimizer.log_scale_lr, &config.optimizer.rotation_lr,
+                      &config.optimizer.opacity_lr, &config.optimizer.sh0_lr})
+    *rate = 1e-9f;
+  return config;
+}
+/// The Gaussians that the photos show, to start from.
+inline TrainingState state_of_truth(const PosedScene& posed, const Config& config) {
+  TrainingState state;
+  std::vector<ScenePoint> points;
+  state.model.gaussians = posed_truth(points);
+  clear_history(state.model);
+  const std::size_t photos = posed.truth.size();
+  state.progress.strikes.assign(photos, 0);
+  ViewSampler views(photos, config.train.seed);
+  views.view_of(1);
+  state.progress.view_order = {views.order().begin(), views.order().end()};
+  return state;
+}
+
+}  // namespace gs
