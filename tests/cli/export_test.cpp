@@ -100,7 +100,7 @@ TEST_F(Export, NamesWithoutAFormatAreUsageErrorsThatListThem) {
   EXPECT_THAT(
       outcome.err,
       HasSubstr("gemsplat does not write .obj; it writes .ply, .csv, .glb, .compressed.ply, "
-                ".spz, .sog, .splat"));
+                ".spz, .sog, .rad, .splat"));
   EXPECT_EQ(run("train " + text("scene") + " -o " + text("b") + kTrain + " --export obj").code, 2);
   EXPECT_FALSE(fs::exists(path("b")));
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Levels of detail of a model: a k-d tree over the means, and in each of its leaves levels with ever
-// fewer Gaussians, made by merging (decimate.h). A viewer draws each leaf at the level that its
-// distance deserves.
+// Levels of detail of a model: a k-d tree over the means, and in each of its leaves levels with
+// ever fewer Gaussians, made by merging (decimate.h). A viewer draws each leaf at the level that
+// its distance deserves.
 #pragma once
 
 #include <functional>
@@ -27,7 +27,8 @@ struct LodNode {
   bool is_leaf() const { return num_leaves == 1; }
 };
 
-/// A level of the whole model. Its rows lie leaf after leaf, in a leaf about along the Morton curve.
+/// A level of the whole model. Its rows lie leaf after leaf, and in a leaf about along the Morton
+/// curve.
 struct LodLevel {
   Gaussians gaussians;
   std::vector<std::size_t> leaf_begin;  // (leaves + 1) first row of each leaf, and behind the last
