@@ -69,6 +69,7 @@ bool is_tileset(const ExportCommand& command, const std::string& output) {
 std::vector<TilesetRequest> tilesets_of(const ExportCommand& command, int sh_degree,
                                         const std::optional<Georeference>& georeference) {
   std::vector<TilesetRequest> tilesets;
+  std::set<std::filesystem::path> names;
   for (const std::string& output : command.outputs) {
     if (!is_tileset(command, output)) continue;
     if (!georeference)
@@ -85,6 +86,8 @@ std::vector<TilesetRequest> tilesets_of(const ExportCommand& command, int sh_deg
                         command.tile_gaussians,
                         {command.model}});
     check_tileset(tilesets.back(), command.force);
+    if (!names.insert(std::filesystem::absolute(tilesets.back().folder).lexically_normal()).second)
+      throw UsageError(output + " is named twice");
   }
   return tilesets;
 }

@@ -261,7 +261,7 @@ TEST_F(Tileset, ModelsThatDoNotFitAreRefused) {
 TEST_F(Tileset, FarGaussiansTakeCoarserStepsAndStayWhereTheyAre) {
   GaussianModel model = scattered(5);
   model.gaussians.mean[3] = {1000, 0, 0};  // 7.5 km: two bits fewer
-  setup_log(Verbosity::quiet);  // to stderr
+  setup_log(Verbosity::quiet);             // to stderr
   testing::internal::CaptureStderr();
   export_tileset(model, request(100));
   EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("1 Gaussians stand up to"));

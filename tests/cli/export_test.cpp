@@ -226,6 +226,7 @@ TEST_F(Export, ANameThatEndsInASlashIsATileset) {
   EXPECT_FALSE(fs::exists(path("tiles/1/1.glb")));
   EXPECT_THAT(export_run(text("other/") + " --scale 2").err, HasSubstr("--scale"));
   EXPECT_EQ(export_run(text("run/") + " --force").code, 2);  // it holds the model
+  EXPECT_THAT(export_run(text("other/") + " " + text("run/../other/")).err, HasSubstr("twice"));
   write_bytes(path("scene/georef.json"), "{");
   EXPECT_THAT(export_run(text("other/")).err,
               AllOf(HasSubstr("georef.json"), HasSubstr("gemsplat georef")));
