@@ -124,12 +124,13 @@ if(GS_WITH_WEBP AND GS_WEBP_LIBRARY AND GS_WEBP_DIR)
 endif()
 gs_report("libwebp" GS_WITH_WEBP "${GS_HAVE_WEBP}" "no .sog is read or written")
 
+# The BLAS and LAPACK that the system chooses, not one of them by name: a program linked with ATLAS
+# would need it everywhere. Debian's Ceres names ATLAS beside them.
 if(GS_WITH_CERES)
+  set(BLA_VENDOR Generic)
   find_package(Ceres QUIET)
 endif()
 set(GS_HAVE_CERES ${Ceres_FOUND})
-# Debian's Ceres names ATLAS beside the BLAS that the system chooses. A program linked with ATLAS
-# would need it everywhere.
 if(GS_HAVE_CERES)
   get_target_property(gs_ceres_libraries Ceres::ceres INTERFACE_LINK_LIBRARIES)
   list(FILTER gs_ceres_libraries EXCLUDE REGEX "/lib(f77blas|atlas)\\.so$")

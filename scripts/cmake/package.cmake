@@ -99,15 +99,15 @@ set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME gemsplat)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS colmap)
 set(CPACK_DEBIAN_PROGRAM_DESCRIPTION "trains 3D Gaussians from photos
- A program for 3D Gaussian Splatting: it trains a scene from photos, renders
- it, shows it in the browser and writes the formats of other programs. It
- computes on an NVIDIA GPU where there is one, and else on the CPU.")
+A program for 3D Gaussian Splatting: it trains a scene from photos, renders
+it, shows it in the browser and writes the formats of other programs. It
+computes on an NVIDIA GPU where there is one, and else on the CPU.")
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME libgemsplat-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_PACKAGE_SHLIBDEPS OFF)
 gs_packages_of_headers(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS)
 set(CPACK_DEBIAN_DEV_DESCRIPTION "trains 3D Gaussians from photos: C++ libraries
- Static libraries and headers for find_package(gemsplat), with an example.")
+Static libraries and headers for find_package(gemsplat), with an example.")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-gemsplat)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 if(GS_HAVE_PYTHON)
@@ -116,7 +116,7 @@ if(GS_HAVE_PYTHON)
     "python3 (>= 3.${Python3_VERSION_MINOR}), python3 (<< 3.${gs_next_minor}), python3-numpy")
 endif()
 set(CPACK_DEBIAN_PYTHON_DESCRIPTION "trains 3D Gaussians from photos: Python module
- The module gemsplat, which works with NumPy arrays.")
+The module gemsplat, which works with NumPy arrays.")
 
 # What check_package.cmake and finish_package.cmake ask for, when cpack runs.
 set(CPACK_GS_NATIVE ${GS_NATIVE})

@@ -23,7 +23,7 @@ check_pages() {
   for verb in $verbs; do
     page=$pages/gemsplat-$verb.1
     [[ -s $page ]] || die "$verb has no page"
-    for flag in $("$program" "$verb" --help | grep -oE '^  -[^ ]+' | tr ',' ' '); do
+    for flag in $("$program" "$verb" --help | grep -oE '^  -[^ ]+' | sed 's/{[a-z]*}//g; s/,/ /g'); do
       grep -qF -- "\\fB${flag//-/\\-}\\fR" "$page" || die "$page lacks $flag"
     done
   done

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# The same files give the same packages, whatever their times, owners, order and the umask are; and a
+# The same files give the same packages, whatever their times, their order and the umask are; and a
 # build for the processor of one machine is not packed. Packs a small program, not gemsplat.
 #   tests/release/packages_test.sh WORK_FOLDER
 set -euo pipefail
