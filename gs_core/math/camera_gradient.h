@@ -9,8 +9,8 @@
 
 namespace gs {
 
-/// The share of one visible Gaussian in the gradient by the camera. A camera that turns by d sees the
-/// Gaussian turned by d about the camera: its mean, and its covariance S.
+/// The share of one visible Gaussian in the gradient by the camera. A camera that turns by d sees
+/// the Gaussian turned by d about the camera: its mean, and its covariance S.
 ///
 ///   turn    = (mu - e) x dL/dmu + 2 (M_12 - M_21, M_20 - M_02, M_01 - M_10),   M = S dL/dS
 ///   center  = -dL/dmu - dL/dmu through the color's direction
@@ -33,7 +33,7 @@ GS_HD CameraGradient<T> camera_vjp(const PinholeCamera<T>& camera, const Vec3<T>
   return {cross(mean - camera.position(), dL.mean) + T(2) * by_shape, -dL.mean - by_color};
 }
 
-/// The ellipsoid of row i at a time, whatever arrays the Gaussians have; of one that is visible then.
+/// The ellipsoid of row i at a time, whatever arrays the Gaussians have. It is visible then.
 GS_HD Ellipsoid ellipsoid_at(const GaussiansSpan& gaussians, std::size_t i, float time) {
   const Vec3f mean = gaussians.mean[i], log_scale = gaussians.log_scale[i];
   const Quatf rotation = gaussians.rotation[i];

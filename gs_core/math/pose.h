@@ -8,8 +8,8 @@
 
 namespace gs {
 
-/// The rotation about the axis w by the angle |w|, minus the identity, so that nothing is rounded off
-/// where it is small.   Rodrigues
+/// The rotation about the axis w by the angle |w|, minus the identity, so that nothing is rounded
+/// off where it is small.   Rodrigues
 ///
 ///   exp([w]) - I = a [w] + b [w]^2,   a = sin(t) / t,   b = (1 - cos t) / t^2,   t = |w|
 template <class T>
