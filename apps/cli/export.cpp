@@ -123,8 +123,8 @@ std::vector<ExportRequest> requests_of(const ExportCommand& command, const Opene
   for (const std::string& file :
        command.table ? files_of_table(command.outputs[0], command.options, model) : command.outputs)
     if (!is_tileset(command, file))
-      requests.push_back({file, command.options, transform, sh_degree, opened.input_from_model,
-                          georeference});
+      requests.push_back(
+          {file, command.options, transform, sh_degree, opened.input_from_model, georeference});
   std::set<std::filesystem::path> names;
   for (const ExportRequest& request : requests) {
     check_export(request, command.force);
