@@ -64,18 +64,19 @@ TEST(Recolored, TakesPrimariesAndWhiteToTheirTargets) {
   }
 }
 
+/// The whole way from latents and a color to what the photo shows, and its gradient.
+constexpr auto kForward = [](const auto& x) {
+  return flatten(recolored(color_matrix(latents_in(x)), color_in(x)));
+};
+constexpr auto kVjp = [](const std::array<double, kNumbers>& x, const std::array<double, 3>& G) {
+  const ColorMatrix<double> matrix = color_matrix(latents_in(x));
+  RecoloredSums<double> sums;
+  const Vec3d dL_dx = recolored_vjp(matrix, color_in(x), {G[0], G[1], G[2]}, 1.0, sums);
+  return flatten(color_matrix_vjp(matrix, sums), dL_dx);
+};
+
 TEST(Recolored, GradientMatchesJetByLatentsAndColor) {
-  const auto forward = [](const auto& x) {
-    const auto y = recolored(color_matrix(latents_in(x)), color_in(x));
-    return flatten(y);
-  };
-  const auto vjp = [](const std::array<double, kNumbers>& x, const std::array<double, 3>& G) {
-    const ColorMatrix<double> matrix = color_matrix(latents_in(x));
-    RecoloredSums<double> sums;
-    const Vec3d dL_dx = recolored_vjp(matrix, color_in(x), {G[0], G[1], G[2]}, 1.0, sums);
-    return flatten(color_matrix_vjp(matrix, sums), dL_dx);
-  };
-  EXPECT_LT(worst_gradient_error(forward, vjp, draw), 100 * kJetTolerance);
+  EXPECT_LT(worst_gradient_error(kForward, kVjp, draw), 100 * kJetTolerance);
 }
 
 // Far from neutral a factor reaches its limit, and what holds it there has no gradient.
@@ -88,16 +89,7 @@ TEST(Recolored, GradientMatchesJetWhereAFactorIsAtItsLimit) {
     limited += color_matrix(latents_in(x)).k.x <= double(kLeastColorGain);
     return x;
   };
-  const auto forward = [](const auto& x) {
-    return flatten(recolored(color_matrix(latents_in(x)), color_in(x)));
-  };
-  const auto vjp = [](const std::array<double, kNumbers>& x, const std::array<double, 3>& G) {
-    const ColorMatrix<double> matrix = color_matrix(latents_in(x));
-    RecoloredSums<double> sums;
-    const Vec3d dL_dx = recolored_vjp(matrix, color_in(x), {G[0], G[1], G[2]}, 1.0, sums);
-    return flatten(color_matrix_vjp(matrix, sums), dL_dx);
-  };
-  EXPECT_LT(worst_gradient_error(forward, vjp, far), 1000 * kJetTolerance);
+  EXPECT_LT(worst_gradient_error(kForward, kVjp, far), 1000 * kJetTolerance);
   EXPECT_GT(limited, kEnoughCases);
 }
 
