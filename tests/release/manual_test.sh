@@ -30,7 +30,7 @@ check_pages() {
   grep -q '1970-01-02' "$pages/gemsplat.1" || die "the date is not that of SOURCE_DATE_EPOCH"
   grep -qF '[\fIscene\fR]' "$pages/gemsplat-train.1" || die "the synopsis of train lacks its scene"
   [[ -s $pages/gemsplat-config-diff.1 ]] || die "a verb of a verb has no page"
-  if "$program" --help | grep -q self-doc; then die "--help lists self-doc"; fi
+  [[ $("$program" --help) != *self-doc* ]] || die "--help lists self-doc"
 }
 
 check_nothing_is_replaced() {
