@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "gs_core/error.h"
+#include "gs_core/geometry/seen_pixel.h"
 #include "gs_core/log.h"
-#include "gs_core/math/projection.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_train/density/contribution.h"
 
@@ -23,18 +23,11 @@ float squared_distance(const Vec3f& a, const Vec3f& b) {
   return inner(d, d);
 }
 
-bool is_in_picture(const Camera& camera, const Vec3f& point) {
-  const Vec3f p = to_camera(camera, point);
-  if (!(p.z > 0)) return false;
-  const Vec2f at = project_mean(camera, p);
-  return at.x >= 0 && at.y >= 0 && at.x < float(camera.width) && at.y < float(camera.height);
-}
-
 float nearest_points(const Camera& camera, const std::vector<ScenePoint>& points) {
   const Vec3f center = camera.position();
   std::vector<float> distances;
   for (const ScenePoint& point : points)
-    if (is_in_picture(camera, point.position))
+    if (seen_pixel(camera, point.position))
       distances.push_back(squared_distance(point.position, center));
   if (distances.size() < kFewestPoints) return 0;
   const auto nearest = distances.begin() + std::ptrdiff_t(distances.size() / kWrongPoints);

@@ -3,10 +3,12 @@
 
 #include "gs_core/error.h"
 #include "gs_core/geometry/kd_tree.h"
+#include "gs_core/geometry/seen_pixel.h"
 #include "gs_core/log.h"
 #include "gs_core/math/splat.h"
 #include "gs_core/random.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_train/initialize/camera_center.h"
 #include "gs_train/initialize/downsample_points.h"
 #include "gs_train/initialize/sky.h"
 #include "gs_train/photometric/photometric_start.h"
@@ -22,18 +24,14 @@ constexpr float kSkyOpacity = 0.9f;
 bool sees(const Camera& camera, const Vec3f& point, float near_plane) {
   const Vec3f p = to_camera(camera, point);
   if (!(p.z >= near_plane)) return false;
-  const Vec2f pixel = project_mean(camera, p);
-  return pixel.x >= 0 && pixel.y >= 0 && pixel.x < float(camera.width) &&
-         pixel.y < float(camera.height);
+  return holds_pixel(camera, project_mean(camera, p));
 }
 
 // Uniform in the box of the config, or else in one around the training cameras; only points that
 // some training camera sees.
 std::vector<ScenePoint> random_points(const Scene& scene, const Config& config) {
   const Random random{config.train.seed, RandomStream::initialize};
-  Vec3f center(0.0f);
-  for (const View& view : scene.train_views) center += view.camera.position();
-  center /= float(scene.train_views.size());
+  Vec3f center = camera_center(scene.train_views);
   float half = kRandomBoxSize * scene.extent;
   if (config.model.random_box > 0) {
     center = -Vec3f(scene.world_offset);

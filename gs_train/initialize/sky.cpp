@@ -7,9 +7,10 @@
 #include <numbers>
 
 #include "gs_core/error.h"
+#include "gs_core/geometry/seen_pixel.h"
 #include "gs_core/log.h"
-#include "gs_core/math/projection.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_train/initialize/camera_center.h"
 
 namespace gs {
 namespace {
@@ -48,12 +49,8 @@ class PointCells {
         taken_(std::size_t(columns_) * std::size_t(rows_), false) {
     const std::size_t step = step_for(points.size(), kMostPoints);
     for (std::size_t i = 0; i < points.size(); i += step) {
-      const Vec3f p = to_camera(camera, points[i].position);
-      if (!(p.z > 0)) continue;
-      const Vec2f pixel = project_mean(camera, p);
-      if (pixel.x >= 0 && pixel.y >= 0 && pixel.x < float(camera.width) &&
-          pixel.y < float(camera.height))
-        take_around(cell_of(pixel.x), cell_of(pixel.y));
+      if (const auto pixel = seen_pixel(camera, points[i].position))
+        take_around(cell_of(pixel->x), cell_of(pixel->y));
     }
   }
 
@@ -95,13 +92,9 @@ void look(const View& view, const std::vector<ScenePoint>& points,
           const std::vector<Vec3f>& on_sphere, std::vector<Looks>& looks) {
   const PointCells cells(view.camera, points);
   parallel_for(on_sphere.size(), 1024, [&](std::size_t i) {
-    const Vec3f p = to_camera(view.camera, on_sphere[i]);
-    if (!(p.z > 0)) return;
-    const Vec2f pixel = project_mean(view.camera, p);
-    if (!(pixel.x >= 0 && pixel.y >= 0 && pixel.x < float(view.camera.width) &&
-          pixel.y < float(view.camera.height)))
-      return;
-    const int x = int(pixel.x), y = int(pixel.y);
+    const auto pixel = seen_pixel(view.camera, on_sphere[i]);
+    if (!pixel) return;
+    const int x = int(pixel->x), y = int(pixel->y);
     if (!view.mask.empty() && view.mask.at(x, y, 0) < 128) return;
     ++looks[i].all;
     if (!cells.is_taken(x, y)) looks[i].empty.push_back(scene_color(view, x, y));
@@ -122,12 +115,6 @@ bool sky_color(Looks& looks, Color& color) {
   return true;
 }
 
-Vec3f center_of(const std::vector<View>& views) {
-  Vec3f center(0.0f);
-  for (const View& view : views) center += view.camera.position();
-  return center / float(views.size());
-}
-
 // Far enough that it is behind everything, and in front of the far plane.
 float radius_around(const Vec3f& center, const Scene& scene, float far_plane) {
   float farthest2 = 0;
@@ -140,15 +127,14 @@ float radius_around(const Vec3f& center, const Scene& scene, float far_plane) {
 }
 
 std::vector<Looks> looks_at(const Scene& scene, const std::vector<Vec3f>& on_sphere) {
-  std::vector<View> views;
-  const std::size_t step = step_for(scene.train_views.size(), kMostViews);
-  for (std::size_t i = 0; i < scene.train_views.size(); i += step)
-    views.push_back(scene.train_views[i]);
+  const std::vector<View>& views = scene.train_views;
+  const std::size_t step = step_for(views.size(), kMostViews);
   std::vector<Looks> looks(on_sphere.size());
-  for_each_with_photo(views, views.size(), [&](std::size_t i, const View& view) {
-    look(view, scene.points, on_sphere, looks);
+  for (std::size_t i = 0; i < views.size(); i += step) {
+    if (i + step < views.size()) prefetch_photo(views[i + step]);
+    look(*with_photo(views[i]), scene.points, on_sphere, looks);
     release_photo(views[i]);
-  });
+  }
   return looks;
 }
 
@@ -161,7 +147,7 @@ Sky sky_of(const Scene& scene, const Config& config) {
     log_warning("model.sky is left out: without sparse points nothing tells the sky from the rest");
     return sky;
   }
-  const Vec3f center = center_of(scene.train_views);
+  const Vec3f center = camera_center(scene.train_views);
   const float radius = radius_around(center, scene, config.render.far_plane);
   std::vector<Vec3f> on_sphere = even_directions();
   for (Vec3f& point : on_sphere) point = center + radius * point;

@@ -18,7 +18,6 @@ class LensGain {
  public:
   /// `camera` is empty if no vignetting is learned.
   LensGain(Span<const float> camera, const LensPlace& place);
-  bool is_learned() const { return is_learned_; }
   float rho_at(int x, int y) const { return place_.rho(float(x) + 0.5f, float(y) + 0.5f); }
   /// exp(-B)
   float at(float rho) const {
