@@ -8,6 +8,7 @@
 #include "gs_core/edit/merge_gaussians.h"
 #include "gs_core/math/activations.h"
 #include "gs_core/math/covariance.h"
+#include "gs_core/math/projection.h"
 #include "gs_core/math/rotation.h"
 
 namespace gs {
@@ -74,11 +75,10 @@ Box box_of_means(const Gaussians& gaussians) {
 }
 
 bool is_in_picture(const Camera& camera, const Vec3f& point) {
-  const Vec3f p =
-      multiply(camera.cam_from_world_rotation, point) + camera.cam_from_world_translation;
+  const Vec3f p = to_camera(camera, point);
   if (!(p.z > 0)) return false;
-  const float x = camera.fx * p.x / p.z + camera.cx, y = camera.fy * p.y / p.z + camera.cy;
-  return x >= 0 && y >= 0 && x <= float(camera.width) && y <= float(camera.height);
+  const Vec2f at = project_mean(camera, p);
+  return at.x >= 0 && at.y >= 0 && at.x <= float(camera.width) && at.y <= float(camera.height);
 }
 
 std::vector<Vec3f> reaches_of(const Gaussians& gaussians) {

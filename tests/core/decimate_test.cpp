@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstring>
 
 #include "gs_core/error.h"
 #include "gs_core/geometry/kd_tree.h"
@@ -16,6 +15,7 @@
 #include "gs_core/math/rotation.h"
 #include "gs_core/threads/parallel.h"
 #include "tests/support/random_model.h"
+#include "tests/support/same_bits.h"
 
 namespace gs {
 namespace {
@@ -37,16 +37,6 @@ Sym3<double> sigma_of(const Gaussians& g, std::size_t i) {
 
 double mass_of(const Gaussians& g, std::size_t i) {
   return sigmoid(double(g.logit_opacity[i])) * ellipsoid_area(variance(Vec3d(g.log_scale[i])));
-}
-
-bool same_bits(const Gaussians& a, const Gaussians& b) {
-  bool same = a.count() == b.count();
-  for_each_stored_array(
-      [&](const char*, const auto& x, const auto& y) {
-        same = same && std::memcmp(x.data(), y.data(), x.size() * sizeof(*x.data())) == 0;
-      },
-      a, b);
-  return same;
 }
 
 TEST(MergeGaussians, TheAreaOfASphereIsExactAndADiscHasTwoSides) {

@@ -6,13 +6,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstring>
 
 #include "gs_core/edit/lod/splat_tree.h"
 #include "gs_core/edit/merge_gaussians.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
 #include "tests/support/random_model.h"
+#include "tests/support/same_bits.h"
 
 namespace gs {
 namespace {
@@ -31,16 +31,6 @@ LodOptions small() {
   options.leaf_rows = 400;
   options.coarsest_rows = 40;
   return options;
-}
-
-bool same_bits(const Gaussians& a, const Gaussians& b) {
-  bool same = a.count() == b.count();
-  for_each_stored_array(
-      [&](const char*, const auto& x, const auto& y) {
-        same = same && std::memcmp(x.data(), y.data(), x.size() * sizeof(*x.data())) == 0;
-      },
-      a, b);
-  return same;
 }
 
 double mass_of(const Gaussians& g) {

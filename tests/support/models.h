@@ -3,24 +3,12 @@
 // bit.
 #pragma once
 
-#include <cstring>
-
 #include "gs_train/training_model.h"
+#include "tests/support/same_bits.h"
 #include "tests/support/scenes.h"
 
 namespace gs {
 
-template <class T>
-bool same_bits(const Buffer<T>& a, const Buffer<T>& b) {
-  return a.size() == b.size() &&
-         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
-}
-inline bool same_bits(const Gaussians& a, const Gaussians& b) {
-  bool same = a.has_filter == b.has_filter;
-  for_each_stored_array([&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); },
-                        a, b);
-  return same;
-}
 inline bool same_bits(const PhotometricState& a, const PhotometricState& b) {
   bool same = a.shape == b.shape && a.adam_steps == b.adam_steps && a.is_solved == b.is_solved;
   for_each_photometric_array(
