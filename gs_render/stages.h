@@ -64,12 +64,13 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
                          const RenderSettings& settings, const RenderPass& pass,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d);
 
-/// 7  The same gradient of every splat, pulled back to the camera and summed over all Gaussians, in an
-/// order of its own. Only runs that refine poses have this stage (camera_gradient.cpp).
+/// 7  The same gradient of every splat, pulled back to the camera and summed over all Gaussians, in
+/// an order of its own. Only runs that refine poses have this stage (camera_gradient.cpp).
 CameraGradient<double> camera_gradient(const GaussiansSpan& gaussians, const Camera& camera,
                                        const RenderSettings& settings, const RenderPass& pass);
 
-/// dL/d(splat) of a visible Gaussian that blend_backward() left, summed over its instances in order.
+/// dL/d(splat) of a visible Gaussian that blend_backward() left, summed over its instances in
+/// order.
 SplatGradient splat_gradient_of(const RenderPass& pass, std::size_t i);
 /// The sums over the fragments of a visible Gaussian that blend_backward() left, of all its
 /// instances in order.

@@ -16,12 +16,13 @@ SpacetimeShape<double> spacetime_shape_of(const Gaussians& gaussians, std::size_
 /// copied.
 GaussianModel moment_of(const GaussianModel& model, double time);
 
-/// Each Gaussian in the middle of its own life, where its opacity is highest: N rows in the order of
-/// `gaussians`, of which no picture shows all at once. A row whose rotations have length 0 holds NaN.
-/// The Gaussians have a time.
+/// Each Gaussian in the middle of its own life, where its opacity is highest: N rows in the order
+/// of `gaussians`, of which no picture shows all at once. A row whose rotations have length 0 holds
+/// NaN. The Gaussians have a time.
 Gaussians middles_of_lives(const Gaussians& gaussians);
 
-/// From when to when a Gaussian is drawn, in the scene's time; beyond 0 and 1 where it lives longer.
+/// From when to when a Gaussian is drawn, in the scene's time; beyond 0 and 1 where it lives
+/// longer.
 struct Life {
   double begin, end;
 };

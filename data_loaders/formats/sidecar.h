@@ -63,11 +63,12 @@ std::filesystem::path sidecar_of(const std::filesystem::path& file);
 void write_sidecar(const ExportedFile& exported);
 
 /// Takes from the sidecar of `file`, where there is one, what the format cannot say: whether the
-/// model is antialiased, its world offset, and that gemsplat wrote it. A damaged sidecar is ignored,
-/// with a warning. `model` is what read_model() gave.
+/// model is antialiased, its world offset, and that gemsplat wrote it. A damaged sidecar is
+/// ignored, with a warning. `model` is what read_model() gave.
 ///
 /// A file that was turned or scaled, or moved by `gemsplat edit`, has a frame of its own, and no
-/// world offset is taken. Returned is then the matrix from the model's numbers to the photos' frame.
+/// world offset is taken. Returned is then the matrix from the model's numbers to the photos'
+/// frame.
 std::optional<Mat4d> take_sidecar(const std::filesystem::path& file, GaussianModel& model);
 
 }  // namespace gs

@@ -25,8 +25,8 @@ struct GpsFit {
 };
 
 /// Finds the similarity from the camera centers to the places that have their images' names. Throws
-/// Error, with a remedy, for fewer than three places, where fewer than half of them agree, and where
-/// the cameras are so near to a line that their turn about it is open.
+/// Error, with a remedy, for fewer than three places, where fewer than half of them agree, and
+/// where the cameras are so near to a line that their turn about it is open.
 GpsFit fit_to_gps(const ColmapModel& model, const GpsPlaces& places, const GpsFitOptions& options);
 
 /// The georeference of a model whose coordinates are those of a coordinate system:

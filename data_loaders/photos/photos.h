@@ -39,10 +39,10 @@ PhotoSize read_photo_size(const std::filesystem::path& path);
 /// without OpenImageIO. gemsplat does not follow it. Throws Error like read_photo().
 int read_photo_orientation(const std::filesystem::path& path);
 
-/// Where a photo was taken, by the GPS tags of EXIF; none if a coordinate or the altitude is missing
-/// or not on earth. The height is the altitude as it stands there, negative if the tag says "below";
-/// few cameras say above what it is measured. Throws Error like read_photo(), and in a build without
-/// OpenImageIO.
+/// Where a photo was taken, by the GPS tags of EXIF; none if a coordinate or the altitude is
+/// missing or not on earth. The height is the altitude as it stands there, negative if the tag says
+/// "below"; few cameras say above what it is measured. Throws Error like read_photo(), and in a
+/// build without OpenImageIO.
 std::optional<Geodetic> read_photo_place(const std::filesystem::path& path);
 
 /// The picture at another size: every target pixel is the mean of the source area that it covers,

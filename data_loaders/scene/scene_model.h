@@ -35,8 +35,9 @@ struct SceneModel {
 /// and for a name that no image has.
 std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel& model);
 
-/// The number of each image's frame, from 0. The photos that a rig took at one moment are one frame;
-/// every other photo is a frame of its own. Frames are numbered in the order of their first images.
+/// The number of each image's frame, from 0. The photos that a rig took at one moment are one
+/// frame; every other photo is a frame of its own. Frames are numbered in the order of their first
+/// images.
 std::vector<std::size_t> frame_numbers(const ColmapModel& model);
 
 /// The three steps of read_scene_model(), for callers that report faults instead of stopping.

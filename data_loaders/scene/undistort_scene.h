@@ -23,8 +23,8 @@ struct UndistortedScene {
 /// the photos' size, and poses, points, tracks, rigs and frames stay. Photos keep their names
 /// except for the ending. `jpeg_quality`: 1 to 100, or 0 for PNG.
 ///
-/// Throws UsageError if `out` exists and is not empty; Error if the scene cannot be loaded or a file
-/// cannot be written.
+/// Throws UsageError if `out` exists and is not empty; Error if the scene cannot be loaded or a
+/// file cannot be written.
 UndistortedScene undistort_scene(const DatasetConfig& dataset, const std::filesystem::path& out,
                                  int jpeg_quality, const ProgressFn& progress = {});
 

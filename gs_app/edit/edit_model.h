@@ -89,8 +89,8 @@ Straightened straighten(EditModel& model);
 /// Brings a model that was moved back to the photos' frame; others stay as they are.
 void restore_frame(EditModel& model);
 
-/// Merges pairs of Gaussians until `count` are left (decimate.h). Throws UsageError for Gaussians in
-/// space and time.
+/// Merges pairs of Gaussians until `count` are left (decimate.h). Throws UsageError for Gaussians
+/// in space and time.
 void decimate_by_merging(EditModel& model, std::size_t count, const DecimateOptions& options = {});
 
 /// The Gaussians as pictures show them, for questions about size and opacity: with the 3D filter in

@@ -10,16 +10,16 @@
 
 namespace gs {
 
-/// A camera in front of a model, in the frame of its numbers: it looks along z, a little down, at the
-/// median of the means. -y is at the top, as in viewers. Nine in ten means are in the picture.
+/// A camera in front of a model, in the frame of its numbers: it looks along z, a little down, at
+/// the median of the means. -y is at the top, as in viewers. Nine in ten means are in the picture.
 Camera camera_before(const GaussianModel& model);
 
-/// Renders the model before the first operation when it is made, and the model after the last one in
-/// beside().
+/// Renders the model before the first operation when it is made, and the model after the last one
+/// in beside().
 ///
-/// `camera_name` is that of a camera of both, which moves with the model. If it is empty, pictures are
-/// those of camera_before(): of each model its own where it was moved in between, else of the model
-/// before. Throws UsageError where there is no such camera.
+/// `camera_name` is that of a camera of both, which moves with the model. If it is empty, pictures
+/// are those of camera_before(): of each model its own where it was moved in between, else of the
+/// model before. Throws UsageError where there is no such camera.
 class EditPicture {
  public:
   EditPicture(const EditModel& before, const EditTools& tools, std::string camera_name);

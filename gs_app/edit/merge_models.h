@@ -22,12 +22,12 @@ struct NamedModel {
   EditModel model;
 };
 
-/// All Gaussians of all models, in the frame of the first one. Every model is brought there by way of
-/// the photos' frame, which all are taken to share. SH degrees are padded with zeros. Cameras are
-/// those of all models. `models` is not empty.
+/// All Gaussians of all models, in the frame of the first one. Every model is brought there by way
+/// of the photos' frame, which all are taken to share. SH degrees are padded with zeros. Cameras
+/// are those of all models. `models` is not empty.
 ///
-/// Throws UsageError that names two files and a remedy, where models cannot be one: in space and time
-/// and not, with a 3D filter and without, antialiased and not.
+/// Throws UsageError that names two files and a remedy, where models cannot be one: in space and
+/// time and not, with a 3D filter and without, antialiased and not.
 EditModel merge_models(std::vector<NamedModel> models, const MergeOptions& options = {});
 
 }  // namespace gs

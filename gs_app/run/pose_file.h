@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// poses.json: where a run has found that its training photos were taken, for people and for `gemsplat
-// eval`.
+// poses.json: where a run has found that its training photos were taken, for people and for
+// `gemsplat eval`.
 #pragma once
 
 #include <filesystem>
@@ -19,9 +19,9 @@ struct RefinedPose {
 using RefinedPoses = std::map<std::string, RefinedPose>;
 
 /// {"degrees", "shift", "photos": {name: {"rotation", "translation", "degrees", "shift"}, ...}}:
-/// cam_from_world as three rows and a vector, in the coordinates of cameras.json; the angle between it
-/// and the given pose, and the distance between the centers in world units. Above them the root mean
-/// squares of all photos. Written whole or not at all. Throws Error.
+/// cam_from_world as three rows and a vector, in the coordinates of cameras.json; the angle between
+/// it and the given pose, and the distance between the centers in world units. Above them the root
+/// mean squares of all photos. Written whole or not at all. Throws Error.
 ///
 /// refined  (train_views) their cameras now
 void write_poses(const std::filesystem::path& path, const std::vector<View>& train_views,

@@ -25,11 +25,12 @@ struct ServedModel {
 };
 
 /// Whether the page can read the file: a binary little-endian PLY whose properties are all floats,
-/// a compressed PLY, .spz up to version 3, .sog, .splat, .gs4d or .rad. Throws Error if the file cannot be
-/// read.
+/// a compressed PLY, .spz up to version 3, .sog, .splat, .gs4d or .rad. Throws Error if the file
+/// cannot be read.
 bool is_served_as_it_is(const std::filesystem::path& file);
 
-/// Makes another file if one is needed; of a folder of export --lod it takes the .rad. Throws Error if it cannot be written.
+/// Makes another file if one is needed; of a folder of export --lod it takes the .rad. Throws Error
+/// if it cannot be written.
 ServedModel serve_model(const OpenedModel& opened);
 
 /// "model" of /scene.json: {"format", "gaussians", "bytes", "sh_degree", "antialiased", "name",

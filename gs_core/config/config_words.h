@@ -17,8 +17,8 @@ namespace gs {
 
 /// The color behind the Gaussians; `random` is another one in each step.
 enum class Background { black, white, random };
-/// What is behind all sparse points at the start: nothing, or far Gaussians on a sphere where photos
-/// show something.
+/// What is behind all sparse points at the start: nothing, or far Gaussians on a sphere where
+/// photos show something.
 enum class SkyModel { none, sphere };
 /// How the CUDA backend blends: as matrix products on tensor cores (blend_gemm.cu), or pixel by
 /// pixel.

@@ -17,7 +17,8 @@ struct DecimateOptions {
   // Called now and then by the calling thread with the merges done and all merges; may be empty.
   // What it throws leaves decimate(), and the Gaussians are then undefined.
   std::function<void(std::size_t done, std::size_t total)> on_progress = {};
-  // Gets (N): the row of the result that holds each row, kNotRendered for dropped ones. May be null.
+  // Gets (N): the row of the result that holds each row, kNotRendered for dropped ones. May be
+  // null.
   std::vector<std::uint32_t>* merged_into = nullptr;
 };
 

@@ -9,8 +9,8 @@
 
 namespace gs {
 
-/// The area inside of rings by the even-odd rule: a ring within a ring is a hole. The last vertex of
-/// a ring is joined with the first one.
+/// The area inside of rings by the even-odd rule: a ring within a ring is a hole. The last vertex
+/// of a ring is joined with the first one.
 class Polygon {
  public:
   explicit Polygon(std::vector<std::vector<Vec2<double>>> rings) : rings_(std::move(rings)) {}

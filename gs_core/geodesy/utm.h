@@ -17,8 +17,8 @@ struct UtmZone {
 /// The zone of an EPSG code such as 32633; none for other codes.
 std::optional<UtmZone> utm_zone_of_epsg(int code);
 
-/// The place with these coordinates (easting, northing, height above the ellipsoid), metres. Good to
-/// less than a micrometre within 3900 km of the central meridian:
+/// The place with these coordinates (easting, northing, height above the ellipsoid), metres. Good
+/// to less than a micrometre within 3900 km of the central meridian:
 ///
 ///   xi = xi' + ..., the series of Krueger 1912 in the third flattening n, to order 6, with the
 ///   coefficients beta of Karney 2011 (Transverse Mercator with an accuracy of a few nanometers,

@@ -163,8 +163,8 @@ RobustSimilarity judged(const Similarity& similarity, const Pairs& pairs, double
   if (result.fit_count == 0) return result;
   result.rms = std::sqrt(sum / double(result.fit_count));
   const Pairs fitting = chosen_pairs(pairs, [&](std::size_t i) { return bool(result.fits[i]); });
-  // A pair at the distance r from the line turns by e / r for an error e across it; rms / sqrt(3) is
-  // the error along one axis.
+  // A pair at the distance r from the line turns by e / r for an error e across it; rms / sqrt(3)
+  // is the error along one axis.
   const auto spreads = spreads_of(fitting.from, mean_of(fitting.from));
   const double across = similarity.scale * std::hypot(spreads[1], spreads[2]);
   result.turn_error = result.rms / std::sqrt(3.0 * double(result.fit_count)) / across;

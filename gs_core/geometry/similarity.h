@@ -51,8 +51,8 @@ struct RobustSimilarity {
 
 /// Draws three pairs again and again, keeps the similarity with the least sum of squared distances,
 /// each cut at most_distance^2 (MSAC: Torr & Zisserman 2000), and fits it anew to the pairs that
-/// agree until they stay the same. Of few pairs all triples are tried. The result depends on nothing
-/// but the arguments. None if no three pairs agree.
+/// agree until they stay the same. Of few pairs all triples are tried. The result depends on
+/// nothing but the arguments. None if no three pairs agree.
 std::optional<RobustSimilarity> fit_robust_similarity(const std::vector<Vec3d>& from,
                                                       const std::vector<Vec3d>& to,
                                                       const SimilarityOptions& options);

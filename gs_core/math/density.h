@@ -19,8 +19,8 @@ struct AdaptiveRules {
   float prune_opacity;  // below it a Gaussian goes
   float prune_scale;    // world units; above it a Gaussian goes; infinity: none does
   std::int64_t max_gaussians;  // no growth beyond; 0: no cap
-  // World units. Up to this distance from the origin prune_scale holds; beyond, the limit grows with
-  // the distance, so that what is far may be as large as what is near in a picture.
+  // World units. Up to this distance from the origin prune_scale holds; beyond, the limit grows
+  // with the distance, so that what is far may be as large as what is near in a picture.
   float prune_scale_within = std::numeric_limits<float>::infinity();
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The photometric model "ppisp": exposure and a color homography of each photo. Photos are taken for
-// pictures of one camera whose white and primaries move.   PPISP (2026), without its response curve
+// The photometric model "ppisp": exposure and a color homography of each photo. Photos are taken
+// for pictures of one camera whose white and primaries move.
+//                                                    PPISP (2026), without its response curve
 #pragma once
 
 #include <array>
@@ -9,8 +10,8 @@
 
 namespace gs {
 
-/// The eight numbers of a photo's colors: two for each target, in the order blue, red, green, white.
-/// All 0: the photo shows the scene's own colors.
+/// The eight numbers of a photo's colors: two for each target, in the order blue, red, green,
+/// white. All 0: the photo shows the scene's own colors.
 template <class T>
 using ColorLatents = std::array<T, 8>;
 
@@ -33,8 +34,8 @@ GS_HD LatentScale latent_scale(int target) {
 ///   q = M (k o x),   y = f q,   f = (I + eps) / (J + eps),   I = sum x,   J = sum k o x
 ///
 /// The columns of M are the primaries (r, g, 1 - r - g) of red, green and blue, and
-/// k = 3 M^-1 (white). o multiplies by elements. f keeps the color's sum. A black pixel stays black,
-/// because eps is in both sums; it is 1e-5.
+/// k = 3 M^-1 (white). o multiplies by elements. f keeps the color's sum. A black pixel stays
+/// black, because eps is in both sums; it is 1e-5.
 template <class T>
 struct ColorMatrix {
   Mat3<T> M;

@@ -16,9 +16,9 @@ struct Sky {
 };
 
 /// Even directions, of which those are kept in which the photos agree on a color and have no sparse
-/// point nearby. Decodes up to 256 photos. Empty if model.sky is none, or if the scene has no sparse
-/// points to tell what is near. Throws UsageError if the points of the sky would be more than half
-/// of density.max_gaussians.
+/// point nearby. Decodes up to 256 photos. Empty if model.sky is none, or if the scene has no
+/// sparse points to tell what is near. Throws UsageError if the points of the sky would be more
+/// than half of density.max_gaussians.
 Sky sky_of(const Scene& scene, const Config& config);
 
 }  // namespace gs

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The gauge of refined poses. A similarity of scene and cameras together changes no picture, so that
-// nothing in the photos holds the scene at its place. What a similarity of all cameras would explain
-// is therefore taken out of their motions, by least squares.
+// The gauge of refined poses. A similarity of scene and cameras together changes no picture, so
+// that nothing in the photos holds the scene at its place. What a similarity of all cameras would
+// explain is therefore taken out of their motions, by least squares.
 #include <cmath>
 
 #include "gs_train/poses/poses.h"

@@ -11,15 +11,16 @@ namespace gs {
 
 inline constexpr std::size_t kPoseNumbers = 6;  // of a row: three of the turn, three of the shift
 
-/// One row for each rigid frame: the training photos that a rig took at one moment, or one photo. All
-/// arrays are in host memory on every backend, because the host makes the camera of each step.
+/// One row for each rigid frame: the training photos that a rig took at one moment, or one photo.
+/// All arrays are in host memory on every backend, because the host makes the camera of each step.
 struct PoseState {
   // These follow from the scene; checkpoints do not have them.
   std::vector<std::uint32_t> row_of;       // (training photos)
   std::vector<RigidFrame<double>> frames;  // (rows) at the given poses
   std::vector<Vec3d> centers;              // (rows) mean of its cameras' centers, world units
   double extent = 1;                       // of the scene: the unit of shifts
-  // (at most 7) of (rows, 6): orthonormal, what a similarity makes of all motions (center_poses.cpp)
+  // (at most 7) of (rows, 6): orthonormal, what a similarity makes of all motions
+  // (center_poses.cpp)
   std::vector<std::vector<double>> common_modes;
   // (rows, 6) turn in radians and shift in extents, in the axes of the frame; 0: as given
   std::vector<float> values, first_moment, second_moment;

@@ -48,8 +48,8 @@ Vec3d focus_of(const PinholeCamera<double>& camera, const std::vector<ScenePoint
 }
 
 // A frame has the axes of its first camera. It turns about the mean of the points that its cameras
-// look at: there a turn moves pictures as no shift does, so that Adam finds both at their own rates.
-// About a camera's own center, both would move them nearly alike.
+// look at: there a turn moves pictures as no shift does, so that Adam finds both at their own
+// rates. About a camera's own center, both would move them nearly alike.
 void take_frames(const Scene& scene, PoseState& state) {
   const std::vector<View>& views = scene.train_views;
   state.extent = double(scene.extent);

@@ -38,8 +38,9 @@ void add_pose_gradient(const PoseState& state, std::size_t photo, const Camera& 
 void update_poses(PoseState& state, float pull, float rate, const AdamRule& rule,
                   std::vector<double>& gradient);
 
-/// Takes out of the motions what a similarity of all cameras explains, by least squares, where turns
-/// in radians and shifts in extents count alike: what all photos have in common is the scene's.
+/// Takes out of the motions what a similarity of all cameras explains, by least squares, where
+/// turns in radians and shifts in extents count alike: what all photos have in common is the
+/// scene's.
 void center_poses(PoseState& state);
 /// PoseState::common_modes, of the state's frames.
 std::vector<std::vector<double>> common_modes(const PoseState& state);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Georeferences found from GPS places and from coordinate systems, against the truth, and georef.json.
+// Georeferences found from GPS places and from coordinate systems, against the truth, and
+// georef.json.
 #include <gmock/gmock.h>
 
 #include "data_loaders/colmap/world_offset.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Small JSON files beside models and scenes: the sidecar of an export, exposure.json, photometric.json,
-// poses.json, split.json, georef.json, places of photos as text, and reconstruct.json, whose list of files says what
-// may be removed; and areas, in GeoJSON or as text.
+// poses.json, split.json, georef.json, places of photos as text, and reconstruct.json, whose list
+// of files says what may be removed; and areas, in GeoJSON or as text.
 #include "data_loaders/formats/sidecar.h"
 
 #include "data_loaders/cameras/exposure_file.h"

@@ -19,7 +19,8 @@ inline Georeference true_georeference() {
   return {{15.5, 48.2, 300}, enu_from_input};
 }
 
-/// `count` cameras about the origin of the scene, some units apart, and the points of small_model().
+/// `count` cameras about the origin of the scene, some units apart, and the points of
+/// small_model().
 inline ColmapModel placed_model(int count, const std::string& ending = ".jpg") {
   ColmapModel model = small_model(0);
   for (int i = 0; i < count; ++i) {

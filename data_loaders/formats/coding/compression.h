@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gzip, DEFLATE and zstd. In a build without zlib or zstd, the functions throw an Error that names what is
-// missing.
+// gzip, DEFLATE and zstd. In a build without zlib or zstd, the functions throw an Error that names
+// what is missing.
 #pragma once
 
 #include <filesystem>

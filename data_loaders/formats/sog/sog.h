@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // .sog, version 2 (PlayCanvas): a zip archive of lossless WebP pictures, one pixel for each
-// Gaussian, and meta.json, which says what their bytes mean. The same files may lie in a folder. Axes and units are the PLY's.
+// Gaussian, and meta.json, which says what their bytes mean. The same files may lie in a folder.
+// Axes and units are the PLY's.
 //
 //   means_l, means_u   r g b: low and high byte of sign(x) ln(1 + |x|) in 16 bits from mins to maxs
 //   quats              r g b: three of w x y z as (0.5 + v / sqrt(2)) * 255
@@ -32,7 +33,8 @@ GaussianModel read_sog_folder(const std::filesystem::path& path);
 /// file cannot be written.
 void write_sog(const std::filesystem::path& path, const GaussianModel& model);
 
-/// The same as files in a folder, meta.json last, with the rows in their order. Returns their bytes.
+/// The same as files in a folder, meta.json last, with the rows in their order. Returns their
+/// bytes.
 std::uint64_t write_sog_folder(const std::filesystem::path& folder, const GaussianModel& model);
 
 }  // namespace gs

@@ -38,12 +38,13 @@ GaussianModel spz_model(const std::filesystem::path& path, std::string_view byte
                         const AxisSigns& signs);
 
 /// What an .spz holds in full: positions within 2048 units of the origin, standard deviations up to
-/// 379 units. Farther positions take coarser steps, up to 2^23 units; larger Gaussians are cut down.
+/// 379 units. Farther positions take coarser steps, up to 2^23 units; larger Gaussians are cut
+/// down.
 inline constexpr double kSpzFineReach = 2048, kSpzReach = 8'388'000, kSpzLargestSigma = 379;
 
-/// The bytes of an .spz of version 3 or 4. `signs` lead from the PLY's axes to those of its numbers:
-/// kHalfTurnX as in a file of its own (RUB), (1, 1, 1) for readers that take the numbers as they are.
-/// The model is one that finite_model() made, with positions within kSpzReach.
+/// The bytes of an .spz of version 3 or 4. `signs` lead from the PLY's axes to those of its
+/// numbers: kHalfTurnX as in a file of its own (RUB), (1, 1, 1) for readers that take the numbers
+/// as they are. The model is one that finite_model() made, with positions within kSpzReach.
 std::string spz_bytes(const GaussianModel& model, int version, const AxisSigns& signs);
 
 /// Writes version 3 or 4 of a model that finite_model() made. Positions beyond +-2048 units take

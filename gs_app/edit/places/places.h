@@ -25,8 +25,8 @@ struct PlaceOptions {
   bool whole = false;
 };
 
-/// Whether a place holds a Gaussian: its mean, and all that is within `reach` of it along each axis.
-/// A reach of 0 asks for the mean alone.
+/// Whether a place holds a Gaussian: its mean, and all that is within `reach` of it along each
+/// axis. A reach of 0 asks for the mean alone.
 using Place = std::function<bool(const Vec3d& mean, const Vec3d& reach)>;
 
 /// Places by their words; `what` begins the message of the UsageError that they throw. A sphere is

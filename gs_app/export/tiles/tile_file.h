@@ -2,9 +2,9 @@
 // The .glb of one tile, as CesiumJS reads Gaussians in 3D Tiles: an .spz of version 3 inside, under
 // the extension KHR_gaussian_splatting_compression_spz_2 (a draft; glTF pull request 2531).
 //
-// CesiumJS 1.145 takes the numbers of the .spz as they are, without a turn of axes, and takes glTF's
-// y up to 3D Tiles' z up: (x, y, z) -> (x, -z, y). The matrix of the node undoes that, so that the
-// numbers are coordinates of the tile. SH is evaluated in the same frame.
+// CesiumJS 1.145 takes the numbers of the .spz as they are, without a turn of axes, and takes
+// glTF's y up to 3D Tiles' z up: (x, y, z) -> (x, -z, y). The matrix of the node undoes that, so
+// that the numbers are coordinates of the tile. SH is evaluated in the same frame.
 #pragma once
 
 #include <filesystem>

@@ -34,11 +34,11 @@ inline constexpr std::size_t kRootGaussians = 1000;  // of the coarsest tile, at
 /// shown until the one above it, whose Gaussians are 1.4 times as wide, takes over at 1 pixel.
 double geometric_error_of(const Gaussians& gaussians);
 
-/// Splits the Gaussians at the median of the longest axis of their means until no tile has more than
-/// `most` (at least 2). The tiles above hold the Gaussians of both children merged to half their
-/// number (decimate.h), so each level has half of the one below. Above the tile that covers all, more
-/// with one child each follow until kRootGaussians are left. Ties go by index: the same Gaussians give
-/// the same tree. Host memory; at least one Gaussian, finite, without time and
+/// Splits the Gaussians at the median of the longest axis of their means until no tile has more
+/// than `most` (at least 2). The tiles above hold the Gaussians of both children merged to half
+/// their number (decimate.h), so each level has half of the one below. Above the tile that covers
+/// all, more with one child each follow until kRootGaussians are left. Ties go by index: the same
+/// Gaussians give the same tree. Host memory; at least one Gaussian, finite, without time and
 /// without a 3D filter.
 Tile tile_tree(const Gaussians& gaussians, std::size_t most);
 

@@ -38,8 +38,8 @@ GaussianModel placed(const GaussianModel& model, const TilesetRequest& request) 
   return result;
 }
 
-/// Tiles are .spz inside, which ends somewhere. Real scenes have Gaussians far away or huge ones now
-/// and then, as part of their sky.
+/// Tiles are .spz inside, which ends somewhere. Real scenes have Gaussians far away or huge ones
+/// now and then, as part of their sky.
 void check_reach(const GaussianModel& placed, const fs::path& folder) {
   std::size_t far = 0, large = 0;
   double farthest = 0;

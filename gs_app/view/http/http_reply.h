@@ -19,9 +19,9 @@ struct ByteRange {
   std::uint64_t first, last;
 };
 
-/// The range that a Range header asks for in a body of `bytes` bytes, cut off at its end: "bytes=5-9"
-/// or "bytes=5-". Nothing for other headers, such as those of several ranges: they get the whole
-/// body, as RFC 9110 allows. If it begins behind the body, `first` is `bytes`.
+/// The range that a Range header asks for in a body of `bytes` bytes, cut off at its end:
+/// "bytes=5-9" or "bytes=5-". Nothing for other headers, such as those of several ranges: they get
+/// the whole body, as RFC 9110 allows. If it begins behind the body, `first` is `bytes`.
 std::optional<ByteRange> range_of(std::string_view header, std::uint64_t bytes);
 
 /// The bytes of an answer, and how many of them were sent.
