@@ -33,8 +33,10 @@ constexpr int kThreads = 256;
 constexpr std::size_t kMostPending = 128;  // photos that the host may be ahead of the device
 constexpr double kGrowthMargin = 1.2;      // times the instances of a view's last visit
 constexpr double kUnseenMargin = 1.5;      // times the most instances per Gaussian seen so far
-constexpr std::size_t kFirstCapacity = std::size_t(1) << 20;  // instances, before any view was seen
-constexpr std::size_t kCapacityStep = std::size_t(1) << 14;   // instances; capacities are multiples
+constexpr std::size_t kLeastCapacity = std::size_t(1) << 20;  // instances, before any view was seen
+constexpr double kMostPerGaussian =
+    16;  // instances that a higher resolution may be expected to add
+constexpr std::size_t kCapacityStep = std::size_t(1) << 14;  // instances; capacities are multiples
 
 struct LossRow {
   const char* name;  // a word of loss.kind
@@ -60,6 +62,14 @@ __global__ void add_kernel(Span<float> to, const float* from, float weight) {
   if (i < to.size) to[i] += weight * from[i];
 }
 
+// Instances of a view before any was seen. Few Gaussians are large ones. A view that has more
+// instances is launched again, which costs less than memory that no view needs.
+double first_capacity(std::size_t gaussians) {
+  constexpr std::size_t kFew = 1'000'000;
+  const double few = double(std::min(gaussians, kFew)), others = double(gaussians) - few;
+  return std::max(double(kLeastCapacity), 4 * few + others);
+}
+
 // Forecasts how many instances a view will have. Where its last visit was at a lower resolution, it
 // has more of them now: as many times as there are more pixels, at most.
 class InstanceForecast {
@@ -71,17 +81,17 @@ class InstanceForecast {
     most = std::max(most, double(instances) / double(gaussians));
   }
   std::uint32_t capacity_for(const TrainingPhoto& photo, std::size_t gaussians) const {
-    const double first = std::max<double>(kFirstCapacity, 16.0 * double(gaussians));
-    double capacity = first;
+    const double limit = std::max(double(kLeastCapacity), kMostPerGaussian * double(gaussians));
+    double capacity = first_capacity(gaussians);
     if (const auto visit = visits_.find(photo.view); visit != visits_.end()) {
       const double growth = double(gaussians) / double(visit->second.gaussians);
       capacity = double(visit->second.instances) * std::max(growth, 1.0) * kGrowthMargin;
-      capacity = enlarged(capacity, visit->second.reduction, photo.reduction, first);
+      capacity = enlarged(capacity, visit->second.reduction, photo.reduction, limit);
     } else {
       double most = 0;
       for (const auto& [reduction, of_one] : most_per_gaussian_)
         most = std::max(most, enlarged(of_one * double(gaussians) * kUnseenMargin, reduction,
-                                       photo.reduction, first));
+                                       photo.reduction, limit));
       if (most > 0) capacity = most;
     }
     const double steps = std::min(std::ceil(capacity / double(kCapacityStep)),
@@ -121,7 +131,8 @@ class CudaBackend final : private Device, public Backend {
         renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
         optimizer_(make_optimizer(context)), sums_(device_memory),
         photometric_gradient_(device_memory), camera_of_(device_memory),
-        camera_gradients_(device_memory), rows_(make_row_ops(context, device_memory)) {}
+        camera_gradients_(device_memory),
+        rows_(make_row_ops(context, device_memory, pass_.splats)) {}
   ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
 
   void make_current() override { check(cudaSetDevice(context.device()), "choosing the GPU"); }

@@ -283,6 +283,7 @@ void add_position_noise(Context& context, const GaussiansSpan& gaussians,
 /// The other stages, behind the interfaces of gs_train.
 std::unique_ptr<Loss> make_loss(Context& context, Memory& memory, PhotoStore& photos);  // 5 ssim.cu
 std::unique_ptr<Optimizer> make_optimizer(Context& context);                            // 8 adam.cu
-std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory);  // 9 rows.cu, 10 morton.cu
+/// 9 rows.cu, 10 morton.cu. `splats` are those of the training pass: row operations use their memory.
+std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory, Buffer<Splat>& splats);
 
 }  // namespace gs::cuda

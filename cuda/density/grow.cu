@@ -130,10 +130,9 @@ void Growth::decide(const TrainingModel& model, const GrowthRules& rules, const 
   action_.resize_discard(count);
   launch(actions_kernel, count, rows, statistics, rules, action_.span());
   counts_.fill_zero();
-  workspace_.keys.resize_discard(count);
   launch(keys_kernel, count, statistics, rules, random, step, action_.span(),
-         workspace_.keys.span(), counts_.data());
-  const Span<const std::uint32_t> order = sort_rows(context_, "growth", workspace_, kKeyBits);
+         workspace_.make_keys(count), counts_.data());
+  const Span<const std::uint32_t> order = workspace_.sort(context_, "growth", kKeyBits);
   launch(limit_kernel, count, rows, statistics, rules, order, counts_.data(), action_.span());
 }
 
@@ -195,7 +194,6 @@ void Growth::finish(const GaussiansSpan& rows, const Result& result, const Growt
 }
 
 void Growth::release() {
-  workspace_ = RowOrderWorkspace(action_.memory());
   action_.release();
   child_action_.release();
   for (Buffer<std::uint32_t>* rows : {&clones_, &parents_, &children_}) rows->release();

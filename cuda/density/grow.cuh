@@ -17,8 +17,8 @@ struct GrowthCounts {
 /// RowOps::grow() without the gather, with its buffers. The rows are those of the scalar twin.
 class Growth {
  public:
-  Growth(Context& context, Memory& memory)
-      : context_(context), workspace_(memory), action_(memory), child_action_(memory),
+  Growth(Context& context, Memory& memory, RowOrderWorkspace& workspace)
+      : context_(context), workspace_(workspace), action_(memory), child_action_(memory),
         clones_(memory), parents_(memory), children_(memory), counts_(1, memory) {}
 
   /// What a refinement makes of the model's rows.
@@ -47,7 +47,7 @@ class Growth {
                        int step, std::size_t parents);
 
   Context& context_;
-  RowOrderWorkspace workspace_;
+  RowOrderWorkspace& workspace_;
   Buffer<GrowthAction> action_;             // (N)
   Buffer<GrowthAction> child_action_;       // keep or prune
   Buffer<std::uint32_t> clones_, parents_;  // row numbers

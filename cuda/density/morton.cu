@@ -78,37 +78,43 @@ __global__ void row_numbers_kernel(Span<std::uint32_t> row_numbers) {
 
 }  // namespace
 
-Span<const std::uint32_t> sort_rows(Context& context, const char* stage,
-                                    RowOrderWorkspace& workspace, int bits) {
-  const std::size_t count = workspace.keys.size();
+Span<const std::uint32_t> RowOrderWorkspace::sort(Context& context, const char* stage, int bits) {
+  const std::size_t count = keys_.size;
   if (count == 0) return {};
-  workspace.other_keys.resize_discard(count);
-  workspace.row_numbers.resize_discard(count);
-  workspace.other_rows.resize_discard(count);
+  row_numbers_.resize_discard(count);
+  other_rows_.resize_discard(count);
   context.launch(stage, row_numbers_kernel, blocks_for(count, kThreads), kThreads,
-                 workspace.row_numbers.span());
-  cub::DoubleBuffer<std::uint64_t> keys(workspace.keys.data(), workspace.other_keys.data());
-  cub::DoubleBuffer<std::uint32_t> rows(workspace.row_numbers.data(), workspace.other_rows.data());
-  with_cub_scratch(workspace.cub, stage, [&](void* scratch, std::size_t& bytes) {
+                 row_numbers_.span());
+  cub::DoubleBuffer<std::uint64_t> keys(keys_.data, keys_.data + count);
+  cub::DoubleBuffer<std::uint32_t> rows(row_numbers_.data(), other_rows_.data());
+  with_cub_scratch(cub, stage, [&](void* scratch, std::size_t& bytes) {
     return cub::DeviceRadixSort::SortPairs(scratch, bytes, keys, rows, int(count), 0, bits,
                                            context.stream());
   });
   return {rows.Current(), count};
 }
 
+void RowOrderWorkspace::release() {
+  keys_ = {};
+  row_numbers_.release();
+  other_rows_.release();
+  bounds.release();
+  cub.release();
+}
+
 Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& workspace,
                                        Span<const Vec3f> means, Span<const float> time_means,
                                        Span<const float> log_time_scales) {
-  workspace.keys.resize_discard(means.size);
+  const Span<std::uint64_t> keys = workspace.make_keys(means.size);
   if (means.empty()) return {};
   workspace.bounds.resize_discard(1);
   with_cub_scratch(workspace.cub, "morton", [&](void* scratch, std::size_t& bytes) {
     return reduce_to_bounds(scratch, bytes, means, workspace.bounds.data(), context.stream());
   });
   context.launch("morton", morton_kernel, blocks_for(means.size, kThreads), kThreads, means,
-                 time_means, log_time_scales, workspace.bounds.data(), workspace.keys.span());
-  return sort_rows(context, "morton", workspace,
-                   time_means.empty() ? 3 * kMortonBits : kSpacetimeCodeBits);
+                 time_means, log_time_scales, workspace.bounds.data(), keys);
+  return workspace.sort(context, "morton",
+                        time_means.empty() ? 3 * kMortonBits : kSpacetimeCodeBits);
 }
 
 }  // namespace gs::cuda

@@ -181,11 +181,11 @@ __global__ void count_marked_kernel(Span<const RowAction> action, Counts* counts
 
 class CudaRowOps final : public RowOps {
  public:
-  CudaRowOps(Context& context, Memory& memory)
-      : context_(context), rows_(context, memory), growth_(context, memory),
-        relocation_(context, memory), filter_(context, memory), order_workspace_(memory),
-        action_(memory), source_(memory), clones_(memory), parents_(memory), halves_(memory),
-        counts_(1, memory) {}
+  CudaRowOps(Context& context, Memory& memory, Buffer<Splat>& splats)
+      : context_(context), room_(splats), rows_(context, room_), order_workspace_(memory, room_),
+        growth_(context, memory, order_workspace_), relocation_(context, memory),
+        filter_(context, memory), action_(memory), source_(memory), clones_(memory),
+        parents_(memory), halves_(memory), counts_(1, memory) {}
 
   RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
                       int step) override {
@@ -263,11 +263,10 @@ class CudaRowOps final : public RowOps {
     const std::size_t count = model.count();
     if (count == 0) return 0;
     action_.resize_discard(count);
-    order_workspace_.keys.resize_discard(count);
     launch(prune_keys_kernel, count, model.gaussians.span(), span_of(model.statistics), order,
-           order_workspace_.keys.span());
+           order_workspace_.make_keys(count));
     const Span<const std::uint32_t> rows =
-        sort_rows(context_, "row operations", order_workspace_, kPruneKeyBits);
+        order_workspace_.sort(context_, "row operations", kPruneKeyBits);
     launch(prune_first_kernel, count, rows, share_of(count, share), action_.span());
     return prune_marked(model);
   }
@@ -292,10 +291,9 @@ class CudaRowOps final : public RowOps {
   }
 
   void release_caches() override {
-    rows_.release();
     growth_.release();
     filter_.release();
-    order_workspace_ = RowOrderWorkspace(action_.memory());
+    order_workspace_.release();
     action_.release();
     for (Buffer<std::uint32_t>* rows : {&source_, &clones_, &parents_, &halves_}) rows->release();
   }
@@ -326,11 +324,10 @@ class CudaRowOps final : public RowOps {
     launch(row_actions_kernel, count, rows, visits, gradient_norm, rules, action_.span());
     if (rules.max_gaussians <= 0 || std::int64_t(2 * count) <= rules.max_gaussians) return;
     counts_.fill_zero();
-    order_workspace_.keys.resize_discard(count);
     launch(growth_keys_kernel, count, action_.span(), visits, gradient_norm,
-           order_workspace_.keys.span(), counts_.data());
+           order_workspace_.make_keys(count), counts_.data());
     const Span<const std::uint32_t> order =
-        sort_rows(context_, "row operations", order_workspace_, kGrowthKeyBits);
+        order_workspace_.sort(context_, "row operations", kGrowthKeyBits);
     launch(limit_growth_kernel, count, rows, rules, order, counts_.data(), action_.span());
   }
 
@@ -420,11 +417,12 @@ class CudaRowOps final : public RowOps {
   }
 
   Context& context_;
+  BorrowedRoom room_;
   RowGather rows_;
+  RowOrderWorkspace order_workspace_;
   Growth growth_;
   Relocation relocation_;
   FilterMeter filter_;
-  RowOrderWorkspace order_workspace_;
   Buffer<RowAction> action_;                         // (N) of the rows, then of the halves
   Buffer<std::uint32_t> source_, clones_, parents_;  // row numbers
   Buffer<std::uint32_t> halves_;                     // numbers of those halves that are kept
@@ -433,8 +431,8 @@ class CudaRowOps final : public RowOps {
 
 }  // namespace
 
-std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory) {
-  return std::make_unique<CudaRowOps>(context, memory);
+std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory, Buffer<Splat>& splats) {
+  return std::make_unique<CudaRowOps>(context, memory, splats);
 }
 
 }  // namespace gs::cuda

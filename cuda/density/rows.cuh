@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shared by the row operations, stages 9 and 10: the gather of whole rows, and the order of rows by
-// keys.
+// Shared by the row operations, stages 9 and 10: the gather of whole rows, the order of rows by
+// keys, and the room for both.
 #pragma once
+
+#include <algorithm>
 
 #include "cuda/device/context.cuh"
 #include "gs_core/buffer.h"
+#include "gs_core/types.h"
 
 namespace gs::cuda {
 
@@ -13,71 +16,101 @@ struct Bounds {
   Vec3f low, high;
 };
 
-/// Buffers of sort_rows() and morton_order().
-struct RowOrderWorkspace {
-  Buffer<std::uint64_t> keys, other_keys;         // (N)
-  Buffer<std::uint32_t> row_numbers, other_rows;  // (N)
-  Buffer<Bounds> bounds;                          // (1)
-  Buffer<std::uint8_t> cub;
+/// Memory that row operations borrow from the step: the splats of its pass. No step runs while rows
+/// are changed, and nobody reads its splats after it. So the sort keys and the gathers need no
+/// memory of their own. Each use destroys what the one before has left.
+class BorrowedRoom {
+ public:
+  static constexpr int kWordsOfRow = sizeof(Splat) / sizeof(std::uint32_t);
 
-  explicit RowOrderWorkspace(Memory& memory)
-      : keys(memory), other_keys(memory), row_numbers(memory), other_rows(memory), bounds(memory),
-        cub(memory) {}
+  explicit BorrowedRoom(Buffer<Splat>& splats) : splats_(splats) {}
+
+  /// Makes room for kWordsOfRow words of each of `rows` rows.
+  void reserve(std::size_t rows) {
+    if (splats_.size() < rows) splats_.resize_discard(rows);
+  }
+  std::uint32_t* words(std::size_t rows) {
+    reserve(rows);
+    return reinterpret_cast<std::uint32_t*>(splats_.data());
+  }
+
+ private:
+  Buffer<Splat>& splats_;
 };
 
-/// morton.cu: the numbers of all rows, sorted by the lowest `bits` bits of workspace.keys,
-/// ascending; equal keys by row number. Overwrites the keys. The result lies in `workspace` and is
-/// valid until the next call.
-Span<const std::uint32_t> sort_rows(Context& context, const char* stage,
-                                    RowOrderWorkspace& workspace, int bits);
+/// Buffers of sort_rows() and morton_order().
+class RowOrderWorkspace {
+ public:
+  RowOrderWorkspace(Memory& memory, BorrowedRoom& room)
+      : bounds(memory), cub(memory), room_(room), row_numbers_(memory), other_rows_(memory) {}
+
+  /// The sort keys of so many rows, not set yet.
+  Span<std::uint64_t> make_keys(std::size_t count) {
+    static_assert(2 * sizeof(std::uint64_t) <= sizeof(Splat));  // two arrays of keys
+    keys_ = {reinterpret_cast<std::uint64_t*>(room_.words(count)), count};
+    return keys_;
+  }
+  /// morton.cu: the numbers of all rows, sorted by the lowest `bits` bits of their keys, ascending;
+  /// equal keys by row number. Overwrites the keys. The result is valid until the next call.
+  Span<const std::uint32_t> sort(Context& context, const char* stage, int bits);
+  void release();
+
+  Buffer<Bounds> bounds;  // (1)
+  Buffer<std::uint8_t> cub;
+
+ private:
+  BorrowedRoom& room_;
+  Span<std::uint64_t> keys_;
+  Buffer<std::uint32_t> row_numbers_, other_rows_;  // (N)
+};
 
 /// 10  morton.cu: the numbers of all rows along the Morton curve of the means, in their bounding
 /// cube, equal codes by row number. Rows in space and time are ordered by their bin of time first,
 /// with static ones last; both other arrays are empty where rows have no time. The result lies in
-/// `workspace` like that of sort_rows().
+/// `workspace` like that of its sort().
 Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& workspace,
                                        Span<const Vec3f> means, Span<const float> time_means,
                                        Span<const float> log_time_scales);
 
-inline constexpr int kGatherThreads = 256;  // threads of a block, and rows that it gathers
+inline constexpr int kGatherThreads = 256;  // threads of a block, and rows that it copies
 
-/// Row i of `to` becomes row source[i] of `from`; a row has kWords words. A block takes
-/// kGatherThreads rows. Its threads take one word after another, so that neighboring threads read
-/// and write neighboring words.
-template <int kWords>
-__global__ void gather_kernel(const std::uint32_t* from, Span<const std::uint32_t> source,
-                              std::uint32_t* to) {
+/// Copies kCopied words of each row. Rows lie kFrom words apart in `from`, and kTo words apart in
+/// `to`. Row i comes from row source[i], or from row i without a source.
+/// A block takes kGatherThreads rows. Its threads take one word after another, so that neighboring
+/// threads read and write neighboring words.
+template <int kCopied, int kFrom, int kTo>
+__global__ void copy_columns_kernel(const std::uint32_t* from, const std::uint32_t* source,
+                                    std::size_t rows, std::uint32_t* to) {
   const std::size_t first = std::size_t(blockIdx.x) * kGatherThreads;
-  const std::size_t left = source.size - first;
-  const unsigned words = unsigned(min_of(left, std::size_t(kGatherThreads))) * kWords;
-  for (unsigned k = threadIdx.x; k < words; k += kGatherThreads)
-    to[first * kWords + k] = from[std::size_t(source[first + k / kWords]) * kWords + k % kWords];
+  const unsigned words = unsigned(min_of(rows - first, std::size_t(kGatherThreads))) * kCopied;
+  for (unsigned k = threadIdx.x; k < words; k += kGatherThreads) {
+    const std::size_t row = first + k / kCopied;
+    const unsigned word = k % kCopied;
+    to[row * kTo + word] = from[std::size_t(source ? source[row] : row) * kFrom + word];
+  }
 }
 
-/// Gathers arrays one by one through a scratch as large as the largest of them.
+/// Gathers arrays one by one through borrowed room. Where a row has more words than the room has,
+/// it is gathered in several passes of some of its words.
 class RowGather {
  public:
-  RowGather(Context& context, Memory& memory) : context_(context), scratch_(memory) {}
+  RowGather(Context& context, BorrowedRoom& room) : context_(context), room_(room) {}
 
   /// Reserves memory to gather up to so many rows of the array, after which gather() cannot fail.
   template <class T>
   void reserve(Buffer<T>& array, std::size_t count) {
     array.reserve(count);
-    scratch_.reserve(count * (sizeof(T) / sizeof(std::uint32_t)));
+    room_.reserve(count);
   }
-  void release() { scratch_.release(); }
   /// The array becomes `count` >= source.size rows: array[source[i]] for each i, then rows of
   /// zeros.
   template <class T>
   void gather(Buffer<T>& array, Span<const std::uint32_t> source, std::size_t count) {
-    constexpr int kWords = sizeof(T) / sizeof(std::uint32_t);
-    static_assert(sizeof(T) == kWords * sizeof(std::uint32_t));
-    scratch_.resize_discard(source.size * kWords);
-    context_.launch("gather", gather_kernel<kWords>, blocks_for(source.size, kGatherThreads),
-                    kGatherThreads, reinterpret_cast<const std::uint32_t*>(array.data()), source,
-                    scratch_.data());
-    array.resize_discard(count);
-    if (source.size) array.memory().copy(array.data(), scratch_.data(), source.size * sizeof(T));
+    static_assert(sizeof(T) % sizeof(std::uint32_t) == 0);
+    array.reserve(count);
+    gather_columns<sizeof(T) / sizeof(std::uint32_t)>(
+        reinterpret_cast<std::uint32_t*>(array.data()), source);
+    array.resize(count);
     if (count > source.size)
       array.memory().fill_zero(array.data() + source.size, (count - source.size) * sizeof(T));
   }
@@ -87,8 +120,21 @@ class RowGather {
   }
 
  private:
+  // The words from kFirst on of each row. A pass changes no word that a later one reads.
+  template <int kWords, int kFirst = 0>
+  void gather_columns(std::uint32_t* rows, Span<const std::uint32_t> source) {
+    constexpr int kCopied = std::min(kWords - kFirst, BorrowedRoom::kWordsOfRow);
+    std::uint32_t* const room = room_.words(source.size);
+    const std::size_t blocks = blocks_for(source.size, kGatherThreads);
+    context_.launch("gather", copy_columns_kernel<kCopied, kWords, kCopied>, blocks, kGatherThreads,
+                    rows + kFirst, source.data, source.size, room);
+    context_.launch("gather", copy_columns_kernel<kCopied, kCopied, kWords>, blocks, kGatherThreads,
+                    room, nullptr, source.size, rows + kFirst);
+    if constexpr (kFirst + kCopied < kWords) gather_columns<kWords, kFirst + kCopied>(rows, source);
+  }
+
   Context& context_;
-  Buffer<std::uint32_t> scratch_;
+  BorrowedRoom& room_;
 };
 
 }  // namespace gs::cuda
