@@ -54,12 +54,12 @@ struct ModelConfig {
   std::string start_from;
   int sh_degree = 3;
   float initial_opacity = 0.1f;
-  float initial_scale = 1;     // times the distance to the nearest points
-  int random_points = 100000;  // used when the model has no points
-  float random_box = 0;        // half the edge of the box of random points; 0: around the cameras
-  int most_points = 2000000;   // to start from; denser clouds are downsampled
-  bool dynamic = false;        // Gaussians in space and time, for scenes that move
-  bool time_colors = false;    // their colors change during their lives
+  float initial_scale = 1;           // times the distance to the nearest points
+  int random_points = 100000;        // used when the model has no points
+  float random_box = 0;              // half the edge of the box of random points; 0: by cameras
+  int most_points = 2000000;         // to start from; denser clouds are downsampled
+  bool dynamic = false;              // Gaussians in space and time, for scenes that move
+  bool time_colors = false;          // their colors change during their lives
   float initial_time_scale = 0.45f;  // standard deviation, as a fraction of the scene's duration
   bool filter_3d = false;  // no Gaussian is smaller than the photos can show (Mip-Splatting)
   SkyModel sky = SkyModel::none;

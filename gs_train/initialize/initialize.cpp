@@ -10,6 +10,7 @@
 #include "gs_core/threads/parallel.h"
 #include "gs_train/initialize/camera_center.h"
 #include "gs_train/initialize/downsample_points.h"
+#include "gs_train/initialize/looked_at.h"
 #include "gs_train/initialize/sky.h"
 #include "gs_train/photometric/photometric_start.h"
 #include "gs_train/poses/poses.h"
@@ -17,8 +18,8 @@
 namespace gs {
 namespace {
 
-constexpr float kRandomBoxSize = 3;  // half the edge of the box of random points, in scene extents
-constexpr float kSkyScale = 0.7f;    // of Gaussians of the sky, in distances between neighbors
+constexpr float kExtentsOfBox = 3;  // half the edge of the box of random points around cameras
+constexpr float kSkyScale = 0.7f;   // of Gaussians of the sky, in distances between neighbors
 constexpr float kSkyOpacity = 0.9f;
 
 bool sees(const Camera& camera, const Vec3f& point, float near_plane) {
@@ -27,17 +28,23 @@ bool sees(const Camera& camera, const Vec3f& point, float near_plane) {
   return holds_pixel(camera, project_mean(camera, p));
 }
 
-// Uniform in the box of the config, or else in one around the training cameras; only points that
-// some training camera sees.
+struct Box {
+  Vec3f center;
+  float half;  // of its edges
+};
+
+// The box of random points: that of the config, or else around what the training cameras look at,
+// or else around the cameras.
+Box random_box(const Scene& scene, const Config& config) {
+  if (config.model.random_box > 0) return {-Vec3f(scene.world_offset), config.model.random_box};
+  if (const auto target = looked_at(scene.train_views)) return {target->center, target->radius};
+  return {camera_center(scene.train_views), kExtentsOfBox * scene.extent};
+}
+
+// Uniform in their box; only points that some training camera sees.
 std::vector<ScenePoint> random_points(const Scene& scene, const Config& config) {
   const Random random{config.train.seed, RandomStream::initialize};
-  Vec3f center = camera_center(scene.train_views);
-  float half = kRandomBoxSize * scene.extent;
-  if (config.model.random_box > 0) {
-    center = -Vec3f(scene.world_offset);
-    half = config.model.random_box;
-  }
-
+  const auto [center, half] = random_box(scene, config);
   std::vector<ScenePoint> points;
   for (int i = 0; i < config.model.random_points; ++i) {
     const Vec4f u = random.uniform4(0, std::uint32_t(i));
