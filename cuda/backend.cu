@@ -24,6 +24,7 @@
 #include "gs_core/math/density.h"
 #include "gs_train/named_row.h"
 #include "gs_train/photometric/gains.h"
+#include "gs_train/photometric/ppisp.h"
 #include "gs_train/poses/poses.h"
 
 namespace gs::cuda {
@@ -44,8 +45,10 @@ constexpr LossRow kLosses[] = {{"l1_ssim", make_loss}};
 
 struct PhotometricRow {
   const char* name;  // a word of photometric.model
+  DeviceLook look;
 };
-constexpr PhotometricRow kPhotometricModels[] = {{kGainsModel}};
+constexpr PhotometricRow kPhotometricModels[] = {{kGainsModel, DeviceLook::gains},
+                                                 {kPpispModel, DeviceLook::ppisp}};
 
 __global__ void gather_kernel(Span<const std::uint32_t> tile_counts, const Vec2f* dL_dmean2d,
                               float* visits, float* gradient_norm, int width, int height) {
@@ -144,11 +147,14 @@ class CudaBackend final : private Device, public Backend {
   }
   void use_photometric(std::unique_ptr<PhotometricModel> photometric) override {
     finish_pending();
-    if (photometric) {
-      row_named(kPhotometricModels, photometric->name(), "photometric.model", " on " + name());
-      check_takes_appearance(*loss_, loss_row_->name);
+    if (!photometric) {
+      look_ = std::nullopt;
+      return;
     }
-    is_photometric_ = photometric != nullptr;
+    const PhotometricRow* const row =
+        row_named(kPhotometricModels, photometric->name(), "photometric.model", " on " + name());
+    check_takes_appearance(*loss_, loss_row_->name);
+    look_ = row->look;
   }
   void check_refines_poses() const override {}
   // The numbers of poses are few, and the host makes cameras of them: it takes their step.
@@ -307,7 +313,7 @@ class CudaBackend final : private Device, public Backend {
   void enqueue(const Step& step) {
     if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(*model_);
     if (step.batch.size() > 1) reserve_sums();
-    if (is_photometric_) reserve_photometric();
+    if (look_) reserve_photometric();
     if (step.refines_poses) camera_gradients_.resize(kPoseNumbers * std::size_t(kMostBatch));
     for (std::size_t i = 0; i < step.batch.size(); ++i) {
       prefetch_after(step, i);
@@ -315,9 +321,9 @@ class CudaBackend final : private Device, public Backend {
     }
     if (step.batch.size() > 1) update(step);
     if (step.photometric.is_due)
-      update_gains(context, model_->photometric, camera_of_.span(), photometric_gradient_.span(),
-                   step.photometric.adam, step.photometric.rule,
-                   renderer_.workspace().halted.data());
+      gs::cuda::update_photometric(context, *look_, model_->photometric, camera_of_.span(),
+                                   photometric_gradient_.span(), step.photometric.adam,
+                                   step.photometric.rule, renderer_.workspace().halted.data());
     if (step.density.noise.scale > 0)
       add_position_noise(context, model_->gaussians.span(), step.density.noise, step.position_rate,
                          renderer_.workspace().halted.data());
@@ -339,7 +345,7 @@ class CudaBackend final : private Device, public Backend {
     LossSettings loss_settings = step.loss_settings;
     loss_settings.photo_reduction = photo.reduction;
     const PhotoOnDevice on_device = photo_on_device(step, photo, camera);
-    if (is_photometric_) loss_settings.photo_on_device = &on_device;
+    if (look_) loss_settings.photo_on_device = &on_device;
     RenderSettings settings = photo.settings;
     settings.fragment_statistic = step.density.fragment_statistic();
     const GaussiansSpan gaussians = model_->gaussians.span();
@@ -385,7 +391,7 @@ class CudaBackend final : private Device, public Backend {
   }
 
   PhotometricUpdate photometric_update(const PhotometricState& state, const Update& update) const {
-    if (!is_photometric_ || !(update.photometric_rate > 0)) return {};
+    if (!look_ || !(update.photometric_rate > 0)) return {};
     const AdamRule& rule = update.photo_rule;
     return {true,
             adam_step(state.adam_steps + rule.steps, update.photometric_rate, rule.photo_beta2),
@@ -410,7 +416,7 @@ class CudaBackend final : private Device, public Backend {
   // step sees a reduced one.
   PhotoOnDevice photo_on_device(const Step& step, const TrainingPhoto& photo,
                                 const Camera& camera) const {
-    if (!is_photometric_) return {};
+    if (!look_) return {};
     const PhotometricState& state = model_->photometric;
     const PhotometricShape& shape = state.shape;
     const Camera& whole = photo.view->camera;
@@ -418,6 +424,7 @@ class CudaBackend final : private Device, public Backend {
         state.photo(photo.photo_row).data,
         shape.camera_size ? state.camera(photo.camera_row).data : nullptr,
         lens_place(camera.cx, camera.cy, whole.width, whole.height, photo.reduction)};
+    result.look = *look_;
     if (!step.photometric.is_due) return result;
     double* const gradient = photometric_gradient_.data();
     result.photo_gradient = gradient + shape.photo_begin(photo.photo_row);
@@ -512,7 +519,7 @@ class CudaBackend final : private Device, public Backend {
   std::unique_ptr<Loss> loss_;
   std::unique_ptr<Optimizer> optimizer_;
   BatchSums sums_;
-  bool is_photometric_ = false;
+  std::optional<DeviceLook> look_;                // of the photometric model; none without one
   Buffer<double> photometric_gradient_;           // (state.shape.size()) zero between steps
   Buffer<std::uint32_t> camera_of_;               // (photos) PhotometricState::camera_of
   std::vector<std::uint32_t> camera_of_on_host_;  // what camera_of_ holds

@@ -610,15 +610,17 @@ TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
       model, [&] { run(50); }, [&] { run(100); });
 }
 
-// Gains are learned on the device alone: one photo at a time, and in batches.
-TEST_F(CudaStep, SteadyStepsWithGainsNeitherWaitNorAllocate) {
+// The numbers of photos are learned on the device alone: one photo at a time, and in batches.
+TEST_F(CudaStep, SteadyStepsWithAPhotometricModelNeitherWaitNorAllocate) {
   std::vector<View> views = some_views(200, 150, 5);
-  for (const bool has_vignetting : {false, true}) {
-    PhotometricConfig gains{"gains"};
-    gains.vignetting = has_vignetting;
-    gpu().use_photometric(make_photometric_model(gains));
+  for (const auto& [name, has_vignetting] :
+       {std::pair{"gains", false}, {"gains", true}, {"ppisp", false}, {"ppisp", true}}) {
+    SCOPED_TRACE(testing::Message() << name << ", vignetting " << has_vignetting);
+    PhotometricConfig config{name};
+    config.vignetting = has_vignetting;
+    gpu().use_photometric(make_photometric_model(config));
     TrainingModel start = model_of(random_gaussians(kTypical, 20000, views[0].camera, 7));
-    begin_with_gains(gains, views, start);
+    begin_with_gains(config, views, start);
     TrainingModel model = on_gpu(start);
     gpu().upload_views(views, 1 << 30);
     Update update{kRates};
