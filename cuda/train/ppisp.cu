@@ -129,7 +129,8 @@ __global__ void __launch_bounds__(kAddingThreads)
   if (threadIdx.x != 0) return;
   const double* const sums = shared[0];
   RecoloredSums<double> of_colors;
-  of_colors.M = {{sums[1], sums[2], sums[3]}, {sums[4], sums[5], sums[6]}, {sums[7], sums[8], sums[9]}};
+  of_colors.M = {
+      {sums[1], sums[2], sums[3]}, {sums[4], sums[5], sums[6]}, {sums[7], sums[8], sums[9]}};
   of_colors.k = {sums[10], sums[11], sums[12]};
   const ColorLatents<double> dL_dlatents =
       color_matrix_vjp(in_double(PpispColors(look).matrix), of_colors);

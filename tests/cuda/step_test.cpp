@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "data_loaders/photos/photo_pool.h"
+#include "gs_train/poses/poses.h"
 #include "tests/support/cuda.h"
 #include "tests/support/gains.h"
 
@@ -639,6 +640,34 @@ TEST_F(CudaStep, SteadyStepsWithAPhotometricModelNeitherWaitNorAllocate) {
         model, [&] { run(50); }, [&] { run(100); });
   }
   gpu().use_photometric(nullptr);
+}
+
+// The device makes the cameras of later steps from the poses that earlier ones have learned.
+TEST_F(CudaStep, SteadyStepsThatRefinePosesNeitherWaitNorAllocate) {
+  Scene scene;
+  scene.train_views = some_views(200, 150, 5);
+  Config config;
+  config.poses.refine = true;
+  TrainingModel start = model_of(random_gaussians(kTypical, 20000, scene.train_views[0].camera, 7));
+  begin_poses(config, scene, start);
+  TrainingModel model = on_gpu(start);
+  gpu().upload_views(scene.train_views, 1 << 30);
+  Update update{kRates};
+  update.pose_rate = 1e-4f;
+  std::vector<TrainingPhoto> batch = batch_of(scene.train_views, {});
+  for (std::size_t i = 0; i < batch.size(); ++i) batch[i].photo_row = i;
+  const auto run = [&](int steps) {
+    for (int step = 0; step < steps; ++step) {
+      gpu().prefetch_next(*batch[(std::size_t(step) + 1) % batch.size()].view);
+      gpu().step(model, {&batch[std::size_t(step) % batch.size()], 1}, {0.2f}, update, {true});
+    }
+    for (int step = 0; step < steps / 5; ++step)
+      gpu().step(model, {batch.data(), batch.size()}, {0.2f}, update, {true});
+  };
+  expect_steady(
+      model, [&] { run(50); }, [&] { run(100); });
+  EXPECT_GT(model.poses.adam_steps, 0);
+  gpu().upload_views({}, 0);  // these views end here
 }
 
 // The same with photos that do not fit into the budget and are copied one step ahead.
