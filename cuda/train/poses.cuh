@@ -20,7 +20,8 @@ struct PoseRow {
 
 #ifdef __CUDACC__
   __device__ RigidMotion<double> motion() const {
-    return {Vec3d(values[0], values[1], values[2]), extent * Vec3d(values[3], values[4], values[5])};
+    return {Vec3d(values[0], values[1], values[2]),
+            extent * Vec3d(values[3], values[4], values[5])};
   }
 #endif
 };
