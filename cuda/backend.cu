@@ -24,7 +24,7 @@
 #include "gs_core/math/density.h"
 #include "gs_train/named_row.h"
 #include "gs_train/photometric/gains.h"
-#include "gs_train/poses/poses.h"
+#include "gs_train/photometric/ppisp.h"
 
 namespace gs::cuda {
 namespace {
@@ -46,8 +46,10 @@ constexpr LossRow kLosses[] = {{"l1_ssim", make_loss}};
 
 struct PhotometricRow {
   const char* name;  // a word of photometric.model
+  DeviceLook look;
 };
-constexpr PhotometricRow kPhotometricModels[] = {{kGainsModel}};
+constexpr PhotometricRow kPhotometricModels[] = {{kGainsModel, DeviceLook::gains},
+                                                 {kPpispModel, DeviceLook::ppisp}};
 
 __global__ void gather_kernel(Span<const std::uint32_t> tile_counts, const Vec2f* dL_dmean2d,
                               float* visits, float* gradient_norm, int width, int height) {
@@ -131,7 +133,7 @@ class CudaBackend final : private Device, public Backend {
         renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
         optimizer_(make_optimizer(context)), sums_(device_memory),
         photometric_gradient_(device_memory), camera_of_(device_memory),
-        camera_gradients_(device_memory),
+        poses_(context, device_memory),
         rows_(make_row_ops(context, device_memory, pass_.splats)) {}
   ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
 
@@ -155,22 +157,17 @@ class CudaBackend final : private Device, public Backend {
   }
   void use_photometric(std::unique_ptr<PhotometricModel> photometric) override {
     finish_pending();
-    if (photometric) {
-      row_named(kPhotometricModels, photometric->name(), "photometric.model", " on " + name());
-      check_takes_appearance(*loss_, loss_row_->name);
+    if (!photometric) {
+      look_ = std::nullopt;
+      return;
     }
-    is_photometric_ = photometric != nullptr;
+    const PhotometricRow* const row =
+        row_named(kPhotometricModels, photometric->name(), "photometric.model", " on " + name());
+    check_takes_appearance(*loss_, loss_row_->name);
+    look_ = row->look;
   }
   void check_refines_poses() const override {}
-  // The numbers of poses are few, and the host makes cameras of them: it takes their step.
-  void synchronize_poses(TrainingModel&) override {
-    if (!pose_step_) return;
-    finish_pending();
-    std::vector<double> numbers(kPoseNumbers * pose_step_->batch.size());
-    device_memory.download(numbers.data(), camera_gradients_.data(),
-                           numbers.size() * sizeof(double));
-    update_poses(model_->poses, *std::exchange(pose_step_, std::nullopt), numbers);
-  }
+  bool makes_refined_cameras() const override { return true; }
   RowOps& rows() override {
     finish_pending();
     return *rows_;
@@ -192,9 +189,7 @@ class CudaBackend final : private Device, public Backend {
             const LossSettings& loss_settings, const Update& update,
             const DensityStep& density) override {
     GS_CHECK(batch.size >= 1 && batch.size <= std::size_t(kMostBatch));
-    if (model_) synchronize_poses(*model_);
-    if (model_ != &model) finish_pending();
-    model_ = &model;
+    take_model(model);
     read_reports();
     while (pending_photos() + batch.size > kMostPending) {  // the device has enough to do
       std::this_thread::yield();
@@ -209,7 +204,7 @@ class CudaBackend final : private Device, public Backend {
                         density,
                         update.rates.mean,
                         photometric,
-                        update.pose_rate > 0 && !model.poses.empty(),
+                        pose_update(model.poses, update),
                         last_photo_ + 1});
     last_photo_ += photos;
     try {
@@ -221,9 +216,7 @@ class CudaBackend final : private Device, public Backend {
     }
     model.adam_steps += update.rule.steps;
     if (photometric.is_due) model.photometric.adam_steps += photometric.rule.steps;
-    if (pending_.back().refines_poses)
-      pose_step_ = {
-          {batch.begin(), batch.end()}, update.pose_rate, update.pose_pull, update.photo_rule};
+    if (pending_.back().poses.is_due) model.poses.adam_steps += update.photo_rule.steps;
   }
 
   void release_caches() override {
@@ -236,7 +229,7 @@ class CudaBackend final : private Device, public Backend {
 
   void synchronize(TrainingModel&) override {
     finish_pending();
-    if (model_) synchronize_poses(*model_);
+    bring_poses_back();
     context.synchronize();
   }
   void set_profiling(bool on) override { context.set_profiling(on); }
@@ -269,11 +262,12 @@ class CudaBackend final : private Device, public Backend {
     AdamRule rule = {};
   };
 
-  // An update of the poses that waits until the device has computed its gradients.
-  struct PoseStep {
-    std::vector<TrainingPhoto> batch;
-    float rate, pull;
-    AdamRule rule;
+  // The same of the poses.
+  struct PoseUpdate {
+    bool is_due = false;
+    AdamStep adam{};
+    AdamRule rule = {};
+    float pull = 0;
   };
 
   // A step that may have to be launched again. Its photos have numbers of their own, in order.
@@ -285,12 +279,32 @@ class CudaBackend final : private Device, public Backend {
     DensityStep density;
     float position_rate;  // Adam's rate for the means, which scales the noise
     PhotometricUpdate photometric;
-    bool refines_poses;
+    PoseUpdate poses;
     std::uint32_t first_photo;
     bool is_launched = false;
 
     std::uint32_t last_photo() const { return first_photo + std::uint32_t(batch.size()) - 1; }
   };
+
+  // Steps train this model from now on.
+  void take_model(TrainingModel& model) {
+    const bool is_another = model_ != &model;
+    if (is_another) {
+      finish_pending();
+      bring_poses_back();
+    }
+    model_ = &model;
+    if (model.poses.empty() || (!is_another && model.poses.is_on_device)) return;
+    finish_pending();
+    poses_.upload(model.poses);
+    has_newer_poses_ = model.poses.is_on_device = true;
+  }
+  // Where the host has replaced the poses since the last step, those of the device are void.
+  void bring_poses_back() {
+    if (!std::exchange(has_newer_poses_, false) || !model_->poses.is_on_device) return;
+    poses_.download(model_->poses);
+    model_->poses.is_on_device = false;
+  }
 
   std::size_t pending_photos() const {
     return pending_.empty() ? 0 : last_photo_ + 1 - pending_.front().first_photo;
@@ -318,17 +332,19 @@ class CudaBackend final : private Device, public Backend {
   void enqueue(const Step& step) {
     if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(*model_);
     if (step.batch.size() > 1) reserve_sums();
-    if (is_photometric_) reserve_photometric();
-    if (step.refines_poses) camera_gradients_.resize(kPoseNumbers * std::size_t(kMostBatch));
+    if (look_) reserve_photometric();
     for (std::size_t i = 0; i < step.batch.size(); ++i) {
       prefetch_after(step, i);
       differentiate(step, i);
     }
     if (step.batch.size() > 1) update(step);
     if (step.photometric.is_due)
-      update_gains(context, model_->photometric, camera_of_.span(), photometric_gradient_.span(),
-                   step.photometric.adam, step.photometric.rule,
-                   renderer_.workspace().halted.data());
+      gs::cuda::update_photometric(context, *look_, model_->photometric, camera_of_.span(),
+                                   photometric_gradient_.span(), step.photometric.adam,
+                                   step.photometric.rule, renderer_.workspace().halted.data());
+    if (step.poses.is_due)
+      poses_.update(step.poses.pull, step.poses.adam, step.poses.rule,
+                    renderer_.workspace().halted.data());
     if (step.density.noise.scale > 0)
       add_position_noise(context, model_->gaussians.span(), step.density.noise, step.position_rate,
                          renderer_.workspace().halted.data());
@@ -347,10 +363,12 @@ class CudaBackend final : private Device, public Backend {
     const std::uint32_t number = step.first_photo + std::uint32_t(i);
     reports_.clear(number);
     const Camera camera = reduced(photo.camera(), photo.reduction);
+    const std::optional<PoseRow> row = row_of(photo);
+    const DevicePose* const pose = row ? poses_.refine(*row, i) : nullptr;
     LossSettings loss_settings = step.loss_settings;
     loss_settings.photo_reduction = photo.reduction;
     const PhotoOnDevice on_device = photo_on_device(step, photo, camera);
-    if (is_photometric_) loss_settings.photo_on_device = &on_device;
+    if (look_) loss_settings.photo_on_device = &on_device;
     RenderSettings settings = photo.settings;
     settings.fragment_statistic = step.density.fragment_statistic();
     const GaussiansSpan gaussians = model_->gaussians.span();
@@ -358,21 +376,21 @@ class CudaBackend final : private Device, public Backend {
     renderer_.reserve_gradients(model_->count(), settings);
     renderer_.forward(gaussians, camera, settings, pass_,
                       forecast_.capacity_for(photo, model_->count()), reports_.of_step(number),
-                      number);
+                      number, pose);
     loss_->forward_backward(pass_, *photo.view, loss_settings, dL_dimage_);
     if (settings.fragment_statistic == FragmentStatistic::values)
       gs::cuda::find_pixel_values(context, photos_.last(), *photo.view,
                                   loss_settings.photo_on_device, step.density, workspace, pass_);
     blend_backward(context, settings, dL_dimage_.span(), workspace, pass_);
-    if (step.refines_poses)
-      gs::cuda::camera_gradient(context, gaussians, camera, settings, workspace, pass_,
-                                camera_gradients_.data() + kPoseNumbers * i);
+    if (step.poses.is_due)
+      gs::cuda::camera_gradient(context, gaussians, camera, settings, workspace, pass_, pose, *row,
+                                1.0 / double(step.batch.size()));
     if (step.batch.size() > 1)
       preprocess_backward_and_add(context, gaussians, camera, settings, step.density, workspace,
-                                  pass_, 1.0f / float(step.batch.size()), sums_);
+                                  pass_, 1.0f / float(step.batch.size()), sums_, pose);
     else
       preprocess_backward_and_update(context, *model_, camera, settings, step.adam, step.rule,
-                                     step.density, workspace, pass_);
+                                     step.density, workspace, pass_, pose);
     if (settings.fragment_statistic != FragmentStatistic::none)
       gather_fragment_sums(context, settings, workspace, pass_, step.density.pooling,
                            step.batch.size() > 1 ? sums_.statistics : model_->statistics);
@@ -396,32 +414,32 @@ class CudaBackend final : private Device, public Backend {
   }
 
   PhotometricUpdate photometric_update(const PhotometricState& state, const Update& update) const {
-    if (!is_photometric_ || !(update.photometric_rate > 0)) return {};
+    if (!look_ || !(update.photometric_rate > 0)) return {};
     const AdamRule& rule = update.photo_rule;
     return {true,
             adam_step(state.adam_steps + rule.steps, update.photometric_rate, rule.photo_beta2),
             rule};
   }
 
-  // (batch, 6) `numbers` are CameraGradients.
-  static void update_poses(PoseState& poses, const PoseStep& step,
-                           const std::vector<double>& numbers) {
-    std::vector<double> gradient(poses.values.size(), 0.0);
-    for (std::size_t i = 0; i < step.batch.size(); ++i) {
-      const TrainingPhoto& photo = step.batch[i];
-      const double* const n = numbers.data() + kPoseNumbers * i;
-      add_pose_gradient(poses, photo.photo_row, photo.view->camera,
-                        {Vec3d(n[0], n[1], n[2]), Vec3d(n[3], n[4], n[5])},
-                        1.0 / double(step.batch.size()), gradient);
-    }
-    gs::update_poses(poses, step.pull, step.rate, step.rule, gradient);
+  static PoseUpdate pose_update(const PoseState& state, const Update& update) {
+    if (state.empty() || !(update.pose_rate > 0)) return {};
+    const AdamRule& rule = update.photo_rule;
+    return {true, adam_step(state.adam_steps + rule.steps, update.pose_rate, rule.photo_beta2),
+            rule, update.pose_pull};
+  }
+
+  // Of runs that refine poses. A photo has the same row each time its step is launched.
+  std::optional<PoseRow> row_of(const TrainingPhoto& photo) const {
+    const PoseState& state = model_->poses;
+    if (state.empty()) return std::nullopt;
+    return poses_.row_of(state, photo.photo_row, photo.view->camera);
   }
 
   // The numbers of a photo. Where the lens darkens follows from the whole photo, also where this
   // step sees a reduced one.
   PhotoOnDevice photo_on_device(const Step& step, const TrainingPhoto& photo,
                                 const Camera& camera) const {
-    if (!is_photometric_) return {};
+    if (!look_) return {};
     const PhotometricState& state = model_->photometric;
     const PhotometricShape& shape = state.shape;
     const Camera& whole = photo.view->camera;
@@ -429,6 +447,7 @@ class CudaBackend final : private Device, public Backend {
         state.photo(photo.photo_row).data,
         shape.camera_size ? state.camera(photo.camera_row).data : nullptr,
         lens_place(camera.cx, camera.cy, whole.width, whole.height, photo.reduction)};
+    result.look = *look_;
     if (!step.photometric.is_due) return result;
     double* const gradient = photometric_gradient_.data();
     result.photo_gradient = gradient + shape.photo_begin(photo.photo_row);
@@ -476,6 +495,7 @@ class CudaBackend final : private Device, public Backend {
     for_each_statistic([](const char*, auto& array) { array.fill_zero(); }, sums_.statistics);
     sums_.touched.fill_zero();
     photometric_gradient_.fill_zero();
+    poses_.clear_gradient();
   }
 
   // Removes the steps that fitted into their buffers, and repeats the others. Waits only where it
@@ -523,12 +543,12 @@ class CudaBackend final : private Device, public Backend {
   std::unique_ptr<Loss> loss_;
   std::unique_ptr<Optimizer> optimizer_;
   BatchSums sums_;
-  bool is_photometric_ = false;
+  std::optional<DeviceLook> look_;                // of the photometric model; none without one
   Buffer<double> photometric_gradient_;           // (state.shape.size()) zero between steps
   Buffer<std::uint32_t> camera_of_;               // (photos) PhotometricState::camera_of
   std::vector<std::uint32_t> camera_of_on_host_;  // what camera_of_ holds
-  Buffer<double> camera_gradients_;               // (kMostBatch, 6) of the photos of a step
-  std::optional<PoseStep> pose_step_;
+  DevicePoses poses_;
+  bool has_newer_poses_ = false;  // than those of model_
   std::unique_ptr<RowOps> rows_;
   Reports reports_{kMostPending};
   InstanceForecast forecast_;

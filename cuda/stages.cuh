@@ -9,8 +9,10 @@
 #include "cuda/density/fragment_sums.cuh"
 #include "cuda/device/context.cuh"
 #include "cuda/device/fixed_sums.cuh"
+#include "cuda/render/refined_camera.cuh"
 #include "cuda/render/view_scratch.h"
 #include "cuda/train/photos.cuh"
+#include "cuda/train/poses.cuh"
 #include "gs_core/math/adam.h"
 #include "gs_core/math/view_splat.h"
 #include "gs_train/backend.h"
@@ -143,9 +145,10 @@ void with_splats(const RenderPass& pass, F&& f) {
 inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < 65536; }
 
 /// 1  preprocess.cu: activate, cull, project, color; one splat per Gaussian, and which tiles it
-/// hits.
+/// hits. Here and below, `pose` takes the place of the camera's; null: the camera is as it is given.
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
-                const RenderSettings& settings, Workspace& workspace, RenderPass& pass);
+                const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
+                const DevicePose* pose = nullptr);
 
 /// 2, 3  sort.cu: sort the Gaussians from near to far, the culled ones last, and find where each
 /// one's instances begin. If at most `most_visible` of them are visible and that is less than half,
@@ -228,11 +231,12 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d);
 
 /// Before 7, for runs that refine poses  camera_gradient.cu: the gradient by the camera, of all
-/// Gaussians, added up in an order that is always the same. The result is on the device: a
-/// CameraGradient<double> as six numbers. It is undefined while workspace.halted is raised.
+/// Gaussians, added up in an order that is always the same, and pulled back to the motion of the
+/// photo's row: row.gradient += weight * dL/d(motion). It is undefined while workspace.halted is
+/// raised.
 void camera_gradient(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
                      const RenderSettings& settings, Workspace& workspace, const RenderPass& pass,
-                     double* result);
+                     const DevicePose* pose, const PoseRow& row, double weight);
 
 /// The Adam step of each learned quantity.
 template <class T>
@@ -247,7 +251,8 @@ AdamSteps adam_steps(int t, const LearningRates& rates, const AdamRule& rule);
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
                                     const RenderSettings& settings, const AdamSteps& steps,
                                     const AdamRule& rule, const DensityStep& density,
-                                    Workspace& workspace, RenderPass& pass);
+                                    Workspace& workspace, RenderPass& pass,
+                                    const DevicePose* pose = nullptr);
 
 /// What the photos of a batch add up to before the update. All zero between batches.
 struct BatchSums {
@@ -262,7 +267,8 @@ struct BatchSums {
 void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussians,
                                  const Camera& camera, const RenderSettings& settings,
                                  const DensityStep& density, Workspace& workspace, RenderPass& pass,
-                                 float weight, const BatchSums& sums);
+                                 float weight, const BatchSums& sums,
+                                 const DevicePose* pose = nullptr);
 /// 8 for a batch  adam.cu: updates the parameters by the sums, and the statistics but for sums over
 /// fragments, and clears what it took.
 /// SH coefficients beyond `sh_degree` have no gradients yet and stay. Nothing is updated while

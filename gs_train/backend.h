@@ -66,9 +66,9 @@ class Backend {
   virtual void use_photometric(std::unique_ptr<PhotometricModel> photometric);
   /// Throws UsageError where the backend cannot refine poses.
   virtual void check_refines_poses() const;
-  /// Waits until the last step has updated model.poses. The cameras of the next step are computed
-  /// from them on the host.
-  virtual void synchronize_poses(TrainingModel&) {}
+  /// True where step() makes the cameras of training photos from model.poses itself. Else the caller
+  /// gives them with the photos (TrainingPhoto::refined), as they are after the last step.
+  virtual bool makes_refined_cameras() const { return false; }
   virtual Optimizer& optimizer() = 0;
   virtual RowOps& rows() = 0;
 

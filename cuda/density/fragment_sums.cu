@@ -6,6 +6,7 @@
 
 #include "cuda/stages.cuh"
 #include "cuda/train/photometric.cuh"
+#include "cuda/train/ppisp.cuh"
 #include "gs_core/image.h"
 #include "gs_core/math/photo_weight.h"
 
@@ -44,6 +45,27 @@ __global__ void errors_kernel(ComparedPictures pictures, Span<float> values) {
         photo_weight(m, e, pictures.background[c], pictures.over_background);
     const float x = weight.gain * pictures.image[c * values.size + i];
     const float y = pictures.bytes.photo[3 * i + c] * kPerByte;
+    sum += fabsf(x - compared_photo(x, weight.cover * y + weight.backdrop, y, pictures.white));
+  }
+  values[i] = sum / 3.0f;
+}
+
+/// The same where photos mix channels.
+__global__ void recolored_errors_kernel(ComparedPictures pictures, PpispLook look,
+                                        Span<float> values) {
+  const std::size_t i = thread_number();
+  if (i >= values.size) return;
+  const PpispColors colors(look);
+  const float rho =
+      colors.rho(int(i % std::size_t(pictures.width)), int(i / std::size_t(pictures.width)));
+  const Vec3f color{pictures.image[i], pictures.image[values.size + i],
+                    pictures.image[2 * values.size + i]};
+  const Vec3f shown = colors.shown(color, rho), behind = colors.shown(pictures.background, rho);
+  const float m = pictures.bytes.mask ? pictures.bytes.mask[i] * kPerByte : 1.0f;
+  float sum = 0;
+  for (int c = 0; c < 3; ++c) {
+    const PhotoWeight<float> weight = photo_weight(m, 1.0f, behind[c], pictures.over_background);
+    const float x = weight.gain * shown[c], y = pictures.bytes.photo[3 * i + c] * kPerByte;
     sum += fabsf(x - compared_photo(x, weight.cover * y + weight.backdrop, y, pictures.white));
   }
   values[i] = sum / 3.0f;
@@ -122,16 +144,19 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
   const std::size_t pixels = pass.pixel_count(), blocks = blocks_for(pixels, kThreads);
   workspace.pixel_values.resize_discard(pixels);
   const Span<float> values = workspace.pixel_values.span();
+  const ComparedPictures pictures{
+      pass.image.data(), bytes,           pass.width,           pass.height,
+      view.exposure,     pass.background, view.over_background, photo ? kPhotoWhite : view.white(),
+      PhotoLook(photo)};
   if (density.score == GrowthScore::edge)
     context.launch("pixel values", edges_kernel, blocks, kThreads, bytes.photo, pass.width,
                    pass.height, values);
+  else if (photo && photo->look == DeviceLook::ppisp)
+    context.launch("pixel values", recolored_errors_kernel, blocks, kThreads, pictures,
+                   PpispLook(*photo), values);
   else
     context.launch("pixel values", photo ? errors_kernel<true> : errors_kernel<false>, blocks,
-                   kThreads,
-                   ComparedPictures{pass.image.data(), bytes, pass.width, pass.height,
-                                    view.exposure, pass.background, view.over_background,
-                                    photo ? kPhotoWhite : view.white(), PhotoLook(photo)},
-                   values);
+                   kThreads, pictures, values);
   if (density.score == GrowthScore::error) return;
   workspace.value_range.resize_discard(2);
   std::uint32_t* const range = workspace.value_range.data();

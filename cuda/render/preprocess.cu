@@ -8,6 +8,7 @@
 #include <algorithm>
 
 #include "cuda/render/preprocess.cuh"
+#include "cuda/render/refined_camera.cuh"
 #include "cuda/render/sh_rows.cuh"
 #include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/spacetime_color.h"
@@ -127,10 +128,12 @@ struct Output {
   ProjectedRows rows;
 };
 
-template <int degree, bool has_time, bool has_filter, bool has_slope>
+// `Source` is a Camera, or a RefinedCamera.
+template <int degree, bool has_time, bool has_filter, bool has_slope, class Source>
 __global__ void __launch_bounds__(kPreprocessThreads)
-    preprocess_kernel(GaussiansSpan gaussians, Camera camera, SplatSettings settings, int tiles_x,
+    preprocess_kernel(GaussiansSpan gaussians, Source source, SplatSettings settings, int tiles_x,
                       int tiles_y, Output out) {
+  const Camera& camera = camera_of(source);
   __shared__ WarpShared shared_of_warps[kPreprocessThreads / kWarp];
   WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kPreprocessThreads + threadIdx.x;
@@ -186,7 +189,8 @@ __global__ void __launch_bounds__(kPreprocessThreads)
 }  // namespace
 
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
-                const RenderSettings& settings, Workspace& workspace, RenderPass& pass) {
+                const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
+                const DevicePose* pose) {
   const StageScope scope(context, "preprocess");
   const std::size_t count = gaussians.mean.size;
   pass.begin(camera, count);
@@ -194,10 +198,13 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
   workspace.depth_keys.resize_discard(count);
   const Output out{pass.splats.data(), pass.depths.data(),
                    projected_rows(settings, workspace, pass)};
-  with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter, auto slope) {
-    context.launch("preprocess", preprocess_kernel<degree(), time(), filter(), slope()>,
-                   blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians, camera,
-                   settings, pass.tiles_x, pass.tiles_y, out);
+  with_camera(camera, pose, [&](const auto& source) {
+    using Source = std::decay_t<decltype(source)>;
+    with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter, auto slope) {
+      context.launch("preprocess", preprocess_kernel<degree(), time(), filter(), slope(), Source>,
+                     blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians, source,
+                     settings, pass.tiles_x, pass.tiles_y, out);
+    });
   });
 }
 

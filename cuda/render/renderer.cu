@@ -30,9 +30,9 @@ CudaRenderer::CudaRenderer(Context& context, Memory& memory)
 
 void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            const RenderSettings& settings, RenderPass& pass, std::uint32_t capacity,
-                           StepReport* report, std::uint32_t step) {
+                           StepReport* report, std::uint32_t step, const DevicePose* pose) {
   pass.background = settings.background;
-  preprocess(context_, gaussians, camera, settings, workspace_, pass);
+  preprocess(context_, gaussians, camera, settings, workspace_, pass, pose);
   finish(settings, pass, {capacity, workspace_.halted.data(), report, step});
 }
 

@@ -32,7 +32,8 @@ class CudaRenderer final : public Renderer {
 
   /// forward() for at most `capacity` instances, without waiting; see create_instances().
   void forward(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
-               RenderPass& pass, std::uint32_t capacity, StepReport* report, std::uint32_t step);
+               RenderPass& pass, std::uint32_t capacity, StepReport* report, std::uint32_t step,
+               const DevicePose* pose);
   /// Reserves dL/d(splat) of so many Gaussians. New entries are zero.
   void reserve_gradients(std::size_t count, const RenderSettings& settings);
   /// Sets the gradients back to zero after a step that failed.

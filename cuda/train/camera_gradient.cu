@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 7 for runs that refine poses: the gradients of all splats pulled back to the camera, and
 // added up. Twin of gs_render/camera_gradient.cpp. A thread takes one Gaussian, a block adds up its
-// threads' shares, and a single block those of all blocks. Each sum has an order of its own, so
-// that the same bits come out each time.
+// threads' shares, and a single block those of all blocks, which it pulls back to the motion of the
+// photo's row. Each sum has an order of its own, so that the same bits come out each time.
 #include "cuda/device/warp.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/math/camera_gradient.h"
@@ -35,9 +35,11 @@ struct SplatGradients {
   const SplatGradientSum* sums;      // (N)
 };
 
+template <class Source>
 __global__ void __launch_bounds__(kThreads)
-    add_gaussians_kernel(GaussiansSpan gaussians, Camera camera, SplatSettings settings,
+    add_gaussians_kernel(GaussiansSpan gaussians, Source source, SplatSettings settings,
                          SplatGradients in, double* of_blocks) {
+  const Camera& camera = camera_of(source);
   __shared__ double of_warps[kWarps][kSums];
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   double sums[kSums] = {0, 0, 0, 0, 0, 0};
@@ -51,29 +53,39 @@ __global__ void __launch_bounds__(kThreads)
 
 // Thread t takes the blocks t, t + kThreads, ...
 __global__ void __launch_bounds__(kThreads)
-    add_blocks_kernel(const double* of_blocks, std::size_t blocks, double* result) {
-  __shared__ double of_warps[kWarps][kSums];
+    add_blocks_kernel(const double* of_blocks, std::size_t blocks, PoseRow row, double weight) {
+  __shared__ double of_warps[kWarps][kSums], n[kSums];
   double sums[kSums] = {0, 0, 0, 0, 0, 0};
   for (std::size_t block = threadIdx.x; block < blocks; block += kThreads)
     for (int k = 0; k < kSums; ++k) sums[k] += of_blocks[kSums * block + k];
-  add_up(sums, of_warps, result);
+  add_up(sums, of_warps, n);
+  __syncthreads();
+  if (threadIdx.x != 0) return;
+  const RigidMotion<double> by_motion = moved_vjp(
+      row.given, row.frame, row.motion(), {Vec3d(n[0], n[1], n[2]), Vec3d(n[3], n[4], n[5])});
+  for (int k = 0; k < 3; ++k) {
+    row.gradient[k] += weight * by_motion.turn[k];
+    row.gradient[3 + k] += weight * row.extent * by_motion.shift[k];
+  }
 }
 
 }  // namespace
 
 void camera_gradient(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
                      const RenderSettings& settings, Workspace& workspace, const RenderPass& pass,
-                     double* result) {
+                     const DevicePose* pose, const PoseRow& row, double weight) {
   const StageScope scope(context, "camera gradient");
   const std::size_t blocks = blocks_for(gaussians.mean.size, kThreads);
   workspace.camera_sums.resize_discard(kSums * blocks);
   const SplatGradients in{pass.tile_counts.data(), pass.splats.data(),
                           workspace.splat_gradients.data()};
   const SplatSettings& of_splats = settings;
-  context.launch("camera gradient", add_gaussians_kernel, blocks, kThreads, gaussians, camera,
-                 of_splats, in, workspace.camera_sums.data());
+  with_camera(camera, pose, [&](const auto& source) {
+    context.launch("camera gradient", add_gaussians_kernel<std::decay_t<decltype(source)>>, blocks,
+                   kThreads, gaussians, source, of_splats, in, workspace.camera_sums.data());
+  });
   context.launch("camera gradient", add_blocks_kernel, 1, kThreads,
-                 static_cast<const double*>(workspace.camera_sums.data()), blocks, result);
+                 static_cast<const double*>(workspace.camera_sums.data()), blocks, row, weight);
 }
 
 }  // namespace gs::cuda

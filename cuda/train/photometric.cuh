@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The photometric model "gains" on the GPU: how a photo shows a pixel, and the stages that learn
-// it. Twin of gs_train/photometric/gains.cpp and gs_train/stages/photometric.cpp.
+// it; and the update of all models. Twin of gs_train/photometric/gains.cpp and
+// gs_train/stages/photometric.cpp. ppisp.cuh has the model "ppisp".
 #pragma once
 
 #include <array>
@@ -12,7 +13,7 @@
 
 namespace gs::cuda {
 
-/// How a photo shows the scene's colors. A kernel reads the numbers from the memory of the device,
+/// How a photo shows the scene's colors under gains. A kernel reads the numbers from the memory of the device,
 /// because the host does not know what earlier steps have learned.
 struct PhotoLook {
   const float* log_gains = nullptr;   // (3)
@@ -20,7 +21,8 @@ struct PhotoLook {
   LensPlace place{};
 
   explicit PhotoLook(const PhotoOnDevice* photo) {
-    if (photo) log_gains = photo->photo, vignetting = photo->camera, place = photo->place;
+    if (photo && photo->look == DeviceLook::gains)
+      log_gains = photo->photo, vignetting = photo->camera, place = photo->place;
   }
   bool is_learned() const { return log_gains != nullptr; }
 
@@ -59,8 +61,8 @@ void add_look_gradient(Context& context, Span<const LookSums> of_blocks,
 ///
 /// camera_of  (photos) PhotometricState::camera_of, on the device
 /// gradient   (state.shape.size()) that of the data
-void update_gains(Context& context, const PhotometricState& state,
-                  Span<const std::uint32_t> camera_of, Span<double> gradient, const AdamStep& step,
-                  const AdamRule& rule, const std::uint32_t* halted);
+void update_photometric(Context& context, DeviceLook look, const PhotometricState& state,
+                        Span<const std::uint32_t> camera_of, Span<double> gradient,
+                        const AdamStep& step, const AdamRule& rule, const std::uint32_t* halted);
 
 }  // namespace gs::cuda

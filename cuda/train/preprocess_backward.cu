@@ -136,10 +136,11 @@ __device__ RowGradient pull_back_in_time(const Camera& camera, const Shape& shap
   return gradient;
 }
 
-// What one launch works on.
+// What one launch works on. `Source` is a Camera, or a RefinedCamera.
+template <class Source>
 struct Input {
   std::size_t count;  // N
-  Camera camera;
+  Source camera;
   SplatSettings settings;
   const std::uint32_t* tile_counts;  // (N)
   const Splat* splats;               // (N)
@@ -150,9 +151,10 @@ template <class Sink>
 using SharedOf = WarpShared<typename Sink::Numbers, RowNumbersOf<Sink>>;
 
 // The whole warp: those of rows first .. first + 31 that `which` has.
-template <int degree, bool has_time, class Sink, class Which>
-__device__ void pull_back_rows(SharedOf<Sink>& shared, const Input& in, std::size_t first,
+template <int degree, bool has_time, class Sink, class Source, class Which>
+__device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, std::size_t first,
                                Which which, const Sink& sink) {
+  const Camera& camera = camera_of(in.camera);
   const std::size_t i = first + lane_of_thread();
   const int rows = int(min(in.count - first, std::size_t(kWarp)));
   // All loads come first, before any store, so that the warp waits for memory only once.
@@ -183,28 +185,28 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input& in, std::siz
   if constexpr (has_time) {
     // The color's part of the mean reaches the time, too, so that it comes first.
     const Vec3f mean =
-        is_visible ? mean_at(shape.in_spacetime(), time_of(in.camera, in.settings)) : Vec3f(0.0f);
-    const Vec3f by_color = color_backward<degree>(shared, mean, in.camera, first, rows, is_visible,
+        is_visible ? mean_at(shape.in_spacetime(), time_of(camera, in.settings)) : Vec3f(0.0f);
+    const Vec3f by_color = color_backward<degree>(shared, mean, camera, first, rows, is_visible,
                                                   dL_dsplat.color, sink.sh_rest, which);
     if constexpr (kHasSlope<Sink>) {
       const float by_phase = float(kSh0) * inner(shape.sh0_slope, dL_dsplat.color);
       if (is_visible) {
-        gradient = pull_back_in_time(in.camera, shape, in.settings, dL_dsplat, by_color, by_phase);
+        gradient = pull_back_in_time(camera, shape, in.settings, dL_dsplat, by_color, by_phase);
         by_slope = dL_dsplat.color *
-                   (float(kSh0) * phase_at(shape.in_spacetime(), time_of(in.camera, in.settings)));
+                   (float(kSh0) * phase_at(shape.in_spacetime(), time_of(camera, in.settings)));
       }
     } else {
       if (is_visible)
-        gradient = pull_back_in_time(in.camera, shape, in.settings, dL_dsplat, by_color, NoPhase());
+        gradient = pull_back_in_time(camera, shape, in.settings, dL_dsplat, by_color, NoPhase());
     }
   } else {
     if constexpr (kHasFilter<Sink>) {
       if (is_visible)
-        gradient = pull_back_filtered(in.camera, shape, filter_scale, in.settings, dL_dsplat);
+        gradient = pull_back_filtered(camera, shape, filter_scale, in.settings, dL_dsplat);
     } else {
-      if (is_visible) gradient = pull_back(in.camera, shape, in.settings, dL_dsplat);
+      if (is_visible) gradient = pull_back(camera, shape, in.settings, dL_dsplat);
     }
-    gradient.mean += color_backward<degree>(shared, shape.mean, in.camera, first, rows, is_visible,
+    gradient.mean += color_backward<degree>(shared, shape.mean, camera, first, rows, is_visible,
                                             dL_dsplat.color, sink.sh_rest, which);
   }
   if (is_visible) gradient.sh0 = float(kSh0) * dL_dsplat.color;
@@ -222,9 +224,9 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input& in, std::siz
 // reads and writes visible rows only.
 constexpr int kGroupsOfWarp = 8;
 
-template <int degree, bool has_time, class Sink>
+template <int degree, bool has_time, class Sink, class Source>
 __global__ void __launch_bounds__(kThreads, Sink::kSkipsInvisible ? 5 : 1)
-    preprocess_backward_kernel(const Input in, const Sink sink) {
+    preprocess_backward_kernel(const Input<Source> in, const Sink sink) {
   __shared__ SharedOf<Sink> shared_of_warps[kThreads / kWarp];
   auto& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
@@ -253,29 +255,29 @@ __global__ void __launch_bounds__(kThreads, Sink::kSkipsInvisible ? 5 : 1)
 }
 
 // `sh0_slope` is null where colors do not change.
-template <class Sink>
-void launch(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
+template <class Sink, class Source>
+void launch(Context& context, const GaussiansSpan& gaussians, const Source& camera,
             const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
             const Sink& sink, const typename Sink::Numbers& sh0_slope) {
-  const Input in{gaussians.mean.size,
-                 camera,
-                 settings,
-                 pass.tile_counts.data(),
-                 pass.splats.data(),
-                 workspace.splat_gradients.data()};
+  const Input<Source> in{gaussians.mean.size,
+                         camera,
+                         settings,
+                         pass.tile_counts.data(),
+                         pass.splats.data(),
+                         workspace.splat_gradients.data()};
   constexpr int kRows = kThreads * (Sink::kSkipsInvisible ? kGroupsOfWarp : 1);
   const auto launch_with = [&](auto kernel, const auto& to) {
     context.launch("preprocess backward", kernel, blocks_for(in.count, kRows), kThreads, in, to);
   };
   with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter, auto slope) {
     if constexpr (filter())
-      launch_with(preprocess_backward_kernel<degree(), false, WithFilter<Sink>>,
+      launch_with(preprocess_backward_kernel<degree(), false, WithFilter<Sink>, Source>,
                   WithFilter<Sink>{sink, gaussians.filter_scale.data});
     else if constexpr (slope())
-      launch_with(preprocess_backward_kernel<degree(), true, WithSlope<Sink>>,
+      launch_with(preprocess_backward_kernel<degree(), true, WithSlope<Sink>, Source>,
                   WithSlope<Sink>{sink, sh0_slope});
     else
-      launch_with(preprocess_backward_kernel<degree(), time(), Sink>, sink);
+      launch_with(preprocess_backward_kernel<degree(), time(), Sink, Source>, sink);
   });
 }
 
@@ -338,7 +340,7 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
 void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussians,
                                  const Camera& camera, const RenderSettings& settings,
                                  const DensityStep& density, Workspace& workspace, RenderPass& pass,
-                                 float weight, const BatchSums& sums) {
+                                 float weight, const BatchSums& sums, const DevicePose* pose) {
   const StageScope scope(context, "preprocess backward");
   const GaussiansSpan to = sums.gradients.span();
   const auto numbers = [weight](const auto& rows, const auto& sum) {
@@ -356,31 +358,36 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
                           numbers(gaussians.log_time_scale, to.log_time_scale),
                           settings.absolute_gradient,
                           sums.touched.data()};
-  launch(context, gaussians, camera, settings, workspace, pass, sink,
-         numbers(gaussians.sh0_slope, to.sh0_slope));
+  with_camera(camera, pose, [&](const auto& source) {
+    launch(context, gaussians, source, settings, workspace, pass, sink,
+           numbers(gaussians.sh0_slope, to.sh0_slope));
+  });
 }
 
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
                                     const RenderSettings& settings, const AdamSteps& steps,
                                     const AdamRule& rule, const DensityStep& density,
-                                    Workspace& workspace, RenderPass& pass) {
+                                    Workspace& workspace, RenderPass& pass,
+                                    const DevicePose* pose) {
   const StageScope scope(context, "preprocess backward, Adam");
   const GaussiansSpan rows = model.gaussians.span();
   const GatherStatistics gather = gather_into(model.statistics, density, pass, workspace);
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
   const Regularizers of_each = density.regularizers.of_each(model.count());
   const GaussiansSpan m = model.first_moment.span(), v = model.second_moment.span();
-  const auto launch_sink = [&](const auto& sink, const auto& numbers) {
-    launch(context, rows, camera, settings, workspace, pass, sink,
+  const auto launch_sink = [&](const auto& source, const auto& sink, const auto& numbers) {
+    launch(context, rows, source, settings, workspace, pass, sink,
            numbers(numbers_of(rows.sh0_slope), numbers_of(m.sh0_slope), numbers_of(v.sh0_slope),
                    steps.sh0_slope));
   };
-  if (rule.beta2 != AdamRule().beta2) {
+  if (pose || rule.beta2 != AdamRule().beta2) {
+    // Runs that refine poses have this variant alone, so that their cameras do not double all.
     const auto by_rule = [&](float* p, float* m, float* v, const AdamStep& step) {
       return AdamNumbersByRule{{p, m, v}, step, rule};
     };
     const auto sink = update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule);
-    launch_sink(UpdateAsAsked<AdamNumbersByRule>{sink, is_absolute, of_each}, by_rule);
+    const UpdateAsAsked<AdamNumbersByRule> as_asked{sink, is_absolute, of_each};
+    with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked, by_rule); });
     return;
   }
   const auto as_usual = [](float* p, float* m, float* v, const AdamStep& step) {
@@ -388,9 +395,9 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
   };
   const auto sink = update_of<UpdateByAdam>(model, steps, gather, as_usual);
   if (is_absolute || density.regularizers.any())
-    launch_sink(UpdateAsAsked<AdamNumbers>{sink, is_absolute, of_each}, as_usual);
+    launch_sink(camera, UpdateAsAsked<AdamNumbers>{sink, is_absolute, of_each}, as_usual);
   else
-    launch_sink(sink, as_usual);
+    launch_sink(camera, sink, as_usual);
 }
 
 }  // namespace gs::cuda

@@ -17,12 +17,16 @@
 //
 // Views with a mask or an exposure use kernels of their own, in which photo_weight.h computes X and
 // Y from the two pictures, so that other views are not slowed down. So do views with a learned
-// appearance (photometric.cuh), whose kernels also add up the gradient of the photo's gains.
+// appearance: under gains (photometric.cuh) the kernels also add up the gradient of the photo's
+// numbers, and where a photo mixes channels (ppisp.cuh) they compare the picture that a pass before
+// them has shown.
 #include <cstdint>
+#include <type_traits>
 
 #include "cuda/device/warp.cuh"
 #include "cuda/stages.cuh"
 #include "cuda/train/photometric.cuh"
+#include "cuda/train/ppisp.cuh"
 #include "gs_core/image.h"
 #include "gs_core/math/photo_weight.h"
 #include "gs_core/math/ssim.h"
@@ -44,6 +48,7 @@ enum class Shown {
   weighted,   // the picture under a mask or an exposure
   gained,     // under a mask, perhaps, and the learned gains of the photo
   vignetted,  // the same, and the learned vignetting of its camera
+  recolored,  // what a pass of its own has made of the picture, under a mask, perhaps
 };
 constexpr bool is_learned(Shown shown) {
   return shown == Shown::gained || shown == Shown::vignetted;
@@ -62,6 +67,13 @@ struct Pictures {
   float white;
   PhotoLook look;  // of views with a learned appearance, in place of the exposure
 };
+
+/// The picture is that which a pass before has shown.
+struct RecoloredPictures : Pictures {
+  const float* behind;  // (3, H, W) the background as it is shown; of photos over it
+};
+template <Shown kShown>
+using PicturesOf = std::conditional_t<kShown == Shown::recolored, RecoloredPictures, Pictures>;
 
 /// d_x, d_xx, d_xy: (3 channels, H, row_floats / 96, 3 maps, 32 columns), so that one address leads
 /// to all three.
@@ -159,6 +171,20 @@ __device__ inline ComparedValue compared_learned(const Pictures& pictures,
           weight.cover * (exposure * X)};
 }
 
+/// The same of the picture that a pass before has shown, which contains the exposure. `value` is the
+/// number of X in it.
+__device__ inline ComparedValue compared_recolored(const RecoloredPictures& pictures,
+                                                   std::int64_t value, float X, float Y,
+                                                   const std::uint8_t* mask) {
+  const float behind = pictures.over_background ? __ldg(pictures.behind + value) : 0.0f;
+  const PhotoWeight<float> weight =
+      photo_weight(mask ? photo_value(__ldg(mask)) : 1.0f, 1.0f, behind, pictures.over_background);
+  const float x_weighted = __fmul_rn(weight.gain, X);
+  const float y_weighted = __fadd_rn(__fmul_rn(weight.cover, Y), weight.backdrop);
+  return {x_weighted, compared_photo(x_weighted, y_weighted, Y, pictures.white), weight.gain,
+          x_weighted};
+}
+
 /// The pass down, of one thread: read(i, values) gives the maps at row i of the area with its halo.
 /// At most eleven rows' sums are unfinished at a time.
 template <int kMaps, class Read>
@@ -208,7 +234,7 @@ __device__ inline void store_four(float* to, const float (&values)[kGroup]) {
 
 /// One column's means of p, q, pp, qq. Returns the thread's share of the sum of |X - Y|.
 template <Shown kShown>
-__device__ inline float column_moments(const Pictures& pictures, const Area& area,
+__device__ inline float column_moments(const PicturesOf<kShown>& pictures, const Area& area,
                                        ColumnMeans<4>& means) {
   const int x = area.x0 - kSsimRadius + int(threadIdx.x), top = area.y0 - kSsimRadius;
   const bool is_inside = x >= 0 && x < pictures.width;
@@ -226,6 +252,9 @@ __device__ inline float column_moments(const Pictures& pictures, const Area& are
       if constexpr (is_learned(kShown))
         value = compared_learned<kShown>(pictures, shown, x, top + i, __ldg(image),
                                          photo_value(__ldg(photo)), mask);
+      else if constexpr (kShown == Shown::recolored)
+        value = compared_recolored(pictures, image - pictures.image, __ldg(image),
+                                   photo_value(__ldg(photo)), mask);
       else
         value = compared<kShown != Shown::plain>(pictures, area.channel, __ldg(image),
                                                  photo_value(__ldg(photo)), mask);
@@ -272,7 +301,8 @@ __device__ inline float similarity_of_four(const Pictures& pictures, const Area&
 /// SSIM of each warp. The host adds them up when the loss is read, always in the same order.
 template <Shown kShown>
 __global__ void __launch_bounds__(kThreads, 5)
-    similarity_kernel(Pictures pictures, float dL_dssim, Derivatives derivatives, float2* sums) {
+    similarity_kernel(PicturesOf<kShown> pictures, float dL_dssim, Derivatives derivatives,
+                      float2* sums) {
   alignas(16) __shared__ ColumnMeans<4> means;
   const Area area = area_of_block(pictures);
   const float l1_sum = column_moments<kShown>(pictures, area, means);
@@ -364,10 +394,10 @@ __device__ inline void store_look_sums(LookSums sums, LookSums* of_block) {
 ///
 /// Adds the thread's share of a learned appearance's gradient to `look_sums`.
 template <Shown kShown>
-__device__ inline void gradient_of_row(const Pictures& pictures, const ShownChannel& shown,
-                                       const RowPlace& place, int columns, float l1,
-                                       float (&means)[3][kThreads], float* dL_dimage,
-                                       LookSums& look_sums) {
+__device__ inline void gradient_of_row(const PicturesOf<kShown>& pictures,
+                                       const ShownChannel& shown, const RowPlace& place,
+                                       int columns, float l1, float (&means)[3][kThreads],
+                                       float* dL_dimage, LookSums& look_sums) {
   constexpr int kTurns = (kBlockColumns + kWarp - 1) / kWarp;
   const float* image = pictures.image + place.value;
   const std::uint8_t* photo = pictures.photo + (3 * place.pixel + place.channel);
@@ -380,6 +410,10 @@ __device__ inline void gradient_of_row(const Pictures& pictures, const ShownChan
           compared_learned<kShown>(pictures, shown, place.x + i, place.y, __ldg(image + i),
                                    photo_value(__ldg(photo + 3 * i)),
                                    pictures.mask ? pictures.mask + (place.pixel + i) : nullptr);
+    else if constexpr (kShown == Shown::recolored)
+      values[turn] = compared_recolored(
+          pictures, place.value + i, __ldg(image + i), photo_value(__ldg(photo + 3 * i)),
+          pictures.mask ? pictures.mask + (place.pixel + i) : nullptr);
     else
       values[turn] = compared<kShown != Shown::plain>(
           pictures, place.channel, __ldg(image + i), photo_value(__ldg(photo + 3 * i)),
@@ -403,8 +437,8 @@ __device__ inline void gradient_of_row(const Pictures& pictures, const ShownChan
 /// each block where the appearance is learned.
 template <Shown kShown>
 __global__ void __launch_bounds__(kThreads, 6)
-    image_gradient_kernel(Pictures pictures, float l1, Derivatives derivatives, float* dL_dimage,
-                          LookSums* look_sums) {
+    image_gradient_kernel(PicturesOf<kShown> pictures, float l1, Derivatives derivatives,
+                          float* dL_dimage, LookSums* look_sums) {
   alignas(16) __shared__ ColumnMeans<3> means;
   const Area area = area_of_block(pictures);
   column_derivatives(pictures, area, derivatives, means);
@@ -427,8 +461,8 @@ __global__ void __launch_bounds__(kThreads, 6)
 class CudaLoss final : public Loss {
  public:
   CudaLoss(Context& context, Memory& memory, PhotoStore& photos)
-      : context_(context), photos_(photos), derivatives_(memory), sums_(memory),
-        look_sums_(memory) {}
+      : context_(context), photos_(photos), derivatives_(memory), sums_(memory), look_sums_(memory),
+        recolored_(context, memory) {}
 
   void forward_backward(const RenderPass& pass, const View& view, const LossSettings& settings,
                         Buffer<float>& dL_dimage) override {
@@ -436,7 +470,8 @@ class CudaLoss final : public Loss {
     GS_CHECK(camera.width == pass.width && camera.height == pass.height);
     GS_CHECK(pass.image.size() == 3 * pass.pixel_count());
     const PhotoBytes bytes = photos_.photo(view, settings.photo_reduction);
-    const PhotoLook look(settings.photo_on_device);
+    const PhotoOnDevice* const photo = settings.photo_on_device;
+    const PhotoLook look(photo);
     const Pictures pictures{pass.image.data(),
                             bytes.photo,
                             pass.width,
@@ -446,7 +481,7 @@ class CudaLoss final : public Loss {
                             view.exposure,
                             pass.background,
                             view.over_background,
-                            look.is_learned() ? kPhotoWhite : view.white(),
+                            photo ? kPhotoWhite : view.white(),
                             look};
     lambda_dssim_ = settings.lambda_dssim;
     values_ = 3 * pass.pixel_count();
@@ -456,7 +491,9 @@ class CudaLoss final : public Loss {
         launch<Shown::vignetted>(pictures, dL_dimage.data());
       else
         launch<Shown::gained>(pictures, dL_dimage.data());
-      add_look_gradient(context_, look_sums_.span(), *settings.photo_on_device);
+      add_look_gradient(context_, look_sums_.span(), *photo);
+    } else if (photo) {
+      compare_recolored(pictures, pass, *photo, dL_dimage.data());
     } else if (bytes.mask || view.has_exposure()) {
       launch<Shown::weighted>(pictures, dL_dimage.data());
     } else {
@@ -473,8 +510,19 @@ class CudaLoss final : public Loss {
   }
 
  private:
+  // A pixel over the background teaches as much as the photo covers it, as under gains.
+  void compare_recolored(const Pictures& pictures, const RenderPass& pass,
+                         const PhotoOnDevice& photo, float* dL_dimage) {
+    recolored_.show(pass, photo, pictures.over_background);
+    RecoloredPictures shown{pictures, recolored_.behind()};
+    shown.image = recolored_.shown();
+    launch<Shown::recolored>(shown, dL_dimage);
+    recolored_.pull_back(pass, photo, pictures.over_background ? pictures.mask : nullptr,
+                         dL_dimage);
+  }
+
   template <Shown kShown>
-  void launch(const Pictures& pictures, float* dL_dimage) {
+  void launch(const PicturesOf<kShown>& pictures, float* dL_dimage) {
     const std::size_t blocks =
         3 * pictures.blocks_x * blocks_for(std::size_t(pictures.height), kBlockRows);
     constexpr int kColumns = Derivatives::kColumns;
@@ -498,6 +546,7 @@ class CudaLoss final : public Loss {
   Buffer<float> derivatives_;
   Buffer<float2> sums_;         // (blocks, warps of a block) sum |X - Y| and sum SSIM
   Buffer<LookSums> look_sums_;  // (blocks) of learned appearances
+  RecoloredPicture recolored_;
   float lambda_dssim_ = 0;
   std::size_t values_ = 1;
 };

@@ -28,6 +28,11 @@ Image8 decode_photo(const std::filesystem::path& path);
 PhotoSize decode_photo_size(const std::filesystem::path& path);
 int decode_photo_orientation(const std::filesystem::path& path);
 std::optional<Geodetic> decode_photo_place(const std::filesystem::path& path);
+/// The tags of EXIF that say how a photo was exposed; 0 for one that is missing.
+struct ExposureTags {
+  double seconds = 0, f_number = 0, iso = 0;
+};
+ExposureTags decode_exposure_tags(const std::filesystem::path& path);
 
 /// The result of decode_photo() as color and alpha.
 PhotoWithAlpha separated(Image8 decoded);

@@ -122,6 +122,16 @@ std::optional<Geodetic> decode_photo_place(const std::filesystem::path& path) {
   return Geodetic{*longitude, *latitude, *altitude};
 }
 
+ExposureTags decode_exposure_tags(const std::filesystem::path& path) {
+  const OpenPhoto photo = open_photo(path);
+  const OIIO::ImageSpec& spec = photo.input->spec();
+  const auto number = [&](const char* name) { return double(spec.get_float_attribute(name)); };
+  // The name of the ISO tag has changed with versions of EXIF and of OpenImageIO.
+  double iso = number("Exif:PhotographicSensitivity");
+  if (!(iso > 0)) iso = number("Exif:ISOSpeedRatings");
+  return {number("ExposureTime"), number("FNumber"), iso};
+}
+
 std::string codec_name() { return "OpenImageIO " OIIO_VERSION_STRING; }
 
 std::vector<std::uint8_t> encode_png(const Image8& image) {

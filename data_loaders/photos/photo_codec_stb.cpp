@@ -17,6 +17,7 @@
 #include <memory>
 #include <numeric>
 
+#include "data_loaders/photos/exif_tags.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/stb_bytes.h"
 #include "gs_core/error.h"
@@ -181,6 +182,12 @@ std::optional<Geodetic> decode_photo_place(const std::filesystem::path& path) {
   throw Error("cannot read where the photo " + path.string() +
               " was taken: this build has no OpenImageIO, which reads EXIF; build with it, or give "
               "the places in a file (--gps FILE)");
+}
+
+ExposureTags decode_exposure_tags(const std::filesystem::path& path) {
+  ByteReader file(path);
+  const auto size = std::size_t(std::min<std::uint64_t>(file.size(), kHeadBytes));
+  return exposure_tags_of_jpeg({file.peek(size), size});
 }
 
 std::string codec_name() { return "stb_image"; }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <new>
 
@@ -136,6 +137,13 @@ int read_photo_orientation(const fs::path& path) {
 std::optional<Geodetic> read_photo_place(const fs::path& path) {
   const std::optional<Geodetic> place = with_sound_file(path, decode_photo_place);
   return place && is_on_earth(*place) ? place : std::nullopt;
+}
+
+std::optional<float> read_exposure_stops(const fs::path& path) {
+  const ExposureTags tags = with_sound_file(path, decode_exposure_tags);
+  const double light = tags.seconds * tags.iso / (tags.f_number * tags.f_number);
+  if (!(tags.seconds > 0 && tags.iso > 0 && tags.f_number > 0) || !std::isfinite(light)) return {};
+  return float(std::log2(light));
 }
 
 Image8 area_resized(const Image8& image, int width, int height) {

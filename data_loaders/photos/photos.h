@@ -45,6 +45,12 @@ int read_photo_orientation(const std::filesystem::path& path);
 /// build without OpenImageIO.
 std::optional<Geodetic> read_photo_place(const std::filesystem::path& path);
 
+/// How a photo was exposed, by EXIF: log2(seconds ISO / f-number^2), which is one more where the
+/// sensor got twice the light or amplified it twice as much. None if one of the three tags is
+/// missing or not above 0; a build without OpenImageIO reads them of JPEG files. Throws Error like
+/// read_photo().
+std::optional<float> read_exposure_stops(const std::filesystem::path& path);
+
 /// The picture at another size: every target pixel is the mean of the source area that it covers,
 /// with pixels that it covers in part counted by that part; halves are rounded up. Exact (whole
 /// numbers), so the same on every machine. `width` and `height` are > 0.

@@ -109,6 +109,7 @@ View empty_view(const ViewPlan& plan) {
   view.camera = plan.camera;
   view.camera_id = plan.camera_id;
   view.rig_frame = plan.rig_frame;
+  view.exposure_stops = plan.exposure_stops;
   view.may_be_masked = plan.may_be_masked;
   view.over_background = plan.masks.over_background && view.may_be_masked;
   return view;
@@ -363,15 +364,16 @@ void check_scene(const DatasetConfig& dataset) {
 }
 
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress, PhotoLoading loading,
-                 bool has_vignetting) {
+                 const LightNeeds& needs) {
   ScenePlan plan = plan_scene(dataset, progress);
+  if (needs.exposure_stops) read_exposure_stops(plan.views);
   Scene scene;
   scene.source = dataset.source;
   std::vector<View> views = make_views(dataset, std::move(plan.views), progress, loading);
   report_masks(views, dataset);
   if (dataset.exposure) {
     const ExposureFit fit =
-        fit_view_exposures(plan.points, plan.seen, plan.is_test, views, has_vignetting);
+        fit_view_exposures(plan.points, plan.seen, plan.is_test, views, needs.vignetting);
     scene.exposure = take_exposures(fit, views);
     scene.lenses = fit.lenses;
   }

@@ -23,15 +23,21 @@ using LoadProgress = std::function<void(LoadStage stage, std::size_t done, std::
 /// decoded before it is asked for, however many would fit; for programs that show a few of them.
 enum class PhotoLoading { as_they_fit, when_asked };
 
+/// What a photometric model wants to know of the light.
+struct LightNeeds {
+  bool vignetting = false;      // of cameras, where exposures are solved for
+  bool exposure_stops = false;  // View::exposure_stops, from the photos' headers
+};
+
 /// Finds the model and the photos, undistorts and resizes every photo to dataset.resolution, and
 /// splits the views. With dataset.eval, every test_every-th view by name is a test view, beginning
 /// with the first (test_views_of() has the rule for rigs). Every size and name is checked before
 /// the first photo is decoded. With dataset.refine_cameras the cameras are refined first. Throws
 /// Error that names the file and the remedy; UsageError for a resolution or a photo budget that
 /// cannot work. Warns of a scene that moves, because it is trained as a static one. With
-/// dataset.exposure and `has_vignetting`, Scene::lenses are solved for as well.
+/// dataset.exposure and `needs.vignetting`, Scene::lenses are solved for as well.
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress = {},
-                 PhotoLoading loading = PhotoLoading::as_they_fit, bool has_vignetting = false);
+                 PhotoLoading loading = PhotoLoading::as_they_fit, const LightNeeds& needs = {});
 
 /// Why load_scene() could not solve for the exposures of this scene, as the end of a sentence;
 /// empty if it could. Reads the model, and no photo. Throws like load_scene().

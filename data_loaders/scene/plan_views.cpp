@@ -192,4 +192,10 @@ std::vector<ViewPlan> plan_views(
   return plans;
 }
 
+void read_exposure_stops(std::vector<ViewPlan>& plans) {
+  parallel_for(plans.size(), 8, [&](std::size_t i) {
+    if (!plans[i].is_frame) plans[i].exposure_stops = read_exposure_stops(plans[i].file);
+  });
+}
+
 }  // namespace gs

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,8 +19,9 @@ namespace gs {
 struct ViewPlan {
   std::string name;
   std::uint32_t camera_id = 0;
-  std::uint32_t rig_frame = 0;  // View::rig_frame
-  std::filesystem::path file;   // of the photo, or the video that it is a frame of
+  std::uint32_t rig_frame = 0;          // View::rig_frame
+  std::optional<float> exposure_stops;  // of the view; after read_exposure_stops()
+  std::filesystem::path file;           // of the photo, or the video that it is a frame of
   bool is_frame = false;
   std::int64_t frame = 0;           // its number in the video, from 0
   std::filesystem::path mask_file;  // empty: none
@@ -45,5 +47,8 @@ struct ViewPlan {
 std::vector<ViewPlan> plan_views(
     const SceneModel& scene, int resolution,
     const std::function<void(std::size_t done, std::size_t total)>& progress);
+
+/// Reads how the photos were exposed, from their headers. Frames of videos have no such tags.
+void read_exposure_stops(std::vector<ViewPlan>& plans);
 
 }  // namespace gs

@@ -3,6 +3,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "data_loaders/reconstruct/photo_folder.h"
@@ -39,6 +40,15 @@ void forget_exposures(Scene& scene) {
     for (View& view : *views) view.exposure = Vec3f(1);
 }
 
+void log_exposure_stops(const Scene& scene) {
+  const auto& views = scene.train_views;
+  const auto known = std::count_if(
+      views.begin(), views.end(), [](const View& view) { return view.exposure_stops.has_value(); });
+  if (known > 0)
+    log_info("EXIF says of {} of {} training photos how they were exposed{}", known, views.size(),
+             scene.exposure ? "" : "; the photometric model starts from it");
+}
+
 }  // namespace
 
 bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
@@ -61,28 +71,30 @@ bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
   return true;
 }
 
-Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks, bool has_vignetting) {
+Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks, const LightNeeds& needs) {
   const auto show = [&](LoadStage stage, std::size_t done, std::size_t total) {
     hooks.show_loading(stage, done, total);
   };
-  Scene scene = load_scene(dataset, show, PhotoLoading::as_they_fit, has_vignetting);
+  Scene scene = load_scene(dataset, show, PhotoLoading::as_they_fit, needs);
   const View& first = scene.train_views.empty() ? scene.test_views.at(0) : scene.train_views[0];
   log_info("{}: {} training views, {} held out, {}x{} pixels; {} points, extent {:.3g}",
            scene.source, scene.train_views.size(), scene.test_views.size(), first.camera.width,
            first.camera.height, with_commas(scene.points.size()), scene.extent);
+  if (needs.exposure_stops) log_exposure_stops(scene);
   return scene;
 }
 
 Scene load_run_scene(Config& config, SessionHooks& hooks) {
   const PhotometricConfig& photometric = config.photometric;
-  const bool has_vignetting = photometric.vignetting && photometric.model != kNoPhotometricModel;
+  const bool is_learned = photometric.model != kNoPhotometricModel;
+  const LightNeeds needs{photometric.vignetting && is_learned, is_learned};
   if (photometric.model != kAutoPhotometricModel)
-    return load_run_scene(config.dataset, hooks, has_vignetting);
+    return load_run_scene(config.dataset, hooks, needs);
   DatasetConfig dataset = config.dataset;
   std::string unknown_because;
   if (!dataset.exposure) unknown_because = why_exposures_are_unknown(dataset);
   dataset.exposure = unknown_because.empty();
-  Scene scene = load_run_scene(dataset, hooks, has_vignetting);
+  Scene scene = load_run_scene(dataset, hooks, needs);
   settle(config, choose_photometric(scene.exposure, unknown_because));
   if (!config.dataset.exposure) forget_exposures(scene);
   return scene;

@@ -23,7 +23,7 @@ bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
 
 /// Loads the scene at dataset.source, and logs its size. Throws as load_scene() does.
 Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks,
-                     bool has_vignetting = false);
+                     const LightNeeds& needs = {});
 
 /// The same for a run. Where photometric.model is "auto", the photos choose the model: the config
 /// then names it, and dataset.exposure too where gains start from exposures that were solved for.

@@ -186,13 +186,13 @@ void Trainer::advance(int last_step) {
 
 void Trainer::take_batch(int last_step) {
   batch_.clear();
-  run_.backend.synchronize_poses(run_.model);
+  const bool refines = !run_.model.poses.empty() && !run_.backend.makes_refined_cameras();
   for (int step = run_.step + 1; step <= last_step; ++step) {
     const View& view = view_of(views_, step);
     const std::size_t row = std::size_t(&view - run_.scene.train_views.data());
     batch_.push_back({&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera),
                       row, camera_rows_[row]});
-    if (!run_.model.poses.empty())
+    if (refines)
       batch_.back().refined = refined_camera(run_.model.poses, run_.scene.train_views, row);
   }
   run_.backend.prefetch_next(view_of(views_, last_step + 1));
@@ -263,6 +263,7 @@ void Trainer::sort_by_morton() {
 
 // Each Gaussian's filter follows its mean.   Yu et al. 2024
 void Trainer::measure_filter() {
+  if (!run_.model.poses.empty()) run_.backend.synchronize(run_.model);
   const std::vector<Camera> cameras = refined_cameras(run_.model.poses, run_.scene.train_views);
   run_.backend.rows().measure_filter(run_.model, cameras, run_.config.render.near_plane);
 }

@@ -60,12 +60,39 @@ Weights by_nearest(const Question& question) {
   return even(photos, count);
 }
 
+// The line through known photos at x_i gives sum_i w_i y_i at x, with
+//
+//   w_i = 1/n + (x - mean) (x_i - mean) / sum_k (x_k - mean)^2
+Weights by_exif(const Question& question) {
+  const auto stops = [&](std::size_t i) { return question.shots[i].view->exposure_stops; };
+  Weights weights;
+  for (const std::size_t i : question.known)
+    if (stops(i)) weights.push_back({i, 0});
+  if (weights.empty() || !stops(question.asked)) return by_mean(question);
+  double mean = 0, squares = 0;
+  for (const auto& [i, weight] : weights) mean += double(*stops(i)) / double(weights.size());
+  for (const auto& [i, weight] : weights) squares += (*stops(i) - mean) * (*stops(i) - mean);
+  const double slope = squares > 0 ? (double(*stops(question.asked)) - mean) / squares : 0;
+  for (auto& [i, weight] : weights)
+    weight = 1 / double(weights.size()) + slope * (double(*stops(i)) - mean);
+  return weights;
+}
+
 struct RuleRow {
   const char* name;
   Weights (*weights)(const Question&);
+  bool needs_exif = false;
 };
-constexpr RuleRow kRules[] = {
-    {"mean", by_mean}, {"neighbors", by_neighbors}, {"nearest", by_nearest}};
+constexpr RuleRow kRules[] = {{"mean", by_mean},
+                              {"neighbors", by_neighbors},
+                              {"nearest", by_nearest},
+                              {"exif", by_exif, true}};
+
+bool has_exif(const std::vector<Shot>& shots) {
+  return std::any_of(shots.begin(), shots.end(), [](const Shot& shot) {
+    return shot.numbers && shot.view->exposure_stops.has_value();
+  });
+}
 
 std::vector<Shot> shots_of(const PhotometricState& state, const Scene& scene) {
   std::vector<Shot> shots;
@@ -123,6 +150,7 @@ HeldOutPhotos predict_held_out(const PhotometricState& state, const Scene& scene
   const RuleRow* best = nullptr;
   double least = 0;
   for (const RuleRow& rule : kRules) {
+    if (rule.needs_exif && !has_exif(shots)) continue;
     const double spread = spread_of(rule, left_out, size);
     photos.rules.push_back({rule.name, spread});
     if (!best || spread < least) best = &rule, least = spread;

@@ -27,6 +27,8 @@ struct HeldOutPhotos {
 ///   mean       the mean of all training photos of the same camera
 ///   neighbors  between the photos before and after it, by name, of the same camera
 ///   nearest    the mean of the four photos of the same camera that were taken nearest to it
+///   exif       the line of least squares from EXIF's exposure to each number, of the same camera;
+///              tried where photos have it, and for others the mean
 /// The one that predicts each training photo best from the others predicts the test views. Where a
 /// camera took no training photo, all cameras count. The state is in host memory.
 HeldOutPhotos predict_held_out(const PhotometricState& state, const Scene& scene);

@@ -9,9 +9,10 @@
 //   2. It becomes a row of kModels in photometric_model.cpp and a word of kPhotometricWords in
 //      gs_core/config/config_words.h.
 //   3. Settings of its own are members of PhotometricConfig.
-//   4. Its GPU twin is a row of kPhotometricModels in cuda/backend.cu, with the formulas of one pixel
-//      and the update in cuda/train/photometric.*. Without a twin, training on a GPU with this model
-//      is refused when the run starts.
+//   4. Its GPU twin is a value of DeviceLook and a row of kPhotometricModels in cuda/backend.cu, with
+//      the pass around the loss in a file of cuda/train, as in ppisp.*, and a rule of the update in
+//      photometric.cu. Without a twin, training on a GPU with this model is refused when the run
+//      starts.
 // Adam, the mean of zero, checkpoints, held-out photos, metrics and photometric.json then take it as
 // they take the others.
 #pragma once

@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 
 #include "gs_core/error.h"
@@ -19,6 +20,19 @@ PhotometricShape shape_of(const PhotometricModel& model, const std::vector<View>
   for (const std::uint32_t row : camera_rows(views))
     shape.cameras = std::max(shape.cameras, row + 1);
   return shape;
+}
+
+// Photos without the tags start as the mean of the others.
+void start_from_stops(const PhotometricModel& model, const std::vector<View>& views,
+                      PhotometricState& state) {
+  double sum = 0, count = 0;
+  for (const View& view : views)
+    if (view.exposure_stops) sum += double(*view.exposure_stops), ++count;
+  for (std::size_t i = 0; i < views.size(); ++i)
+    if (views[i].exposure_stops) {
+      const float gain = stops_gain(*views[i].exposure_stops - float(sum / count));
+      model.start_from_gains(Vec3f(gain), state.photo(i));
+    }
 }
 
 PhotometricState start_of(const PhotometricModel& model, const PhotometricShape& shape,
@@ -38,6 +52,7 @@ PhotometricState start_of(const PhotometricModel& model, const PhotometricShape&
     model.start_from_gains(views[i].exposure, state.photo(i));
     state.is_solved = true;
   }
+  if (!state.is_solved) start_from_stops(model, views, state);
   for (std::size_t i = 0; i < views.size(); ++i)
     if (const auto lens = scene.lenses.find(views[i].camera_id); lens != scene.lenses.end())
       model.start_from_lens(lens->second, state.camera(state.camera_of[i]));
@@ -73,6 +88,8 @@ void begin_photometric(const Config& config, const Scene& scene, TrainingModel& 
     model.photometric.camera_of = camera_rows(scene.train_views);  // checkpoints do not have it
   }
 }
+
+float stops_gain(float stops) { return std::exp2(kGainOfStop * stops); }
 
 void center_photos(const PhotometricModel& model, PhotometricState& state) {
   const std::vector<double> common = model.common_part(state);

@@ -46,6 +46,12 @@ struct PhotometricState {
   }
 };
 
+/// The models that devices have kernels for.
+enum class DeviceLook {
+  gains,  // within the loss
+  ppisp,  // a pass of its own before the loss, and one after it
+};
+
 /// What a device needs of the state to show a picture as one photo does. All numbers are in the
 /// memory of the device, so that no step waits for them.
 struct PhotoOnDevice {
@@ -56,6 +62,7 @@ struct PhotoOnDevice {
   double* photo_gradient = nullptr;
   double* camera_gradient = nullptr;
   double weight = 1;
+  DeviceLook look = DeviceLook::gains;
 };
 
 /// Calls f(name, a.array, b.array, ...) for each array. Checkpoints name their sections like this.

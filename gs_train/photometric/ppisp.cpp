@@ -5,24 +5,17 @@
 #include <cmath>
 #include <numbers>
 
-#include "gs_core/math/ppisp.h"
-#include "gs_train/photometric/gains.h"
 #include "gs_train/photometric/lens_model.h"
 
 namespace gs {
 namespace {
-
-constexpr std::size_t kLatents = 8, kPhotoNumbers = 1 + kLatents;  // the first one is the exposure
-// How far the numbers of a photo may be from solved ones before it costs much.
-constexpr double kExposureSpread = kGainPriorSpread / std::numbers::ln2;  // stops
-constexpr double kLatentSpread = 1;  // latents have the spread that they have among cameras
 
 class PpispAppearance final : public Appearance {
  public:
   PpispAppearance(Span<const float> photo, Span<const float> camera, const LensPlace& place)
       : Appearance(photo.size + camera.size), lens_(camera, place), exposure_(std::exp2(photo[0])) {
     ColorLatents<float> latents;
-    for (std::size_t i = 0; i < kLatents; ++i) latents[i] = photo[1 + i];
+    for (std::size_t i = 0; i < kPpispLatents; ++i) latents[i] = photo[1 + i];
     matrix_ = color_matrix(latents);
   }
 
@@ -46,10 +39,10 @@ class PpispAppearance final : public Appearance {
       put(gradient, x, recolored_vjp(matrix_, color, gain * dL_dshown, share, of_pixel));
       add(of_pixel, of_row);
       sums[0] += std::numbers::ln2 * double(dL_dlog);
-      lens_.pull_back(rho, -dL_dlog, sums + kPhotoNumbers);
+      lens_.pull_back(rho, -dL_dlog, sums + kPpispNumbers);
     }
     const ColorLatents<double> dL_dlatents = color_matrix_vjp(in_double(matrix_), of_row);
-    for (std::size_t i = 0; i < kLatents; ++i) sums[1 + i] += dL_dlatents[i];
+    for (std::size_t i = 0; i < kPpispLatents; ++i) sums[1 + i] += dL_dlatents[i];
   }
 
  private:
@@ -93,14 +86,14 @@ class PpispModel final : public LensModel {
   void start_from_gains(const Vec3f& gains, Span<float> photo) const override {
     photo[0] = std::log2((gains.x + gains.y + gains.z) / 3);
     const ColorLatents<float> latents = latents_of_gains(gains);
-    for (std::size_t i = 0; i < kLatents; ++i) photo[1 + i] = latents[i];
+    for (std::size_t i = 0; i < kPpispLatents; ++i) photo[1 + i] = latents[i];
   }
   // The scene has the brightness of the middle of the photos, and their mean colors.
   std::vector<double> common_part(const PhotometricState& state) const override {
-    std::vector<double> sum(kPhotoNumbers, 0.0);
+    std::vector<double> sum(kPpispNumbers, 0.0);
     for (std::size_t i = 0; i < state.shape.photos; ++i) {
       sum[0] -= middle_of(state, i) / std::numbers::ln2;
-      for (std::size_t k = 0; k < kPhotoNumbers; ++k) sum[k] += double(state.photo(i)[k]);
+      for (std::size_t k = 0; k < kPpispNumbers; ++k) sum[k] += double(state.photo(i)[k]);
     }
     for (double& number : sum) number /= double(state.shape.photos);
     return sum;
@@ -108,9 +101,9 @@ class PpispModel final : public LensModel {
   void add_penalties(const PhotometricState& state, std::vector<double>& gradient) const override {
     const PhotometricShape& shape = state.shape;
     for (std::size_t i = 0; state.is_solved && i < shape.camera_begin(0); ++i)
-      gradient[i] += gain_prior_vjp(double(state.values[i]), double(state.start[i]),
-                                    kGainPriorWeight / shape.photos,
-                                    i % kPhotoNumbers == 0 ? kExposureSpread : kLatentSpread);
+      gradient[i] += gain_prior_vjp(
+          double(state.values[i]), double(state.start[i]), kGainPriorWeight / shape.photos,
+          i % kPpispNumbers == 0 ? kPpispExposureSpread : kPpispLatentSpread);
     add_lens_penalty(state, gradient);
   }
 };

@@ -12,7 +12,8 @@ namespace gs {
 inline constexpr std::size_t kPoseNumbers = 6;  // of a row: three of the turn, three of the shift
 
 /// One row for each rigid frame: the training photos that a rig took at one moment, or one photo.
-/// All arrays are in host memory on every backend, because the host makes the camera of each step.
+/// All arrays are in host memory. A device updates copies of its own during the steps, and
+/// Backend::synchronize() brings them back.
 struct PoseState {
   // These follow from the scene; checkpoints do not have them.
   std::vector<std::uint32_t> row_of;       // (training photos)
@@ -24,7 +25,8 @@ struct PoseState {
   std::vector<std::vector<double>> common_modes;
   // (rows, 6) turn in radians and shift in extents, in the axes of the frame; 0: as given
   std::vector<float> values, first_moment, second_moment;
-  int adam_steps = 0;  // updates; fewer than the model's, because poses rest at times
+  int adam_steps = 0;         // updates; fewer than the model's, because poses rest at times
+  bool is_on_device = false;  // values and moments there are newer
 
   bool empty() const { return values.empty(); }
   std::size_t rows() const { return values.size() / kPoseNumbers; }

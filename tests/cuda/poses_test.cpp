@@ -46,14 +46,15 @@ class CudaPoses : public CudaTest {
   Gaussians plain(std::size_t count = 3000) const {
     return random_gaussians(kTypical, count, scene_.train_views[0].camera, 5);
   }
-  /// Steps by these photos, in one batch, where each camera is as refined as the model says.
+  /// Steps by these photos, in one batch, where each camera is as refined as the model says: a GPU
+  /// knows it, and the scalar backend is told.
   void step(Backend& backend, TrainingModel& model, const std::vector<std::size_t>& rows,
             const RenderSettings& settings, float rate = kRate) const {
-    backend.synchronize_poses(model);
     std::vector<TrainingPhoto> batch;
     for (const std::size_t row : rows) {
       batch.push_back({&scene_.train_views[row], settings, rows.size() > 1 ? 2 : 1, row});
-      batch.back().refined = refined_camera(model.poses, scene_.train_views, row);
+      if (!backend.makes_refined_cameras())
+        batch.back().refined = refined_camera(model.poses, scene_.train_views, row);
     }
     Update update{kRates, batch_rule(int(rows.size()))};
     update.pose_rate = rate;
@@ -156,6 +157,59 @@ TEST_F(CudaPoses, TooLittleRoomLosesNothing) {
   EXPECT_TRUE(same_bits(crowded, roomy));
   EXPECT_EQ(crowded.poses.adam_steps, 6);
   gpu().upload_views({}, 0);  // these views end here
+}
+
+// The first picture is that of the camera as the poses have it, before anything was learned.
+TEST_F(CudaPoses, ThePictureIsThatOfTheRefinedCamera) {
+  TrainingModel start = started(plain());
+  disturb(start.poses, 0.1, 0.2, 5);
+  const auto loss_of = [&](Backend& backend, bool is_refined) {
+    TrainingModel model = copy_to(backend.memory(), start);
+    if (!is_refined) model.poses = {};
+    step(backend, model, {1}, {}, 0);
+    backend.synchronize(model);
+    return backend.loss().value();
+  };
+  const double refined = loss_of(cpu(), true), given = loss_of(cpu(), false);
+  EXPECT_LT(std::abs(loss_of(gpu(), true) - refined), 0.1 * std::abs(given - refined));
+  EXPECT_LT(std::abs(loss_of(gpu(), false) - given), 0.1 * std::abs(given - refined));
+}
+
+// What the host writes between two steps counts, as after a step back to a checkpoint.
+TEST_F(CudaPoses, GoOnFromWhatTheHostHasReplaced) {
+  const TrainingModel start = started(plain());
+  TrainingModel model = on_gpu(start);
+  step(gpu(), model, {0}, {});
+  gpu().synchronize(model);
+  const TrainingModel after_one = on_host(model);
+  EXPECT_FALSE(same_bits(after_one.poses, start.poses));
+  for (const std::size_t row : {1, 2}) step(gpu(), model, {row}, {});
+  gpu().synchronize(model);
+  step(gpu(), model, {1}, {});  // is not brought back: the model is replaced at once
+  model = on_gpu(after_one);
+  gpu().synchronize(model);
+  EXPECT_TRUE(same_bits(on_host(model).poses, after_one.poses));
+  step(gpu(), model, {1}, {}, 0);
+  gpu().synchronize(model);
+  EXPECT_TRUE(same_bits(on_host(model).poses, after_one.poses));
+}
+
+// Two models take turns: each keeps its own poses.
+TEST_F(CudaPoses, ArePartOfTheirModel) {
+  const TrainingModel start = started(plain());
+  RenderSettings settings;
+  settings.deterministic = true;
+  const auto after = [&](std::size_t steps, bool in_turns) {
+    TrainingModel model = on_gpu(start), other = on_gpu(start);
+    for (std::size_t k = 0; k < steps; ++k) {
+      step(gpu(), model, {0}, settings);
+      if (in_turns) step(gpu(), other, {1}, settings);
+    }
+    gpu().synchronize(other);
+    gpu().synchronize(model);
+    return on_host(model);
+  };
+  EXPECT_TRUE(same_bits(after(4, true), after(4, false)));
 }
 
 // ---- runs --------------------------------------------------------------------------------------

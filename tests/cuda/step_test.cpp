@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "data_loaders/photos/photo_pool.h"
+#include "gs_train/poses/poses.h"
 #include "tests/support/cuda.h"
 #include "tests/support/gains.h"
 
@@ -610,15 +611,17 @@ TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
       model, [&] { run(50); }, [&] { run(100); });
 }
 
-// Gains are learned on the device alone: one photo at a time, and in batches.
-TEST_F(CudaStep, SteadyStepsWithGainsNeitherWaitNorAllocate) {
+// The numbers of photos are learned on the device alone: one photo at a time, and in batches.
+TEST_F(CudaStep, SteadyStepsWithAPhotometricModelNeitherWaitNorAllocate) {
   std::vector<View> views = some_views(200, 150, 5);
-  for (const bool has_vignetting : {false, true}) {
-    PhotometricConfig gains{"gains"};
-    gains.vignetting = has_vignetting;
-    gpu().use_photometric(make_photometric_model(gains));
+  for (const auto& [name, has_vignetting] :
+       {std::pair{"gains", false}, {"gains", true}, {"ppisp", false}, {"ppisp", true}}) {
+    SCOPED_TRACE(testing::Message() << name << ", vignetting " << has_vignetting);
+    PhotometricConfig config{name};
+    config.vignetting = has_vignetting;
+    gpu().use_photometric(make_photometric_model(config));
     TrainingModel start = model_of(random_gaussians(kTypical, 20000, views[0].camera, 7));
-    begin_with_gains(gains, views, start);
+    begin_with_gains(config, views, start);
     TrainingModel model = on_gpu(start);
     gpu().upload_views(views, 1 << 30);
     Update update{kRates};
@@ -637,6 +640,34 @@ TEST_F(CudaStep, SteadyStepsWithGainsNeitherWaitNorAllocate) {
         model, [&] { run(50); }, [&] { run(100); });
   }
   gpu().use_photometric(nullptr);
+}
+
+// The device makes the cameras of later steps from the poses that earlier ones have learned.
+TEST_F(CudaStep, SteadyStepsThatRefinePosesNeitherWaitNorAllocate) {
+  Scene scene;
+  scene.train_views = some_views(200, 150, 5);
+  Config config;
+  config.poses.refine = true;
+  TrainingModel start = model_of(random_gaussians(kTypical, 20000, scene.train_views[0].camera, 7));
+  begin_poses(config, scene, start);
+  TrainingModel model = on_gpu(start);
+  gpu().upload_views(scene.train_views, 1 << 30);
+  Update update{kRates};
+  update.pose_rate = 1e-4f;
+  std::vector<TrainingPhoto> batch = batch_of(scene.train_views, {});
+  for (std::size_t i = 0; i < batch.size(); ++i) batch[i].photo_row = i;
+  const auto run = [&](int steps) {
+    for (int step = 0; step < steps; ++step) {
+      gpu().prefetch_next(*batch[(std::size_t(step) + 1) % batch.size()].view);
+      gpu().step(model, {&batch[std::size_t(step) % batch.size()], 1}, {0.2f}, update, {true});
+    }
+    for (int step = 0; step < steps / 5; ++step)
+      gpu().step(model, {batch.data(), batch.size()}, {0.2f}, update, {true});
+  };
+  expect_steady(
+      model, [&] { run(50); }, [&] { run(100); });
+  EXPECT_GT(model.poses.adam_steps, 0);
+  gpu().upload_views({}, 0);  // these views end here
 }
 
 // The same with photos that do not fit into the budget and are copied one step ahead.

@@ -298,6 +298,23 @@ TEST(BeginPhotometric, KnowsTheCamerasOfTheNumbersOfACheckpoint) {
   EXPECT_EQ(training.photometric.camera_of, camera_rows(scene.train_views));
 }
 
+// Pixels grow with the root of the light. A photo without the tags starts as the mean of the others.
+TEST(BeginPhotometric, TakesTheExposuresOfExifWhereNoneWereSolvedFor) {
+  Scene scene = small_scene();
+  for (std::size_t i = 0; i < 4; ++i) scene.train_views[i].exposure_stops = float(i);
+  const PhotometricState exif = std::move(begun(scene).photometric);
+  EXPECT_FALSE(exif.is_solved);
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(exif.photo(3)[c] - exif.photo(1)[c], std::log(2.0f), 1e-5) << c;
+    EXPECT_NEAR(exif.photo(5)[c], (exif.photo(1)[c] + exif.photo(2)[c]) / 2, 1e-5) << c;
+    EXPECT_EQ(exif.start[3 * 3 + c], exif.photo(3)[c]) << c;
+  }
+  scene.train_views[0].exposure = {1.5f, 1, 1};
+  const PhotometricState solved = std::move(begun(scene).photometric);
+  EXPECT_TRUE(solved.is_solved);
+  EXPECT_NEAR(solved.photo(3)[0], solved.photo(1)[0], 1e-6);
+}
+
 // ---- photos that nobody trained on -------------------------------------------------------------
 
 /// Photos "a" to "l" on a line; every third is held out.
@@ -350,6 +367,30 @@ TEST_F(HeldOut, AreLikePhotosThatWereTakenNearby) {
   EXPECT_EQ(photos.rule, "nearest");
   EXPECT_GT(photos.numbers[0][0], 0.1);  // "b", at 100
   EXPECT_LT(photos.numbers[1][0], 0.1);  // "e", at 0
+}
+
+// Each number has a line of its own, whose slope nobody knows beforehand.
+TEST_F(HeldOut, FollowExifWhereItExplainsThePhotos) {
+  const auto stops = [](float i) { return float(int(7 * i) % 5); };
+  for (auto* views : {&scene_.train_views, &scene_.test_views})
+    for (View& view : *views) view.exposure_stops = stops(float(view.name[0] - 'a'));
+  const HeldOutPhotos photos = predicted([&](float i) { return 0.3f * stops(i) - 0.2f; });
+  EXPECT_EQ(photos.rule, "exif");
+  EXPECT_NEAR(photos.rules.back().spread, 0, 1e-5);
+  for (std::size_t k = 0; k < 4; ++k)
+    EXPECT_NEAR(photos.numbers[k][0], 0.3f * stops(float(3 * k + 1)) - 0.2f, 1e-5) << k;
+}
+
+// A photo without the tags has the mean; and where no photo has them, the rule is not tried.
+TEST_F(HeldOut, AreTheMeanWhereExifIsMissing) {
+  const auto f = [](float i) { return 0.1f * float(int(5 * i) % 3); };
+  EXPECT_EQ(predicted(f).rules.size(), 3u);
+  for (View& view : scene_.train_views) view.exposure_stops = f(float(view.name[0] - 'a'));
+  const HeldOutPhotos photos = predicted(f);
+  EXPECT_EQ(photos.rule, "exif");
+  double mean = 0;
+  for (const View& view : scene_.train_views) mean += double(*view.exposure_stops) / 8;
+  EXPECT_NEAR(photos.numbers[0][0], mean, 1e-6);
 }
 
 TEST_F(HeldOut, AreLikePhotosOfTheSameCamera) {

@@ -31,6 +31,7 @@ struct PhotoModule {
   PhotoSize (*decode_photo_size)(const std::filesystem::path&);
   int (*decode_photo_orientation)(const std::filesystem::path&);
   std::optional<Geodetic> (*decode_photo_place)(const std::filesystem::path&);
+  ExposureTags (*decode_exposure_tags)(const std::filesystem::path&);
   std::string (*codec_name)();
   std::vector<std::uint8_t> (*encode_png)(const Image8&);
   std::vector<std::uint8_t> (*encode_jpeg)(const Image8&, int quality);

@@ -24,6 +24,9 @@ int decode_photo_orientation(const std::filesystem::path& path) {
 std::optional<Geodetic> decode_photo_place(const std::filesystem::path& path) {
   return module().decode_photo_place(path);
 }
+ExposureTags decode_exposure_tags(const std::filesystem::path& path) {
+  return module().decode_exposure_tags(path);
+}
 std::string codec_name() { return module().codec_name(); }
 std::vector<std::uint8_t> encode_png(const Image8& image) { return module().encode_png(image); }
 std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality) {

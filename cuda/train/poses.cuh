@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// Poses of training photos that are refined on the GPU. Twin of gs_train/poses/poses.cpp.
+#pragma once
+
+#include "cuda/device/context.cuh"
+#include "cuda/render/refined_camera.cuh"
+#include "gs_core/buffer.h"
+#include "gs_core/math/adam.h"
+#include "gs_train/poses/pose_state.h"
+
+namespace gs::cuda {
+
+/// What a kernel needs of the row of one photo.
+struct PoseRow {
+  const float* values;  // (6)
+  double* gradient;     // (6) += dL/d(values)
+  RigidFrame<double> frame;
+  double extent;
+  PinholeCamera<double> given;  // the photo's camera before it was refined
+
+#ifdef __CUDACC__
+  __device__ RigidMotion<double> motion() const {
+    return {Vec3d(values[0], values[1], values[2]),
+            extent * Vec3d(values[3], values[4], values[5])};
+  }
+#endif
+};
+
+/// The motions of all rows with their moments and gradients. Between upload() and download() those
+/// of the PoseState are older. Only these two wait.
+class DevicePoses {
+ public:
+  DevicePoses(Context& context, Memory& memory)
+      : context_(context), values_(memory), first_moment_(memory), second_moment_(memory),
+        modes_(memory), gradient_(memory), cameras_(memory) {}
+
+  void upload(const PoseState& state);
+  void download(PoseState& state) const;
+
+  PoseRow row_of(const PoseState& state, std::size_t photo, const Camera& given) const;
+  /// Photo i of a batch has the camera of this row from now on. Returns its pose, on the device.
+  const DevicePose* refine(const PoseRow& row, std::size_t i);
+  /// 8 for poses: Adam for all rows by their gradients and the pull; then what all photos have in
+  /// common is taken out of the motions. Clears the gradients. Nothing is changed while `halted` is
+  /// raised.
+  void update(float pull, const AdamStep& step, const AdamRule& rule, const std::uint32_t* halted);
+  void clear_gradient() { gradient_.fill_zero(); }
+
+ private:
+  Context& context_;
+  Buffer<float> values_, first_moment_, second_moment_;  // (rows, 6)
+  Buffer<double> modes_;                                 // (modes, rows, 6) PoseState::common_modes
+  Buffer<double> gradient_;                              // (rows, 6) zero between steps
+  Buffer<DevicePose> cameras_;                           // (kMostBatch)
+};
+
+}  // namespace gs::cuda
