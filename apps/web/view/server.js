@@ -48,6 +48,9 @@ export async function askForModel(version, bytes, progress) {
 /// Where a model lies whose parts are fetched one by one.
 export const modelAddress = version => new URL(`model?v=${version}`, location.href).href;
 
+/// A camera's photo as an ImageBitmap.
+export const askForPhoto = async address => createImageBitmap(await (await ask(address)).blob());
+
 /// A frame as {picture: ImageBitmap, milliseconds}: milliseconds that the server rendered, or null
 /// if it did not say. The frame is null if a newer request has replaced this one.
 export async function askForFrame(query) {

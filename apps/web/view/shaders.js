@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Changes to Spark's shaders that make it evaluate the same equation as gemsplat
 // (docs/equations.md).
+import {Matrix4, Vector3} from 'three';
+import {lookShader} from './look.js';
 
 // The Jacobian is evaluated no farther out than this (1 is the edge of the picture):
 // kFrustumMargin.
@@ -16,7 +18,43 @@ const CHANGES = [
   // End a splat where its alpha falls below minAlpha.
   ['adjustedStdDev = maxStdDev;',
    'adjustedStdDev = min(maxStdDev, sqrt(2.0 * log(max(rgba.a / minAlpha, 1.0))));'],
+  // What tools ask for: the depth of a splat, the size of splats, points, a crop.
+  ['out vec3 vNdc;',
+   `out vec3 vNdc;
+out float vDepth;
+uniform float splatScale;
+uniform float pointRadius;
+uniform int cropKind;
+uniform bool cropDrops;
+uniform vec3 cropLow;
+uniform vec3 cropHigh;
+uniform mat4 worldFromView;
+bool isCropped(vec3 mean) {
+    if (cropKind == 0) return false;
+    bool isInside = cropKind == 1 ? all(greaterThanEqual(mean, cropLow)) && all(lessThanEqual(mean, cropHigh))
+                                  : distance(mean, cropLow) <= cropHigh.x;
+    return isInside == cropDrops;
+}`],
+  ['if (viewCenter.z >= 0.0) {',
+   `vDepth = -viewCenter.z;
+    if (isCropped((worldFromView * vec4(viewCenter, 1.0)).xyz)) return;
+    if (viewCenter.z >= 0.0) {`],
+  ['mat3 RS = scaleQuaternionToMatrix(scales, viewQuaternion);',
+   'mat3 RS = scaleQuaternionToMatrix(splatScale * scales, viewQuaternion);'],
+  ['float scale2 = min(maxPixelRadius, adjustedStdDev * sqrt(eigen2));',
+   `float scale2 = min(maxPixelRadius, adjustedStdDev * sqrt(eigen2));
+    if (pointRadius > 0.0) {
+        scale1 = scale2 = pointRadius;
+        vSplatUv = position.xy;
+        vRgba.a = 1.0;
+    }`],
 ];
+
+/// The uniforms that these changes read. Kinds of crops: 0 none, 1 a box between two corners, 2 a
+/// sphere about cropLow with the radius cropHigh.x.
+export const effectUniforms = () => ({
+  splatScale: {value: 1}, pointRadius: {value: 0}, showsDepth: {value: false}, cropKind: {value: 0}, cropDrops: {value: false},
+  cropLow: {value: new Vector3()}, cropHigh: {value: new Vector3()}, worldFromView: {value: new Matrix4()}});
 
 /// Spark's vertex shader with the changes. Throws Error if a line to be replaced is not in it
 /// exactly once.
@@ -28,17 +66,21 @@ export function vertexShader(text) {
 }
 
 /// One fragment: alpha = opacity exp(-|u|^2 / 2), discarded below minAlpha. The color is not
-/// converted.
+/// converted. A depth takes its place where depths are summed; a point is a disc.
 export const fragmentShader = `
 precision highp float;
 uniform float minAlpha;
+uniform float pointRadius;
+uniform bool showsDepth;
 in vec4 vRgba;
 in vec2 vSplatUv;  // in standard deviations
+in float vDepth;
 out vec4 fragColor;
 void main() {
-  float alpha = vRgba.a * exp(-0.5 * dot(vSplatUv, vSplatUv));
+  float u2 = dot(vSplatUv, vSplatUv);
+  float alpha = pointRadius > 0.0 ? (u2 > 1.0 ? 0.0 : vRgba.a) : vRgba.a * exp(-0.5 * u2);
   if (alpha < minAlpha) discard;
-  fragColor = vec4(vRgba.rgb * alpha, alpha);
+  fragColor = vec4((showsDepth ? vec3(vDepth, 0.0, 0.0) : vRgba.rgb) * alpha, alpha);
 }`;
 
 /// The sum of all splats over the background.
@@ -52,7 +94,8 @@ export const compositeFragmentShader = `
 uniform sampler2D gathered;
 uniform vec3 background;
 varying vec2 place;
+${lookShader}
 void main() {
   vec4 sum = texture2D(gathered, place);
-  gl_FragColor = vec4(sum.rgb + (1.0 - sum.a) * background, 1.0);
+  gl_FragColor = vec4(shown(sum.rgb + (1.0 - sum.a) * background, place), 1.0);
 }`;
