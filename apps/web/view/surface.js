@@ -75,16 +75,21 @@ export class Surface {
     this.eye = new OrthographicCamera();
   }
 
-  // Made when it is first asked for: most people never do.
+  // Where depths are summed. Made when it is first asked for: most people never do.
+  get gathered() {
+    if (!this.target) this.make();
+    return this.target;
+  }
+
   make() {
     const {extensions} = this.renderer, isFloat = extensions.has('EXT_color_buffer_float') && extensions.has('EXT_float_blend');
     const target = (side, type) => new WebGLRenderTarget(side, side, {type, minFilter: NearestFilter, magFilter: NearestFilter, depthBuffer: false});
-    this.gathered = target(1, isFloat ? FloatType : HalfFloatType);
+    this.target = target(1, isFloat ? FloatType : HalfFloatType);
     this.sample = target(SAMPLE, FloatType);
     const ramp = new DataTexture(rampBytes(), 256, 1, RGBAFormat);
     ramp.minFilter = ramp.magFilter = LinearFilter;
     ramp.needsUpdate = true;
-    const gathered = {value: this.gathered.texture};
+    const gathered = {value: this.target.texture};
     this.uniforms = {gathered, ramp: {value: ramp}, showsNormals: {value: false}, range: {value: new Vector2()}, lens: {value: new Vector4()}};
     this.picture = quad(material(fragmentShader, this.uniforms));
     this.sampler = quad(material(sampleShader, {gathered}));
@@ -92,7 +97,6 @@ export class Surface {
 
   // gather(size): sums the depths of all splats into this.gathered
   draw(gather, {quantity, width, height, lens, to}) {
-    if (!this.gathered) this.make();
     gather({width, height});
     const x = width / lens.width, y = height / lens.height;
     this.uniforms.lens.value.set(lens.fx * x, lens.fy * y, lens.cx * x, lens.cy * y);
