@@ -4,10 +4,10 @@
 
 const OVERTAKEN = 409;  // the status of a frame that a newer request of this page has replaced
 
-async function ask(address) {
+async function ask(address, options = {}) {
   let response;
   try {
-    response = await fetch(address, {cache: 'no-store'});
+    response = await fetch(address, {cache: 'no-store', ...options});
   } catch {
     throw new Error('The server does not answer. Is gemsplat still running?');
   }
@@ -28,6 +28,9 @@ async function json(address) {
 export const askForScene = () => json('scene.json');
 /// The state of a run, with the losses that were logged after a step.
 export const askForState = afterStep => json(`state.json?after=${afterStep}`);
+
+/// Asks a run to pause, resume, save or stop.
+export const askToControl = (what, token) => ask(`control?do=${what}`, {method: 'POST', headers: {'X-Control-Token': token}});
 
 /// The model's bytes as they arrive: {stream, length}. progress(share) is called as they come, with
 /// 0 to 1.

@@ -18,6 +18,7 @@ import {Overlay} from './overlay.js';
 import {iconButton, panel} from './parts.js';
 import {Player} from './player.js';
 import {Rig} from './rig.js';
+import {takeToken} from './run_buttons.js';
 import {askForModel, askForScene, modelAddress} from './server.js';
 import {settings} from './settings.js';
 import {Stage} from './stage.js';
@@ -95,7 +96,7 @@ export class Viewer {
 
   modelBody() {
     if (this.scene.mode !== 'live') return this.facts.node;
-    this.live = new Live({snapshot: state => this.takeSnapshot(state), failed: error => this.messages.trouble('live', error)});
+    this.live = new Live({token: takeToken(), snapshot: state => this.takeSnapshot(state), failed: error => this.messages.trouble('live', error)});
     return [this.live.node, this.facts.node];
   }
 
