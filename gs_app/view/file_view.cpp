@@ -138,6 +138,7 @@ ViewScene view_scene_of(const OpenedModel& opened, const Config& config, bool ha
   } else if (opened.run) {
     take_cameras_of_run(scene, opened, config);
   }
+  scene.world_offset = opened.model.world_offset;
   take_looks(scene, opened);
   take_meters(scene, config.dataset.source, scale_of(opened.input_from_model));
   scene.moves = opened.model.gaussians.has_time;

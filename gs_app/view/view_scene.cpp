@@ -69,6 +69,7 @@ Json scene_json(const ViewScene& scene) {
                {"moves", scene.moves},
                {"notes", scene.notes}};
   if (scene.time) json["time"] = *scene.time;
+  json["world_offset"] = list_of(scene.world_offset);
   if (scene.meters_per_unit) json["meters_per_unit"] = *scene.meters_per_unit;
   json["cameras"] = cameras_json(scene.cameras);
   for (std::size_t i = 0; i < scene.cameras.size(); ++i)

@@ -185,7 +185,7 @@ const tests = {
     await shot(page, 'settings-dark');
     await page.keyboard.press('?');
     await page.getByRole('dialog').waitFor();
-    assert.deepEqual(await helpGroups(page), ['Mouse', 'Keys that move the view', 'Cameras and photos', 'Time, where the scene moves', 'Page', 'Fingers']);
+    assert.deepEqual(await helpGroups(page), ['Mouse', 'Keys that move the view', 'Cameras and photos', 'Picture and tools', 'Time, where the scene moves', 'Page', 'Fingers']);
     await shot(page, 'help-dark');
     await page.keyboard.press('Escape');
     await page.keyboard.press('h');

@@ -23,7 +23,9 @@ import {askForModel, askForScene, modelAddress} from './server.js';
 import {settings} from './settings.js';
 import {Stage} from './stage.js';
 import {Switches} from './switches.js';
+import {CropTool} from './tools/crop_tool.js';
 import {MeasureTool} from './tools/measure_tool.js';
+import {PathTool} from './tools/path_tool.js';
 import {PictureTool} from './tools/picture_tool.js';
 import {ToolPanel} from './tools/tool_panel.js';
 
@@ -69,15 +71,16 @@ export class Viewer {
   makeTools() {
     this.overlay = new Overlay(this.scene.radius);
     this.tools = {picture: new PictureTool(this)};
-    if (!this.stage.isRemote) this.tools.measure = new MeasureTool(this);
+    if (!this.stage.isRemote) Object.assign(this.tools, {measure: new MeasureTool(this), crop: new CropTool(this)});
+    this.tools.path = new PathTool(this);
     for (const tool of Object.values(this.tools)) this.overlay.add(tool);
-    this.toolPanel = new ToolPanel(Object.values(this.tools));
+    this.toolPanel = new ToolPanel(Object.values(this.tools), () => this.stage.request());
   }
 
   makePanels() {
     const title = this.scene.mode === 'live' ? 'Training' : 'Model';
     const make = (name, title, body) => panel(name, title, body, open => {
-      if (name === 'tools') this.toolPanel.isShown = open;
+      if (name === 'tools') this.toolPanel.show(open);
       if (open) this.opened(name);
     });
     this.panels = {model: make('model', title, this.modelBody()), settings: make('settings', 'Settings', this.settings.node), tools: make('tools', 'Tools', this.toolPanel.node)};
@@ -190,7 +193,7 @@ export class Viewer {
   step(seconds) {
     this.controls.step(seconds);
     this.player?.step(performance.now());
-    return this.controls.isHeld || Boolean(this.player?.isPlaying);
+    return this.tools.path.step(performance.now()) || this.controls.isHeld || Boolean(this.player?.isPlaying);
   }
 
   drawn(view) {
