@@ -25,7 +25,7 @@ const tests = {
       await page.getByLabel(label, {exact: true}).press('Enter');
     }
     await page.getByText('2 of 4 Gaussians remain.').waitFor();
-    assert.equal(await command(page), 'gemsplat edit blobs.ply --keep box=-0.5,-0.5,-0.5,1.5,0.5,0.5 -o cropped.ply');
+    assert.equal(await command(page), "gemsplat edit 'a scene' --keep box=-0.5,-0.5,-0.5,1.5,0.5,0.5 -o cropped.ply");
     await page.evaluate(() => document.activeElement.blur());
     await settled(page);
     assert.deepEqual(await Promise.all(BLOBS.map(async ({at}) => await lit(page, at) > 60)), [true, true, false, false]);
@@ -47,7 +47,7 @@ const tests = {
 
   async 'a sphere, a handle that is dragged, coordinates far from the origin, and names that shells would split'(browser) {
     const scene = sceneFor('file', {cameras: withPhotos, world_offset: [500000, 5400000, 0]});
-    scene.model.name = "it's a model.ply";
+    scene.title = "it's a model.ply";
     const page = await shown(browser, {scene}, {at: 'camera=0', colorScheme: 'dark'});
     await ready(page);
     await tool(page, 'Crop');
@@ -94,8 +94,8 @@ const tests = {
       assert.ok(distance(rotation.flat(), [...m.slice(0, 3), ...m.slice(4, 7), ...m.slice(8, 11)]) < 1e-6);
       assert.ok(width === CAMERAS[[0, 2, 1][i]].width && fx === CAMERAS[[0, 2, 1][i]].fx);
     });
-    assert.match(await command(page), /^gemsplat render MODEL --path path.json -o film.mp4$/);
-    await page.getByRole('button', {name: 'go there'}).first().click();
+    assert.match(await command(page), /^gemsplat render 'a scene' --path path.json -o film.mp4$/);
+    await page.getByRole('button', {name: 'View 1', exact: true}).click();
     await settled(page);
     await shot(page, 'path-light');
     await page.getByLabel('seconds of the path').fill('0.5');

@@ -16,6 +16,12 @@ async function copy(text) {
   if (!isCopied) throw new Error('The browser does not let this page copy.');
 }
 
+/// A name as a word of a shell, which is no option.
+export function quoted(name) {
+  const safe = name.startsWith('-') ? `./${name}` : name;
+  return /^[\w./-]+$/.test(safe) ? safe : `'${safe.replaceAll("'", "'\\''")}'`;
+}
+
 /// A button that copies text().
 export function copyButton(words, text) {
   const button = el('button.button', {type: 'button', onclick: async () => {

@@ -4,18 +4,12 @@
 import {el, segmented} from '../../shared/dom.js';
 import {whole} from '../../shared/format.js';
 import {row, toggleSwitch} from '../parts.js';
-import {copyButton} from './clipboard.js';
+import {copyButton, quoted} from './clipboard.js';
 import {Region} from './crop_region.js';
 
 const COUNT_AFTER = 250;  // milliseconds without a change
 const FIRST_SIZE = 0.5;   // of the scene's radius: half a side of the first box
 const REACH = 9;          // CSS pixels: radius of a handle
-
-// A name as a word of a shell, which is no option.
-const quoted = name => {
-  const safe = name.startsWith('-') ? `./${name}` : name;
-  return /^[\w./-]+$/.test(safe) ? safe : `'${safe.replaceAll("'", "'\\''")}'`;
-};
 
 export class CropTool {
   title = 'Crop';
@@ -33,7 +27,7 @@ export class CropTool {
         row('Shape', segmented('shape', [['box', 'Box'], ['sphere', 'Sphere']], 'box', shape => choose('shape', shape))),
         row('Inside', segmented('inside', [['keep', 'Keep'], ['drop', 'Drop']], 'keep', what => choose('drops', what === 'drop'))),
         this.fields, row('Hide the rest', hide.button), this.counts, this.command,
-        el('div.row.buttons', {}, copyButton('copy the command', () => this.command.textContent),
+        el('div.row.buttons', {}, copyButton('Copy the command', () => this.command.textContent),
            el('button.button', {type: 'button', onclick: () => this.fit()}, 'Around this view')));
   }
 
@@ -54,7 +48,7 @@ export class CropTool {
     const {scene, stage} = this.viewer;
     if (this.isOpen && this.hides) this.region.apply(stage.splats);
     else stage.splats.setEffect('cropKind', 0);
-    this.command.textContent = `gemsplat edit ${quoted(scene.model?.name && !scene.is_run ? scene.model.name : scene.title)} ${this.region.operation} -o cropped.ply`;
+    this.command.textContent = `gemsplat edit ${quoted(scene.title)} ${this.region.operation} -o cropped.ply`;
     this.showFields();
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.count(), COUNT_AFTER);

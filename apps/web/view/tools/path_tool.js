@@ -7,7 +7,7 @@ import {fixed} from '../../shared/format.js';
 import {rowsOfPose} from '../lens.js';
 import {iconButton, row, toggleSwitch} from '../parts.js';
 import {Spline} from '../spline.js';
-import {save} from './clipboard.js';
+import {quoted, save} from './clipboard.js';
 
 const DRAWN = 96;                   // points of the line
 const SECONDS_PER_KEY = 3;          // where nobody has said how long the path takes
@@ -64,7 +64,7 @@ export class PathTool {
     this.play.disabled = this.saveButton.disabled = !this.spline;
     this.said.textContent = this.spline ? '' : this.keys.length > 1 ? 'All keys are at the same place.' : 'A path needs two views or more.';
     this.command.hidden = !this.spline;
-    this.command.textContent = `gemsplat render ${/^[\w./-]+$/.test(this.viewer.scene.title) ? this.viewer.scene.title : 'MODEL'} --path path.json -o film.mp4`;
+    this.command.textContent = `gemsplat render ${quoted(this.viewer.scene.title)} --path path.json -o film.mp4`;
     this.showKeys();
     this.viewer.stage.request();
   }

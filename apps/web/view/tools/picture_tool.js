@@ -17,7 +17,7 @@ export class PictureTool {
     this.psnr = el('button.button', {type: 'button', title: 'M', onclick: () => this.measure().catch(error => viewer.messages.fail(error))}, 'PSNR against the photo');
     this.node = el('div.tool', {},
         row('Screenshot', el('span.pair', {}, el('button.button', {type: 'button', title: 'K', onclick: take(1)}, 'PNG'), el('button.button', {type: 'button', onclick: take(2)}, 'PNG, twice as large'))),
-        row('This view', copyButton('copy its address', () => `${location.href.split('#')[0]}#${viewer.address.text}`)),
+        row('This view', copyButton('Copy its address', () => `${location.href.split('#')[0]}#${viewer.address.text}`)),
         !stage.isRemote && row('This camera', this.psnr), this.said);
     this.show(null);
   }
