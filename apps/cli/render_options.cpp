@@ -67,9 +67,8 @@ void check_path_flags(const CLI::App& verb, const std::string& kind) {
 
 std::size_t frames_of(const RenderFlags& flags, double usual_seconds) {
   const double frames =
-      flags.frames
-          ? double(*flags.frames)
-          : flags.seconds.value_or(usual_seconds) * flags.command.output.frames_per_second;
+      flags.frames ? double(*flags.frames)
+                   : flags.seconds.value_or(usual_seconds) * flags.command.output.frames_per_second;
   if (!(frames < kMostFrames))
     throw UsageError(
         fmt::format("{:.0f} frames are too many; give fewer --seconds or --fps", frames));
@@ -82,9 +81,9 @@ double take_path_file(RenderCommand& command) {
   PathRequest& path = command.path;
   if (path.kind.empty() || contains(kPathKinds, path.kind)) return kSeconds;
   if (!std::filesystem::exists(path.kind))
-    throw UsageError(fmt::format(
-        "--path {}: it is none of {}, and there is no such file of key frames", path.kind,
-        fmt::join(kPathKinds, ", ")));
+    throw UsageError(
+        fmt::format("--path {}: it is none of {}, and there is no such file of key frames",
+                    path.kind, fmt::join(kPathKinds, ", ")));
   if (!command.cameras.empty() || !command.split.empty())
     throw UsageError("--path FILE has cameras of its own; leave --cameras and --split out");
   command.path_file = std::exchange(path.kind, kKeyFrames);
@@ -119,9 +118,10 @@ RenderCommand checked(const CLI::App& verb, const RenderFlags& flags) {
 
 void add_path_options(CLI::App& verb, RenderFlags& flags) {
   PathRequest& path = flags.command.path;
-  verb.add_option("--path", path.kind,
-                  "path of the camera: around the scene, through chosen cameras, through all of the "
-                  "scene, or through the key frames of a file that the viewer has saved")
+  verb.add_option(
+          "--path", path.kind,
+          "path of the camera: around the scene, through chosen cameras, through all of the "
+          "scene, or through the key frames of a file that the viewer has saved")
       ->type_name("orbit|spline|flythrough|FILE")
       ->group("Path");
   verb.add_option("--frames", flags.frames, "number of frames of the path [300]")

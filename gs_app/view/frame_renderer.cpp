@@ -28,7 +28,8 @@ class DeviceModel {
  public:
   DeviceModel(const std::string& device, const GaussianModel& model, const RenderSettings& settings,
               const LookOf& look_of)
-      : look_of_(look_of), backend_(make_backend(device)), gaussians_(copy_to(backend_->memory(), model)),
+      : look_of_(look_of), backend_(make_backend(device)),
+        gaussians_(copy_to(backend_->memory(), model)),
         pictures_(*backend_, gaussians_, model.gaussians, settings, true) {}
 
   std::string device() const { return backend_->name(); }

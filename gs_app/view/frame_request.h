@@ -17,7 +17,7 @@ struct FrameRequest {
   Camera camera;
   Quantity quantity = Quantity::color;
   std::optional<std::size_t> look = {};  // the camera whose photo's colors are shown
-  int quality = 85;    // of JPEG, 1 to 100
+  int quality = 85;                      // of JPEG, 1 to 100
   std::string client;  // who asks: a newer request of the same client replaces one that waits
 };
 

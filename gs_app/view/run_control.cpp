@@ -38,7 +38,8 @@ RunControl::RunControl(const RunFolder& folder, std::function<void(Trainer&)> pa
 
 HttpAnswer RunControl::answer(const HttpRequest& request) {
   if (!is_same(request.token, token_))
-    return http_error(403, "only the page at the address that the program printed controls the run");
+    return http_error(403,
+                      "only the page at the address that the program printed controls the run");
   const auto word = request.query.find("do");
   const std::lock_guard lock(mutex_);
   if (is_over_) return http_error(409, "the run is over");

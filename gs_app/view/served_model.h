@@ -29,8 +29,8 @@ struct ServedModel {
 /// cannot be read.
 bool is_served_as_it_is(const std::filesystem::path& file);
 
-/// Gaussians: 200 MB and more as a PLY.
-inline constexpr std::size_t kWorthStreaming = 1'000'000;
+/// Gaussians: 400 MB and more as a PLY, and the first picture comes after a twentieth of the bytes.
+inline constexpr std::size_t kWorthStreaming = 2'000'000;
 
 /// Makes another file if one is needed; of a folder of export --lod it takes the .rad. A model of
 /// `stream_from` Gaussians or more that stands still becomes a .rad, which the page streams; 0: none

@@ -39,13 +39,13 @@ struct ViewScene {
   float near_plane = 0.2f, far_plane = 10000;
   std::vector<ViewedCamera> cameras;
   SceneFrame frame;
-  bool moves = false;                        // the model has a time, which the page can choose
-  std::optional<double> time = {};           // at which the page begins; it plays if there is none
-  std::vector<std::string> notes;            // sentences for the user: what is missing, and why
+  bool moves = false;               // the model has a time, which the page can choose
+  std::optional<double> time = {};  // at which the page begins; it plays if there is none
+  std::vector<std::string> notes;   // sentences for the user: what is missing, and why
   Vec3d world_offset{0.0};  // to be added for the coordinates that people know (`gemsplat edit`)
-  std::optional<double> meters_per_unit = {};  // of a scene that knows where on earth it stands
+  std::optional<double> meters_per_unit = {};    // of a scene that knows where on earth it stands
   std::shared_ptr<const SceneLooks> looks = {};  // learned colors of photos; null: there are none
-  std::shared_ptr<const Scene> photos = {};  // owner of the views; null if the caller owns them
+  std::shared_ptr<const Scene> photos = {};      // owner of the views; null if the caller owns them
 };
 
 /// The last name of a path, as the page's title: others need not see where it lies. "runs/a/" ->

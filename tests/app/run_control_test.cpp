@@ -37,7 +37,9 @@ class ControlledRun : public ::testing::Test {
     std::function<void(int)> f_;
   };
 
-  int ask(const std::string& word) { return control_.answer(asking(word, control_.token())).status; }
+  int ask(const std::string& word) {
+    return control_.answer(asking(word, control_.token())).status;
+  }
 
   GaussianModel run(const std::function<void(int)>& at) {
     const auto backend = make_scalar_backend();

@@ -148,8 +148,10 @@ TEST_F(Render, ASplineBeginsAndEndsWithTheCamerasThatWereNamed) {
 
 TEST_F(Render, APathOfKeyFramesPassesThem) {
   const auto key = [](double x, double z) {
-    return fmt::format(R"({{"img_name":"key","width":40,"height":30,"fx":40,"fy":40,"position":[{},0,{}],
-      "rotation":[[1,0,0],[0,1,0],[0,0,1]]}})", x, z);
+    return fmt::format(
+        R"({{"img_name":"key","width":40,"height":30,"fx":40,"fy":40,"position":[{},0,{}],
+      "rotation":[[1,0,0],[0,1,0],[0,0,1]]}})",
+        x, z);
   };
   const auto file = [&](const std::string& keys, const std::string& more = "") {
     write_bytes(path("path.json"), R"({"format":"gemsplat key frames","version":1,"seconds":0.5,)" +

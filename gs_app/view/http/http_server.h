@@ -20,7 +20,7 @@ namespace gs {
 
 struct HttpRequest {
   std::string method = "GET";  // or "HEAD" or "POST"
-  std::string path;  // "/photo/12", decoded
+  std::string path;            // "/photo/12", decoded
   std::map<std::string, std::string> query;
   std::string client;  // its address
   std::string token;   // of a POST: the secret in its header X-Control-Token
