@@ -11,7 +11,7 @@ export function bindKeys(viewer) {
     1: () => switches.set('show', 'color'), 2: () => switches.set('show', 'depth'), 3: () => switches.set('show', 'normal'),
     4: () => viewer.hasLooks && switches.set('colors', switches.get('colors') === 'photo' ? 'neutral' : 'photo'),
     5: () => switches.set('points', switches.get('points') ? 0 : 2),
-    t: () => panels.tools.toggle(), k: () => tools.picture.take(1).catch(error => viewer.messages.fail(error)), m: () => viewer.measurePsnr(), v: () => viewer.tools.path.add(),
+    t: () => panels.tools.toggle(), k: () => tools.picture.take(1).catch(error => viewer.messages.fail(error)), m: () => { panels.tools.toggle(true); viewer.toolPanel.open('Picture'); tools.picture.measure().catch(error => viewer.messages.fail(error)); }, v: () => viewer.tools.path.add(),
     j: () => player?.setLoop(!player.loops), ',': () => player?.nudge(-1), '.': () => player?.nudge(1),
     '[': () => player?.changeSpeed(-1), ']': () => player?.changeSpeed(1), Home: () => player?.seek(0), End: () => player?.seek(1),
     Escape: () => Object.values(panels).forEach(panel => panel.toggle(false)),

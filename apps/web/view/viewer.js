@@ -5,29 +5,25 @@ import {Quaternion, Vector3} from 'three';
 import {el} from '../shared/dom.js';
 import {isNumber} from '../shared/format.js';
 import {Address, viewOf} from './address.js';
-import {CameraList, cameraBar} from './camera_list.js';
-import {Compare} from './compare.js';
+import {CameraList, cameraBar} from './panels/camera_list.js';
+import {Compare} from './panels/compare.js';
 import {Controls} from './controls.js';
-import {helpDialog} from './help.js';
+import {helpDialog} from './panels/help.js';
 import {bindKeys} from './keys.js';
-import {lensOf, plainLens, poseFromRows} from './lens.js';
-import {Live} from './live.js';
-import {Messages} from './messages.js';
-import {modelFacts} from './model_panel.js';
-import {Overlay} from './overlay.js';
-import {iconButton, panel} from './parts.js';
-import {Player} from './player.js';
+import {lensOf, plainLens, poseFromRows} from './picture/lens.js';
+import {Live} from './panels/live.js';
+import {Messages} from './panels/messages.js';
+import {modelFacts} from './panels/model_panel.js';
+import {Overlay} from './picture/overlay.js';
+import {iconButton, panel} from './panels/parts.js';
+import {Player} from './panels/player.js';
 import {Rig} from './rig.js';
-import {takeToken} from './run_buttons.js';
+import {takeToken} from './panels/run_buttons.js';
 import {askForModel, askForScene, modelAddress} from './server.js';
-import {settings} from './settings.js';
-import {Stage} from './stage.js';
+import {settings} from './panels/settings.js';
+import {Stage} from './picture/stage.js';
 import {Switches} from './switches.js';
-import {CropTool} from './tools/crop_tool.js';
-import {MeasureTool} from './tools/measure_tool.js';
-import {PathTool} from './tools/path_tool.js';
-import {PictureTool} from './tools/picture_tool.js';
-import {ToolPanel} from './tools/tool_panel.js';
+import {makeTools, ToolPanel} from './tools/tool_panel.js';
 
 const FIELD_OF_VIEW = 60;  // degrees, where there is no camera to take it from
 // CSS pixels of page.css: the head or bar with a gap on both sides.
@@ -62,19 +58,12 @@ export class Viewer {
     this.hasLooks = scene.cameras.some(camera => camera.look);
     this.switches = new Switches(this, () => { this.settings.sync(); this.address.note(); });
     this.settings = settings(this);
-    this.makeTools();
+    this.overlay = new Overlay(scene.radius);
+    this.tools = makeTools(this);
+    this.toolPanel = new ToolPanel(Object.values(this.tools), this.overlay, () => this.stage.request());
     this.makePanels();
     this.compose();
     bindKeys(this);
-  }
-
-  makeTools() {
-    this.overlay = new Overlay(this.scene.radius);
-    this.tools = {picture: new PictureTool(this)};
-    if (!this.stage.isRemote) Object.assign(this.tools, {measure: new MeasureTool(this), crop: new CropTool(this)});
-    this.tools.path = new PathTool(this);
-    for (const tool of Object.values(this.tools)) this.overlay.add(tool);
-    this.toolPanel = new ToolPanel(Object.values(this.tools), () => this.stage.request());
   }
 
   makePanels() {
@@ -157,10 +146,7 @@ export class Viewer {
       this.rig.goToCamera(first, null, this.center, options);
       return;
     }
-    const away = new Vector3(0.6, 0, 1).projectOnPlane(this.rig.up).addScaledVector(this.rig.up, 0.35).normalize();
-    const position = this.center.clone().addScaledVector(away, 2.5 * this.scene.radius);
-    this.rig.go({position, quaternion: this.rig.facing(away.negate()), target: this.center.clone(),
-                 lens: plainLens(this.stage.width, this.stage.height, FIELD_OF_VIEW)}, options);
+    this.rig.goInFrontOf(this.center, this.scene.radius, plainLens(this.stage.width, this.stage.height, FIELD_OF_VIEW), options);
   }
 
   async load(version) {
@@ -272,11 +258,6 @@ export class Viewer {
     if (this.stage.frames.look === wanted) return;
     this.stage.frames.look = wanted;
     this.stage.touch();
-  }
-  measurePsnr() {
-    this.panels.tools.toggle(true);
-    this.toolPanel.open('Picture');
-    return this.tools.picture.measure().catch(error => this.messages.fail(error));
   }
   flipUp() {
     this.switches.set('up', this.switches.get('up') === 'up' ? 'down' : 'up');

@@ -2,7 +2,7 @@
 // The region of a crop: a box along the axes or a sphere, as `gemsplat edit` takes it
 // (docs/editing.md).
 import {Matrix4, Vector3} from 'three';
-import {MovingModel} from '../moving.js';
+import {MovingModel} from '../picture/moving.js';
 
 const AXES = ['x', 'y', 'z'];
 const EDGES = [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];

@@ -3,7 +3,7 @@
 // that does it. The page changes no file.
 import {el, segmented} from '../../shared/dom.js';
 import {whole} from '../../shared/format.js';
-import {row, toggleSwitch} from '../parts.js';
+import {row, toggleSwitch} from '../panels/parts.js';
 import {copyButton, quoted} from './clipboard.js';
 import {Region} from './crop_region.js';
 

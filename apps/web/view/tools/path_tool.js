@@ -4,8 +4,8 @@
 import {Vector3} from 'three';
 import {el, segmented} from '../../shared/dom.js';
 import {fixed} from '../../shared/format.js';
-import {rowsOfPose} from '../lens.js';
-import {iconButton, row, toggleSwitch} from '../parts.js';
+import {rowsOfPose} from '../picture/lens.js';
+import {iconButton, row, toggleSwitch} from '../panels/parts.js';
 import {Spline} from '../spline.js';
 import {quoted, save} from './clipboard.js';
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The picture without anything over it, at any number of pixels: for screenshots and for PSNR.
 import {NearestFilter, UnsignedByteType, WebGLRenderTarget} from 'three';
-import {fitted, projectionOf, resized} from '../lens.js';
+import {fitted, projectionOf, resized} from '../picture/lens.js';
 import {askForPhoto} from '../server.js';
 
 const MOST_REMOTE = 4096;  // pixels on a side: the server's limit

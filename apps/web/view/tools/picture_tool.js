@@ -2,7 +2,7 @@
 // The tool "Picture": screenshots, the address of this view, and the PSNR of a camera's picture.
 import {el} from '../../shared/dom.js';
 import {fixed} from '../../shared/format.js';
-import {row} from '../parts.js';
+import {row} from '../panels/parts.js';
 import {copyButton, save} from './clipboard.js';
 import {psnrOf, screenshot} from './picture.js';
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Buttons that pause, save and stop a run. The server carries out what comes with its token, which
 // stands after #control= in the address that the program printed.
-import {el} from '../shared/dom.js';
-import {whole} from '../shared/format.js';
-import {askToControl} from './server.js';
+import {el} from '../../shared/dom.js';
+import {whole} from '../../shared/format.js';
+import {askToControl} from '../server.js';
 
 const SURE = 4000;  // milliseconds in which a second press stops the run
 const KEY = 'gemsplat-control';

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The Settings panel.
-import {el, segmented} from '../shared/dom.js';
+import {el, segmented} from '../../shared/dom.js';
 import {row, slider, toggleSwitch} from './parts.js';
-import {GROUND_NAMES, POINT_SIZES, SPLAT_SCALES} from './switches.js';
+import {GROUND_NAMES, POINT_SIZES, SPLAT_SCALES} from '../switches.js';
 
 const named = name => [name, name[0].toUpperCase() + name.slice(1)];
 const percent = x => `${Math.round(100 * x)}%`;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The icons of the viewer's buttons: paths in a square of 24 x 24.
-import {svg} from '../shared/dom.js';
+import {svg} from '../../shared/dom.js';
 
 const LINES = {
   cameras: 'M3 8.5h4l1.6-2.5h6.8L17 8.5h4v10.5H3z M12 10.2a3.4 3.4 0 1 0 .01 0',

@@ -2,11 +2,11 @@
 // The panel of a run that trains: polls the server for its progress, shows it, and reports when
 // there is a newer model.
 import uPlot from 'uplot';
-import {cssColor, el} from '../shared/dom.js';
-import {duration, fixed, isNumber, short, significant, whole} from '../shared/format.js';
+import {cssColor, el} from '../../shared/dom.js';
+import {duration, fixed, isNumber, short, significant, whole} from '../../shared/format.js';
 import {factList} from './parts.js';
 import {RunButtons} from './run_buttons.js';
-import {askForState} from './server.js';
+import {askForState} from '../server.js';
 
 const EVERY = 1000;          // milliseconds between polls while the page is visible
 const MOST_POINTS = 400;     // of the chart: beyond that, every second one is dropped

@@ -2,7 +2,7 @@
 // The picture that fills the window: decides when it is drawn, at how many pixels, and by which of
 // the browser and the server; draws frusta over it.
 import {ColorManagement, LinearSRGBColorSpace, WebGLRenderer} from 'three';
-import {el} from '../shared/dom.js';
+import {el} from '../../shared/dom.js';
 import {FramePicture} from './frames.js';
 import {Frusta} from './frusta.js';
 import {fitted, projectionOf} from './lens.js';

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lines, points and words over the picture, at places of the world: what tools draw.
 import {Matrix4, Vector3} from 'three';
-import {svg} from '../shared/dom.js';
+import {svg} from '../../shared/dom.js';
 
 const NEAREST = 1e-3;  // of the scene's radius: lines are cut off this far ahead of the eye
 

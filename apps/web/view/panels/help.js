@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The dialog that lists what the mouse, fingers and keys do.
-import {el} from '../shared/dom.js';
+import {el} from '../../shared/dom.js';
 import {iconButton} from './parts.js';
 
 const MOUSE = ['Mouse', [

@@ -2,7 +2,7 @@
 // The picture of --remote: requests one frame after another from the server, small ones while the
 // view moves.
 import {rowsOfPose, resized} from './lens.js';
-import {askForFrame} from './server.js';
+import {askForFrame} from '../server.js';
 
 // Milliseconds from request to picture that are aimed at while the view moves.
 const GOAL = 90;
