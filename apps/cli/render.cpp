@@ -15,6 +15,7 @@
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/export/cameras.h"
 #include "gs_app/export/export_model.h"
+#include "gs_app/export/key_frames.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/photometric_file.h"
 #include "gs_app/run/progress_bar.h"
@@ -36,6 +37,8 @@ using Json = nlohmann::ordered_json;
 // --split or --through says otherwise.
 std::vector<NamedCamera> cameras_of(const RenderCommand& command, const OpenedModel& opened,
                                     const Config& config) {
+  if (!command.path_file.empty())
+    return read_key_frames(command.path_file, opened.model.world_offset).keys;
   const int resolution = config.dataset.resolution;
   const Vec3d& offset = opened.model.world_offset;
   const bool has_split =
@@ -74,12 +77,14 @@ void fit_cameras(const RenderCommand& command, std::vector<NamedCamera>& cameras
   for (auto& [name, camera] : cameras) camera.width = even.width, camera.height = even.height;
 }
 
-// A path plays the scene from its begin to its end, if nothing else is said.
-void set_times(const RenderCommand& command, bool has_time, std::vector<NamedCamera>& cameras) {
+// A path plays the scene from its begin to its end, if nothing else is said; one of key frames from
+// the time of the first to that of the last, `key_times`.
+void set_times(const RenderCommand& command, bool has_time, const std::vector<float>& key_times,
+               std::vector<NamedCamera>& cameras) {
   std::vector<float> times = command.times;
   if (!has_time && !times.empty())
     throw UsageError("the model holds 3D Gaussians, which have no time; leave --time out");
-  if (has_time && times.empty() && command.is_path()) times = {0, 1};
+  if (has_time && times.empty() && command.is_path()) times = key_times;
   if (times.empty()) return;
   const float steps = float(std::max<std::size_t>(cameras.size(), 2) - 1);
   for (std::size_t i = 0; i < cameras.size(); ++i)
@@ -238,14 +243,18 @@ void render(const RenderCommand& command) {
   ViewPictures pictures(*backend, gaussians, opened.model.gaussians, settings,
                         command.normal_space == "camera");
   Json path;
+  std::vector<float> key_times = {0, 1};
+  if (!command.path_file.empty())
+    key_times = {cameras.front().camera.time, cameras.back().camera.time};
   if (command.is_path()) {
     FilmPath film = film_path(command.path, cameras, opened.model.gaussians.mean.span(),
                               opened.model.world_offset);
     cameras = std::move(film.cameras);
     path = std::move(film.description);
+    if (!command.path_file.empty()) path["file"] = command.path_file;
   }
   fit_cameras(command, cameras);
-  set_times(command, opened.model.gaussians.has_time, cameras);
+  set_times(command, opened.model.gaussians.has_time, key_times, cameras);
   const LookOf look = look_of(opened, command, cameras);
   const DepthRange range = depth_range(command, pictures, cameras);
   RenderOutput output(command.output, names_of(cameras), range);

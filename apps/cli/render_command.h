@@ -22,6 +22,7 @@ struct RenderCommand : CommandLine {
   std::optional<int> step;     // of a run: the model saved after it
   std::string cameras, split;  // empty: not said
   PathRequest path;
+  std::string path_file;  // of key frames, where path.kind is kKeyFrames
   OutputRequest output;
   std::optional<PictureSize> size;
   std::optional<double> field_of_view;  // degrees across the width

@@ -6,16 +6,20 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
+#include <utility>
 
 #include "apps/cli/render_command.h"
 #include "apps/cli/verbs.h"
+#include "gs_app/export/key_frames.h"
 #include "gs_core/error.h"
 #include "gs_core/math/constants.h"
 
 namespace gs {
 namespace {
 
+const std::vector<std::string> kPathKinds = {"orbit", "spline", "flythrough"};
 constexpr double kSeconds = 10;      // of a path, where nothing is said
 constexpr double kMostFrames = 1e6;  // more is a mistake
 
@@ -50,7 +54,7 @@ PictureSize size_of(const std::string& text) {
 
 // Flags that mean something on some paths only.
 void check_path_flags(const CLI::App& verb, const std::string& kind) {
-  const std::string all = "orbit, spline, flythrough", through = "spline, flythrough";
+  const std::string all = "orbit, spline, flythrough, FILE", through = "spline, flythrough";
   const std::pair<const char*, std::string> kinds_of[] = {
       {"--through", "spline"}, {"--loop", "spline"},  {"--keys", through},
       {"--pace", through},     {"--turns", "orbit"},  {"--elevation", "orbit"},
@@ -61,20 +65,39 @@ void check_path_flags(const CLI::App& verb, const std::string& kind) {
       throw UsageError(fmt::format("{} works only with --path {}", flag, kinds));
 }
 
-std::size_t frames_of(const RenderFlags& flags) {
+std::size_t frames_of(const RenderFlags& flags, double usual_seconds) {
   const double frames =
       flags.frames ? double(*flags.frames)
-                   : flags.seconds.value_or(kSeconds) * flags.command.output.frames_per_second;
+                   : flags.seconds.value_or(usual_seconds) * flags.command.output.frames_per_second;
   if (!(frames < kMostFrames))
     throw UsageError(
         fmt::format("{:.0f} frames are too many; give fewer --seconds or --fps", frames));
   return std::max<std::size_t>(1, std::size_t(frames + 0.5));
 }
 
+// Takes a --path that is no word for a kind as a file of key frames. Returns the seconds of the path
+// if no flag says them.
+double take_path_file(RenderCommand& command) {
+  PathRequest& path = command.path;
+  if (path.kind.empty() || contains(kPathKinds, path.kind)) return kSeconds;
+  if (!std::filesystem::exists(path.kind))
+    throw UsageError(
+        fmt::format("--path {}: it is none of {}, and there is no such file of key frames",
+                    path.kind, fmt::join(kPathKinds, ", ")));
+  if (!command.cameras.empty() || !command.split.empty())
+    throw UsageError("--path FILE has cameras of its own; leave --cameras and --split out");
+  command.path_file = std::exchange(path.kind, kKeyFrames);
+  const KeyFrames frames = read_key_frames(command.path_file, Vec3d(0.0));
+  path.is_loop = frames.is_closed;
+  path.pace = frames.pace;
+  return frames.seconds;
+}
+
 RenderCommand checked(const CLI::App& verb, const RenderFlags& flags) {
   RenderCommand command = flags.command;
+  const double usual_seconds = take_path_file(command);
   check_path_flags(verb, command.path.kind);
-  command.path.frames = frames_of(flags);
+  command.path.frames = frames_of(flags, usual_seconds);
   if (!flags.center.empty())
     command.path.center = Vec3d(flags.center[0], flags.center[1], flags.center[2]);
   if (!flags.size.empty()) command.size = size_of(flags.size);
@@ -95,11 +118,11 @@ RenderCommand checked(const CLI::App& verb, const RenderFlags& flags) {
 
 void add_path_options(CLI::App& verb, RenderFlags& flags) {
   PathRequest& path = flags.command.path;
-  verb.add_option("--path", path.kind,
-                  "path of the camera: around the scene, through chosen cameras, or through all of "
-                  "the scene")
-      ->check(CLI::IsMember({"orbit", "spline", "flythrough"}))
-      ->type_name("orbit|spline|flythrough")
+  verb.add_option(
+          "--path", path.kind,
+          "path of the camera: around the scene, through chosen cameras, through all of the "
+          "scene, or through the key frames of a file that the viewer has saved")
+      ->type_name("orbit|spline|flythrough|FILE")
       ->group("Path");
   verb.add_option("--frames", flags.frames, "number of frames of the path [300]")
       ->type_name("N")

@@ -66,7 +66,7 @@ class TerminalHooks final : public SessionHooks {
   }
   void before_training(Trainer& trainer, const MetricsObserver& metrics,
                        const EvaluationObserver& evaluations) override {
-    if (viewer_) trainer.add_observer(viewer_->observer(metrics, evaluations));
+    if (viewer_) viewer_->watch(trainer, metrics, evaluations);
   }
 
  private:

@@ -24,6 +24,7 @@ struct ViewCommand : CommandLine {
   HttpPlace place;
   std::optional<bool> open;
   bool remote = false;
+  std::size_t stream_from = kWorthStreaming;
 };
 
 bool has_desktop() {
@@ -50,11 +51,12 @@ std::unique_ptr<FileView> view_of(const ViewCommand& command, const OpenedModel&
   ViewScene scene = view_scene_of(opened, config, command.has("dataset.source"), command.cameras);
   scene.time = command.time;
   for (const std::string& note : scene.notes) log_warning("{}", note);
-  if (!command.remote) return std::make_unique<FileView>(std::move(scene), serve_model(opened));
-  return std::make_unique<FileView>(
-      std::move(scene), opened.model.gaussians.count(),
-      std::make_unique<FrameRenderer>(config.train.device, opened.model,
-                                      view_settings(opened, config)));
+  if (!command.remote)
+    return std::make_unique<FileView>(std::move(scene), serve_model(opened, command.stream_from));
+  auto renderer = std::make_unique<FrameRenderer>(config.train.device, opened.model,
+                                                  view_settings(opened, config), look_of(scene));
+  return std::make_unique<FileView>(std::move(scene), opened.model.gaussians.count(),
+                                    std::move(renderer));
 }
 
 void view(const ViewCommand& command) {
@@ -99,6 +101,11 @@ void add_view(CLI::App& program) {
   verb.add_flag("--remote", command->remote,
                 "render on --device and send pictures to the browser, for models that are too "
                 "large for it")
+      ->group("Server");
+  verb.add_option("--stream-from", command->stream_from,
+                  "models of so many Gaussians are streamed in levels of detail, which are made "
+                  "first; 0: none [2000000]")
+      ->type_name("N")
       ->group("Server");
   verb.add_option("--cameras", command->cameras, "cameras.json [that of the run]")
       ->type_name("FILE")

@@ -162,6 +162,11 @@ std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path,
   if (!json.is_array()) {
     cannot_read(path, "it is not a list of cameras; name a cameras.json that a trainer wrote");
   }
+  return cameras_of_json(json, path, world_offset);
+}
+
+std::vector<NamedCamera> cameras_of_json(const Json& json, const std::filesystem::path& path,
+                                         const Vec3d& world_offset) {
   std::vector<NamedCamera> cameras;
   std::vector<Vec3d> positions;
   for (std::size_t i = 0; i < json.size(); ++i) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -36,5 +37,10 @@ void write_cameras_json(const std::filesystem::path& path, const std::vector<Nam
 /// precision. Throws Error that names file, camera and key for anything that is not a camera.
 std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path,
                                            const Vec3d& world_offset = Vec3d(0.0));
+
+/// The same for a list that is part of a file, which errors name.
+std::vector<NamedCamera> cameras_of_json(const nlohmann::json& list,
+                                         const std::filesystem::path& path,
+                                         const Vec3d& world_offset);
 
 }  // namespace gs

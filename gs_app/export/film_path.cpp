@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <numeric>
 
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/pictures/pictures.h"
@@ -51,6 +52,9 @@ std::vector<std::size_t> keys_of(const PathRequest& request,
     std::vector<CameraPose> stops;
     for (const std::size_t i : chosen) stops.push_back(poses[i]);
     for (const std::size_t i : short_tour(stops)) keys.push_back(chosen[i]);
+  } else if (request.kind == kKeyFrames) {
+    keys.resize(cameras.size());
+    std::iota(keys.begin(), keys.end(), std::size_t(0));
   } else if (request.through.empty()) {
     keys = evenly_chosen(cameras.size(), std::size_t(request.keys));
   } else {

@@ -13,13 +13,16 @@
 
 namespace gs {
 
+/// A path through all cameras that are given, in their order: those of a file (key_frames.h).
+inline constexpr const char* kKeyFrames = "FILE";
+
 /// What the command line asks for.
 struct PathRequest {
-  std::string kind;  // "orbit", "spline", "flythrough"; empty: none
+  std::string kind;  // "orbit", "spline", "flythrough", kKeyFrames; empty: none
   std::size_t frames = 0;
   std::vector<std::string> through;  // spline: names or numbers of cameras; empty: `keys` of all
   int keys = 12;                     // cameras that a spline or flythrough passes
-  bool is_loop = false;              // a spline goes back to its first camera
+  bool is_loop = false;              // it goes back to its first camera
   std::string pace = "even";         // or "keys"
   double turns = 1;                  // from here on: of an orbit
   std::optional<double> elevation;   // degrees

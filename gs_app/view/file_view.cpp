@@ -3,12 +3,15 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <cmath>
 #include <map>
 
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_app/export/cameras.h"
+#include "gs_app/run/photometric_file.h"
+#include "gs_app/view/photo_looks.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 
@@ -95,6 +98,26 @@ void take_cameras_of_run(ViewScene& scene, const OpenedModel& opened, const Conf
     take_photos(scene, config.dataset, opened.model.world_offset);
 }
 
+// The learned colors of the run's photos, by the names of its cameras.
+void take_looks(ViewScene& scene, const OpenedModel& opened) {
+  if (!opened.run || !fs::exists(opened.run->photometric())) return;
+  try {
+    scene.looks = std::make_shared<const SceneLooks>(read_photometric(opened.run->photometric()));
+  } catch (const Error& error) {
+    log_warning("{}", error.what());
+    scene.notes.push_back("colors are neutral: photometric.json of the run cannot be read");
+    return;
+  }
+  for (ViewedCamera& camera : scene.cameras) camera.look = photo_in(*scene.looks, camera.name);
+}
+
+// How many units of the photos' frame one unit of the model is.
+double scale_of(const std::optional<Mat4d>& input_from_model) {
+  if (!input_from_model) return 1;
+  const auto& m = input_from_model->m;
+  return std::sqrt(m[0][0] * m[0][0] + m[1][0] * m[1][0] + m[2][0] * m[2][0]);
+}
+
 std::string title_of(const OpenedModel& opened) {
   return name_of(opened.run ? opened.run->root() : opened.ply);
 }
@@ -115,9 +138,22 @@ ViewScene view_scene_of(const OpenedModel& opened, const Config& config, bool ha
   } else if (opened.run) {
     take_cameras_of_run(scene, opened, config);
   }
+  scene.world_offset = opened.model.world_offset;
+  take_looks(scene, opened);
+  take_meters(scene, config.dataset.source, scale_of(opened.input_from_model));
   scene.moves = opened.model.gaussians.has_time;
   scene.frame = frame_of(scene.cameras, opened.model.gaussians.mean.span());
   return scene;
+}
+
+LookOf look_of(const ViewScene& scene) {
+  if (!scene.looks) return {};
+  return [looks = scene.looks, cameras = scene.cameras](
+             std::size_t index, const Camera& frame) -> std::unique_ptr<Appearance> {
+    const ViewedCamera& camera = cameras.at(index);
+    if (camera.look.empty()) return nullptr;
+    return look_on_frame(*looks, camera.look, camera.camera, frame);
+  };
 }
 
 FileView::FileView(ViewScene scene, std::size_t gaussians, std::unique_ptr<FrameRenderer> renderer)
@@ -144,7 +180,10 @@ HttpAnswer FileView::model() {
 HttpAnswer FileView::frame(const HttpRequest& request) {
   if (!renderer_) return ViewSource::frame(request);
   try {
-    const std::optional<RenderedFrame> frame = renderer_->frame(frame_request_of(request));
+    const FrameRequest wanted = frame_request_of(request);
+    if (wanted.look && *wanted.look >= scene_.cameras.size())
+      throw UsageError("/frame cannot use look: there is no such camera");
+    const std::optional<RenderedFrame> frame = renderer_->frame(wanted);
     if (!frame) return http_error(409, "a newer request has replaced this one");
     HttpAnswer answer = http_text(frame->jpeg, "image/jpeg");
     answer.headers = {{"X-Render-Ms", fmt::format("{:.2f}", frame->milliseconds)}};

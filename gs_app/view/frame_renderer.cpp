@@ -26,8 +26,10 @@ std::vector<float> some_depths(const ImageF& depth) {
 // The backend and the copy of the model on its device. Only the renderer's thread uses them.
 class DeviceModel {
  public:
-  DeviceModel(const std::string& device, const GaussianModel& model, const RenderSettings& settings)
-      : backend_(make_backend(device)), gaussians_(copy_to(backend_->memory(), model)),
+  DeviceModel(const std::string& device, const GaussianModel& model, const RenderSettings& settings,
+              const LookOf& look_of)
+      : look_of_(look_of), backend_(make_backend(device)),
+        gaussians_(copy_to(backend_->memory(), model)),
         pictures_(*backend_, gaussians_, model.gaussians, settings, true) {}
 
   std::string device() const { return backend_->name(); }
@@ -44,11 +46,14 @@ class DeviceModel {
  private:
   Image8 picture_of(const FrameRequest& request) {
     const Quantity shown = request.quantity;
-    const ImageF values = std::move(pictures_.values(request.camera, {shown}).front());
+    const std::unique_ptr<Appearance> look =
+        request.look && look_of_ ? look_of_(*request.look, request.camera) : nullptr;
+    const ImageF values = std::move(pictures_.values(request.camera, {shown}, look.get()).front());
     return gs::picture_of(shown, values,
                           shown == Quantity::depth ? range_of(some_depths(values)) : DepthRange());
   }
 
+  const LookOf& look_of_;
   std::unique_ptr<Backend> backend_;
   Gaussians gaussians_;
   ViewPictures pictures_;
@@ -57,8 +62,8 @@ class DeviceModel {
 }  // namespace
 
 FrameRenderer::FrameRenderer(const std::string& device, const GaussianModel& model,
-                             const RenderSettings& settings)
-    : model_(model), settings_(settings) {
+                             const RenderSettings& settings, LookOf look_of)
+    : model_(model), settings_(settings), look_of_(std::move(look_of)) {
   std::promise<std::string> ready;
   std::future<std::string> name = ready.get_future();
   thread_ = std::thread(
@@ -114,7 +119,7 @@ std::optional<FrameRenderer::Job> FrameRenderer::next() {
 void FrameRenderer::serve(const std::string& device, std::promise<std::string> ready) {
   std::optional<DeviceModel> device_model;
   try {
-    device_model.emplace(device, model_, settings_);
+    device_model.emplace(device, model_, settings_, look_of_);
     ready.set_value(device_model->device());
   } catch (...) {
     return ready.set_exception(std::current_exception());

@@ -5,7 +5,9 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <future>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -15,6 +17,7 @@
 #include "gs_app/view/frame_request.h"
 #include "gs_core/gaussians.h"
 #include "gs_render/render_pass.h"
+#include "gs_train/photometric/appearance.h"
 
 namespace gs {
 
@@ -23,12 +26,15 @@ struct RenderedFrame {
   double milliseconds = 0;  // of rendering, without the JPEG encoder
 };
 
+/// The look of a camera's photo on a frame; null: neutral. Called from one thread.
+using LookOf = std::function<std::unique_ptr<Appearance>(std::size_t camera, const Camera& frame)>;
+
 class FrameRenderer {
  public:
   /// `model` must outlive this; it is copied to the device. Throws Error if the device is not
   /// available.
   FrameRenderer(const std::string& device, const GaussianModel& model,
-                const RenderSettings& settings);
+                const RenderSettings& settings, LookOf look_of = {});
   ~FrameRenderer();
   FrameRenderer(const FrameRenderer&) = delete;
   FrameRenderer& operator=(const FrameRenderer&) = delete;
@@ -49,6 +55,7 @@ class FrameRenderer {
 
   const GaussianModel& model_;
   const RenderSettings settings_;
+  const LookOf look_of_;
   std::string device_;
   std::mutex mutex_;
   std::condition_variable changed_;

@@ -14,6 +14,7 @@ namespace gs {
 namespace {
 
 constexpr double kRotationTolerance = 1e-3;
+constexpr int kMostCameras = 1'000'000'000;
 constexpr double kLargestFocal = 1e6;  // pixels
 
 [[noreturn]] void fail(const std::string& name, const std::string& what) {
@@ -38,10 +39,10 @@ class Parameters {
     return found->second;
   }
   double number(const std::string& name) const { return number_of(text(name), name); }
-  int whole(const std::string& name, int most) const {
+  int whole(const std::string& name, int most, int least = 1) const {
     const double value = number(name);
-    if (!(value >= 1 && value <= most) || value != std::floor(value))
-      fail(name, fmt::format("{} is not a whole number from 1 to {}", value, most));
+    if (!(value >= least && value <= most) || value != std::floor(value))
+      fail(name, fmt::format("{} is not a whole number from {} to {}", value, least, most));
     return int(value);
   }
   float focal(const std::string& name) const {
@@ -108,6 +109,7 @@ FrameRequest frame_request_of(const HttpRequest& request) {
   place(frame.camera, matrix_of(given.text("m")));
   if (given.has("t")) frame.camera.time = time_of(given.number("t"));
   if (given.has("mode")) frame.quantity = quantity_named(given.text("mode"));
+  if (given.has("look")) frame.look = std::size_t(given.whole("look", kMostCameras, 0));
   if (given.has("q")) frame.quality = given.whole("q", 100);
   frame.client = given.has("client") ? given.text("client") : request.client;
   return frame;

@@ -2,6 +2,7 @@
 // Parses the query of a /frame request: a camera, the quantity to show, the JPEG quality.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "gs_app/export/view_pictures.h"
@@ -15,12 +16,13 @@ inline constexpr int kLargestFrameSide = 4096;  // pixels
 struct FrameRequest {
   Camera camera;
   Quantity quantity = Quantity::color;
-  int quality = 85;    // of JPEG, 1 to 100
+  std::optional<std::size_t> look = {};  // the camera whose photo's colors are shown
+  int quality = 85;                      // of JPEG, 1 to 100
   std::string client;  // who asks: a newer request of the same client replaces one that waits
 };
 
 /// Required: w h fx fy cx cy in pixels, and m, the matrix world_from_camera as 16 numbers by rows
-/// with commas. Optional: mode, q, client, and t, the time of a scene that moves, 0 to 1. Throws
+/// with commas. Optional: mode, q, look, client, and t, the time of a scene that moves, 0 to 1. Throws
 /// UsageError that names the parameter at fault.
 FrameRequest frame_request_of(const HttpRequest& request);
 

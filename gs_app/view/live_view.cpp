@@ -51,6 +51,7 @@ ViewScene live_scene(std::string title, const Scene& scene, const Config& config
   ViewScene live;
   live.title = std::move(title);
   take_settings(live, render_settings(config));
+  take_meters(live, config.dataset.source, 1);
   live.moves = config.model.dynamic;
   live.cameras = viewed_cameras(scene);
   std::vector<Vec3f> points;
@@ -101,12 +102,18 @@ void LiveView::after_step(int step, Trainer& trainer) {
   }
   if (!budget_.allows_copy()) return;
   trainer.model();  // waits for the steps under way, which are not part of the copy's cost
+  take_snapshot(trainer);
+}
+
+void LiveView::show_now(Trainer& trainer) { take_snapshot(trainer); }
+
+void LiveView::take_snapshot(Trainer& trainer) {
   std::optional<GaussianModel> copy;
   budget_.spend([&] { copy = copy_if_it_fits(trainer); });
   if (!copy) {
     const std::lock_guard lock(mutex_);
     progress_.message = "no snapshot: there is too little memory for a copy of the model";
-    progress_.message_until = step;
+    progress_.message_until = trainer.step();
     return;
   }
   // The degree in use so far.
@@ -240,6 +247,8 @@ Json LiveView::mode_and_model() {
 
 Json LiveView::state(int after_step) {
   budget_.note_poll();
+  RunControl* const run = control_;
+  const Json control = run ? run->state() : Json();
   const std::lock_guard lock(mutex_);
   const std::vector<LoggedLoss>& losses = progress_.losses;
   return {{"step", progress_.step},
@@ -252,7 +261,13 @@ Json LiveView::state(int after_step) {
           {"version", version_},
           {"done", progress_.is_done},
           {"stopped", progress_.is_stopped},
-          {"message", progress_.message}};
+          {"message", progress_.message},
+          {"control", control}};
+}
+
+HttpAnswer LiveView::control(const HttpRequest& request) {
+  RunControl* const run = control_;
+  return run ? run->answer(request) : ViewSource::control(request);
 }
 
 HttpAnswer LiveView::model() {

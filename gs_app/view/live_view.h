@@ -2,6 +2,7 @@
 // A training run in the viewer: its progress, and from time to time a snapshot of its model.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <memory>
 #include <mutex>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "gs_app/observers/train_observers.h"
+#include "gs_app/view/run_control.h"
 #include "gs_app/view/snapshot_budget.h"
 #include "gs_app/view/view_server.h"
 
@@ -31,6 +33,10 @@ class LiveView final : public ViewSource, public Observer {
   void after_step(int step, Trainer& trainer) override;
   void after_rollback(int step, Trainer& trainer) override;
   void after_run(Trainer& trainer) override;
+  /// Lets the page control the run. `control` outlives this.
+  void let_control(RunControl& control) { control_ = &control; }
+  /// Shows the model as it is now, whatever the copy costs: of a run that waits.
+  void show_now(Trainer& trainer);
   /// Ends the run; from now on `model` is shown, if one is given. Returns when its file is ready.
   void end(std::optional<GaussianModel> model, const Evaluation& test);
 
@@ -38,6 +44,7 @@ class LiveView final : public ViewSource, public Observer {
   nlohmann::ordered_json mode_and_model() override;
   nlohmann::ordered_json state(int after_step) override;
   HttpAnswer model() override;
+  HttpAnswer control(const HttpRequest& request) override;
 
   /// Number of copies of the model that were made so far.
   int copies() const { return copies_; }
@@ -60,6 +67,7 @@ class LiveView final : public ViewSource, public Observer {
     int message_until = 0;  // the step up to which the message is shown
   };
 
+  void take_snapshot(Trainer& trainer);
   void take_poses(Trainer& trainer);
   void update_progress(int step, Trainer& trainer);
   void update_losses();  // mutex_ is held
@@ -71,6 +79,7 @@ class LiveView final : public ViewSource, public Observer {
   SnapshotBudget budget_;
   const MetricsObserver* metrics_ = nullptr;
   const EvaluationObserver* evaluations_ = nullptr;
+  std::atomic<RunControl*> control_ = nullptr;
   int copies_ = 0;
 
   std::mutex mutex_;

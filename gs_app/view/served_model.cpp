@@ -19,8 +19,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kWorthStreaming = 1'000'000;  // Gaussians: 200 MB and more as a PLY
-
 bool is_plain(const PlyHeader& header) {
   if (header.format != PlyFormat::little_endian || header.elements.empty()) return false;
   if (is_compressed_ply(header)) return true;
@@ -54,13 +52,12 @@ std::filesystem::path streamable(const std::filesystem::path& file) {
   return file.filename() == kLodMeta && std::filesystem::exists(rad) ? rad : file;
 }
 
-void advise_streaming(const ServedModel& model) {
-  if (model.gaussians < kWorthStreaming || model.format->name == "rad") return;
-  log_info(
-      "{} has {} Gaussians, which the page loads completely; `gemsplat export MODEL FILE.rad` "
-      "makes "
-      "a file that it streams",
-      model.name, with_commas(model.gaussians));
+// Puts a file that was made of the model in the place of its own.
+void make_file(ServedModel& model, const OpenedModel& opened, const char* format) {
+  model.scratch = std::make_shared<ScratchFolder>();
+  model.format = &format_named(format);
+  model.file = model.scratch->path() / ("model" + std::string(model.format->ending));
+  model.gaussians = write_model(model.file, opened.model);
 }
 
 }  // namespace
@@ -72,7 +69,7 @@ bool is_served_as_it_is(const std::filesystem::path& file) {
   return name == "sog" || name == "splat" || name == "gs4d" || name == "rad";
 }
 
-ServedModel serve_model(const OpenedModel& opened) {
+ServedModel serve_model(const OpenedModel& opened, std::size_t stream_from) {
   ServedModel model;
   model.file = streamable(opened.ply);
   model.format = &format_of(model.file);
@@ -81,14 +78,18 @@ ServedModel serve_model(const OpenedModel& opened) {
   model.sh_degree = opened.model.sh_degree;
   model.antialiased = opened.model.antialiased;
   const bool has_time = opened.model.gaussians.has_time;
-  if (!has_time) advise_streaming(model);
-  if (is_served_as_it_is(model.file)) return model;
-  model.scratch = std::make_shared<ScratchFolder>();
-  model.format = &format_named(has_time ? "gs4d" : "ply");
-  model.file = model.scratch->path() / ("model" + std::string(model.format->ending));
-  model.gaussians = write_model(model.file, opened.model);
-  if (!has_time)
-    log_info("the viewer's page cannot read {}: making a PLY from it", opened.ply.string());
+  const bool is_large = stream_from > 0 && model.gaussians >= stream_from;
+  if (is_large && !has_time && model.format->name != "rad") {
+    log_info(
+        "{} has {} Gaussians: making levels of detail, which the page streams; `gemsplat export "
+        "MODEL FILE.rad` keeps them, and --stream-from 0 sends the whole model",
+        model.name, with_commas(model.gaussians));
+    make_file(model, opened, "rad");
+  } else if (!is_served_as_it_is(model.file)) {
+    make_file(model, opened, has_time ? "gs4d" : "ply");
+    if (!has_time)
+      log_info("the viewer's page cannot read {}: made a PLY from it", opened.ply.string());
+  }
   return model;
 }
 

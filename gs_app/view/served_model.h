@@ -29,9 +29,13 @@ struct ServedModel {
 /// cannot be read.
 bool is_served_as_it_is(const std::filesystem::path& file);
 
-/// Makes another file if one is needed; of a folder of export --lod it takes the .rad. Throws Error
-/// if it cannot be written.
-ServedModel serve_model(const OpenedModel& opened);
+/// Gaussians: 400 MB and more as a PLY, and the first picture comes after a twentieth of the bytes.
+inline constexpr std::size_t kWorthStreaming = 2'000'000;
+
+/// Makes another file if one is needed; of a folder of export --lod it takes the .rad. A model of
+/// `stream_from` Gaussians or more that stands still becomes a .rad, which the page streams; 0: none
+/// does. Throws Error if a file cannot be written.
+ServedModel serve_model(const OpenedModel& opened, std::size_t stream_from = kWorthStreaming);
 
 /// "model" of /scene.json: {"format", "gaussians", "bytes", "sh_degree", "antialiased", "name",
 /// "world_from_file"}. The matrix, 4x4 by rows, transforms the file's axes to those of the cameras.

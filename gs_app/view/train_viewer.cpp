@@ -9,17 +9,20 @@ namespace gs {
 TrainViewer::TrainViewer(const RunFolder& folder, const Scene& scene, const Config& config,
                          const ViewerOptions& options)
     : view_(name_of(folder.root()), scene, config),
+      control_(folder, [this](Trainer& trainer) { view_.show_now(trainer); }),
       server_(options.place,
               [this](const HttpRequest& request) { return view_answer(view_, request); }),
       waits_(options.waits) {
+  view_.let_control(control_);
   warn_if_public(options.place);
-  log_info("viewer: {}", server_.url());
+  log_info("viewer: {}#control={}", server_.url(), control_.token());
 }
 
-Observer& TrainViewer::observer(const MetricsObserver& metrics,
-                                const EvaluationObserver& evaluations) {
+void TrainViewer::watch(Trainer& trainer, const MetricsObserver& metrics,
+                        const EvaluationObserver& evaluations) {
   view_.follow(metrics, evaluations);
-  return view_;
+  trainer.add_observer(view_);
+  trainer.add_observer(control_);
 }
 
 void TrainViewer::end(Trainer& trainer, const Evaluation& test) {

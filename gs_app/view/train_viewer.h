@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gemsplat train --viewer` shows a run in the browser while it trains. A TrainViewer joins the
-// three parts that this takes: a LiveView that observes the run, an HTTP server, and the wait for a
-// signal at the end (--viewer-wait).
+// parts that this takes: a LiveView that observes the run, a RunControl for what the page asks of
+// it, an HTTP server, and the wait for a signal at the end (--viewer-wait).
 #pragma once
 
 #include "gs_app/run/run_folder.h"
@@ -22,15 +22,17 @@ class TrainViewer {
   TrainViewer(const RunFolder& folder, const Scene& scene, const Config& config,
               const ViewerOptions& options);
 
-  /// The observer that must be added to the run last. `metrics` and `evaluations` must outlive the
-  /// run.
-  Observer& observer(const MetricsObserver& metrics, const EvaluationObserver& evaluations);
+  /// Adds its observers, which must be the last ones of the run. `metrics` and `evaluations` must
+  /// outlive the run.
+  void watch(Trainer& trainer, const MetricsObserver& metrics,
+             const EvaluationObserver& evaluations);
 
   /// Ends the run. With --viewer-wait, shows its model and returns when a signal has come.
   void end(Trainer& trainer, const Evaluation& test);
 
  private:
   LiveView view_;
+  RunControl control_;
   HttpServer server_;
   bool waits_;
 };

@@ -3,6 +3,11 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include "data_loaders/georef/georef_file.h"
+#include "gs_app/view/photo_looks.h"
+#include "gs_core/error.h"
+#include "gs_core/log.h"
+
 namespace gs {
 namespace {
 
@@ -64,8 +69,24 @@ Json scene_json(const ViewScene& scene) {
                {"moves", scene.moves},
                {"notes", scene.notes}};
   if (scene.time) json["time"] = *scene.time;
+  json["world_offset"] = list_of(scene.world_offset);
+  if (scene.meters_per_unit) json["meters_per_unit"] = *scene.meters_per_unit;
   json["cameras"] = cameras_json(scene.cameras);
+  for (std::size_t i = 0; i < scene.cameras.size(); ++i)
+    if (const std::string& look = scene.cameras[i].look; scene.looks && !look.empty())
+      json["cameras"][i]["look"] = look_json(*scene.looks, look);
   return json;
+}
+
+void take_meters(ViewScene& scene, const std::filesystem::path& source, double input_from_model) {
+  if (source.empty() || !std::filesystem::exists(georef_file_of(source))) return;
+  try {
+    scene.meters_per_unit =
+        read_georef(georef_file_of(source)).enu_from_input.scale * input_from_model;
+  } catch (const Error& error) {
+    log_warning("{}", error.what());
+    scene.notes.push_back("lengths have no meters: georef.json of the scene cannot be read");
+  }
 }
 
 void take_settings(ViewScene& scene, const RenderSettings& settings) {

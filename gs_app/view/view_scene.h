@@ -14,6 +14,7 @@
 #include "gs_core/geometry/scene_frame.h"
 #include "gs_core/scene.h"
 #include "gs_render/render_pass.h"
+#include "gs_train/photometric/scene_looks.h"
 
 namespace gs {
 
@@ -23,6 +24,7 @@ struct ViewedCamera {
   std::string split;  // "train", "test", or "" if it is not known
   Camera camera;
   const View* view = nullptr;
+  std::string look = {};  // the name of its photo in ViewScene::looks; "" if it is not there
 };
 
 /// The position of the cameras around the point that they look at, or the frame of the points if
@@ -37,10 +39,13 @@ struct ViewScene {
   float near_plane = 0.2f, far_plane = 10000;
   std::vector<ViewedCamera> cameras;
   SceneFrame frame;
-  bool moves = false;                        // the model has a time, which the page can choose
-  std::optional<double> time = {};           // at which the page begins; it plays if there is none
-  std::vector<std::string> notes;            // sentences for the user: what is missing, and why
-  std::shared_ptr<const Scene> photos = {};  // owner of the views; null if the caller owns them
+  bool moves = false;               // the model has a time, which the page can choose
+  std::optional<double> time = {};  // at which the page begins; it plays if there is none
+  std::vector<std::string> notes;   // sentences for the user: what is missing, and why
+  Vec3d world_offset{0.0};  // to be added for the coordinates that people know (`gemsplat edit`)
+  std::optional<double> meters_per_unit = {};    // of a scene that knows where on earth it stands
+  std::shared_ptr<const SceneLooks> looks = {};  // learned colors of photos; null: there are none
+  std::shared_ptr<const Scene> photos = {};      // owner of the views; null if the caller owns them
 };
 
 /// The last name of a path, as the page's title: others need not see where it lies. "runs/a/" ->
@@ -54,6 +59,10 @@ nlohmann::ordered_json scene_json(const ViewScene& scene);
 
 /// Copies the background and the depth range from the rendering settings.
 void take_settings(ViewScene& scene, const RenderSettings& settings);
+
+/// Sets meters_per_unit if the scene's folder has a georef.json. `input_from_model` is the scale of
+/// the photos' frame to that of the model. Notes what cannot be read.
+void take_meters(ViewScene& scene, const std::filesystem::path& source, double input_from_model);
 
 /// All views of a scene as cameras with photos: the test views first, as in cameras.json.
 std::vector<ViewedCamera> viewed_cameras(const Scene& scene);

@@ -84,6 +84,10 @@ HttpAnswer ViewSource::frame(const HttpRequest&) {
   return http_error(404, "only `gemsplat view --remote` renders frames");
 }
 
+HttpAnswer ViewSource::control(const HttpRequest&) {
+  return http_error(404, "only a run that trains can be controlled");
+}
+
 Json finished_state(std::size_t gaussians) {
   return {{"step", 0},
           {"steps", 0},
@@ -100,6 +104,9 @@ Json finished_state(std::size_t gaussians) {
 
 HttpAnswer view_answer(ViewSource& source, const HttpRequest& request) {
   const std::string& path = request.path;
+  if (request.method == "POST")
+    return path == "/control" ? source.control(request)
+                              : http_error(404, "there is nothing at this address");
   if (path == "/") return page_answer();
   if (path == "/scene.json") return scene_answer(source);
   if (path == "/state.json") return state_answer(source, request);

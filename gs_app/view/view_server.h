@@ -25,13 +25,15 @@ class ViewSource {
   virtual nlohmann::ordered_json state(int after_step) = 0;
   virtual HttpAnswer model() = 0;
   virtual HttpAnswer frame(const HttpRequest& request);
+  /// POST /control.
+  virtual HttpAnswer control(const HttpRequest& request);
 };
 
 /// The state of a model that is not being trained: {"step": 0, ..., "version": 1, "done": true}.
 nlohmann::ordered_json finished_state(std::size_t gaussians);
 
-/// The answer to a request for /, /scene.json, /state.json, /model, /photo/I or /frame; 404 for any
-/// other.
+/// The answer to a request for /, /scene.json, /state.json, /model, /photo/I or /frame, or to POST
+/// /control; 404 for any other.
 HttpAnswer view_answer(ViewSource& source, const HttpRequest& request);
 
 /// Whether this build has the viewer's page. If not, cannot_view() says what is missing.

@@ -114,6 +114,28 @@ TEST(HttpServer, TakesARequestByteByByteAndFromAPeerThatSaysNoMore) {
   EXPECT_THAT(connection.answer(), EndsWith("small"));
 }
 
+TEST(HttpServer, TakesAPostOfItsOwnPageOrOfAProgramWithoutABody) {
+  const HttpServer server({"127.0.0.1", 0}, [](const HttpRequest& request) {
+    return http_text(request.method + " " + request.token + " end", "text/plain");
+  });
+  const std::string own = server.url().substr(0, server.url().size() - 1);
+  const auto post = [&](const std::string& headers) {
+    return asked(server, "POST /control HTTP/1.1\r\nHost: 127.0.0.1:" +
+                             std::to_string(server.port()) + "\r\n" + headers + "\r\n");
+  };
+  EXPECT_THAT(post("X-Control-Token: secret\r\n"), EndsWith("POST secret end"));
+  EXPECT_THAT(post("Origin: " + own + "\r\nSec-Fetch-Site: same-origin\r\nContent-Length: 0\r\n"),
+              EndsWith("end"));
+  for (const char* foreign :
+       {"Origin: http://evil.example\r\n", "Origin: null\r\n", "Origin: http://127.0.0.1:1\r\n",
+        "Sec-Fetch-Site: cross-site\r\n", "Sec-Fetch-Site: same-site\r\n",
+        "Sec-Fetch-Site: none\r\n", "Sec-Fetch-Site: cross-site\r\nSec-Fetch-Dest: document\r\n"})
+    EXPECT_THAT(post(foreign), StartsWith("HTTP/1.1 403 ")) << foreign;
+  for (const char* body : {"Content-Length: 5\r\n", "Transfer-Encoding: chunked\r\n",
+                           "Content-Length: 0\r\nContent-Length: 0\r\n"})
+    EXPECT_THAT(post(body), StartsWith("HTTP/1.1 400 ")) << body;
+}
+
 TEST(HttpServer, AnswersOneRequestOnAConnection) {
   const HttpServer server({"127.0.0.1", 0}, answer, patient());
   const std::string answers = asked(server, get_request("/small") + get_request("/other"));

@@ -11,6 +11,7 @@
 
 #include "data_loaders/formats/lod/streamed_sog.h"
 #include "data_loaders/formats/ply/ply.h"
+#include "data_loaders/georef/georef_file.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
 #include "tests/support/program.h"
@@ -305,16 +306,87 @@ TEST_F(View, TheBodyOfARefusedRequestIsNoRequest) {
   EXPECT_EQ(answers.find("HTTP/1.1", 1), answers.npos) << answers;
 }
 
+// --- Large models, lengths, looks
+
+TEST_F(View, ALargeModelIsMadeALevelledOneWhichIsSentInRanges) {
+  ASSERT_EQ(train("out").code, 0);
+  const OpenedModel opened = open_model(path("out"), std::nullopt);
+  const std::size_t count = opened.model.gaussians.count();
+  EXPECT_EQ(serve_model(opened).format->name, "ply") << "small";
+  EXPECT_EQ(serve_model(opened, count + 1).format->name, "ply");
+  EXPECT_EQ(serve_model(opened, 0).format->name, "ply") << "not wanted";
+  const ServedModel large = serve_model(opened, count);
+  EXPECT_EQ(large.format->name, "rad");
+  EXPECT_EQ(large.name, "point_cloud.ply") << "its own name is shown";
+  EXPECT_EQ(read_model(large.file).gaussians.count(), count);
+  const Served served(
+      std::make_unique<FileView>(view_scene_of(opened, opened.config, false, ""), large));
+  EXPECT_EQ(served.json("/scene.json").at("model").at("format"), "rad");
+  const auto part = served.get("/model", {{"Range", "bytes=0-63"}});
+  EXPECT_EQ(part->status, 206);
+  EXPECT_EQ(part->body, read_bytes(large.file).substr(0, 64));
+}
+
+TEST_F(View, LengthsHaveMetersWhereTheSceneStandsOnEarth) {
+  ASSERT_EQ(train("out").code, 0);
+  EXPECT_FALSE(serve("out").json("/scene.json").contains("meters_per_unit"));
+  GeorefFile file;
+  file.georeference = {{11.5, 48.1, 520}, {2.5, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, Vec3d(0.0)}};
+  file.source = "a test";
+  write_georef(georef_file_of(path("scene")), file);
+  EXPECT_DOUBLE_EQ(serve("out").json("/scene.json").at("meters_per_unit"), 2.5);
+  ASSERT_EQ(run("edit " + text("out") + " --scale 2 -o " + text("twice.ply")).code, 0);
+  DatasetConfig dataset;
+  dataset.source = text("scene");
+  EXPECT_NEAR(serve("twice.ply", &dataset).json("/scene.json").at("meters_per_unit").get<double>(),
+              1.25, 1e-6)
+      << "two units of the larger model are one of the scene";
+  write_bytes(georef_file_of(path("scene")), "{}");
+  const Json scene = serve("out").json("/scene.json");
+  EXPECT_FALSE(scene.contains("meters_per_unit"));
+  EXPECT_THAT(scene.at("notes").dump(), HasSubstr("no meters"));
+}
+
+TEST_F(View, CamerasHaveTheLookOfTheirPhotos) {
+  for (const char* model : {"gains", "ppisp"}) {
+    ASSERT_EQ(
+        train(model, fmt::format("--set photometric.model={} --set photometric.rate=0.1 --set "
+                                 "photometric.vignetting=true",
+                                 model))
+            .code,
+        0);
+    const Json scene = serve(model).json("/scene.json");
+    const Json numbers = Json::parse(read_bytes(path(std::string(model) + "/photometric.json")));
+    for (const Json& camera : scene.at("cameras")) {
+      const std::string name = camera.at("name");
+      const Json& photo =
+          numbers.at("photos").contains(name) ? numbers["photos"][name] : numbers["held_out"][name];
+      const Json& look = camera.at("look");
+      EXPECT_EQ(look.at("vignetting").size(), 3u);
+      EXPECT_EQ(look.contains("matrix"), model == std::string("ppisp"));
+      const double gain = model == std::string("gains")
+                              ? std::exp(photo.at("log_gain_red").get<double>())
+                              : std::exp2(photo.at("exposure_stops").get<double>());
+      EXPECT_NEAR(look.at("gain").at(0).get<double>(), gain, 1e-5) << name;
+    }
+  }
+  ASSERT_EQ(train("plain").code, 0);
+  EXPECT_FALSE(serve("plain").json("/scene.json").at("cameras").at(0).contains("look"));
+  write_bytes(path("gains/photometric.json"), "[");
+  EXPECT_THAT(serve("gains").json("/scene.json").at("notes").dump(), HasSubstr("neutral"));
+}
+
 // --- Frames
 
 class Remote : public View {
  protected:
   Served serve_remote() {
     opened_ = open_model(path("out"), std::nullopt);
-    auto renderer = std::make_unique<FrameRenderer>("cpu", opened_.model,
-                                                    view_settings(opened_, opened_.config));
-    return Served(std::make_unique<FileView>(view_scene_of(opened_, opened_.config, false, ""),
-                                             opened_.model.gaussians.count(), std::move(renderer)));
+    const ViewScene scene = view_scene_of(opened_, opened_.config, false, "");
+    auto renderer = std::make_unique<FrameRenderer>(
+        "cpu", opened_.model, view_settings(opened_, opened_.config), look_of(scene));
+    return Served(
+        std::make_unique<FileView>(scene, opened_.model.gaussians.count(), std::move(renderer)));
   }
   OpenedModel opened_;
 };
@@ -337,6 +409,23 @@ TEST_F(Remote, AFrameIsThePictureThatRenderMakes) {
   // 2 pixels.
   EXPECT_LT(mean_difference(decoded(frame->body), read_photo(path("pictures/view_0.png"))), 3);
   EXPECT_EQ(served.get("/model")->status, 404);
+}
+
+TEST_F(Remote, AFrameCanHaveTheColorsOfAPhoto) {
+  ASSERT_EQ(train("out", "--set photometric.model=gains").code, 0);
+  Json numbers = Json::parse(read_bytes(path("out/photometric.json")));
+  numbers["held_out"]["view_0.png"]["log_gain_red"] = -1;  // a look that nobody can miss
+  write_bytes(path("out/photometric.json"), numbers.dump());
+  ASSERT_EQ(run("render " + text("out") + " -o " + text("like") + " --like each --device cpu").code,
+            0);
+  const Served served = serve_remote();
+  const Image8 wanted = read_photo(path("like/view_0.png"));
+  const auto frame = [&](const std::string& more) { return served.get(kFrame + more); };
+  const double as_photo = mean_difference(decoded(frame("&look=0")->body), wanted);
+  EXPECT_LT(as_photo, 3);
+  EXPECT_GT(mean_difference(decoded(frame("")->body), wanted), as_photo + 3) << "neutral";
+  for (const char* bad : {"&look=6", "&look=-1", "&look=x", "&look=1e300"})
+    EXPECT_EQ(frame(bad)->status, 400) << bad;
 }
 
 TEST_F(Remote, DepthAndNormalsAreOfTheFramesSize) {

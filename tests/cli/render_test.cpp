@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // gemsplat render as users run it: the results of each source, path and output.
 #include <gmock/gmock.h>
+#include <spdlog/fmt/fmt.h>
 
 #include <cmath>
 
@@ -143,6 +144,44 @@ TEST_F(Render, ASplineBeginsAndEndsWithTheCamerasThatWereNamed) {
                  "did you mean view_2");
   expect_refused("--path spline --through 99,view_4 -o " + text("none"), "99");
   expect_refused("--path spline --through view_4 -o " + text("none"), "two cameras");
+}
+
+TEST_F(Render, APathOfKeyFramesPassesThem) {
+  const auto key = [](double x, double z) {
+    return fmt::format(
+        R"({{"img_name":"key","width":40,"height":30,"fx":40,"fy":40,"position":[{},0,{}],
+      "rotation":[[1,0,0],[0,1,0],[0,0,1]]}})",
+        x, z);
+  };
+  const auto file = [&](const std::string& keys, const std::string& more = "") {
+    write_bytes(path("path.json"), R"({"format":"gemsplat key frames","version":1,"seconds":0.5,)" +
+                                       more + R"("keys":[)" + keys + "]}");
+    return text("path.json");
+  };
+  const std::string two = key(0, 0) + "," + key(1, -1);
+  expect_done("--path " + file(two) + " --fps 10 -o " + text("open"));
+  auto places_of = places("open/cameras.json");
+  ASSERT_EQ(places_of.size(), 5u) << "half a second";
+  EXPECT_LT(distance(places_of[0], Vec3f(0, 0, 0)), 1e-5);
+  EXPECT_LT(distance(places_of[4], Vec3f(1, 0, -1)), 1e-5);
+  expect_done("--path " + file(two + "," + key(0, -2), R"("closed":true,"pace":"keys",)") +
+              " --frames 6 -o " + text("closed"));
+  places_of = places("closed/cameras.json");
+  ASSERT_EQ(places_of.size(), 6u);
+  EXPECT_LT(distance(places_of[2], Vec3f(1, 0, -1)), 1e-5) << "a third of the way";
+  EXPECT_GT(distance(places_of[5], places_of[0]), 0.1) << "one step before the begin";
+  const std::string out = " -o " + text("none");
+  expect_refused("--path " + text("nothing.json") + out, "no such file");
+  expect_refused("--path " + file(two) + " --split test" + out, "leave --cameras and --split out");
+  expect_refused("--path " + file(two) + " --turns 2" + out, "only with --path orbit");
+  EXPECT_THAT(render("--path " + file(key(0, 0)) + out).err,
+              AllOf(HasSubstr("path.json"), HasSubstr("fewer than two keys")));
+  EXPECT_THAT(render("--path " + file(two, R"("pace":"slow",)") + out).err, HasSubstr("its pace"));
+  EXPECT_THAT(render("--path " + file(two, R"("closed":1,)") + out).err, HasSubstr("closed"));
+  write_bytes(path("path.json"), R"({"format":"gemsplat key frames","version":2})");
+  EXPECT_THAT(render("--path " + text("path.json") + out).err, HasSubstr("update gemsplat"));
+  write_bytes(path("path.json"), "[1]");
+  EXPECT_THAT(render("--path " + text("path.json") + out).err, HasSubstr("path.json"));
 }
 
 TEST_F(Render, APathOfNoNumbersIsRefused) {

@@ -9,11 +9,13 @@
 
 #include <chrono>
 #include <deque>
+#include <functional>
 #include <thread>
 
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "gs_app/view/view_server.h"
+#include "gs_core/error.h"
 #include "gs_core/processes/process.h"
 #include "tests/support/program.h"
 #include "tests/support/raw_connection.h"
@@ -145,6 +147,72 @@ TEST_F(Verbs, AWatchedRunShowsItselfAndLearnsTheSame) {
             read_gaussian_ply(path("watched") / ply).gaussians.count());
   EXPECT_EQ(train.end(SIGINT), 0) << train.said();
   EXPECT_EQ(read_bytes(path("watched") / ply), read_bytes(path("out") / ply));
+}
+
+/// `gemsplat train` with a viewer, and the token that it has printed.
+class ControlledTrain : public Started {
+ public:
+  using Started::Started;
+  int ask(const std::string& what) {
+    const std::string log = said(), mark = "#control=";
+    const std::size_t at = log.find(mark);
+    const std::string token = at == log.npos ? "" : log.substr(at + mark.size(), 32);
+    const auto answer = httplib::Client("127.0.0.1", port())
+                            .Post("/control?do=" + what, {{"X-Control-Token", token}}, "", "");
+    return answer ? answer->status : 0;
+  }
+  /// The state once `is_so`.
+  Json state_when(const std::function<bool(const Json&)>& is_so) {
+    for (int i = 0; i < 2400; ++i) {
+      if (const auto answer = get("/state.json"))
+        if (Json state = Json::parse(answer->body); is_so(state)) return state;
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    ADD_FAILURE() << said();
+    return {};
+  }
+};
+
+TEST_F(Verbs, ARunThatWasPausedAndSavedWritesTheSameModel) {
+  ASSERT_EQ(train("out", "--iterations 1000").code, 0);
+  const std::string command = "exec " + std::string(GS_PROGRAM) + " train " + text("scene") +
+                              " -o " + text("paused") + kTrain +
+                              " --iterations 1000 --viewer --viewer-port 0";
+  ControlledTrain train({"/bin/sh", "-c", command}, path("train.log"));
+  ASSERT_EQ(train.ask("pause"), 200);
+  const auto is_paused_at_a_step = [](const Json& state) {
+    return state.at("control").at("paused") == true && state.at("step") > 0 &&
+           state.at("version") > 0;  // the model of this step is shown
+  };
+  const int step = train.state_when(is_paused_at_a_step).at("step");
+  ASSERT_LT(step, 1000);
+  ASSERT_EQ(train.ask("save"), 200);
+  train.state_when([&](const Json& state) { return state.at("control").at("saved") == step; });
+  EXPECT_EQ(Json::parse(train.get("/state.json")->body).at("step"), step) << "it stands still";
+  EXPECT_TRUE(fs::exists(
+      path("paused/point_cloud/iteration_" + std::to_string(step) + "/point_cloud.ply")));
+  ASSERT_EQ(train.ask("resume"), 200);
+  EXPECT_EQ(train.wait(), 0) << train.said();
+  const std::string ply = "point_cloud/iteration_1000/point_cloud.ply";
+  EXPECT_EQ(read_bytes(path("paused") / ply), read_bytes(path("out") / ply));
+}
+
+TEST_F(Verbs, APausedRunIsStoppedByItsPageOrByASignalWithItsModelSaved) {
+  ASSERT_EQ(train("out").code, 0);  // makes the scene
+  for (const bool by_page : {true, false}) {
+    const std::string name = by_page ? "page" : "signal";
+    const std::string command = "exec " + std::string(GS_PROGRAM) + " train " + text("scene") +
+                                " -o " + text(name) + kTrain +
+                                " --iterations 30000 --viewer --viewer-port 0";
+    ControlledTrain train({"/bin/sh", "-c", command}, path(name + ".log"));
+    ASSERT_EQ(train.ask("pause"), 200);
+    train.state_when([](const Json& state) { return state.at("version") > 0; });
+    const int code = by_page ? (train.ask("stop"), train.wait()) : train.end(SIGINT);
+    EXPECT_EQ(code, int(ExitCode::interrupted)) << train.said();
+    EXPECT_THAT(train.said(), HasSubstr("the model is in"));
+    EXPECT_FALSE(fs::is_empty(path(name + "/checkpoints")));
+    EXPECT_FALSE(fs::is_empty(path(name + "/point_cloud")));
+  }
 }
 
 TEST_F(Verbs, AFloodOfConnectionsNeitherEndsARunNorKeepsAPageOut) {

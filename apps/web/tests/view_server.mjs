@@ -5,7 +5,7 @@ import {readFile, stat} from 'node:fs/promises';
 import {basename, join} from 'node:path';
 
 /// what: {page, scene, model(version), photo(index), state(afterStep), frame(query)}. model and
-/// photo return a Buffer, state an object, frame {body, milliseconds}; each may throw {status,
+/// photo return a Buffer, state an object, frame {body, milliseconds}; control(what, token) answers POST /control; each may throw {status,
 /// message}, and may be replaced while the server runs.
 export class ViewServer {
   static async start(what) {
@@ -29,6 +29,7 @@ export class ViewServer {
     const send = (type, body, headers = {}) => response.writeHead(200, {'Content-Type': type, 'Content-Length': Buffer.byteLength(body), ...headers}).end(body);
     const json = value => send('application/json', JSON.stringify(value));
     const photo = url.pathname.match(/^\/photo\/(\d+)$/);
+    if (url.pathname === '/control' && request.method === 'POST' && what.control) return json(what.control(url.searchParams.get('do'), request.headers['x-control-token']) ?? {});
     if (url.pathname === '/') return send('text/html; charset=utf-8', await readFile(what.page));
     if (url.pathname === '/scene.json') return json(what.scene);
     if (url.pathname === '/state.json' && what.state) return json(await what.state(Number(url.searchParams.get('after'))));

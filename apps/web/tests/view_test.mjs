@@ -3,42 +3,11 @@
 // frames from a server; clicks, drags, keys, touches. Software WebGL, no network beyond this
 // machine. Writes screenshots into OUT.
 //   node view_test.mjs MODULES OUT CHROMIUM
-// MODULES holds node_modules and view.html.
 import assert from 'node:assert/strict';
-import {existsSync} from 'node:fs';
-import {mkdir} from 'node:fs/promises';
-import {join, resolve} from 'node:path';
-import {Browser} from './browser.mjs';
 import {colorsAt} from './pictures.mjs';
+import {PHOTO, distance, isNear, ready, runAll, settled, shot, shown, state, withPhotos} from './view_page.mjs';
 import {BLOBS, CAMERAS, plainPng, plyOf, sceneFor, seenAt} from './view_scene.mjs';
-import {ViewServer} from './view_server.mjs';
 
-const SKIPPED = 77;  // as CTest is told
-const [modules, out] = process.argv.slice(2, 4).map(path => resolve(path)), chromium = process.argv[4];
-if (!chromium || !existsSync(chromium)) {
-  console.log('skipped: no Chromium was found; install the package chromium');
-  process.exit(SKIPPED);
-}
-
-const PHOTO = [200, 30, 160];
-const withPhotos = CAMERAS.map((camera, i) => ({...camera, photo: i === 3 ? null : `photo/${i}`}));
-
-// Opens the page of a server that serves `what` (see ViewServer). Page and server are closed after
-// the test.
-async function shown(browser, what, options) {
-  const server = await ViewServer.start({page: join(modules, 'view.html'), scene: sceneFor('file', {cameras: withPhotos}), model: () => plyOf(BLOBS),
-                                         photo: index => plainPng(withPhotos[index].width, withPhotos[index].height, PHOTO), ...what});
-  browser.servers.push(server);
-  const page = await browser.openServer(server.url, options);
-  page.server = server;
-  return page;
-}
-const ready = page => page.waitForFunction(() => gemsplatViewer.ready.then(() => gemsplatViewer.settled()).then(() => true));
-const settled = page => page.waitForFunction(() => gemsplatViewer.settled().then(() => true));
-const state = page => page.evaluate(() => gemsplatViewer.state());
-const distance = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
-const shot = async (page, name) => page.screenshot({path: join(out, `${name}.png`)});
-const isNear = (color, wanted, tolerance = 12) => color.every((c, i) => Math.abs(c - wanted[i]) <= tolerance);
 const helpGroups = page => page.locator('.help h3').allInnerTexts();
 const photoBox = page => page.locator('.compare').boundingBox();
 
@@ -216,7 +185,7 @@ const tests = {
     await shot(page, 'settings-dark');
     await page.keyboard.press('?');
     await page.getByRole('dialog').waitFor();
-    assert.deepEqual(await helpGroups(page), ['Mouse', 'Keys that move the view', 'Cameras and photos', 'Time, where the scene moves', 'Page', 'Fingers']);
+    assert.deepEqual(await helpGroups(page), ['Mouse', 'Keys that move the view', 'Cameras and photos', 'Picture and tools', 'Time, where the scene moves', 'Page', 'Fingers']);
     await shot(page, 'help-dark');
     await page.keyboard.press('Escape');
     await page.keyboard.press('h');
@@ -434,25 +403,4 @@ const tests = {
   },
 };
 
-await mkdir(out, {recursive: true});
-const browser = await Browser.start(modules, chromium, {server: true});
-browser.context.setDefaultTimeout(30_000);
-let failed = 0;
-for (const [name, test] of Object.entries(tests)) {
-  browser.servers = [];
-  browser.isForgiving = false;  // of errors that the test itself has made
-  try {
-    await test(browser);
-    if (!browser.isForgiving) assert.deepEqual(browser.failures, []);
-    assert.ok(!browser.failures.some(failure => failure.includes(': request: ')), browser.failures.join('\n'));
-    console.log(`ok      ${name}`);
-  } catch (error) {
-    ++failed;
-    console.log(`FAILED  ${name}\n${error.stack}\n${browser.failures.join('\n')}`);
-  }
-  browser.failures.length = 0;
-  await Promise.all(browser.servers.map(server => server.http.listening && server.close()));
-}
-await browser.close();
-console.log(`${failed ? `${failed} failed` : 'all passed'}; screenshots: ${out}`);
-process.exit(failed ? 1 : 0);
+await runAll(tests);

@@ -2,14 +2,16 @@
 // Binds keys to actions. help.js lists them for people: change both together.
 
 export function bindKeys(viewer) {
-  const {panels, rig, controls, compare, player} = viewer;
-  const frames = mode => viewer.stage.isRemote && viewer.showFrames(mode);
+  const {panels, rig, controls, compare, player, switches, tools} = viewer;
   const actions = {
     ArrowLeft: () => viewer.stepCamera(-1), ArrowRight: () => viewer.stepCamera(1), n: () => viewer.goToNearest(),
-    f: () => viewer.showFrusta(!viewer.stage.frusta?.visible), c: () => compare.next(), g: () => panels.cameras?.toggle(), p: () => panels.settings.toggle(),
+    f: () => switches.set('frusta', !switches.get('frusta')), c: () => compare.next(), g: () => panels.cameras?.toggle(), p: () => panels.settings.toggle(),
     i: () => panels.model.toggle(), h: () => viewer.setInterface(viewer.isBare), r: () => viewer.reset(), l: () => rig.level(), u: () => viewer.flipUp(),
-    o: () => viewer.navigate(controls.mode === 'orbit' ? 'fly' : 'orbit'), '?': () => viewer.help.showModal(),
-    1: () => frames('color'), 2: () => frames('depth'), 3: () => frames('normal'),
+    o: () => switches.set('navigation', switches.get('navigation') === 'orbit' ? 'fly' : 'orbit'), '?': () => viewer.help.showModal(),
+    1: () => switches.set('show', 'color'), 2: () => switches.set('show', 'depth'), 3: () => switches.set('show', 'normal'),
+    4: () => viewer.hasLooks && switches.set('colors', switches.get('colors') === 'photo' ? 'neutral' : 'photo'),
+    5: () => switches.set('points', switches.get('points') ? 0 : 2),
+    t: () => panels.tools.toggle(), k: () => tools.picture.take(1).catch(error => viewer.messages.fail(error)), m: () => { panels.tools.toggle(true); viewer.toolPanel.open('Picture'); tools.picture.measure().catch(error => viewer.messages.fail(error)); }, v: () => viewer.tools.path.add(),
     j: () => player?.setLoop(!player.loops), ',': () => player?.nudge(-1), '.': () => player?.nudge(1),
     '[': () => player?.changeSpeed(-1), ']': () => player?.changeSpeed(1), Home: () => player?.seek(0), End: () => player?.seek(1),
     Escape: () => Object.values(panels).forEach(panel => panel.toggle(false)),

@@ -2,7 +2,7 @@
 // The viewer's own camera: pose and lens, and how they move (orbit, look around, shift, fly to a
 // camera). World axes are the scene's.
 import {Matrix4, Quaternion, Vector3} from 'three';
-import {lensOf, mixedLens, poseFromRows} from './lens.js';
+import {lensOf, mixedLens, poseFromRows} from './picture/lens.js';
 
 const STEEPEST = 89.5 * Math.PI / 180;  // largest angle between the horizon and the line of sight
 const FLIGHT = 700;                     // milliseconds
@@ -115,6 +115,13 @@ export class Rig {
     const forward = new Vector3(0, 0, -1).applyQuaternion(pose.quaternion);
     const depth = Math.max(center.clone().sub(pose.position).dot(forward), 0.2 * center.distanceTo(pose.position), 1e-3);
     this.go({...pose, lens: lensOf(camera), at: index, target: pose.position.clone().addScaledVector(forward, depth)}, options);
+  }
+
+  // To where a model of this radius is seen as a whole, a little from above.
+  goInFrontOf(center, radius, lens, options) {
+    const away = new Vector3(0.6, 0, 1).projectOnPlane(this.up).addScaledVector(this.up, 0.35).normalize();
+    const position = center.clone().addScaledVector(away, 2.5 * radius);
+    this.go({position, quaternion: this.facing(away.negate()), target: center.clone(), lens}, options);
   }
 
   arrive({position, quaternion, lens, at = null, target}) {

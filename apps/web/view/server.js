@@ -4,10 +4,10 @@
 
 const OVERTAKEN = 409;  // the status of a frame that a newer request of this page has replaced
 
-async function ask(address) {
+async function ask(address, options = {}) {
   let response;
   try {
-    response = await fetch(address, {cache: 'no-store'});
+    response = await fetch(address, {cache: 'no-store', ...options});
   } catch {
     throw new Error('The server does not answer. Is gemsplat still running?');
   }
@@ -29,6 +29,9 @@ export const askForScene = () => json('scene.json');
 /// The state of a run, with the losses that were logged after a step.
 export const askForState = afterStep => json(`state.json?after=${afterStep}`);
 
+/// Asks a run to pause, resume, save or stop.
+export const askToControl = (what, token) => ask(`control?do=${what}`, {method: 'POST', headers: {'X-Control-Token': token}});
+
 /// The model's bytes as they arrive: {stream, length}. progress(share) is called as they come, with
 /// 0 to 1.
 export async function askForModel(version, bytes, progress) {
@@ -47,6 +50,9 @@ export async function askForModel(version, bytes, progress) {
 
 /// Where a model lies whose parts are fetched one by one.
 export const modelAddress = version => new URL(`model?v=${version}`, location.href).href;
+
+/// A camera's photo as an ImageBitmap.
+export const askForPhoto = async address => createImageBitmap(await (await ask(address)).blob());
 
 /// A frame as {picture: ImageBitmap, milliseconds}: milliseconds that the server rendered, or null
 /// if it did not say. The frame is null if a newer request has replaced this one.

@@ -1,24 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 // The viewer as a whole: it owns the stage, the cameras, the comparison and the panels, and
 // connects them. Start reading here; main.js makes one of these.
-import {Vector3} from 'three';
+import {Quaternion, Vector3} from 'three';
 import {el} from '../shared/dom.js';
 import {isNumber} from '../shared/format.js';
-import {CameraList, cameraBar} from './camera_list.js';
-import {Compare} from './compare.js';
+import {Address, viewOf} from './address.js';
+import {CameraList, cameraBar} from './panels/camera_list.js';
+import {Compare} from './panels/compare.js';
 import {Controls} from './controls.js';
-import {helpDialog} from './help.js';
+import {helpDialog} from './panels/help.js';
 import {bindKeys} from './keys.js';
-import {lensOf, plainLens, poseFromRows} from './lens.js';
-import {Live} from './live.js';
-import {Messages} from './messages.js';
-import {modelFacts} from './model_panel.js';
-import {iconButton, panel} from './parts.js';
-import {Player} from './player.js';
+import {lensOf, plainLens, poseFromRows} from './picture/lens.js';
+import {Live} from './panels/live.js';
+import {Messages} from './panels/messages.js';
+import {modelFacts} from './panels/model_panel.js';
+import {Overlay} from './picture/overlay.js';
+import {iconButton, panel} from './panels/parts.js';
+import {Player} from './panels/player.js';
 import {Rig} from './rig.js';
+import {takeToken} from './panels/run_buttons.js';
 import {askForModel, askForScene, modelAddress} from './server.js';
-import {settings} from './settings.js';
-import {Stage} from './stage.js';
+import {settings} from './panels/settings.js';
+import {Stage} from './picture/stage.js';
+import {Switches} from './switches.js';
+import {makeTools, ToolPanel} from './tools/tool_panel.js';
 
 const FIELD_OF_VIEW = 60;  // degrees, where there is no camera to take it from
 // CSS pixels of page.css: the head or bar with a gap on both sides.
@@ -32,7 +37,7 @@ export class Viewer {
     app.viewer = this;
     this.scene = scene;
     this.center = new Vector3(...scene.center);
-    this.rig = new Rig(() => this.stage.touch());
+    this.rig = new Rig(() => { this.stage.touch(); this.address.note(); });
     this.rig.up.set(...scene.up).normalize();
     this.rig.target.copy(this.center);
     this.rig.lens = scene.cameras.length ? lensOf(scene.cameras[0]) : plainLens(innerWidth, innerHeight, FIELD_OF_VIEW);
@@ -49,7 +54,13 @@ export class Viewer {
     if (scene.moves) this.player = new Player({time: scene.time ?? (scene.mode === 'live' ? 0.5 : 0), show: time => this.stage.setTime(time), wake: () => this.stage.request()});
     this.facts = modelFacts(this);
     this.help = helpDialog();
+    this.address = new Address(this, options => this.show(options));
+    this.hasLooks = scene.cameras.some(camera => camera.look);
+    this.switches = new Switches(this, () => { this.settings.sync(); this.address.note(); });
     this.settings = settings(this);
+    this.overlay = new Overlay(scene.radius);
+    this.tools = makeTools(this);
+    this.toolPanel = new ToolPanel(Object.values(this.tools), this.overlay, () => this.stage.request());
     this.makePanels();
     this.compose();
     bindKeys(this);
@@ -57,8 +68,11 @@ export class Viewer {
 
   makePanels() {
     const title = this.scene.mode === 'live' ? 'Training' : 'Model';
-    const make = (name, title, body) => panel(name, title, body, open => { if (open) this.opened(name); });
-    this.panels = {model: make('model', title, this.modelBody()), settings: make('settings', 'Settings', this.settings.node)};
+    const make = (name, title, body) => panel(name, title, body, open => {
+      if (name === 'tools') this.toolPanel.show(open);
+      if (open) this.opened(name);
+    });
+    this.panels = {model: make('model', title, this.modelBody()), settings: make('settings', 'Settings', this.settings.node), tools: make('tools', 'Tools', this.toolPanel.node)};
     if (this.scene.cameras.length) this.panels.cameras = make('cameras', 'Cameras', this.list.node);
     matchMedia(`(max-width: ${NARROW - 1}px)`).addEventListener('change', () => this.opened(this.lastOpened));
   }
@@ -66,7 +80,7 @@ export class Viewer {
   // Closes the panels that share a column of the page with the one that has just opened.
   opened(name) {
     if (!this.panels[name]?.isOpen) return;
-    const columns = innerWidth < NARROW ? {} : {model: 'left', settings: 'right', cameras: 'right'};
+    const columns = innerWidth < NARROW ? {} : {model: 'left', settings: 'right', cameras: 'right', tools: 'right'};
     for (const [other, each] of Object.entries(this.panels)) if (other !== name && columns[other] === columns[name]) each.toggle(false);
     this.lastOpened = name;
     if (name === 'settings') this.settings.sync();
@@ -74,7 +88,7 @@ export class Viewer {
 
   modelBody() {
     if (this.scene.mode !== 'live') return this.facts.node;
-    this.live = new Live({snapshot: state => this.takeSnapshot(state), failed: error => this.messages.trouble('live', error)});
+    this.live = new Live({token: takeToken(), snapshot: state => this.takeSnapshot(state), failed: error => this.messages.trouble('live', error)});
     return [this.live.node, this.facts.node];
   }
 
@@ -82,10 +96,10 @@ export class Viewer {
     const full = iconButton('full', 'full screen', () => document.fullscreenElement ? document.exitFullscreen() : this.app.requestFullscreen());
     this.mat = el('div.mat', {'aria-hidden': 'true'});
     this.head = el('header.head', {}, el('div.title-card', {}, el('span.mark', {'aria-hidden': 'true'}), el('div.title-text', {}, el('span.brand', {}, 'gemsplat'), el('h1', {title: this.scene.title}, this.scene.title))),
-        el('div.tools', {role: 'toolbar', 'aria-label': 'panels'}, this.panels.model.button, this.panels.cameras?.button, this.panels.settings.button,
+        el('div.tools', {role: 'toolbar', 'aria-label': 'panels'}, this.panels.model.button, this.panels.cameras?.button, this.panels.tools.button, this.panels.settings.button,
            iconButton('reset', 'reset view (R)', () => this.reset()), iconButton('help', 'mouse, fingers and keys (?)', () => this.help.showModal()),
            document.fullscreenEnabled && full));
-    this.app.replaceChildren(this.stage.node, this.mat, this.compare.node,
+    this.app.replaceChildren(this.stage.node, this.mat, this.compare.node, this.overlay.node,
         el('div.interface', {onclick: releaseFocus}, this.head, Object.values(this.panels).map(each => each.node), el('div.bottom', {}, this.player?.node, this.bar.node), this.messages.node), this.help);
   }
 
@@ -93,20 +107,28 @@ export class Viewer {
     this.setInterface(options.get('ui') !== '0');
     if (this.player) this.startPlayer(options);
     this.stage.resize();
-    const first = options.get('camera') ?? options.get('c');
-    if (this.scene.cameras[first]) this.goTo(Number(first), {jump: true});
-    else this.reset({jump: true});
+    this.show(options, {jump: true});
     if (innerWidth >= NARROW) this.panels.model.toggle(true);
     for (const note of this.scene.notes ?? []) this.messages.add(note);
+    this.address.isOn = true;
     if (this.live) this.live.start();
     else if (!this.stage.isRemote) await this.load(0);
+  }
+
+  // Shows what an address says: switches, time and place.
+  show(options, how) {
+    this.switches.read(options);
+    const time = Number.parseFloat(options.get('t')), view = viewOf(options, this.scene.cameras);
+    if (this.player && Number.isFinite(time)) this.player.seek(time);
+    if (!view) return this.place(how);
+    if (view.camera !== undefined) return this.fly(view.camera, how);
+    const {position, quaternion, target, lens} = view;
+    this.rig.go({position: new Vector3(...position), quaternion: new Quaternion(...quaternion), target, lens}, how);
   }
 
   // The scene plays, unless the program or the address named a time, the user wants little motion,
   // or the model is one that trains.
   startPlayer(options) {
-    const time = Number.parseFloat(options.get('t'));
-    if (Number.isFinite(time)) this.player.seek(time);
     const isStill = options.has('t') || isNumber(this.scene.time) || this.scene.mode === 'live' || matchMedia('(prefers-reduced-motion: reduce)').matches;
     if (this.stage.isRemote) this.player.take({duration: 0, loaded: 1});
     this.player.play(options.has('play') ? options.get('play') !== '0' : !isStill);
@@ -115,15 +137,16 @@ export class Viewer {
   // The first view: that of the first camera, free to move; without cameras, one that has the whole
   // model in front of it.
   reset(options) {
+    this.address.leave();
+    this.place(options);
+  }
+  place(options) {
     const [first] = this.scene.cameras;
     if (first) {
       this.rig.goToCamera(first, null, this.center, options);
       return;
     }
-    const away = new Vector3(0.6, 0, 1).projectOnPlane(this.rig.up).addScaledVector(this.rig.up, 0.35).normalize();
-    const position = this.center.clone().addScaledVector(away, 2.5 * this.scene.radius);
-    this.rig.go({position, quaternion: this.rig.facing(away.negate()), target: this.center.clone(),
-                 lens: plainLens(this.stage.width, this.stage.height, FIELD_OF_VIEW)}, options);
+    this.rig.goInFrontOf(this.center, this.scene.radius, plainLens(this.stage.width, this.stage.height, FIELD_OF_VIEW), options);
   }
 
   async load(version) {
@@ -156,7 +179,7 @@ export class Viewer {
   step(seconds) {
     this.controls.step(seconds);
     this.player?.step(performance.now());
-    return this.controls.isHeld || Boolean(this.player?.isPlaying);
+    return this.tools.path.step(performance.now()) || this.controls.isHeld || Boolean(this.player?.isPlaying);
   }
 
   drawn(view) {
@@ -164,16 +187,23 @@ export class Viewer {
     this.mat.classList.toggle('is-on', camera !== null);
     for (const side of ['left', 'top', 'width', 'height']) this.mat.style[side] = `${place[side]}px`;
     this.compare.show(camera, place);
+    this.overlay.draw(view);
     this.facts.frame();
     if (view.at === this.shownAt) return;
     this.shownAt = view.at;
     this.bar.show(view.at);
+    this.tools.picture.show(camera);
+    this.showColors(this.switches.get('colors'));
     if (camera) this.list.select(view.at);
   }
 
   goTo(index, options) {
+    if (!this.scene.cameras[index]) return;
+    this.address.leave();
+    this.fly(index, options);
+  }
+  fly(index, options) {
     const camera = this.scene.cameras[index];
-    if (!camera) return;
     this.current = index;
     this.stage.frusta?.hide(index);
     this.rig.goToCamera(camera, index, this.center, options);
@@ -202,15 +232,8 @@ export class Viewer {
   }
 
   orbitAround(x, y) {
-    const point = this.stage.pointAt(x, y) ?? this.pointAtTargetDepth(x, y);
-    this.rig.setTarget(point);
-  }
-
-  // The point behind a place of the window, at the depth of the target: for places where no
-  // Gaussian is hit.
-  pointAtTargetDepth(x, y) {
-    const {fx, fy, cx, cy} = this.stage.lens(), depth = this.rig.distance;
-    return this.rig.position.clone().add(this.rig.axis((x - cx) / fx * depth, -(y - cy) / fy * depth, -depth));
+    // Where no Gaussian is hit, the point at the depth of the target.
+    this.rig.setTarget(this.stage.pointAt(x, y) ?? this.stage.worldAt(x, y, this.rig.distance));
   }
 
   cameraAt(x, y) { return this.stage.frusta?.pick(x, y, this.stage.pose, this.stage.lens()) ?? null; }
@@ -222,27 +245,22 @@ export class Viewer {
     this.stage.canvas.title = index === null ? '' : this.scene.cameras[index].name;
   }
   click(x, y) {
+    if (this.toolPanel.picker) return this.toolPanel.picker.pick(x, y);
     const index = this.cameraAt(x, y);
     if (index !== null) this.goTo(index);
   }
 
-  showFrusta(on) {
-    if (!this.stage.frusta) return;
-    this.stage.frusta.visible = on;
-    this.settings.sync();
-    this.stage.request();
-  }
-  showFrames(mode) {
-    this.stage.frames.mode = mode;
-    this.settings.sync();
+  // The colors of the scene, or those of the photo that was shown last.
+  showColors(colors) {
+    const index = this.shownAt ?? this.current ?? 0, look = colors === 'photo' ? this.scene.cameras[index]?.look ?? null : null;
+    if (!this.stage.isRemote) return this.stage.splats.setLook(look);
+    const wanted = look ? index : null;
+    if (this.stage.frames.look === wanted) return;
+    this.stage.frames.look = wanted;
     this.stage.touch();
   }
-  navigate(mode) {
-    this.controls.mode = mode;
-    this.settings.sync();
-  }
   flipUp() {
-    this.rig.up.negate();
+    this.switches.set('up', this.switches.get('up') === 'up' ? 'down' : 'up');
     this.rig.level();
   }
   fieldOfView() {
@@ -257,6 +275,7 @@ export class Viewer {
   setInterface(shown) {
     this.app.classList.toggle('is-bare', !shown);
     this.isBare = !shown;
+    this.address.note();
     if (this.stage.frusta) this.stage.frusta.isSuppressed = !shown;
     this.stage.resize();
   }

@@ -113,6 +113,8 @@ std::optional<HttpHead> parse_head(std::string_view text) {
     if (!(is_first ? parse_first_line(line, head) : parse_header(line, head))) return std::nullopt;
   }
   if (head.method.empty()) return std::nullopt;
+  head.request.method = head.method;
+  if (head.count("x-control-token") == 1) head.request.token = head.value("x-control-token");
   if (head.count("range") == 1) head.request.range = head.value("range");
   return head;
 }

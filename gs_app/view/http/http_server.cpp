@@ -75,6 +75,19 @@ bool is_wanted(const HttpHead& head, const std::string& host) {
          (!is_foreign || head.value("sec-fetch-dest") == "document");
 }
 
+// Whether a POST is of this server's own page, whose browser says so, or of no browser.
+bool is_own_post(const HttpHead& head) {
+  const std::string site = head.value("sec-fetch-site"), origin = head.value("origin");
+  return (site.empty() || site == "same-origin") && head.count("origin") <= 1 &&
+         (origin.empty() || origin == "http://" + head.value("host"));
+}
+
+bool has_body(const HttpHead& head) {
+  const std::string length = head.value("content-length");
+  return head.count("transfer-encoding") > 0 || head.count("content-length") > 1 ||
+         !(length.empty() || length == "0");
+}
+
 // Shells mostly give 1024, and allow many more to a program that asks.
 void raise_limit_of_files() {
   constexpr rlim_t kEnough = 16'384;
@@ -227,11 +240,15 @@ class HttpServer::Impl {
     if (!is_wanted(*head, host_))
       return refuse(403, "this server accepts only requests to " + url() +
                              ", not those of other names or web pages");
-    if (head->method != "GET" && head->method != "HEAD")
+    if (head->method == "POST") {
+      if (!is_own_post(*head)) return refuse(403, "only this server's own page may ask for this");
+      if (has_body(*head)) return refuse(400, "this server takes no request with a body");
+    } else if (head->method != "GET" && head->method != "HEAD") {
       return refuse(404, "there is nothing at this address");
+    }
     head->request.client = connection.address();
     connection.begin_work();
-    workers_.add({number, std::move(head->request), head->method == "GET"});
+    workers_.add({number, std::move(head->request), head->method != "HEAD"});
   }
 
   bool is_too_slow(const HttpConnection& connection) const {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small HTTP server in which one function answers every GET request. It is meant for people who
+// A small HTTP server in which one function answers every request. It is meant for people who
 // look at their own files: unless told otherwise it listens only to this machine, and it refuses
 // requests that another web page makes a browser send (DNS rebinding). Slow or silent connections,
 // however many there are, hold up nobody: of an address with more than 32, the others wait for their
-// turn. There is one request on each connection.
+// turn. There is one request on each connection. A POST is taken of this server's own page alone, or
+// of a program that is no browser, and only without a body.
 #pragma once
 
 #include <cstdint>
@@ -18,9 +19,11 @@
 namespace gs {
 
 struct HttpRequest {
-  std::string path;  // "/photo/12", decoded
+  std::string method = "GET";  // or "HEAD" or "POST"
+  std::string path;            // "/photo/12", decoded
   std::map<std::string, std::string> query;
   std::string client;  // its address
+  std::string token;   // of a POST: the secret in its header X-Control-Token
   std::string range;   // of the bytes that are wanted, as its header has it: "bytes=0-65535"
 };
 

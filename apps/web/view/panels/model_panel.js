@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The facts of the Model panel: the file, its Gaussians, and how fast they are drawn.
-import {bytes, fixed, isNumber, whole} from '../shared/format.js';
+import {bytes, fixed, isNumber, whole} from '../../shared/format.js';
 import {factList} from './parts.js';
 
 const FRAMES_EVERY = 250;  // milliseconds between updates of the speed

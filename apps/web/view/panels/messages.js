@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Messages at the bottom of the page: errors in words, and a progress bar while the model loads.
-import {el} from '../shared/dom.js';
+import {el} from '../../shared/dom.js';
 import {iconButton} from './parts.js';
 
 export class Messages {

@@ -2,10 +2,11 @@
 // The panel of a run that trains: polls the server for its progress, shows it, and reports when
 // there is a newer model.
 import uPlot from 'uplot';
-import {cssColor, el} from '../shared/dom.js';
-import {duration, fixed, isNumber, short, significant, whole} from '../shared/format.js';
+import {cssColor, el} from '../../shared/dom.js';
+import {duration, fixed, isNumber, short, significant, whole} from '../../shared/format.js';
 import {factList} from './parts.js';
-import {askForState} from './server.js';
+import {RunButtons} from './run_buttons.js';
+import {askForState} from '../server.js';
 
 const EVERY = 1000;          // milliseconds between polls while the page is visible
 const MOST_POINTS = 400;     // of the chart: beyond that, every second one is dropped
@@ -13,9 +14,10 @@ const CHART_HEIGHT = 120;    // CSS pixels
 
 export class Live {
   // snapshot(state): shows the newer model, and resolves to whether that worked; failed(error), or
-  // failed(null) after a poll that worked
-  constructor({snapshot, failed}) {
+  // failed(null) after a poll that worked; token: of those who control the run, or null
+  constructor({snapshot, failed, token}) {
     Object.assign(this, {snapshot, failed});
+    this.buttons = new RunButtons(token, {failed, asked: () => this.poll()});
     this.version = 0;
     this.points = [[], []];  // steps and losses, as in metrics.csv
     this.lastStep = 0;       // of the last loss that the server has sent
@@ -23,7 +25,7 @@ export class Live {
     this.bar = el('progress', {max: 1, value: 0, 'aria-label': 'how far training is'});
     this.words = el('p.live-words', {'aria-live': 'polite'});
     this.holder = el('div.loss-chart', {role: 'img', 'aria-label': 'loss over steps'});
-    this.node = el('div.training-body', {}, this.words, this.bar, this.facts.node, this.holder);
+    this.node = el('div.training-body', {}, this.words, this.bar, this.facts.node, this.buttons.node, this.holder);
     new ResizeObserver(() => this.drawChart(true)).observe(this.holder);
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => this.drawChart(true));
   }
@@ -40,9 +42,19 @@ export class Live {
       this.take(await askForState(this.lastStep));
       this.failed(null);
     } catch (error) {
+      if (this.buttons.isStopping) return this.endStopped();
       this.failed(error);
     }
     this.timer = setTimeout(() => this.poll(), EVERY);
+  }
+
+  // The server ends with a run that was stopped.
+  endStopped() {
+    this.isDone = true;
+    this.buttons.node.hidden = true;
+    this.words.hidden = false;
+    this.words.textContent = 'The run was stopped, and its model is saved. gemsplat train --resume goes on with it.';
+    this.failed(null);
   }
 
   take(state) {
@@ -59,7 +71,7 @@ export class Live {
     this.isLoading = false;
   }
 
-  show({step, steps, loss, gaussians, psnr, seconds, done, stopped, message, version}) {
+  show({step, steps, loss, gaussians, psnr, seconds, done, stopped, message, version, control = null}) {
     this.bar.value = steps ? step / steps : 0;
     const left = step > 0 && !done ? seconds / step * (steps - step) : null;
     this.facts.set('Step', `${whole(step)} of ${whole(steps)}`);
@@ -68,9 +80,11 @@ export class Live {
     this.facts.set('Gaussians', whole(gaussians));
     this.facts.set('Time', duration(seconds));
     this.facts.set('Left', left === null ? null : duration(left));
-    this.words.hidden = version > 0 && !done && !stopped && !message;
+    const isPaused = Boolean(control?.paused) && !done && !stopped;
+    this.buttons.show(control, done || stopped);
+    this.words.hidden = version > 0 && !done && !stopped && !message && !isPaused;
     this.facts.set('Snapshot', version ? String(version) : null);
-    this.words.textContent = message || (stopped ? 'Training was stopped.' : done ? 'Training is done.' : version ? '' : 'The first model is on its way.');
+    this.words.textContent = message || (stopped ? 'Training was stopped.' : done ? 'Training is done.' : isPaused ? 'Paused.' : version ? '' : 'The first model is on its way.');
   }
 
   // losses: [[step, loss], ...] of the steps after lastStep.

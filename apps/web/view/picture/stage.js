@@ -2,7 +2,7 @@
 // The picture that fills the window: decides when it is drawn, at how many pixels, and by which of
 // the browser and the server; draws frusta over it.
 import {ColorManagement, LinearSRGBColorSpace, WebGLRenderer} from 'three';
-import {el} from '../shared/dom.js';
+import {el} from '../../shared/dom.js';
 import {FramePicture} from './frames.js';
 import {Frusta} from './frusta.js';
 import {fitted, projectionOf} from './lens.js';
@@ -94,6 +94,17 @@ export class Stage {
     this.touch();
   }
 
+  // What is shown: color, depth or normal.
+  show(quantity) {
+    if (this.isRemote) this.frames.mode = quantity;
+    else this.splats.setQuantity(quantity);
+    this.touch();
+  }
+  showFrusta(on) {
+    if (this.frusta) this.frusta.visible = on;
+    this.request();
+  }
+
   setFullSize(on) {
     this.fullSize = on;
     this.scale = 1;
@@ -140,7 +151,7 @@ export class Stage {
     }
     const scale = this.pixelRatio * (this.isMoving ? this.scale : 1);
     this.splats.place(view.pose, projectionOf(view.lens, this.scene.near, this.scene.far));
-    this.splats.draw(Math.max(1, Math.round(this.width * scale)), Math.max(1, Math.round(this.height * scale)));
+    this.splats.draw(Math.max(1, Math.round(this.width * scale)), Math.max(1, Math.round(this.height * scale)), view.lens);
     this.frusta.draw(this.renderer, view.pose, view.lens, this.scene.far, view.at !== null);
     this.drawn(view);
   }
@@ -183,6 +194,17 @@ export class Stage {
     }
   }
 
-  // The world point at a place of the window (CSS pixels), or null.
+  // The place of the world that the window shows at a point (CSS pixels) at this depth along the axis.
+  worldAt(x, y, depth) {
+    const {fx, fy, cx, cy} = this.lens(), {position} = this.rig;
+    return position.clone().add(this.rig.axis((x - cx) / fx * depth, -(y - cy) / fy * depth, -depth));
+  }
+  // The surface there, by the mean depth of what is drawn, or null.
+  surfaceAt(x, y) {
+    const depth = this.splats?.depthAt(x, y, this) ?? null;
+    return depth === null ? null : this.worldAt(x, y, depth);
+  }
+
+  // The world point of the nearest Gaussian at a place of the window (CSS pixels), or null.
   pointAt(x, y) { return this.splats?.pick(2 * x / this.width - 1, 1 - 2 * y / this.height) ?? null; }
 }

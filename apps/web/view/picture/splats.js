@@ -6,7 +6,9 @@ import {readGs4d} from './gs4d.js';
 import {MovingModel} from './moving.js';
 import {HalfFloatType, LinearFilter, Matrix4, Mesh, PerspectiveCamera, PlaneGeometry, Raycaster, Scene, ShaderMaterial,
         UnsignedByteType, Vector2, Vector3, WebGLRenderTarget} from 'three';
-import {compositeFragmentShader, compositeVertexShader, fragmentShader, vertexShader} from './shaders.js';
+import {lookUniforms, placeLook, setLook} from './look.js';
+import {compositeFragmentShader, compositeVertexShader, effectUniforms, fragmentShader, vertexShader} from './shaders.js';
+import {Surface} from './surface.js';
 
 // Pixels^2: kBlur and kBlurAntialias of gs_core/math/constants.h.
 const BLUR = 0.3, BLUR_ANTIALIASED = 0.1;
@@ -38,7 +40,10 @@ export class SplatPicture {
     this.timeOf = new WeakMap();  // of what Spark has gathered
     this.scene = new Scene();
     this.camera = new PerspectiveCamera();
+    this.effects = effectUniforms();
+    this.points = 0;  // their size in CSS pixels; 0: splats are shown
     this.spark = new SparkRenderer({
+      extraUniforms: this.effects,
       renderer, onDirty: changed, fragmentShader, enableLod: false, sortRadial: false, accumExtSplats: this.precise,
       minAlpha: MIN_ALPHA, maxStdDev: Math.sqrt(2 * Math.log(1 / MIN_ALPHA)), clipXY: FAR_OUTSIDE, maxPixelRadius: ANY_SIZE,
       depthTest: false,
@@ -49,10 +54,25 @@ export class SplatPicture {
     this.gathered = gatheringTarget(renderer);
     this.composite = new Mesh(new PlaneGeometry(2, 2), new ShaderMaterial({
       vertexShader: compositeVertexShader, fragmentShader: compositeFragmentShader, depthTest: false, depthWrite: false,
-      uniforms: {gathered: {value: this.gathered.texture}, background: {value: new Vector3()}},
+      uniforms: {gathered: {value: this.gathered.texture}, background: {value: new Vector3()}, ...lookUniforms()},
     }));
     this.composite.frustumCulled = false;
     this.last = new Scene().add(this.composite);
+    this.surface = new Surface(renderer);
+    this.quantity = 'color';
+  }
+
+  setEffect(name, value) {
+    this.effects[name].value = value;
+    this.changed();
+  }
+  setPoints(size) {
+    this.points = size;
+    this.changed();
+  }
+  setQuantity(quantity) {
+    this.quantity = quantity;
+    this.changed();
   }
 
   setAntialiased(antialiased) {
@@ -196,15 +216,45 @@ export class SplatPicture {
     this.camera.fov = 2 * Math.atan(1 / projection.elements[5]) * 180 / Math.PI;  // decides on levels of detail
   }
 
-  draw(width, height) {
-    if (this.gathered.width !== width || this.gathered.height !== height) this.gathered.setSize(width, height);
-    this.renderer.setRenderTarget(this.gathered);
+  // lens: of the window, in CSS pixels; to: the target, or null for the canvas
+  draw(width, height, lens, to = null) {
+    this.effects.worldFromView.value.copy(this.camera.matrixWorld);
+    this.effects.pointRadius.value = this.points / 2 * width / lens.width;
+    if (this.quantity !== 'color') return this.surface.draw(size => this.gatherDepths(size), {quantity: this.quantity, width, height, lens, to});
+    this.gather(this.gathered, width, height);
+    placeLook(this.composite.material.uniforms, lens);
+    this.renderer.setRenderTarget(to);
+    this.renderer.render(this.last, this.camera);
+  }
+
+  gather(target, width, height) {
+    if (target.width !== width || target.height !== height) target.setSize(width, height);
+    this.renderer.setRenderTarget(target);
     this.renderer.setClearColor(0, 0);
     this.renderer.clear();
     this.renderer.render(this.scene, this.camera);
     this.noteTime();
-    this.renderer.setRenderTarget(null);
-    this.renderer.render(this.last, this.camera);
+  }
+
+  gatherDepths({width, height}) {
+    this.effects.showsDepth.value = true;
+    this.gather(this.surface.gathered, width, height);
+    this.effects.showsDepth.value = false;
+  }
+
+  // The depth at a place of the window (CSS pixels) along the viewing axis, or null where nothing is.
+  depthAt(x, y, {width, height}) {
+    this.effects.worldFromView.value.copy(this.camera.matrixWorld);
+    this.gatherDepths({width, height});
+    const depth = this.surface.depthAt(x, y);
+    this.changed();
+    return depth;
+  }
+
+  // look: of a photo (look.js), or null for the scene's own colors
+  setLook(look) {
+    setLook(this.composite.material.uniforms, look);
+    this.changed();
   }
 
   // Sorts for exactly this view: while the view moves, Spark sorts for one some milliseconds ago.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The building blocks of the viewer's panels: buttons, switches, sliders, lists of facts.
-import {el} from '../shared/dom.js';
+import {el} from '../../shared/dom.js';
 import {icon} from './icons.js';
 
 export const iconButton = (name, label, onclick, properties = {}) =>

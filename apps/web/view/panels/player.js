@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Plays a model that moves: the bar with the time, and the clock behind it.
-import {el} from '../shared/dom.js';
-import {fixed} from '../shared/format.js';
+import {el} from '../../shared/dom.js';
+import {fixed} from '../../shared/format.js';
 import {icon} from './icons.js';
 import {iconButton} from './parts.js';
 

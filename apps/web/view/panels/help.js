@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The dialog that lists what the mouse, fingers and keys do.
-import {el} from '../shared/dom.js';
+import {el} from '../../shared/dom.js';
 import {iconButton} from './parts.js';
 
 const MOUSE = ['Mouse', [
@@ -18,7 +18,11 @@ const KEYS = [
   ]],
   ['Cameras and photos', [
     ['← →', 'previous, next camera'], ['N', 'nearest camera'], ['F', 'show or hide the cameras'],
-    ['C', 'render, slider, blend, photo'], ['X, held; Space, held', 'show the photo (Space: where nothing moves)'], ['1 2 3', 'with --remote: color, depth, normals'],
+    ['C', 'render, slider, blend, photo'], ['X, held; Space, held', 'show the photo (Space: where nothing moves)'], ['M', 'PSNR of the render against the photo'],
+  ]],
+  ['Picture and tools', [
+    ['1 2 3', 'color, depth, normals'], ['4', 'colors: neutral, or as the photo'], ['5', 'splats or points'], ['K', 'save a screenshot'], ['T', 'tools: picture, measure, crop, path'],
+    ['V', 'add this view to the path'], ['Back, Forward', 'the places that were jumped to'],
   ]],
   ['Time, where the scene moves', [
     ['Space', 'play, pause'], [', .', 'a hundredth back, ahead'], ['Home End', 'begin, end'], ['[ ]', 'slower, faster'], ['J', 'loop'],

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The list of cameras with its filter, and the bar at the bottom that steps through them.
-import {el, segmented} from '../shared/dom.js';
+import {el, segmented} from '../../shared/dom.js';
 import {iconButton} from './parts.js';
 
 const SPLIT_WORDS = {train: 'training', test: 'test'};

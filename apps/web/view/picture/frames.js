@@ -2,13 +2,13 @@
 // The picture of --remote: requests one frame after another from the server, small ones while the
 // view moves.
 import {rowsOfPose, resized} from './lens.js';
-import {askForFrame} from './server.js';
+import {askForFrame} from '../server.js';
 
 // Milliseconds from request to picture that are aimed at while the view moves.
 const GOAL = 90;
 const LEAST_SCALE = 0.15;
 const MOST_PIXELS = 4096;           // on a side: the server's limit
-const QUALITY_MOVING = 70, QUALITY_STILL = 92;
+const QUALITY_MOVING = 70, QUALITY_STILL = 92, QUALITY_BEST = 100;
 
 export class FramePicture {
   // canvas: where frames are drawn; shown(view): called after a frame of this view was drawn;
@@ -18,6 +18,7 @@ export class FramePicture {
     this.shown = shown;
     this.failed = failed;
     this.mode = 'color';
+    this.look = null;          // index of the camera whose photo's colors are shown
     this.scale = 0.5;          // of frames while the view moves, to the window's pixels
     this.latency = null;       // milliseconds from request to picture, of the last frame
     this.render = null;        // of these, milliseconds that the server rendered
@@ -50,14 +51,21 @@ export class FramePicture {
     this.isBusy = false;
   }
 
+  // The frame of {pose, time} with this lens, in the best quality and beside those of the canvas.
+  async frameOf(view, lens) {
+    return (await askForFrame(this.query({...view, mode: this.mode}, lens, QUALITY_BEST, `${this.client}-still`))).picture;
+  }
+
+  query({pose, mode, time}, {width, height, fx, fy, cx, cy}, quality, client) {
+    return {w: width, h: height, fx, fy, cx, cy, m: rowsOfPose(pose).map(x => Number(x.toPrecision(9))).join(','), mode,
+            ...(time === undefined ? {} : {t: Number(time.toFixed(6))}), ...(this.look === null ? {} : {look: this.look}), q: quality, client};
+  }
+
   async ask(view) {
     const scale = Math.min(view.scale, MOST_PIXELS / Math.max(view.lens.width, view.lens.height));
     const [width, height] = [view.lens.width, view.lens.height].map(pixels => Math.max(16, Math.round(pixels * scale)));
-    const {fx, fy, cx, cy} = resized(view.lens, width, height);
     const from = performance.now();
-    const frame = await askForFrame({
-      w: width, h: height, fx, fy, cx, cy, m: rowsOfPose(view.pose).map(x => Number(x.toPrecision(9))).join(','),
-      mode: view.mode, ...(view.time === undefined ? {} : {t: Number(view.time.toFixed(6))}), q: view.scale < 1 ? QUALITY_MOVING : QUALITY_STILL, client: this.client});
+    const frame = await askForFrame(this.query(view, resized(view.lens, width, height), view.scale < 1 ? QUALITY_MOVING : QUALITY_STILL, this.client));
     if (!frame) return;  // a newer request has replaced it
     this.latency = performance.now() - from;
     this.render = frame.milliseconds;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Comparison with a photo: while the view is a camera's, its photo can lie over the picture, beside
 // it with a slider, or blended.
-import {el, segmented} from '../shared/dom.js';
+import {el, segmented} from '../../shared/dom.js';
 
 export const COMPARISONS = [['render', 'Render'], ['split', 'Slider'], ['blend', 'Blend'], ['photo', 'Photo']];
 

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/export/key_frames.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include "gs_core/error.h"
+#include "gs_core/io/byte_reader.h"
+#include "gs_core/io/read_json.h"
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr const char* kFormat = "gemsplat key frames";
+constexpr int kVersion = 1;
+constexpr double kLongest = 86'400;  // seconds; more is a mistake
+constexpr const char* kRemedy = "save the path in the viewer again";
+
+[[noreturn]] void fail(const std::filesystem::path& file, const std::string& what) {
+  cannot_read(file, fmt::format("{}; {}", what, kRemedy));
+}
+
+void check_format(const std::filesystem::path& file, const Json& json) {
+  if (!json.is_object() || json.value("format", Json()) != kFormat)
+    fail(file, fmt::format("it is no file of \"{}\"", kFormat));
+  const Json version = json.value("version", Json());
+  if (version.is_number_integer() && version > kVersion)
+    cannot_read(file, fmt::format("its version is {}, and this program reads {}; update gemsplat",
+                                  version.dump(), kVersion));
+  if (version != kVersion) fail(file, "it has no version");
+}
+
+double seconds_of(const std::filesystem::path& file, const Json& json) {
+  const Json value = json.value("seconds", Json());
+  const double seconds = value.is_number() ? value.get<double>() : 0;
+  if (!(seconds > 0 && seconds <= kLongest)) fail(file, "its seconds are not a number above 0");
+  return seconds;
+}
+
+}  // namespace
+
+KeyFrames read_key_frames(const std::filesystem::path& file, const Vec3d& world_offset) {
+  const Json json = read_json_as<Json>(file, kRemedy);
+  check_format(file, json);
+  KeyFrames frames;
+  frames.seconds = seconds_of(file, json);
+  const Json closed = json.value("closed", Json(false)), pace = json.value("pace", Json("even"));
+  if (!closed.is_boolean()) fail(file, "closed is neither true nor false");
+  if (pace != "even" && pace != "keys") fail(file, "its pace is neither even nor keys");
+  frames.is_closed = closed.get<bool>();
+  frames.pace = pace.get<std::string>();
+  const Json keys = json.value("keys", Json());
+  if (!keys.is_array() || keys.size() < 2) fail(file, "it has fewer than two keys");
+  frames.keys = cameras_of_json(keys, file, world_offset);
+  return frames;
+}
+
+}  // namespace gs
