@@ -118,6 +118,19 @@ check_wrong_usage() {
   done
 }
 
+# The flags of a system's folder are all that a program needs: CMake links its first one with them alone.
+check_sysroot() {
+  local flags
+  (cd "$root" && copy_sysroot / "$work/system" && sysroot_flags "$work/system" >"$work/flags")
+  read -r -a flags <"$work/flags"
+  printf '%s\n' '#include <cstdio>' 'int main() { try { throw 7; } catch (int n) { std::printf("%d\n", n); } }' >"$work/throw.cpp"
+  c++ -c "$work/throw.cpp" -o "$work/throw.o"  # headers are those of this system
+  c++ "${flags[@]}" "$work/throw.o" -o "$work/throw"
+  [[ $("$work/throw") == 7 ]] || die "exceptions do not work in a program linked with a system's folder"
+  readelf -dW "$work/throw" >"$work/throw.txt"
+  if grep -E 'NEEDED.*lib(stdc\+\+|gcc_s)' "$work/throw.txt"; then die "the compiler's runtime is not inside"; fi
+}
+
 # A tag of an action can be moved; a hash cannot.
 check_actions_are_pinned() {
   local file=$root/.github/workflows/release.yml
@@ -129,4 +142,5 @@ check_actions_are_pinned
 check_same_bytes
 check_contents
 check_native_is_refused
+check_sysroot
 check_wrong_usage
