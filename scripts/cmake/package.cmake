@@ -74,6 +74,20 @@ function(gs_packages_of_headers result)
   set(${result} "${packages}" PARENT_SCOPE)
 endfunction()
 
+# gs_maintainer(result): who answers for the packages, in the variables of Debian's own tools. The
+# project has no address, so that of a package whose maker names none is in a domain that cannot exist.
+function(gs_maintainer result)
+  set(name "The gemsplat developers")
+  set(address noreply@gemsplat.invalid)
+  if(NOT "$ENV{DEBEMAIL}" STREQUAL "")
+    set(address "$ENV{DEBEMAIL}")
+  endif()
+  if(NOT "$ENV{DEBFULLNAME}" STREQUAL "")
+    set(name "$ENV{DEBFULLNAME}")
+  endif()
+  set(${result} "${name} <${address}>" PARENT_SCOPE)
+endfunction()
+
 gs_add_documents()
 gs_distribution(gs_codename)
 set(GS_DISTRO "${gs_codename}" CACHE STRING "The distribution that Debian packages are for; part of their version")
@@ -81,7 +95,7 @@ set(GS_DISTRO "${gs_codename}" CACHE STRING "The distribution that Debian packag
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME gemsplat)
 set(CPACK_PACKAGE_VENDOR "The gemsplat developers")
-set(CPACK_PACKAGE_CONTACT "The gemsplat developers")
+gs_maintainer(CPACK_PACKAGE_CONTACT)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_THREADS 0)
@@ -115,12 +129,16 @@ if(GS_HAVE_PYTHON)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
     "python3 (>= 3.${Python3_VERSION_MINOR}), python3 (<< 3.${gs_next_minor}), python3-numpy")
 endif()
+set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA
+  ${PROJECT_SOURCE_DIR}/scripts/release/debian/postinst ${PROJECT_SOURCE_DIR}/scripts/release/debian/prerm)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_PYTHON_DESCRIPTION "trains 3D Gaussians from photos: Python module
 The module gemsplat, which works with NumPy arrays.")
 
 # What check_package.cmake and finish_package.cmake ask for, when cpack runs.
 set(CPACK_GS_NATIVE ${GS_NATIVE})
-set(CPACK_GS_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
+set(CPACK_GS_CHANGELOG ${PROJECT_SOURCE_DIR}/CHANGELOG.md)
+set(CPACK_GS_PYTHON3 ${GS_PYTHON3})
 set(CPACK_PROJECT_CONFIG_FILE ${PROJECT_SOURCE_DIR}/scripts/cmake/check_package.cmake)
 set(CPACK_PRE_BUILD_SCRIPTS ${PROJECT_SOURCE_DIR}/scripts/cmake/finish_package.cmake)
 include(CPack)

@@ -55,10 +55,12 @@ copy_sysroot() {
 }
 
 # sysroot_flags SYSROOT: for the compiler as a linker. Its own folders of libraries would come first.
-# Before glibc 2.34 threads were a library of their own.
+# Before glibc 2.34 threads were a library of their own. The compiler's runtime is linked in here,
+# and not by targets alone, because its shared form needs the newer C library, and CMake's first
+# step is a program that proves that the compiler works.
 sysroot_flags() {
   local libraries
   libraries=$1/usr/lib/$(c++ -print-multiarch)
   c++ -std=c++20 -O2 -fPIC -c scripts/release/older_glibc.cpp -o "$1/older_glibc.o"
-  echo "--sysroot=$1 -B$libraries/ -L$libraries $1/older_glibc.o -Wl,--no-as-needed -lpthread -ldl -Wl,--as-needed"
+  echo "--sysroot=$1 -B$libraries/ -L$libraries -static-libstdc++ -static-libgcc $1/older_glibc.o -Wl,--no-as-needed -lpthread -ldl -Wl,--as-needed"
 }

@@ -18,6 +18,7 @@ source "$root/scripts/release/pack.sh"
 rm -rf "$work"
 mkdir -p "$work"
 echo 'int main() {}' | c++ -x c++ - -o "$work/program"
+printf '# Changelog\n\n## [1.0] - 2026-01-02\n\n- A program that does nothing.\n' >"$work/CHANGELOG.md"
 echo 'int answer() { return 42; }' >"$work/answer.cpp"
 
 # stage FOLDER FILE...: an installed program whose files are made in that order.
@@ -56,7 +57,11 @@ set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME gemsplat)
 set(CPACK_PACKAGE_VERSION 1.0)
 set(CPACK_PACKAGE_FILE_NAME gemsplat-1.0)
-set(CPACK_PACKAGE_CONTACT nobody)
+set(CPACK_PACKAGE_CONTACT "Nobody <nobody@nowhere.invalid>")
+set(CPACK_DEBIAN_PACKAGE_RELEASE 1~bookworm)
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_GS_CHANGELOG "$work/CHANGELOG.md")
+set(CPACK_GS_PYTHON3 python3)
 set(CPACK_PACKAGE_DESCRIPTION "A program that does nothing.")
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
@@ -87,6 +92,8 @@ check_contents() {
   grep -q 'root/root.* ./usr/bin/gemsplat$' "$work/deb.txt" || die "$(cat "$work/deb.txt")"
   grep -q './usr/share/man/man1/gemsplat.1.gz$' "$work/deb.txt" || die "the man page is not compressed"
   grep -q './usr/share/doc/gemsplat/copyright$' "$work/deb.txt" || die "there is no copyright file"
+  dpkg-deb --fsys-tarfile "$out"/*.deb | tar -xO ./usr/share/doc/gemsplat/changelog.Debian.gz | gzip -d >"$work/changelog.txt"
+  grep -q '^gemsplat (1.0-1~bookworm) bookworm;' "$work/changelog.txt" || die "the changelog is $(cat "$work/changelog.txt")"
   dpkg-deb -f "$out"/*.deb Depends >"$work/depends.txt"
   grep -q libc6 "$work/depends.txt" || die "the package does not depend on libc6"
   tar -tvf "$out"/*.tar.xz >"$work/tar.txt"
@@ -118,6 +125,19 @@ check_wrong_usage() {
   done
 }
 
+# The flags of a system's folder are all that a program needs: CMake links its first one with them alone.
+check_sysroot() {
+  local flags
+  (cd "$root" && copy_sysroot / "$work/system" && sysroot_flags "$work/system" >"$work/flags")
+  read -r -a flags <"$work/flags"
+  printf '%s\n' '#include <cstdio>' 'int main() { try { throw 7; } catch (int n) { std::printf("%d\n", n); } }' >"$work/throw.cpp"
+  c++ -c "$work/throw.cpp" -o "$work/throw.o"  # headers are those of this system
+  c++ "${flags[@]}" "$work/throw.o" -o "$work/throw"
+  [[ $("$work/throw") == 7 ]] || die "exceptions do not work in a program linked with a system's folder"
+  readelf -dW "$work/throw" >"$work/throw.txt"
+  if grep -E 'NEEDED.*lib(stdc\+\+|gcc_s)' "$work/throw.txt"; then die "the compiler's runtime is not inside"; fi
+}
+
 # A tag of an action can be moved; a hash cannot.
 check_actions_are_pinned() {
   local file=$root/.github/workflows/release.yml
@@ -129,4 +149,5 @@ check_actions_are_pinned
 check_same_bytes
 check_contents
 check_native_is_refused
+check_sysroot
 check_wrong_usage
