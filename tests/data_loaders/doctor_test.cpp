@@ -12,6 +12,7 @@
 #include "data_loaders/video/video_frames.h"
 #include "tests/support/avi_writer.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/exif_photo.h"
 #include "tests/support/scenes.h"
 #include "tests/support/tiny_photos.h"
 
@@ -59,6 +60,18 @@ TEST(Doctor, HasNothingAgainstAGoodScene) {
   EXPECT_THAT(the(diagnosis, Level::good, "points").text, HasSubstr("error 0.50 pixels"));
   EXPECT_THAT(the(diagnosis, Level::note, "forecast").text,
               AllOf(HasSubstr("training on the CPU"), Not(HasSubstr("H200"))));
+}
+
+TEST(Doctor, SaysHowMuchExposuresDifferByExif) {
+  const TempFolder temp;
+  ColmapModel model = small_model(3);
+  model.images[0].name = "a.jpg";
+  model.images[1].name = "b.jpg";
+  write_scene(temp.path(), model);
+  write_bytes(temp.path() / "images/a.jpg", exposed_photo(12, 8, {0.01, 4, 100}));
+  write_bytes(temp.path() / "images/b.jpg", exposed_photo(12, 8, {0.02, 4, 400}));
+  EXPECT_THAT(the(diagnosis_of(temp.path()), Level::note, "light").text,
+              HasSubstr("by EXIF, the exposures of 2 of 3 photos differ by 3.0 stops"));
 }
 
 TEST(Doctor, NamesTheFramesThatAVideoLacks) {

@@ -6,6 +6,7 @@
 #include "data_loaders/lenses/undistort.h"
 #include "gs_core/error.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/exif_photo.h"
 #include "tests/support/load_scene.h"
 #include "tests/support/tiny_photos.h"
 
@@ -55,6 +56,21 @@ TEST(LoadScene, RotationTakesWorldToCamera) {
   const Vec3f turned = multiply(camera.cam_from_world_rotation, Vec3f(1, 0, 0));
   EXPECT_NEAR(turned.x, 0, 1e-6);
   EXPECT_NEAR(turned.y, 1, 1e-6);
+}
+
+TEST(LoadScene, ExposuresOfExifAreReadWhereAskedFor) {
+  const TempFolder temp;
+  ColmapModel model = small_model(2);
+  model.images[0].name = "a.jpg";
+  write_scene(temp.path(), model);
+  write_bytes(temp.path() / "images/a.jpg", exposed_photo(12, 8, {0.25, 2, 16}));
+  const DatasetConfig dataset = dataset_at(temp.path());
+  const LightNeeds needs{false, true};
+  const Scene scene = load_scene(dataset, {}, PhotoLoading::as_they_fit, needs);
+  ASSERT_TRUE(scene.train_views[0].exposure_stops);
+  EXPECT_NEAR(*scene.train_views[0].exposure_stops, 0, 1e-5);  // log2(0.25 * 16 / 4)
+  EXPECT_FALSE(scene.train_views[1].exposure_stops);           // a PNG without EXIF
+  EXPECT_FALSE(load_scene(dataset).train_views[0].exposure_stops);
 }
 
 TEST(LoadScene, ModelIsFoundInAllItsPlaces) {

@@ -24,8 +24,8 @@ class ExposureSegment {
  public:
   explicit ExposureSegment(const Exposed& exposed, bool is_big = false) : is_big_(is_big) {
     const std::uint32_t tags = (exposed.seconds > 0) + (exposed.f_number > 0) + (exposed.iso > 0);
-    constexpr std::uint32_t kIfd = 26;                           // bytes of the TIFF part
-    std::uint32_t data = kIfd + 2 + 12 * tags + 4;               // behind the tags
+    constexpr std::uint32_t kIfd = 26;              // bytes of the TIFF part
+    std::uint32_t data = kIfd + 2 + 12 * tags + 4;  // behind the tags
     bytes_ = is_big ? std::string("MM") : std::string("II");
     put(42, 2), put(8, 4);
     put(1, 2), put(0x8769, 2), put(4, 2), put(1, 4), put(kIfd, 4), put(0, 4);
