@@ -51,6 +51,7 @@ ViewScene live_scene(std::string title, const Scene& scene, const Config& config
   ViewScene live;
   live.title = std::move(title);
   take_settings(live, render_settings(config));
+  live.world_offset = scene.world_offset;
   take_meters(live, config.dataset.source, 1);
   live.moves = config.model.dynamic;
   live.cameras = viewed_cameras(scene);
