@@ -36,17 +36,16 @@ void write_row(const GaussiansSpan& gradients, std::size_t i,
   gradients.sh0_slope[i] = gradient.sh0_slope;
 }
 
-// The gradient by the mean of all instances, of absolute values.
-Vec2f absolute_sum_of_instances(const RenderPass& pass, const ScalarScratch& scratch,
-                                std::size_t i) {
+}  // namespace
+
+Vec2f absolute_gradient_of(const RenderPass& pass, std::size_t i) {
+  const ScalarScratch& scratch = pass.scratch<ScalarScratch>();
   Vec2f sum(0.0f);
   const std::uint32_t begin = scratch.first_instance[i], end = begin + pass.tile_counts[i];
   for (std::uint32_t instance = begin; instance < end; ++instance)
     sum += scratch.absolute_gradients[instance];
   return sum;
 }
-
-}  // namespace
 
 SplatGradient splat_gradient_of(const RenderPass& pass, std::size_t i) {
   const ScalarScratch& scratch = pass.scratch<ScalarScratch>();
@@ -76,7 +75,6 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
                          const RenderSettings& settings, const RenderPass& pass,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) {
   const HostStage stage("preprocess backward");
-  const ScalarScratch& scratch = pass.scratch<ScalarScratch>();
   parallel_for(gaussians.mean.size, 512, [&](std::size_t i) {
     if (!pass.tile_counts[i]) {
       for_each_array([&](const char*, auto& rows) { rows[i] = {}; }, gradients);
@@ -103,8 +101,7 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
       write_row(gradients, i,
                 project_gaussian_vjp(camera, parameters_of(gaussians, i), settings, dL_dsplat,
                                      dL_dsh_rest));
-    dL_dmean2d[i] =
-        settings.absolute_gradient ? absolute_sum_of_instances(pass, scratch, i) : dL_dsplat.mean2d;
+    dL_dmean2d[i] = settings.absolute_gradient ? absolute_gradient_of(pass, i) : dL_dsplat.mean2d;
   });
 }
 

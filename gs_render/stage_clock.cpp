@@ -11,6 +11,7 @@ void StageClock::set_on(bool on) {
 }
 
 void StageClock::add(const char* stage, float milliseconds) {
+  const std::scoped_lock lock(adding_);
   auto found = std::find_if(times_.begin(), times_.end(),
                             [&](const StageTime& time) { return time.stage == stage; });
   if (found == times_.end()) found = times_.insert(times_.end(), {stage, {}});

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <chrono>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -15,7 +16,7 @@ struct StageTime {
 };
 
 /// Times the scalar stages while it is on. The process has one clock, since its stages share the
-/// cores. Stages run one after the other, on one thread.
+/// cores. Stages of ranks (gs_train/ranks) run beside each other; each adds its own time.
 class StageClock {
  public:
   /// On: discards earlier times and starts to measure. Off: stops and keeps the times.
@@ -27,6 +28,7 @@ class StageClock {
 
  private:
   bool is_on_ = false;
+  std::mutex adding_;
   std::vector<StageTime> times_;
 };
 

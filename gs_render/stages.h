@@ -72,6 +72,8 @@ CameraGradient<double> camera_gradient(const GaussiansSpan& gaussians, const Cam
 /// dL/d(splat) of a visible Gaussian that blend_backward() left, summed over its instances in
 /// order.
 SplatGradient splat_gradient_of(const RenderPass& pass, std::size_t i);
+/// The gradient by its mean, of absolute values; only with RenderSettings::absolute_gradient.
+Vec2f absolute_gradient_of(const RenderPass& pass, std::size_t i);
 /// The sums over the fragments of a visible Gaussian that blend_backward() left, of all its
 /// instances in order.
 FragmentSums fragment_sums_of(const RenderPass& pass, std::size_t i);

@@ -32,7 +32,7 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
   photometric_sum_.assign(photometric_ ? model.photometric.shape.size() : 0, 0.0);
   pose_sum_.assign(update.pose_rate > 0 ? model.poses.values.size() : 0, 0.0);
   for (const TrainingPhoto& photo : batch) {
-    differentiate(model, photo, loss_settings, density);
+    differentiate_photo(model, photo, loss_settings, density);
     if (!pose_sum_.empty()) add_camera_gradient(model, photo, 1.0 / double(batch.size));
     if (photometric_)
       add_photometric_gradient(model.photometric.shape, photo, 1.0 / double(batch.size));
@@ -69,24 +69,39 @@ void Backend::add(const DensityStatistics& to, const DensityStatistics& from,
   if (to.has_sums) pool(to.sums.span(), from.sums.span(), pooling);
 }
 
-// Renders a photo's view, compares it with the photo, and pulls the gradients back.
-void Backend::differentiate(const TrainingModel& model, const TrainingPhoto& photo,
-                            const LossSettings& loss_settings, const DensityStep& density) {
+void Backend::differentiate_photo(const TrainingModel& model, const TrainingPhoto& photo,
+                                  const LossSettings& loss_settings, const DensityStep& density) {
   const GaussiansSpan gaussians = model.gaussians.span();
-  std::shared_ptr<const View> view = with_photo(*photo.view);
-  if (photo.reduction > 1) view = std::make_shared<View>(reduced_view(*view, photo.reduction));
+  const std::shared_ptr<const View> view = loaded_view(photo);
   const Camera camera = reduced(photo.camera(), photo.reduction);
-  RenderSettings settings = photo.settings;
-  settings.fragment_statistic = density.fragment_statistic();
+  const RenderSettings settings = settings_of(photo, density);
   renderer().forward(gaussians, camera, settings, pass_);
-  appearance_ = appearance_of(model, photo, *view);
-  LossSettings of_photo = loss_settings;
-  of_photo.appearance = appearance_.get();
-  loss().forward_backward(pass_, *view, of_photo, dL_dimage_);
-  if (settings.fragment_statistic != FragmentStatistic::none)
-    find_pixel_values(*view, density, pass_);
+  compare(model, photo, *view, loss_settings, density, pass_);
   renderer().backward(gaussians, camera, settings, pass_, dL_dimage_.span(), gradients_.span(),
                       dL_dmean2d_.span());
+}
+
+std::shared_ptr<const View> Backend::loaded_view(const TrainingPhoto& photo) {
+  std::shared_ptr<const View> view = with_photo(*photo.view);
+  if (photo.reduction > 1) view = std::make_shared<View>(reduced_view(*view, photo.reduction));
+  return view;
+}
+
+RenderSettings Backend::settings_of(const TrainingPhoto& photo, const DensityStep& density) {
+  RenderSettings settings = photo.settings;
+  settings.fragment_statistic = density.fragment_statistic();
+  return settings;
+}
+
+void Backend::compare(const TrainingModel& model, const TrainingPhoto& photo, const View& view,
+                      const LossSettings& loss_settings, const DensityStep& density,
+                      RenderPass& pass) {
+  appearance_ = appearance_of(model, photo, view, pass);
+  LossSettings of_photo = loss_settings;
+  of_photo.appearance = appearance_.get();
+  loss().forward_backward(pass, view, of_photo, dL_dimage_);
+  if (density.fragment_statistic() != FragmentStatistic::none)
+    find_pixel_values(view, density, pass);
 }
 
 void Backend::use_photometric(std::unique_ptr<PhotometricModel> photometric) {
@@ -120,7 +135,8 @@ void Backend::check_takes_appearance(const Loss& loss, const std::string& kind) 
 
 // Where the lens darkens follows from the whole photo, also where this step sees a reduced one.
 std::unique_ptr<Appearance> Backend::appearance_of(const TrainingModel& model,
-                                                   const TrainingPhoto& photo, const View& view) {
+                                                   const TrainingPhoto& photo, const View& view,
+                                                   const RenderPass& pass) {
   if (!photometric_) return nullptr;
   const HostStage stage("photometric");
   const PhotometricState& state = model.photometric;
@@ -129,9 +145,8 @@ std::unique_ptr<Appearance> Backend::appearance_of(const TrainingModel& model,
       lens_place(view.camera.cx, view.camera.cy, whole.width, whole.height, photo.reduction);
   auto appearance =
       photometric_->appearance(state.photo(photo.photo_row), state.camera(photo.camera_row), place);
-  appearance->show({pass_.image.data(), pass_.width, pass_.height});
-  if (view.over_background)
-    appearance->show_background(pass_.background, pass_.width, pass_.height);
+  appearance->show({pass.image.data(), pass.width, pass.height});
+  if (view.over_background) appearance->show_background(pass.background, pass.width, pass.height);
   return appearance;
 }
 

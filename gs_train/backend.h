@@ -132,12 +132,22 @@ class Backend {
 
   void add(const Gaussians& to, const Gaussians& from, float weight);
   void add(const DensityStatistics& to, const DensityStatistics& from, ScorePooling pooling);
-  void differentiate(const TrainingModel& model, const TrainingPhoto& photo,
-                     const LossSettings& loss_settings, const DensityStep& density);
+  /// Renders a photo's view, compares it with the photo, and pulls the gradients back: fills pass_,
+  /// gradients_ and dL_dmean2d_.
+  virtual void differentiate_photo(const TrainingModel& model, const TrainingPhoto& photo,
+                                   const LossSettings& loss_settings, const DensityStep& density);
+  /// The photo's view with its photo, reduced; its camera is the view's, not a refined one.
+  static std::shared_ptr<const View> loaded_view(const TrainingPhoto& photo);
+  /// How a step renders a photo.
+  static RenderSettings settings_of(const TrainingPhoto& photo, const DensityStep& density);
+  /// Compares the picture of a pass with its photo: fills dL_dimage_, and what density control sums
+  /// over fragments.
+  void compare(const TrainingModel& model, const TrainingPhoto& photo, const View& view,
+               const LossSettings& loss_settings, const DensityStep& density, RenderPass& pass);
   void prepare_sums(const TrainingModel& model);
   /// The appearance of a photo, which has shown the pass's picture; null without a model.
   std::unique_ptr<Appearance> appearance_of(const TrainingModel& model, const TrainingPhoto& photo,
-                                            const View& view);
+                                            const View& view, const RenderPass& pass);
   /// Adds the gradient of appearance_, times `weight`.
   void add_photometric_gradient(const PhotometricShape& shape, const TrainingPhoto& photo,
                                 double weight);

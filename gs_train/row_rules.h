@@ -267,16 +267,21 @@ GS_HD void add_spacetime_regularizer_gradients(const GaussiansSpan& rows, std::s
 }
 
 /// The noise on the row's mean after a step; see position_noise() in mcmc.h. A Gaussian in space and
-/// time moves along its extent in space.
+/// time moves along its extent in space. Its draw is that of row `drawn` of the whole model, which is
+/// i unless `rows` are a part of it.
 GS_HD Vec3f position_noise(const GaussiansSpan& rows, std::size_t i, const PositionNoise& noise,
-                           float position_rate) {
+                           float position_rate, std::size_t drawn) {
   const float rate = noise.scale * position_rate;
-  const Vec3f normal = noise.normal(i);
+  const Vec3f normal = noise.normal(drawn);
   if (!rows.has_time)
     return position_noise(rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i], normal, rate);
   const SpacetimeShape<float> shape = spacetime_shape_of(rows, i);
   if (is_degenerate(shape.rotations)) return Vec3f(0.0f);
   return position_noise(covariance(shape).space, shape.logit_opacity, normal, rate);
+}
+GS_HD Vec3f position_noise(const GaussiansSpan& rows, std::size_t i, const PositionNoise& noise,
+                           float position_rate) {
+  return position_noise(rows, i, noise, position_rate, i);
 }
 
 }  // namespace gs

@@ -111,7 +111,7 @@ Result run_in_memory(const Scene& scene, const Config& config, CallbackObserver&
   if (lpips) lpips->check_sizes(scene.test_views);
   if (config.train.threads) set_threads(config.train.threads);
   const Work work;
-  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
+  const std::unique_ptr<Backend> backend = make_training_backend(config.train);
   Trainer trainer(scene, config, *backend);
   trainer.add_observer(observer);
   trainer.run();

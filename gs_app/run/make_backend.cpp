@@ -4,6 +4,7 @@
 #include <charconv>
 
 #include "gs_core/error.h"
+#include "gs_train/ranks/ranked_backend.h"
 
 #ifdef GS_HAVE_CUDA
 #include "cuda/backend.h"
@@ -53,10 +54,27 @@ bool has_cuda() { return false; }
 int cuda_device_count() { return 0; }
 #endif
 
+namespace {
+
+bool is_cpu(const std::string& device) {
+  return device == "cpu" || (device == "auto" && cuda_device_count() == 0);
+}
+
+}  // namespace
+
 std::unique_ptr<Backend> make_backend(const std::string& device) {
-  const bool is_cpu = device == "cpu" || (device == "auto" && cuda_device_count() == 0);
-  if (is_cpu) return make_scalar_backend();
+  if (is_cpu(device)) return make_scalar_backend();
   return make_cuda_backend(device == "auto" ? 0 : cuda_index(device));
+}
+
+std::unique_ptr<Backend> make_training_backend(const TrainConfig& train) {
+  if (train.ranks == 1) return make_backend(train.device);
+  if (!is_cpu(train.device))
+    throw UsageError("train.ranks is " + std::to_string(train.ranks) + ", and train.device is " +
+                     train.device +
+                     ": several ranks train on the CPU only so far; set train.ranks=1, or train "
+                     "with --device cpu");
+  return make_ranked_backend({train.ranks, double(train.rank_deadline)});
 }
 
 }  // namespace gs

@@ -14,6 +14,10 @@ namespace gs {
 /// UsageError for any other name. Only one thread at a time may use a backend.
 std::unique_ptr<Backend> make_backend(const std::string& device);
 
+/// The backend for a run: make_backend(train.device), or on the CPU several ranks (train.ranks).
+/// Throws UsageError for several ranks elsewhere.
+std::unique_ptr<Backend> make_training_backend(const TrainConfig& train);
+
 /// Whether this build has CUDA, and how many GPUs the driver then reports.
 bool has_cuda();
 int cuda_device_count();

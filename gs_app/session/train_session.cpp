@@ -91,7 +91,7 @@ SessionEnd TrainSession::run() {
   check_output();
   if (!is_finished()) lpips_ = make_lpips(config_.eval);  // early, before hours of training
   hooks_.use_threads(config_.train.threads);
-  backend_ = make_backend(config_.train.device);
+  backend_ = make_training_backend(config_.train);
   log_info("training on {} with {} threads", backend_->name(), thread_count());
   get_scene();
   if (is_finished()) return end_finished_run();

@@ -15,7 +15,8 @@ class ScalarOptimizer final : public Optimizer {
   void regularize(const TrainingModel& model, const Regularizers& regularizers,
                   Gaussians& gradients) override {
     const HostStage stage("regularizers");
-    add_regularizer_gradients(model.gaussians.span(), regularizers, gradients.span());
+    add_regularizer_gradients(model.gaussians.span(), regularizers.of_each(model.count()),
+                              gradients.span());
   }
   void add_noise(TrainingModel& model, const PositionNoise& noise, float position_rate) override {
     const HostStage stage("position noise");

@@ -7,9 +7,8 @@
 
 namespace gs {
 
-void add_regularizer_gradients(const GaussiansSpan& gaussians, const Regularizers& regularizers,
+void add_regularizer_gradients(const GaussiansSpan& gaussians, const Regularizers& of_each,
                                const GaussiansSpan& gradients) {
-  const Regularizers of_each = regularizers.of_each(gaussians.mean.size);
   parallel_for(gaussians.mean.size, 4096, [&](std::size_t i) {
     const RegularizerGradient<float> gradient =
         regularizer_vjp(gaussians.log_scale[i], gaussians.logit_opacity[i], of_each);

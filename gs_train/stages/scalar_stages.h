@@ -25,8 +25,9 @@ void update_photometric(PhotometricState& state, const PhotometricModel& model, 
 /// The losses of the scalar backend: the words of loss.kind.
 std::vector<std::string> scalar_losses();
 
-/// langevin.cpp, behind Optimizer: what the MCMC strategy adds to stage 8.
-void add_regularizer_gradients(const GaussiansSpan& gaussians, const Regularizers& regularizers,
+/// langevin.cpp, behind Optimizer: what the MCMC strategy adds to stage 8. The weights are those of
+/// one Gaussian: Regularizers::of_each().
+void add_regularizer_gradients(const GaussiansSpan& gaussians, const Regularizers& of_each,
                                const GaussiansSpan& gradients);
 void add_position_noise(const GaussiansSpan& gaussians, const PositionNoise& noise,
                         float position_rate);

@@ -156,6 +156,52 @@ TEST_F(Resume, ARunKilledAtRandomMomentsWritesTheBytesOfOneNeverInterrupted) {
   EXPECT_GT(resumed, 5);
 }
 
+// The models of a run are the same, apart from the name of the device in results.json.
+std::map<std::string, std::string> models_of(const fs::path& run) {
+  std::map<std::string, std::string> models;
+  for (const auto& [name, bytes] : contents_of(run))
+    if (name.ends_with(".ply")) models[name] = bytes;
+  return models;
+}
+
+TEST_F(Resume, ARunKilledAtRandomMomentsGoesOnWithAnyNumberOfRanks) {
+  constexpr int kKillsOfRanks = 20;
+  const auto begin = std::chrono::steady_clock::now();
+  ASSERT_EQ(run(command("whole", "--set train.batch=4")).code, 0);
+  const std::chrono::duration<double> duration = std::chrono::steady_clock::now() - begin;
+  const auto expected = models_of(path("whole"));
+  ASSERT_FALSE(expected.empty());
+  int kills = 0, resumed = 0;
+  for (std::uint64_t draw = 0; kills < kKillsOfRanks;) {
+    for (bool is_finished = false; !is_finished;) {
+      const Vec4f random = Random{kSeed + 1, RandomStream::test}.uniform4(++draw);
+      const std::string ranks = std::to_string(1 + int(4 * random.y));
+      const pid_t child =
+          start(command("killed", "--set train.batch=4 --resume auto --set train.ranks=" + ranks));
+      if (kills < kKillsOfRanks) {
+        std::this_thread::sleep_for(double(random.x) * duration);
+        ::kill(child, SIGKILL);
+      }
+      const Outcome outcome = wait_for(child);
+      is_finished = outcome.code == 0;
+      kills += outcome.code == -SIGKILL;
+      resumed += outcome.err.find("goes on after step") != outcome.err.npos;
+      ASSERT_TRUE(is_finished || outcome.code == -SIGKILL) << outcome.err;
+    }
+    EXPECT_TRUE(models_of(path("killed")) == expected);
+    fs::remove_all(path("killed"));
+  }
+  EXPECT_GT(resumed, 3);
+}
+
+TEST_F(Resume, RanksOnAGpuAreRefused) {
+  const Outcome outcome =
+      run("train " + text("scene") + " -o " + text("gpu") + " --device cuda --set train.ranks=2");
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("train.ranks=1"), HasSubstr("--device cpu")));
+  EXPECT_FALSE(fs::exists(path("gpu/checkpoints")));
+}
+
 TEST_F(Resume, AFolderThatIsBeingTrainedIntoIsRefused) {
   const std::string endless =
       "train " + text("scene") + " -o " + text("busy") + kResumable + " --iterations 1000000 ";

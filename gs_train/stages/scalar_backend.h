@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scalar CPU backend as a class, for backends that consist of it (gs_train/ranks).
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "gs_train/backend.h"
+
+namespace gs {
+
+struct ScalarLoss;  // a row of the table of losses, in scalar_backend.cpp
+
+class ScalarBackend : public Backend {
+ public:
+  ScalarBackend();
+  std::string name() const override { return "cpu"; }
+  Memory& memory() override { return host_memory(); }
+  Renderer& renderer() override { return *renderer_; }
+  void use_loss(const std::string& kind) override;
+  Loss& loss() override { return *loss_; }
+  void use_photometric(std::unique_ptr<PhotometricModel> photometric) override;
+  void check_refines_poses() const override {}
+  Optimizer& optimizer() override { return *optimizer_; }
+  RowOps& rows() override { return *rows_; }
+  void set_profiling(bool on) override;
+  std::vector<StageTime> stage_times() override;
+
+ protected:
+  void find_pixel_values(const View& view, const DensityStep& density, RenderPass& pass) override;
+  void gather(const DensityStatistics& statistics, const RenderPass& pass,
+              Span<const Vec2f> dL_dmean2d, ScorePooling pooling) override;
+  using Backend::add;
+  void add(Span<float> to, Span<const float> from, float weight) override;
+  CameraGradient<double> camera_gradient(const GaussiansSpan& gaussians, const Camera& camera,
+                                         const RenderSettings& settings,
+                                         const RenderPass& pass) override;
+  void update_photometric(PhotometricState& state, const Update& update,
+                          std::vector<double>& gradient) override;
+  void pool(Span<FragmentSums> all, Span<FragmentSums> more, ScorePooling pooling) override;
+
+ private:
+  std::unique_ptr<Renderer> renderer_;
+  const ScalarLoss* loss_row_;
+  std::unique_ptr<Loss> loss_;
+  std::unique_ptr<Optimizer> optimizer_;
+  std::unique_ptr<RowOps> rows_;
+};
+
+}  // namespace gs
