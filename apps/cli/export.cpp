@@ -20,6 +20,7 @@
 #include "gs_app/export/tiles/tileset.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/progress_bar.h"
+#include "gs_app/view/page/model_page.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
 
@@ -30,6 +31,7 @@ struct ExportCommand : CommandLine {
   std::string model;
   std::vector<std::string> outputs;
   std::optional<int> step;
+  int lod_level = 0;
   std::optional<double> time;
   ExportOptions options;
   std::vector<double> up;  // empty: no turn
@@ -64,6 +66,27 @@ std::optional<Georeference> georeference_of(const ExportCommand& command, const 
 /// An output that ends in / is the folder of a tileset.
 bool is_tileset(const ExportCommand& command, const std::string& output) {
   return !command.table && output.ends_with('/');
+}
+
+/// An output that ends in .html is the viewer's page with the model inside.
+bool is_page(const ExportCommand& command, const std::string& output) {
+  return !command.table && !command.lod && is_model_page(output);
+}
+
+std::vector<std::filesystem::path> pages_of(const ExportCommand& command) {
+  std::vector<std::filesystem::path> pages;
+  for (const std::string& output : command.outputs) {
+    if (!is_page(command, output)) continue;
+    if (command.recenter || !command.up.empty() || command.scale != 1)
+      throw UsageError(
+          "--recenter, --up and --scale move the model, and a page has the cameras of the run "
+          "beside it; leave them out, or export a moved model first, and then its page");
+    check_model_page(output, command.force);
+    if (std::find(pages.begin(), pages.end(), output) != pages.end())
+      throw UsageError(output + " is named twice");
+    pages.emplace_back(output);
+  }
+  return pages;
 }
 
 std::vector<TilesetRequest> tilesets_of(const ExportCommand& command, int sh_degree,
@@ -122,7 +145,7 @@ std::vector<ExportRequest> requests_of(const ExportCommand& command, const Opene
     throw UsageError("--table takes one folder, in which it writes a file of each format");
   for (const std::string& file :
        command.table ? files_of_table(command.outputs[0], command.options, model) : command.outputs)
-    if (!is_tileset(command, file))
+    if (!is_tileset(command, file) && !is_page(command, file))
       requests.push_back(
           {file, command.options, transform, sh_degree, opened.input_from_model, georeference});
   std::set<std::filesystem::path> names;
@@ -218,9 +241,17 @@ void export_tilesets(const ExportCommand& command, const std::vector<TilesetRequ
   }
 }
 
+void export_pages(const ExportCommand& command, const std::vector<std::filesystem::path>& pages,
+                  const OpenedModel& opened, const Config& config) {
+  for (const std::filesystem::path& file : pages) {
+    const ModelPage page = write_model_page(file, opened, config, config.model.sh_degree);
+    if (!command.quiet) std::cout << summary(page) << std::endl;
+  }
+}
+
 void run_export(const ExportCommand& command) {
   setup_log(command.verbosity());
-  OpenedModel opened = open_model(command.model, command.step);
+  OpenedModel opened = open_model(command.model, command.step, command.lod_level);
   if (command.time) take_moment(opened, *command.time);
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
@@ -232,7 +263,10 @@ void run_export(const ExportCommand& command) {
     levels = levels_request_of(command, opened.model, sh_degree);
   } else {
     requests = requests_of(command, opened, sh_degree, georeference);
-    export_tilesets(command, tilesets_of(command, sh_degree, georeference), opened.model);
+    const std::vector<TilesetRequest> tilesets = tilesets_of(command, sh_degree, georeference);
+    const std::vector<std::filesystem::path> pages = pages_of(command);
+    export_tilesets(command, tilesets, opened.model);
+    export_pages(command, pages, opened, config);
   }
   const auto write = [&](const Viewpoints* viewpoints) {
     command.lod ? export_lod(command, levels, opened.model, viewpoints)
@@ -262,13 +296,15 @@ void add_export(CLI::App& program) {
           "files to write, each with a FILE.transforms.json that describes it; the ending of a "
           "name chooses its format: " +
               format_names() +
-              "; a name that ends in / is the folder of a 3D Tiles tileset, which needs a "
-              "georeference")
+              "; .html is a page that shows the model without a server; a name that ends in / is "
+              "the "
+              "folder of a 3D Tiles tileset, which needs a georeference")
       ->type_name("FILE")
       ->required();
   verb.add_option("--iteration", command->step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
+  add_level_option(verb, command->lod_level);
   add_time_option(verb, command->time,
                   "write this moment of Gaussians in space and time, 0 to 1, as 3D Gaussians");
   verb.add_flag("--table", command->table,
@@ -287,10 +323,15 @@ void add_export(CLI::App& program) {
   verb.add_flag("--force", command->force,
                 "if a file exists, move it to FILE.bak-N first, and the folder of --lod, too");
   verb.add_option("--spz-version", command->options.spz_version,
-                  "version of .spz files: 3, which Spark and splat-transform read, or 4, which "
-                  "fewer programs read [3]")
-      ->check(CLI::IsMember({3, 4}))
+                  "version of .spz files: 3, which Spark and splat-transform read, 2 for older "
+                  "readers, with coarser rotations, or 4, which fewer programs read [3]")
+      ->check(CLI::IsMember({2, 3, 4}))
       ->type_name("VERSION");
+  verb.add_option("--spz-sh-bits", command->options.spz_sh_bits,
+                  "bits of an SH coefficient in .spz files: 8 is the finest, and makes a larger "
+                  "file [5 at degree 1, 4 beyond it]")
+      ->check(CLI::Range(1, 8))
+      ->type_name("BITS");
   verb.add_option("--duration", command->options.duration,
                   "duration of a scene that moves, in seconds: .gs4d files say it to players [not "
                   "known]")

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/cli/devices.h"
+#include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
 #include "data_loaders/formats/model_info.h"
 #include "gs_app/run/open_model.h"
@@ -21,6 +22,7 @@ namespace {
 
 struct InfoCommand {
   std::string model;
+  int lod_level = 0;
   bool json = false;
 };
 
@@ -42,7 +44,7 @@ void print_build(bool as_json) {
 void info(const InfoCommand& command) {
   setup_log(Verbosity::normal);
   if (command.model.empty()) return print_build(command.json);
-  const OpenedModel opened = open_model(command.model, std::nullopt);
+  const OpenedModel opened = open_model(command.model, std::nullopt, command.lod_level);
   ModelInfo model_info = inspect(opened.model);
   model_info.had_filter_3d = is_ply_with_filter_3d(opened.ply);
   if (command.json) {
@@ -58,11 +60,9 @@ void add_info(CLI::App& program) {
   CLI::App& verb =
       *program.add_subcommand("info", "Describe a trained model, or what this build can do");
   const auto command = std::make_shared<InfoCommand>();
-  verb.add_option(
-          "model", command->model,
-          "a PLY, .spz, .sog, .rad, .splat, .csv or .gs4d of any trainer, or a run's folder "
-          "[none: the build]")
+  verb.add_option("model", command->model, std::string(kModelHelp) + " [none: the build]")
       ->type_name("MODEL|RUN");
+  add_level_option(verb, command->lod_level);
   verb.add_flag("--json", command->json, "print JSON");
   verb.callback([command] { info(*command); });
 }

@@ -238,11 +238,7 @@ void add_render(CLI::App& program) {
       "render", "Render pictures or a film of a trained model, from given cameras or along a path");
   const auto flags = std::make_shared<RenderFlags>();
   RenderCommand& command = flags->command;
-  verb.add_option(
-          "model", command.model,
-          "a PLY, .spz, .sog, .rad, .splat, .csv or .gs4d of any trainer, or a run's folder")
-      ->type_name("MODEL|RUN")
-      ->required();
+  verb.add_option("model", command.model, kModelHelp)->type_name("MODEL|RUN")->required();
   verb.add_option("-o,--output", flags->output,
                   "folder for pictures, named after their views, or a film whose name ends in .mp4")
       ->type_name("FOLDER|FILM")
@@ -250,6 +246,7 @@ void add_render(CLI::App& program) {
   verb.add_option("--iteration", command.step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
+  add_level_option(verb, command.lod_level);
   verb.add_option(
           "--cameras", command.cameras,
           "cameras.json, transforms.json or the folder of a COLMAP model [those of the run]")

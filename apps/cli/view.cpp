@@ -20,6 +20,7 @@ namespace {
 struct ViewCommand : CommandLine {
   std::string model, cameras;
   std::optional<int> step;
+  int lod_level = 0;
   std::optional<double> time;
   HttpPlace place;
   std::optional<bool> open;
@@ -63,7 +64,7 @@ void view(const ViewCommand& command) {
   setup_log(command.verbosity());
   check_can_view();
   SignalWait signal;
-  const OpenedModel opened = open_model(command.model, command.step);
+  const OpenedModel opened = open_model(command.model, command.step, command.lod_level);
   if (command.time) check_has_time(opened);
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
@@ -83,11 +84,7 @@ void view(const ViewCommand& command) {
 void add_view(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand("view", "Show a trained model in the browser");
   const auto command = std::make_shared<ViewCommand>();
-  verb.add_option(
-          "model", command->model,
-          "a PLY, .spz, .sog, .rad, .splat, .csv or .gs4d of any trainer, or a run's folder")
-      ->type_name("MODEL|RUN")
-      ->required();
+  verb.add_option("model", command->model, kModelHelp)->type_name("MODEL|RUN")->required();
   add_time_option(
       verb, command->time,
       "moment of Gaussians in space and time at which the page begins, standing still, 0 to 1 "
@@ -95,6 +92,7 @@ void add_view(CLI::App& program) {
   verb.add_option("--iteration", command->step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
+  add_level_option(verb, command->lod_level);
   add_http_place(verb, command->place, "--", "Server");
   verb.add_flag("--open,!--no-open", command->open, "open the browser [yes, if there is a desktop]")
       ->group("Server");

@@ -73,8 +73,8 @@ ModelPointer load(const std::filesystem::path& path, std::optional<int> step) {
 }
 
 std::size_t save(const Model& model, const std::filesystem::path& path, bool replace,
-                 int spz_version) {
-  ExportRequest request = export_request(path, replace, spz_version);
+                 int spz_version, int spz_sh_bits) {
+  ExportRequest request = export_request(path, replace, spz_version, spz_sh_bits);
   request.input_from_model = model.input_from_model;
   const Work work;
   return export_model(model.model, request).gaussians;
@@ -184,7 +184,7 @@ or log_scales, opacities or logit_opacities, colors or sh0. Without sh_rest the 
             "A model with its own memory.");
   model.def(
       "save", save, py::call_guard<py::gil_scoped_release>(), py::arg("path"), py::kw_only(),
-      py::arg("replace") = false, py::arg("spz_version") = 3,
+      py::arg("replace") = false, py::arg("spz_version") = 3, py::arg("spz_sh_bits") = 0,
       R"(Writes a file of the format that the name ends in (ply, csv, glb, compressed.ply, spz, sog,
 rad, splat), whole or not at all, and returns the number of Gaussians in it: rows with NaN or infinity
 are left out, with a warning. A file beside it, NAME.transforms.json, has what the format cannot say.
@@ -202,11 +202,10 @@ A file that is there already is refused (UsageError), or with replace=True kept 
       },
       "Three floats: add them to the means to get the photos' own coordinates; 0 for most scenes.");
   bind_edits(module, model);
-  module.def(
-      "load", load, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
-      py::arg("step") = py::none(),
-      R"(Reads the model of a file (ply, csv, glb, compressed.ply, spz, sog, rad, splat), of a folder of
-SOG files, or of a run's folder: the newest one, or that after `step`. Values stay as they are in the file, also NaN and infinity.)");
+  module.def("load", load, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
+             py::arg("step") = py::none(),
+             R"(Reads the model of a file (ply, csv, glb, compressed.ply, spz, sog, rad, splat,
+ksplat, gs4d), of a folder of SOG files, or of a run's folder: the newest one, or that after `step`. Values stay as they are in the file, also NaN and infinity.)");
 }
 
 }  // namespace gs::python

@@ -39,12 +39,12 @@ ExportedFile write(const Model& model, const ExportRequest& request,
 }
 
 py::dict export_file(const Model& model, const fs::path& path, const py::object& cameras,
-                     const std::string& device, bool replace, int spz_version) {
+                     const std::string& device, bool replace, int spz_version, int spz_sh_bits) {
   const std::vector<Camera> viewpoints = cameras_of(cameras);
   std::optional<ExportedFile> written;
   {
     const py::gil_scoped_release release;
-    ExportRequest request = export_request(path, replace, spz_version);
+    ExportRequest request = export_request(path, replace, spz_version, spz_sh_bits);
     request.input_from_model = model.input_from_model;
     written = write(model, request, viewpoints, device);
   }
@@ -66,10 +66,13 @@ fs::path report(const fs::path& folder, const std::optional<fs::path>& output) {
 
 }  // namespace
 
-ExportRequest export_request(const fs::path& path, bool replace, int spz_version) {
-  if (spz_version != 3 && spz_version != 4)
-    throw UsageError("spz_version must be 3 or 4, and is " + std::to_string(spz_version));
-  const ExportRequest request{path, {spz_version}, {}};
+ExportRequest export_request(const fs::path& path, bool replace, int spz_version, int spz_sh_bits) {
+  if (spz_version < 2 || spz_version > 4)
+    throw UsageError("spz_version must be 2, 3 or 4, and is " + std::to_string(spz_version));
+  if (spz_sh_bits < 0 || spz_sh_bits > 8)
+    throw UsageError("spz_sh_bits must be 1 to 8, or 0 for the usual ones, and is " +
+                     std::to_string(spz_sh_bits));
+  const ExportRequest request{path, {spz_version, spz_sh_bits}, {}};
   check_export(request, replace, "give replace=True");
   return request;
 }
@@ -78,7 +81,7 @@ void bind_outputs(py::module_& module) {
   module.def(
       "export", export_file, py::arg("model"), py::arg("path"), py::kw_only(),
       py::arg("cameras") = py::none(), py::arg("device") = "auto", py::arg("replace") = false,
-      py::arg("spz_version") = 3,
+      py::arg("spz_version") = 3, py::arg("spz_sh_bits") = 0,
       R"(Writes a model as `gemsplat export` does, in the format that the name ends in, and a file beside it,
 NAME.transforms.json, with what the format cannot say (antialiased, world_offset). Model.save()
 writes the same files and measures nothing.

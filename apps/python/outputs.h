@@ -9,7 +9,8 @@
 namespace gs::python {
 
 /// The arguments of Python as a request. Throws UsageError and Error as check_export() does.
-ExportRequest export_request(const std::filesystem::path& path, bool replace, int spz_version);
+ExportRequest export_request(const std::filesystem::path& path, bool replace, int spz_version,
+                             int spz_sh_bits);
 
 void bind_outputs(pybind11::module_& module);
 

@@ -21,7 +21,6 @@ struct Foreign {
 };
 
 constexpr Foreign kEndings[] = {
-    {".ksplat", "a .ksplat file of GaussianSplats3D", kConvert},
     {".lcc", "an .lcc scene of XGRIDS", kConvert},
     {".splatv", "a .splatv file of moving Gaussians", "train one moment and name its .ply"},
     {".pth", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},

@@ -10,8 +10,9 @@
 #include "data_loaders/formats/coding/finite_rows.h"
 #include "data_loaders/formats/csv.h"
 #include "data_loaders/formats/foreign_files.h"
-#include "data_loaders/formats/glb.h"
+#include "data_loaders/formats/glb/glb.h"
 #include "data_loaders/formats/gs4d/gs4d.h"
+#include "data_loaders/formats/ksplat.h"
 #include "data_loaders/formats/lod/rad.h"
 #include "data_loaders/formats/lod/streamed_sog.h"
 #include "data_loaders/formats/ply/compressed_ply.h"
@@ -38,7 +39,7 @@ void without_options(const Path& path, const GaussianModel& model, const ExportO
   writer(path, model);
 }
 void write_spz_version(const Path& path, const GaussianModel& model, const ExportOptions& options) {
-  write_spz(path, model, options.spz_version);
+  write_spz(path, model, {options.spz_version, options.spz_sh_bits});
 }
 void write_rad_with(const Path& path, const GaussianModel& model, const ExportOptions&) {
   write_rad(path, model);
@@ -54,15 +55,20 @@ void require_for_spz(const ExportOptions& options) {
 void require_for_rad(const ExportOptions&) { require_zlib(); }
 void require_for_sog(const ExportOptions&) { require_webp(); }
 
-// Files that stand for a folder; the whole name counts. export --lod writes the first.
-const std::vector<ModelFormat>& folder_formats() {
+// Files that gemsplat only reads, and the names of files that stand for a folder, of which the whole
+// name counts. export --lod writes the first.
+const std::vector<ModelFormat>& read_formats() {
   static const std::vector<ModelFormat> kFormats = {
       {"streamed sog", kLodMeta, "levels of detail as SOG", false, false, kPlyAxes, Holds::still,
        read_streamed_sog, nullptr, require_for_sog},
       {"sog folder", "meta.json", "SOG, unpacked", false, false, kPlyAxes, Holds::still,
-       read_sog_folder, nullptr, require_for_sog}};
+       read_sog_folder, nullptr, require_for_sog},
+      {"ksplat", ".ksplat", "floats or halves in buckets, SH up to degree 2", false, false,
+       kPlyAxes, Holds::still, read_ksplat, nullptr, require_nothing}};
   return kFormats;
 }
+
+bool is_of_folder(const ModelFormat& format) { return !format.ending.starts_with('.'); }
 
 }  // namespace
 
@@ -109,8 +115,9 @@ const ModelFormat* find_format(const Path& path) {
   std::string name = path.filename().string();
   std::transform(name.begin(), name.end(), name.begin(),
                  [](unsigned char c) { return char(std::tolower(c)); });
-  for (const ModelFormat& format : folder_formats())
-    if (name == format.ending) return &format;
+  for (const ModelFormat& format : read_formats())
+    if (is_of_folder(format) ? name == format.ending : name.ends_with(format.ending))
+      return &format;
   const ModelFormat* longest = nullptr;
   for (const ModelFormat& format : model_formats())
     if (name.ends_with(format.ending) &&
@@ -122,7 +129,7 @@ const ModelFormat* find_format(const Path& path) {
 const ModelFormat& format_to_write(const Path& path) {
   const ModelFormat* const found = find_format(path);
   if (found && found->write) return *found;
-  if (found)
+  if (found && is_of_folder(*found))
     throw UsageError(fmt::format(
         "{}: a {} is a folder of files; name the folder, and add --lod to write levels of detail "
         "into it, or choose .sog for one file",
@@ -137,8 +144,9 @@ const ModelFormat& format_to_write(const Path& path) {
 
 Path model_in_folder(const Path& folder) {
   std::error_code ignored;
-  for (const ModelFormat& format : folder_formats())
-    if (fs::is_regular_file(folder / format.ending, ignored)) return folder / format.ending;
+  for (const ModelFormat& format : read_formats())
+    if (is_of_folder(format) && fs::is_regular_file(folder / format.ending, ignored))
+      return folder / format.ending;
   return {};
 }
 

@@ -24,7 +24,8 @@ namespace gs {
 
 /// Choices that a user has for some formats.
 struct ExportOptions {
-  int spz_version = 3;  // or 4, which fewer programs read
+  int spz_version = 3;  // 2 for older readers, 4 that fewer read
+  int spz_sh_bits = 0;  // SpzOptions::sh_bits
   double duration = 0;  // of a scene that moves, in seconds, for .gs4d; 0: not known
 };
 
@@ -45,7 +46,7 @@ struct ModelFormat {
   void (*require)(const ExportOptions&);  // throws Error where this build lacks a library for it
 };
 
-/// All formats, in the order in which people see them.
+/// All formats that gemsplat writes, in the order in which people see them.
 const std::vector<ModelFormat>& model_formats();
 
 /// The names of all formats: "ply, csv, ..."
@@ -54,7 +55,8 @@ std::string format_names();
 /// The format of a name such as "spz". Throws UsageError with a list for an unknown name.
 const ModelFormat& format_named(std::string_view name);
 /// The format that a file name's ending stands for, in upper or lower case; null if there is none.
-/// meta.json and lod-meta.json, which stand for folders of files, are not in model_formats().
+/// It may be one that is only read, and that model_formats() lacks: .ksplat, and meta.json and
+/// lod-meta.json, which stand for folders of files.
 const ModelFormat* find_format(const std::filesystem::path& path);
 /// The same for a file to write. Throws UsageError with a list of the endings.
 const ModelFormat& format_to_write(const std::filesystem::path& path);

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "apps/web/pages.h"
+#include "gs_app/run/page_text.h"
 #include "gs_app/run/provenance.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
@@ -28,21 +29,10 @@ std::string cannot_write_reports() {
 }
 
 std::string report_page(const Json& data) {
-  std::string text = data.dump(-1, ' ', false, Json::error_handler_t::replace);
-  std::string escaped;
-  escaped.reserve(text.size());
-  // In JSON, < occurs only in strings; "</script" would end the element.
-  for (const char c : text) {
-    if (c == '<') {
-      escaped += "\\u003c";
-    } else {
-      escaped += c;
-    }
-  }
   std::string page(report_template());
   const std::size_t place = page.find(kDataPlace);
   GS_CHECK(place != page.npos);
-  return page.replace(place, kDataPlace.size(), escaped);
+  return page.replace(place, kDataPlace.size(), script_json(data));
 }
 
 namespace {

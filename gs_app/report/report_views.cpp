@@ -10,6 +10,7 @@
 #include "gs_app/pictures/comparison.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_app/report/report_page.h"
+#include "gs_app/run/page_text.h"
 #include "gs_app/run/results.h"
 #include "gs_core/error.h"
 #include "gs_core/io/read_json.h"
@@ -25,20 +26,6 @@ constexpr std::size_t kMostBytes = 12 << 20;  // of all pictures, in base64
 constexpr int kLongestSide = 800;             // pixels
 constexpr int kQuality = 88;                  // of JPEG: blocks are hardly visible
 
-std::string base64(const std::vector<std::uint8_t>& bytes) {
-  constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t left = std::min<std::size_t>(bytes.size() - i, 3);
-    std::uint32_t group = 0;
-    for (std::size_t k = 0; k < 3; ++k) group = group << 8 | (k < left ? bytes[i + k] : 0u);
-    for (std::size_t k = 0; k < 4; ++k)
-      text += k <= left ? kDigits[group >> (18 - 6 * k) & 63] : '=';
-  }
-  return text;
-}
-
 Image8 at_most(const Image8& image, int longest) {
   const double scale = std::min(1.0, double(longest) / std::max(image.width, image.height));
   return area_resized(image, std::max(1, int(std::lround(image.width * scale))),
@@ -46,7 +33,7 @@ Image8 at_most(const Image8& image, int longest) {
 }
 
 std::string data_uri(const Image8& image) {
-  return "data:image/jpeg;base64," + base64(encode_jpeg(image, kQuality));
+  return "data:image/jpeg;base64," + base64_of(encode_jpeg(image, kQuality));
 }
 
 // Adds photo, render, error and FLIP of one picture to `view`. Returns their bytes.

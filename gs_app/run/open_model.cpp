@@ -8,6 +8,7 @@
 #include "data_loaders/cameras/exposure_file.h"
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/formats/formats.h"
+#include "data_loaders/formats/lod/streamed_sog.h"
 #include "data_loaders/formats/model_moment.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_app/run/pose_file.h"
@@ -33,10 +34,21 @@ fs::path ply_of(const RunFolder& run, std::optional<int> step) {
               "; the newest is that of step " + std::to_string(*newest));
 }
 
+GaussianModel read_level(const fs::path& file, int lod_level) {
+  if (lod_level == 0) return read_model(file);
+  if (file.filename() != kLodMeta)
+    throw UsageError(fmt::format(
+        "{} has no levels of detail from which --lod-level could choose; name a folder that "
+        "`gemsplat export --lod` wrote, or leave the flag out",
+        file.string()));
+  return read_streamed_sog(file, lod_level);
+}
+
 }  // namespace
 
-OpenedModel open_model(const fs::path& path, std::optional<int> step) {
+OpenedModel open_model(const fs::path& path, std::optional<int> step, int lod_level) {
   OpenedModel opened;
+  opened.lod_level = lod_level;
   opened.ply = path;
   if (const fs::path inside = model_in_folder(path); !inside.empty()) {
     opened.ply = inside;
@@ -46,7 +58,7 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step) {
     if (fs::exists(opened.run->config())) load_config(opened.config, opened.run->config());
     opened.config.train = {};  // rendering may use another device than training did
   }
-  opened.model = read_model(opened.ply);
+  opened.model = read_level(opened.ply, lod_level);
   opened.input_from_model = take_sidecar(opened.ply, opened.model);
   opened.config.model.sh_degree = opened.model.sh_degree;
   opened.config.render.antialias = opened.model.antialiased;

@@ -71,7 +71,7 @@ bool is_served_as_it_is(const std::filesystem::path& file) {
 
 ServedModel serve_model(const OpenedModel& opened, std::size_t stream_from) {
   ServedModel model;
-  model.file = streamable(opened.ply);
+  model.file = opened.lod_level > 0 ? opened.ply : streamable(opened.ply);
   model.format = &format_of(model.file);
   model.name = model.file.filename().string();
   model.gaussians = opened.model.gaussians.count();

@@ -86,5 +86,21 @@ TEST_F(ExportLod, WrongCallsAreUsageErrors) {
               HasSubstr("add --lod"));
 }
 
+TEST_F(ExportLod, VerbsReadTheLevelThatAFlagNames) {
+  ASSERT_EQ(export_lod(text("lod") + " --no-measure --lod-leaf 600").code, 0);
+  EXPECT_THAT(run("info --lod-level 1 " + text("lod")).out, HasSubstr("1000"));
+  const Outcome exported =
+      run("export --lod-level 2 --no-measure " + text("lod") + " " + text("coarse.ply"));
+  ASSERT_EQ(exported.code, 0) << exported.err;
+  EXPECT_THAT(run("info " + text("coarse.ply")).out, HasSubstr("256"));
+  ASSERT_EQ(run("edit --lod-level 1 " + text("lod") + " --scale 2 -o " + text("edited.ply")).code,
+            0);
+  EXPECT_THAT(run("info " + text("edited.ply")).out, HasSubstr("1000"));
+  EXPECT_THAT(run("info --lod-level 3 " + text("lod")).err,
+              HasSubstr("its levels are 0, the finest, to 2"));
+  EXPECT_THAT(run("info --lod-level 1 " + text("model.ply")).err,
+              AllOf(HasSubstr("has no levels of detail"), HasSubstr("export --lod")));
+}
+
 }  // namespace
 }  // namespace gs

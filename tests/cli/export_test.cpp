@@ -53,6 +53,48 @@ class Export : public Program {
   }
 };
 
+TEST_F(Export, SpzTakesItsVersionAndBitsOfShFromFlags) {
+  train("run");
+  ASSERT_EQ(export_run(text("a.spz") + " --spz-version 2 --spz-sh-bits 8 --no-measure").code, 0);
+  ASSERT_EQ(export_run(text("b.spz") + " --spz-sh-bits 8 --no-measure").code, 0);
+  EXPECT_THAT(run("info " + text("a.spz")).out, HasSubstr("Gaussians"));
+  EXPECT_NE(read_bytes(path("a.spz")), read_bytes(path("b.spz")));
+  EXPECT_NE(export_run(text("c.spz") + " --spz-sh-bits 9").code, 0);
+  EXPECT_NE(export_run(text("c.spz") + " --spz-version 5").code, 0);
+  EXPECT_FALSE(fs::exists(path("c.spz")));
+}
+
+TEST_F(Export, AModelPageHoldsSceneAndModelAndReplacesNothing) {
+  train("run");
+  const Outcome outcome = export_run(text("page.html"));
+  if (outcome.err.find("npm was missing") != std::string::npos) GTEST_SKIP() << outcome.err;
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("a browser opens it"));
+  const std::string page = read_bytes(path("page.html"));
+  const auto element = [&](const std::string& begin) {
+    const std::size_t at = page.find(begin);
+    EXPECT_NE(at, page.npos) << begin;
+    return page.substr(at + begin.size(), page.find("</script>", at) - at - begin.size());
+  };
+  const auto scene =
+      nlohmann::json::parse(element("<script id=\"gemsplat-scene\" type=\"application/json\">"));
+  EXPECT_EQ(scene["mode"], "file");
+  EXPECT_EQ(scene["model"]["format"], "sog");
+  EXPECT_GT(scene["cameras"].size(), 0u);
+  EXPECT_TRUE(scene["cameras"][0]["photo"].is_null());
+  const std::string model = element("<script id=\"gemsplat-model\" type=\"text/plain\">");
+  EXPECT_THAT(model, testing::StartsWith("UEsD"));  // "PK\3" of a zip file
+  EXPECT_EQ(model.size(), (scene["model"]["bytes"].get<std::size_t>() + 2) / 3 * 4);
+  EXPECT_EQ(page.find("<script id=\"gemsplat-scene\""),
+            page.rfind("<script id=\"gemsplat-scene\""));
+  EXPECT_THAT(export_run(text("page.html")).err, HasSubstr("is there already"));
+  EXPECT_EQ(read_bytes(path("page.html")), page);
+  ASSERT_EQ(export_run(text("page.html") + " --force").code, 0);
+  EXPECT_TRUE(fs::exists(path("page.html.bak-1")));
+  EXPECT_THAT(export_run(text("moved.html") + " --recenter").err,
+              HasSubstr("export a moved model first"));
+}
+
 TEST_F(Export, LossyFilesAreMeasuredOnTheTestViewsAndRecorded) {
   train("run");
   const Outcome outcome = export_run(text("a.spz") + " " + text("a.ply"));

@@ -50,6 +50,7 @@ const Reader kReaders[] = {
     {"Csv", ".csv", 1, {}, damaged_outside},
     {"Glb", ".glb", 1, {}, damaged_outside},
     {"Splat", ".splat", 0, {}, damaged_outside},
+    {"Spz2", ".spz", 1, {2}, damaged_outside},
     {"Spz3", ".spz", 1, {3}, damaged_outside},
     {"Spz3Inside", ".spz", 1, {3}, damaged_spz},
     {"Spz4", ".spz", 1, {4}, damaged_outside},

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Trained Gaussians in one file each: .csv, .splat and .glb; and what an error says of a file that
-// is no format of ours.
+// Trained Gaussians in one file each: .csv and .splat; and what an error says of a file that is no
+// format of ours.
 #include "data_loaders/formats/csv.h"
 #include "data_loaders/formats/foreign_files.h"
-#include "data_loaders/formats/glb.h"
 #include "data_loaders/formats/splat.h"
 #include "tests/fuzz/fuzz_target.h"
 
@@ -13,7 +12,6 @@ namespace {
 void read(std::string_view bytes) {
   takes([&] { read_csv(file_of("model.csv", bytes)); });
   takes([&] { read_splat(file_of("model.splat", bytes)); });
-  takes([&] { read_glb(file_of("model.glb", bytes)); });
   takes([&] { foreign_kind(file_of("model", bytes)); });
 }
 

@@ -167,8 +167,9 @@ class Files(TestCase):
     def test_saving_and_exporting_refuse_another_version_of_spz(self):
         model = gemsplat.Model(**random_arrays())
         path = self.folder / "model.spz"
-        self.assert_refused("spz_version must be 3 or 4", model.save, path, spz_version=5)
-        self.assert_refused("spz_version must be 3 or 4", gemsplat.export, model, path, spz_version=5)
+        self.assert_refused("spz_version must be 2, 3 or 4", model.save, path, spz_version=5)
+        self.assert_refused("spz_version must be 2, 3 or 4", gemsplat.export, model, path, spz_version=5)
+        self.assert_refused("spz_sh_bits must be 1 to 8", model.save, path, spz_sh_bits=9)
 
     def test_a_process_that_was_forked_ends(self):
         gemsplat.Model(**random_arrays()).save(self.folder / "model.ply")  # starts the threads

@@ -20,10 +20,6 @@
 
 namespace gs {
 
-/// The nearest number of 16 bits; beyond their range the largest. `value` is finite.
-std::uint16_t to_half(float value);
-float from_half(std::uint16_t half);
-
 std::string f32_lebytes(const std::vector<float>& values, std::size_t numbers);
 std::string f16_planes(const std::vector<float>& values, std::size_t numbers);
 std::string s8_planes(const std::vector<float>& values, std::size_t numbers, float max);

@@ -48,7 +48,7 @@ std::vector<StreamedLevel> write_streamed_sog(const std::filesystem::path& folde
 /// Reads one level of a lod-meta.json: of each leaf the coarsest level up to `level`, or, where it
 /// has none, the finest. 0 is the model itself. Rows of "environment", which has no levels, are
 /// always read. No file outside of the folder is read. Throws Error, with the file and a remedy,
-/// for damaged files and other versions.
+/// for damaged files and other versions, and where "lodLevels" says that there is no such level.
 GaussianModel read_streamed_sog(const std::filesystem::path& lod_meta, int level);
 inline GaussianModel read_streamed_sog(const std::filesystem::path& lod_meta) {
   return read_streamed_sog(lod_meta, 0);

@@ -32,6 +32,7 @@ class LodMeta {
     if (!meta_.is_object()) fail("is no JSON object");
     if (number(meta_, "version", 1000) != 1)
       cannot_read(path, "it is a streamed SOG of a version other than 1; export it as version 1");
+    check_level();
     if (!meta_.contains("filenames") || !meta_["filenames"].is_array()) fail("lacks filenames");
     if (!meta_.contains("tree")) fail("lacks a tree");
     collect(meta_["tree"]);
@@ -48,6 +49,13 @@ class LodMeta {
   }
 
  private:
+  void check_level() const {
+    if (level_ == 0 || !meta_.contains("lodLevels")) return;
+    const std::uint64_t levels = number(meta_, "lodLevels", kMostLevels);
+    if (std::uint64_t(level_) >= levels)
+      cannot_read(path_, fmt::format("it has no level {}; its levels are 0, the finest, to {}",
+                                     level_, levels - 1));
+  }
   std::uint64_t number(const Json& object, const char* key, std::uint64_t most) const {
     if (!object.contains(key) || !object[key].is_number_unsigned() ||
         object[key].get<std::uint64_t>() > most)

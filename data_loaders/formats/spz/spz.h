@@ -42,14 +42,24 @@ GaussianModel spz_model(const std::filesystem::path& path, std::string_view byte
 /// down.
 inline constexpr double kSpzFineReach = 2048, kSpzReach = 8'388'000, kSpzLargestSigma = 379;
 
-/// The bytes of an .spz of version 3 or 4. `signs` lead from the PLY's axes to those of its
+/// What users choose of a file.
+struct SpzOptions {
+  int version = 3;  // 2 to 4
+  // Bits of an SH coefficient, 1 to 8; 0: 5 at degree 1 and 4 beyond it, as other writers have it.
+  // A byte is kept for each one: fewer bits make what is packed smaller.
+  int sh_bits = 0;
+};
+
+/// The bytes of an .spz. `signs` lead from the PLY's axes to those of its
 /// numbers: kHalfTurnX as in a file of its own (RUB), (1, 1, 1) for readers that take the numbers
 /// as they are. The model is one that finite_model() made, with positions within kSpzReach.
-std::string spz_bytes(const GaussianModel& model, int version, const AxisSigns& signs);
+std::string spz_bytes(const GaussianModel& model, const SpzOptions& options,
+                      const AxisSigns& signs);
 
-/// Writes version 3 or 4 of a model that finite_model() made. Positions beyond +-2048 units take
+/// Writes an .spz of a model that finite_model() made. Positions beyond +-2048 units take
 /// fewer fractional bits in the whole file; a warning says how large the steps then are. Throws
 /// Error for positions beyond 2^23 units, and where the file cannot be written.
-void write_spz(const std::filesystem::path& path, const GaussianModel& model, int version);
+void write_spz(const std::filesystem::path& path, const GaussianModel& model,
+               const SpzOptions& options);
 
 }  // namespace gs

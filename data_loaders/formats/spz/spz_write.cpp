@@ -23,9 +23,11 @@ using Arrays = std::array<std::string, kSpzArrays>;
 constexpr int kUsualFractionalBits = 12;  // those of other writers
 constexpr int kLargestPosition = (1 << 23) - 1;
 
-// Coefficients are rounded to 5 bits at degree 1 and to 4 bits beyond, as other writers do: the
-// difference is hard to see, and the file gets smaller.
-constexpr std::uint32_t sh_step(int k) { return k < 3 ? 8 : 16; }
+/// The step in which byte k of the SH counts.
+std::uint32_t sh_step(const SpzOptions& options, int k) {
+  const int usual_bits = k < 3 ? 5 : 4;
+  return 1u << (8 - (options.sh_bits ? options.sh_bits : usual_bits));
+}
 
 float largest_position(const Gaussians& g) {
   float largest = 0;
@@ -79,14 +81,20 @@ std::uint32_t packed_rotation(const Quatf& q, const AxisSigns& signs) {
   return word;
 }
 
-std::uint8_t packed_sh(int k, float value) {
-  const std::uint32_t step = sh_step(k);
+// Version 2: x y z of a quaternion whose w is not negative.
+void pack_rotation_bytes(const Quatf& q, const AxisSigns& signs, std::uint8_t* bytes) {
+  const float sign = q.w < 0 ? -1.0f : 1.0f;
+  const Vec3f axis = sign * Vec3f(q.x, q.y, q.z) * signs;
+  for (int k = 0; k < 3; ++k) bytes[k] = std::uint8_t(rounded(axis[k] * 127.5f + 127.5f, 255));
+}
+
+std::uint8_t packed_sh(std::uint32_t step, float value) {
   const std::uint32_t byte = rounded(value * kSpzShSteps + kSpzShZero, 255);
   return std::uint8_t(std::min<std::uint32_t>((byte + step / 2) / step * step, 255));
 }
 
-void pack_row(const SpzHeader& header, const AxisSigns& signs, const Gaussians& g, std::size_t i,
-              Arrays& arrays) {
+void pack_row(const SpzHeader& header, const SpzOptions& options, const AxisSigns& signs,
+              const Gaussians& g, std::size_t i, Arrays& arrays) {
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   const auto row = [&](std::size_t s) {
     return reinterpret_cast<std::uint8_t*>(arrays[s].data()) + i * row_bytes[s];
@@ -100,15 +108,19 @@ void pack_row(const SpzHeader& header, const AxisSigns& signs, const Gaussians& 
         std::uint8_t(rounded((g.log_scale[i][axis] - kSpzLeastLogScale) * kSpzScaleSteps, 255));
   }
   *row(1) = std::uint8_t(opacity_byte(g.logit_opacity[i]));
-  const std::uint32_t rotation = packed_rotation(g.rotation[i], signs);
-  std::memcpy(row(4), &rotation, sizeof rotation);
+  if (header.version == 2) {
+    pack_rotation_bytes(g.rotation[i], signs, row(4));
+  } else {
+    const std::uint32_t rotation = packed_rotation(g.rotation[i], signs);
+    std::memcpy(row(4), &rotation, sizeof rotation);
+  }
   for (int k = 0; k < sh_rest_count(header.sh_degree); ++k)
     for (int channel = 0; channel < 3; ++channel)
       row(5)[3 * k + channel] =
-          packed_sh(k, sh_sign(k, signs) * g.sh_rest[i].coefficient[k][channel]);
+          packed_sh(sh_step(options, k), sh_sign(k, signs) * g.sh_rest[i].coefficient[k][channel]);
 }
 
-// Header and arrays as version 3 has them, before gzip.
+// Header and arrays as versions 2 and 3 have them, before gzip.
 std::string plain_file(const SpzHeader& header, const Arrays& arrays) {
   std::string bytes;
   append_little(bytes, header);
@@ -134,12 +146,14 @@ std::string version4_file(SpzHeader header, const Arrays& arrays) {
 
 }  // namespace
 
-std::string spz_bytes(const GaussianModel& model, int version, const AxisSigns& signs) {
+std::string spz_bytes(const GaussianModel& model, const SpzOptions& options,
+                      const AxisSigns& signs) {
   const Gaussians& g = model.gaussians;
   const int fractional_bits = fractional_bits_for(g);
-  GS_CHECK((version == 3 || version == 4) && fractional_bits >= 0);
+  GS_CHECK(options.version >= 2 && options.version <= 4 && fractional_bits >= 0);
+  GS_CHECK(options.sh_bits >= 0 && options.sh_bits <= 8);
   SpzHeader header;
-  header.version = std::uint32_t(version);
+  header.version = std::uint32_t(options.version);
   header.count = std::uint32_t(g.count());
   header.sh_degree = std::uint8_t(model.sh_degree);
   header.fractional_bits = std::uint8_t(fractional_bits);
@@ -147,14 +161,16 @@ std::string spz_bytes(const GaussianModel& model, int version, const AxisSigns& 
   Arrays arrays;
   const auto row_bytes = spz_row_bytes(header.version, header.sh_degree);
   for (std::size_t s = 0; s < kSpzArrays; ++s) arrays[s].resize(row_bytes[s] * g.count());
-  parallel_for(g.count(), 4096, [&](std::size_t i) { pack_row(header, signs, g, i, arrays); });
-  return version == 4 ? version4_file(header, arrays) : gzip(plain_file(header, arrays));
+  parallel_for(g.count(), 4096,
+               [&](std::size_t i) { pack_row(header, options, signs, g, i, arrays); });
+  return options.version == 4 ? version4_file(header, arrays) : gzip(plain_file(header, arrays));
 }
 
-void write_spz(const std::filesystem::path& path, const GaussianModel& model, int version) {
+void write_spz(const std::filesystem::path& path, const GaussianModel& model,
+               const SpzOptions& options) {
   check_positions(model.gaussians, path);
   warn_of_clamped_scales(model.gaussians, path);
-  const std::string bytes = spz_bytes(model, version, kHalfTurnX);
+  const std::string bytes = spz_bytes(model, options, kHalfTurnX);
   AtomicFile file(path);
   file.write(bytes);
   file.commit();

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "data_loaders/formats/coding/little_endian.h"
-#include "data_loaders/formats/glb.h"
+#include "data_loaders/formats/glb/glb.h"
 #include "data_loaders/formats/spz/spz.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
@@ -92,7 +92,7 @@ void pad_to_four(std::string& bytes, char with) { bytes.resize((bytes.size() + 3
 
 std::uint64_t write_tile(const std::filesystem::path& path, const GaussianModel& model) {
   GS_CHECK(model.gaussians.count() > 0);
-  std::string spz = spz_bytes(model, kSpzVersion, kAsTheyAre);
+  std::string spz = spz_bytes(model, {kSpzVersion}, kAsTheyAre);
   std::string json = document_of(model, spz.size()).dump();
   pad_to_four(json, ' ');
   pad_to_four(spz, '\0');

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "data_loaders/formats/glb.h"
+#include "data_loaders/formats/glb/glb.h"
 
 #include <spdlog/fmt/fmt.h>
 

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/view/page/model_page.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cctype>
+
+#include "apps/web/pages.h"
+#include "data_loaders/formats/formats.h"
+#include "data_loaders/formats/model_transform.h"
+#include "gs_app/export/export_model.h"
+#include "gs_app/run/page_text.h"
+#include "gs_app/run/text.h"
+#include "gs_app/view/file_view.h"
+#include "gs_app/view/served_model.h"
+#include "gs_app/view/view_server.h"
+#include "gs_core/error.h"
+#include "gs_core/io/atomic_file.h"
+#include "gs_core/io/byte_reader.h"
+#include "gs_core/io/output_lock.h"
+#include "gs_core/io/scratch_folder.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr std::string_view kBody = "<div id=\"app\">";  // of apps/web/view/page.html
+
+// The page asks its server for scene.json and model; this answers from the two elements before it.
+// The text of the model is given up when it was read.
+constexpr std::string_view kAnswers = R"js(<script>
+(() => {
+  const element = name => document.getElementById(`gemsplat-${name}`);
+  const bytesOfModel = () => {
+    const text = atob(element('model').textContent), bytes = new Uint8Array(text.length);
+    element('model').remove();
+    for (let i = 0; i < bytes.length; ++i) bytes[i] = text.charCodeAt(i);
+    return bytes;
+  };
+  const ask = window.fetch.bind(window);
+  window.fetch = async (address, options) => {
+    const name = typeof address === 'string' ? address.split('?')[0] : '';
+    if (name === 'scene.json') return new Response(element('scene').textContent);
+    if (name === 'model') return new Response(bytesOfModel());
+    return ask(address, options);
+  };
+})();
+</script>
+)js";
+
+/// The format of the model inside, and how it is written.
+struct Inside {
+  const ModelFormat* format;
+  ExportOptions options;
+};
+
+Inside inside_of(const GaussianModel& model) {
+  if (model.gaussians.has_time) return {&format_named("gs4d"), {}};
+  try {
+    format_named("sog").require({});
+    return {&format_named("sog"), {}};
+  } catch (const Error&) {  // without libwebp
+    return {&format_named("spz"), {.spz_version = 3, .spz_sh_bits = 8}};
+  }
+}
+
+/// The scene without photos, which would not fit, and without notes about them.
+ViewScene scene_of(const OpenedModel& opened, Config config) {
+  config.dataset.source.clear();
+  ViewScene scene = view_scene_of(opened, config, false, "");
+  scene.notes.clear();
+  return scene;
+}
+
+void check_size(const fs::path& file, std::uint64_t bytes, const ModelFormat& format) {
+  if (bytes <= kMostPageModelBytes) return;
+  throw Error(fmt::format(
+      "cannot write {}: the model takes {} MB as {}, and a page holds {} MB at most, since "
+      "browsers "
+      "keep it in memory several times; shrink it with `gemsplat edit --decimate` or a lower "
+      "--sh-degree, or let viewers stream it with `gemsplat export --lod`",
+      file.string(), bytes / 1'000'000, format.ending, kMostPageModelBytes / 1'000'000));
+}
+
+std::vector<std::uint8_t> bytes_of(const fs::path& file) {
+  ByteReader reader(file);
+  const std::uint8_t* const bytes = reader.take(reader.size());
+  return {bytes, bytes + reader.size()};
+}
+
+}  // namespace
+
+bool is_model_page(const fs::path& file) {
+  std::string ending = file.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return char(std::tolower(c)); });
+  return ending == ".html";
+}
+
+void check_model_page(const fs::path& file, bool force) {
+  check_can_view();
+  check_place(file, force);
+}
+
+ModelPage write_model_page(const fs::path& file, const OpenedModel& opened, const Config& config,
+                           int sh_degree) {
+  const OutputLock lock = OutputLock::of_file(file);
+  const Inside inside = inside_of(opened.model);
+  const ScratchFolder scratch;
+  const fs::path packed = scratch.path() / ("model" + std::string(inside.format->ending));
+  GaussianModel model =
+      host_copy(opened.model.gaussians, opened.model.sh_degree, opened.model.antialiased);
+  limit_sh_degree(model, sh_degree);
+  ModelPage page{file, 0, 0, inside.format->ending, 0};
+  page.gaussians = write_model(packed, model, inside.options);
+  page.model_bytes = fs::file_size(packed);
+  check_size(file, page.model_bytes, *inside.format);
+
+  const ViewScene scene = scene_of(opened, config);
+  Json json = scene_json(scene);
+  json["mode"] = "file";
+  json["model"] = model_json(*inside.format, scene.title, page.gaussians, page.model_bytes,
+                             model.sh_degree, model.antialiased);
+  const std::string_view viewer = view_page();
+  const std::size_t body = viewer.find(kBody);
+  GS_CHECK(body != viewer.npos);
+  keep_older_aside(file);
+  AtomicFile output(file);
+  output.write(viewer.substr(0, body));
+  output.write("<script id=\"gemsplat-scene\" type=\"application/json\">");
+  output.write(script_json(json));
+  output.write("</script>\n<script id=\"gemsplat-model\" type=\"text/plain\">");
+  output.write(base64_of(bytes_of(packed)));
+  output.write("</script>\n");
+  output.write(kAnswers);
+  output.write(viewer.substr(body));
+  output.commit();
+  page.bytes = fs::file_size(file);
+  return page;
+}
+
+std::string summary(const ModelPage& page) {
+  return fmt::format("{}: {:.1f} MB, of which {:.1f} MB of {} are {} Gaussians; a browser opens it",
+                     page.file.string(), double(page.bytes) / 1e6, double(page.model_bytes) / 1e6,
+                     page.format, with_commas(page.gaussians));
+}
+
+}  // namespace gs

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// The two parts of a .glb, to be changed and put together again.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "data_loaders/formats/coding/little_endian.h"
+#include "data_loaders/formats/glb/glb.h"
+
+namespace gs {
+
+struct GlbParts {
+  nlohmann::ordered_json json;
+  std::string binary;
+};
+
+inline GlbParts glb_parts(const std::string& file) {
+  const auto json_bytes = load_little<std::uint32_t>(&file[12]);
+  return {nlohmann::ordered_json::parse(file.substr(20, json_bytes)),
+          file.substr(20 + json_bytes + 8)};
+}
+
+/// A .glb with this text as its JSON, whatever it is.
+inline std::string glb_file_of(std::string json, std::string binary) {
+  json.resize((json.size() + 3) / 4 * 4, ' ');
+  binary.resize((binary.size() + 3) / 4 * 4, '\0');
+  std::string file;
+  for (const std::size_t word :
+       {std::size_t(kGlbMagic), std::size_t(kGlbVersion), 28 + json.size() + binary.size(),
+        json.size(), std::size_t(kGlbJson)})
+    append_little(file, std::uint32_t(word));
+  file += json;
+  append_little(file, std::uint32_t(binary.size()));
+  append_little(file, kGlbBinary);
+  return file + binary;
+}
+inline std::string glb_file_of(const GlbParts& parts) {
+  return glb_file_of(parts.json.dump(), parts.binary);
+}
+
+/// A .glb whose one primitive holds an .spz under the name `extension`: inside of
+/// KHR_gaussian_splatting as the draft has it (`is_draft`), or as older writers put it.
+inline GlbParts glb_with_spz(const std::string& spz, const std::string& extension, bool is_draft) {
+  using Json = nlohmann::ordered_json;
+  const Json entry = {{extension, {{"bufferView", 0}}}};
+  const Json draft = {
+      {kGlbGaussians,
+       {{"kernel", "ellipse"}, {"colorSpace", "srgb_rec709_display"}, {"extensions", entry}}}};
+  return {
+      {{"asset", {{"version", "2.0"}}},
+       {"scene", 0},
+       {"scenes", {{{"nodes", {0}}}}},
+       {"nodes", {{{"mesh", 0}}}},
+       {"meshes", {{{"primitives", {{{"mode", 0}, {"extensions", is_draft ? draft : entry}}}}}}},
+       {"bufferViews", {{{"buffer", 0}, {"byteLength", spz.size()}}}},
+       {"buffers", {{{"byteLength", spz.size()}}}}},
+      spz};
+}
+
+}  // namespace gs
