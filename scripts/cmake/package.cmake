@@ -58,10 +58,12 @@ function(gs_distribution result)
   endif()
 endfunction()
 
-# gs_packages_of_headers(result): what projects that link the libraries need.
+# gs_packages_of_headers(result): what projects that link the libraries need. OpenImageIO's CMake package
+# asks for its tools, too, and for the packages of Imath.
 function(gs_packages_of_headers result)
   set(packages libglm-dev libfmt-dev libspdlog-dev)
-  foreach(pair OPENIMAGEIO:libopenimageio-dev OPENCV:libopencv-dev CERES:libceres-dev ZLIB:zlib1g-dev
+  foreach(pair OPENIMAGEIO:libopenimageio-dev OPENIMAGEIO:openimageio-tools OPENIMAGEIO:libopenexr-dev OPENIMAGEIO:libimath-dev
+          OPENCV:libopencv-dev CERES:libceres-dev ZLIB:zlib1g-dev
           ZSTD:libzstd-dev ZSTD:libxxhash-dev WEBP:libwebp-dev)
     string(REPLACE ":" ";" pair ${pair})
     list(GET pair 0 part)

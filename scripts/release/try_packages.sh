@@ -97,7 +97,7 @@ sys.exit(result.steps != 10)'
 
 try_dev() {
   install './libgemsplat-dev_*.deb' './gemsplat_*.deb' g++ cmake make
-  as_nobody 'cmake -S /usr/share/gemsplat/example -B build -DCMAKE_BUILD_TYPE=Release >log 2>&1 && cmake --build build >>log 2>&1 || { tail -n 30 log; exit 1; }
+  as_nobody 'cmake -S /usr/share/gemsplat/example -B build -DCMAKE_BUILD_TYPE=Release >log 2>&1 && cmake --build build >>log 2>&1 || { grep -v "^$" log | tail -n 60; exit 1; }
     build/gemsplat_example /usr/share/gemsplat/courtyard 20 out 2>error || { cat error; exit 1; }; gemsplat info out/model.spz | head -n 3'
   remove libgemsplat-dev gemsplat
 }
