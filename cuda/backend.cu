@@ -133,8 +133,7 @@ class CudaBackend final : private Device, public Backend {
         renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
         optimizer_(make_optimizer(context)), sums_(device_memory),
         photometric_gradient_(device_memory), camera_of_(device_memory),
-        poses_(context, device_memory),
-        rows_(make_row_ops(context, device_memory, pass_.splats)) {}
+        poses_(context, device_memory), rows_(make_row_ops(context, device_memory, pass_.splats)) {}
   ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
 
   void make_current() override { check(cudaSetDevice(context.device()), "choosing the GPU"); }

@@ -57,7 +57,16 @@ __global__ void __launch_bounds__(kThreads)
 
 }  // namespace
 
+bool DevicePoses::holds(const PoseState& state) const {
+  return !held_values_.empty() && state.values == held_values_ &&
+         state.first_moment == held_first_moment_ && state.second_moment == held_second_moment_ &&
+         state.common_modes == held_modes_;
+}
+
 void DevicePoses::upload(const PoseState& state) {
+  if (holds(state)) return;
+  held_values_.clear();
+  held_modes_ = state.common_modes;
   values_.upload(state.values);
   first_moment_.upload(state.first_moment);
   second_moment_.upload(state.second_moment);
@@ -70,10 +79,10 @@ void DevicePoses::upload(const PoseState& state) {
   cameras_.resize(std::size_t(kMostBatch));
 }
 
-void DevicePoses::download(PoseState& state) const {
-  state.values = values_.download();
-  state.first_moment = first_moment_.download();
-  state.second_moment = second_moment_.download();
+void DevicePoses::download(PoseState& state) {
+  state.values = held_values_ = values_.download();
+  state.first_moment = held_first_moment_ = first_moment_.download();
+  state.second_moment = held_second_moment_ = second_moment_.download();
 }
 
 PoseRow DevicePoses::row_of(const PoseState& state, std::size_t photo, const Camera& given) const {
@@ -92,6 +101,7 @@ const DevicePose* DevicePoses::refine(const PoseRow& row, std::size_t i) {
 void DevicePoses::update(float pull, const AdamStep& step, const AdamRule& rule,
                          const std::uint32_t* halted) {
   const StageScope scope(context_, "poses");
+  held_values_.clear();  // they are older from now on
   const std::size_t count = values_.size(), rows = count / kPoseNumbers;
   context_.launch("poses", update_kernel, 1, kThreads,
                   Rows{values_.data(), first_moment_.data(), second_moment_.data(),

@@ -2,6 +2,8 @@
 // Poses of training photos that are refined on the GPU. Twin of gs_train/poses/poses.cpp.
 #pragma once
 
+#include <vector>
+
 #include "cuda/device/context.cuh"
 #include "cuda/render/refined_camera.cuh"
 #include "gs_core/buffer.h"
@@ -27,7 +29,8 @@ struct PoseRow {
 };
 
 /// The motions of all rows with their moments and gradients. Between upload() and download() those
-/// of the PoseState are older. Only these two wait.
+/// of the PoseState are older. Only these two wait; upload() does not if it would change nothing, as
+/// in the first step after a download().
 class DevicePoses {
  public:
   DevicePoses(Context& context, Memory& memory)
@@ -35,7 +38,7 @@ class DevicePoses {
         modes_(memory), gradient_(memory), cameras_(memory) {}
 
   void upload(const PoseState& state);
-  void download(PoseState& state) const;
+  void download(PoseState& state);
 
   PoseRow row_of(const PoseState& state, std::size_t photo, const Camera& given) const;
   /// Photo i of a batch has the camera of this row from now on. Returns its pose, on the device.
@@ -47,7 +50,13 @@ class DevicePoses {
   void clear_gradient() { gradient_.fill_zero(); }
 
  private:
+  bool holds(const PoseState& state) const;
+
   Context& context_;
+  std::vector<float> held_values_, held_first_moment_,
+      held_second_moment_;  // of the last download,
+  std::vector<std::vector<double>>
+      held_modes_;  // until an update; the modes that are on the device
   Buffer<float> values_, first_moment_, second_moment_;  // (rows, 6)
   Buffer<double> modes_;                                 // (modes, rows, 6) PoseState::common_modes
   Buffer<double> gradient_;                              // (rows, 6) zero between steps

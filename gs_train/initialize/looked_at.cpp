@@ -16,9 +16,7 @@ constexpr double kLeastDeterminant = 2e-3;
 constexpr double kSeenShare = 0.9;  // of the cameras
 
 // The direction in which a camera looks.
-Vec3d axis_of(const Camera& camera) {
-  return Vec3d(camera.cam_from_world_rotation.row2);
-}
+Vec3d axis_of(const Camera& camera) { return Vec3d(camera.cam_from_world_rotation.row2); }
 
 // The point p that minimizes sum |(I - a a^T) (p - e)|^2 over the axes a through the positions e.
 std::optional<Vec3d> nearest_to_axes(const std::vector<View>& views) {
@@ -49,8 +47,7 @@ std::optional<LookedAt> looked_at(const std::vector<View>& views) {
   const Vec3f center(*nearest);
   std::vector<float> half_sides;
   for (const View& view : views)
-    if (seen_pixel(view.camera, center))
-      half_sides.push_back(half_side_at(view.camera, center));
+    if (seen_pixel(view.camera, center)) half_sides.push_back(half_side_at(view.camera, center));
   if (double(half_sides.size()) < kSeenShare * double(views.size())) return std::nullopt;
   const auto middle = half_sides.begin() + std::ptrdiff_t(half_sides.size() / 2);
   std::nth_element(half_sides.begin(), middle, half_sides.end());

@@ -88,8 +88,7 @@ void RankBackend::run_round(const TrainingModel& shard, std::size_t first,
   }
   const std::vector<Message> sent = now_.ranks->exchange(std::move(splats));
   const std::size_t mine = std::size_t(now_.ranks->rank());
-  if (mine < photos)
-    replies = draw(shard, now_.batch[first + mine], sent, loss_settings, density);
+  if (mine < photos) replies = draw(shard, now_.batch[first + mine], sent, loss_settings, density);
   replies_ = now_.ranks->exchange(std::move(replies));
 }
 

@@ -54,7 +54,7 @@ class RankBackend final : public ScalarBackend {
   std::unique_ptr<Optimizer> optimizer_;
   std::vector<std::vector<std::uint32_t>> visible_;  // of each photo of the round, local rows
   std::vector<Message> replies_;                     // the same
-  RenderPass drawn_;                                 // the rank's photo of the round, of all ranks' rows
+  RenderPass drawn_;  // the rank's photo of the round, of all ranks' rows
 };
 
 }  // namespace gs

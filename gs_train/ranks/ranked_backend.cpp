@@ -142,7 +142,8 @@ class RankedBackend final : public ScalarBackend {
 
  private:
   [[noreturn]] static void refuse(const std::string& setting, const std::string& off) {
-    throw UsageError(setting + " is not there with several ranks yet; set train.ranks=1, or leave " +
+    throw UsageError(setting +
+                     " is not there with several ranks yet; set train.ranks=1, or leave " +
                      setting + " " + off);
   }
 

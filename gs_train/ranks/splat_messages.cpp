@@ -66,8 +66,7 @@ void take_replies(const std::vector<std::uint32_t>& visible, const std::vector<S
     pass.tile_counts[visible[k]] = 1;
     scratch.first_instance[visible[k]] = std::uint32_t(k);
     scratch.instance_gradients[k] = replies[k].gradient;
-    if (settings.absolute_gradient)
-      scratch.absolute_gradients[k] = replies[k].absolute_gradient;
+    if (settings.absolute_gradient) scratch.absolute_gradients[k] = replies[k].absolute_gradient;
     if (has_sums) scratch.fragment_sums[k] = replies[k].sums;
   }
 }

@@ -146,10 +146,11 @@ class Meeting {
           (oldest == members_.size() || members_[i].sign < members_[oldest].sign))
         oldest = i;
     if (oldest == members_.size() || Clock::now() < members_[oldest].sign + deadline_) return;
-    note_failure(int(oldest), std::make_exception_ptr(Error(fmt::format(
-                                  "no sign of life for {:g} s, so the run ends; its last checkpoint "
-                                  "stands. If the machine is only slow, raise train.rank_deadline",
-                                  std::chrono::duration<double>(deadline_).count()))));
+    note_failure(int(oldest),
+                 std::make_exception_ptr(Error(
+                     fmt::format("no sign of life for {:g} s, so the run ends; its last checkpoint "
+                                 "stands. If the machine is only slow, raise train.rank_deadline",
+                                 std::chrono::duration<double>(deadline_).count()))));
   }
 
   void note_failure(int rank, std::exception_ptr cause) {

@@ -11,6 +11,7 @@
 
 #include "data_loaders/formats/coding/compression.h"
 #include "data_loaders/formats/coding/finite_rows.h"
+#include "data_loaders/formats/coding/half.h"
 #include "data_loaders/formats/coding/little_endian.h"
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/lod/rad_layout.h"

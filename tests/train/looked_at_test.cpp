@@ -19,8 +19,8 @@ View looking(const Vec3f& position, const Vec3f& target) {
   View view;
   view.camera = {.width = 80, .height = 40, .fx = 80, .fy = 80, .cx = 40, .cy = 20};
   const Vec3f z = (target - position) / std::sqrt(inner(target - position, target - position));
-  const Vec3f right = glm::cross(Vec3f(0, 0, 1), z);
-  const Vec3f x = right / std::sqrt(inner(right, right)), y = glm::cross(z, x);
+  const Vec3f right = cross(Vec3f(0, 0, 1), z);
+  const Vec3f x = right / std::sqrt(inner(right, right)), y = cross(z, x);
   view.camera.cam_from_world_rotation = {x, y, z};
   view.camera.cam_from_world_translation = -multiply(view.camera.cam_from_world_rotation, position);
   return view;
@@ -60,8 +60,7 @@ TEST(LookedAt, IsNothingForCamerasThatLookOutward) { EXPECT_FALSE(looked_at(ring
 
 TEST(LookedAt, IsNothingForParallelAxes) {
   std::vector<View> views;
-  for (int i = 0; i < 5; ++i)
-    views.push_back(looking({float(i), 0, 0}, {float(i), 100, 0}));
+  for (int i = 0; i < 5; ++i) views.push_back(looking({float(i), 0, 0}, {float(i), 100, 0}));
   EXPECT_FALSE(looked_at(views));
   EXPECT_FALSE(looked_at({views[0]}));
 }

@@ -152,11 +152,9 @@ TEST_F(RankedRun, WritesTheCheckpointOfOneRank) {
   }
   EXPECT_EQ(of_three.state.model.adam_steps, of_one.state.model.adam_steps);
   EXPECT_EQ(of_three.state.progress.loss, of_one.state.progress.loss);
-  for_each_row_array(
-      [](const RowArray& which, const auto& a, const auto& b) {
-        EXPECT_TRUE(same_bits(a, b)) << which.key();
-      },
-      of_three.state.model, of_one.state.model);
+  for_each_row_array([](const RowArray& which, const auto& a,
+                        const auto& b) { EXPECT_TRUE(same_bits(a, b)) << which.key(); },
+                     of_three.state.model, of_one.state.model);
 }
 
 // ---- failures ----------------------------------------------------------------------------------
@@ -226,8 +224,7 @@ TEST_F(RankedRun, EndsWithinTheDeadlineWhereARankHangs) {
               AllOf(HasSubstr("rank "), HasSubstr(": no sign of life for 0.5 s")));
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(10));
   // Nothing reads the shards while the thread may still write to them.
-  EXPECT_THAT(error_of([&] { trainer.model(); }),
-              HasSubstr("--resume"));
+  EXPECT_THAT(error_of([&] { trainer.model(); }), HasSubstr("--resume"));
   let_go->set_value();
   has_ended->get_future().wait();
 }

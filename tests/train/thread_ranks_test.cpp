@@ -126,17 +126,17 @@ TEST(ThreadRanks, EndWithinTheDeadlineWhenOneHangs) {
   const auto let_go = std::make_shared<std::promise<void>>();
   const auto ended = std::make_shared<std::promise<void>>();
   const auto begin = std::chrono::steady_clock::now();
-  EXPECT_THAT(error_of([&] {
-                ranks.run([let_go, ended](Communicator& communicator) {
-                  if (communicator.rank() == 1) {
-                    let_go->get_future().wait();
-                    ended->set_value();
-                  }
-                  communicator.barrier();
-                });
-              }),
-              AllOf(HasSubstr("rank 1: no sign of life for 0.2 s"),
-                    HasSubstr("train.rank_deadline")));
+  EXPECT_THAT(
+      error_of([&] {
+        ranks.run([let_go, ended](Communicator& communicator) {
+          if (communicator.rank() == 1) {
+            let_go->get_future().wait();
+            ended->set_value();
+          }
+          communicator.barrier();
+        });
+      }),
+      AllOf(HasSubstr("rank 1: no sign of life for 0.2 s"), HasSubstr("train.rank_deadline")));
   EXPECT_LT(Seconds(std::chrono::steady_clock::now() - begin), 20 * kShort);
   EXPECT_TRUE(ranks.has_lost_rank());
   let_go->set_value();
