@@ -20,6 +20,7 @@
 #include "cuda/device/warp.cuh"
 #include "cuda/render/renderer.cuh"
 #include "cuda/render/reports.cuh"
+#include "cuda/train/instance_forecast.h"
 #include "cuda/train/photometric.cuh"
 #include "gs_core/math/density.h"
 #include "gs_train/named_row.h"
@@ -31,12 +32,6 @@ namespace {
 
 constexpr int kThreads = 256;
 constexpr std::size_t kMostPending = 128;  // photos that the host may be ahead of the device
-constexpr double kGrowthMargin = 1.2;      // times the instances of a view's last visit
-constexpr double kUnseenMargin = 1.5;      // times the most instances per Gaussian seen so far
-constexpr std::size_t kLeastCapacity = std::size_t(1) << 20;  // instances, before any view was seen
-constexpr double kMostPerGaussian =
-    16;  // instances that a higher resolution may be expected to add
-constexpr std::size_t kCapacityStep = std::size_t(1) << 14;  // instances; capacities are multiples
 
 struct LossRow {
   const char* name;  // a word of loss.kind
@@ -63,61 +58,6 @@ __global__ void add_kernel(Span<float> to, const float* from, float weight) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i < to.size) to[i] += weight * from[i];
 }
-
-// Instances of a view before any was seen. Few Gaussians are large ones. A view that has more
-// instances is launched again, which costs less than memory that no view needs.
-double first_capacity(std::size_t gaussians) {
-  constexpr std::size_t kFew = 1'000'000;
-  const double few = double(std::min(gaussians, kFew)), others = double(gaussians) - few;
-  return std::max(double(kLeastCapacity), 4 * few + others);
-}
-
-// Forecasts how many instances a view will have. Where its last visit was at a lower resolution, it
-// has more of them now: as many times as there are more pixels, at most.
-class InstanceForecast {
- public:
-  void note(const TrainingPhoto& photo, std::size_t instances, std::size_t gaussians) {
-    gaussians = std::max<std::size_t>(gaussians, 1);
-    visits_[photo.view] = {instances, gaussians, photo.reduction};
-    double& most = most_per_gaussian_[photo.reduction];
-    most = std::max(most, double(instances) / double(gaussians));
-  }
-  std::uint32_t capacity_for(const TrainingPhoto& photo, std::size_t gaussians) const {
-    const double limit = std::max(double(kLeastCapacity), kMostPerGaussian * double(gaussians));
-    double capacity = first_capacity(gaussians);
-    if (const auto visit = visits_.find(photo.view); visit != visits_.end()) {
-      const double growth = double(gaussians) / double(visit->second.gaussians);
-      capacity = double(visit->second.instances) * std::max(growth, 1.0) * kGrowthMargin;
-      capacity = enlarged(capacity, visit->second.reduction, photo.reduction, limit);
-    } else {
-      double most = 0;
-      for (const auto& [reduction, of_one] : most_per_gaussian_)
-        most = std::max(most, enlarged(of_one * double(gaussians) * kUnseenMargin, reduction,
-                                       photo.reduction, limit));
-      if (most > 0) capacity = most;
-    }
-    const double steps = std::min(std::ceil(capacity / double(kCapacityStep)),
-                                  0x7fffffff / double(kCapacityStep) - 1);
-    return std::uint32_t((std::size_t(steps) + 1) * kCapacityStep);
-  }
-  void forget() { *this = {}; }
-
- private:
-  struct Visit {
-    std::size_t instances, gaussians;
-    int reduction;
-  };
-
-  // A number of instances at a reduction becomes one at a lower reduction: up to `most` if it was
-  // not above that already.
-  static double enlarged(double instances, int from, int to, double most) {
-    const double ratio = double(from) / double(to);
-    return ratio > 1 ? std::max(instances, std::min(instances * ratio * ratio, most)) : instances;
-  }
-
-  std::unordered_map<const View*, Visit> visits_;
-  std::unordered_map<int, double> most_per_gaussian_;  // by reduction
-};
 
 // A base class, so that the device is created before all that uses it and destroyed afterwards.
 struct Device {

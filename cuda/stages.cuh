@@ -145,7 +145,8 @@ void with_splats(const RenderPass& pass, F&& f) {
 inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < 65536; }
 
 /// 1  preprocess.cu: activate, cull, project, color; one splat per Gaussian, and which tiles it
-/// hits. Here and below, `pose` takes the place of the camera's; null: the camera is as it is given.
+/// hits. Here and below, `pose` takes the place of the camera's; null: the camera is as it is
+/// given.
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
                 const DevicePose* pose = nullptr);
@@ -289,7 +290,8 @@ void add_position_noise(Context& context, const GaussiansSpan& gaussians,
 /// The other stages, behind the interfaces of gs_train.
 std::unique_ptr<Loss> make_loss(Context& context, Memory& memory, PhotoStore& photos);  // 5 ssim.cu
 std::unique_ptr<Optimizer> make_optimizer(Context& context);                            // 8 adam.cu
-/// 9 rows.cu, 10 morton.cu. `splats` are those of the training pass: row operations use their memory.
+/// 9 rows.cu, 10 morton.cu. `splats` are those of the training pass: row operations use their
+/// memory.
 std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory, Buffer<Splat>& splats);
 
 }  // namespace gs::cuda

@@ -34,8 +34,8 @@ struct View {
   std::uint32_t camera_id = 0;  // views of one camera have the same
   // Photos that a rig took at one moment have the same number; 0: the photo was taken alone.
   std::uint32_t rig_frame = 0;
-  // How the camera exposed the photo, by EXIF: log2(seconds ISO / f-number^2), one more for twice the
-  // light. None where the tags are missing or were not asked for.
+  // How the camera exposed the photo, by EXIF: log2(seconds ISO / f-number^2), one more for twice
+  // the light. None where the tags are missing or were not asked for.
   std::optional<float> exposure_stops = {};
 
   /// Whether the loss weights the photo's pixels, for its mask or its exposure. Ask when the photo

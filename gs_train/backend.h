@@ -66,8 +66,8 @@ class Backend {
   virtual void use_photometric(std::unique_ptr<PhotometricModel> photometric);
   /// Throws UsageError where the backend cannot refine poses.
   virtual void check_refines_poses() const;
-  /// True where step() makes the cameras of training photos from model.poses itself. Else the caller
-  /// gives them with the photos (TrainingPhoto::refined), as they are after the last step.
+  /// True where step() makes the cameras of training photos from model.poses itself. Else the
+  /// caller gives them with the photos (TrainingPhoto::refined), as they are after the last step.
   virtual bool makes_refined_cameras() const { return false; }
   virtual Optimizer& optimizer() = 0;
   virtual RowOps& rows() = 0;

@@ -267,8 +267,8 @@ GS_HD void add_spacetime_regularizer_gradients(const GaussiansSpan& rows, std::s
 }
 
 /// The noise on the row's mean after a step; see position_noise() in mcmc.h. A Gaussian in space and
-/// time moves along its extent in space. Its draw is that of row `drawn` of the whole model, which is
-/// i unless `rows` are a part of it.
+/// time moves along its extent in space. Its draw is that of row `drawn` of the whole model, which
+/// is i unless `rows` are a part of it.
 GS_HD Vec3f position_noise(const GaussiansSpan& rows, std::size_t i, const PositionNoise& noise,
                            float position_rate, std::size_t drawn) {
   const float rate = noise.scale * position_rate;

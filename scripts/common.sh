@@ -134,6 +134,13 @@ build() {
 
 skip() { printf 'skipped: %s\n' "$*"; exit 77; }  # as CTest is told
 
+# find_chromium [PROGRAM]: prints that program, or the Chromium of this machine. Skips where there is none.
+find_chromium() {
+  local chromium=${1:-$(command -v chromium || command -v chromium-browser || command -v google-chrome || true)}
+  [[ -x $chromium ]] || skip "no Chromium was found; install the package chromium" >&2
+  printf '%s\n' "$chromium"
+}
+
 # install_npm_packages SOURCE FOLDER: the packages of SOURCE/package-lock.json in FOLDER/node_modules. Skips where they
 # cannot be had.
 install_npm_packages() {

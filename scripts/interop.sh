@@ -14,5 +14,5 @@ if [[ $# -lt 3 ]]; then
   GS_NODE_MODULES=$(realpath "$folder/node_modules") node tests/interop/check.mjs "$program" "$(realpath "$folder")/files"
   exit
 fi
-[[ -x $4 ]] || skip "no Chromium was found; install the package chromium"
-node tests/interop/stream_test.mjs "$folder/node_modules" "$3" "$program" examples/courtyard "$folder/streams" "$4"
+chromium=$(find_chromium "$4")
+node tests/interop/stream_test.mjs "$folder/node_modules" "$3" "$program" examples/courtyard "$folder/streams" "$chromium"

@@ -9,8 +9,7 @@ source "$(dirname "$0")/common.sh"
 
 program=$(realpath "${1:-build/default/bin/gemsplat}")
 folder=${2:-build/readers}
-chromium=${3:-$(command -v chromium || command -v chromium-browser || command -v google-chrome || true)}
+chromium=$(find_chromium "${3:-}")
 
-[[ -x $chromium ]] || skip "no Chromium was found; install the package chromium"
 install_npm_packages tests/interop/readers "$folder"
 node tests/interop/readers/matrix.mjs "$(realpath "$folder")" "$program" "$(realpath "$folder")/files" "$chromium" ${4:+"$4"}

@@ -75,8 +75,8 @@ std::size_t frames_of(const RenderFlags& flags, double usual_seconds) {
   return std::max<std::size_t>(1, std::size_t(frames + 0.5));
 }
 
-// Takes a --path that is no word for a kind as a file of key frames. Returns the seconds of the path
-// if no flag says them.
+// Takes a --path that is no word for a kind as a file of key frames. Returns the seconds of the
+// path if no flag says them.
 double take_path_file(RenderCommand& command) {
   PathRequest& path = command.path;
   if (path.kind.empty() || contains(kPathKinds, path.kind)) return kSeconds;

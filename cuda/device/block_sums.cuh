@@ -7,9 +7,9 @@
 namespace gs::cuda {
 
 /// Adds up the threads' sums, by the remainder of the thread's number by kRemainders: thread
-/// r < kRemainders has the sum of all threads r, r + kRemainders, r + 2 kRemainders, ... afterwards,
-/// and shared[k][r] has it, too. All threads of the block take part; there are kRemainders times a
-/// power of two of them, so that halving keeps each remainder.
+/// r < kRemainders has the sum of all threads r, r + kRemainders, r + 2 kRemainders, ...
+/// afterwards, and shared[k][r] has it, too. All threads of the block take part; there are
+/// kRemainders times a power of two of them, so that halving keeps each remainder.
 template <int kRemainders, int kThreads, int kCount>
 __device__ void sum_by_remainder(double (&sums)[kCount], double (&shared)[kCount][kThreads]) {
   static_assert(kThreads % kRemainders == 0 &&

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a step adds for a photometric model: for "gains" the sum of a photo's gradient after stage 5,
-// and for all models the update of all photos and cameras with stage 8. Twin of
+// What a step adds for a photometric model: for "gains" the sum of a photo's gradient after stage
+// 5, and for all models the update of all photos and cameras with stage 8. Twin of
 // gs_train/stages/photometric.cpp.
 //
 // Both kernels are a single block, because there are few numbers, and because all sums then have an

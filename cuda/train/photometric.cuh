@@ -13,8 +13,8 @@
 
 namespace gs::cuda {
 
-/// How a photo shows the scene's colors under gains. A kernel reads the numbers from the memory of the device,
-/// because the host does not know what earlier steps have learned.
+/// How a photo shows the scene's colors under gains. A kernel reads the numbers from the memory of
+/// the device, because the host does not know what earlier steps have learned.
 struct PhotoLook {
   const float* log_gains = nullptr;   // (3)
   const float* vignetting = nullptr;  // (3) of the camera; null: it is not learned

@@ -29,8 +29,8 @@ struct PoseRow {
 };
 
 /// The motions of all rows with their moments and gradients. Between upload() and download() those
-/// of the PoseState are older. Only these two wait; upload() does not if it would change nothing, as
-/// in the first step after a download().
+/// of the PoseState are older. Only these two wait; upload() does not if it would change nothing,
+/// as in the first step after a download().
 class DevicePoses {
  public:
   DevicePoses(Context& context, Memory& memory)
@@ -53,10 +53,9 @@ class DevicePoses {
   bool holds(const PoseState& state) const;
 
   Context& context_;
-  std::vector<float> held_values_, held_first_moment_,
-      held_second_moment_;  // of the last download,
-  std::vector<std::vector<double>>
-      held_modes_;  // until an update; the modes that are on the device
+  // What the last download has brought; no values: an update came after it.
+  std::vector<float> held_values_, held_first_moment_, held_second_moment_;
+  std::vector<std::vector<double>> held_modes_;          // those of modes_
   Buffer<float> values_, first_moment_, second_moment_;  // (rows, 6)
   Buffer<double> modes_;                                 // (modes, rows, 6) PoseState::common_modes
   Buffer<double> gradient_;                              // (rows, 6) zero between steps

@@ -171,8 +171,8 @@ __device__ inline ComparedValue compared_learned(const Pictures& pictures,
           weight.cover * (exposure * X)};
 }
 
-/// The same of the picture that a pass before has shown, which contains the exposure. `value` is the
-/// number of X in it.
+/// The same of the picture that a pass before has shown, which contains the exposure. `value` is
+/// the number of X in it.
 __device__ inline ComparedValue compared_recolored(const RecoloredPictures& pictures,
                                                    std::int64_t value, float X, float Y,
                                                    const std::uint8_t* mask) {

@@ -55,8 +55,8 @@ void require_for_spz(const ExportOptions& options) {
 void require_for_rad(const ExportOptions&) { require_zlib(); }
 void require_for_sog(const ExportOptions&) { require_webp(); }
 
-// Files that gemsplat only reads, and the names of files that stand for a folder, of which the whole
-// name counts. export --lod writes the first.
+// Files that gemsplat only reads, and the names of files that stand for a folder, of which the
+// whole name counts. export --lod writes the first.
 const std::vector<ModelFormat>& read_formats() {
   static const std::vector<ModelFormat> kFormats = {
       {"streamed sog", kLodMeta, "levels of detail as SOG", false, false, kPlyAxes, Holds::still,

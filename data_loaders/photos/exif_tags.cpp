@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // EXIF is a TIFF file within an APP1 segment of a JPEG (EXIF 2.3, 4.5; TIFF 6.0, section 2): a
-// directory of tags of 12 bytes each, one of which leads to the directory with the tags of the photo.
-// Nothing in it is trusted: all places are checked against the end of the segment.
+// directory of tags of 12 bytes each, one of which leads to the directory with the tags of the
+// photo. Nothing in it is trusted: all places are checked against the end of the segment.
 #include "data_loaders/photos/exif_tags.h"
 
 #include <cstring>

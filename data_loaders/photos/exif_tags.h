@@ -9,8 +9,8 @@
 
 namespace gs {
 
-/// The tags in the head of a JPEG file. All are 0 where the file is none, has no EXIF, or is damaged
-/// before them.
+/// The tags in the head of a JPEG file. All are 0 where the file is none, has no EXIF, or is
+/// damaged before them.
 ExposureTags exposure_tags_of_jpeg(Span<const std::uint8_t> head);
 
 }  // namespace gs

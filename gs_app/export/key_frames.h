@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The key frames of a camera path, as the viewer's path editor writes them for `render --path FILE`.
+// The key frames of a camera path, as the viewer's path editor writes them for `render --path
+// FILE`.
 #pragma once
 
 #include <filesystem>

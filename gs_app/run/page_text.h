@@ -12,8 +12,8 @@ namespace gs {
 /// Base 64 with padding (RFC 4648, section 4).
 std::string base64_of(const std::vector<std::uint8_t>& bytes);
 
-/// JSON that may stand in a script element, whatever its strings hold. Strings that are no UTF-8 are
-/// mended.
+/// JSON that may stand in a script element, whatever its strings hold. Strings that are no UTF-8
+/// are mended.
 std::string script_json(const nlohmann::ordered_json& data);
 
 }  // namespace gs

@@ -31,8 +31,8 @@ class FileView final : public ViewSource {
   std::unique_ptr<FrameRenderer> renderer_;
 };
 
-/// The looks of the scene's photos for a FrameRenderer; empty if it has none. Needs nothing of `scene`
-/// afterwards.
+/// The looks of the scene's photos for a FrameRenderer; empty if it has none. Needs nothing of
+/// `scene` afterwards.
 LookOf look_of(const ViewScene& scene);
 
 /// The cameras and photos beside a model. They come from the first of these that is there:

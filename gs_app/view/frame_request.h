@@ -22,8 +22,8 @@ struct FrameRequest {
 };
 
 /// Required: w h fx fy cx cy in pixels, and m, the matrix world_from_camera as 16 numbers by rows
-/// with commas. Optional: mode, q, look, client, and t, the time of a scene that moves, 0 to 1. Throws
-/// UsageError that names the parameter at fault.
+/// with commas. Optional: mode, q, look, client, and t, the time of a scene that moves, 0 to 1.
+/// Throws UsageError that names the parameter at fault.
 FrameRequest frame_request_of(const HttpRequest& request);
 
 }  // namespace gs

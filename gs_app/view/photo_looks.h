@@ -20,8 +20,8 @@ std::string photo_in(const SceneLooks& looks, const std::string& name);
 ///   {"matrix": 9 numbers by rows, "factors": [r, g, b]}
 nlohmann::ordered_json look_json(const SceneLooks& looks, const std::string& photo);
 
-/// The look of a photo of `camera` on a frame with another lens around the same axis. The vignetting
-/// is as large as the camera's picture would be in the frame.
+/// The look of a photo of `camera` on a frame with another lens around the same axis. The
+/// vignetting is as large as the camera's picture would be in the frame.
 std::unique_ptr<Appearance> look_on_frame(const SceneLooks& looks, const std::string& photo,
                                           const Camera& camera, const Camera& frame);
 

@@ -33,8 +33,8 @@ bool is_served_as_it_is(const std::filesystem::path& file);
 inline constexpr std::size_t kWorthStreaming = 2'000'000;
 
 /// Makes another file if one is needed; of a folder of export --lod it takes the .rad. A model of
-/// `stream_from` Gaussians or more that stands still becomes a .rad, which the page streams; 0: none
-/// does. Throws Error if a file cannot be written.
+/// `stream_from` Gaussians or more that stands still becomes a .rad, which the page streams; 0:
+/// none does. Throws Error if a file cannot be written.
 ServedModel serve_model(const OpenedModel& opened, std::size_t stream_from = kWorthStreaming);
 
 /// "model" of /scene.json: {"format", "gaussians", "bytes", "sh_degree", "antialiased", "name",

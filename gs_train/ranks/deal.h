@@ -7,8 +7,8 @@
 
 namespace gs {
 
-/// Rows of a chunk. A chunk of the Morton order is a small region of space, so each view finds about
-/// the same number of its Gaussians on every rank.
+/// Rows of a chunk. A chunk of the Morton order is a small region of space, so each view finds
+/// about the same number of its Gaussians on every rank.
 inline constexpr std::size_t kChunkRows = 4096;
 
 /// Row g of the whole model lies in chunk c = g / chunk_rows, on rank c mod ranks. A rank holds its

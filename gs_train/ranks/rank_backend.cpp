@@ -74,8 +74,8 @@ void RankBackend::differentiate_photo(const TrainingModel& shard, const Training
   pull_back(shard, photo, density, in_round);
 }
 
-// There: each rank projects its rows for every photo of the round, and sends the visible ones to the
-// rank that draws it. Back: the gradients of these.
+// There: each rank projects its rows for every photo of the round, and sends the visible ones to
+// the rank that draws it. Back: the gradients of these.
 void RankBackend::run_round(const TrainingModel& shard, std::size_t first,
                             const LossSettings& loss_settings, const DensityStep& density) {
   const std::size_t ranks = std::size_t(now_.ranks->count());

@@ -21,8 +21,8 @@ struct RankStep {
   Span<const TrainingPhoto> batch;
 };
 
-/// Photo i of a batch is drawn by rank i mod ranks, so a round of as many photos as ranks goes on at
-/// the same time. Every sum has the order that one rank would give it.
+/// Photo i of a batch is drawn by rank i mod ranks, so a round of as many photos as ranks goes on
+/// at the same time. Every sum has the order that one rank would give it.
 class RankBackend final : public ScalarBackend {
  public:
   RankBackend();

@@ -20,8 +20,8 @@ struct Ranks {
   Deal deal;
 };
 
-// A model whose rows are with the ranks has no statistics of its own: so the model itself says where
-// its rows are, also where another model lies at the same place.
+// A model whose rows are with the ranks has no statistics of its own: so the model itself says
+// where its rows are, also where another model lies at the same place.
 bool is_dealt(const TrainingModel& model) {
   return model.statistics.visits.size() != model.count();
 }

@@ -19,9 +19,9 @@ struct RankOptions {
 /// any number of ranks. From a step until the next synchronize() or row operation the shards of the
 /// ranks are the model; the TrainingModel keeps its number of rows, and its statistics have none.
 ///
-/// Where a rank throws, step() throws Error that names it. Where memory ran out, nothing has changed.
-/// After any other failure during the update, and after a rank that hung, no step follows: every
-/// call that needs the shards throws Error.
+/// Where a rank throws, step() throws Error that names it. Where memory ran out, nothing has
+/// changed. After any other failure during the update, and after a rank that hung, no step follows:
+/// every call that needs the shards throws Error.
 std::unique_ptr<Backend> make_ranked_backend(const RankOptions& options);
 
 }  // namespace gs

@@ -119,6 +119,18 @@ class Resume : public ::testing::Test {
   TempFolder folder_;
 };
 
+void kill_after(double seconds, pid_t child) {
+  std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
+  ::kill(child, SIGKILL);
+}
+
+// Notes how a run has ended, which goes on with `--resume auto`.
+void count(const Outcome& outcome, int& kills, int& resumed, bool& is_finished) {
+  is_finished = outcome.code == 0;
+  kills += outcome.code == -SIGKILL;
+  resumed += outcome.err.find("goes on after step") != outcome.err.npos;
+}
+
 TEST_F(Resume, ARunKilledAtRandomMomentsWritesTheBytesOfOneNeverInterrupted) {
   const auto clock = [] { return std::chrono::steady_clock::now(); };
   const auto begin = clock();
@@ -133,15 +145,10 @@ TEST_F(Resume, ARunKilledAtRandomMomentsWritesTheBytesOfOneNeverInterrupted) {
     const std::string again = command(out, "--save-steps 25 --test-steps 30 --resume auto");
     for (bool is_finished = false; !is_finished;) {
       const pid_t child = start(again);
-      if (kills < kKills) {
-        const double share = Random{kSeed, RandomStream::test}.uniform4(++draw).x;
-        std::this_thread::sleep_for(std::chrono::duration<double>(share * seconds));
-        ::kill(child, SIGKILL);
-      }
+      if (kills < kKills)
+        kill_after(Random{kSeed, RandomStream::test}.uniform4(++draw).x * seconds, child);
       const Outcome outcome = wait_for(child);
-      is_finished = outcome.code == 0;
-      kills += outcome.code == -SIGKILL;
-      resumed += outcome.err.find("goes on after step") != outcome.err.npos;
+      count(outcome, kills, resumed, is_finished);
       ASSERT_TRUE(is_finished || outcome.code == -SIGKILL) << outcome.err;
     }
     const auto actual = contents_of(path(out));
@@ -168,7 +175,8 @@ TEST_F(Resume, ARunKilledAtRandomMomentsGoesOnWithAnyNumberOfRanks) {
   constexpr int kKillsOfRanks = 20;
   const auto begin = std::chrono::steady_clock::now();
   ASSERT_EQ(run(command("whole", "--set train.batch=4")).code, 0);
-  const std::chrono::duration<double> duration = std::chrono::steady_clock::now() - begin;
+  const double seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   const auto expected = models_of(path("whole"));
   ASSERT_FALSE(expected.empty());
   int kills = 0, resumed = 0;
@@ -178,14 +186,9 @@ TEST_F(Resume, ARunKilledAtRandomMomentsGoesOnWithAnyNumberOfRanks) {
       const std::string ranks = std::to_string(1 + int(4 * random.y));
       const pid_t child =
           start(command("killed", "--set train.batch=4 --resume auto --set train.ranks=" + ranks));
-      if (kills < kKillsOfRanks) {
-        std::this_thread::sleep_for(double(random.x) * duration);
-        ::kill(child, SIGKILL);
-      }
+      if (kills < kKillsOfRanks) kill_after(double(random.x) * seconds, child);
       const Outcome outcome = wait_for(child);
-      is_finished = outcome.code == 0;
-      kills += outcome.code == -SIGKILL;
-      resumed += outcome.err.find("goes on after step") != outcome.err.npos;
+      count(outcome, kills, resumed, is_finished);
       ASSERT_TRUE(is_finished || outcome.code == -SIGKILL) << outcome.err;
     }
     EXPECT_TRUE(models_of(path("killed")) == expected);

@@ -217,8 +217,8 @@ struct Learned {
     return {model, look, std::vector<float>(photo.size(), 0.0f), has_lens, {0, 0, 0}};
   }
 };
-/// Gains of a third of a stop; an exposure of a third of a stop, and colors that are moved as far as
-/// those of cameras are.
+/// Gains of a third of a stop; an exposure of a third of a stop, and colors that are moved as far
+/// as those of cameras are.
 std::vector<Learned> all_learned() {
   std::vector<Learned> all;
   for (const bool has_lens : {false, true}) {

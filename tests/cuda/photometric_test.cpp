@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Steps and runs on the GPU with photometric models, against the scalar backend. The loss under them
-// is in loss_test.cpp.
+// Steps and runs on the GPU with photometric models, against the scalar backend. The loss under
+// them is in loss_test.cpp.
 #include "gs_core/error.h"
 #include "gs_train/loop/trainer.h"
 #include "gs_train/metrics.h"

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// How photos were exposed, by EXIF: through the photo reader of the build, and through our own reader
-// of JPEG files, which builds without OpenImageIO use.
+// How photos were exposed, by EXIF: through the photo reader of the build, and through our own
+// reader of JPEG files, which builds without OpenImageIO use.
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "data_loaders/photos/exif_tags.h"
 #include "tests/support/exif_photo.h"
+#include "tests/support/temp_folder.h"
 
 namespace gs {
 namespace {
@@ -54,7 +55,7 @@ TEST(Exif, OwnReaderFindsTheTags) {
 // Whatever is cut off or overwritten, nothing is read beyond the end; the sanitizers would say so.
 TEST(Exif, OwnReaderSurvivesDamage) {
   const std::string whole = exposed_photo(16, 8, kExposed);
-  const std::size_t head = 2 + ExposureSegment(kExposed).segment().size();
+  const std::size_t head = 2 + exif_segment(ExposureTiff(kExposed).tiff()).size();
   for (std::size_t size = 0; size <= head; ++size) {
     const ExposureTags tags = own_tags_of(std::string(whole.data(), size));
     EXPECT_EQ(tags.seconds * tags.f_number * tags.iso > 0, size == head) << size;

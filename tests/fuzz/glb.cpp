@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Trained Gaussians in a .glb. An input that begins with { is its JSON and, behind a mark, its binary
-// chunk, which the target puts together; other inputs are a file.
+// Trained Gaussians in a .glb. An input that begins with { is its JSON and, behind a mark, its
+// binary chunk, which the target puts together; other inputs are a file.
 #include "data_loaders/formats/glb/glb.h"
 
 #include "tests/fuzz/fuzz_target.h"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trained Gaussians as .ksplat. An input is a file, or # and then, without the zeros between them,
-// what its headers say: a byte for the number of sections, the first 44 bytes of the file, the first
+// what its headers say: a byte for the number of sections, the first 44 bytes of the file, the
+// first
 // 42 of each section, and the data.
 #include "data_loaders/formats/ksplat.h"
 

@@ -8,7 +8,7 @@ import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
 import {mkdir, readFile, readdir, rm, stat, writeFile} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
-import {Browser} from '../../apps/web/tests/browser.mjs';
+import {Browser, finish} from '../../apps/web/tests/browser.mjs';
 import {psnr} from '../../apps/web/tests/pictures.mjs';
 import {serveProgram} from '../../apps/web/tests/serve_program.mjs';
 import {playcanvasPage} from './playcanvas_page.mjs';
@@ -179,19 +179,6 @@ Object.assign(tests, {
   },
 });
 
-let failed = 0;
-for (const [name, test] of Object.entries(tests)) {
-  try {
-    await test();
-    assert.deepEqual(browser.failures, []);
-    console.log(`ok      ${name}`);
-  } catch (error) {
-    ++failed;
-    console.log(`FAILED  ${name}\n${error.stack}\n${browser.failures.join('\n')}`);
-  }
-  browser.failures.length = 0;
-}
-await browser.close();
+const failed = await browser.runTests(tests);
 await server.close();
-console.log(failed ? `${failed} failed` : 'all passed');
-process.exit(failed ? 1 : 0);
+finish(failed);

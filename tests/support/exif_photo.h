@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// JPEG photos with the tags of EXIF that say how they were exposed, written tag by tag, so that their
-// tests depend on no writer of EXIF.
+// JPEG photos with the tags of EXIF that say how they were exposed, written tag by tag, so that
+// their tests depend on no writer of EXIF.
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <string>
-#include <vector>
 
-#include "data_loaders/photos/photos.h"
-#include "tests/support/temp_folder.h"
+#include "tests/support/exif_segment.h"
 
 namespace gs {
 
@@ -19,10 +16,10 @@ struct Exposed {
   std::uint32_t iso = 0;
 };
 
-/// The EXIF part of a JPEG (APP1).
-class ExposureSegment {
+/// The TIFF of an EXIF part.
+class ExposureTiff {
  public:
-  explicit ExposureSegment(const Exposed& exposed, bool is_big = false) : is_big_(is_big) {
+  explicit ExposureTiff(const Exposed& exposed, bool is_big = false) : is_big_(is_big) {
     const std::uint32_t tags = (exposed.seconds > 0) + (exposed.f_number > 0) + (exposed.iso > 0);
     constexpr std::uint32_t kIfd = 26;              // bytes of the TIFF part
     std::uint32_t data = kIfd + 2 + 12 * tags + 4;  // behind the tags
@@ -46,11 +43,7 @@ class ExposureSegment {
       if (value > 0) put(std::uint32_t(value * 1000 + 0.5), 4), put(1000, 4);
   }
 
-  std::string segment() const {
-    const std::size_t length = 2 + 6 + bytes_.size();
-    return std::string("\xff\xe1") + char(length >> 8) + char(length & 255) +
-           std::string("Exif\0\0", 6) + bytes_;
-  }
+  const std::string& tiff() const { return bytes_; }
 
  private:
   void put(std::uint32_t value, int count) {
@@ -65,10 +58,7 @@ class ExposureSegment {
 /// The bytes of a gray JPEG with these tags.
 inline std::string exposed_photo(int width, int height, const Exposed& exposed,
                                  bool is_big = false) {
-  const std::vector<std::uint8_t> jpeg = encode_jpeg(Image8(width, height, 3, 128), 90);
-  std::string bytes(jpeg.begin(), jpeg.end());
-  bytes.insert(2, ExposureSegment(exposed, is_big).segment());
-  return bytes;
+  return gray_photo_with_exif(width, height, ExposureTiff(exposed, is_big).tiff());
 }
 
 }  // namespace gs

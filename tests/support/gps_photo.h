@@ -6,15 +6,14 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
-#include <vector>
 
-#include "data_loaders/photos/photos.h"
 #include "gs_core/geodesy/geodetic.h"
+#include "tests/support/exif_segment.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
 
-/// The EXIF part of a JPEG (APP1) with six GPS tags.
+/// The TIFF of an EXIF part with six GPS tags.
 class GpsTags {
  public:
   explicit GpsTags(const Geodetic& place) {
@@ -35,11 +34,7 @@ class GpsTags {
     rational(std::abs(place.height), 1000);
   }
 
-  std::string segment() const {
-    const std::size_t length = 2 + 6 + bytes_.size();
-    return std::string("\xff\xe1") + char(length >> 8) + char(length & 255) +
-           std::string("Exif\0\0", 6) + bytes_;
-  }
+  const std::string& tiff() const { return bytes_; }
 
  private:
   void put(std::uint32_t value, int count) {
@@ -65,10 +60,7 @@ class GpsTags {
 /// Writes a gray JPEG with these GPS tags.
 inline void write_gps_photo(const std::filesystem::path& path, int width, int height,
                             const Geodetic& place) {
-  const std::vector<std::uint8_t> jpeg = encode_jpeg(Image8(width, height, 3, 128), 90);
-  std::string bytes(jpeg.begin(), jpeg.end());
-  bytes.insert(2, GpsTags(place).segment());
-  write_bytes(path, bytes);
+  write_bytes(path, gray_photo_with_exif(width, height, GpsTags(place).tiff()));
 }
 
 }  // namespace gs

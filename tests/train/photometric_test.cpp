@@ -298,7 +298,8 @@ TEST(BeginPhotometric, KnowsTheCamerasOfTheNumbersOfACheckpoint) {
   EXPECT_EQ(training.photometric.camera_of, camera_rows(scene.train_views));
 }
 
-// Pixels grow with the root of the light. A photo without the tags starts as the mean of the others.
+// Pixels grow with the root of the light. A photo without the tags starts as the mean of the
+// others.
 TEST(BeginPhotometric, TakesTheExposuresOfExifWhereNoneWereSolvedFor) {
   Scene scene = small_scene();
   for (std::size_t i = 0; i < 4; ++i) scene.train_views[i].exposure_stops = float(i);

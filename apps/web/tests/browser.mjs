@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A headless Chromium that reaches nothing but the file or the server it is given, and remembers
 // what went wrong.
+import assert from 'node:assert/strict';
 import {mkdtemp, rm} from 'node:fs/promises';
 import {createRequire} from 'node:module';
 import {tmpdir} from 'node:os';
@@ -70,8 +71,36 @@ export class Browser {
     return this.visit(`${url}${at && `#${at}`}`, own, options);
   }
 
+  // Runs each test as test(browser, ...args) and says which failed. `check` looks at what pages have
+  // complained about; `before` and `after` are called around each test. ONLY=WORDS in the
+  // environment: those tests alone whose names contain it. Closes the browser. Returns how many failed.
+  async runTests(tests, {args = [], before, check = () => assert.deepEqual(this.failures, []), after} = {}) {
+    let failed = 0;
+    for (const [name, test] of Object.entries(tests).filter(([name]) => name.includes(process.env.ONLY ?? ''))) {
+      await before?.();
+      try {
+        await test(this, ...args);
+        check();
+        console.log(`ok      ${name}`);
+      } catch (error) {
+        ++failed;
+        console.log(`FAILED  ${name}\n${error.stack}\n${this.failures.join('\n')}`);
+      }
+      this.failures.length = 0;
+      await after?.();
+    }
+    await this.close();
+    return failed;
+  }
+
   async close() {
     await this.context.close();
     await rm(this.profile, {recursive: true, force: true});
   }
+}
+
+// The last line of a file of tests, and the end of its process.
+export function finish(failed, note = '') {
+  console.log(`${failed ? `${failed} failed` : 'all passed'}${note && `; ${note}`}`);
+  process.exit(failed ? 1 : 0);
 }

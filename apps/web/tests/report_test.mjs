@@ -7,7 +7,7 @@ import {execFileSync} from 'node:child_process';
 import {existsSync} from 'node:fs';
 import {mkdir, readFile, rm, stat, writeFile} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
-import {Browser} from './browser.mjs';
+import {Browser, finish} from './browser.mjs';
 
 const SKIPPED = 77;  // as CTest is told
 const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path));
@@ -219,18 +219,4 @@ const tests = {
 await makeRuns();
 const browser = await Browser.start(modules, chromium);
 browser.context.setDefaultTimeout(10_000);
-let failed = 0;
-for (const [name, test] of Object.entries(tests)) {
-  try {
-    await test(browser);
-    assert.deepEqual(browser.failures, []);
-    console.log(`ok      ${name}`);
-  } catch (error) {
-    ++failed;
-    browser.failures.length = 0;
-    console.log(`FAILED  ${name}\n${error.stack}`);
-  }
-}
-await browser.close();
-console.log(`${failed ? `${failed} failed` : 'all passed'}; screenshots: ${out}`);
-process.exit(failed ? 1 : 0);
+finish(await browser.runTests(tests), `screenshots: ${out}`);

@@ -7,7 +7,7 @@ import {execFileSync, execSync} from 'node:child_process';
 import {existsSync} from 'node:fs';
 import {mkdir, readFile, rm} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
-import {Browser} from './browser.mjs';
+import {Browser, finish} from './browser.mjs';
 import {psnr} from './pictures.mjs';
 import {serveProgram} from './serve_program.mjs';
 
@@ -143,19 +143,6 @@ gemsplat('train', scene, '-o', run, '-i', '300', ...SETTINGS);
 const server = await serveProgram(program, 'view', run, '--no-open', '--port', '0');
 const browser = await Browser.start(modules, chromium, {server: true});
 browser.context.setDefaultTimeout(60_000);
-let failed = 0;
-for (const [name, test] of Object.entries(tests).filter(([name]) => name.includes(process.env.ONLY ?? ''))) {
-  try {
-    await test(browser, server);
-    assert.deepEqual(browser.failures, []);
-    console.log(`ok      ${name}`);
-  } catch (error) {
-    ++failed;
-    console.log(`FAILED  ${name}\n${error.stack}\n${browser.failures.join('\n')}`);
-  }
-  browser.failures.length = 0;
-}
-await browser.close();
+const failed = await browser.runTests(tests, {args: [server]});
 await server.end();
-console.log(`${failed ? `${failed} failed` : 'all passed'}; screenshots: ${out}`);
-process.exit(failed ? 1 : 0);
+finish(failed, `screenshots: ${out}`);

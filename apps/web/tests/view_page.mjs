@@ -6,7 +6,7 @@ import assert from 'node:assert/strict';
 import {existsSync} from 'node:fs';
 import {mkdir} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
-import {Browser} from './browser.mjs';
+import {Browser, finish} from './browser.mjs';
 import {BLOBS, CAMERAS, plainPng, plyOf, sceneFor} from './view_scene.mjs';
 import {ViewServer} from './view_server.mjs';
 
@@ -63,23 +63,16 @@ export async function runAll(tests) {
   await mkdir(out, {recursive: true});
   const browser = await Browser.start(modules, chromium, {server: true});
   browser.context.setDefaultTimeout(30_000);
-  let failed = 0;
-  for (const [name, test] of Object.entries(tests).filter(([name]) => name.includes(process.env.ONLY ?? ''))) {
-    browser.servers = [];
-    browser.isForgiving = false;  // of errors that the test itself has made
-    try {
-      await test(browser);
+  const failed = await browser.runTests(tests, {
+    before() {
+      browser.servers = [];
+      browser.isForgiving = false;  // of errors that the test itself has made
+    },
+    check() {
       if (!browser.isForgiving) assert.deepEqual(browser.failures, []);
       assert.ok(!browser.failures.some(failure => failure.includes(': request: ')), browser.failures.join('\n'));
-      console.log(`ok      ${name}`);
-    } catch (error) {
-      ++failed;
-      console.log(`FAILED  ${name}\n${error.stack}\n${browser.failures.join('\n')}`);
-    }
-    browser.failures.length = 0;
-    await Promise.all(browser.servers.map(server => server.http.listening && server.close()));
-  }
-  await browser.close();
-  console.log(`${failed ? `${failed} failed` : 'all passed'}; screenshots: ${out}`);
-  process.exit(failed ? 1 : 0);
+    },
+    after: () => Promise.all(browser.servers.map(server => server.http.listening && server.close())),
+  });
+  finish(failed, `screenshots: ${out}`);
 }

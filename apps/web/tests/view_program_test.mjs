@@ -7,7 +7,7 @@ import {execFileSync} from 'node:child_process';
 import {existsSync} from 'node:fs';
 import {mkdir, readFile, rm} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
-import {Browser} from './browser.mjs';
+import {Browser, finish} from './browser.mjs';
 import {colorsAt, psnr} from './pictures.mjs';
 import {serveProgram} from './serve_program.mjs';
 
@@ -114,18 +114,4 @@ gemsplat('train', scene, '-o', run, '-i', '300', ...SETTINGS);
 gemsplat('render', run, '-o', renders, '-q', '--device', 'cpu');
 const browser = await Browser.start(modules, chromium, {server: true});
 browser.context.setDefaultTimeout(60_000);
-let failed = 0;
-for (const [name, test] of Object.entries(tests)) {
-  try {
-    await test(browser);
-    assert.deepEqual(browser.failures, []);
-    console.log(`ok      ${name}`);
-  } catch (error) {
-    ++failed;
-    console.log(`FAILED  ${name}\n${error.stack}\n${browser.failures.join('\n')}`);
-  }
-  browser.failures.length = 0;
-}
-await browser.close();
-console.log(`${failed ? `${failed} failed` : 'all passed'}; screenshots: ${out}`);
-process.exit(failed ? 1 : 0);
+finish(await browser.runTests(tests), `screenshots: ${out}`);

@@ -34,8 +34,8 @@ struct ModelPage {
 
 /// Writes the page; an older file becomes FILE.bak-N. The model inside is a .sog, or an .spz with 8
 /// bits of SH in a build without libwebp, or a .gs4d where it moves, of SH degree `sh_degree` at
-/// most. The page has the cameras of the run, without photos. Throws Error, with a remedy, where the
-/// model is larger than kMostPageModelBytes.
+/// most. The page has the cameras of the run, without photos. Throws Error, with a remedy, where
+/// the model is larger than kMostPageModelBytes.
 ModelPage write_model_page(const std::filesystem::path& file, const OpenedModel& opened,
                            const Config& config, int sh_degree);
 
