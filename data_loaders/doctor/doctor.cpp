@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "data_loaders/doctor/examination.h"
+#include "gs_core/config/scene_settings.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -40,7 +41,9 @@ SceneSize size_of(const Examination& examination) {
 }
 
 void add_forecast(Examination& examination, const ForecastDevice& device) {
-  const Forecast run = forecast(examination.config, size_of(examination), device);
+  const SceneSize size = size_of(examination);
+  const Config config = settled_for(examination.config, size.points, examination.usable.size());
+  const Forecast run = forecast(config, size, device);
   examination.add(Level::note, "forecast", run.text);
   for (const std::string& warning : run.warnings)
     examination.add(Level::warning, "forecast", warning);

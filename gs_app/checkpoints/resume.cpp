@@ -16,7 +16,7 @@
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
 #include "gs_core/log.h"
-#include "gs_train/initialize/scene_settings.h"
+#include "gs_core/config/scene_settings.h"
 #include "gs_train/photometric/photometric_model.h"
 #include "gs_train/schedule.h"
 

@@ -21,7 +21,7 @@
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_train/initialize/scene_settings.h"
+#include "gs_core/config/scene_settings.h"
 
 namespace gs {
 namespace {

@@ -293,8 +293,12 @@ void validate(const Config& config, const SettingOrigins& origins) {
   require(!is_budgeted || !prunes_shares || !sums_pixel_values(density.score), "density.score",
           density.score,
           "gradient or force: density.soft_prune and density.hard_prune sum no values of pixels");
-  const double steps = double(config.train.iterations) * double(config.train.steps_scaler) +
-                       double(config.train.extra_steps);
+  const TrainConfig& train = config.train;
+  const double iterations = train.iterations > 0
+                                ? double(train.iterations)
+                                : double(train.random_start_factor) * train.most_iterations;
+  const double steps =
+      std::max(iterations, 1.0) * double(train.steps_scaler) + double(train.extra_steps);
   require(steps >= 1 && steps <= limits::kLargestInt, "train.steps_scaler",
           config.train.steps_scaler, "such that train.iterations times it is a count of steps");
 }

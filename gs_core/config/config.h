@@ -55,7 +55,7 @@ struct ModelConfig {
   int sh_degree = 3;
   float initial_opacity = 0.1f;
   float initial_scale = 1;           // times the distance to the nearest points
-  int random_points = 100000;        // used when the model has no points
+  int random_points = 20000;         // used when the model has no points
   float random_box = 0;              // half the edge of the box of random points; 0: by cameras
   int most_points = 2000000;         // to start from; denser clouds are downsampled
   bool dynamic = false;              // Gaussians in space and time, for scenes that move
@@ -104,14 +104,14 @@ struct PosesConfig {
 /// Learning rates of Adam; position rates are multiplied by the scene's extent.
 struct OptimizerConfig {
   float position_lr_initial = 1.6e-4f;
-  float position_lr_final = 1.6e-6f;
+  float position_lr_final = 1.6e-5f;
   float position_lr_final_power = 0;  // in short runs: times (30,000 / steps)^power, at most 10
   int position_decay_from = 0;        // the position rate stays what it is at first until this step
   float log_scale_lr = 5e-3f;
   float rotation_lr = 1e-3f;
   float opacity_lr = 0.025f;
   float sh0_lr = 2.5e-3f;
-  float sh_rest_lr = 1.25e-4f;
+  float sh_rest_lr = 2.5e-4f;
   float time_mean_lr = 8e-4f;
   float log_time_scale_lr = 5e-3f;
   float time_color_lr = 2.5e-3f;  // of the changes of sh0
@@ -122,25 +122,26 @@ inline constexpr int kMostBatch = 64;           // photos of one update
 inline constexpr int kMostReduction = 16;       // of photos, in each direction
 inline constexpr std::int64_t kAutoCount = -1;  // the word auto: the program finds the count itself
 
-/// Density control: adaptive (Kerbl et al. 2023, Sec. 5.2), budgeted (docs/density.md) or mcmc
-/// (Kheradmand et al. 2024). Steps are those of a 30,000-step run.
+/// Density control: budgeted (docs/density.md), adaptive (Kerbl et al. 2023, Sec. 5.2) or mcmc
+/// (Kheradmand et al. 2024). Steps are those of a 30,000-step run. The preset adaptive has the
+/// settings that fit that strategy, and the preset mcmc those of the other.
 struct DensityConfig {
-  std::string strategy = "adaptive";  // adaptive, budgeted, mcmc
+  std::string strategy = "budgeted";  // adaptive, budgeted, mcmc
   int from_step = 600;
-  int until_step = 14900;
+  int until_step = 24000;
   int every = 100;
   int every_epochs = 0;              // at least so many epochs between refinements
   int first_epochs = 0;              // at least so many epochs before the first one
   int final_steps = 0;               // at the end, without refinements
-  float gradient_threshold = 2e-4f;  // of the mean NDC-scaled 2D position gradient
+  float gradient_threshold = 1e-4f;  // of the mean NDC-scaled 2D position gradient
   float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
   float prune_opacity = 0.005f;
   float prune_scale = 0.1f;        // of the extent, after the first opacity reset
   float camera_clearance = 0.35f;  // of the distance from a camera to what it sees; 0: none
-  int reset_opacity_every = 3000;
-  int reset_opacity_until = 12000;
+  int reset_opacity_every = 6000;
+  int reset_opacity_until = 24000;
   std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as fit into memory
-  float gaussians_per_point = 0;   // where there is no cap: so many for each sparse point
+  float gaussians_per_point = 25;  // where there is no cap: so many for each sparse point
   bool absolute_gradient = false;  // the statistic sums absolute values over pixels (AbsGS)
   // for mcmc only
   float growth = 0.05f;      // of the count, in one refinement
@@ -151,27 +152,27 @@ struct DensityConfig {
   float time_scale_regularizer = 0;  // weight of the mean of 1 / scale in time
   float velocity_regularizer = 0;    // weight of the mean squared velocity
   float static_after = 0;  // durations; Gaussians that live longer become 3D ones; 0: none
-  StatisticsWindow window = StatisticsWindow::refinement;
+  StatisticsWindow window = StatisticsWindow::epoch;
   // for budgeted only: docs/density.md
-  GrowthScore score = GrowthScore::gradient;
+  GrowthScore score = GrowthScore::force;
   ScorePooling pooling = ScorePooling::sum;
   float score_threshold = 0;  // of sums: for each photo
   float mask_error = 0.1f;    // of a view's range of errors: pixels above it are in the mask
-  GrowthSelection select = GrowthSelection::top_k;
-  GrowthCurve curve = GrowthCurve::none;
+  GrowthSelection select = GrowthSelection::race;
+  GrowthCurve curve = GrowthCurve::linear;
   float ramp_from = 4;            // times smaller than the photos: where the curve "ramp" begins
   float candidate_share = 0.25f;  // of those that may grow; with the curve "share"
-  float most_growth = 1;          // in one refinement, of the count
+  float most_growth = 0.3f;       // in one refinement, of the count
   bool replace = false;           // at least as many grow as are pruned
-  SplitPlacement split = SplitPlacement::draw;
+  SplitPlacement split = SplitPlacement::axis;
   float split_offset = 1.35f;   // standard deviations of the longest axis
   float split_along = 0.55f;    // factor of the longest scale
   float split_across = 0.893f;  // factor of the other scales
   bool keep_parent = false;     // which then has one child, not two
-  float child_opacity_factor = 1, child_opacity_power = 1;
-  OpacityPolicy opacity_policy = OpacityPolicy::reset;
-  float opacity_amount = 0.01f;
-  MomentClearing opacity_clears = MomentClearing::opacity;
+  float child_opacity_factor = 0.7f, child_opacity_power = 1;
+  OpacityPolicy opacity_policy = OpacityPolicy::halve;
+  float opacity_amount = 0.0078125f;  // 1 / 128
+  MomentClearing opacity_clears = MomentClearing::all;
   float opacity_cap = 1;  // after each refinement
   bool prune_unseen = false;
   float recovery_prune = 0;     // share of the Gaussians, some steps after an opacity reset
@@ -186,20 +187,21 @@ struct DensityConfig {
 };
 
 struct TrainConfig {
-  int iterations = 30000;
-  int epochs = 0;            // above 0: so many passes over the photos, at most `iterations` steps
-  int least_iterations = 0;  // with it, at least so many steps
+  int iterations = 0;  // 0: so many steps as the next four say
+  int epochs = 100;    // passes over the photos, ...
+  int least_iterations = 5000, most_iterations = 10000;  // ... but at least and at most so many steps
+  float random_start_factor = 2.5f;  // times these three where training starts from random points
   int batch = 1;             // photos of one update; steps count photos
   int batch_from_step = 0;   // updates by single photos until then
   bool batch_rates = true;   // learning rates and betas that fit the batch
   float steps_scaler = 1;    // multiplies iterations and the whole schedule
-  int sh_degree_every = 1000;
+  int sh_degree_every = 3000;
   int sh_degree_epochs = 0;          // at least so many epochs between SH degrees
-  std::vector<int> resolution_ramp;  // factors by which photos are reduced at first
+  std::vector<int> resolution_ramp{2};  // factors by which photos are reduced at first
   int resolution_every = 6000;       // steps with each of them
   int resolution_least = 100000;     // pixels; a photo is not reduced to fewer
   int morton_every = 5000;
-  int morton_until = 15000;
+  int morton_until = 24000;
   std::uint64_t seed = 42;
   int threads = 0;              // 0: all cores
   bool deterministic = false;   // the same seed gives the same bytes on a GPU, too

@@ -149,7 +149,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.reset_opacity_every",  density.reset_opacity_every,  "steps",       steps_from(1),           retrain, "interval between opacity resets", kKerbl);
   field("density.reset_opacity_until",  density.reset_opacity_until,  "steps",       steps_from(0),           retrain, "last opacity reset; 0: none", kKerbl);
   field("density.max_gaussians",        density.max_gaussians,        "",            between(kAutoCount, 4e9), proceed, "more points are downsampled to this number, and growth stops at it; 0: no limit; auto (-1): as many as fit into memory");
-  field("density.gaussians_per_point",  density.gaussians_per_point,  "",            between(0, 1e6),         retrain, "if max_gaussians is 0, it becomes so many times the points that training starts from; 0: it does not");
+  field("density.gaussians_per_point",  density.gaussians_per_point,  "",            between(0, 1e6),         retrain, "if max_gaussians is 0, it becomes so many times the points that training starts from, but at most 5 million or that number of points; 0: it does not");
   field("density.absolute_gradient",    density.absolute_gradient,    "",            any(),                   retrain, "for cloning and splitting, sum absolute values of the gradient over pixels; needs a gradient_threshold about four times as large", "Ye et al. 2024");
   field("density.growth",               density.growth,               "",            between(0, 1),           retrain, "fraction of the Gaussians that mcmc adds in one refinement", kMcmc);
   field("density.noise_scale",          density.noise_scale,          "",            at_least(0),             retrain, "strength of mcmc's noise on the means, as a multiple of their learning rate", kMcmc);
@@ -193,9 +193,11 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.late_prune_opacity",   density.late_prune_opacity,   "",            between(0, 0.99),        retrain, "after the last refinement, budgeted removes fainter Gaussians every reset_opacity_every steps; 0: it does not", "FastGS");
 
   auto& train = config.train;
-  field("train.iterations",             train.iterations,             "steps",       steps_from(1),           proceed, "length of the training, one photo each step; the schedule scales with it", kKerbl);
-  field("train.epochs",                 train.epochs,                 "epochs",      between(0, 100000),      retrain, "above 0, the training takes so many passes over the photos, but at most iterations steps");
-  field("train.least_iterations",       train.least_iterations,       "steps",       steps_from(0),           retrain, "with epochs, the training takes at least so many steps");
+  field("train.iterations",             train.iterations,             "steps",       steps_from(0),           proceed, "length of the training, one photo each step; the schedule scales with it; 0: as epochs, least_iterations, most_iterations and random_start_factor say");
+  field("train.epochs",                 train.epochs,                 "epochs",      between(0, 100000),      retrain, "if iterations is 0, the training takes so many passes over the photos");
+  field("train.least_iterations",       train.least_iterations,       "steps",       steps_from(1),           retrain, "but at least so many steps");
+  field("train.most_iterations",        train.most_iterations,        "steps",       steps_from(1),           retrain, "and at most so many steps");
+  field("train.random_start_factor",    train.random_start_factor,    "",            above(0),                retrain, "where training starts from random points, all three are so many times as large");
   field("train.batch",                  train.batch,                  "photos",      between(1, kMostBatch),  retrain, "photos of one update, which takes the mean of their gradients; steps go on counting photos", "Faster-GS (4D)");
   field("train.batch_from_step",        train.batch_from_step,        "steps",       steps_from(0),           retrain, "until this step of a 30,000-step run each photo has an update of its own", "FastGS");
   field("train.batch_rates",            train.batch_rates,            "",            any(),                   retrain, "an update by B photos stands for B updates: learning rates * sqrt(B), betas to the power B; off: as for one photo", "Malladi et al. 2022");

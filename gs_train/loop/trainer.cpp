@@ -13,7 +13,7 @@
 #include "gs_render/render_settings.h"
 #include "gs_train/density/gaussian_budget.h"
 #include "gs_train/initialize/initialize.h"
-#include "gs_train/initialize/scene_settings.h"
+#include "gs_core/config/scene_settings.h"
 #include "gs_train/photometric/photometric_start.h"
 #include "gs_train/poses/poses.h"
 #include "gs_train/row_rules.h"

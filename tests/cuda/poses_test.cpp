@@ -3,6 +3,7 @@
 #include "gs_train/poses/poses.h"
 
 #include "gs_train/loop/trainer.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/cuda.h"
 #include "tests/support/posed_scene.h"
 #include "tests/support/poses.h"
@@ -37,7 +38,7 @@ class CudaPoses : public CudaTest {
   /// A model on the host whose poses are disturbed.
   TrainingModel started(const Gaussians& gaussians) const {
     TrainingModel model = model_of(gaussians);
-    Config config;
+    Config config = adaptive_config();
     config.poses.refine = true;
     begin_poses(config, scene_, model);
     disturb(model.poses, 0.005, 0.01);

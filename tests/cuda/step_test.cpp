@@ -6,6 +6,7 @@
 
 #include "data_loaders/photos/photo_pool.h"
 #include "gs_train/poses/poses.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/cuda.h"
 #include "tests/support/gains.h"
 
@@ -646,7 +647,7 @@ TEST_F(CudaStep, SteadyStepsWithAPhotometricModelNeitherWaitNorAllocate) {
 TEST_F(CudaStep, SteadyStepsThatRefinePosesNeitherWaitNorAllocate) {
   Scene scene;
   scene.train_views = some_views(200, 150, 5);
-  Config config;
+  Config config = adaptive_config();
   config.poses.refine = true;
   TrainingModel start = model_of(random_gaussians(kTypical, 20000, scene.train_views[0].camera, 7));
   begin_poses(config, scene, start);

@@ -5,6 +5,7 @@
 #include "data_loaders/scene/load_scene.h"
 #include "gs_train/loop/trainer.h"
 #include "gs_train/metrics.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/cuda.h"
 #include "tests/support/scene_run.h"
 
@@ -37,7 +38,7 @@ class CudaTrainCourtyard : public CudaTrain {
     config_.dataset.resolution = 2;
     config_.dataset.eval = true;
   }
-  Config config_;
+  Config config_ = adaptive_config();
 };
 
 // The first 500 steps of the standard schedule: no Gaussian is added yet, and the two backends stay

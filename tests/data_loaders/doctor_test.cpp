@@ -10,6 +10,7 @@
 #include "data_loaders/colmap/colmap_write.h"
 #include "data_loaders/photos/picture_quality.h"
 #include "data_loaders/video/video_frames.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/avi_writer.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/exif_photo.h"
@@ -27,7 +28,7 @@ using testing::Not;
 using Level = Finding::Level;
 
 Diagnosis diagnosis_of(const std::filesystem::path& folder, bool look_at_pictures = true) {
-  Config config;
+  Config config = adaptive_config();
   config.dataset.source = folder.string();
   return examine(config, look_at_pictures);
 }
@@ -86,7 +87,7 @@ TEST(Doctor, NamesTheFramesThatAVideoLacks) {
   write_avi(temp.path() / "images/cam1.avi", frames);
   const std::filesystem::path cut = temp.path() / "images/cam1.avi";
   write_bytes(cut, read_bytes(cut).substr(0, 15 * (3 * 12 * 8 + 8)));
-  Config config;
+  Config config = adaptive_config();
   config.dataset.source = temp.path().string();
   config.dataset.times = PhotoTimes::frames;
   const Finding damaged = the(examine(config, true), Level::fatal, "photos");
@@ -99,7 +100,7 @@ TEST(Doctor, NamesTheFramesThatAVideoLacks) {
 TEST(Doctor, ForecastOfMemoryKeepsToTheBudgetOfPhotos) {
   const TempFolder temp;
   write_scene(temp.path(), small_model(24));
-  Config config;
+  Config config = adaptive_config();
   config.dataset.source = temp.path().string();
   EXPECT_THAT(the(examine(config, false), Level::note, "forecast").text,
               Not(HasSubstr("just before their turn")));
@@ -122,7 +123,7 @@ TEST(Doctor, StopsWhereNoViewCanShowAnyPoint) {
 TEST(Doctor, NamesThePlaneThatHidesEverything) {
   const TempFolder temp;
   write_scene(temp.path(), small_model(24));
-  Config config;
+  Config config = adaptive_config();
   config.dataset.source = temp.path().string();
   config.render.near_plane = 50;
   EXPECT_THAT(the(examine(config, false), Level::fatal, "sight").text,
@@ -243,7 +244,7 @@ TEST(Doctor, RefusesWhatLoadingRefuses) {
   EXPECT_FALSE(diagnosis_of(temp.path(), false).can_train());
 
   write_scene(temp.path(), small_model(24));
-  Config config;
+  Config config = adaptive_config();
   config.dataset.source = temp.path().string();
   config.dataset.resolution = 3;
   EXPECT_FALSE(examine(config, false).can_train());
@@ -311,13 +312,13 @@ TEST(Doctor, WarnsOfASceneThatMoves) {
 // --- Forecast
 
 TEST(Forecast, GrowsWithThePointsOfTheSceneUpToTheCap) {
-  Config config;
+  Config config = adaptive_config();
   EXPECT_NEAR(expected_gaussians(config, 9000), 215e3, 20e3);    // fox_640: 215,465
   EXPECT_NEAR(expected_gaussians(config, 33485), 909e3, 100e3);  // south_building: 908,930
   EXPECT_EQ(expected_gaussians(config, 1500000), 3000000);       // starts beyond a million
   config.train.iterations = 200;
   EXPECT_EQ(expected_gaussians(config, 9000), 9000);  // ends before the first growth
-  config = Config();
+  config = adaptive_config();
   config.density.max_gaussians = 50000;
   EXPECT_EQ(expected_gaussians(config, 9000), 50000);
   EXPECT_EQ(expected_gaussians(config, 90000), 50000);
@@ -332,7 +333,7 @@ TEST(Forecast, GrowsWithThePointsOfTheSceneUpToTheCap) {
 }
 
 TEST(Forecast, NamesGpuFiguresForAGpuOnly) {
-  const Config config;
+  const Config config = adaptive_config();
   const SceneSize scene = {1e8, 0, 1.0, 30000};
   EXPECT_THAT(forecast(config, scene, {}).text,
               AllOf(HasSubstr("on the CPU"), Not(HasSubstr("H200")), Not(HasSubstr("GPU"))));
@@ -342,7 +343,7 @@ TEST(Forecast, NamesGpuFiguresForAGpuOnly) {
 }
 
 TEST(Forecast, WarnsOfARunThatDoesNotFit) {
-  Config config;
+  Config config = adaptive_config();
   config.density.max_gaussians = 10000000;
   config.density.strategy = "mcmc";
   const SceneSize scene = {1e8, 1e8, 1.0, 30000};
@@ -359,7 +360,7 @@ TEST(Forecast, WarnsOfARunThatDoesNotFit) {
 }
 
 TEST(Forecast, CountsPhotosThatAreNotLoadedYet) {
-  Config config;
+  Config config = adaptive_config();
   config.dataset.photo_ram_gib = 1e6f;
   SceneSize scene = {1e15, 0, 1.0, 30000};
   EXPECT_THAT(forecast(config, scene, {true, 0}).warnings, ElementsAre(HasSubstr("--photo-ram")));
@@ -401,7 +402,7 @@ TEST(Doctor, NamesOddPictures) {
     write_png(temp.path() / "images" / model.images[i].name,
               noise(i == 2 ? 6 : 0, i == 5 ? 0.3 : 1, i));
   std::size_t last = 0, all = 0;
-  Config config;
+  Config config = adaptive_config();
   config.dataset.source = temp.path().string();
   const Diagnosis diagnosis = examine(config, true, [&](std::size_t done, std::size_t total) {
     EXPECT_EQ(done, ++last);

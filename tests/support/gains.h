@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "gs_train/photometric/photometric_start.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/scenes.h"
 
 namespace gs {
@@ -13,7 +14,7 @@ namespace gs {
 /// darken the corners, so that no term is zero.
 inline void begin_with_gains(const PhotometricConfig& photometric, const std::vector<View>& views,
                              TrainingModel& model) {
-  Config config;
+  Config config = adaptive_config();
   config.photometric = photometric;
   Scene scene;
   scene.train_views = views;

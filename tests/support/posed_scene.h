@@ -9,6 +9,7 @@
 
 #include "gs_train/checkpoint.h"
 #include "gs_train/loop/view_sampler.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/poses.h"
 
 namespace gs {
@@ -68,7 +69,7 @@ inline PosedScene posed_scene() {
   given.extent = camera_extent(given.train_views);
   for (const View& view : given.train_views) scenes.truth.push_back(view.camera);
   // What all photos have in common is no error of theirs.
-  Config config;
+  Config config = adaptive_config();
   config.poses.refine = true;
   TrainingModel model;
   begin_poses(config, given, model);
@@ -83,7 +84,7 @@ inline PosedScene posed_scene() {
 /// Short runs, in which no Gaussian is added.
 inline constexpr int kPosedSteps = 6000;
 inline Config posed_run(int steps) {
-  Config config;
+  Config config = adaptive_config();
   config.train.iterations = steps;
   config.model.sh_degree = 0;
   config.density.until_step = config.density.reset_opacity_until = 0;

@@ -9,6 +9,7 @@
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
 #include "gs_render/renderer.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/scenes.h"
 
 namespace gs {
@@ -63,7 +64,7 @@ inline Scene small_scene() {
 
 /// 250 steps, with rates that are high enough for such a short run.
 inline Config short_run() {
-  Config config;
+  Config config = adaptive_config();
   config.train.iterations = 250;
   config.optimizer.position_lr_initial = 1e-3f;
   config.optimizer.log_scale_lr = 0.02f;

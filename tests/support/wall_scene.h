@@ -9,6 +9,7 @@
 #include "gs_core/math/photometric.h"
 #include "gs_train/checkpoint.h"
 #include "gs_train/loop/view_sampler.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 
@@ -92,7 +93,7 @@ inline Scene wall_scene(bool is_varied) {
 
 /// Gaussians stay as many as they are.
 inline Config gains_run(int steps) {
-  Config config;
+  Config config = adaptive_config();
   config.train.iterations = steps;
   config.model.sh_degree = 0;
   config.density.until_step = config.density.reset_opacity_until = 0;

@@ -7,13 +7,14 @@
 
 #include "gs_core/config/config_words.h"
 #include "gs_core/error.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/models.h"
 
 namespace gs {
 namespace {
 
 Config with_strategy(const std::string& name) {
-  Config config;
+  Config config = adaptive_config();
   config.density.strategy = name;
   config.density.max_gaussians = 1000;
   return config;
@@ -279,7 +280,7 @@ TEST(DensityControl, WeighsOpacityAndScaleUnderEveryStrategyAsTheSettingsSay) {
 }
 
 TEST(McmcControl, OfThePresetAsksForRegularizersAndTheNoiseOfItsStep) {
-  Config config;
+  Config config = adaptive_config();
   load_config(config, "mcmc");
   const auto control = control_of(config);
   const DensityStep step = control->of_step(77);
@@ -319,7 +320,7 @@ TEST(McmcControl, WithoutACapSaysHowToGiveOne) {
 }
 
 TEST(MaxGaussians, MayBeAuto) {
-  Config config;
+  Config config = adaptive_config();
   apply_setting(config, "density.max_gaussians=auto");
   EXPECT_EQ(config.density.max_gaussians, kAutoCount);
   validate(config);

@@ -9,6 +9,7 @@
 #include "gs_core/math/activations.h"
 #include "gs_train/density/contribution.h"
 #include "gs_train/loop/trainer.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 
@@ -163,7 +164,7 @@ TEST_F(Floaters, AreHiddenAndComeBackBitForBit) {
 TEST_F(Floaters, AFailureWhileTheyAreHiddenGivesThemBack) {
   Scene scene = scene_with_ball(5000);
   scene.points.push_back({{0, 0, -2.5f}, {200, 200, 200}});
-  Config config;
+  Config config = adaptive_config();
   config.density.camera_clearance = 0.5f;
   const auto backend = make_scalar_backend();
   Trainer trainer(scene, config, *backend);
@@ -192,7 +193,7 @@ TEST_F(Floaters, AreNoPartOfWhatTrainingLeavesNorOfWhatObserversSee) {
   Scene scene = scene_with_ball(5000);
   // a Gaussian starts here, in front of the first camera
   scene.points.push_back({{0, 0, -2.5f}, {200, 200, 200}});
-  Config config;
+  Config config = adaptive_config();
   config.train.iterations = 5;
   config.density.camera_clearance = 0.5f;
   const auto backend = make_scalar_backend();
@@ -216,7 +217,7 @@ TEST_F(Floaters, StayUnderThePresetsOfPapers) {
   scene.points.push_back({{0, 0, -2.5f}, {200, 200, 200}});  // as in the test before
   const auto backend = make_scalar_backend();
   for (const char* preset : {"paper_3dgs", "paper_faster_gs"}) {
-    Config config;
+    Config config = adaptive_config();
     load_config(config, preset);
     EXPECT_TRUE(ClearSpace(scene, config.density.camera_clearance).marks({{0, 0, -2.5f}}).empty());
     config.train.iterations = 3;

@@ -10,7 +10,7 @@
 #include "gs_core/error.h"
 #include "gs_core/math/projection.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_train/initialize/scene_settings.h"
+#include "gs_core/config/scene_settings.h"
 #include "tests/support/models.h"
 
 namespace gs {
@@ -193,6 +193,7 @@ TEST(SceneSettings, BecomeNumbers) {
   const Scene scene = scene_with(random_points(500, 1));  // 3 photos
   Config config;
   config.train.epochs = 100;
+  config.train.least_iterations = 200;
   config.density.gaussians_per_point = 1.5f;
   const Config settled = settled_for(config, scene);
   EXPECT_EQ(settled.train.iterations, 300);
@@ -204,14 +205,23 @@ TEST(SceneSettings, StayWithinTheLimitsGiven) {
   const Scene scene = scene_with(random_points(500, 1));
   Config config;
   config.train.epochs = 100;
-  config.train.iterations = 250;
-  config.density.gaussians_per_point = 2;
-  config.density.max_gaussians = 600;
+  config.train.least_iterations = 200;
+  config.train.most_iterations = 250;
   EXPECT_EQ(settled_for(config, scene).train.iterations, 250);
-  EXPECT_EQ(settled_for(config, scene).density.max_gaussians, 600);
-  config.train.iterations = 5000;
+  config.train.most_iterations = 5000;
   config.train.least_iterations = 1000;
   EXPECT_EQ(settled_for(config, scene).train.iterations, 1000);
+  config.train.most_iterations = 400;
+  EXPECT_EQ(settled_for(config, scene).train.iterations, 400);
+}
+
+TEST(SceneSettings, DoNotReplaceNumbersThatAreGiven) {
+  const Scene scene = scene_with(random_points(500, 1));
+  Config config;
+  config.train.iterations = 77;
+  config.density.max_gaussians = 600;
+  EXPECT_EQ(settled_for(config, scene).train.iterations, 77);
+  EXPECT_EQ(settled_for(config, scene).density.max_gaussians, 600);
   config.density.max_gaussians = kAutoCount;
   EXPECT_EQ(settled_for(config, scene).density.max_gaussians, kAutoCount);
 }
@@ -223,16 +233,36 @@ TEST(SceneSettings, CountRandomPointsWhereTheSceneHasNone) {
   EXPECT_EQ(settled_for(config, scene_with({})).density.max_gaussians, 200);
 }
 
+TEST(SceneSettings, TakeMoreStepsFromARandomStart) {
+  Config config;
+  config.train.epochs = 100;
+  config.train.least_iterations = 20;
+  config.train.most_iterations = 600;
+  config.train.random_start_factor = 2.5f;
+  EXPECT_EQ(settled_for(config, scene_with({})).train.iterations, 750);  // 3 photos
+  config.train.most_iterations = 200;
+  EXPECT_EQ(settled_for(config, scene_with({})).train.iterations, 500);
+  config.model.start_from = "model.ply";  // which is no random start
+  EXPECT_EQ(settled_for(config, scene_with({})).train.iterations, 200);
+}
+
+TEST(SceneSettings, GiveDenseCloudsNoMultipleOfTheirPoints) {
+  Config config;
+  config.density.gaussians_per_point = 25;
+  EXPECT_EQ(settled_for(config, 100'000, 50).density.max_gaussians, 2'500'000);
+  EXPECT_EQ(settled_for(config, 1'000'000, 50).density.max_gaussians, 5'000'000);
+  EXPECT_EQ(settled_for(config, 8'000'000, 50).density.max_gaussians, 8'000'000);
+}
+
 TEST(SceneSettings, OfARunThatGoesOnAreItsNumbers) {
   Config run, now;
   run.train.iterations = 4300;
   run.density.max_gaussians = 700;
-  now.train.iterations = 10000;
-  now.train.epochs = 100;
+  now.train.epochs = 50;
   now.train.least_iterations = 1000;
   now.density.gaussians_per_point = 2;
   EXPECT_TRUE(config_diff(run, settled_as_in(run, now)).empty());
-  now.train.epochs = 0;
+  now.train.iterations = 10000;
   now.density.max_gaussians = 800;
   EXPECT_EQ(settled_as_in(run, now).train.iterations, 10000);
   EXPECT_EQ(settled_as_in(run, now).density.max_gaussians, 800);

@@ -13,6 +13,7 @@
 #include "gs_train/metrics/color_correction.h"
 #include "gs_train/photometric/photometric_start.h"
 #include "gs_train/stages/scalar_stages.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 
@@ -27,7 +28,7 @@ const LossSettings kLoss{0.2f};
 
 TEST(PhotometricModels, TheSettingTakesEveryModelOfTheTableAndNoOther) {
   for (const std::string& name : photometric_models()) {
-    Config config;
+    Config config = adaptive_config();
     config.photometric.model = name;
     validate(config);
     if (name == kAutoPhotometricModel) continue;

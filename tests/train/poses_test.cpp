@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 
 #include "gs_core/geometry/vectors.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/error_of.h"
 #include "tests/support/poses.h"
 
@@ -15,7 +16,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 Config refining() {
-  Config config;
+  Config config = adaptive_config();
   config.poses.refine = true;
   return config;
 }
@@ -28,7 +29,7 @@ TrainingModel model_for(const Scene& scene) {
 
 TEST(Poses, AreThereOnlyWhereTheyAreRefined) {
   TrainingModel model;
-  begin_poses(Config(), small_scene(), model);
+  begin_poses(adaptive_config(), small_scene(), model);
   EXPECT_TRUE(model.poses.empty());
   EXPECT_EQ(model_for(small_scene()).poses.rows(), 8u);
 }

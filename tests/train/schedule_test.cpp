@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include "tests/support/adaptive.h"
 
 namespace gs {
 namespace {
@@ -29,7 +30,7 @@ std::vector<int> from_to_every(int from, int to, int every) {
 
 class StandardSchedule : public ::testing::Test {
  protected:
-  const Schedule schedule_{Config{}, 2.0f};
+  const Schedule schedule_{adaptive_config(), 2.0f};
 };
 
 TEST_F(StandardSchedule, Has30000Steps) { EXPECT_EQ(schedule_.steps(), 30'000); }
@@ -45,7 +46,7 @@ TEST_F(StandardSchedule, ResetsOpacitiesFourTimes) {
 }
 
 TEST_F(StandardSchedule, ResetsOpacitiesOnceMoreOnWhite) {
-  Config config;
+  Config config = adaptive_config();
   config.render.background = Background::white;
   const Schedule schedule(config, 2.0f);
   EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.reset_opacity(step); }),
@@ -95,7 +96,7 @@ TEST_F(StandardSchedule, KeepsTheOtherRates) {
 }
 
 TEST(ScheduleOfTwiceTheSteps, DoublesEveryPointInTime) {
-  Config config;
+  Config config = adaptive_config();
   config.train.steps_scaler = 2;
   const Schedule schedule(config, 2.0f);
   EXPECT_EQ(schedule.steps(), 60'000);
@@ -111,7 +112,7 @@ TEST(ScheduleOfTwiceTheSteps, DoublesEveryPointInTime) {
 }
 
 TEST(ScheduleOfEpochs, RefinesAfterSoManyPassesOverThePhotos) {
-  Config config;
+  Config config = adaptive_config();
   config.density.every_epochs = 2;
   const Schedule schedule(config, 2.0f, 250), few(config, 2.0f, 40), unknown(config, 2.0f);
   EXPECT_EQ(steps_where(schedule, [&](int step) { return schedule.refine(step); }),
@@ -123,7 +124,7 @@ TEST(ScheduleOfEpochs, RefinesAfterSoManyPassesOverThePhotos) {
 }
 
 TEST(ScheduleOfEpochs, RefinesTenTimesHoweverManyPhotosThereAre) {
-  Config config;
+  Config config = adaptive_config();
   config.density.every_epochs = 2;
   const Schedule schedule(config, 2.0f, 5000);  // 10,000 steps, of which the window has 14,300
   EXPECT_EQ(steps_where(schedule, [&](int step) { return schedule.refine(step); }),
@@ -131,7 +132,7 @@ TEST(ScheduleOfEpochs, RefinesTenTimesHoweverManyPhotosThereAre) {
 }
 
 TEST(ScheduleOfEpochs, BeginsRefinementsAfterSomePasses) {
-  Config config;
+  Config config = adaptive_config();
   config.density.first_epochs = 2;
   const auto first = [&](std::size_t views) {
     const Schedule schedule(config, 2.0f, views);
@@ -143,7 +144,7 @@ TEST(ScheduleOfEpochs, BeginsRefinementsAfterSomePasses) {
 }
 
 TEST(ScheduleOfEpochs, RaisesTheShDegreeAfterSomePasses) {
-  Config config;
+  Config config = adaptive_config();
   config.train.sh_degree_epochs = 5;
   const auto first = [&](std::size_t views) {
     const Schedule schedule(config, 2.0f, views);
@@ -156,7 +157,7 @@ TEST(ScheduleOfEpochs, RaisesTheShDegreeAfterSomePasses) {
 }
 
 TEST(ScheduleOfFinalSteps, LeavesThemWithoutRefinementsAndResets) {
-  Config config;
+  Config config = adaptive_config();
   config.density.until_step = config.density.reset_opacity_until = 30000;
   config.density.reset_opacity_every = 1000;
   config.density.final_steps = 1000;
@@ -173,7 +174,7 @@ TEST(ScheduleOfFinalSteps, LeavesThemWithoutRefinementsAndResets) {
 }
 
 TEST(ScheduleOfAShortRun, MayEndWithAHigherPositionRate) {
-  Config config;
+  Config config = adaptive_config();
   config.optimizer.position_lr_final_power = 2;
   const auto last_rate = [&](int steps) {
     config.train.iterations = steps;
@@ -186,7 +187,7 @@ TEST(ScheduleOfAShortRun, MayEndWithAHigherPositionRate) {
 }
 
 TEST(ScheduleOfAShortRun, MayKeepThePositionRateAtFirst) {
-  Config config;
+  Config config = adaptive_config();
   config.train.iterations = 10'000;
   config.optimizer.position_decay_from = 12'000;  // step 4,000
   const Schedule schedule(config, 2.0f);
@@ -197,7 +198,7 @@ TEST(ScheduleOfAShortRun, MayKeepThePositionRateAtFirst) {
 }
 
 TEST(ScheduleOfPhotoSizes, HasEachFactorForItsTime) {
-  Config config;
+  Config config = adaptive_config();
   config.train.iterations = 10'000;
   config.train.resolution_ramp = {4, 2};
   const Schedule schedule(config, 2.0f);
@@ -210,12 +211,12 @@ TEST(ScheduleOfPhotoSizes, HasEachFactorForItsTime) {
   EXPECT_EQ(factor(4000), 2);
   EXPECT_EQ(factor(4001), 1);
   EXPECT_EQ(factor(10'000), 1);
-  EXPECT_EQ(Schedule(Config{}, 2.0f).photo_reduction(1, camera), 1);
+  EXPECT_EQ(Schedule(adaptive_config(), 2.0f).photo_reduction(1, camera), 1);
 }
 
 // 100,000 pixels at least: 1,000 x 750 may be reduced twice, not three times.
 TEST(ScheduleOfPhotoSizes, ReducesNoPhotoTooFar) {
-  Config config;
+  Config config = adaptive_config();
   config.train.resolution_ramp = {8};
   const Schedule schedule(config, 2.0f);
   Camera camera;
@@ -230,12 +231,12 @@ TEST(ScheduleOfPhotoSizes, ReducesNoPhotoTooFar) {
 
 // The usual rule to the last bit, although 0.999 as a float is not the nearest to it as a double.
 TEST(ScheduleOfAdam, HasTheBetasOfTheConfig) {
-  const AdamRule usual = Schedule(Config{}, 1).adam_rule(1), expected;
+  const AdamRule usual = Schedule(adaptive_config(), 1).adam_rule(1), expected;
   EXPECT_EQ(usual.beta2, expected.beta2);
   EXPECT_EQ(usual.one_minus_beta2, expected.one_minus_beta2);
   EXPECT_EQ(usual.photo_beta2, expected.photo_beta2);
   EXPECT_EQ(usual.epsilon, expected.epsilon);
-  Config config;
+  Config config = adaptive_config();
   config.optimizer.beta2 = 0.99f;
   EXPECT_EQ(Schedule(config, 1).adam_rule(1).photo_beta2, 0.99);
   EXPECT_EQ(Schedule(config, 1).adam_rule(4).steps, 4);
@@ -246,7 +247,7 @@ TEST(ScheduleOfAdam, HasTheBetasOfTheConfig) {
 }
 
 TEST(GrowthShare, GoesFromZeroToOneOverTheRefinements) {
-  Config config;
+  Config config = adaptive_config();
   config.density.every = 300;
   const Schedule schedule(config, 2.0f);  // refines from 600 to 14,700
   EXPECT_EQ(schedule.growth_share(300), 0.0);
@@ -257,7 +258,7 @@ TEST(GrowthShare, GoesFromZeroToOneOverTheRefinements) {
 }
 
 TEST(HasSeenAllViews, NeedsAnEpochSinceTheLastRefinement) {
-  const Schedule few(Config{}, 2.0f, 100), many(Config{}, 2.0f, 500), unknown(Config{}, 2.0f);
+  const Schedule few(adaptive_config(), 2.0f, 100), many(adaptive_config(), 2.0f, 500), unknown(adaptive_config(), 2.0f);
   EXPECT_TRUE(few.has_seen_all_views(600));
   EXPECT_TRUE(few.has_seen_all_views(700));
   EXPECT_TRUE(many.has_seen_all_views(600));  // the first refinement looks at all steps so far
@@ -267,7 +268,7 @@ TEST(HasSeenAllViews, NeedsAnEpochSinceTheLastRefinement) {
 
 // 100 steps hold a whole epoch of 51 photos only where one of its ends is near theirs.
 TEST(HasSeenAllViews, NeedsAWholeEpoch) {
-  const Schedule schedule(Config{}, 2.0f, 51);
+  const Schedule schedule(adaptive_config(), 2.0f, 51);
   EXPECT_TRUE(schedule.has_seen_all_views(900));    // 817 to 867
   EXPECT_FALSE(schedule.has_seen_all_views(2600));  // 2500 to 2550: step 2500 is not in it
 }
@@ -275,7 +276,7 @@ TEST(HasSeenAllViews, NeedsAWholeEpoch) {
 // ---- statistics of the last epoch --------------------------------------------------------------
 
 Config with_epochs(int every) {
-  Config config;
+  Config config = adaptive_config();
   config.density.window = StatisticsWindow::epoch;
   config.density.every = every;
   return config;
@@ -312,7 +313,7 @@ TEST(StatisticsOfAnEpoch, AreOfAllStepsWhereNoneLiesBetweenTwoRefinements) {
 // ---- shares that are pruned --------------------------------------------------------------------
 
 Config budgeted() {
-  Config config;
+  Config config = adaptive_config();
   config.density.strategy = "budgeted";
   return config;
 }
@@ -387,7 +388,7 @@ TEST(LatePrune, ComesAtTheIntervalsOfResetsAfterTheRefinements) {
 }
 
 TEST(PoseRate, WarmsUpFallsToAHundredthAndRestsAfterResets) {
-  Config config;
+  Config config = adaptive_config();
   EXPECT_EQ(Schedule(config, 1).pose_rate(15001), 0);  // poses are not refined
   config.poses.refine = true;
   config.poses.rate = 1e-3f;
@@ -403,7 +404,7 @@ TEST(PoseRate, WarmsUpFallsToAHundredthAndRestsAfterResets) {
 }
 
 TEST(PhotometricRate, WarmsUpFallsToAHundredthAndRestsAfterResets) {
-  Config config;
+  Config config = adaptive_config();
   config.photometric.rate = 1e-3f;
   const Schedule schedule(config, 1);
   EXPECT_LT(schedule.photometric_rate(1), 2e-5f);

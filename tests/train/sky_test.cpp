@@ -11,6 +11,7 @@
 #include "gs_core/math/splat.h"
 #include "gs_train/density/density_control.h"
 #include "gs_train/initialize/initialize.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/models.h"
 
 namespace gs {
@@ -81,7 +82,7 @@ Scene even_plain() {
 }
 
 Config with_sky() {
-  Config config;
+  Config config = adaptive_config();
   config.model.sky = SkyModel::sphere;
   return config;
 }

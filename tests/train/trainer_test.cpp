@@ -12,6 +12,7 @@
 #include "gs_core/threads/parallel.h"
 #include "gs_train/metrics.h"
 #include "gs_train/stages/scalar_stages.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 
@@ -266,7 +267,7 @@ TEST_F(SmallRun, KeepsShDegreesThatWereNotReachedAtZero) {
 
 TEST(Trainer, ALossThatTheBackendLacksIsRefusedWhenARunIsMade) {
   const auto backend = make_scalar_backend();
-  Config config;
+  Config config = adaptive_config();
   config.loss.kind = "l2";
   try {
     const Trainer trainer(small_scene(), config, *backend);
@@ -280,7 +281,7 @@ TEST(Trainer, ALossThatTheBackendLacksIsRefusedWhenARunIsMade) {
 
 TEST(Losses, TheSettingTakesEveryLossOfTheTableAndNoOther) {
   for (const std::string& name : scalar_losses()) {
-    Config config;
+    Config config = adaptive_config();
     config.loss.kind = name;
     validate(config);
     make_scalar_backend()->use_loss(name);

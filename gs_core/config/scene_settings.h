@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// Settings whose numbers follow from the scene: the defaults, which fit any scene, say "so many
+// passes over the photos" and "so many Gaussians for each sparse point".
+#pragma once
+
+#include <cstddef>
+
+#include "gs_core/config/config.h"
+
+namespace gs {
+
+struct Scene;
+
+/// The config with numbers for a scene of so many sparse points and training photos:
+///
+///   train.iterations       if it is 0: train.epochs passes over the photos, at least
+///                          train.least_iterations and at most train.most_iterations steps; all
+///                          three are train.random_start_factor times as large where there are no
+///                          points and no model to start from
+///   density.max_gaussians  if it is 0 and density.gaussians_per_point is not: that many for each
+///                          point (of model.random_points in a scene without points), at most 5
+///                          million or the number of points, whichever is larger
+///
+/// Settings that have numbers already stay as they are.
+Config settled_for(Config config, std::size_t points, std::size_t photos);
+Config settled_for(Config config, const Scene& scene);
+
+/// The config of a run that goes on: the run keeps the numbers that it began with, and the settings
+/// that they followed from.
+Config settled_as_in(const Config& run, Config now);
+
+}  // namespace gs
