@@ -55,7 +55,7 @@ struct ModelConfig {
   int sh_degree = 3;
   float initial_opacity = 0.1f;
   float initial_scale = 1;           // times the distance to the nearest points
-  int random_points = 20000;         // used when the model has no points
+  int random_points = 15000;         // used when the model has no points
   float random_box = 0;              // half the edge of the box of random points; 0: by cameras
   int most_points = 2000000;         // to start from; denser clouds are downsampled
   bool dynamic = false;              // Gaussians in space and time, for scenes that move
@@ -141,7 +141,7 @@ struct DensityConfig {
   int reset_opacity_every = 6000;
   int reset_opacity_until = 24000;
   std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as fit into memory
-  float gaussians_per_point = 25;  // where there is no cap: so many for each sparse point
+  float gaussians_per_point = 40;  // where there is no cap: so many for each sparse point
   bool absolute_gradient = false;  // the statistic sums absolute values over pixels (AbsGS)
   // for mcmc only
   float growth = 0.05f;      // of the count, in one refinement

@@ -16,15 +16,15 @@ using ConfigVerb = Program;
 TEST_F(ConfigVerb, PrintsAConfigThatReadsBack) {
   const Outcome first = run("config -c fast --set train.seed=7");
   ASSERT_EQ(first.code, 0) << first.err;
-  EXPECT_THAT(first.out, AllOf(HasSubstr("iterations = 7000"), HasSubstr("seed = 7")));
+  EXPECT_THAT(first.out, AllOf(HasSubstr("epochs = 50"), HasSubstr("seed = 7")));
   write_bytes(path("printed.toml"), first.out);
   EXPECT_EQ(run("config -c " + text("printed.toml")).out, first.out);
 }
 
 TEST_F(ConfigVerb, ListsThePresetsAndTrainTakesThem) {
   const Outcome list = run("config --list");
-  EXPECT_THAT(list.out, AllOf(HasSubstr("fast "), HasSubstr("quality "), HasSubstr("paper_3dgs ")));
-  EXPECT_THAT(run("train --config fast --print-config").out, HasSubstr("iterations = 7000"));
+  EXPECT_THAT(list.out, AllOf(HasSubstr("fast "), HasSubstr("adaptive "), HasSubstr("paper_3dgs ")));
+  EXPECT_THAT(run("train --config fast --print-config").out, HasSubstr("epochs = 50"));
   const Outcome unknown = run("train --config fsat --print-config");
   EXPECT_EQ(unknown.code, 3);
   EXPECT_THAT(unknown.err, HasSubstr("did you mean the preset fast?"));
@@ -33,12 +33,12 @@ TEST_F(ConfigVerb, ListsThePresetsAndTrainTakesThem) {
 TEST_F(ConfigVerb, ExplainNamesTheOriginOfEachValue) {
   write_bytes(path("a.toml"), "base = 'fast'\n[density]\nevery = 50\n");
   const Outcome outcome =
-      run("config explain density.every train.iterations train.seed train.device loss -c " +
+      run("config explain density.every train.epochs train.seed train.device loss -c " +
           text("a.toml") + " --set train.seed=3 --device cpu");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.out,
               AllOf(HasSubstr("density.every = 50\n  from     " + text("a.toml") + ":3"),
-                    HasSubstr("train.iterations = 7000\n  from     preset fast:"),
+                    HasSubstr("train.epochs = 50\n  from     preset fast:"),
                     HasSubstr("train.seed = 3\n  from     --set"),
                     HasSubstr("train.device = \"cpu\"\n  from     flag"),
                     HasSubstr("loss.lambda_dssim = 0.2\n  from     default")));
@@ -52,9 +52,9 @@ TEST_F(ConfigVerb, DiffComparesRunsFilesAndPresets) {
   const Outcome runs = run("config diff " + text("out") + " fast");
   ASSERT_EQ(runs.code, 0) << runs.err;
   EXPECT_THAT(runs.out,
-              AllOf(HasSubstr("train.iterations = 20 -> 7000"),
-                    HasSubstr(text("out/config.toml") + ":"), Not(HasSubstr("density."))));
-  EXPECT_THAT(run("config diff fast").out, HasSubstr("train.iterations = 30000 -> 7000"));
+              AllOf(HasSubstr("train.iterations = 20 -> 0"), HasSubstr("train.epochs = 100 -> 50"),
+                    HasSubstr(text("out/config.toml") + ":"), Not(HasSubstr("render."))));
+  EXPECT_THAT(run("config diff fast").out, HasSubstr("train.epochs = 100 -> 50"));
   EXPECT_EQ(run("config diff fast fast").out, "no setting differs\n");
   EXPECT_EQ(run("config diff").code, 2);
 }

@@ -42,6 +42,7 @@ Config short_preset(const std::string& name) {
   density.recovery_after = 5;
   density.recovery_until = 30000;
   density.share_prune_every = density.share_prune_from = 48;
+  if (config.photometric.model == kAutoPhotometricModel) config.photometric.model = "gains";
   if (config.model.dynamic) density.reset_opacity_until = 0;  // too few photos of each moment
   return config;
 }
