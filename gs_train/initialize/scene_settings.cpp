@@ -4,7 +4,17 @@
 #include <algorithm>
 #include <cmath>
 
+#include "gs_core/config/region_text.h"
+
 namespace gs {
+namespace {
+
+double points_outside(const Scene& scene, const Region& region) {
+  return double(std::ranges::count_if(
+      scene.points, [&](const ScenePoint& point) { return !region.holds(point.position); }));
+}
+
+}  // namespace
 
 Config settled_for(Config config, const Scene& scene) {
   TrainConfig& train = config.train;
@@ -19,8 +29,9 @@ Config settled_for(Config config, const Scene& scene) {
   if (density.gaussians_per_point > 0 && density.max_gaussians == 0) {
     const double points =
         scene.points.empty() ? double(config.model.random_points) : double(scene.points.size());
-    density.max_gaussians =
-        std::max<std::int64_t>(1, std::llround(double(density.gaussians_per_point) * points));
+    const double outside = points_outside(scene, region_of(density, scene.world_offset));
+    density.max_gaussians = std::max<std::int64_t>(
+        1, std::llround(double(density.gaussians_per_point) * (points - outside) + outside));
   }
   density.gaussians_per_point = 0;
   return config;

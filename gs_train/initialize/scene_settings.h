@@ -13,7 +13,8 @@ namespace gs {
 ///   train.epochs                 train.iterations becomes that many passes over the training
 ///                                photos, from train.least_iterations to train.iterations steps
 ///   density.gaussians_per_point  density.max_gaussians becomes that many for each point that
-///                                training starts from, unless a limit is given
+///                                training starts from, unless a limit is given; points outside of
+///                                density.region, where Gaussians do not grow, count once
 ///
 /// A config without them stays as it is.
 Config settled_for(Config config, const Scene& scene);
