@@ -64,7 +64,8 @@ void merge(const MergeCommand& command) {
 
 void add_merge(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand(
-      "merge", "Make one model of trained blocks: each Gaussian from the block that owns its place");
+      "merge",
+      "Make one model of trained blocks: each Gaussian from the block that owns its place");
   const auto command = std::make_shared<MergeCommand>();
   verb.add_option("partition", command->partition,
                   "the folder that `gemsplat partition` has written, or its blocks.json")

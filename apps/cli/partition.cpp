@@ -34,15 +34,14 @@ double expected_in_block(const Config& shared, const Partition& partition, const
 }
 
 std::string text_of(const Config& config, const Partition& partition) {
-  std::string text =
-      fmt::format("{:<8} {:>7} {:>9} {:>11} {:>11} {:>11}\n", "block", "photos", "held out",
-                  "points", "outside", "Gaussians");
+  std::string text = fmt::format("{:<8} {:>7} {:>9} {:>11} {:>11} {:>11}\n", "block", "photos",
+                                 "held out", "points", "outside", "Gaussians");
   for (std::size_t b = 0; b < partition.blocks.size(); ++b) {
     const Block& block = partition.blocks[b];
-    text += fmt::format("block{:<3} {:>7} {:>9} {:>11} {:>11} {:>11}\n", b, block.train_photos,
-                        block.test_photos, with_commas(block.points),
-                        with_commas(block.points_outside),
-                        fmt::format("~{:.2g}", expected_in_block(config, partition, block)));
+    text +=
+        fmt::format("block{:<3} {:>7} {:>9} {:>11} {:>11} {:>11}\n", b, block.train_photos,
+                    block.test_photos, with_commas(block.points), with_commas(block.points_outside),
+                    fmt::format("~{:.2g}", expected_in_block(config, partition, block)));
   }
   return text;
 }
@@ -105,8 +104,9 @@ void partition(const PartitionCommand& command) {
   const BlocksFile blocks = write_partition(command.output, parts, config);
   if (command.quiet) return;
   std::cout << text_of(config, parts)
-            << fmt::format("train: gemsplat experiment {}\nmerge: gemsplat merge {} -o merged.ply\n",
-                           (blocks.folder() / "blocks.toml").string(), blocks.folder().string());
+            << fmt::format(
+                   "train: gemsplat experiment {}\nmerge: gemsplat merge {} -o merged.ply\n",
+                   (blocks.folder() / "blocks.toml").string(), blocks.folder().string());
 }
 
 }  // namespace

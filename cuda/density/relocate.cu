@@ -106,8 +106,7 @@ void Relocation::launch(void (*kernel)(Parameters...), std::size_t count,
 }
 
 // Fills sums_ and returns the last of them. Waits.
-std::uint64_t Relocation::sum_weights(const TrainingModel& model,
-                                      const RelocationRules& rules) {
+std::uint64_t Relocation::sum_weights(const TrainingModel& model, const RelocationRules& rules) {
   const std::size_t count = model.count();
   sums_.resize_discard(count);
   if (count == 0) return 0;
@@ -184,8 +183,7 @@ std::size_t Relocation::move_dead_rows(TrainingModel& model, const RelocationRul
 std::size_t Relocation::add_copies(TrainingModel& model, const RelocationRules& rules,
                                    const Random& random, int step) {
   const std::size_t before = model.count();
-  if (std::int64_t(before) >= rules.grow_to || sum_weights(model, rules) == 0)
-    return 0;
+  if (std::int64_t(before) >= rules.grow_to || sum_weights(model, rules) == 0) return 0;
   draw(std::size_t(rules.grow_to) - before, random, step);
   share_sources(model, rules.dead_opacity);
   resize_rows(model, before + source_.size());

@@ -47,8 +47,7 @@ void add_forecast(Examination& examination, const ForecastDevice& device) {
 }
 
 void add_advice_on_blocks(Examination& examination, const ForecastDevice& device) {
-  const BlockAdvice advice =
-      advice_on_blocks(examination.config, size_of(examination), device);
+  const BlockAdvice advice = advice_on_blocks(examination.config, size_of(examination), device);
   if (!advice.text.empty())
     examination.add(advice.blocks > 1 ? Level::note : Level::good, "blocks", advice.text);
 }

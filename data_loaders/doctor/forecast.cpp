@@ -84,9 +84,10 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
                            "needs {}",
                            count_text(fit), count_text(wanted))};
   const auto blocks = std::size_t(std::ceil(kOverlapOfBlocks * wanted / fit));
-  return {blocks, fmt::format("about {} Gaussians are more than the {} that fit into memory: divide "
-                              "the scene with `gemsplat partition SCENE -o OUT --blocks {}`",
-                              count_text(wanted), count_text(fit), blocks)};
+  return {blocks,
+          fmt::format("about {} Gaussians are more than the {} that fit into memory: divide "
+                      "the scene with `gemsplat partition SCENE -o OUT --blocks {}`",
+                      count_text(wanted), count_text(fit), blocks)};
 }
 
 double expected_gaussians(const Config& config, std::size_t points) {

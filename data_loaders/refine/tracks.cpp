@@ -10,8 +10,8 @@
 namespace gs {
 
 bool has_tracks(const ColmapModel& model) {
-  return std::ranges::any_of(
-      model.images, [](const ColmapImage& image) { return !image.observations.empty(); });
+  return std::ranges::any_of(model.images,
+                             [](const ColmapImage& image) { return !image.observations.empty(); });
 }
 
 std::vector<std::vector<SeenPoint>> seen_points(const ColmapModel& model,

@@ -103,8 +103,8 @@ ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress,
   if (dataset.exposure) check_can_refine("--exposure");
   if (dataset.refine_cameras) check_can_refine("--refine-cameras");
   asks_who_shows |= !dataset.photo_list.empty();
-  SceneModel scene = read_scene_model(dataset, find_scene(dataset),
-                                      asks_who_shows ? Tracks::read : Tracks::skip);
+  SceneModel scene =
+      read_scene_model(dataset, find_scene(dataset), asks_who_shows ? Tracks::read : Tracks::skip);
   ScenePlan plan;
   plan.time_count = scene.time_count;
   plan.world_offset = scene.world_offset;

@@ -61,11 +61,12 @@ std::vector<bool> photos_in_list(const fs::path& file, const std::vector<std::st
   for (const std::string& name : names) is_in.push_back(is_listed(listed, name));
   for (const auto& [name, is_found] : listed)
     if (!is_found)
-      throw Error(fmt::format(
-          "dataset.photo_list {} has {}, but no image of the scene has this name{}; remove the line "
-          "or name the scene that the list was made for",
-          file.string(), shown_word(name),
-          names.empty() ? "" : "; the first image is " + shown_word(names.front())));
+      throw Error(
+          fmt::format("dataset.photo_list {} has {}, but no image of the scene has this name{}; "
+                      "remove the line "
+                      "or name the scene that the list was made for",
+                      file.string(), shown_word(name),
+                      names.empty() ? "" : "; the first image is " + shown_word(names.front())));
   return is_in;
 }
 

@@ -33,14 +33,14 @@ std::map<std::size_t, fs::path> named_runs(const BlocksFile& blocks,
     std::size_t b = 0;
     while (b < blocks.blocks.size() && blocks.blocks[b].region != region) ++b;
     if (b == blocks.blocks.size())
-      throw UsageError(fmt::format("the run in {} is of no block of {}: its density.region is "
-                                   "another one; train the block with its config, or name the "
-                                   "partition that the run belongs to",
-                                   folder.string(), blocks.file.string()));
+      throw UsageError(
+          fmt::format("the run in {} is of no block of {}: its density.region is "
+                      "another one; train the block with its config, or name the "
+                      "partition that the run belongs to",
+                      folder.string(), blocks.file.string()));
     if (const auto [first, is_new] = runs.emplace(b, folder); !is_new)
       throw UsageError(fmt::format("{} and {} are both runs of {}; name one of them",
-                                   first->second.string(), folder.string(),
-                                   blocks.blocks[b].name));
+                                   first->second.string(), folder.string(), blocks.blocks[b].name));
   }
   return runs;
 }
@@ -59,10 +59,10 @@ void check_run(const BlocksFile& blocks, const BlockEntry& block, const RunFolde
         "the run in {} was trained for another partition than {}: its density.region differs; {}",
         run.root().string(), blocks.file.string(), remedy));
   if (!step && !fs::exists(run.results(), ignored))
-    throw Error(fmt::format("{} is not finished: {} has no results.json yet; go on with `gemsplat "
-                            "experiment {}`, or merge models of one step with --iteration",
-                            block.name, run.root().string(),
-                            (blocks.folder() / "blocks.toml").string()));
+    throw Error(
+        fmt::format("{} is not finished: {} has no results.json yet; go on with `gemsplat "
+                    "experiment {}`, or merge models of one step with --iteration",
+                    block.name, run.root().string(), (blocks.folder() / "blocks.toml").string()));
 }
 
 void warn_of_own_looks(const BlockEntry& block, const RunFolder& run) {

@@ -14,8 +14,9 @@ namespace gs {
 
 struct PartitionOptions {
   std::size_t blocks = 2;
-  double border = 0.1;       // width on each side, as a share of how far the block's points reach
-  double least_share = 0.1;  // of the points of a photo: with fewer in a block, it is not the block's
+  double border = 0.1;  // width on each side, as a share of how far the block's points reach
+  double least_share =
+      0.1;  // of the points of a photo: with fewer in a block, it is not the block's
 };
 
 struct Block {

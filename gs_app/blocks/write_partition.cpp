@@ -46,8 +46,10 @@ std::string experiment_toml(const BlocksFile& blocks, std::uint64_t seed) {
   for (const BlockEntry& block : blocks.blocks)
     configs += fmt::format("{}\"{}\"", configs.empty() ? "" : ", ", block.config);
   return fmt::format(
-      "# Trains all blocks of a divided scene: gemsplat experiment blocks.toml; then gemsplat merge\n"
-      "# makes one model of them. For a cluster add [slurm] (docs/experiments.md) and give --slurm.\n"
+      "# Trains all blocks of a divided scene: gemsplat experiment blocks.toml; then gemsplat "
+      "merge\n"
+      "# makes one model of them. For a cluster add [slurm] (docs/experiments.md) and give "
+      "--slurm.\n"
       "output = \"runs\"\n"
       "scenes = [{{path = {}, name = \"scene\"}}]\n"
       "configs = [{}]\n"

@@ -23,10 +23,10 @@ struct DatasetConfig {
   std::string masks;  // the masks' folder; empty: `masks` in the scene; none: no masks, no alpha
   MaskMode mask_mode = MaskMode::automatic;
   bool invert_masks = false;  // in mask files, black trains and white does not
-  std::string model;   // the COLMAP model's folder; empty: sparse/0, sparse or the scene itself
-  int resolution = 1;  // 1, 2, 4, 8: divides the photos' size; 16 and more: the width in pixels
+  std::string model;       // the COLMAP model's folder; empty: sparse/0, sparse or the scene itself
+  int resolution = 1;      // 1, 2, 4, 8: divides the photos' size; 16 and more: the width in pixels
   std::string photo_list;  // a file with names of photos: the run uses no others; empty: all
-  bool eval = false;   // hold out every test_every-th view, sorted by name
+  bool eval = false;       // hold out every test_every-th view, sorted by name
   int test_every = 8;
   std::string test_names;               // photos or cameras held out instead, separated by commas
   PhotoTimes times = PhotoTimes::none;  // of photos in scenes of COLMAP

@@ -46,10 +46,9 @@ std::vector<RowAction> actions(const TrainingModel& model, const AdaptiveRules& 
   const GaussiansSpan rows = model.gaussians.span();
   std::vector<RowAction> action(model.count());
   parallel_for(model.count(), 4096, [&](std::size_t i) {
-    const bool grows =
-        rules.region.holds(rows.mean[i]) &&
-        wants_growth(model.statistics.visits[i], model.statistics.gradient_norm[i],
-                     rules.gradient_threshold);
+    const bool grows = rules.region.holds(rows.mean[i]) &&
+                       wants_growth(model.statistics.visits[i], model.statistics.gradient_norm[i],
+                                    rules.gradient_threshold);
     const bool small = is_small(rows.log_scale[i], rules.small_scale);
     const bool pruned = is_pruned(rows, i, rules);
     // A row too large to keep may still be split into halves that are not.
