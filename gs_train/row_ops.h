@@ -24,6 +24,7 @@ struct RefineReport {
 struct RelocationRules {
   float dead_opacity;    // a Gaussian of at most this opacity is dead
   std::int64_t grow_to;  // number of rows in the end; no row is added where there are more already
+  Region region = {};    // rows outside of it are hardly ever copied
 };
 
 /// Where memory runs out, every operation throws Error (out of memory) before it changes anything.

@@ -56,10 +56,13 @@ GS_HD bool is_pruned(const GaussiansSpan& rows, std::size_t i, const AdaptiveRul
          is_without_moments(rows, i);
 }
 
-/// The row's weight in the draw of sources for copies; see draw_weight() in mcmc.h.
-GS_HD std::uint32_t draw_weight(const GaussiansSpan& rows, std::size_t i, float dead_opacity) {
+/// The row's weight in the draw of sources for copies; see draw_weight() in mcmc.h. A live row
+/// outside of the region weighs 1 in 2^24: it is not dead, and is hardly ever drawn.
+GS_HD std::uint32_t draw_weight(const GaussiansSpan& rows, std::size_t i, float dead_opacity,
+                                const Region& region = {}) {
   if (is_invisible(rows, i, 0.0f)) return 0;
-  return draw_weight(rows.logit_opacity[i], dead_opacity);
+  const std::uint32_t weight = draw_weight(rows.logit_opacity[i], dead_opacity);
+  return region.holds(rows.mean[i]) ? weight : min_of(weight, std::uint32_t(1));
 }
 
 /// The values of a row that splitting changes. Those of time are 0 where rows have no time.
@@ -182,7 +185,8 @@ GS_HD GrowthAction growth_action(const GaussiansSpan& rows, const StatisticsSpan
                                  std::size_t i, const GrowthRules& rules) {
   const float visits = statistics.visits[i], norm = statistics.gradient_norm[i];
   const double score = growth_score(rules.score, visits, norm, statistics.sums_of(i));
-  const bool passes = wants_growth(visits, norm, rules.limits.gradient_threshold) &&
+  const bool passes = rules.limits.region.holds(rows.mean[i]) &&
+                      wants_growth(visits, norm, rules.limits.gradient_threshold) &&
                       has_score(score) && score >= double(rules.score_threshold);
   const bool splits = passes && !is_small(rows.log_scale[i], rules.limits.small_scale);
   // A row too large to keep may still be split into children that are not.

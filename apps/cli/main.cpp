@@ -105,6 +105,8 @@ int run(int argc, const char* const* argv) {
   add_train(program);
   add_config(program);
   add_experiment(program);
+  add_partition(program);
+  add_merge(program);
   add_report(program);
   add_eval(program);
   add_render(program);

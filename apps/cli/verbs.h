@@ -17,6 +17,8 @@ void add_georef(CLI::App& program);
 void add_train(CLI::App& program);
 void add_config(CLI::App& program);
 void add_experiment(CLI::App& program);
+void add_partition(CLI::App& program);
+void add_merge(CLI::App& program);
 void add_report(CLI::App& program);
 void add_eval(CLI::App& program);
 void add_render(CLI::App& program);

@@ -20,11 +20,11 @@ constexpr int kThreads = 256;  // rows and words are independent: any size that 
 
 __device__ std::size_t thread_number() { return std::size_t(blockIdx.x) * kThreads + threadIdx.x; }
 
-__global__ void weights_kernel(GaussiansSpan rows, float dead_opacity,
+__global__ void weights_kernel(GaussiansSpan rows, RelocationRules rules,
                                Span<std::uint64_t> weights) {
   const std::size_t i = thread_number();
   if (i >= weights.size) return;
-  weights[i] = draw_weight(rows, i, dead_opacity);
+  weights[i] = draw_weight(rows, i, rules.dead_opacity, rules.region);
 }
 
 /// True for rows without a weight; for CUB.
@@ -106,11 +106,11 @@ void Relocation::launch(void (*kernel)(Parameters...), std::size_t count,
 }
 
 // Fills sums_ and returns the last of them. Waits.
-std::uint64_t Relocation::sum_weights(const TrainingModel& model, float dead_opacity) {
+std::uint64_t Relocation::sum_weights(const TrainingModel& model, const RelocationRules& rules) {
   const std::size_t count = model.count();
   sums_.resize_discard(count);
   if (count == 0) return 0;
-  launch(weights_kernel, count, model.gaussians.span(), dead_opacity, sums_.span());
+  launch(weights_kernel, count, model.gaussians.span(), rules, sums_.span());
   with_cub_scratch(cub_, "relocate", [&](void* scratch, std::size_t& bytes) {
     return cub::DeviceScan::InclusiveSum(scratch, bytes, sums_.data(), sums_.data(), int(count),
                                          context_.stream());
@@ -171,7 +171,7 @@ void Relocation::copy_rows(TrainingModel& model, const std::uint32_t* to, std::s
 
 std::size_t Relocation::move_dead_rows(TrainingModel& model, const RelocationRules& rules,
                                        const Random& random, int step) {
-  if (sum_weights(model, rules.dead_opacity) == 0) return 0;
+  if (sum_weights(model, rules) == 0) return 0;
   const std::size_t dead = find_dead();
   if (dead == 0) return 0;
   draw(dead, random, step);
@@ -183,8 +183,7 @@ std::size_t Relocation::move_dead_rows(TrainingModel& model, const RelocationRul
 std::size_t Relocation::add_copies(TrainingModel& model, const RelocationRules& rules,
                                    const Random& random, int step) {
   const std::size_t before = model.count();
-  if (std::int64_t(before) >= rules.grow_to || sum_weights(model, rules.dead_opacity) == 0)
-    return 0;
+  if (std::int64_t(before) >= rules.grow_to || sum_weights(model, rules) == 0) return 0;
   draw(std::size_t(rules.grow_to) - before, random, step);
   share_sources(model, rules.dead_opacity);
   resize_rows(model, before + source_.size());

@@ -21,7 +21,7 @@ class Relocation {
  private:
   template <class... Parameters, class... Arguments>
   void launch(void (*kernel)(Parameters...), std::size_t count, Arguments&&... arguments);
-  std::uint64_t sum_weights(const TrainingModel& model, float dead_opacity);
+  std::uint64_t sum_weights(const TrainingModel& model, const RelocationRules& rules);
   std::size_t find_dead();
   void draw(std::size_t count, const Random& random, int step);
   void share_sources(TrainingModel& model, float least_opacity);

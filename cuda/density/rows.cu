@@ -52,7 +52,8 @@ __global__ void row_actions_kernel(GaussiansSpan rows, Span<const float> visits,
                                    Span<RowAction> action) {
   const std::size_t i = thread_number();
   if (i >= action.size) return;
-  const bool grows = wants_growth(visits[i], gradient_norm[i], rules.gradient_threshold);
+  const bool grows = rules.region.holds(rows.mean[i]) &&
+                     wants_growth(visits[i], gradient_norm[i], rules.gradient_threshold);
   const bool small = is_small(rows.log_scale[i], rules.small_scale);
   const bool pruned = is_pruned(rows, i, rules);
   // A row too large to keep may still be split into halves that are not.

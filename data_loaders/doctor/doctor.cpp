@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The order of an examination: folders, model, files, headers, pictures, cameras, points, sight,
-// forecast, light.
+// forecast, blocks, light.
 #include "data_loaders/doctor/doctor.h"
 
 #include <algorithm>
@@ -49,6 +49,12 @@ void add_forecast(Examination& examination, const ForecastDevice& device) {
     examination.add(Level::warning, "forecast", warning);
 }
 
+void add_advice_on_blocks(Examination& examination, const ForecastDevice& device) {
+  const BlockAdvice advice = advice_on_blocks(examination.config, size_of(examination), device);
+  if (!advice.text.empty())
+    examination.add(advice.blocks > 1 ? Level::note : Level::good, "blocks", advice.text);
+}
+
 }  // namespace
 
 bool Diagnosis::can_train() const {
@@ -69,6 +75,7 @@ Diagnosis examine(const Config& config, bool look_at_pictures, const ProgressFn&
   examine_points(examination);
   examine_sight(examination);
   add_forecast(examination, device);
+  add_advice_on_blocks(examination, device);
   check_the_rest(examination);
   if (look_at_pictures) examine_light(examination);
   return examination.diagnosis;

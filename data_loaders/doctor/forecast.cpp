@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "gs_core/bytes.h"
 #include "gs_core/io/host_ram.h"
@@ -52,7 +53,42 @@ std::string cap_advice(double free, double photos, double bytes_per_gaussian) {
                   : "make the photos smaller with -r 2";
 }
 
+// Gaussians of a block beyond its share of the scene: its borders, and sparse points outside of them
+constexpr double kOverlapOfBlocks = 1.5;
+
+/// The config of a run that has as many Gaussians as the scene asks for.
+Config without_limits_of_one_run(Config config, std::size_t points) {
+  config.model.most_points = std::numeric_limits<int>::max();
+  DensityConfig& density = config.density;
+  density.max_gaussians = std::max<std::int64_t>(density.max_gaussians, 0);
+  if (density.max_gaussians == 0 && density.gaussians_per_point > 0)
+    density.max_gaussians = std::llround(double(density.gaussians_per_point) * double(points));
+  return config;
+}
+
 }  // namespace
+
+BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
+                             const ForecastDevice& device) {
+  const double free = double(device.is_gpu ? device.free_bytes : host_memory().free_bytes());
+  if (free == 0 || scene.points == 0) return {};
+  const double photos =
+      device.is_gpu ? std::min(scene.photo_bytes, double(config.train.photo_gib) * kBytesPerGib)
+                    : std::min(scene.photo_bytes, double(photo_ram_bytes(config.dataset)));
+  const double fit = std::max(kShareOfFree * free - photos, kShareOfFree * free / 4) /
+                     (device.is_gpu ? kBytesOnGpu : kBytesOnCpu);
+  const double wanted =
+      expected_gaussians(without_limits_of_one_run(config, scene.points), scene.points);
+  if (wanted <= fit)
+    return {1, fmt::format("one run holds the scene: of about {} Gaussians that fit into memory it "
+                           "needs {}",
+                           count_text(fit), count_text(wanted))};
+  const auto blocks = std::size_t(std::ceil(kOverlapOfBlocks * wanted / fit));
+  return {blocks,
+          fmt::format("about {} Gaussians are more than the {} that fit into memory: divide "
+                      "the scene with `gemsplat partition SCENE -o OUT --blocks {}`",
+                      count_text(wanted), count_text(fit), blocks)};
+}
 
 double expected_gaussians(const Config& config, std::size_t points) {
   const double cap = double(config.density.max_gaussians);  // 0 or less: none yet

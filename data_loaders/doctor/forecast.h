@@ -39,6 +39,17 @@ struct Forecast {
 /// Runs too short for a refinement end with `start`.
 double expected_gaussians(const Config& config, std::size_t points);
 
+/// Whether to divide a scene into blocks (docs/blocks.md).
+struct BlockAdvice {
+  std::size_t blocks = 1;  // 1: one run holds it
+  std::string text;        // in a sentence; empty where the memory of the device is unknown
+};
+
+/// Compares the Gaussians that a run would have, if nothing but density.max_gaussians limited them,
+/// with those that fit into the free memory.
+BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
+                             const ForecastDevice& device);
+
 /// Compares the needs of a run with the free memory of `device` and of the host. Times are given
 /// for a GPU only: a CPU's differ too much.
 Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDevice& device);

@@ -9,6 +9,11 @@
 
 namespace gs {
 
+bool has_tracks(const ColmapModel& model) {
+  return std::ranges::any_of(model.images,
+                             [](const ColmapImage& image) { return !image.observations.empty(); });
+}
+
 std::vector<std::vector<SeenPoint>> seen_points(const ColmapModel& model,
                                                 const std::string& option) {
   std::vector<std::vector<SeenPoint>> seen(model.images.size());

@@ -19,6 +19,7 @@
 #include "data_loaders/refine/tracks.h"
 #include "data_loaders/scene/cached_picture.h"
 #include "data_loaders/scene/find_scene.h"
+#include "data_loaders/scene/photo_list.h"
 #include "data_loaders/scene/plan_views.h"
 #include "data_loaders/scene/scene_model.h"
 #include "data_loaders/scene/view_picture.h"
@@ -41,6 +42,8 @@ struct ScenePlan {
   std::vector<bool> is_test;    // (views)
   std::vector<ScenePoint> points;
   std::vector<std::vector<SeenPoint>> seen;  // (views)   empty without dataset.exposure
+  std::vector<bool> is_used;                 // (views)   empty without dataset.photo_list
+  ShownPoints shown;                         // (views)   empty unless asked for
   Vec3d world_offset{0.0, 0.0, 0.0};
   std::optional<CameraRefinement> refinement;
   std::size_t time_count = 0;
@@ -72,7 +75,26 @@ std::vector<ScenePoint> single_precision_points(const ColmapModel& model) {
   return points;
 }
 
-ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress) {
+void choose_listed_photos(const DatasetConfig& dataset, ScenePlan& plan) {
+  std::vector<std::string> names;
+  for (const ViewPlan& view : plan.views) names.push_back(view.name);
+  plan.is_used = photos_in_list(dataset.photo_list, names);
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (plan.is_used[i] && !plan.is_test[i]) return;
+  throw UsageError(
+      fmt::format("no view is left to train on: dataset.eval holds out all photos that "
+                  "dataset.photo_list {} names; name more, or train without dataset.eval",
+                  dataset.photo_list));
+}
+
+std::vector<Camera> cameras_of(const std::vector<ViewPlan>& views) {
+  std::vector<Camera> cameras;
+  for (const ViewPlan& view : views) cameras.push_back(view.camera);
+  return cameras;
+}
+
+ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress,
+                     bool asks_who_shows = false) {
   const auto progress_of = [&](LoadStage stage) {
     return [&progress, stage](std::size_t done, std::size_t total) {
       if (progress) progress(stage, done, total);
@@ -80,7 +102,9 @@ ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress)
   };
   if (dataset.exposure) check_can_refine("--exposure");
   if (dataset.refine_cameras) check_can_refine("--refine-cameras");
-  SceneModel scene = read_scene_model(dataset, find_scene(dataset));
+  asks_who_shows |= !dataset.photo_list.empty();
+  SceneModel scene =
+      read_scene_model(dataset, find_scene(dataset), asks_who_shows ? Tracks::read : Tracks::skip);
   ScenePlan plan;
   plan.time_count = scene.time_count;
   plan.world_offset = scene.world_offset;
@@ -97,7 +121,48 @@ ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress)
   plan.views = plan_views(scene, dataset.resolution, progress_of(LoadStage::headers));
   plan.points = single_precision_points(scene.model);
   plan.is_test = std::move(scene.is_test);
+  if (!dataset.photo_list.empty()) choose_listed_photos(dataset, plan);
+  if (asks_who_shows) plan.shown = shown_points(scene.model, cameras_of(plan.views), plan.points);
   return plan;
+}
+
+// --- Leave out
+
+/// The elements that count, in order.
+template <class T>
+std::vector<T> chosen(std::vector<T> all, const std::vector<bool>& is_chosen) {
+  std::vector<T> result;
+  for (std::size_t i = 0; i < all.size(); ++i)
+    if (is_chosen[i]) result.push_back(std::move(all[i]));
+  return result;
+}
+
+/// The fit of the photos that are used.
+ExposureFit chosen_exposures(ExposureFit fit, const std::vector<bool>& is_used) {
+  std::vector<std::size_t> unknown;
+  for (const std::size_t i : fit.unknown)
+    if (is_used[i])
+      unknown.push_back(std::size_t(std::count(is_used.begin(), is_used.begin() + long(i), true)));
+  fit.unknown = std::move(unknown);
+  fit.exposures = chosen(std::move(fit.exposures), is_used);
+  return fit;
+}
+
+/// Leaves out the views that are not used, and the points that no other view shows.
+void leave_out_unused(ScenePlan& plan) {
+  const std::size_t views = plan.views.size(), points = plan.points.size();
+  const std::vector<bool> is_shown = points_shown_by(plan.shown, plan.is_used, points);
+  std::vector<std::uint32_t> numbers(points);  // of the points that stay
+  for (std::uint32_t i = 0, next = 0; i < points; ++i) numbers[i] = is_shown[i] ? next++ : 0;
+  plan.points = chosen(std::move(plan.points), is_shown);
+  plan.views = chosen(std::move(plan.views), plan.is_used);
+  plan.is_test = chosen(std::move(plan.is_test), plan.is_used);
+  plan.shown = chosen(std::move(plan.shown), plan.is_used);
+  for (std::vector<std::uint32_t>& shown : plan.shown)
+    for (std::uint32_t& point : shown) point = numbers[point];
+  plan.seen.clear();
+  log_info("dataset.photo_list: {} of {} photos, and {} of {} points, which they show",
+           plan.views.size(), views, plan.points.size(), points);
 }
 
 // --- Decode
@@ -341,9 +406,7 @@ std::string why_exposures_are_unknown(const DatasetConfig& dataset) {
   DatasetConfig solving = dataset;
   solving.exposure = true;  // so that the observations are read
   const SceneModel scene = read_scene_model(solving, find_scene(solving));
-  for (const ColmapImage& image : scene.model.images)
-    if (!image.observations.empty()) return "";
-  return "its model does not say which photos show which points";
+  return has_tracks(scene.model) ? "" : "its model does not say which photos show which points";
 }
 
 ExposureSummary measure_light(const DatasetConfig& dataset) {
@@ -363,19 +426,43 @@ void check_scene(const DatasetConfig& dataset) {
   plan_scene(without_refinement, {});
 }
 
+SceneOutline outline_scene(const DatasetConfig& dataset, const LoadProgress& progress) {
+  ScenePlan plan = plan_scene(dataset, progress, true);
+  if (!plan.is_used.empty()) leave_out_unused(plan);
+  SceneOutline outline;
+  for (const ViewPlan& view : plan.views) outline.names.push_back(view.name);
+  outline.cameras = cameras_of(plan.views);
+  outline.is_test = std::move(plan.is_test);
+  outline.points = std::move(plan.points);
+  outline.shown = std::move(plan.shown);
+  outline.world_offset = plan.world_offset;
+  return outline;
+}
+
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress, PhotoLoading loading,
                  const LightNeeds& needs) {
   ScenePlan plan = plan_scene(dataset, progress);
+  std::optional<ExposureFit> fit;
+  if (!plan.is_used.empty()) {
+    // Of all photos, so that runs on parts of a scene agree about its colors
+    if (dataset.exposure)
+      fit = chosen_exposures(
+          fit_view_exposures(plan.points, plan.seen, plan.is_test,
+                             make_views(dataset, plan.views, {}, PhotoLoading::when_asked),
+                             needs.vignetting),
+          plan.is_used);
+    leave_out_unused(plan);
+  }
   if (needs.exposure_stops) read_exposure_stops(plan.views);
   Scene scene;
   scene.source = dataset.source;
   std::vector<View> views = make_views(dataset, std::move(plan.views), progress, loading);
   report_masks(views, dataset);
   if (dataset.exposure) {
-    const ExposureFit fit =
-        fit_view_exposures(plan.points, plan.seen, plan.is_test, views, needs.vignetting);
-    scene.exposure = take_exposures(fit, views);
-    scene.lenses = fit.lenses;
+    if (!fit)
+      fit = fit_view_exposures(plan.points, plan.seen, plan.is_test, views, needs.vignetting);
+    scene.exposure = take_exposures(*fit, views);
+    scene.lenses = fit->lenses;
   }
   split_views(std::move(views), plan.is_test, scene);
   scene.points = std::move(plan.points);

@@ -5,6 +5,7 @@
 #include <functional>
 #include <string>
 
+#include "data_loaders/scene/shown_points.h"
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
 
@@ -35,7 +36,9 @@ struct LightNeeds {
 /// the first photo is decoded. With dataset.refine_cameras the cameras are refined first. Throws
 /// Error that names the file and the remedy; UsageError for a resolution or a photo budget that
 /// cannot work. Warns of a scene that moves, because it is trained as a static one. With
-/// dataset.exposure and `needs.vignetting`, Scene::lenses are solved for as well.
+/// dataset.exposure and `needs.vignetting`, Scene::lenses are solved for as well. With
+/// dataset.photo_list the scene has the photos of the list and the points that they show; its split,
+/// refined cameras and exposures are those of the whole scene.
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress = {},
                  PhotoLoading loading = PhotoLoading::as_they_fit, const LightNeeds& needs = {});
 
@@ -46,6 +49,19 @@ std::string why_exposures_are_unknown(const DatasetConfig& dataset);
 /// How much the photos of a scene differ in light. Decodes each photo and keeps none. Throws like
 /// load_scene(); only where exposures can be solved for.
 ExposureSummary measure_light(const DatasetConfig& dataset);
+
+/// A scene without its pictures: all that is known before the first photo is decoded.
+struct SceneOutline {
+  std::vector<std::string> names;  // (views)   sorted
+  std::vector<Camera> cameras;     // (views)
+  std::vector<bool> is_test;       // (views)
+  std::vector<ScenePoint> points;
+  ShownPoints shown;                  // (views)   the points that each view shows
+  Vec3d world_offset{0.0, 0.0, 0.0};  // as in Scene
+};
+
+/// The outline of the scene that load_scene() would load. Throws like it.
+SceneOutline outline_scene(const DatasetConfig& dataset, const LoadProgress& progress = {});
 
 /// All checks of load_scene() before it decodes the first photo, without refining cameras. Throws
 /// like load_scene().

@@ -212,8 +212,9 @@ void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders,
   scene.mask_files = match_masks(scene.masks, names, scene.photos, masks_of_model);
 }
 
-SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders) {
-  SceneModel scene = read_model_and_split(dataset, folders);
+SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders,
+                            Tracks tracks) {
+  SceneModel scene = read_model_and_split(dataset, folders, tracks);
   move_near_origin(scene);
   if (dataset.model.empty() && dataset.times != PhotoTimes::frames)
     check_registered(scene.model, folders.images);

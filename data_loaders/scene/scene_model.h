@@ -57,6 +57,8 @@ void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders,
 
 /// All that later stages need to know of a scene. Throws Error that names the file and the remedy,
 /// also for a model that has next to none of the photos; UsageError if nothing is left to train on.
-SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders);
+/// `tracks` as for read_model_and_split().
+SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders,
+                            Tracks tracks = Tracks::skip);
 
 }  // namespace gs

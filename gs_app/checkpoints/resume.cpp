@@ -190,8 +190,8 @@ std::optional<ResumedRun> find_resumed_run(const SettingsOver& settings, const s
     if (holds_only_photos(dataset.source)) dataset.source = ours.dataset.source;
     dataset.source = fs::absolute(dataset.source).lexically_normal().string();
   }
-  std::string& start_from = run->config.model.start_from;
-  if (!start_from.empty()) start_from = fs::absolute(start_from).lexically_normal().string();
+  for (std::string* file : {&run->config.model.start_from, &dataset.photo_list})
+    if (!file->empty()) *file = fs::absolute(*file).lexically_normal().string();
   // The photos have chosen when the run began.
   std::string& photometric = run->config.photometric.model;
   if (photometric == kAutoPhotometricModel) photometric = ours.photometric.model;

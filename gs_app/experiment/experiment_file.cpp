@@ -245,6 +245,7 @@ Config settings_of(const Experiment& experiment, const ExperimentScene& scene,
     if (!path.empty()) path = (experiment.file.parent_path() / path).lexically_normal().string();
   };
   beside_file(settings.model.start_from);
+  beside_file(settings.dataset.photo_list);
   if (settings.eval.lpips != "none") beside_file(settings.eval.lpips);
   validate(settings, origins);
   return settings;

@@ -50,7 +50,8 @@ Experiment read_experiment(const std::filesystem::path& file);
 Config settings_of(const Experiment& experiment, const ExperimentConfig& config);
 
 /// The settings of one run: those of the config, then the scene's `set`, then the scene and the
-/// seed; no output folder. A model to start from is relative to the file. Validated. Throws like load_config and validate, naming the place.
+/// seed; no output folder. A model to start from and a list of photos are relative to the file.
+/// Validated. Throws like load_config and validate, naming the place.
 Config settings_of(const Experiment& experiment, const ExperimentScene& scene,
                    const ExperimentConfig& config, std::uint64_t seed);
 

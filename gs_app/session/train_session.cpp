@@ -138,6 +138,7 @@ Config TrainSession::config_of_new_run() const {
   if (config.model.output.empty())
     throw UsageError("there is no output; give the folder of the run with -o OUT");
   config.dataset.source = absolute_path(config.dataset.source);
+  config.dataset.photo_list = absolute_path(config.dataset.photo_list);
   config.model.start_from = absolute_path(config.model.start_from);
   return config;
 }
@@ -145,7 +146,7 @@ Config TrainSession::config_of_new_run() const {
 // What must stay where it is while the run's folder is made.
 std::vector<fs::path> TrainSession::inputs() const {
   const DatasetConfig& dataset = config_.dataset;
-  std::vector<fs::path> inputs = {dataset.source, config_.model.start_from};
+  std::vector<fs::path> inputs = {dataset.source, config_.model.start_from, dataset.photo_list};
   for (const std::string& part : {dataset.images, dataset.masks, dataset.model})
     if (!dataset.source.empty() && !part.empty()) inputs.push_back(fs::path(dataset.source) / part);
   if (resumed_) inputs.push_back(resumed_->source);

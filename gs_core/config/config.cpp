@@ -14,6 +14,7 @@
 #include "gs_core/config/config_text.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/config/read_toml.h"
+#include "gs_core/config/region_text.h"
 #include "gs_core/error.h"
 #include "gs_core/foreign_text.h"
 
@@ -293,6 +294,9 @@ void validate(const Config& config, const SettingOrigins& origins) {
   require(!is_budgeted || !prunes_shares || !sums_pixel_values(density.score), "density.score",
           density.score,
           "gradient or force: density.soft_prune and density.hard_prune sum no values of pixels");
+  require(parse_region(density.region).has_value(), "density.region", density.region,
+          "up to six half-spaces, each of them four numbers such as \"0,0,1,2.5\", with ; between "
+          "them");
   const TrainConfig& train = config.train;
   const double iterations = train.iterations > 0
                                 ? double(train.iterations)

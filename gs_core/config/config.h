@@ -23,9 +23,10 @@ struct DatasetConfig {
   std::string masks;  // the masks' folder; empty: `masks` in the scene; none: no masks, no alpha
   MaskMode mask_mode = MaskMode::automatic;
   bool invert_masks = false;  // in mask files, black trains and white does not
-  std::string model;   // the COLMAP model's folder; empty: sparse/0, sparse or the scene itself
-  int resolution = 1;  // 1, 2, 4, 8: divides the photos' size; 16 and more: the width in pixels
-  bool eval = false;   // hold out every test_every-th view, sorted by name
+  std::string model;       // the COLMAP model's folder; empty: sparse/0, sparse or the scene itself
+  int resolution = 1;      // 1, 2, 4, 8: divides the photos' size; 16 and more: the width in pixels
+  std::string photo_list;  // a file with names of photos: the run uses no others; empty: all
+  bool eval = false;       // hold out every test_every-th view, sorted by name
   int test_every = 8;
   std::string test_names;               // photos or cameras held out instead, separated by commas
   PhotoTimes times = PhotoTimes::none;  // of photos in scenes of COLMAP
@@ -142,6 +143,7 @@ struct DensityConfig {
   int reset_opacity_until = 24000;
   std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as fit into memory
   float gaussians_per_point = 40;  // where there is no cap: so many for each sparse point
+  std::string region;  // half-spaces, inside of which Gaussians are added; empty: everywhere
   bool absolute_gradient = false;  // the statistic sums absolute values over pixels (AbsGS)
   // for mcmc only
   float growth = 0.05f;      // of the count, in one refinement

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "gs_core/config/config_limits.h"
+#include "gs_core/config/region_text.h"
 #include "gs_core/scene.h"
 
 namespace gs {
@@ -21,24 +22,31 @@ int steps_for(const TrainConfig& train, std::size_t photos, bool has_random_star
   return int(std::lround(std::min(steps, limits::kLargestInt)));
 }
 
+std::size_t points_outside(const Scene& scene, const Region& region) {
+  return std::size_t(std::ranges::count_if(
+      scene.points, [&](const ScenePoint& point) { return !region.holds(point.position); }));
+}
+
 }  // namespace
 
-Config settled_for(Config config, std::size_t points, std::size_t photos) {
+Config settled_for(Config config, std::size_t points, std::size_t photos, std::size_t outside) {
   const bool has_random_start = points == 0 && config.model.start_from.empty();
   if (config.train.iterations == 0)
     config.train.iterations = steps_for(config.train, photos, has_random_start);
   DensityConfig& density = config.density;
   if (density.gaussians_per_point > 0 && density.max_gaussians == 0) {
     const double starts = points == 0 ? double(config.model.random_points) : double(points);
-    const double most = std::min(double(density.gaussians_per_point) * starts,
-                                 std::max(kMostByPoints, starts));
+    const double grown = double(density.gaussians_per_point) * (starts - double(outside));
+    const double most = std::min(grown + double(outside), std::max(kMostByPoints, starts));
     density.max_gaussians = std::max<std::int64_t>(1, std::llround(most));
   }
   return config;
 }
 
 Config settled_for(Config config, const Scene& scene) {
-  return settled_for(std::move(config), scene.points.size(), scene.train_views.size());
+  const std::size_t outside =
+      points_outside(scene, region_of(config.density, scene.world_offset));
+  return settled_for(std::move(config), scene.points.size(), scene.train_views.size(), outside);
 }
 
 Config settled_as_in(const Config& run, Config now) {

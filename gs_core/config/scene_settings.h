@@ -19,10 +19,12 @@ struct Scene;
 ///                          points and no model to start from
 ///   density.max_gaussians  if it is 0 and density.gaussians_per_point is not: that many for each
 ///                          point (of model.random_points in a scene without points), at most 5
-///                          million or the number of points, whichever is larger
+///                          million or the number of points, whichever is larger; the points
+///                          `outside` of density.region, where Gaussians do not grow, count once
 ///
 /// Settings that have numbers already stay as they are.
-Config settled_for(Config config, std::size_t points, std::size_t photos);
+Config settled_for(Config config, std::size_t points, std::size_t photos,
+                   std::size_t outside = 0);
 Config settled_for(Config config, const Scene& scene);
 
 /// The config of a run that goes on: the run keeps the numbers that it began with, and the settings

@@ -7,6 +7,7 @@
 
 #include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/math/region.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/types.h"
 
@@ -22,6 +23,7 @@ struct AdaptiveRules {
   // World units. Up to this distance from the origin prune_scale holds; beyond, the limit grows
   // with the distance, so that what is far may be as large as what is near in a picture.
   float prune_scale_within = std::numeric_limits<float>::infinity();
+  Region region = {};  // Gaussians outside of it do not grow
 };
 
 /// The statistic that density control averages: the length of the image-plane gradient in units of

@@ -30,6 +30,7 @@ class AdaptiveControl final : public DensityControl {
     if (schedule_.refine(step)) {
       AdaptiveRules rules = rules_;
       rules.max_gaussians = most_gaussians();
+      rules.region = region();
       if (schedule_.prune_large(step)) rules.prune_scale = prune_scale_;
       report = backend.rows().refine(model, rules, random_, step);
       make_static(model, backend, density_, report);

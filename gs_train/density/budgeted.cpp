@@ -84,6 +84,7 @@ class BudgetedControl final : public DensityControl {
   GrowthRules rules_in(int step, const TrainingModel& model) const {
     GrowthRules rules = rules_;
     rules.budget = most_gaussians();
+    rules.limits.region = region();
     rules.limits.max_gaussians =
         growth_target(density_.curve, schedule_.growth_share(step), std::int64_t(model.first_count),
                       most_gaussians(), double(density_.ramp_from));

@@ -30,6 +30,8 @@ class DensityControl {
   /// Lowers the cap to `most` Gaussians from now on; 0: the cap is that of the config.
   void set_growth_cap(std::int64_t most) { growth_cap_ = most; }
   std::int64_t growth_cap() const { return growth_cap_; }
+  /// From now on Gaussians outside of the region do not grow.
+  void set_region(const Region& region) { region_ = region; }
 
  protected:
   /// The lower one of both caps; 0: none.
@@ -37,9 +39,11 @@ class DensityControl {
     return config_cap_ > 0 && growth_cap_ > 0 ? std::min(config_cap_, growth_cap_)
                                               : std::max(config_cap_, growth_cap_);
   }
+  const Region& region() const { return region_; }
 
  private:
   std::int64_t config_cap_, growth_cap_ = 0;  // Gaussians; 0: none
+  Region region_;
 };
 
 /// The strategy that config.density.strategy names. config.density.max_gaussians is not kAutoCount

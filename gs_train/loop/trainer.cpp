@@ -7,6 +7,7 @@
 
 #include "gs_core/bake_filter.h"
 #include "gs_core/bytes.h"
+#include "gs_core/config/region_text.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/activations.h"
@@ -121,6 +122,7 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   if (is_auto)
     cap = affordable_gaussians(scene, run_.model, backend.memory(), run_.config.train.batch);
   run_.density = make_density_control(run_.config, run_.schedule, scene.extent);
+  run_.density->set_region(region_of(run_.config.density, scene.world_offset));
   if (is_auto) run_.density->set_growth_cap(cap);  // so that checkpoints keep it
 }
 

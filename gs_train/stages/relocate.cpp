@@ -20,11 +20,12 @@ void clear_moments(TrainingModel& model, std::size_t i) {
 }
 
 /// Prefix sums of the rows' weights, each row's own included.
-std::vector<std::uint64_t> weight_sums(const TrainingModel& model, float dead_opacity) {
+std::vector<std::uint64_t> weight_sums(const TrainingModel& model, const RelocationRules& rules) {
   const GaussiansSpan rows = model.gaussians.span();
   std::vector<std::uint64_t> sums(model.count());
-  parallel_for(sums.size(), 4096,
-               [&](std::size_t i) { sums[i] = draw_weight(rows, i, dead_opacity); });
+  parallel_for(sums.size(), 4096, [&](std::size_t i) {
+    sums[i] = draw_weight(rows, i, rules.dead_opacity, rules.region);
+  });
   for (std::size_t i = 1; i < sums.size(); ++i) sums[i] += sums[i - 1];
   return sums;
 }
@@ -79,7 +80,7 @@ void copy_rows(TrainingModel& model, const std::vector<std::uint32_t>& source, c
 
 std::size_t move_dead_rows(TrainingModel& model, const RelocationRules& rules, const Random& random,
                            int step) {
-  const std::vector<std::uint64_t> sums = weight_sums(model, rules.dead_opacity);
+  const std::vector<std::uint64_t> sums = weight_sums(model, rules);
   const std::vector<std::uint32_t> dead = dead_rows(sums);
   if (dead.empty() || sums.back() == 0) return 0;
   const std::vector<std::uint32_t> source = draw(sums, dead.size(), random, step);
@@ -91,7 +92,7 @@ std::size_t move_dead_rows(TrainingModel& model, const RelocationRules& rules, c
 std::size_t add_copies(TrainingModel& model, const RelocationRules& rules, const Random& random,
                        int step) {
   const std::size_t before = model.count();
-  const std::vector<std::uint64_t> sums = weight_sums(model, rules.dead_opacity);
+  const std::vector<std::uint64_t> sums = weight_sums(model, rules);
   if (std::int64_t(before) >= rules.grow_to || sums.empty() || sums.back() == 0) return 0;
   const std::vector<std::uint32_t> source =
       draw(sums, std::size_t(rules.grow_to) - before, random, step);

@@ -46,7 +46,8 @@ std::vector<RowAction> actions(const TrainingModel& model, const AdaptiveRules& 
   const GaussiansSpan rows = model.gaussians.span();
   std::vector<RowAction> action(model.count());
   parallel_for(model.count(), 4096, [&](std::size_t i) {
-    const bool grows = wants_growth(model.statistics.visits[i], model.statistics.gradient_norm[i],
+    const bool grows = rules.region.holds(rows.mean[i]) &&
+                       wants_growth(model.statistics.visits[i], model.statistics.gradient_norm[i],
                                     rules.gradient_threshold);
     const bool small = is_small(rows.log_scale[i], rules.small_scale);
     const bool pruned = is_pruned(rows, i, rules);

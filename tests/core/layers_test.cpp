@@ -104,6 +104,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_app/export", {"gs_app/run", "gs_app/pictures"}},
     {"gs_app/edit/places", {}},
     {"gs_app/edit", {"gs_app/run", "gs_app/pictures", "gs_app/export", "gs_app/edit/places"}},
+    {"gs_app/blocks", {"gs_app/run", "gs_app/edit"}},
     {"gs_app/export/lod", {"gs_app/export", "gs_app/run", "gs_app/pictures"}},
     {"gs_app/export/tiles", {}},
     {"gs_app/checkpoints", {"gs_app/run"}},

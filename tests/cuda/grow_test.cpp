@@ -56,6 +56,14 @@ GrowthRules some_rules(GrowthScore score, GrowthSelection select, std::int64_t t
   return rules;
 }
 
+/// The half of space above x = 0.
+Region half_of_space() {
+  Region region;
+  region.half_spaces[0] = {{1, 0, 0}, 0};
+  region.count = 1;
+  return region;
+}
+
 class CudaGrow : public CudaTest {
  protected:
   /// Grows the same model on both backends and expects the same result.
@@ -94,6 +102,14 @@ TEST_F(CudaGrow, TakesTheSameRowsByEveryScore) {
         SCOPED_TRACE(std::to_string(int(score)) + " up to " + std::to_string(target));
         grow_both(random_model(3000, 1), some_rules(score, select, target));
       }
+}
+
+TEST_F(CudaGrow, TakesTheSameRowsOfARegion) {
+  for (const GrowthScore score : kScores) {
+    GrowthRules rules = some_rules(score, GrowthSelection::top_k, 3300);
+    rules.limits.region = half_of_space();
+    grow_both(random_model(3000, 7), rules);
+  }
 }
 
 TEST_F(CudaGrow, TakesTheSameShareOfTheRowsThatMayGrow) {

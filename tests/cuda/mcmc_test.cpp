@@ -43,9 +43,10 @@ class CudaMcmc : public CudaTest {
   /// Relocates the same model on both backends and expects the same rows. Opacities and scales of
   /// rows that share may differ in their last bit, because they are computed in double and rounded
   /// to float.
-  RefineReport relocate_both(TrainingModel model, std::int64_t grow_to, std::uint64_t seed = 1) {
+  RefineReport relocate_both(TrainingModel model, std::int64_t grow_to, std::uint64_t seed = 1,
+                             const Region& region = {}) {
     TrainingModel device = on_gpu(model);
-    const RelocationRules rules{0.005f, grow_to};
+    const RelocationRules rules{0.005f, grow_to, region};
     const RefineReport expected = cpu().rows().relocate(model, rules, seed, kStep);
     const RefineReport actual = gpu().rows().relocate(device, rules, seed, kStep);
     EXPECT_EQ(actual.moved, expected.moved);
@@ -110,6 +111,13 @@ TEST_F(CudaMcmc, RelocatesTheSameRows) {
     EXPECT_GT(report.moved, 300u);
     EXPECT_EQ(report.cloned, 150u);
   }
+}
+
+TEST_F(CudaMcmc, RelocatesTheSameRowsOfARegion) {
+  Region region;
+  region.half_spaces[0] = {{0, 1, 0}, 0};
+  region.count = 1;
+  EXPECT_GT(relocate_both(random_model(3000, 4), 3150, 4, region).moved, 300u);
 }
 
 TEST_F(CudaMcmc, RelocatesAnyNumberOfRows) {

@@ -169,6 +169,14 @@ TEST_F(CudaRows, RefinesRowsOfAllRowActionAsTheScalarTwin) {
   }
 }
 
+TEST_F(CudaRows, RefinesTheSameRowsOfARegion) {
+  AdaptiveRules rules = kRules;
+  rules.region.half_spaces[0] = {{1, 0, 0}, 0};
+  rules.region.count = 1;
+  refine_both(random_model(3000, 4), rules, 4);
+  EXPECT_GT(expected_.cloned, 50u);
+}
+
 TEST_F(CudaRows, RefinesAnyNumberOfRows) {
   for (const std::size_t count : {0, 1, 2, 31, 255, 256, 257, 511, 513}) {
     SCOPED_TRACE(std::to_string(count) + " rows");

@@ -66,6 +66,24 @@ TEST(AdaptiveControl, AsksForStatisticsAloneAndClones) {
   EXPECT_EQ(model.count(), 60u);
 }
 
+TEST(DensityControl, EveryStrategyGrowsInItsRegionAlone) {
+  const auto backend = make_scalar_backend();
+  Region region;
+  region.half_spaces[0] = {{1, 0, 0}, 20};  // rows 20 to 29
+  region.count = 1;
+  for (const std::string& name : density_strategies()) {
+    Config config = with_strategy(name);
+    config.density.growth = 1;
+    const auto control = control_of(config);
+    control->set_region(region);
+    TrainingModel model = growing_model();
+    const RefineReport report = control->after_step(model, *backend, 600);
+    EXPECT_GE(report.cloned, 10u) << name;
+    for (std::size_t i = 30; i < model.count(); ++i)
+      EXPECT_GE(model.gaussians.mean[i].x, 20) << name;
+  }
+}
+
 TEST(AdaptiveControl, ResetsOpacities) {
   const auto control = control_of(with_strategy("adaptive"));
   const auto backend = make_scalar_backend();

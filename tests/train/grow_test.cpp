@@ -137,6 +137,15 @@ TEST(Grow, TakesTheLargestScores) {
   EXPECT_THAT(origins(model), ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 7, 8, 9));
 }
 
+TEST(Grow, TakesNoRowOutsideOfTheRegion) {
+  TrainingModel model = scored_model(10);
+  GrowthRules rules = by_error(13, GrowthSelection::top_k);
+  rules.limits.region.half_spaces[0] = {{-1, 0, 0}, -5};  // rows 0 to 5
+  rules.limits.region.count = 1;
+  EXPECT_EQ(grow_by(model, rules).cloned, 3u);
+  EXPECT_THAT(origins(model), ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 3, 4, 5));
+}
+
 TEST(Grow, DrawsByTheScoreAndNeverARowWithoutOne) {
   constexpr int kSteps = 3000;
   std::vector<int> count(5);

@@ -70,7 +70,7 @@ TEST(InitialModel, DrawsRandomPointsWhereCamerasLook) {
   scene.train_views = ring(1);
   scene.extent = camera_extent(scene.train_views);
   const TrainingModel model = initial_model(scene, {}, host_memory());
-  EXPECT_GT(model.count(), 50'000u);  // of 100,000
+  EXPECT_GT(model.count(), 7'500u);  // of 15,000
   for (const Vec3f& mean : model.gaussians.mean)
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(mean[c], kTarget[c], 1.001f);
 }

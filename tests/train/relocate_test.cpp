@@ -108,6 +108,25 @@ TEST(Relocate, DrawsInProportionToOpacity) {
   EXPECT_NEAR(copies[2], 4000, 230);
 }
 
+TEST(Relocate, CopiesRowsInTheRegionAlone) {
+  std::vector<float> opacities{0.9f, 0.9f, 0.1f, 0.9f, 0.1f};
+  opacities.resize(2005, kDead);
+  TrainingModel model = model_with(opacities);
+  RelocationRules rules{0.005f, 3000};
+  rules.region.half_spaces[0] = {{1, 0, 0}, 2};
+  rules.region.half_spaces[1] = {{-1, 0, 0}, -4};  // rows 2 to 4
+  rules.region.count = 2;
+  const RefineReport report = relocate_rows(model, rules);
+  EXPECT_EQ(report.moved, 2000u);  // none of the live rows outside
+  EXPECT_EQ(report.cloned, 995u);
+  std::map<int, int> copies;
+  for (const int origin : origins(model)) ++copies[origin];
+  EXPECT_EQ(copies[0], 1);
+  EXPECT_EQ(copies[1], 1);
+  EXPECT_EQ(copies[2] + copies[3] + copies[4], 2998);
+  EXPECT_GT(copies[3], 2000);
+}
+
 TEST(Relocate, AddsCopiesUpToTheCountBehindAllRows) {
   TrainingModel model = model_with({0.5f, 0.5f, 0.5f});
   const RefineReport report = relocate_rows(model, {0.005f, 8});

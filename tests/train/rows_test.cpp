@@ -78,6 +78,16 @@ TEST(Refine, KeepsSurvivorsInOrderThenClonesThenHalves) {
   EXPECT_EQ(report.pruned, 1u);
 }
 
+TEST(Refine, RowsOutsideOfTheRegionDoNotGrowAndArePrunedAsOthers) {
+  TrainingModel model = model_with({kClones, kSplits, kFaint, kClones, kSplits, kFaint});
+  AdaptiveRules rules = kRules;
+  rules.region.half_spaces[0] = {{1, 0, 0}, 3};  // rows 3 to 5
+  rules.region.count = 1;
+  const RefineReport report = refine(model, rules);
+  EXPECT_THAT(origins(model), ElementsAre(0, 1, 3, 3, 4, 4));
+  EXPECT_EQ(report.pruned, 2u);
+}
+
 TEST(Refine, KeepsTheMomentsOfSurvivorsAndStartsNewRowsAtZero) {
   TrainingModel model = model_with({kStays, kSplits, kClones, kFaint, kStays});
   refine(model);

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/blocks/blocks_file.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <cmath>
+
+#include "gs_core/error.h"
+#include "gs_core/io/read_json.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr const char* kRemedy = "write it again with `gemsplat partition`";
+
+Json json_of(const Vec3d& v) { return {v.x, v.y, v.z}; }
+Json json_of(const CutSide& side) { return {{side.is_cut ? "cut" : "block", side.index}}; }
+
+Json json_of(const Cut& cut) {
+  return {{"normal", json_of(cut.normal)},
+          {"offset", cut.offset},
+          {"below", json_of(cut.below)},
+          {"above", json_of(cut.above)}};
+}
+
+Json json_of(const BlockEntry& block) {
+  return {{"name", block.name},
+          {"config", block.config},
+          {"run", block.run},
+          {"region", block.region},
+          {"train_photos", block.train_photos},
+          {"test_photos", block.test_photos},
+          {"points", block.points},
+          {"points_outside", block.points_outside}};
+}
+
+Vec3d vector_of(const Json& json) {
+  return {json.at(0).get<double>(), json.at(1).get<double>(), json.at(2).get<double>()};
+}
+
+CutSide side_of(const Json& json) {
+  const bool is_cut = json.contains("cut");
+  return {is_cut, json.at(is_cut ? "cut" : "block").get<std::size_t>()};
+}
+
+Cut cut_of(const Json& json) {
+  return {vector_of(json.at("normal")), json.at("offset").get<double>(), side_of(json.at("below")),
+          side_of(json.at("above"))};
+}
+
+BlockEntry block_of(const Json& json) {
+  BlockEntry block;
+  block.name = json.at("name").get<std::string>();
+  block.config = json.at("config").get<std::string>();
+  block.run = json.at("run").get<std::string>();
+  block.region = json.at("region").get<std::string>();
+  block.train_photos = json.at("train_photos").get<std::size_t>();
+  block.test_photos = json.at("test_photos").get<std::size_t>();
+  block.points = json.at("points").get<std::size_t>();
+  block.points_outside = json.at("points_outside").get<std::size_t>();
+  return block;
+}
+
+void check(const BlocksFile& blocks) {
+  bool is_sound = blocks.tree.is_whole() && blocks.tree.parts() == blocks.blocks.size();
+  for (const Cut& cut : blocks.tree.cuts)
+    is_sound &= std::isfinite(cut.offset) && inner(cut.normal, cut.normal) > 0;
+  if (!is_sound)
+    throw Error(fmt::format("cannot use {}: its cuts do not divide space into its {} blocks; {}",
+                            blocks.file.string(), blocks.blocks.size(), kRemedy));
+}
+
+}  // namespace
+
+std::string blocks_json(const BlocksFile& blocks) {
+  Json json = {{"scene", blocks.scene},
+               {"up", json_of(blocks.up)},
+               {"cuts", Json::array()},
+               {"blocks", Json::array()}};
+  for (const Cut& cut : blocks.tree.cuts) json["cuts"].push_back(json_of(cut));
+  for (const BlockEntry& block : blocks.blocks) json["blocks"].push_back(json_of(block));
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+BlocksFile read_blocks(const fs::path& file_or_folder) {
+  std::error_code ignored;
+  BlocksFile blocks;
+  blocks.file =
+      fs::is_directory(file_or_folder, ignored) ? file_or_folder / "blocks.json" : file_or_folder;
+  if (!fs::exists(blocks.file, ignored))
+    throw Error("there is no partition at " + file_or_folder.string() +
+                "; name the folder that `gemsplat partition` has written, or its blocks.json");
+  const Json json = read_json_as(blocks.file, kRemedy);
+  take_from_json(blocks.file, kRemedy, [&] {
+    blocks.scene = json.at("scene").get<std::string>();
+    blocks.up = vector_of(json.at("up"));
+    for (const Json& cut : json.at("cuts")) blocks.tree.cuts.push_back(cut_of(cut));
+    for (const Json& block : json.at("blocks")) blocks.blocks.push_back(block_of(block));
+  });
+  check(blocks);
+  return blocks;
+}
+
+}  // namespace gs
