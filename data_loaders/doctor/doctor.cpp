@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The order of an examination: folders, model, files, headers, pictures, cameras, points, sight,
-// forecast, light.
+// depth maps, forecast, light.
 #include "data_loaders/doctor/doctor.h"
 
 #include <algorithm>
@@ -65,6 +65,7 @@ Diagnosis examine(const Config& config, bool look_at_pictures, const ProgressFn&
   examine_cameras(examination);
   examine_points(examination);
   examine_sight(examination);
+  examine_depth(examination, look_at_pictures);
   add_forecast(examination, device);
   check_the_rest(examination);
   if (look_at_pictures) examine_light(examination);

@@ -5,6 +5,7 @@
 #include <functional>
 #include <string>
 
+#include "data_loaders/scene/depth_agreement.h"
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
 
@@ -46,6 +47,10 @@ std::string why_exposures_are_unknown(const DatasetConfig& dataset);
 /// How much the photos of a scene differ in light. Decodes each photo and keeps none. Throws like
 /// load_scene(); only where exposures can be solved for.
 ExposureSummary measure_light(const DatasetConfig& dataset);
+
+/// How the depth maps of a scene go with its sparse points. Reads some maps, and no photo. Throws like
+/// load_scene().
+DepthAgreement measure_depth_maps(const DatasetConfig& dataset);
 
 /// All checks of load_scene() before it decodes the first photo, without refining cameras. Throws
 /// like load_scene().
