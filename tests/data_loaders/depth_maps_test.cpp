@@ -218,7 +218,7 @@ TEST_F(DepthMaps, GoThroughTheLensWithThePhoto) {
   const View seen = view(dataset(DepthKind::inverse));
   ASSERT_EQ(seen.depth.width, seen.camera.width);
   ASSERT_NE(seen.depth.width, kWidth);
-  for (const auto [x, y] : {std::pair{2, 1}, {12, 8}, {20, 10}}) {
+  for (const auto& [x, y] : {std::pair{2, 1}, {12, 8}, {20, 10}}) {
     const double u = (x + 0.5 - seen.camera.cx) / seen.camera.fx,
                  v = (y + 0.5 - seen.camera.cy) / seen.camera.fy;
     const double column = 20 * u * (1 - 0.05 * (u * u + v * v)) + 12;

@@ -75,8 +75,9 @@ TEST(DepthLoss, GradientOfASplatsDepthMatchesJet) {
       [&](const auto& x, const auto& g) {
         BasicSplatGradient<double> dL_dsplat{};
         dL_dsplat.depth = g[0];
+        Vec3d* const no_sh_rest = nullptr;
         return flatten(
-            project_gaussian_vjp(camera, gaussian_of(x), settings, dL_dsplat, nullptr).mean);
+            project_gaussian_vjp(camera, gaussian_of(x), settings, dL_dsplat, no_sh_rest).mean);
       },
       [&](TestRandom& random) {
         const Vec3d p{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(2, 6)};
