@@ -20,6 +20,7 @@
 #include "cuda/device/warp.cuh"
 #include "cuda/render/renderer.cuh"
 #include "cuda/render/reports.cuh"
+#include "cuda/train/depth.cuh"
 #include "cuda/train/instance_forecast.h"
 #include "cuda/train/photometric.cuh"
 #include "gs_core/math/density.h"
@@ -73,7 +74,8 @@ class CudaBackend final : private Device, public Backend {
         renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
         optimizer_(make_optimizer(context)), sums_(device_memory),
         photometric_gradient_(device_memory), camera_of_(device_memory),
-        poses_(context, device_memory), rows_(make_row_ops(context, device_memory, pass_.splats)) {}
+        poses_(context, device_memory), depth_maps_(device_memory), depth_(device_memory),
+        rows_(make_row_ops(context, device_memory, pass_.splats)) {}
   ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
 
   void make_current() override { check(cudaSetDevice(context.device()), "choosing the GPU"); }
@@ -106,6 +108,7 @@ class CudaBackend final : private Device, public Backend {
     look_ = row->look;
   }
   void check_refines_poses() const override {}
+  void check_takes_depth() const override {}
   bool makes_refined_cameras() const override { return true; }
   RowOps& rows() override {
     finish_pending();
@@ -116,6 +119,7 @@ class CudaBackend final : private Device, public Backend {
     finish_pending();
     next_ = nullptr;
     photos_.upload_views(views, photo_bytes);
+    depth_maps_.forget();
     forecast_.forget();
   }
   void prefetch_decode(const View& view) override {
@@ -164,6 +168,7 @@ class CudaBackend final : private Device, public Backend {
     renderer_.release_caches();
     sums_ = BatchSums(device_memory);  // zero between steps; made anew for the next batch
     photometric_gradient_.release();   // the same
+    depth_.release();
   }
 
   void synchronize(TrainingModel&) override {
@@ -321,6 +326,7 @@ class CudaBackend final : private Device, public Backend {
       gs::cuda::find_pixel_values(context, photos_.last(), *photo.view,
                                   loss_settings.photo_on_device, step.density, workspace, pass_);
     blend_backward(context, settings, dL_dimage_.span(), workspace, pass_);
+    add_depth_gradient(photo, loss_settings, settings);
     if (step.poses.is_due)
       gs::cuda::camera_gradient(context, gaussians, camera, settings, workspace, pass_, pose, *row,
                                 1.0 / double(step.batch.size()));
@@ -333,6 +339,19 @@ class CudaBackend final : private Device, public Backend {
     if (settings.fragment_statistic != FragmentStatistic::none)
       gather_fragment_sums(context, settings, workspace, pass_, step.density.pooling,
                            step.batch.size() > 1 ? sums_.statistics : model_->statistics);
+  }
+
+  // Of photos with a depth map: adds to what blend_backward() has left. The loss has asked for the
+  // photo, and so for its mask.
+  void add_depth_gradient(const TrainingPhoto& photo, const LossSettings& loss_settings,
+                          const RenderSettings& settings) {
+    const View& view = *photo.view;
+    if (!(loss_settings.depth_weight > 0) || !view.has_depth_map) return;
+    const DepthMapOnDevice map{depth_maps_.values(view), photos_.last().mask, view.camera.width,
+                               photo.reduction, view.depth_kind};
+    if (map.values)
+      depth_.add_gradient(context, settings, map, loss_settings.depth_weight,
+                          renderer_.workspace(), pass_);
   }
 
   void update(const Step& step) {
@@ -487,6 +506,8 @@ class CudaBackend final : private Device, public Backend {
   Buffer<std::uint32_t> camera_of_;               // (photos) PhotometricState::camera_of
   std::vector<std::uint32_t> camera_of_on_host_;  // what camera_of_ holds
   DevicePoses poses_;
+  DepthMaps depth_maps_;
+  DepthStage depth_;
   bool has_newer_poses_ = false;  // than those of model_
   std::unique_ptr<RowOps> rows_;
   Reports reports_{kMostPending};

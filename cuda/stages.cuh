@@ -100,7 +100,8 @@ __device__ inline SplatGradient masked(const SplatGradientSum& sum, const Vec3f&
           {sum.conic_xx, sum.conic_xy, sum.conic_yy},
           sum.opacity,
           {color.x >= 0.0f ? sum.red : 0.0f, color.y >= 0.0f ? sum.green : 0.0f,
-           color.z >= 0.0f ? sum.blue : 0.0f}};
+           color.z >= 0.0f ? sum.blue : 0.0f},
+          sum.depth};
 }
 #endif
 

@@ -14,6 +14,7 @@
 #include "gs_core/camera.h"
 #include "gs_core/image.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/math/depth_kind.h"
 
 namespace gs {
 
@@ -27,6 +28,11 @@ struct View {
   // (height, width, 1) of that size: 255 trains, 0 does not; empty: all train, or `source` has it
   Image8 mask = {};
   bool over_background = false;  // the mask is the photo's alpha; every pixel trains
+  // (height, width, 1) of that size: values of a depth map, 0 where nothing is known. Empty: the
+  // photo has no map, or `source` has it
+  ImageF depth = {};
+  DepthKind depth_kind = DepthKind::metric;  // what they mean; not `automatic`
+  bool has_depth_map = false;                // also before the map is read
   Vec3f exposure{1};  // per channel: the photo shows exposure * the scene's colors (display sRGB)
   std::shared_ptr<PhotoSource> source = {};
   std::size_t index = 0;        // in `source`
@@ -73,6 +79,8 @@ void release_photo(const View& view);
 /// Bytes of the view's photo and mask once they are decoded. If it is not known whether there is a
 /// mask, it counts.
 std::size_t photo_bytes(const View& view);
+/// The same of its depth map.
+std::size_t depth_bytes(const View& view);
 
 /// How many photos ahead to call prefetch_decode(): decoding takes some tenths of a second, a step
 /// on a fast GPU some milliseconds.
@@ -111,6 +119,9 @@ struct CameraRefinement {
   bool has_converged = false;
   double seconds = 0;
 };
+
+/// Whether any of the views has a depth map.
+bool have_depth_maps(const std::vector<View>& views);
 
 /// All views with their split, and the sparse points. Views are sorted by name in byte order.
 struct Scene {

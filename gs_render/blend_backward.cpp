@@ -207,6 +207,7 @@ void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage,
   if (settings.fragment_statistic == FragmentStatistic::values)
     GS_CHECK(scratch.pixel_values.size() == pass.pixel_count());
   tiles_for_statistic(settings)(settings, dL_dimage, pass);
+  add_depth_gradients(pass);
 }
 
 }  // namespace gs

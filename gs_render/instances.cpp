@@ -46,6 +46,7 @@ void create_instances(const RenderSettings& settings, RenderPass& pass) {
         ExitCode::out_of_memory);
   scratch.instance_tiles.resize_discard(total);
   scratch.instance_splats.resize_discard(total);
+  scratch.depth_gradients.resize_discard(0);  // of a pass that was broken off
 
   parallel_for(pass.depth_order.size(), 512, [&](std::size_t k) {
     const std::uint32_t gaussian = pass.depth_order[k];

@@ -58,6 +58,7 @@ SplatGradient splat_gradient_of(const RenderPass& pass, std::size_t i) {
                  sum.conic.yy + part.conic.yy};
     sum.opacity += part.opacity;
     sum.color += part.color;
+    sum.depth += part.depth;
   }
   return sum;
 }

@@ -96,6 +96,8 @@ RenderSettings Backend::settings_of(const TrainingPhoto& photo, const DensitySte
 void Backend::compare(const TrainingModel& model, const TrainingPhoto& photo, const View& view,
                       const LossSettings& loss_settings, const DensityStep& density,
                       RenderPass& pass) {
+  if (loss_settings.depth_weight > 0 && !view.depth.empty())
+    compare_depth(view, settings_of(photo, density), loss_settings.depth_weight, pass);
   appearance_ = appearance_of(model, photo, view, pass);
   LossSettings of_photo = loss_settings;
   of_photo.appearance = appearance_.get();
@@ -113,6 +115,15 @@ void Backend::use_photometric(std::unique_ptr<PhotometricModel> photometric) {
 void Backend::check_refines_poses() const {
   throw UsageError("poses.refine is not there on " + name() +
                    " yet; train with --device cpu, or leave poses.refine false");
+}
+
+void Backend::check_takes_depth() const {
+  throw UsageError("depth maps are not there on " + name() +
+                   " yet; train with --device cpu, or ignore them with --set dataset.depth=none");
+}
+
+void Backend::compare_depth(const View&, const RenderSettings&, float, RenderPass&) {
+  GS_CHECK(false);  // of a backend whose check_takes_depth() throws
 }
 
 CameraGradient<double> Backend::camera_gradient(const GaussiansSpan&, const Camera&,
@@ -182,7 +193,7 @@ void Backend::release_caches() {
 
 void Backend::release_pass() {
   pass_ = RenderPass(pass_.image.memory());
-  dL_dimage_.release();
+  for (Buffer<float>* const planes : {&dL_dimage_, &depth_planes_, &dL_dplanes_}) planes->release();
   dL_dmean2d_.release();
   gradients_ = Gaussians(gradients_.memory());
   sum_ = Gaussians(sum_.memory());

@@ -48,8 +48,8 @@ struct TrainingPhoto {
 class Backend {
  public:
   explicit Backend(Memory& memory)
-      : pass_(memory), dL_dimage_(memory), dL_dmean2d_(memory), gradients_(memory), sum_(memory),
-        statistics_sum_(memory) {}
+      : pass_(memory), dL_dimage_(memory), depth_planes_(memory), dL_dplanes_(memory),
+        dL_dmean2d_(memory), gradients_(memory), sum_(memory), statistics_sum_(memory) {}
   virtual ~Backend() = default;
   virtual std::string name() const = 0;  // as in results.json: "cpu", "cuda:0 (NVIDIA H200)"
   /// Makes its device the current one of the calling thread. A thread that may have used another
@@ -66,6 +66,8 @@ class Backend {
   virtual void use_photometric(std::unique_ptr<PhotometricModel> photometric);
   /// Throws UsageError where the backend cannot refine poses.
   virtual void check_refines_poses() const;
+  /// Throws UsageError where the backend cannot train on depth maps (View::depth).
+  virtual void check_takes_depth() const;
   /// True where step() makes the cameras of training photos from model.poses itself. Else the
   /// caller gives them with the photos (TrainingPhoto::refined), as they are after the last step.
   virtual bool makes_refined_cameras() const { return false; }
@@ -121,6 +123,10 @@ class Backend {
   /// Writes the pixel values that the score sums (FragmentSums), before the backward pass.
   virtual void find_pixel_values(const View& view, const DensityStep& density,
                                  RenderPass& pass) = 0;
+  /// Blends depths with the lists of the pass, compares them with the view's map, and leaves the
+  /// gradient with the pass, whose backward() adds it.
+  virtual void compare_depth(const View& view, const RenderSettings& settings, float weight,
+                             RenderPass& pass);
   /// statistics += the photo's visibility and image-plane gradients; and pools its sums over
   /// fragments, if there are any, with those in `statistics`.
   virtual void gather(const DensityStatistics& statistics, const RenderPass& pass,
@@ -141,7 +147,7 @@ class Backend {
   /// How a step renders a photo.
   static RenderSettings settings_of(const TrainingPhoto& photo, const DensityStep& density);
   /// Compares the picture of a pass with its photo: fills dL_dimage_, and what density control sums
-  /// over fragments.
+  /// over fragments. With a depth map, compares depths first.
   void compare(const TrainingModel& model, const TrainingPhoto& photo, const View& view,
                const LossSettings& loss_settings, const DensityStep& density, RenderPass& pass);
   void prepare_sums(const TrainingModel& model);
@@ -171,6 +177,7 @@ class Backend {
   std::vector<double> pose_sum_;            // of a batch; empty while poses rest
   RenderPass pass_;
   Buffer<float> dL_dimage_;
+  Buffer<float> depth_planes_, dL_dplanes_;  // of photos with a depth map; else empty
   Buffer<Vec2f> dL_dmean2d_;
   Gaussians gradients_;               // of one photo
   Gaussians sum_;                     // of a batch: the mean gradients of its photos so far

@@ -24,6 +24,9 @@ namespace gs {
 /// members.
 struct LossSettings {
   float lambda_dssim;  // l1_ssim: weight of 1 - SSIM; L1 has the rest
+  // Of the depth loss (stages/depth_loss.cpp), for photos with a depth map; a backend adds it
+  // to any loss. 0: maps teach nothing.
+  float depth_weight = 0;
   // For devices that keep photos of their own: the picture is compared with the view's photo reduced
   // so many times. On the CPU the view is reduced already.
   int photo_reduction = 1;

@@ -67,6 +67,7 @@ struct ViewMetrics {
   /// Where they were asked for: of the picture as a photometric model shows it, and of the picture
   /// whose colors were fitted to the photo (metrics/color_correction.h).
   std::optional<PictureMetrics> photometric{}, corrected{};
+  std::optional<double> depth_error{};  // of views with a depth map (metrics/depth_error.h)
 };
 
 /// The network of LPIPS, as results tell it.
@@ -82,6 +83,7 @@ struct Evaluation {
   std::vector<ViewMetrics> views;
   std::optional<PerceptualMetrics> perceptual, perceptual_exposure;  // as in ViewMetrics
   std::optional<PictureMetrics> photometric, corrected;              // the same
+  std::optional<double> depth_error;  // mean over the views that have one
   std::optional<LpipsSource> lpips_source;                           // where LPIPS was measured
 };
 

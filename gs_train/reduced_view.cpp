@@ -19,6 +19,9 @@ View reduced_view(const View& view, int factor) {
   result.exposure = view.exposure;
   result.photo = Image8(result.camera.width, result.camera.height, 3);
   if (!view.mask.empty()) result.mask = Image8(result.camera.width, result.camera.height, 1);
+  result.depth_kind = view.depth_kind;
+  result.has_depth_map = view.has_depth_map;
+  if (!view.depth.empty()) result.depth = ImageF(result.camera.width, result.camera.height, 1);
   const PhotoBytes from{view.photo.pixels.data(),
                         view.mask.empty() ? nullptr : view.mask.pixels.data()};
   parallel_for(std::size_t(result.camera.height), 8, [&](std::size_t row) {
@@ -27,6 +30,8 @@ View reduced_view(const View& view, int factor) {
       for (int c = 0; c < 3; ++c)
         result.photo.at(x, y, c) = reduced_value(from, width, factor, x, y, c);
       if (from.mask) result.mask.at(x, y, 0) = reduced_mask(from, width, factor, x, y);
+      if (!view.depth.empty())
+        result.depth.at(x, y, 0) = reduced_depth(view.depth.pixels.data(), width, factor, x, y);
     }
   });
   return result;

@@ -6,7 +6,7 @@
 
 namespace gs {
 
-/// The view with camera, photo and mask reduced `factor` times (math/area_filter.h); all else is
+/// The view with camera, photo, mask and depth map reduced `factor` times (math/area_filter.h); all else is
 /// that of `view`, which has its photo.
 View reduced_view(const View& view, int factor);
 

@@ -33,7 +33,9 @@ Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
       rates_(config.optimizer), batch_rates_(config.train.batch_rates),
       resets_opacity_(config.density.strategy != "mcmc"),
       photometric_rate_(config.photometric.rate),
-      pose_rate_(config.poses.refine ? config.poses.rate : 0), extent_(scene_extent) {
+      pose_rate_(config.poses.refine ? config.poses.rate : 0),
+      depth_weight_(config.loss.depth_weight), depth_weight_final_(config.loss.depth_weight_final),
+      extent_(scene_extent) {
   steps_ =
       std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));
   extra_steps_ = config.train.extra_steps;
@@ -129,6 +131,12 @@ float Schedule::pose_rate(int step) const {
   const double warm = std::min(1.0, double(step) / double(pose_warmup_));
   const double t = std::min(1.0, double(step) / double(steps_));
   return float(pose_rate_ * warm * std::pow(kPoseFinal, t));
+}
+
+float Schedule::depth_weight(int step) const {
+  if (!(depth_weight_ > 0)) return 0;
+  const double t = std::min(1.0, double(step) / double(steps_));
+  return float(depth_weight_ * std::pow(depth_weight_final_ / depth_weight_, t));
 }
 
 bool Schedule::recovers_from_reset(int step) const {

@@ -31,6 +31,8 @@ class Schedule {
   float photometric_rate(int step) const;
   /// Of the poses; 0 where they are not refined, and at the times when those rest.
   float pose_rate(int step) const;
+  /// Of the depth loss.
+  float depth_weight(int step) const;
   /// Photos of the batch that `step` is in.
   int batch(int step) const { return step > batch_from_ ? batch_ : 1; }
   /// The factor by which the photo of this camera is reduced in the step; 1: it is not.
@@ -90,6 +92,7 @@ class Schedule {
   float photometric_rate_;
   int photometric_warmup_;
   float pose_rate_;
+  double depth_weight_, depth_weight_final_;
   int pose_warmup_;
   float extent_;
 };

@@ -17,6 +17,7 @@
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_train/metrics/depth_error.h"
 #include "gs_train/metrics/lpips.h"
 
 namespace gs {
@@ -80,7 +81,7 @@ void eval(const EvalCommand& command) {
       backend->renderer().pack(gaussians.span(), settings);
 
   ProgressBar bar(std::int64_t(views.size()), !command.quiet);
-  const Evaluation evaluation = evaluate(
+  Evaluation evaluation = evaluate(
       backend->renderer(), *scene_to_draw, views, settings,
       [&](std::size_t index, const View&, const ImageF&) {
         const auto done = std::int64_t(index) + 1;
@@ -88,6 +89,7 @@ void eval(const EvalCommand& command) {
       },
       options);
   bar.clear();
+  measure_depth(backend->renderer(), gaussians, views, settings, evaluation);
   const std::string json = evaluation_json(evaluation, opened.ply.string(), command.split,
                                            gaussians.count(), backend->name());
   if (!command.output.empty()) {

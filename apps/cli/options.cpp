@@ -163,6 +163,8 @@ void add_mask_options(CLI::App& verb, CommandLine& line) {
 void add_dataset_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
   add_camera_options(verb, line, scene_names);
   add_mask_options(verb, line);
+  add_setting(verb, line, "--depth", "dataset.depth", "Scene");
+  add_setting(verb, line, "--depth-kind", "dataset.depth_kind", "Scene");
   add_setting(verb, line, "--photo-ram", "dataset.photo_ram_gib", "Machine");
   add_setting(verb, line, "--photo-cache", "dataset.photo_cache", "Machine");
 }

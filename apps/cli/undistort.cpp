@@ -22,8 +22,11 @@ struct UndistortCommand : CommandLine {
 };
 
 std::string text_of(const UndistortedScene& scene, const UndistortCommand& command) {
-  std::string text = fmt::format("{}: {} photos undistorted, {} copied, {} masks\n", command.output,
-                                 scene.undistorted, scene.copied, scene.masks);
+  std::string text = fmt::format("{}: {} photos undistorted, {} copied, {} masks{}\n",
+                                 command.output, scene.undistorted, scene.copied, scene.masks,
+                                 scene.depth_maps > 0
+                                     ? fmt::format(", {} depth maps", scene.depth_maps)
+                                     : "");
   if (scene.undistorted > 0 && command.jpeg_quality > 0)
     text += fmt::format(
         "JPEG of quality {} loses some detail: {:.1f} dB compared with the undistorted pixels; "
@@ -64,6 +67,7 @@ void add_undistort(CLI::App& program) {
   add_setting(verb, line, "--images", "dataset.images", "Scene");
   add_setting(verb, line, "--masks", "dataset.masks", "Scene");
   add_setting(verb, line, "--invert-masks", "dataset.invert_masks", "Scene");
+  add_setting(verb, line, "--depth", "dataset.depth", "Scene");
   verb.add_option("-o,--output", command->output,
                   "folder of the copy; it must be empty or not exist")
       ->type_name("FOLDER")

@@ -318,8 +318,8 @@ __global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute || Sums::kHasFr
   }
 }
 
-// Converts the fixed-point sums of visible Gaussians to the floats that preprocess_backward()
-// reads, and clears them.
+// Adds the fixed-point sums of visible Gaussians to the floats that preprocess_backward() reads, which
+// are zero but for photos with a depth map, and clears them.
 __global__ void __launch_bounds__(kBlendThreads)
     collect_sums_kernel(std::size_t count, const std::uint32_t* tile_counts, FineSums* all_fine,
                         CoarseSums* all_coarse, SplatGradientSum* gradients) {
@@ -327,17 +327,13 @@ __global__ void __launch_bounds__(kBlendThreads)
   if (i >= count || tile_counts[i] == 0) return;
   const FineSums fine = load_in_vectors(all_fine + i);
   const auto number = [&](int k) { return sum_of(fine, all_coarse + i, k); };
-  store_in_vectors(gradients + i, SplatGradientSum{{number(0), number(1)},
-                                                   number(2),
-                                                   number(3),
-                                                   number(4),
-                                                   number(5),
-                                                   number(6),
-                                                   number(7),
-                                                   number(8),
-                                                   number(9),
-                                                   number(10),
-                                                   0.0f});
+  SplatGradientSum sum = load_in_vectors(gradients + i);
+  sum.mean2d += Vec2f(number(0), number(1));
+  sum.conic_xx += number(2), sum.conic_xy += number(3), sum.conic_yy += number(4);
+  sum.opacity += number(5);
+  sum.red += number(6), sum.green += number(7), sum.blue += number(8);
+  sum.absolute_x += number(9), sum.absolute_y += number(10);
+  store_in_vectors(gradients + i, sum);
   store_in_vectors(all_fine + i, FineSums{});
   if (fine.has_coarse) all_coarse[i] = {};
 }

@@ -70,6 +70,7 @@ struct ColmapImage {
   Vec3d cam_from_world_translation{0.0, 0.0, 0.0};   // world units
   std::vector<ColmapObservation> observations{};     // empty unless asked for
   std::filesystem::path mask{};                      // of the photo, if the model names one
+  std::filesystem::path depth{};                     // the same of its depth map
   double time = 0;                                   // when it was taken: Camera::time
   std::filesystem::path video{};                     // of which it is a frame; empty: a photo
   std::int64_t frame = 0;                            // its number in the video, from 0

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The order of an examination: folders, model, files, headers, pictures, cameras, points, sight,
-// forecast, blocks, light.
+// depth maps, forecast, blocks, light.
 #include "data_loaders/doctor/doctor.h"
 
 #include <algorithm>
@@ -74,6 +74,7 @@ Diagnosis examine(const Config& config, bool look_at_pictures, const ProgressFn&
   examine_cameras(examination);
   examine_points(examination);
   examine_sight(examination);
+  examine_depth(examination, look_at_pictures);
   add_forecast(examination, device);
   add_advice_on_blocks(examination, device);
   check_the_rest(examination);

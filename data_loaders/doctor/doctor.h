@@ -20,7 +20,7 @@ struct Finding {
   };
   Level level;
   // scene, model, lenses, photos, masks, orientation, pictures, cameras, points, sight, place,
-  // forecast, blocks, light
+  // depth, forecast, blocks, light
   std::string topic;
   std::string text;                // plain words, with the remedy
   std::vector<std::string> names;  // of all photos concerned

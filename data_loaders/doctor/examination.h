@@ -52,6 +52,9 @@ void match_mask_files(Examination& examination);
 void examine_headers(Examination& examination);
 void examine_pictures(Examination& examination);
 
+// examine_depth.cpp: after the headers. With `look_at_maps` it reads each map.
+void examine_depth(Examination& examination, bool look_at_maps);
+
 // examine_light.cpp: after all others, because it decodes all photos once more.
 void examine_light(Examination& examination);
 

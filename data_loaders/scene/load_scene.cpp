@@ -18,6 +18,8 @@
 #include "data_loaders/refine/solve_exposures.h"
 #include "data_loaders/refine/tracks.h"
 #include "data_loaders/scene/cached_picture.h"
+#include "data_loaders/scene/depth_kind_of.h"
+#include "data_loaders/scene/depth_map.h"
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/photo_list.h"
 #include "data_loaders/scene/plan_views.h"
@@ -47,6 +49,7 @@ struct ScenePlan {
   Vec3d world_offset{0.0, 0.0, 0.0};
   std::optional<CameraRefinement> refinement;
   std::size_t time_count = 0;
+  DepthSource depth;
 };
 
 // --- Plan
@@ -93,8 +96,38 @@ std::vector<Camera> cameras_of(const std::vector<ViewPlan>& views) {
   return cameras;
 }
 
-ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress,
-                     bool asks_who_shows = false) {
+/// Finds out what the depth maps hold, where dataset.depth_kind is auto, and says it. Maps that go
+/// with nothing are refused if dataset.depth names them, and else left out.
+void settle_depth(const DatasetConfig& dataset, ScenePlan& plan) {
+  const DepthSource& source = plan.depth;
+  const auto has_map = [](const ViewPlan& view) { return !view.depth_file.empty(); };
+  const auto count = std::size_t(std::ranges::count_if(plan.views, has_map));
+  if (count == 0) return;
+  DepthKind kind = source.kind;
+  if (kind == DepthKind::automatic) kind = depth_agreement(plan.views, plan.points).kind();
+  const std::string place =
+      source.folder.empty() ? "the files that the model names" : source.folder.string();
+  if (kind == DepthKind::automatic) {
+    const std::string why = fmt::format(
+        "the sparse points do not tell what the depth maps in {} hold; say it with --set "
+        "dataset.depth_kind=metric (or scaled, relative, inverse)",
+        place);
+    if (source.is_named) throw Error(why + ", or train without them (--set dataset.depth=none)");
+    log_warning("{}; they are left out", why);
+  } else {
+    log_info("{} of {} have a depth map in {}: {}{}", count, counted(plan.views.size(), "photo"),
+             place, text_of(kind),
+             dataset.depth_kind == DepthKind::automatic ? ", as the sparse points tell" : "");
+  }
+  for (ViewPlan& view : plan.views) {
+    view.depth_kind = kind;
+    if (kind == DepthKind::automatic && has_map(view)) leave_out_depth(view);
+  }
+}
+
+/// The plan, with the depth maps as dataset.depth_kind says.
+ScenePlan plan_unsettled_scene(const DatasetConfig& dataset, const LoadProgress& progress,
+                               bool asks_who_shows) {
   const auto progress_of = [&](LoadStage stage) {
     return [&progress, stage](std::size_t done, std::size_t total) {
       if (progress) progress(stage, done, total);
@@ -120,9 +153,17 @@ ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress,
   if (dataset.exposure) plan.seen = seen_points(scene.model, "--exposure");
   plan.views = plan_views(scene, dataset.resolution, progress_of(LoadStage::headers));
   plan.points = single_precision_points(scene.model);
+  plan.depth = std::move(scene.depth);
   plan.is_test = std::move(scene.is_test);
   if (!dataset.photo_list.empty()) choose_listed_photos(dataset, plan);
   if (asks_who_shows) plan.shown = shown_points(scene.model, cameras_of(plan.views), plan.points);
+  return plan;
+}
+
+ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress,
+                     bool asks_who_shows = false) {
+  ScenePlan plan = plan_unsettled_scene(dataset, progress, asks_who_shows);
+  settle_depth(dataset, plan);
   return plan;
 }
 
@@ -177,6 +218,8 @@ View empty_view(const ViewPlan& plan) {
   view.exposure_stops = plan.exposure_stops;
   view.may_be_masked = plan.may_be_masked;
   view.over_background = plan.masks.over_background && view.may_be_masked;
+  view.has_depth_map = !plan.depth_file.empty();
+  view.depth_kind = plan.depth_kind;
   return view;
 }
 
@@ -185,6 +228,7 @@ View view_with(Picture picture, const ViewPlan& plan) {
   view.photo = std::move(picture.photo);
   view.mask = std::move(picture.mask);
   view.over_background = plan.masks.over_background && !view.mask.empty();
+  if (view.has_depth_map) view.depth = make_depth(plan);
   return view;
 }
 
@@ -413,11 +457,19 @@ ExposureSummary measure_light(const DatasetConfig& dataset) {
   DatasetConfig solving = dataset;
   solving.exposure = true;
   solving.refine_cameras = false;
+  solving.depth = "none";
   ScenePlan plan = plan_scene(solving, {});
   const std::vector<View> views =
       make_views(solving, std::move(plan.views), {}, PhotoLoading::when_asked);
   const ExposureFit fit = fit_view_exposures(plan.points, plan.seen, plan.is_test, views);
   return {fit.sample_count, fit.spread_before, fit.spread_after};
+}
+
+DepthAgreement measure_depth_maps(const DatasetConfig& dataset) {
+  DatasetConfig looking = dataset;
+  looking.refine_cameras = looking.exposure = false;
+  const ScenePlan plan = plan_unsettled_scene(looking, {});
+  return depth_agreement(plan.views, plan.points);
 }
 
 void check_scene(const DatasetConfig& dataset) {

@@ -5,6 +5,7 @@
 #include <functional>
 #include <string>
 
+#include "data_loaders/scene/depth_agreement.h"
 #include "data_loaders/scene/shown_points.h"
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
@@ -62,6 +63,10 @@ struct SceneOutline {
 
 /// The outline of the scene that load_scene() would load. Throws like it.
 SceneOutline outline_scene(const DatasetConfig& dataset, const LoadProgress& progress = {});
+
+/// How the depth maps of a scene go with its sparse points. Reads some maps, and no photo. Throws like
+/// load_scene().
+DepthAgreement measure_depth_maps(const DatasetConfig& dataset);
 
 /// All checks of load_scene() before it decodes the first photo, without refining cameras. Throws
 /// like load_scene().

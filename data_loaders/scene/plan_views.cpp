@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "data_loaders/lenses/undistort.h"
+#include "data_loaders/photos/depth_file.h"
 #include "data_loaders/photos/photo_fit.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/video/film_frames.h"
@@ -30,6 +31,18 @@ void check_mask_size(const fs::path& mask, const fs::path& photo, const PhotoSiz
       "mask {} has {} x {} pixels, but its photo {} has {} x {}: the shapes differ, so the mask "
       "was made for another picture; make it again from this photo, or remove it",
       mask.string(), size.width, size.height, photo.string(), photo_size.width, photo_size.height));
+}
+
+/// The size of a depth map, which has the shape of its photo.
+PhotoSize depth_size_of(const ViewPlan& plan) {
+  const PhotoSize size = read_depth_size(plan.depth_file);
+  if (has_shape_of(size, plan.photo_size)) return size;
+  throw Error(fmt::format(
+      "depth map {} has {} x {} pixels, but its photo {} has {} x {}: the shapes differ, so the map "
+      "was made for another picture; make it again from this photo, or train without maps (--set "
+      "dataset.depth=none)",
+      plan.depth_file.string(), size.width, size.height, plan.file.string(), plan.photo_size.width,
+      plan.photo_size.height));
 }
 
 /// The model's camera at the size of the photo file.
@@ -97,7 +110,12 @@ bool may_be_masked(const ViewPlan& plan) {
 /// refer to, and a picture of 3 bytes before it is turned into ours.
 constexpr std::size_t kBytesOfDecoder = 16 * 3 / 2 + 3;
 
-std::size_t pixels(const PhotoSize& size) { return std::size_t(size.width) * size.height; }
+constexpr std::size_t kBytesOfDepth = 3 * sizeof(float);  // most for a pixel of a map being read
+
+template <class Size>
+std::size_t pixels(const Size& size) {
+  return std::size_t(size.width) * std::size_t(size.height);
+}
 
 /// Bytes of the photo with its mask, and the most that make_picture() holds at a time.
 PhotoCost cost_of(const ViewPlan& plan) {
@@ -111,6 +129,10 @@ PhotoCost cost_of(const ViewPlan& plan) {
   if (plan.is_frame) cost.decoding += kBytesOfDecoder * pixels(plan.photo_size);
   if (plan.has_lens()) cost.decoding = std::max(cost.decoding, photo + undistorted);
   if (plan.is_resized()) cost.decoding = std::max(cost.decoding, undistorted + target);
+  if (plan.depth_file.empty()) return cost;
+  // The map is read when the photo is ready: as it stands in the file, and as floats.
+  cost.held += sizeof(float) * pixels(plan.target);
+  cost.decoding = std::max(cost.decoding, cost.held + kBytesOfDepth * pixels(plan.depth_size));
   return cost;
 }
 
@@ -154,6 +176,10 @@ std::vector<ViewPlan> read_headers(const SceneModel& scene,
     plan.masks = scene.masks;
     plan.photo_size = sizes.of(plan);
     if (!plan.mask_file.empty()) check_mask_size(plan.mask_file, plan.file, plan.photo_size);
+    plan.depth_file = scene.depth_files[i];
+    plan.depth_kind = scene.depth.kind;
+    plan.depth_unit = scene.depth.unit;
+    if (!plan.depth_file.empty()) plan.depth_size = depth_size_of(plan);
     const std::lock_guard lock(mutex);
     if (progress) progress(++done, plans.size());
   });
@@ -190,6 +216,11 @@ std::vector<ViewPlan> plan_views(
         "photos",
         scaled, plans.size());
   return plans;
+}
+
+void leave_out_depth(ViewPlan& plan) {
+  plan.depth_file.clear();
+  plan.cost = cost_of(plan);
 }
 
 void read_exposure_stops(std::vector<ViewPlan>& plans) {

@@ -27,6 +27,10 @@ struct ViewPlan {
   std::filesystem::path mask_file;  // empty: none
   MaskUse masks;
   PhotoSize photo_size;
+  std::filesystem::path depth_file;  // the map; empty: none
+  PhotoSize depth_size;
+  DepthKind depth_kind = DepthKind::automatic;  // never so once the scene is loaded
+  float depth_unit = 1;                         // world units of a step of its integers
   LensCamera lens;                    // at the photo's size
   PinholeCamera<double> undistorted;  // the photo without its lens, at full resolution
   PinholeCamera<double> target;       // at the resolution of training
@@ -40,13 +44,16 @@ struct ViewPlan {
   }
 };
 
-/// Reads the headers of all photos and masks and plans the views, in the order of the model's
+/// Reads the headers of all photos, masks and depth maps and plans the views, in the order of the model's
 /// images. `progress` counts headers, from one thread at a time. Throws Error that names the photo
-/// and the remedy: a photo or mask of another shape than its camera, a lens that cannot become a
+/// and the remedy: a photo, mask or depth map of another shape than its camera, a lens that cannot become a
 /// pinhole, a pose beyond single precision. Throws UsageError for a resolution that is none.
 std::vector<ViewPlan> plan_views(
     const SceneModel& scene, int resolution,
     const std::function<void(std::size_t done, std::size_t total)>& progress);
+
+/// Plans the view without its depth map.
+void leave_out_depth(ViewPlan& plan);
 
 /// Reads how the photos were exposed, from their headers. Frames of videos have no such tags.
 void read_exposure_stops(std::vector<ViewPlan>& plans);

@@ -4,13 +4,13 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <map>
 #include <set>
 #include <unordered_map>
 #include <unordered_set>
 
 #include "data_loaders/counted.h"
 #include "data_loaders/photos/photo_names.h"
+#include "data_loaders/scene/files_of_photos.h"
 #include "data_loaders/scene/photo_times.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -95,58 +95,6 @@ std::unordered_map<std::string, std::string> pair_off(std::set<std::string>& mis
 }
 
 // --- Masks
-
-/// The pictures of the masks' folder, by name and by name without extension.
-class MaskFiles {
- public:
-  MaskFiles(const MaskSource& source, const std::set<std::string>& photo_names)
-      : folder_(source.folder), photo_names_(photo_names) {
-    std::error_code ignored;
-    const bool has_photos = fs::equivalent(source.folder, source.images, ignored);
-    for (std::string& name : picture_names_in(source.folder)) {
-      if (has_photos && photo_names.contains(name)) continue;
-      by_stem_[without_extension(name)].push_back(name);
-      names_.insert(std::move(name));
-    }
-  }
-
-  std::size_t count() const { return names_.size(); }
-
-  /// The mask of the photo of that name, by the rules of match_masks(); empty if there is none.
-  std::string mask_of(const std::string& photo) const {
-    const std::string stem = without_extension(photo);
-    std::string found = one_of(photo, photo, false);
-    if (found.empty() && names_.contains(photo)) found = photo;
-    if (found.empty()) found = one_of(stem, photo, true);
-    for (const char* ending : {".mask", "_mask"})
-      for (const std::string& begin : {stem, photo})
-        if (found.empty()) found = one_of(begin + ending, photo, false);
-    return found;
-  }
-
- private:
-  // The file with this name, whatever its extension. With `spare_others`, files that have the name
-  // of another photo do not count.
-  std::string one_of(const std::string& stem, const std::string& photo, bool spare_others) const {
-    const auto found = by_stem_.find(stem);
-    if (found == by_stem_.end()) return "";
-    std::vector<std::string> files = found->second;
-    if (spare_others)
-      std::erase_if(files, [&](const std::string& file) { return photo_names_.contains(file); });
-    if (files.size() > 1) {
-      const std::string png = stem + ".png";
-      if (std::find(files.begin(), files.end(), png) != files.end()) return png;
-      throw Error(fmt::format("photo '{}' could have two masks in {}: {} and {}; leave one there",
-                              photo, folder_.string(), files[0], files[1]));
-    }
-    return files.empty() ? "" : files[0];
-  }
-
-  fs::path folder_;
-  const std::set<std::string>& photo_names_;
-  std::set<std::string> names_;
-  std::map<std::string, std::vector<std::string>> by_stem_;
-};
 
 /// The message for a folder without the mask of any photo.
 std::string nothing_matches(const MaskSource& source, std::size_t count,
@@ -260,13 +208,13 @@ std::vector<fs::path> match_masks(const MaskSource& source, const std::vector<st
     file_names.push_back(photo.lexically_relative(source.images).generic_string());
   std::set<std::string> photo_names(names.begin(), names.end());
   photo_names.insert(file_names.begin(), file_names.end());
-  const MaskFiles files(source, photo_names);
+  const FilesOfPhotos files("mask", source.folder, source.images, photo_names);
   std::size_t missing = 0;
   std::string first_missing;
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (!masks[i].empty()) continue;
-    std::string found = files.mask_of(names[i]);
-    if (found.empty() && file_names[i] != names[i]) found = files.mask_of(file_names[i]);
+    std::string found = files.of(names[i]);
+    if (found.empty() && file_names[i] != names[i]) found = files.of(file_names[i]);
     if (!found.empty())
       masks[i] = source.folder / found;
     else if (missing++ == 0)

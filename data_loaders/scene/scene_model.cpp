@@ -201,15 +201,18 @@ void move_near_origin(SceneModel& scene) {
 void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders,
                       SceneModel& scene) {
   std::vector<std::string> names;
-  std::vector<fs::path> masks_of_model;
+  std::vector<fs::path> masks_of_model, depth_of_model;
   for (const ColmapImage& image : scene.model.images) {
     check_name(image, scene.model.folder);
     names.push_back(image.name);
     masks_of_model.push_back(image.mask);
+    depth_of_model.push_back(image.depth);
   }
   scene.masks = find_masks(dataset, folders);
   scene.photos = find_photos(scene.model, folders.images);
   scene.mask_files = match_masks(scene.masks, names, scene.photos, masks_of_model);
+  scene.depth = find_depth(dataset, folders);
+  scene.depth_files = match_depth(scene.depth, names, scene.photos, depth_of_model);
 }
 
 SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders,

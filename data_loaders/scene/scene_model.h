@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "data_loaders/colmap/colmap_model.h"
+#include "data_loaders/scene/depth_files.h"
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/scene_files.h"
 #include "gs_core/config/config.h"
@@ -23,6 +24,8 @@ struct SceneModel {
   MaskSource masks;
   std::vector<std::filesystem::path> photos;      // (images)   the video of an image of a video
   std::vector<std::filesystem::path> mask_files;  // (images)   empty: none
+  DepthSource depth;
+  std::vector<std::filesystem::path> depth_files;  // (images)   empty: none
 
   bool moves() const { return time_count > 1; }
 };
@@ -51,7 +54,7 @@ void move_near_origin(SceneModel& scene);
 /// Gives the images times by dataset.times (photo_times.h). With `frames`, each image becomes the
 /// frames of its camera.
 void find_times(const DatasetConfig& dataset, const SceneFolders& folders, SceneModel& scene);
-/// Third: the files of photos and masks. Throws Error for a photo that is missing or whose name
+/// Third: the files of photos, masks and depth maps. Throws Error for a photo that is missing or whose name
 /// leads out of the images folder.
 void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders, SceneModel& scene);
 

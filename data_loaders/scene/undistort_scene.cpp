@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages, in order: read the model, plan the views at full size, name the new files, write photos
-// and masks, write the model.
+// Stages, in order: read the model, plan the views at full size, name the new files, write photos,
+// masks and depth maps, write the model.
 #include "data_loaders/scene/undistort_scene.h"
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <map>
@@ -13,7 +14,9 @@
 #include <tuple>
 
 #include "data_loaders/colmap/colmap_write.h"
+#include "data_loaders/photos/exr.h"
 #include "data_loaders/photos/photo_names.h"
+#include "data_loaders/scene/depth_map.h"
 #include "data_loaders/scene/plan_views.h"
 #include "data_loaders/scene/view_picture.h"
 #include "gs_core/error.h"
@@ -128,7 +131,13 @@ ColmapModel pinhole_model(ColmapModel model, const std::vector<ViewPlan>& plans,
   return model;
 }
 
-/// Writes photo and mask of one view. Returns its share of the result.
+/// The depth map of the undistorted photo, in world units where integers have them.
+ImageF metric_depth(ViewPlan plan) {
+  plan.depth_kind = DepthKind::metric;
+  return make_depth(plan);
+}
+
+/// Writes photo, mask and depth map of one view. Returns its share of the result.
 UndistortedScene write_view(const ViewPlan& plan, const fs::path& out, const std::string& name,
                             int jpeg_quality) {
   UndistortedScene view;
@@ -147,6 +156,10 @@ UndistortedScene write_view(const ViewPlan& plan, const fs::path& out, const std
     write_png(out / "masks" / (name + ".png"), picture.mask);  // COLMAP's naming
     view.masks = 1;
   }
+  if (!plan.depth_file.empty() && can_write_exr()) {
+    write_exr(out / "depth" / (name + ".exr"), metric_depth(plan), {"Z"});
+    view.depth_maps = 1;
+  }
   return view;
 }
 
@@ -164,6 +177,10 @@ UndistortedScene undistort_scene(const DatasetConfig& dataset, const fs::path& o
         "photo of {} instead",
         folders.model.string(), dataset.test_every, out.string());
   const std::vector<ViewPlan> plans = plan_views(scene, 1, {});
+  if (!can_write_exr() && std::ranges::any_of(scene.depth_files, [](const fs::path& file) {
+        return !file.empty();
+      }))
+    log_warning("the depth maps are left out: {}", cannot_write_exr());
   const std::vector<std::string> names = new_names(plans, jpeg_quality > 0);
 
   UndistortedScene result;
@@ -184,6 +201,7 @@ UndistortedScene undistort_scene(const DatasetConfig& dataset, const fs::path& o
     result.undistorted += view.undistorted;
     result.copied += view.copied;
     result.masks += view.masks;
+    result.depth_maps += view.depth_maps;
     psnr += view.jpeg_psnr;
     if (progress) progress(++done, plans.size());
   });

@@ -83,6 +83,15 @@ fs::path TransformsFrame::mask() const {
   return mask;
 }
 
+fs::path TransformsFrame::depth() const {
+  const Json* path = value_of(frame_, "depth_file_path");
+  const auto name = path && path->is_string() ? path_inside(text(*path, "depth_file_path"))
+                                              : std::nullopt;
+  std::error_code ignored;
+  const bool is_there = name && fs::is_regular_file(file_.folder() / *name, ignored);
+  return is_there ? file_.folder() / *name : fs::path();
+}
+
 ColmapCamera TransformsFrame::camera(const std::string& name) const {
   ColmapCamera camera;
   const PhotoSize size = picture_size(name);

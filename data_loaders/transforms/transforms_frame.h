@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One frame of a transforms.json: the name, mask, camera, pose and time of a photo; used by
+// One frame of a transforms.json: the name, mask, depth map, camera, pose and time of a photo; used by
 // transforms_json.cpp only. The table of keys stands in transforms_json.h.
 #pragma once
 
@@ -22,6 +22,8 @@ class TransformsFrame {
   std::string name() const;
   /// The file of the photo's mask; empty if the frame names none.
   std::filesystem::path mask() const;
+  /// The file of the photo's depth map; empty if the frame names none that is there.
+  std::filesystem::path depth() const;
   /// The camera, without an id. `name` is that of the photo.
   ColmapCamera camera(const std::string& name) const;
   /// Sets rotation and translation.

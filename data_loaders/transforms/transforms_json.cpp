@@ -44,6 +44,7 @@ class FrameCollector {
       image.id = std::uint32_t(model_.images.size() + 1);
       image.name = frame.name();
       image.mask = frame.mask();
+      image.depth = frame.depth();
       if (!names_.insert(image.name).second)
         file.fail(fmt::format(
             "file_path of frame {} is '{}', which an earlier frame has, too; leave one out", i,

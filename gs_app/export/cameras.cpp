@@ -37,7 +37,7 @@ std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::stri
                                           const Vec3d& world_offset) {
   dataset.eval = split != "all";
   dataset.exposure = false;  // pictures show the scene's own colors
-  dataset.masks = "none";
+  dataset.masks = dataset.depth = "none";
   Scene scene = load_scene(dataset, {}, PhotoLoading::when_asked);  // nobody asks for a photo
   bring_to_offset(scene, world_offset);
   std::vector<NamedCamera> cameras;

@@ -43,6 +43,7 @@ Json means(const Evaluation& evaluation) {
   }
   add_picture("_photometric", evaluation.photometric, json);
   add_picture("_cc", evaluation.corrected, json);
+  if (evaluation.depth_error) json["depth_error"] = *evaluation.depth_error;
   return json;
 }
 
@@ -69,6 +70,7 @@ Json by_view(const Evaluation& evaluation) {
     if (has_times) json["time"] = view.time;
     add_picture("_photometric", view.photometric, json);
     add_picture("_cc", view.corrected, json);
+    if (view.depth_error) json["depth_error"] = *view.depth_error;
     if (!evaluation.has_exposures) continue;
     json["psnr_exposure"] = view.psnr_exposure;
     json["ssim_exposure"] = view.ssim_exposure;
@@ -179,6 +181,8 @@ std::string summary(const Evaluation& evaluation) {
   if (evaluation.corrected)
     text += fmt::format("; with colors fitted to the photos {:.2f} dB, {:.4f}",
                         evaluation.corrected->psnr, evaluation.corrected->ssim);
+  if (evaluation.depth_error)
+    text += fmt::format("; depth is off by {:.1f} % on average", 100 * *evaluation.depth_error);
   return text;
 }
 

@@ -51,7 +51,8 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// and "psnr_cc" (the picture with colors fitted to the photo), and "photometric" is {"model", "rule",
 /// "spreads"}. Where poses were refined while training, "poses" has the fields of PoseChange, and
 /// "train" is measured at the refined poses. Of Gaussians in space and time "num_static" says how many are
-/// static (math/spacetime.h).
+/// static (math/spacetime.h). Where views have depth maps, "test" and "train" hold "depth_error", the
+/// mean relative error of the rendered depth (metrics/depth_error.h).
 std::string results_json(const Results& results);
 
 /// {"test": {"name": {"psnr", "ssim", "ms_ssim", "flip", "lpips"}, ...}, "train": {...}}

@@ -7,6 +7,7 @@
 #include "gs_app/pictures/comparison.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_train/metrics/depth_error.h"
 #include "gs_train/poses/poses.h"
 #include "gs_train/static_rows.h"
 
@@ -89,6 +90,12 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Resul
   };
   results.test = evaluate_views(scene.test_views, true);
   results.train = evaluate_views(some, !has_test);
+  const auto measure_depths = [&](const std::vector<View>& views, Evaluation& evaluation) {
+    measure_depth(trainer.backend().renderer(), trainer.model().gaussians, views, settings,
+                  evaluation);
+  };
+  measure_depths(scene.test_views, results.test);
+  measure_depths(some, results.train);
   pictures.write_files();
   if (done < total) progress(total, total);  // views that are masked everywhere are left out
   if (!pictures.comparisons().empty())

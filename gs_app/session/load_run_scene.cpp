@@ -18,12 +18,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The scene is made in another folder. Masks beside the photos stay where they are.
+// The scene is made in another folder. Masks and depth maps beside the photos stay where they are.
 void move_source(DatasetConfig& dataset, const fs::path& scene) {
-  const bool is_named = !dataset.masks.empty();
-  const auto masks = fs::path(dataset.source) / (is_named ? dataset.masks : "masks");
-  if (dataset.masks != "none" && (is_named || fs::is_directory(masks)))
-    dataset.masks = masks.string();
+  const auto keep_place = [&](std::string& folder, const char* usual) {
+    const bool is_named = !folder.empty();
+    const auto place = fs::path(dataset.source) / (is_named ? folder : usual);
+    if (folder != "none" && (is_named || fs::is_directory(place))) folder = place.string();
+  };
+  keep_place(dataset.masks, "masks");
+  keep_place(dataset.depth, "depth");
   dataset.source = scene.string();
 }
 
@@ -115,7 +118,7 @@ void log_forecast(const Config& config, const Scene& scene, Backend& backend) {
   for (const std::vector<View>* views : {&scene.train_views, &scene.test_views})
     for (const View& view : *views) {
       size.photo_bytes += double(photo_bytes(view));
-      if (!view.source) size.loaded_bytes += double(photo_bytes(view));
+      if (!view.source) size.loaded_bytes += double(photo_bytes(view) + depth_bytes(view));
       size.megapixels += 1e-6 * double(view.camera.width) * double(view.camera.height);
     }
   size.megapixels /= double(scene.train_views.size() + scene.test_views.size());

@@ -23,6 +23,10 @@ struct DatasetConfig {
   std::string masks;  // the masks' folder; empty: `masks` in the scene; none: no masks, no alpha
   MaskMode mask_mode = MaskMode::automatic;
   bool invert_masks = false;  // in mask files, black trains and white does not
+  // The folder of depth maps; empty: `depth` in the scene; none: no maps (docs/depth.md)
+  std::string depth;
+  DepthKind depth_kind = DepthKind::automatic;
+  float depth_unit = 1e-3f;  // world units of a step of the integers in PNG files
   std::string model;       // the COLMAP model's folder; empty: sparse/0, sparse or the scene itself
   int resolution = 1;      // 1, 2, 4, 8: divides the photos' size; 16 and more: the width in pixels
   std::string photo_list;  // a file with names of photos: the run uses no others; empty: all
@@ -84,6 +88,8 @@ struct RenderConfig {
 struct LossConfig {
   std::string kind = "l1_ssim";  // l1_ssim
   float lambda_dssim = 0.2f;
+  float depth_weight = 0.2f;         // of the depth loss at the first step, where there are maps
+  float depth_weight_final = 2e-3f;  // at the last one
 };
 
 /// How photos that differ in exposure, white balance and vignetting are explained

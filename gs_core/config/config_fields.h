@@ -54,6 +54,9 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("dataset.masks",                dataset.masks,                "folder",      any(),                   retrain, "masks of the pixels that train (white), inside the scene or absolute; empty: `masks` in the scene, if there is one; none: ignore masks and alpha");
   field("dataset.mask_mode",            dataset.mask_mode,            "",            one_of<MaskMode>(),      retrain, "ignore: masked pixels do not train; background: they show the background; auto: background for Blender scenes, ignore for others");
   field("dataset.invert_masks",         dataset.invert_masks,         "",            any(),                   retrain, "in mask files, black pixels train and white ones do not");
+  field("dataset.depth",                dataset.depth,                "folder",      any(),                   retrain, "depth maps that teach the model where surfaces are, inside the scene or absolute; empty: `depth` in the scene, if there is one; none: ignore maps", "docs/depth.md");
+  field("dataset.depth_kind",           dataset.depth_kind,           "",            one_of<DepthKind>(),     retrain, "what the maps hold; metric: depth in world units; scaled: depth times an unknown factor; relative: depth up to scale and shift; inverse: inverse depth up to scale and shift, as monocular networks give it; factor, scale and shift are those of each photo; auto: the sparse points tell", "docs/depth.md");
+  field("dataset.depth_unit",           dataset.depth_unit,           "world units", above(0),                retrain, "what one step of the integers in a PNG stands for; floats are taken as they are");
   field("dataset.model",                dataset.model,                "folder",      any(),                   proceed, "the COLMAP model; empty: sparse/0, sparse or the scene itself");
   field("dataset.resolution",           dataset.resolution,           "",            one_of_or_between("1, 2, 4, 8", 16, 65536), retrain, "1, 2, 4 or 8 divides the photos' size; 16 and more is their width in pixels", kKerbl);
   field("dataset.photo_list",           dataset.photo_list,           "file",        any(),                   retrain, "names of photos, one a line: the run uses these and no others, and only points that they show; a folder stands for all photos in it; cameras, exposures and the split stay those of the whole scene");
@@ -107,6 +110,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   auto& loss = config.loss;
   field("loss.kind",                    loss.kind,                    "",            one_of(kLossWords),      retrain, "how a render is compared with its photo", "Kerbl et al. 2023, Eq. 7");
   field("loss.lambda_dssim",            loss.lambda_dssim,            "",            between(0, 1),           retrain, "weight of 1 - SSIM in the loss; L1 gets the rest", "Kerbl et al. 2023, Eq. 7");
+  field("loss.depth_weight",            loss.depth_weight,            "",            at_least(0),             retrain, "weight of the depth loss at the first step, for photos with a depth map; 0: maps are not trained on", "docs/depth.md");
+  field("loss.depth_weight_final",      loss.depth_weight_final,      "",            above(0),                retrain, "weight at the last step; in between it decays exponentially", "docs/depth.md");
 
   auto& photometric = config.photometric;
   field("photometric.model",            photometric.model,            "",            one_of(kPhotometricWords), retrain, "what is learned of each photo, so that the scene need not explain how photos differ: gains, a gain for each photo and channel; ppisp, an exposure and the colors of white and of the primaries; auto, gains where photos differ in light", "docs/photometric.md");

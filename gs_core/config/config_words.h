@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "gs_core/error.h"
+#include "gs_core/math/depth_kind.h"
 #include "gs_core/math/growth.h"
 #include "gs_core/math/render_rules.h"
 
@@ -81,6 +82,14 @@ struct Words<MaskMode> {
   static constexpr Word<MaskMode> kTable[] = {{"auto", MaskMode::automatic},
                                               {"ignore", MaskMode::ignore},
                                               {"background", MaskMode::background}};
+};
+template <>
+struct Words<DepthKind> {
+  static constexpr Word<DepthKind> kTable[] = {{"auto", DepthKind::automatic},
+                                               {"metric", DepthKind::metric},
+                                               {"scaled", DepthKind::scaled},
+                                               {"relative", DepthKind::relative},
+                                               {"inverse", DepthKind::inverse}};
 };
 template <>
 struct Words<Matching> {

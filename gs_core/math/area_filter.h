@@ -69,4 +69,11 @@ GS_HD std::uint8_t reduced_mask(const PhotoBytes& from, int width, int factor, i
   return rounded_mean(sum, std::uint32_t(factor * factor));
 }
 
+/// The value of a depth map at pixel (x, y) of the reduced photo: the one nearest to the center of
+/// its block. A mean over the edge of an object would be the depth of nothing.
+GS_HD float reduced_depth(const float* depth, int width, int factor, int x, int y) {
+  const int row = y * factor + factor / 2, column = x * factor + factor / 2;
+  return depth[std::size_t(row) * std::size_t(width) + std::size_t(column)];
+}
+
 }  // namespace gs

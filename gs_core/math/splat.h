@@ -54,6 +54,7 @@ struct BasicSplatGradient {
   Sym2<T> conic;
   T opacity;
   Vec3<T> color;
+  T depth{0};  // by ProjectedGaussian::depth, of photos with a depth map
 };
 using SplatGradient = BasicSplatGradient<float>;
 
@@ -181,8 +182,9 @@ GS_HD EllipsoidGradient<T> project_ellipsoid_vjp(const PinholeCamera<T>& camera,
   // Covariance, and through the Jacobian the mean.
   const ProjectCovarianceGradient<T> dL_projection = project_covariance_vjp(A, sigma, dL_dcov2d);
   gradient.sigma = dL_projection.sigma;
-  const Vec3<T> dL_dp = project_mean_vjp(camera, p, dL_dsplat.mean2d) +
-                        projection_jacobian_vjp(camera, p, dL_projection.A);
+  Vec3<T> dL_dp = project_mean_vjp(camera, p, dL_dsplat.mean2d) +
+                  projection_jacobian_vjp(camera, p, dL_projection.A);
+  dL_dp.z += dL_dsplat.depth;
   gradient.mean = to_camera_vjp(camera, dL_dp);
   return gradient;
 }

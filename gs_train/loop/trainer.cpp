@@ -112,6 +112,8 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   backend.use_loss(config.loss.kind);
   backend.use_photometric(make_photometric_model(config.photometric));
   if (config.poses.refine) backend.check_refines_poses();
+  if (config.loss.depth_weight > 0 && have_depth_maps(scene.train_views))
+    backend.check_takes_depth();
   if (scene.time_count > 1 && !run_.model.gaussians.has_time)
     log_warning("{}", text_of_moving_scene(scene.time_count));
   backend.upload_views(scene.train_views,
@@ -209,7 +211,9 @@ void Trainer::take_batch(int last_step) {
     update.photometric_rate *= batch_rate(photos);
     update.pose_rate *= batch_rate(photos);
   }
-  run_.backend.step(run_.model, {batch_.data(), batch_.size()}, loss_settings(run_.config), update,
+  LossSettings loss = loss_settings(run_.config);
+  loss.depth_weight = run_.schedule.depth_weight(last_step);
+  run_.backend.step(run_.model, {batch_.data(), batch_.size()}, loss, update,
                     run_.density->of_step(last_step));
 }
 

@@ -87,7 +87,7 @@ class Trainer {
   const Schedule& schedule() const { return run_.schedule; }
   const Scene& scene() const { return run_.scene; }
   /// The config as it was given, with numbers in place of what follows from the scene
-  /// (initialize/scene_settings.h) and of density.max_gaussians = auto.
+  /// (gs_core/config/scene_settings.h) and of density.max_gaussians = auto.
   const Config& config() const { return run_.config; }
   Backend& backend() { return run_.backend; }
   /// The loss of the last step. Waits for the device.

@@ -47,6 +47,13 @@ void ScalarBackend::find_pixel_values(const View& view, const DensityStep& densi
                         pass.scratch<ScalarScratch>().pixel_values);
 }
 
+void ScalarBackend::compare_depth(const View& view, const RenderSettings& settings, float weight,
+                                  RenderPass& pass) {
+  blend_depth(settings, pass, depth_planes_);
+  gs::compare_depth(view, weight, depth_planes_, dL_dplanes_);
+  blend_depth_backward(settings, dL_dplanes_.span(), depth_planes_, pass);
+}
+
 void ScalarBackend::gather(const DensityStatistics& statistics, const RenderPass& pass,
                            Span<const Vec2f> dL_dmean2d, ScorePooling pooling) {
   const bool has_sums = statistics.has_sums && !pass.scratch<ScalarScratch>().fragment_sums.empty();

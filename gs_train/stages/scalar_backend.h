@@ -22,6 +22,7 @@ class ScalarBackend : public Backend {
   Loss& loss() override { return *loss_; }
   void use_photometric(std::unique_ptr<PhotometricModel> photometric) override;
   void check_refines_poses() const override {}
+  void check_takes_depth() const override {}
   Optimizer& optimizer() override { return *optimizer_; }
   RowOps& rows() override { return *rows_; }
   void set_profiling(bool on) override;
@@ -29,6 +30,8 @@ class ScalarBackend : public Backend {
 
  protected:
   void find_pixel_values(const View& view, const DensityStep& density, RenderPass& pass) override;
+  void compare_depth(const View& view, const RenderSettings& settings, float weight,
+                     RenderPass& pass) override;
   void gather(const DensityStatistics& statistics, const RenderPass& pass,
               Span<const Vec2f> dL_dmean2d, ScorePooling pooling) override;
   using Backend::add;

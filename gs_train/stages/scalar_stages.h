@@ -9,6 +9,11 @@
 namespace gs {
 
 std::unique_ptr<Loss> make_l1_ssim_loss();  // 5  ssim.cpp
+/// 5  depth_loss.cpp: compares the planes of blend_depth() with the view's depth map, writes
+/// dL/d(planes), (3, H, W), and returns the loss, times `weight`. The gradient is 0 where the map
+/// teaches nothing.
+double compare_depth(const View& view, float weight, const Buffer<float>& planes,
+                     Buffer<float>& dL_dplanes);
 /// 5  pixel_values.cpp: what the scores "error", "mask" and "edge" sum, (H, W), of a rendered view.
 /// `appearance` may be null.
 void find_pixel_values(const View& view, const DensityStep& density, const RenderPass& pass,

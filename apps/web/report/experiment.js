@@ -16,6 +16,7 @@ const METRICS = [
   {key: 'ssim', name: 'SSIM', unit: '', digits: 4, better: 1, of: r => (r.test ?? r.train)?.ssim},
   {key: 'ms_ssim', name: 'MS-SSIM', unit: '', digits: 4, better: 1, of: r => (r.test ?? r.train)?.ms_ssim},
   {key: 'flip', name: 'FLIP', unit: '', digits: 4, better: -1, of: r => (r.test ?? r.train)?.flip},
+  {key: 'depth_error', name: 'depth error', unit: '', digits: 4, better: -1, of: r => (r.test ?? r.train)?.depth_error},
   {key: 'lpips', name: 'LPIPS', unit: '', digits: 4, better: -1, of: r => (r.test ?? r.train)?.lpips},
   {key: 'num_gaussians', name: 'Gaussians', unit: '', digits: 0, better: 0, of: r => r.num_gaussians},
   {key: 'train_seconds', name: 'training', unit: 's', digits: 1, better: -1, of: r => r.train_seconds},

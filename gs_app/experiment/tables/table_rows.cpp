@@ -28,6 +28,7 @@ const std::vector<Metric> kMetrics = {
     {"ssim_exposure", "solved SSIM", true, 1, 4},
     {"psnr_cc", "fitted PSNR / dB", true, 1, 2},
     {"ssim_cc", "fitted SSIM", true, 1, 4},
+    {"depth_error", "depth error", true, 1, 4},
     {"num_gaussians", "Gaussians", false, 1, 0},
     {"train_seconds", "training / s", false, 1, 1},
     {"peak_host_bytes", "memory / MiB", false, kMiB, 0},

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the depth maps of a scene hold, by the sparse points: dataset.depth_kind = "auto".
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "data_loaders/scene/depth_agreement.h"
+#include "data_loaders/scene/plan_views.h"
+#include "gs_core/scene.h"
+
+namespace gs {
+
+/// Reads up to kMapsLookedAt maps, evenly chosen. Points that something else hides in a photo are
+/// counted as well, since a model does not tell; ranks and medians bear many of them.
+DepthAgreement depth_agreement(const std::vector<ViewPlan>& plans,
+                               const std::vector<ScenePoint>& points);
+inline constexpr std::size_t kMapsLookedAt = 8;
+
+/// "depth in world units" and so on.
+std::string text_of(DepthKind kind);
+
+}  // namespace gs

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 5 for photos with a depth map: scale and shift of the map, the loss, and its gradient
+// (math/depth_loss.h).
+#include "gs_core/math/depth_loss.h"
+
+#include <vector>
+
+#include "gs_core/error.h"
+#include "gs_core/image.h"
+#include "gs_core/threads/parallel.h"
+#include "gs_render/stage_clock.h"
+#include "gs_train/stages/scalar_stages.h"
+
+namespace gs {
+namespace {
+
+constexpr std::size_t kRowsAtATime = 8;
+
+// One photo's map, its mask, and what was rendered.
+struct ComparedDepth {
+  const View& view;
+  const float* planes;  // (3, H, W)
+
+  std::size_t width() const { return std::size_t(view.depth.width); }
+  std::size_t height() const { return std::size_t(view.depth.height); }
+  std::size_t pixels() const { return width() * height(); }
+  float value(std::size_t i) const { return view.depth.pixels[i]; }
+  float mask(std::size_t i) const {
+    return view.mask.empty() ? 1.0f : view.mask.pixels[i] * kPerByte;
+  }
+  float depth_sum(std::size_t i) const { return planes[i]; }
+  float coverage(std::size_t i) const { return planes[pixels() + i]; }
+};
+
+// Rows in parallel, then the rows' sums one after the other: any number of threads has these bits.
+DepthSums sums_of(const ComparedDepth& compared) {
+  const DepthKind kind = compared.view.depth_kind;
+  std::vector<DepthSums> rows(compared.height());
+  parallel_for(rows.size(), kRowsAtATime, [&](std::size_t row) {
+    for (std::size_t i = row * compared.width(); i < (row + 1) * compared.width(); ++i)
+      if (is_known_depth(compared.value(i)) && compared.mask(i) > 0)
+        add_to(rows[row],
+               depth_sums_of_pixel(kind, double(compared.value(i)), double(compared.mask(i)),
+                                   double(compared.depth_sum(i)), double(compared.coverage(i))));
+  });
+  DepthSums sums;
+  for (const DepthSums& row : rows) add_to(sums, row);
+  return sums;
+}
+
+}  // namespace
+
+double compare_depth(const View& view, float weight, const Buffer<float>& planes,
+                     Buffer<float>& dL_dplanes) {
+  const HostStage stage("depth loss");
+  const ComparedDepth compared{view, planes.data()};
+  const std::size_t plane = compared.pixels();
+  GS_CHECK(planes.size() == 3 * plane &&
+           (view.mask.empty() || view.mask.pixels.size() == plane));
+  const DepthTarget target = depth_target(view.depth_kind, sums_of(compared), double(weight));
+  dL_dplanes.resize_discard(3 * plane);
+  std::vector<double> rows(compared.height());
+  parallel_for(rows.size(), kRowsAtATime, [&](std::size_t row) {
+    for (std::size_t i = row * compared.width(); i < (row + 1) * compared.width(); ++i) {
+      double loss;
+      const DepthPixelGradient<float> gradient =
+          depth_pixel_vjp(view.depth_kind, target, compared.value(i), compared.mask(i),
+                          compared.depth_sum(i), compared.coverage(i), &loss);
+      dL_dplanes[i] = gradient.Z;
+      dL_dplanes[plane + i] = gradient.A;
+      dL_dplanes[2 * plane + i] = 0;
+      rows[row] += loss;
+    }
+  });
+  double sum = 0;
+  for (const double row : rows) sum += row;
+  return sum;
+}
+
+}  // namespace gs

@@ -1,0 +1,300 @@
+// SPDX-License-Identifier: Apache-2.0
+// The gradient of the depth loss through the whole pipeline, in float and by tiles, equals the slope
+// of the brute-force depth in double, together with the gradient of a picture.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+
+#include "gs_core/math/depth_loss.h"
+#include "gs_core/threads/parallel.h"
+#include "gs_render/renderer.h"
+#include "gs_render/stages.h"
+#include "gs_render/surface_renderer.h"
+#include "gs_train/stages/scalar_stages.h"
+#include "tests/support/brute_force.h"
+#include "tests/support/models.h"
+
+namespace gs {
+namespace {
+
+constexpr int kWidth = 37, kHeight = 26;  // 3 x 2 tiles, the last ones cut
+constexpr std::size_t kPixels = std::size_t(kWidth) * kHeight;
+constexpr float kWeight = 40;  // so that depth and colors have gradients of about one size
+
+/// Gaussians, and a view with a depth map that has holes and a mask.
+struct DepthScene {
+  Camera camera = random_camera(kWidth, kHeight, 3);
+  RenderSettings settings;
+  Gaussians gaussians = random_gaussians(kTypical, 9, camera, 21);
+  View view;
+  std::vector<float> weights = std::vector<float>(3 * kPixels);  // of the linear loss of colors
+
+  explicit DepthScene(DepthKind kind = DepthKind::inverse) {
+    Draws draws(9);
+    for (float& weight : weights) weight = draws.uniform(-1, 1);
+    view.depth = ImageF(kWidth, kHeight, 1);
+    view.mask = Image8(kWidth, kHeight, 1);
+    view.depth_kind = kind;
+    for (std::size_t i = 0; i < kPixels; ++i) {
+      view.depth.pixels[i] = draws.chance(0.1f) ? 0 : draws.uniform(1, 6);
+      view.mask.pixels[i] = draws.chance(0.2f) ? 0 : std::uint8_t(draws.uniform(1, 255));
+    }
+  }
+};
+
+/// The pipeline's planes, loss and gradients.
+struct Pipeline {
+  RenderPass pass;
+  Buffer<float> planes, dL_dplanes;
+  Gaussians gradients;
+  Buffer<Vec2f> dL_dmean2d;
+  double loss = 0;
+
+  explicit Pipeline(const DepthScene& scene) {
+    const auto renderer = make_scalar_renderer();
+    renderer->forward(scene.gaussians.span(), scene.camera, scene.settings, pass);
+    blend_depth(scene.settings, pass, planes);
+    loss = compare_depth(scene.view, kWeight, planes, dL_dplanes);
+    blend_depth_backward(scene.settings, dL_dplanes.span(), planes, pass);
+    Buffer<float> dL_dimage;
+    dL_dimage.upload(scene.weights);
+    take_learned_arrays(gradients, scene.gaussians);
+    gradients.resize(scene.gaussians.count());
+    dL_dmean2d.resize(scene.gaussians.count());
+    renderer->backward(scene.gaussians.span(), scene.camera, scene.settings, pass,
+                       dL_dimage.span(), gradients.span(), dL_dmean2d.span());
+  }
+};
+
+/// The weights w and targets t of all pixels, which are constants of the gradient.
+struct Constants {
+  std::vector<double> w = std::vector<double>(kPixels), t = std::vector<double>(kPixels);
+
+  Constants(const DepthScene& scene, const Pipeline& at) {
+    DepthSums sums;
+    const auto value = [&](std::size_t i) { return double(scene.view.depth.pixels[i]); };
+    const auto mask = [&](std::size_t i) { return scene.view.mask.pixels[i] / 255.0; };
+    for (std::size_t i = 0; i < kPixels; ++i)
+      if (is_known_depth(float(value(i))) && mask(i) > 0)
+        add_to(sums, depth_sums_of_pixel(scene.view.depth_kind, value(i), mask(i),
+                                         double(at.planes[i]), double(at.planes[kPixels + i])));
+    const DepthTarget target = depth_target(scene.view.depth_kind, sums, double(kWeight));
+    EXPECT_GT(target.factor, 0);
+    for (std::size_t i = 0; i < kPixels; ++i) {
+      if (!is_known_depth(float(value(i))) || !has_depth(double(at.planes[kPixels + i]))) continue;
+      t[i] = inverse_depth_of(scene.view.depth_kind, target.fit, value(i));
+      if (t[i] > 0) w[i] = target.factor * mask(i) * double(at.planes[kPixels + i]);
+    }
+  }
+};
+
+/// The picture's loss and that of its depth, in double.
+double reference_loss(const std::vector<DoubleGaussian>& gaussians, const DepthScene& scene,
+                      const PinholeCamera<double>& camera, const Constants& constants,
+                      std::uint64_t& decisions) {
+  ReferenceSplats splats = reference_splats<double>(gaussians, camera, scene.settings);
+  const ReferencePicture picture = reference_picture(splats, scene.settings, kWidth, kHeight);
+  decisions = picture.decisions();
+  const std::vector<double> colors = picture.planes();
+  double loss = 0;
+  for (std::size_t i = 0; i < colors.size(); ++i) loss += double(scene.weights[i]) * colors[i];
+  for (auto& entry : splats.entries) entry.splat.color = {entry.depth, 1, 0};
+  RenderSettings of_depth = scene.settings;
+  of_depth.background = Vec3f(0);
+  const std::vector<double> planes =
+      reference_picture(splats, of_depth, kWidth, kHeight).planes();
+  for (std::size_t i = 0; i < kPixels; ++i) {
+    if (constants.w[i] == 0) continue;
+    const double q = planes[kPixels + i] / planes[i];
+    loss += constants.w[i] * std::abs(q - constants.t[i]);
+    decisions = decisions * 31 + (q > constants.t[i]);
+  }
+  return loss;
+}
+
+struct Kind {
+  const char* name;
+  int begin, end;
+};
+constexpr Kind kKinds[] = {{"mean", 0, 3},           {"log_scale", 3, 6},
+                           {"rotation", 6, 10},      {"logit_opacity", 10, 11},
+                           {"sh0", 11, 14},          {"right_rotation", 59, 63},
+                           {"time_mean", 63, 64},    {"log_time_scale", 64, 65}};
+
+void expect_slopes(const DepthScene& scene, const char* what) {
+  const Pipeline pipeline(scene);
+  const Constants constants(scene, pipeline);
+  const auto camera = camera_as<double>(scene.camera);
+  std::vector<DoubleGaussian> gaussians = in_double(scene.gaussians);
+  std::vector<DoubleGaussian> gradients = in_double(pipeline.gradients);
+  constexpr double h = 2e-6;
+  std::uint64_t here, above, below;
+  reference_loss(gaussians, scene, camera, constants, here);
+  int unknown = 0, known = 0;
+  for (const Kind& kind : kKinds) {
+    double largest = 0, worst = 0;
+    for (std::size_t i = 0; i < gaussians.size(); ++i)
+      for (int k = kind.begin; k < kind.end; ++k) {
+        const double value = gaussians[i].number(k);
+        gaussians[i].number(k) = value + h;
+        const double high = reference_loss(gaussians, scene, camera, constants, above);
+        gaussians[i].number(k) = value - h;
+        const double low = reference_loss(gaussians, scene, camera, constants, below);
+        gaussians[i].number(k) = value;
+        if (above != here || below != here) {  // an edge of a splat, or of |q - t|, is crossed
+          ++unknown;
+          continue;
+        }
+        ++known;
+        const double slope = (high - low) / (2 * h);
+        largest = std::max(largest, std::abs(slope));
+        worst = std::max(worst, std::abs(slope - gradients[i].number(k)));
+      }
+    if (largest == 0)
+      EXPECT_EQ(worst, 0) << what << " " << kind.name;
+    else  // floats round at 6e-8, and the terms of a gradient cancel
+      EXPECT_LT(worst / largest, 5e-5) << what << " " << kind.name;
+  }
+  EXPECT_LT(unknown, known / 20) << what;
+}
+
+TEST(DepthGradient, IsTheSlopeForEachKindOfMap) {
+  expect_slopes(DepthScene(DepthKind::metric), "metric");
+  expect_slopes(DepthScene(DepthKind::scaled), "scaled");
+}
+
+/// A map whose values rise with the depth, or fall, as far as the fit needs it.
+DepthScene scene_with_fit(DepthKind kind) {
+  DepthScene scene(kind);
+  const Pipeline pipeline(scene);
+  Draws draws(17);
+  for (std::size_t i = 0; i < kPixels; ++i) {
+    const double A = pipeline.planes[kPixels + i];
+    const double depth = A > 0.01 ? pipeline.planes[i] / A : 3;
+    float& value = scene.view.depth.pixels[i];
+    if (value == 0) continue;
+    value = float(kind == DepthKind::inverse ? 10 / depth + 3 : 2 * depth + 1) *
+            draws.uniform(0.8f, 1.25f);
+  }
+  return scene;
+}
+
+TEST(DepthGradient, IsTheSlopeForMapsUpToScaleAndShift) {
+  expect_slopes(scene_with_fit(DepthKind::relative), "relative");
+  expect_slopes(scene_with_fit(DepthKind::inverse), "inverse");
+}
+
+TEST(DepthGradient, IsTheSlopeUnderTheClassicRuleOverABackground) {
+  DepthScene scene = scene_with_fit(DepthKind::inverse);
+  scene.settings.blend_rule = BlendRule::classic;
+  scene.settings.background = {0.3f, 0.6f, 0.4f};
+  for (std::size_t i = 0; i < 4; ++i) scene.gaussians.logit_opacity[i] = logit(0.997f);
+  expect_slopes(scene, "classic");
+}
+
+TEST(DepthGradient, IsTheSlopeInSpaceAndTime) {
+  DepthScene scene(DepthKind::metric);
+  scene.gaussians = in_spacetime(scene.gaussians, 41);
+  scene.camera.time = 0.5f;
+  expect_slopes(scene, "in time");
+}
+
+TEST(DepthGradient, IsTheSlopeWithA3dFilter) {
+  DepthScene scene(DepthKind::metric);
+  scene.settings.antialias = true;
+  scene.settings.antialias_detach = false;
+  scene.gaussians = with_filters(scene.gaussians, 44);
+  expect_slopes(scene, "filter");
+}
+
+TEST(DepthGradient, IsTheSlopeByThePoseOfTheCamera) {
+  DepthScene scene(DepthKind::metric);
+  const Pipeline pipeline(scene);
+  const Constants constants(scene, pipeline);
+  const CameraGradient<double> dL =
+      camera_gradient(scene.gaussians.span(), scene.camera, scene.settings, pipeline.pass);
+  const auto camera = camera_as<double>(scene.camera);
+  const RigidFrame<double> frame{camera.cam_from_world_rotation, camera.position()};
+  const RigidMotion<double> gradient = moved_vjp(camera, frame, {Vec3d(0.0), Vec3d(0.0)}, dL);
+  const std::vector<DoubleGaussian> gaussians = in_double(scene.gaussians);
+  double largest = 0, worst = 0;
+  for (int k = 0; k < 6; ++k) {
+    const auto loss_at = [&](double step, std::uint64_t& decisions) {
+      RigidMotion<double> motion{Vec3d(0.0), Vec3d(0.0)};
+      (k < 3 ? motion.turn[k] : motion.shift[k - 3]) = step;
+      return reference_loss(gaussians, scene, moved(camera, frame, motion), constants, decisions);
+    };
+    for (double h = 1e-6; h > 1e-9; h /= 4) {
+      std::uint64_t above, below;
+      const double slope = (loss_at(h, above) - loss_at(-h, below)) / (2 * h);
+      if (above != below) continue;
+      largest = std::max(largest, std::abs(slope));
+      worst = std::max(
+          worst, std::abs(slope - (k < 3 ? gradient.turn[k] : gradient.shift[k - 3])));
+      break;
+    }
+  }
+  EXPECT_GT(largest, 0);
+  EXPECT_LT(worst / largest, 5e-5);
+}
+
+TEST(DepthGradient, LeavesThePassAsItWas) {
+  const DepthScene scene;
+  RenderPass plain, with_depth;
+  Buffer<float> planes;
+  for (RenderPass* pass : {&plain, &with_depth})
+    make_scalar_renderer()->forward(scene.gaussians.span(), scene.camera, scene.settings, *pass);
+  blend_depth(scene.settings, with_depth, planes);
+  EXPECT_TRUE(same_bits(plain.image, with_depth.image));
+  EXPECT_TRUE(same_bits(plain.transmittance, with_depth.transmittance));
+  EXPECT_TRUE(same_bits(plain.last_instance, with_depth.last_instance));
+  for (std::size_t i = 0; i < plain.splats.size(); ++i)
+    EXPECT_TRUE(!plain.tile_counts[i] ||
+                plain.splats[i].color == with_depth.splats[i].color);
+}
+
+// blend_depth() and the pictures of depth are one thing.
+TEST(DepthGradient, IsOfTheDepthThatIsRendered) {
+  const DepthScene scene;
+  const Pipeline pipeline(scene);
+  const auto renderer = make_scalar_renderer();
+  SurfaceRenderer surface(*renderer, scene.gaussians.span(), scene.gaussians, scene.settings);
+  const ImageF depth = surface.depth(scene.camera);
+  for (std::size_t i = 0; i < kPixels; ++i) {
+    const float A = pipeline.planes[kPixels + i];
+    EXPECT_NEAR(depth.pixels[i], A >= kMinAlpha ? pipeline.planes[i] / A : 0, 2e-5) << i;
+  }
+}
+
+TEST(DepthGradient, HasTheSameBitsWithAnyNumberOfThreads) {
+  DepthScene scene;
+  scene.gaussians = random_gaussians(kTypical, 3000, scene.camera, 5);
+  const int threads = thread_count();
+  std::vector<Gaussians> results;
+  for (const int count : {1, 2, 7}) {
+    set_thread_count(count);
+    results.push_back(copy_of(Pipeline(scene).gradients));
+  }
+  set_thread_count(threads);
+  for (const Gaussians& result : results) EXPECT_TRUE(same_bits(result, results[0]));
+}
+
+// Statistics of density control see both.
+TEST(DepthGradient, IsPartOfTheAbsoluteGradient) {
+  DepthScene scene(DepthKind::metric);
+  scene.settings.absolute_gradient = true;
+  const Pipeline with_depth(scene);
+  scene.view.depth = ImageF(kWidth, kHeight, 1);  // nothing is known
+  const Pipeline without(scene);
+  EXPECT_EQ(without.loss, 0);
+  double more = 0;
+  for (std::size_t i = 0; i < scene.gaussians.count(); ++i) {
+    EXPECT_GE(with_depth.dL_dmean2d[i].x, without.dL_dmean2d[i].x * 0.99999f);
+    more += with_depth.dL_dmean2d[i].x - without.dL_dmean2d[i].x;
+  }
+  EXPECT_GT(more, 0);
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,308 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs with depth maps: the step, the schedule, resuming, ranks, and what they gain with few photos.
+#include <gmock/gmock.h>
+
+#include <cmath>
+
+#include "gs_core/error.h"
+#include "gs_core/math/depth_loss.h"
+#include "gs_core/threads/parallel.h"
+#include "gs_render/surface_renderer.h"
+#include "gs_train/metrics/depth_error.h"
+#include "gs_train/ranks/ranked_backend.h"
+#include "gs_train/reduced_view.h"
+#include "tests/support/error_of.h"
+#include "tests/support/scene_run.h"
+#include "tests/support/small_scene.h"
+
+namespace gs {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+/// The depth of the Gaussians that the photos show, where they cover at least half of a pixel.
+ImageF true_depth(const Gaussians& truth, const Camera& camera) {
+  const auto renderer = make_scalar_renderer();
+  RenderPass pass;
+  renderer->forward(truth.span(), camera, {}, pass);
+  SurfaceRenderer surface(*renderer, truth.span(), truth, {});
+  ImageF depth = surface.depth(camera);
+  for (std::size_t i = 0; i < depth.pixels.size(); ++i)
+    if (pass.transmittance[i] > 0.5f) depth.pixels[i] = 0;
+  return depth;
+}
+
+/// A view's map made from its true depth. Each view has a scale and a shift of its own.
+void add_map(View& view, const Gaussians& truth, DepthKind kind, std::size_t k) {
+  view.depth = true_depth(truth, view.camera);
+  view.depth_kind = kind;
+  view.has_depth_map = true;
+  const float scale = 1 + 0.3f * float(k % 4), shift = 0.2f * float(k % 3);
+  for (float& value : view.depth.pixels) {
+    if (value == 0 || kind == DepthKind::metric) continue;
+    value = kind == DepthKind::scaled     ? scale * value
+            : kind == DepthKind::relative ? scale * value + shift
+                                          : scale / value + shift;
+  }
+}
+
+Scene scene_with_maps(DepthKind kind) {
+  Scene scene = small_scene();
+  const Gaussians truth = small_truth();
+  for (std::size_t k = 0; k < scene.train_views.size(); ++k)
+    add_map(scene.train_views[k], truth, kind, k);
+  return scene;
+}
+
+class DepthRun : public SceneRun {
+ protected:
+  DepthRun() : SceneRun(scene_with_maps(DepthKind::inverse)) {}
+  static Config depth_run(int steps = 120) {
+    Config config = short_run();
+    config.train.iterations = steps;
+    config.loss.depth_weight = 1;
+    config.loss.depth_weight_final = 0.1f;
+    config.density.from_step = config.density.every = 20;
+    config.density.gradient_threshold = 1e-5f;
+    return config;
+  }
+};
+
+TEST_F(DepthRun, ChangesTheModel) {
+  Config without = depth_run();
+  without.loss.depth_weight = 0;
+  EXPECT_FALSE(same_bits(trained(depth_run()), trained(without)));
+}
+
+TEST_F(DepthRun, IsAnyOtherRunWithoutMaps) {
+  const Scene plain = small_scene();
+  Config without = depth_run();
+  without.loss.depth_weight = 0;
+  Trainer with_weight(plain, depth_run(), *backend_), never(scene_, without, *backend_);
+  with_weight.run();
+  never.run();
+  EXPECT_TRUE(same_bits(with_weight.model(), never.model()));
+}
+
+TEST_F(DepthRun, IsAnyOtherRunWithMapsThatKnowNothing) {
+  Scene blank = small_scene();
+  for (View& view : blank.train_views) {
+    view.depth = ImageF(view.camera.width, view.camera.height, 1);
+    view.has_depth_map = true;
+  }
+  const Scene plain = small_scene();
+  Trainer unknown(blank, depth_run(), *backend_), without(plain, depth_run(), *backend_);
+  unknown.run();
+  without.run();
+  // Zeros are added, which may turn -0 into 0.
+  for (std::size_t i = 0; i < unknown.model().count(); ++i)
+    EXPECT_EQ(unknown.model().gaussians.mean[i], without.model().gaussians.mean[i]);
+}
+
+TEST_F(DepthRun, GoesOnWhereItWasStopped) {
+  expect_goes_on_after({7, 60}, depth_run());
+  Config batches = depth_run();
+  batches.train.batch = 3;
+  batches.train.resolution_ramp = {2};
+  batches.train.resolution_every = 8000;  // 32 steps
+  batches.train.resolution_least = 1;
+  expect_goes_on_after({8, 31, 90}, batches);
+}
+
+TEST_F(DepthRun, HasTheSameBitsWithAnyNumberOfThreads) {
+  const int threads = thread_count();
+  const TrainingModel expected = trained(depth_run(50));
+  set_thread_count(threads == 1 ? 3 : 1);
+  EXPECT_TRUE(same_bits(trained(depth_run(50)), expected));
+  set_thread_count(threads);
+}
+
+TEST_F(DepthRun, HasTheBytesOfOneRankOnSeveral) {
+  for (const bool absolute : {false, true}) {
+    Config config = depth_run(60);
+    config.density.absolute_gradient = absolute;
+    config.train.batch = 4;
+    const TrainingModel expected = trained(config);
+    for (const int ranks : {2, 3}) {
+      const auto backend = make_ranked_backend({ranks, 30, 5});
+      Trainer trainer(scene_, config, *backend);
+      trainer.run();
+      EXPECT_TRUE(same_bits(copy_to(host_memory(), trainer.model()), expected)) << ranks;
+    }
+  }
+}
+
+// The weight of the loss falls from the first to the last step.
+TEST_F(DepthRun, WeightDecaysExponentially) {
+  const Schedule schedule(depth_run(1000), 1);
+  EXPECT_NEAR(schedule.depth_weight(1), 1, 3e-3);
+  EXPECT_NEAR(schedule.depth_weight(500), std::sqrt(0.1), 1e-6);
+  EXPECT_NEAR(schedule.depth_weight(1000), 0.1, 1e-7);
+  Config extended = depth_run(1000);
+  extended.train.extra_steps = 50;
+  EXPECT_NEAR(Schedule(extended, 1).depth_weight(1040), 0.1, 1e-7);
+  Config off = depth_run();
+  off.loss.depth_weight = 0;
+  EXPECT_EQ(Schedule(off, 1).depth_weight(10), 0);
+}
+
+TEST(DepthLossOfAView, IsZeroUnderAMask) {
+  View view = scene_with_maps(DepthKind::metric).train_views[0];
+  const std::size_t pixels = view.depth.pixels.size();
+  Buffer<float> planes(3 * pixels, host_memory()), gradient;
+  for (std::size_t i = 0; i < pixels; ++i) {
+    planes[i] = 4;  // a depth of 5
+    planes[pixels + i] = 0.8f;
+    planes[2 * pixels + i] = 0;
+  }
+  const auto count_taught = [&] {
+    std::size_t taught = 0;
+    for (std::size_t i = 0; i < pixels; ++i) {
+      EXPECT_EQ(gradient[i] != 0, gradient[pixels + i] != 0);
+      taught += gradient[i] != 0;
+    }
+    return taught;
+  };
+  make_scalar_backend();
+  EXPECT_GT(compare_depth(view, 1, planes, gradient), 0);
+  std::size_t known = 0;
+  for (const float value : view.depth.pixels) known += is_known_depth(value);
+  EXPECT_EQ(count_taught(), known);
+  view.mask = Image8(view.camera.width, view.camera.height, 1);
+  for (std::size_t i = 0; i < pixels / 2; ++i) view.mask.pixels[i] = 255;
+  compare_depth(view, 1, planes, gradient);
+  for (std::size_t i = pixels / 2; i < pixels; ++i) EXPECT_EQ(gradient[i], 0);
+  EXPECT_GT(count_taught(), 0u);
+  std::fill(view.mask.pixels.begin(), view.mask.pixels.end(), std::uint8_t(0));
+  EXPECT_EQ(compare_depth(view, 1, planes, gradient), 0);
+  EXPECT_EQ(count_taught(), 0u);
+}
+
+TEST(DepthLossOfAView, IsThatOfTheReducedMapWhereThePhotoIsReduced) {
+  const View view = scene_with_maps(DepthKind::metric).train_views[0];
+  const View reduced = reduced_view(view, 3);
+  ASSERT_EQ(reduced.depth.width, view.camera.width / 3);
+  EXPECT_EQ(reduced.depth.at(2, 4, 0), view.depth.at(7, 13, 0));
+  EXPECT_EQ(reduced.depth_kind, DepthKind::metric);
+}
+
+// ---- on a backend without it -------------------------------------------------------------------
+
+class BackendWithoutDepth final : public Backend {
+ public:
+  BackendWithoutDepth() : Backend(host_memory()) {}
+  std::string name() const override { return "a test"; }
+  Memory& memory() override { return host_memory(); }
+  Renderer& renderer() override { return inner_->renderer(); }
+  void use_loss(const std::string&) override {}
+  Loss& loss() override { return inner_->loss(); }
+  Optimizer& optimizer() override { return inner_->optimizer(); }
+  RowOps& rows() override { return inner_->rows(); }
+
+ protected:
+  void find_pixel_values(const View&, const DensityStep&, RenderPass&) override {}
+  void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>,
+              ScorePooling) override {}
+  using Backend::add;
+  void add(Span<float>, Span<const float>, float) override {}
+  void pool(Span<FragmentSums>, Span<FragmentSums>, ScorePooling) override {}
+
+ private:
+  std::unique_ptr<Backend> inner_ = make_scalar_backend();
+};
+
+TEST_F(DepthRun, IsRefusedByABackendThatLacksIt) {
+  BackendWithoutDepth backend;
+  EXPECT_THAT(error_of([&] { Trainer(scene_, depth_run(), backend); }),
+              AllOf(HasSubstr("depth maps are not there on a test"), HasSubstr("--device cpu"),
+                    HasSubstr("dataset.depth=none")));
+  Config off = depth_run();
+  off.loss.depth_weight = 0;
+  Trainer not_trained_on(scene_, off, backend);
+}
+
+// ---- what it measures, and what it gains -------------------------------------------------------
+
+TEST(DepthError, IsThatOfTheDepth) {
+  View view;
+  view.depth = ImageF(2, 2, 1);
+  view.depth.pixels = {2, 4, 0, 5};
+  view.depth_kind = DepthKind::metric;
+  ImageF rendered(2, 2, 1);
+  rendered.pixels = {2.2f, 3, 9, 5};  // off by 10 %, 25 %, not known, right
+  EXPECT_NEAR(*depth_error(rendered, view), 0.35 / 3, 1e-6);
+  rendered.pixels[3] = 0;  // nothing is drawn
+  EXPECT_NEAR(*depth_error(rendered, view), 1.35 / 3, 1e-6);
+  view.mask = Image8(2, 2, 1);
+  view.mask.pixels = {255, 255, 255, 0};
+  EXPECT_NEAR(*depth_error(rendered, view), 0.35 / 2, 1e-6);
+  view.depth_kind = DepthKind::scaled;
+  view.mask = {};
+  rendered.pixels = {6, 12, 1, 15};
+  EXPECT_NEAR(*depth_error(rendered, view), 0, 1e-6);
+  view.depth = {};
+  EXPECT_EQ(depth_error(rendered, view), std::nullopt);
+}
+
+struct Measured {
+  double psnr, depth;
+};
+
+/// Two of the views are trained on, far from each other, and gray points start in a wrong place: the
+/// photos alone do not tell where the Gaussians are.
+Measured trained_on_two(DepthKind kind, float weight, std::uint64_t seed) {
+  Scene scene = small_scene();
+  const Gaussians truth = small_truth();
+  std::vector<View> views = std::move(scene.train_views);
+  scene.train_views = {views[0], views[1]};
+  scene.test_views = {views[0], views[1]};
+  for (int k = 0; k < 2; ++k)
+    scene.test_views[std::size_t(k)].camera = orbit_camera(0.26f + 0.26f * float(k));
+  const auto renderer = make_scalar_renderer();
+  RenderPass pass;
+  for (std::size_t k = 0; k < 2; ++k) {
+    add_map(scene.train_views[k], truth, kind, k + 1);
+    View& test = scene.test_views[k];
+    renderer->forward(truth.span(), test.camera, {}, pass);
+    test.photo = to_image8(image_of(pass));
+    add_map(test, truth, DepthKind::metric, 0);
+  }
+  Config config = short_run();
+  config.train.iterations = 600;
+  config.train.seed = seed;
+  config.model.sh_degree = 0;
+  config.density.until_step = 0;
+  config.loss.depth_weight = weight;
+  config.loss.depth_weight_final = std::max(weight / 100, 1e-6f);
+  Draws draws(seed);
+  for (ScenePoint& point : scene.points) point.position += draws.uniform3(-0.4f, 0.4f);
+  const auto backend = make_scalar_backend();
+  Trainer trainer(scene, config, *backend);
+  trainer.run();
+  Evaluation evaluation =
+      evaluate(backend->renderer(), trainer.model().gaussians.span(), scene.test_views,
+               trainer.evaluation_settings());
+  measure_depth(backend->renderer(), trainer.model().gaussians, scene.test_views,
+                trainer.evaluation_settings(), evaluation);
+  return {evaluation.psnr, *evaluation.depth_error};
+}
+
+TEST(DepthTeacher, BringsDepthNearerToTheTruthWithFewPhotos) {
+  for (const DepthKind kind :
+       {DepthKind::metric, DepthKind::scaled, DepthKind::relative, DepthKind::inverse}) {
+    double without = 0, with_maps = 0, psnr_without = 0, psnr_with = 0;
+    for (const std::uint64_t seed : {1, 2, 3}) {
+      const Measured alone = trained_on_two(kind, 0, seed), taught = trained_on_two(kind, 1, seed);
+      without += alone.depth / 3, with_maps += taught.depth / 3;
+      psnr_without += alone.psnr / 3, psnr_with += taught.psnr / 3;
+    }
+    EXPECT_LT(with_maps, 0.8 * without) << int(kind);
+    EXPECT_GT(psnr_with, psnr_without) << int(kind);
+    std::printf("kind %d: depth error %.4f -> %.4f, PSNR %.2f -> %.2f\n", int(kind), without,
+                with_maps, psnr_without, psnr_with);
+  }
+}
+
+}  // namespace
+}  // namespace gs
