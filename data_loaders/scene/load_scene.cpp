@@ -468,7 +468,7 @@ ExposureSummary measure_light(const DatasetConfig& dataset) {
 DepthAgreement measure_depth_maps(const DatasetConfig& dataset) {
   DatasetConfig looking = dataset;
   looking.refine_cameras = looking.exposure = false;
-  const ScenePlan plan = plan_unsettled_scene(looking, {});
+  const ScenePlan plan = plan_unsettled_scene(looking, {}, false);
   return depth_agreement(plan.views, plan.points);
 }
 

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every preset trains: a few steps of each on a small scene, with refinements, opacity resets and
-// pruned shares in them.
+// Every preset trains, and so do the defaults: a few steps of each on a small scene, with
+// refinements, opacity resets and pruned shares in them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "gs_core/config/config_presets.h"
 #include "tests/support/scene_run.h"
@@ -24,11 +26,19 @@ Scene scene_of(const Config& config) {
   return scene;
 }
 
+constexpr std::string_view kDefaults = "default";
+
+std::vector<Preset> presets_and_defaults() {
+  std::vector<Preset> all = presets();
+  all.push_back({kDefaults, ""});
+  return all;
+}
+
 /// The preset with 160 steps and up to 150 Gaussians: refinements every 16 from step 16 on, resets
 /// every 60, and shares are pruned every 48 and after resets where it does that.
 Config short_preset(const std::string& name) {
   Config config;
-  load_config(config, name);
+  if (name != kDefaults) load_config(config, name);
   config.train.iterations = 160;
   config.train.steps_scaler = 1;
   config.optimizer.position_lr_initial = 1e-3f;
@@ -68,7 +78,7 @@ TEST_P(PresetRun, LearnsInAFewSteps) {
   EXPECT_GT(psnr_of(trainer), first_psnr);
 }
 
-INSTANTIATE_TEST_SUITE_P(Each, PresetRun, ::testing::ValuesIn(presets()),
+INSTANTIATE_TEST_SUITE_P(Each, PresetRun, ::testing::ValuesIn(presets_and_defaults()),
                          [](const auto& preset) { return std::string(preset.param.name); });
 
 }  // namespace
