@@ -184,8 +184,8 @@ void add_train(CLI::App& program) {
   add_setting(verb, line, "--lpips", "eval.lpips", "Output",
               "at the end also measure LPIPS, with the weights in this file");
   add_setting(verb, line, "-i,--iterations,--iter,--max-steps", "train.iterations", "Training",
-              "number of training steps, one photo each; the schedule scales with it; +N: N more "
-              "steps of a finished run, with --resume");
+              "number of training steps, one photo each; the schedule scales with it; 0: by the "
+              "number of photos; +N: N more steps of a finished run, with --resume");
   add_setting(verb, line, "--steps-scaler", "train.steps_scaler", "Training");
   add_setting(verb, line, "--strategy", "density.strategy", "Training");
   add_setting(verb, line, "--max-gaussians,--max-cap,--cap-max", "density.max_gaussians",

@@ -9,6 +9,7 @@
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
 #include "gs_train/loop/trainer.h"
+#include "tests/support/adaptive.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/models.h"
@@ -78,7 +79,7 @@ void expect_same_photos(const std::vector<View>& actual, const std::vector<View>
 }
 
 Gaussians trained(const Scene& scene, int steps) {
-  Config config;
+  Config config = adaptive_config();
   config.train.iterations = steps;
   const auto backend = make_scalar_backend();
   Trainer trainer(scene, config, *backend);

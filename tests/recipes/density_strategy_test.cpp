@@ -47,7 +47,8 @@ TEST(RecipeDensityStrategy, RemovesFaintGaussiansAndAddsNone) {
   for (std::size_t i = 0; i < 10; ++i)
     set_gaussian(gaussians, i, {float(i), 0, 0}, 0.1f, i < 4 ? 0.001f : 0.5f);
   TrainingModel model = model_of(gaussians);
-  const Config config;
+  Config config;
+  config.train.iterations = 30000;
   MakeDensityControl& make = make_thinning_control;  // the type that kStrategies expects
   const auto control = make(config, Schedule(config, 2), 2);
   const auto backend = make_scalar_backend();
