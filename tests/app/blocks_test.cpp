@@ -71,8 +71,8 @@ TEST(Partition, EveryPhotoIsInSomeBlockAndNeighborsShareThoseAtTheirBorder) {
       EXPECT_GT(block.train_photos, 0u);
     }
     EXPECT_EQ(used.size(), scene.names.size());
-    EXPECT_GT(photos, scene.names.size());           // some are in two blocks
-    EXPECT_LT(photos, scene.names.size() * 2);       // and none in all
+    EXPECT_GT(photos, scene.names.size());      // some are in two blocks
+    EXPECT_LT(photos, scene.names.size() * 2);  // and none in all
   }
 }
 
@@ -95,7 +95,8 @@ TEST(Partition, RegionsReachOverTheirPartsByTheBorder) {
   const Partition partition = make_partition(street(), {2, 0.1, 0.1});
   // Nine tenths of 20 houses reach 18 units, a tenth of which is the border.
   for (const double x : {18.5, 19.5, 20.5, 21.5})
-    for (const Block& block : partition.blocks) EXPECT_TRUE(holds(block.region, {x, 0.5, 0.2})) << x;
+    for (const Block& block : partition.blocks)
+      EXPECT_TRUE(holds(block.region, {x, 0.5, 0.2})) << x;
   EXPECT_FALSE(holds(partition.blocks[1].region, {17.5, 0.5, 0.2}));
   EXPECT_FALSE(holds(partition.blocks[0].region, {22.5, 0.5, 0.2}));
   EXPECT_TRUE(holds(partition.blocks[0].region, {-1e9, 50.0, 1e9}));  // the rim has no end
@@ -120,7 +121,9 @@ TEST(Partition, IsTheSameFarFromTheOrigin) {
 }
 
 TEST(Partition, BlocksWithoutPhotosOrPointsAreRefused) {
-  EXPECT_THAT(error_of([] { make_partition(street(), {900, 0, 0.9}); }),
+  EXPECT_THAT(error_of([] {
+                make_partition(street(), {900, 0, 0.9});
+              }),
               AllOf(HasSubstr("900 blocks"), HasSubstr("--blocks")));
   SceneOutline empty = street();
   empty.points.clear();
