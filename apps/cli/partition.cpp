@@ -60,7 +60,12 @@ void warn_of(const Config& config) {
   if (config.model.sky != SkyModel::none)
     log_warning(
         "model.sky: each block has a sky of its own, and the merged model has a part of each; its "
-        "parts may not fit");
+        "parts may not fit; a model of the whole scene to start from (--from) has one sky");
+  if (!config.model.start_from.empty() && config.density.opacity_regularizer > 0)
+    log_warning(
+        "density.opacity_regularizer fades what a block's photos do not see, such as the sky "
+        "behind "
+        "another block; set it to 0, or take another strategy");
 }
 
 Partition partition_of(const PartitionCommand& command, const Config& config) {
@@ -84,7 +89,7 @@ void make_room(const PartitionCommand& command, const Config& config, OutputLock
 
 void partition(const PartitionCommand& command) {
   setup_log(command.verbosity());
-  const Config config = resolve(command);
+  const Config config = settings_of_all_blocks(resolve(command));
   if (config.dataset.source.empty())
     throw UsageError("there is no scene; give its folder: gemsplat partition SCENE -o OUT");
   if (!config.density.region.empty())
@@ -135,6 +140,9 @@ void add_partition(CLI::App& program) {
                 "if the folder is not empty, rename it to FOLDER.bak-N first");
   add_dataset_options(verb, line, "scene,-s,--source-path,-d,--data");
   add_setting(verb, line, "--eval", "dataset.eval", "Scene");
+  add_setting(verb, line, "--from,--start-from", "model.start_from", "Training",
+              "a coarse model of the whole scene that every block starts from: a file or a run's "
+              "folder; scenes with sky and far background need one");
   add_setting(verb, line, "--iterations", "train.iterations", "Training");
   add_setting(verb, line, "--max-gaussians", "density.max_gaussians", "Training",
               "most Gaussians of the merged model; each block gets its share");

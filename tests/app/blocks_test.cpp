@@ -142,6 +142,20 @@ TEST(Partition, ALimitOfGaussiansIsSharedByPoints) {
             kAutoCount);
 }
 
+TEST(Partition, BlocksThatStartFromAModelKeepWhatTheyDoNotSee) {
+  Config config;
+  config.density.prune_unseen = true;
+  config.density.soft_prune = config.density.hard_prune = 0.3f;
+  const Config of_points = settings_of_all_blocks(config);
+  EXPECT_EQ(of_points.density.reset_opacity_until, config.density.reset_opacity_until);
+  EXPECT_TRUE(of_points.density.prune_unseen);
+  config.model.start_from = "coarse.ply";
+  const Config of_model = settings_of_all_blocks(config);
+  EXPECT_EQ(of_model.density.reset_opacity_until, 0);
+  EXPECT_FALSE(of_model.density.prune_unseen);
+  EXPECT_EQ(of_model.density.soft_prune + of_model.density.hard_prune, 0);
+}
+
 /// A partition of the street on the disk, and runs of its blocks, each with the same Gaussians.
 class Merge : public ::testing::Test {
  protected:
