@@ -9,7 +9,9 @@
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
 #include "data_loaders/doctor/forecast.h"
+#include "gs_app/blocks/picture_shares.h"
 #include "gs_app/blocks/write_partition.h"
+#include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
 #include "gs_core/io/output_lock.h"
@@ -71,7 +73,11 @@ void warn_of(const Config& config) {
 Partition partition_of(const PartitionCommand& command, const Config& config) {
   DatasetConfig dataset = config.dataset;
   dataset.exposure = dataset.refine_cameras = false;  // of the runs; the cuts need neither
-  return make_partition(outline_scene(dataset), command.options);
+  const SceneOutline scene = outline_scene(dataset);
+  if (config.model.start_from.empty()) return make_partition(scene, command.options);
+  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
+  PictureShares shares(open_model(config.model.start_from, {}), config, scene, *backend);
+  return make_partition(scene, command.options, std::ref(shares));
 }
 
 // Throws UsageError for a folder that holds anything, unless it may be moved aside.
@@ -130,9 +136,10 @@ void add_partition(CLI::App& program) {
                   "[0.1]")
       ->check(CLI::Range(0.0, 1.0))
       ->type_name("SHARE");
-  verb.add_option("--least-share", command->options.least_share,
-                  "a block uses the photos that show at least this share of their sparse points in "
-                  "it [0.1]")
+  verb.add_option(
+          "--least-share", command->options.least_share,
+          "a block uses the photos of which at least this share of the sparse points or, with "
+          "--from, of the picture is in it [0.1]")
       ->check(CLI::Range(0.0, 1.0))
       ->type_name("SHARE");
   verb.add_flag("--dry-run", command->dry_run, "print the blocks and write nothing");
