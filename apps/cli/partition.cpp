@@ -9,7 +9,9 @@
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
 #include "data_loaders/doctor/forecast.h"
+#include "gs_app/blocks/picture_shares.h"
 #include "gs_app/blocks/write_partition.h"
+#include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
 #include "gs_core/io/output_lock.h"
@@ -60,13 +62,22 @@ void warn_of(const Config& config) {
   if (config.model.sky != SkyModel::none)
     log_warning(
         "model.sky: each block has a sky of its own, and the merged model has a part of each; its "
-        "parts may not fit");
+        "parts may not fit; a model of the whole scene to start from (--from) has one sky");
+  if (!config.model.start_from.empty() && config.density.opacity_regularizer > 0)
+    log_warning(
+        "density.opacity_regularizer fades what a block's photos do not see, such as the sky "
+        "behind "
+        "another block; set it to 0, or take another strategy");
 }
 
 Partition partition_of(const PartitionCommand& command, const Config& config) {
   DatasetConfig dataset = config.dataset;
   dataset.exposure = dataset.refine_cameras = false;  // of the runs; the cuts need neither
-  return make_partition(outline_scene(dataset), command.options);
+  const SceneOutline scene = outline_scene(dataset);
+  if (config.model.start_from.empty()) return make_partition(scene, command.options);
+  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
+  PictureShares shares(open_model(config.model.start_from, {}), config, scene, *backend);
+  return make_partition(scene, command.options, std::ref(shares));
 }
 
 // Throws UsageError for a folder that holds anything, unless it may be moved aside.
@@ -84,7 +95,7 @@ void make_room(const PartitionCommand& command, const Config& config, OutputLock
 
 void partition(const PartitionCommand& command) {
   setup_log(command.verbosity());
-  const Config config = resolve(command);
+  const Config config = settings_of_all_blocks(resolve(command));
   if (config.dataset.source.empty())
     throw UsageError("there is no scene; give its folder: gemsplat partition SCENE -o OUT");
   if (!config.density.region.empty())
@@ -125,9 +136,10 @@ void add_partition(CLI::App& program) {
                   "[0.1]")
       ->check(CLI::Range(0.0, 1.0))
       ->type_name("SHARE");
-  verb.add_option("--least-share", command->options.least_share,
-                  "a block uses the photos that show at least this share of their sparse points in "
-                  "it [0.1]")
+  verb.add_option(
+          "--least-share", command->options.least_share,
+          "a block uses the photos of which at least this share of the sparse points or, with "
+          "--from, of the picture is in it [0.1]")
       ->check(CLI::Range(0.0, 1.0))
       ->type_name("SHARE");
   verb.add_flag("--dry-run", command->dry_run, "print the blocks and write nothing");
@@ -135,6 +147,9 @@ void add_partition(CLI::App& program) {
                 "if the folder is not empty, rename it to FOLDER.bak-N first");
   add_dataset_options(verb, line, "scene,-s,--source-path,-d,--data");
   add_setting(verb, line, "--eval", "dataset.eval", "Scene");
+  add_setting(verb, line, "--from,--start-from", "model.start_from", "Training",
+              "a coarse model of the whole scene that every block starts from: a file or a run's "
+              "folder; scenes with sky and far background need one");
   add_setting(verb, line, "--iterations", "train.iterations", "Training");
   add_setting(verb, line, "--max-gaussians", "density.max_gaussians", "Training",
               "most Gaussians of the merged model; each block gets its share");

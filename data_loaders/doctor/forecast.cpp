@@ -42,8 +42,9 @@ std::string size_text(double bytes) {
 }
 
 std::string count_text(double gaussians) {
-  return gaussians < 1e5 ? fmt::format("{:.0f},000", std::max(gaussians * 1e-3, 1.0))
-                         : fmt::format("{:.2g} million", gaussians * 1e-6);
+  if (gaussians < 1e5) return fmt::format("{:.0f},000", std::max(gaussians * 1e-3, 1.0));
+  if (gaussians < 1e8) return fmt::format("{:.2g} million", gaussians * 1e-6);
+  return fmt::format("{:.0f} million", gaussians * 1e-6);
 }
 
 /// The remedy for a model that does not fit.

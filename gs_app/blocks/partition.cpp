@@ -35,10 +35,6 @@ std::vector<WideHalfSpace> region_of_part(const CutTree& tree, std::size_t part,
   return region;
 }
 
-bool holds(const std::vector<WideHalfSpace>& region, const Vec3d& p) {
-  return std::ranges::all_of(region, [&](const WideHalfSpace& half) { return half.holds(p); });
-}
-
 /// Which points are in the regions of which blocks.
 class Census {
  public:
@@ -46,7 +42,7 @@ class Census {
       : scene_(scene), partition_(partition) {
     for (const Block& block : partition.blocks) {
       is_inside_.emplace_back();
-      for (const Vec3d& place : places) is_inside_.back().push_back(holds(block.region, place));
+      for (const Vec3d& place : places) is_inside_.back().push_back(block.holds(place));
     }
   }
 
@@ -74,12 +70,13 @@ class Census {
 };
 
 // Adds the view to the blocks that it shows.
-void deal_view(const SceneOutline& scene, std::size_t view, const std::vector<double>& shares,
-               double least_share, std::vector<std::vector<bool>>& views_of_blocks,
-               Partition& partition) {
-  const auto most = std::size_t(std::ranges::max_element(shares) - shares.begin());
-  for (std::size_t b = 0; b < shares.size(); ++b) {
-    if (b != most && shares[b] < least_share) continue;
+void deal_view(const SceneOutline& scene, std::size_t view, const std::vector<double>& of_points,
+               const std::vector<double>& of_picture, double least_share,
+               std::vector<std::vector<bool>>& views_of_blocks, Partition& partition) {
+  const auto most = std::size_t(std::ranges::max_element(of_points) - of_points.begin());
+  for (std::size_t b = 0; b < of_points.size(); ++b) {
+    const double share = of_picture.empty() ? of_points[b] : std::max(of_points[b], of_picture[b]);
+    if (b != most && share < least_share) continue;
     Block& block = partition.blocks[b];
     views_of_blocks[b][view] = true;
     block.photos.push_back(scene.names[view]);
@@ -116,7 +113,12 @@ void check_blocks(const Partition& partition) {
 
 }  // namespace
 
-Partition make_partition(const SceneOutline& scene, const PartitionOptions& options) {
+bool Block::holds(const Vec3d& place) const {
+  return std::ranges::all_of(region, [&](const WideHalfSpace& half) { return half.holds(place); });
+}
+
+Partition make_partition(const SceneOutline& scene, const PartitionOptions& options,
+                         const SharesInView& in_picture) {
   if (scene.points.empty())
     throw Error(
         "the scene has no sparse points, and a partition is made by what photos show of them; run "
@@ -136,7 +138,9 @@ Partition make_partition(const SceneOutline& scene, const PartitionOptions& opti
   const std::vector<bool> none(scene.names.size(), false);
   std::vector<std::vector<bool>> views_of_blocks(options.blocks, none);
   for (std::size_t view = 0; view < scene.names.size(); ++view)
-    deal_view(scene, view, census.shares_of(view), options.least_share, views_of_blocks, partition);
+    deal_view(scene, view, census.shares_of(view),
+              in_picture ? in_picture(view, partition.blocks) : std::vector<double>(),
+              options.least_share, views_of_blocks, partition);
   count_points(scene, census, views_of_blocks, partition);
   check_blocks(partition);
   return partition;

@@ -4,6 +4,7 @@
 // enough of its part and of a border around it, and adds Gaussians there and nowhere else.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,8 @@ struct Block {
   std::size_t train_photos = 0, test_photos = 0;
   std::size_t points = 0;          // that its photos show
   std::size_t points_outside = 0;  // of these, outside of the region
+
+  bool holds(const Vec3d& place) const;  // whether it is in the region
 };
 
 struct Partition {
@@ -34,10 +37,16 @@ struct Partition {
   std::size_t points = 0;  // of the scene
 };
 
+/// The share of each block's region in a view, by something that knows more than the sparse points
+/// (picture_shares.h).
+using SharesInView =
+    std::function<std::vector<double>(std::size_t view, const std::vector<Block>& blocks)>;
+
 /// Divides a scene. All is in the coordinates of the photos' poses. A photo is used by each block
-/// that has at least `least_share` of the points that it shows, and in any case by the block that
-/// has most of them. Throws Error for a scene without points, UsageError where a block would have no
+/// that has at least `least_share` of the points that it shows, or of the picture by `in_picture`, if
+/// it is given; and in any case by the block that has most of the points. Throws Error for a scene without points, UsageError where a block would have no
 /// photo to train on or no point.
-Partition make_partition(const SceneOutline& scene, const PartitionOptions& options);
+Partition make_partition(const SceneOutline& scene, const PartitionOptions& options,
+                         const SharesInView& in_picture = {});
 
 }  // namespace gs

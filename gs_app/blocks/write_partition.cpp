@@ -59,6 +59,15 @@ std::string experiment_toml(const BlocksFile& blocks, std::uint64_t seed) {
 
 }  // namespace
 
+Config settings_of_all_blocks(Config config) {
+  if (config.model.start_from.empty()) return config;
+  DensityConfig& density = config.density;
+  density.reset_opacity_until = 0;
+  density.prune_unseen = false;
+  density.soft_prune = density.hard_prune = 0;
+  return config;
+}
+
 Config settings_of_block(Config shared, const Partition& partition, const Block& block) {
   std::int64_t& limit = shared.density.max_gaussians;
   if (limit > 0) {

@@ -16,12 +16,19 @@
 
 namespace gs {
 
+/// The settings that all blocks share, of those that a user gives. Blocks that start from a model
+/// (model.start_from) keep what their photos do not see, such as a part of the sky that only photos
+/// of other blocks show: opacities are not reset, and no rule removes Gaussians because they were not
+/// seen.
+Config settings_of_all_blocks(Config config);
+
 /// The settings of a block's run: those of `shared`, with its photos (dataset.photo_list is left to
 /// the caller) and its region. A limit of Gaussians becomes the block's share of it: as much of the
 /// limit as the region has of the scene's points, and one for each point outside.
 Config settings_of_block(Config shared, const Partition& partition, const Block& block);
 
-/// Writes the folder, which is new or empty. Paths in `shared` are made absolute. Throws Error.
+/// Writes the folder, which is new or empty. `shared` is of settings_of_all_blocks(); its paths are
+/// made absolute. Throws Error.
 BlocksFile write_partition(const std::filesystem::path& folder, const Partition& partition,
                            Config shared);
 

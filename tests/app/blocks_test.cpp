@@ -9,6 +9,7 @@
 
 #include "data_loaders/formats/ply/ply.h"
 #include "gs_app/blocks/merge_blocks.h"
+#include "gs_app/blocks/picture_shares.h"
 #include "gs_app/blocks/write_partition.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/config/region_text.h"
@@ -71,8 +72,8 @@ TEST(Partition, EveryPhotoIsInSomeBlockAndNeighborsShareThoseAtTheirBorder) {
       EXPECT_GT(block.train_photos, 0u);
     }
     EXPECT_EQ(used.size(), scene.names.size());
-    EXPECT_GT(photos, scene.names.size());           // some are in two blocks
-    EXPECT_LT(photos, scene.names.size() * 2);       // and none in all
+    EXPECT_GT(photos, scene.names.size());      // some are in two blocks
+    EXPECT_LT(photos, scene.names.size() * 2);  // and none in all
   }
 }
 
@@ -95,7 +96,8 @@ TEST(Partition, RegionsReachOverTheirPartsByTheBorder) {
   const Partition partition = make_partition(street(), {2, 0.1, 0.1});
   // Nine tenths of 20 houses reach 18 units, a tenth of which is the border.
   for (const double x : {18.5, 19.5, 20.5, 21.5})
-    for (const Block& block : partition.blocks) EXPECT_TRUE(holds(block.region, {x, 0.5, 0.2})) << x;
+    for (const Block& block : partition.blocks)
+      EXPECT_TRUE(holds(block.region, {x, 0.5, 0.2})) << x;
   EXPECT_FALSE(holds(partition.blocks[1].region, {17.5, 0.5, 0.2}));
   EXPECT_FALSE(holds(partition.blocks[0].region, {22.5, 0.5, 0.2}));
   EXPECT_TRUE(holds(partition.blocks[0].region, {-1e9, 50.0, 1e9}));  // the rim has no end
@@ -120,11 +122,50 @@ TEST(Partition, IsTheSameFarFromTheOrigin) {
 }
 
 TEST(Partition, BlocksWithoutPhotosOrPointsAreRefused) {
-  EXPECT_THAT(error_of([] { make_partition(street(), {900, 0, 0.9}); }),
+  EXPECT_THAT(error_of([] {
+                make_partition(street(), {900, 0, 0.9});
+              }),
               AllOf(HasSubstr("900 blocks"), HasSubstr("--blocks")));
   SceneOutline empty = street();
   empty.points.clear();
   EXPECT_THAT(error_of([&] { make_partition(empty, {}); }), HasSubstr("no sparse points"));
+}
+
+TEST(Partition, APhotoIsUsedWhereAModelSaysThatItsPictureLies) {
+  // Photo 105 shows no point beyond house 7, but a cloud behind house 30 is half of its picture.
+  const SceneOutline scene = street();
+  const auto half_in_block_1 = [&](std::size_t view, const std::vector<Block>&) {
+    return view == 5 ? std::vector<double>{0.5, 0.5} : std::vector<double>{0, 0};
+  };
+  const auto of_block_1 = [&](const SharesInView& shares) {
+    const Partition partition = make_partition(scene, {2, 0.1, 0.1}, shares);
+    const std::vector<std::string>& photos = partition.blocks[1].photos;
+    return std::ranges::count(photos, "photo105");
+  };
+  EXPECT_EQ(of_block_1({}), 0);
+  EXPECT_EQ(of_block_1(half_in_block_1), 1);
+}
+
+TEST(PictureShares, AreThoseOfTheGaussiansThatMakeUpThePicture) {
+  // Camera 10 stands at x = 10.5. A Gaussian on either side of its axis, the right one twice as large.
+  for (const Vec3d& offset : {Vec3d(0.0), kUtm}) {
+    const SceneOutline scene = street(offset);
+    OpenedModel opened;
+    opened.model = {Gaussians(2, host_memory()), 0, true, false, offset};
+    set_gaussian(opened.model.gaussians, 0, {9.5f, 0.5f, 2}, 0.1f, 0.5f);
+    set_gaussian(opened.model.gaussians, 1, {11.5f, 0.5f, 2}, 0.1f * std::sqrt(2.0f), 0.5f);
+    std::vector<Block> blocks(3);
+    blocks[0].region = {{{-1.0, 0.0, 0.0}, -10.5 - offset.x}};
+    blocks[1].region = {{{1.0, 0.0, 0.0}, 10.5 + offset.x}};
+    blocks[2].region = {{{1.0, 0.0, 0.0}, 9.0 + offset.x}};
+    const auto backend = make_scalar_backend();
+    PictureShares shares(std::move(opened), {}, scene, *backend);
+    const std::vector<double> found = shares(10, blocks);
+    EXPECT_NEAR(found[0], 1.0 / 3, 0.03);
+    EXPECT_NEAR(found[1], 2.0 / 3, 0.03);
+    EXPECT_NEAR(found[2], 1, 1e-6);
+    EXPECT_EQ(shares(39, blocks)[2], 0);  // its camera sees neither
+  }
 }
 
 TEST(Partition, ALimitOfGaussiansIsSharedByPoints) {
@@ -137,6 +178,20 @@ TEST(Partition, ALimitOfGaussiansIsSharedByPoints) {
   config.density.max_gaussians = kAutoCount;
   EXPECT_EQ(settings_of_block(config, partition, partition.blocks[0]).density.max_gaussians,
             kAutoCount);
+}
+
+TEST(Partition, BlocksThatStartFromAModelKeepWhatTheyDoNotSee) {
+  Config config;
+  config.density.prune_unseen = true;
+  config.density.soft_prune = config.density.hard_prune = 0.3f;
+  const Config of_points = settings_of_all_blocks(config);
+  EXPECT_EQ(of_points.density.reset_opacity_until, config.density.reset_opacity_until);
+  EXPECT_TRUE(of_points.density.prune_unseen);
+  config.model.start_from = "coarse.ply";
+  const Config of_model = settings_of_all_blocks(config);
+  EXPECT_EQ(of_model.density.reset_opacity_until, 0);
+  EXPECT_FALSE(of_model.density.prune_unseen);
+  EXPECT_EQ(of_model.density.soft_prune + of_model.density.hard_prune, 0);
 }
 
 /// A partition of the street on the disk, and runs of its blocks, each with the same Gaussians.

@@ -79,6 +79,7 @@ Config everything_changed() {
   config.density.time_scale_regularizer = config.density.velocity_regularizer = 0.5f;
   config.density.static_after = config.density.gaussians_per_point = 2;
   config.density.score_threshold = 0.5f;
+  config.density.region = "1,0,0,-2.5";
   config.density.recovery_prune = config.density.late_prune_opacity = 0.5f;
   config.density.soft_prune = config.density.hard_prune = 0.5f;
   config.train.time_noise = 0.1f;

@@ -74,16 +74,14 @@ TEST(CutTree, CutsAreAcrossTheLongerSideAndFewPlanesAreAroundAPart) {
   const CutTree tree = divide(town(4000), kGround, 16);
   EXPECT_EQ(tree.cuts.at(0).normal, kGround[0]);
   std::size_t most = 0;
-  for (std::size_t part = 0; part < 16; ++part)
-    most = std::max(most, tree.bounds_of(part).size());
+  for (std::size_t part = 0; part < 16; ++part) most = std::max(most, tree.bounds_of(part).size());
   EXPECT_EQ(most, 4u);  // one on each side
 }
 
 TEST(CutTree, FindsTheAxesOfATownThatStandsAskew) {
   const Vec3d up = unit(Vec3d(0.3, -0.9, 0.2)), side = unit(cross(up, Vec3d(1.0, 0.0, 0.3)));
   std::vector<Vec3d> points;
-  for (const Vec3d& p : town(3000))
-    points.push_back(p.x * side + p.y * up + p.z * cross(side, up));
+  for (const Vec3d& p : town(3000)) points.push_back(p.x * side + p.y * up + p.z * cross(side, up));
   const auto [first, second] = ground_axes(up, points);
   EXPECT_NEAR(std::abs(inner(first, side)), 1, 1e-2);
   EXPECT_NEAR(inner(first, up), 0, 1e-12);

@@ -44,14 +44,15 @@ TEST(Region, StaysWhereItIsWhereASceneIsMovedNearTheOrigin) {
   DensityConfig density;
   density.region = "0.6,0.8,0,4540010";
   const Region region = region_of(density, offset);
-  EXPECT_TRUE(region.holds({10.1f, 5, 0}));   // 0.6 500,000 + 0.8 5,300,000 + 10.06
+  EXPECT_TRUE(region.holds({10.1f, 5, 0}));  // 0.6 500,000 + 0.8 5,300,000 + 10.06
   EXPECT_FALSE(region.holds({9.9f, 5, 0}));
 }
 
 TEST(Region, OtherTextIsNone) {
-  for (const char* text : {"1,0,0", "1,0,0,2,3", "1,0,x,2", "0,0,0,1", "1,0,0,inf", "1,0,0,nan",
-                           ";", "1,0,0,1;;", "a", "1,0,0,1;1,0,0,1;1,0,0,1;1,0,0,1;1,0,0,1;1,0,0,1;"
-                           "1,0,0,1"})
+  for (const char* text :
+       {"1,0,0", "1,0,0,2,3", "1,0,x,2", "0,0,0,1", "1,0,0,inf", "1,0,0,nan", ";", "1,0,0,1;;", "a",
+        "1,0,0,1;1,0,0,1;1,0,0,1;1,0,0,1;1,0,0,1;1,0,0,1;"
+        "1,0,0,1"})
     EXPECT_FALSE(parse_region(text)) << text;
 }
 

@@ -359,6 +359,31 @@ TEST(Forecast, WarnsOfARunThatDoesNotFit) {
               AllOf(HasSubstr("of RAM are free"), HasSubstr("--max-gaussians")));
 }
 
+TEST(Blocks, AreAdvisedWhereOneRunDoesNotHoldTheScene) {
+  Config config;
+  const ForecastDevice device = {true, std::size_t(24) << 30};  // some 12 million Gaussians
+  SceneSize scene = {1e8, 0, 1.0, 30'000};
+  EXPECT_EQ(advice_on_blocks(config, scene, device).blocks, 1u);
+  EXPECT_THAT(advice_on_blocks(config, scene, device).text, HasSubstr("one run holds"));
+  scene.points = 40'000'000;  // more than model.most_points, which limits one run alone
+  const BlockAdvice advice = advice_on_blocks(config, scene, device);
+  EXPECT_GE(advice.blocks, 6u);
+  EXPECT_LE(advice.blocks, 12u);
+  EXPECT_THAT(advice.text, HasSubstr("--blocks " + std::to_string(advice.blocks)));
+  config.density.max_gaussians = 5'000'000;  // who limits the scene asks for no more
+  EXPECT_EQ(advice_on_blocks(config, scene, device).blocks, 1u);
+  EXPECT_THAT(advice_on_blocks(config, scene, {true, 0}).text, IsEmpty());
+}
+
+TEST(Blocks, ACapByPointsCounts) {
+  Config config;
+  config.density.strategy = "mcmc";
+  config.density.gaussians_per_point = 30;
+  const ForecastDevice device = {true, std::size_t(24) << 30};
+  EXPECT_EQ(advice_on_blocks(config, {1e8, 0, 1.0, 100'000}, device).blocks, 1u);
+  EXPECT_GT(advice_on_blocks(config, {1e8, 0, 1.0, 1'000'000}, device).blocks, 1u);
+}
+
 TEST(Forecast, CountsPhotosThatAreNotLoadedYet) {
   Config config = adaptive_config();
   config.dataset.photo_ram_gib = 1e6f;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Small JSON files beside models and scenes: the sidecar of an export, exposure.json, photometric.json,
-// poses.json, split.json, georef.json, places of photos as text, and reconstruct.json, whose list
-// of files says what may be removed; and areas, in GeoJSON or as text.
+// poses.json, split.json, georef.json, blocks.json, places and lists of photos as text, and
+// reconstruct.json, whose list of files says what may be removed; and areas, in GeoJSON or as text.
 #include "data_loaders/formats/sidecar.h"
 
 #include "data_loaders/cameras/exposure_file.h"
@@ -9,6 +9,8 @@
 #include "data_loaders/georef/gps_places.h"
 #include "data_loaders/reconstruct/colmap_plan.h"
 #include "data_loaders/reconstruct/scene_state.h"
+#include "data_loaders/scene/photo_list.h"
+#include "gs_app/blocks/blocks_file.h"
 #include "gs_app/edit/places/polygon_file.h"
 #include "gs_app/run/photometric_file.h"
 #include "gs_app/run/pose_file.h"
@@ -49,6 +51,12 @@ void read(std::string_view bytes) {
     require(is_finite(read.ecef_of_input({1.0, 2.0, 3.0})), "a georeference leads to no place");
   });
   takes([&] { read_gps_file(file_of("gps.txt", bytes)); });
+  takes([&] { photos_in_list(file_of("photos.txt", bytes), {"a.jpg", "left/b.jpg"}); });
+  takes([&] {
+    const CutTree tree = read_blocks(file_of("blocks.json", bytes)).tree;
+    require(tree.part_of({1.0, 2.0, 3.0}) < tree.parts(), "a place is in no block");
+    for (std::size_t part = 0; part < tree.parts(); ++part) tree.bounds_of(part);
+  });
   takes([&] {
     file_of("split.json", bytes);
     split_names(RunFolder(folder()), "test");

@@ -475,5 +475,25 @@ TEST_F(BudgetedRun, GivesTheSameBitsForAnyNumberOfThreads) {
   EXPECT_TRUE(same_bits(trained(config), one));
 }
 
+TEST_F(BudgetedRun, AddsGaussiansInTheRegionOfTheSettingAlone) {
+  Config config = run_with(GrowthScore::error);
+  const auto count_with = [&](const std::string& region) {
+    config.density.region = region;
+    return trained(config).count();
+  };
+  EXPECT_LE(count_with("0,1,0,1000"), scene_.points.size());  // it holds nothing of the scene
+  EXPECT_GT(count_with("0,1,0,-1000"), scene_.points.size());
+}
+
+TEST_F(BudgetedRun, TakesTheRegionInTheCoordinatesOfThePhotos) {
+  Scene far = scene_;
+  far.world_offset = {0.0, 5e6, 0.0};
+  Config config = run_with(GrowthScore::error);
+  config.density.region = "0,1,0,4999000";
+  Trainer trainer(far, config, *backend_);
+  trainer.run();
+  EXPECT_GT(trainer.model().count(), far.points.size());
+}
+
 }  // namespace
 }  // namespace gs

@@ -226,6 +226,18 @@ TEST(SceneSettings, DoNotReplaceNumbersThatAreGiven) {
   EXPECT_EQ(settled_for(config, scene).density.max_gaussians, kAutoCount);
 }
 
+TEST(SceneSettings, CountPointsOutsideOfTheRegionOnce) {
+  const Scene scene = scene_with(random_points(500, 1));
+  Config config;
+  config.density.region = "1,0,0,0.1";
+  std::int64_t inside = 0;
+  for (const ScenePoint& point : scene.points) inside += double(point.position.x) >= 0.1;
+  ASSERT_GT(inside, 100);
+  ASSERT_LT(inside, 400);
+  config.density.gaussians_per_point = 3;
+  EXPECT_EQ(settled_for(config, scene).density.max_gaussians, 3 * inside + 500 - inside);
+}
+
 TEST(SceneSettings, CountRandomPointsWhereTheSceneHasNone) {
   Config config;
   config.density.gaussians_per_point = 2;
