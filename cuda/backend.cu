@@ -347,11 +347,12 @@ class CudaBackend final : private Device, public Backend {
                           const RenderSettings& settings) {
     const View& view = *photo.view;
     if (!(loss_settings.depth_weight > 0) || !view.has_depth_map) return;
-    const DepthMapOnDevice map{depth_maps_.values(view), photos_.last().mask, view.camera.width,
-                               photo.reduction, view.depth_kind};
-    if (map.values)
-      depth_.add_gradient(context, settings, map, loss_settings.depth_weight,
-                          renderer_.workspace(), pass_);
+    const DepthMaps::Map& map = depth_maps_.of(view);
+    if (map.values.empty()) return;
+    depth_.add_gradient(
+        context, settings,
+        {map.values.data(), photos_.last().mask, view.camera.width, photo.reduction, map.kind},
+        loss_settings.depth_weight, renderer_.workspace(), pass_);
   }
 
   void update(const Step& step) {

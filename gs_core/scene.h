@@ -31,7 +31,7 @@ struct View {
   // (height, width, 1) of that size: values of a depth map, 0 where nothing is known. Empty: the
   // photo has no map, or `source` has it
   ImageF depth = {};
-  DepthKind depth_kind = DepthKind::metric;  // what they mean; not `automatic`
+  DepthKind depth_kind = DepthKind::metric;  // what they mean, once they are there; not `automatic`
   bool has_depth_map = false;                // also before the map is read
   Vec3f exposure{1};  // per channel: the photo shows exposure * the scene's colors (display sRGB)
   std::shared_ptr<PhotoSource> source = {};

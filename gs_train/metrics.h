@@ -83,8 +83,8 @@ struct Evaluation {
   std::vector<ViewMetrics> views;
   std::optional<PerceptualMetrics> perceptual, perceptual_exposure;  // as in ViewMetrics
   std::optional<PictureMetrics> photometric, corrected;              // the same
-  std::optional<double> depth_error;  // mean over the views that have one
-  std::optional<LpipsSource> lpips_source;                           // where LPIPS was measured
+  std::optional<double> depth_error;        // mean over the views that have one
+  std::optional<LpipsSource> lpips_source;  // where LPIPS was measured
 };
 
 /// What evaluate() measures besides PSNR and SSIM.

@@ -22,11 +22,10 @@ struct UndistortCommand : CommandLine {
 };
 
 std::string text_of(const UndistortedScene& scene, const UndistortCommand& command) {
-  std::string text = fmt::format("{}: {} photos undistorted, {} copied, {} masks{}\n",
-                                 command.output, scene.undistorted, scene.copied, scene.masks,
-                                 scene.depth_maps > 0
-                                     ? fmt::format(", {} depth maps", scene.depth_maps)
-                                     : "");
+  std::string text =
+      fmt::format("{}: {} photos undistorted, {} copied, {} masks{}\n", command.output,
+                  scene.undistorted, scene.copied, scene.masks,
+                  scene.depth_maps > 0 ? fmt::format(", {} depth maps", scene.depth_maps) : "");
   if (scene.undistorted > 0 && command.jpeg_quality > 0)
     text += fmt::format(
         "JPEG of quality {} loses some detail: {:.1f} dB compared with the undistorted pixels; "

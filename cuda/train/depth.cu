@@ -83,7 +83,8 @@ __device__ DepthSums add_up(const DepthSums& of_thread, double (&of_warps)[kWarp
   return all;
 }
 
-__global__ void __launch_bounds__(kThreads) sum_depths_kernel(DepthPixels pixels, DepthSums* to) {
+__global__ void __launch_bounds__(kThreads)
+    sum_depths_kernel(DepthPixels pixels, const DepthTarget* before, DepthSums* to) {
   __shared__ double of_warps[kWarps][kDepthSums];
   DepthSums sums;
   for (std::uint32_t i = blockIdx.x * kThreads + threadIdx.x; i < pixels.count;
@@ -92,7 +93,7 @@ __global__ void __launch_bounds__(kThreads) sum_depths_kernel(DepthPixels pixels
     if (is_known_depth(value) && m > 0)
       add_to(sums, depth_sums_of_pixel(pixels.map.kind, double(value), double(m),
                                        double(pixels.planes[i]),
-                                       double(pixels.planes[pixels.count + i])));
+                                       double(pixels.planes[pixels.count + i]), before));
   }
   const DepthSums all = add_up(sums, of_warps);
   if (threadIdx.x == 0) to[blockIdx.x] = all;
@@ -132,13 +133,13 @@ RenderSettings depth_settings(RenderSettings settings) {
 
 }  // namespace
 
-const float* DepthMaps::values(const View& view) {
+const DepthMaps::Map& DepthMaps::of(const View& view) {
   const auto known = maps_.find(&view);
-  if (known != maps_.end()) return known->second.empty() ? nullptr : known->second.data();
+  if (known != maps_.end()) return known->second;
   const std::shared_ptr<const View> loaded = with_photo(view);
-  Buffer<float> map(memory_);
-  map.upload(loaded->depth.pixels);
-  return maps_.emplace(&view, std::move(map)).first->second.data();
+  Map map{Buffer<float>(memory_), loaded->depth_kind};
+  map.values.upload(loaded->depth.pixels);
+  return maps_.emplace(&view, std::move(map)).first->second;
 }
 
 void DepthStage::add_gradient(Context& context, const RenderSettings& settings,
@@ -167,9 +168,13 @@ void DepthStage::add_gradient(Context& context, const RenderSettings& settings,
   const DepthPixels pixels{map, pass.image.data(), pass.width, std::uint32_t(plane)};
   {
     const StageScope scope(context, "depth");
-    context.launch("depth sums", sum_depths_kernel, kSumBlocks, kThreads, pixels, sums_.data());
-    context.launch("depth fit", find_target_kernel, 1, kThreads, sums_.data(), kSumBlocks, map.kind,
-                   double(weight), target_.data());
+    for (int round = 0; round < depth_fit_rounds(map.kind); ++round) {
+      const DepthTarget* const before = round > 0 ? target_.data() : nullptr;
+      context.launch("depth sums", sum_depths_kernel, kSumBlocks, kThreads, pixels, before,
+                     sums_.data());
+      context.launch("depth fit", find_target_kernel, 1, kThreads, sums_.data(), kSumBlocks,
+                     map.kind, double(weight), target_.data());
+    }
     context.launch("depth loss", compare_depth_kernel, blocks_for(plane, kThreads), kThreads,
                    pixels, target_.data(), dL_dplanes_.data());
   }

@@ -29,14 +29,17 @@ struct DepthMapOnDevice {
 class DepthMaps {
  public:
   explicit DepthMaps(Memory& memory) : memory_(memory) {}
-  /// The values of a view that has a map; null where the map was empty. Throws Error where memory
-  /// runs out.
-  const float* values(const View& view);
+  struct Map {
+    Buffer<float> values;  // (height, width)
+    DepthKind kind;
+  };
+  /// That of a view that has one. Throws Error where memory runs out.
+  const Map& of(const View& view);
   void forget() { maps_.clear(); }
 
  private:
   Memory& memory_;
-  std::unordered_map<const View*, Buffer<float>> maps_;
+  std::unordered_map<const View*, Map> maps_;
 };
 
 /// What the stage needs besides the workspace; reused from step to step.

@@ -100,20 +100,22 @@ void report_kind(Examination& examination) {
   }
   if (agreement.maps == 0) return;
   const DepthKind found = agreement.kind(), said = examination.config.dataset.depth_kind;
-  const std::string by_points =
-      fmt::format("by the sparse points the depth maps hold {} (rank correlation with depth {:.2f} "
-                  "in {})",
-                  text_of(found), agreement.correlation, counted(agreement.maps, "map"));
+  const std::string by_points = fmt::format(
+      "by the sparse points the depth maps hold {} (rank correlation with depth {:.2f} "
+      "in {})",
+      text_of(found), agreement.correlation, counted(agreement.maps, "map"));
   const bool is_inverse = found == DepthKind::inverse;
   if (found == DepthKind::automatic)
     examination.add(Level::warning, "depth",
-                    by_points + "; they may belong to other photos or cameras: look at them, or "
-                                "train without them (--set dataset.depth=none)");
+                    by_points +
+                        "; they may belong to other photos or cameras: look at them, or "
+                        "train without them (--set dataset.depth=none)");
   else if (said != DepthKind::automatic && is_inverse != (said == DepthKind::inverse))
-    examination.add(Level::warning, "depth",
-                    fmt::format("{}, but dataset.depth_kind is {}; maps of another kind are ignored "
-                                "or mislead: set it to auto",
-                                by_points, word_of(said)));
+    examination.add(
+        Level::warning, "depth",
+        fmt::format("{}, but dataset.depth_kind is {}; maps of another kind are ignored "
+                    "or mislead: set it to auto",
+                    by_points, word_of(said)));
   else
     examination.add(Level::good, "depth", by_points);
 }

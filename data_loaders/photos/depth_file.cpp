@@ -49,10 +49,11 @@ auto with_sound_map(const fs::path& path, Decode&& decode) {
 }  // namespace
 
 void cannot_read_depth(const fs::path& path, const std::string& what) {
-  throw Error(fmt::format(
-      "cannot read depth map {}: {}; write it again as a gray PNG of 16 bits or an EXR, take it out "
-      "of the folder, or train without maps (--set dataset.depth=none)",
-      path.string(), what));
+  throw Error(
+      fmt::format("cannot read depth map {}: {}; write it again as a gray PNG of 16 bits or an "
+                  "EXR, take it out "
+                  "of the folder, or train without maps (--set dataset.depth=none)",
+                  path.string(), what));
 }
 
 void take_gray(const fs::path& path, const std::vector<float>& values, int channels,

@@ -10,8 +10,9 @@ namespace gs {
 
 /// How the values of some maps go with the depths of the sparse points in their photos.
 struct DepthAgreement {
-  std::size_t maps = 0;    // that were looked at and show enough points
-  double correlation = 0;  // mean rank correlation with the depths: 1 as depths, -1 as inverse depths
+  std::size_t maps = 0;  // that were looked at and show enough points
+  double correlation =
+      0;  // mean rank correlation with the depths: 1 as depths, -1 as inverse depths
   // Of value / depth, over all points: the median in units of the plan (1: metric), and the median
   // deviation of its logarithm from the median of its photo (0: one factor a photo)
   double ratio = 0, spread = 0;

@@ -33,10 +33,10 @@ DepthSource find_depth(const DatasetConfig& dataset, const SceneFolders& folders
   std::error_code ignored;
   if (fs::is_directory(source.folder, ignored)) return source;
   if (source.is_named)
-    throw Error(
-        fmt::format("cannot find the depth maps of {}: there is no folder {}; name another one with "
-                    "--set dataset.depth=FOLDER, or none of them with --set dataset.depth=none",
-                    dataset.source, source.folder.string()));
+    throw Error(fmt::format(
+        "cannot find the depth maps of {}: there is no folder {}; name another one with "
+        "--set dataset.depth=FOLDER, or none of them with --set dataset.depth=none",
+        dataset.source, source.folder.string()));
   source.folder.clear();
   return source;
 }
@@ -66,7 +66,8 @@ std::vector<fs::path> match_depth(const DepthSource& source, const std::vector<s
   }
   if (missing < names.size()) return maps;
   const std::string nothing_matches = fmt::format(
-      "none of the {} pictures in {} is the depth map of a photo: that of {} would be {}.png there, "
+      "none of the {} pictures in {} is the depth map of a photo: that of {} would be {}.png "
+      "there, "
       "or {}.png, or .exr in place of .png",
       files.count(), source.folder.string(), names[0], without_extension(names[0]), names[0]);
   if (source.is_named) throw Error(nothing_matches);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "data_loaders/scene/depth_anchors.h"
 #include "data_loaders/scene/depth_map.h"
 #include "gs_core/math/depth_loss.h"
 #include "gs_core/math/projection.h"
@@ -12,11 +13,11 @@
 namespace gs {
 namespace {
 
-constexpr std::size_t kLeastPoints = 20;     // of a photo, for a correlation
-constexpr std::size_t kMostPoints = 20000;   // of the scene that are tried
-constexpr double kLeastCorrelation = 0.4;    // of ranks; maps of something else have about 0
-constexpr double kSameUnit = 1.05;           // most of the ratio of metric maps, and of its inverse
-constexpr double kOneFactor = 0.1;           // the largest spread of the logarithm of the ratio
+constexpr std::size_t kLeastPoints = 20;    // of a photo, for a correlation
+constexpr std::size_t kMostPoints = 20000;  // of the scene that are tried
+constexpr double kLeastCorrelation = 0.4;   // of ranks; maps of something else have about 0
+constexpr double kSameUnit = 1.05;          // most of the ratio of metric maps, and of its inverse
+constexpr double kOneFactor = 0.1;          // the largest spread of the logarithm of the ratio
 
 /// What a map and the points say of the same pixels.
 struct Pairs {
@@ -39,6 +40,18 @@ Pairs pairs_of(const ImageF& map, const Camera& camera, const std::vector<SceneP
   return pairs;
 }
 
+/// The same of the points that a photo is known to show.
+Pairs anchored_pairs(const ImageF& map, const std::vector<DepthAnchor>& anchors) {
+  Pairs pairs;
+  for (const DepthAnchor& anchor : anchors) {
+    const float value = depth_at(map, double(anchor.x) - 0.5, double(anchor.y) - 0.5);
+    if (!is_known_depth(value)) continue;
+    pairs.values.push_back(double(value));
+    pairs.depths.push_back(double(anchor.depth));
+  }
+  return pairs;
+}
+
 /// The rank of each number among all; equal ones share the mean of their ranks.
 std::vector<double> ranks_of(const std::vector<double>& numbers) {
   std::vector<std::size_t> order(numbers.size());
@@ -47,7 +60,8 @@ std::vector<double> ranks_of(const std::vector<double>& numbers) {
             [&](std::size_t a, std::size_t b) { return numbers[a] < numbers[b]; });
   std::vector<double> ranks(numbers.size());
   for (std::size_t begin = 0, end = 0; begin < order.size(); begin = end) {
-    for (end = begin + 1; end < order.size() && numbers[order[end]] == numbers[order[begin]];) ++end;
+    for (end = begin + 1; end < order.size() && numbers[order[end]] == numbers[order[begin]];)
+      ++end;
     for (std::size_t k = begin; k < end; ++k) ranks[order[k]] = 0.5 * double(begin + end - 1);
   }
   return ranks;
@@ -90,7 +104,9 @@ DepthAgreement depth_agreement(const std::vector<ViewPlan>& plans,
   for (const std::size_t i : chosen(plans)) {
     ViewPlan plan = plans[i];
     plan.depth_kind = DepthKind::metric;  // so that integers have their unit
-    const Pairs pairs = pairs_of(make_depth(plan), plan.camera, points);
+    const ImageF map = make_depth(plan);
+    const Pairs pairs = is_anchored(plan) ? anchored_pairs(map, plan.depth_anchors)
+                                          : pairs_of(map, plan.camera, points);
     if (pairs.values.size() < kLeastPoints) continue;
     ++agreement.maps;
     agreement.correlation += correlation(ranks_of(pairs.values), ranks_of(pairs.depths));

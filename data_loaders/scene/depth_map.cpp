@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "data_loaders/photos/depth_file.h"
+#include "data_loaders/scene/depth_anchors.h"
 #include "gs_core/error.h"
 #include "gs_core/math/depth_loss.h"
 #include "gs_core/threads/parallel.h"
@@ -27,8 +28,8 @@ class MapPositions {
     Vec2d photo(x * whole.width / target.width, y * whole.height / target.height);
     if (plan_.has_lens()) {
       const PinholeCamera<double>& lens = plan_.lens.pinhole;
-      const Vec2d landed = distorted(
-          plan_.lens, {(photo.x - whole.cx) / whole.fx, (photo.y - whole.cy) / whole.fy});
+      const Vec2d landed =
+          distorted(plan_.lens, {(photo.x - whole.cx) / whole.fx, (photo.y - whole.cy) / whole.fy});
       photo = {lens.fx * landed.x + lens.cx, lens.fy * landed.y + lens.cy};
     }
     return {photo.x * plan_.depth_size.width / plan_.photo_size.width,
@@ -74,6 +75,16 @@ ImageF make_depth(const ViewPlan& plan) {
     }
   });
   return depth;
+}
+
+DepthMap make_depth_map(const ViewPlan& plan) {
+  DepthMap map{make_depth(plan), plan.depth_kind};
+  if (map.kind == DepthKind::metric) return map;
+  if (const std::optional<DepthFit> fit = anchored_fit(map.values, plan)) {
+    make_metric(map.values, map.kind, *fit);
+    map.kind = DepthKind::metric;
+  }
+  return map;
 }
 
 }  // namespace gs

@@ -6,10 +6,19 @@
 
 namespace gs {
 
-/// The depth map of a view, (height, width, 1) of its camera, 0 where nothing is known. World units
-/// if the map's kind is metric, else as in the file. Throws Error that names the file. The plan has a
-/// depth file.
+/// The values of a view's map, (height, width, 1) of its camera, 0 where nothing is known. World units
+/// if the plan says that it is metric, else as in the file. Throws Error that names the file. The plan
+/// has a depth file.
 ImageF make_depth(const ViewPlan& plan);
+
+/// What a view is trained on.
+struct DepthMap {
+  ImageF values;
+  DepthKind kind;
+};
+/// make_depth(), and in world units wherever the sparse points tell scale and shift of the map: it is
+/// metric then.
+DepthMap make_depth_map(const ViewPlan& plan);
 
 /// The value of a map at a position between its pixels, where the center of the first pixel is
 /// (0, 0). Four neighbors that are known and differ by less than a tenth are interpolated. Else there

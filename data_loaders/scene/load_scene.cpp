@@ -18,6 +18,7 @@
 #include "data_loaders/refine/solve_exposures.h"
 #include "data_loaders/refine/tracks.h"
 #include "data_loaders/scene/cached_picture.h"
+#include "data_loaders/scene/depth_anchors.h"
 #include "data_loaders/scene/depth_kind_of.h"
 #include "data_loaders/scene/depth_map.h"
 #include "data_loaders/scene/find_scene.h"
@@ -115,9 +116,14 @@ void settle_depth(const DatasetConfig& dataset, ScenePlan& plan) {
     if (source.is_named) throw Error(why + ", or train without them (--set dataset.depth=none)");
     log_warning("{}; they are left out", why);
   } else {
-    log_info("{} of {} have a depth map in {}: {}{}", count, counted(plan.views.size(), "photo"),
+    const auto anchored = std::ranges::count_if(plan.views, is_anchored);
+    log_info("{} of {} have a depth map in {}: {}{}{}", count, counted(plan.views.size(), "photo"),
              place, text_of(kind),
-             dataset.depth_kind == DepthKind::automatic ? ", as the sparse points tell" : "");
+             dataset.depth_kind == DepthKind::automatic ? ", as the sparse points tell" : "",
+             kind == DepthKind::metric
+                 ? ""
+                 : fmt::format("; the points that it shows bring {} to world units",
+                               counted(std::size_t(anchored), "map")));
   }
   for (ViewPlan& view : plan.views) {
     view.depth_kind = kind;
@@ -152,6 +158,7 @@ ScenePlan plan_unsettled_scene(const DatasetConfig& dataset, const LoadProgress&
   }
   if (dataset.exposure) plan.seen = seen_points(scene.model, "--exposure");
   plan.views = plan_views(scene, dataset.resolution, progress_of(LoadStage::headers));
+  add_depth_anchors(scene.model, plan.views);
   plan.points = single_precision_points(scene.model);
   plan.depth = std::move(scene.depth);
   plan.is_test = std::move(scene.is_test);
@@ -228,7 +235,11 @@ View view_with(Picture picture, const ViewPlan& plan) {
   view.photo = std::move(picture.photo);
   view.mask = std::move(picture.mask);
   view.over_background = plan.masks.over_background && !view.mask.empty();
-  if (view.has_depth_map) view.depth = make_depth(plan);
+  if (view.has_depth_map) {
+    DepthMap map = make_depth_map(plan);
+    view.depth = std::move(map.values);
+    view.depth_kind = map.kind;
+  }
   return view;
 }
 

@@ -38,7 +38,8 @@ PhotoSize depth_size_of(const ViewPlan& plan) {
   const PhotoSize size = read_depth_size(plan.depth_file);
   if (has_shape_of(size, plan.photo_size)) return size;
   throw Error(fmt::format(
-      "depth map {} has {} x {} pixels, but its photo {} has {} x {}: the shapes differ, so the map "
+      "depth map {} has {} x {} pixels, but its photo {} has {} x {}: the shapes differ, so the "
+      "map "
       "was made for another picture; make it again from this photo, or train without maps (--set "
       "dataset.depth=none)",
       plan.depth_file.string(), size.width, size.height, plan.file.string(), plan.photo_size.width,

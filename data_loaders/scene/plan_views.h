@@ -15,6 +15,12 @@
 
 namespace gs {
 
+/// A sparse point that a photo shows.
+struct DepthAnchor {
+  float x, y;   // in the view, the center of its first pixel at (0.5, 0.5)
+  float depth;  // world units along the viewing axis
+};
+
 /// All that is known of a view before its photo is decoded.
 struct ViewPlan {
   std::string name;
@@ -31,12 +37,13 @@ struct ViewPlan {
   PhotoSize depth_size;
   DepthKind depth_kind = DepthKind::automatic;  // never so once the scene is loaded
   float depth_unit = 1;                         // world units of a step of its integers
-  LensCamera lens;                    // at the photo's size
-  PinholeCamera<double> undistorted;  // the photo without its lens, at full resolution
-  PinholeCamera<double> target;       // at the resolution of training
-  Camera camera;                      // the target with its pose, in single precision
-  bool may_be_masked = false;         // by a file or by alpha; only decoding tells of alpha
-  PhotoCost cost;                     // bytes of the picture, and of making it
+  std::vector<DepthAnchor> depth_anchors;       // of views with a map; after add_depth_anchors()
+  LensCamera lens;                              // at the photo's size
+  PinholeCamera<double> undistorted;            // the photo without its lens, at full resolution
+  PinholeCamera<double> target;                 // at the resolution of training
+  Camera camera;                                // the target with its pose, in single precision
+  bool may_be_masked = false;  // by a file or by alpha; only decoding tells of alpha
+  PhotoCost cost;              // bytes of the picture, and of making it
 
   bool has_lens() const { return lens.lens != LensCamera::Lens::none; }
   bool is_resized() const {

@@ -217,6 +217,7 @@ void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders,
 
 SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders,
                             Tracks tracks) {
+  if (!find_depth(dataset, folders).folder.empty()) tracks = Tracks::read;
   SceneModel scene = read_model_and_split(dataset, folders, tracks);
   move_near_origin(scene);
   if (dataset.model.empty() && dataset.times != PhotoTimes::frames)

@@ -177,9 +177,8 @@ UndistortedScene undistort_scene(const DatasetConfig& dataset, const fs::path& o
         "photo of {} instead",
         folders.model.string(), dataset.test_every, out.string());
   const std::vector<ViewPlan> plans = plan_views(scene, 1, {});
-  if (!can_write_exr() && std::ranges::any_of(scene.depth_files, [](const fs::path& file) {
-        return !file.empty();
-      }))
+  if (!can_write_exr() &&
+      std::ranges::any_of(scene.depth_files, [](const fs::path& file) { return !file.empty(); }))
     log_warning("the depth maps are left out: {}", cannot_write_exr());
   const std::vector<std::string> names = new_names(plans, jpeg_quality > 0);
 

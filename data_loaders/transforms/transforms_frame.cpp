@@ -85,8 +85,8 @@ fs::path TransformsFrame::mask() const {
 
 fs::path TransformsFrame::depth() const {
   const Json* path = value_of(frame_, "depth_file_path");
-  const auto name = path && path->is_string() ? path_inside(text(*path, "depth_file_path"))
-                                              : std::nullopt;
+  const auto name =
+      path && path->is_string() ? path_inside(text(*path, "depth_file_path")) : std::nullopt;
   std::error_code ignored;
   const bool is_there = name && fs::is_regular_file(file_.folder() / *name, ignored);
   return is_there ? file_.folder() / *name : fs::path();

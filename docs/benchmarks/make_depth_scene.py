@@ -195,20 +195,38 @@ def write_maps(out, name, depth, draw):
                  for y, row in enumerate(depth)])
 
 
+def seen(view, point):
+    """Where a photo shows a point, unless something hides it."""
+    center, *axes = view
+    offset = [point[i] - center[i] for i in range(3)]
+    x, y, z = (sum(axis[i] * offset[i] for i in range(3)) for axis in axes)
+    if z < 0.1:
+        return None
+    u, v = FOCAL * x / z + WIDTH / 2, FOCAL * y / z + HEIGHT / 2
+    if not (0 < u < WIDTH and 0 < v < HEIGHT):
+        return None
+    return (u, v) if z < 1.03 * cast(center, ray_of(axes, u, v))[0] else None
+
+
 def write_model(out, views, names, points):
     folder = out / "sparse" / "0"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "cameras.txt").write_text(
         f"1 PINHOLE {WIDTH} {HEIGHT} {FOCAL} {FOCAL} {WIDTH / 2} {HEIGHT / 2}\n")
-    lines = []
+    lines, tracks = [], [[] for _ in points]
     for k, (center, *axes) in enumerate(views):
         shift = [-sum(axis[i] * center[i] for i in range(3)) for axis in axes]
         numbers = " ".join(f"{v:.9f}" for v in (*quaternion(axes), *shift))
-        lines.append(f"{k + 1} {numbers} 1 {names[k]}\n\n")
+        places = [(i, seen(views[k], p)) for i, (p, _) in enumerate(points)]
+        places = [(i, place) for i, place in places if place]
+        for index, (i, _) in enumerate(places):
+            tracks[i].append(f"{k + 1} {index}")
+        lines.append(f"{k + 1} {numbers} 1 {names[k]}\n" +
+                     " ".join(f"{u:.3f} {v:.3f} {i + 1}" for i, (u, v) in places) + "\n")
     (folder / "images.txt").write_text("".join(lines))
     (folder / "points3D.txt").write_text("".join(
-        f"{k + 1} {p[0]:.5f} {p[1]:.5f} {p[2]:.5f} {c[0]} {c[1]} {c[2]} 0.5\n"
-        for k, (p, c) in enumerate(points)))
+        f"{k + 1} {p[0]:.5f} {p[1]:.5f} {p[2]:.5f} {c[0]} {c[1]} {c[2]} 0.5 "
+        f"{' '.join(tracks[k])}\n" for k, (p, c) in enumerate(points)))
 
 
 def texture(center, axes, u, v):

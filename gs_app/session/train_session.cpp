@@ -147,8 +147,7 @@ Config TrainSession::config_of_new_run() const {
 std::vector<fs::path> TrainSession::inputs() const {
   const DatasetConfig& dataset = config_.dataset;
   std::vector<fs::path> inputs = {dataset.source, config_.model.start_from, dataset.photo_list};
-  for (const std::string& part :
-       {dataset.images, dataset.masks, dataset.depth, dataset.model})
+  for (const std::string& part : {dataset.images, dataset.masks, dataset.depth, dataset.model})
     if (!dataset.source.empty() && !part.empty()) inputs.push_back(fs::path(dataset.source) / part);
   if (resumed_) inputs.push_back(resumed_->source);
   return inputs;

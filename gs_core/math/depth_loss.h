@@ -78,30 +78,54 @@ GS_HD double inverse_depth_of(DepthKind kind, const DepthFit& fit, double v) {
 
 /// What the fit of a photo is solved from: sums over its known pixels of weight w = m A.
 struct DepthSums {
-  double known = 0;                       // sum m, also of pixels without coverage
-  double weight = 0, level = 0;           // sum w, sum w t0
-  double aa = 0, ab = 0, bb = 0;          // of the regression
+  double known = 0;               // sum m, also of pixels without coverage
+  double weight = 0, level = 0;   // sum w, sum w t0
+  double aa = 0, ab = 0, bb = 0;  // of the regression
   double aq = 0, bq = 0;
 };
 inline constexpr int kDepthSums = 8;
 static_assert(sizeof(DepthSums) == kDepthSums * sizeof(double));
 
-/// The share of one pixel in the sums, with m > 0 its mask and `v` the map's known value. The fit
-/// minimizes sum w (q - scale a - shift b)^2:
+/// What the pixels of a photo are compared with.
+struct DepthTarget {
+  DepthFit fit;
+  double level = 1;   // n, 1 / world units
+  double factor = 0;  // w = factor m A; 0: the map teaches nothing
+};
+
+/// The fit of scale and shift minimizes sum w |q - t|, as the loss does: a line of least squares would
+/// follow the few pixels that are far off, and pull all others along, step by step. Each of so many
+/// rounds solves for least squares, with weights w / |q - t| by the round before.
+inline constexpr int kDepthFitRounds = 5;
+GS_HD int depth_fit_rounds(DepthKind kind) {
+  return kind == DepthKind::metric ? 1 : kDepthFitRounds;
+}
+
+/// The share of one pixel in the sums, with m > 0 its mask, `v` the map's known value and `before` the
+/// target of the round before (null in the first). With w = m A / |q - t|, the fit minimizes
+/// sum w (q - scale a - shift b)^2:
 ///
 ///   scaled     a = 1 / v     b = 0
 ///   relative   a = q^2 v     b = q^2     an error of depth, in inverse depth to first order
 ///   inverse    a = v         b = 1
-GS_HD DepthSums depth_sums_of_pixel(DepthKind kind, double v, double m, double Z, double A) {
+GS_HD DepthSums depth_sums_of_pixel(DepthKind kind, double v, double m, double Z, double A,
+                                    const DepthTarget* before = nullptr) {
+  constexpr double kLeastResidual = 1e-3;  // of n; nearer pixels count no more
   DepthSums sums;
   sums.known = m;
   if (!has_depth(A)) return sums;
-  const double w = m * A, q = inverse_depth(Z, A);
+  const double q = inverse_depth(Z, A);
   double a = 1 / v, b = 0;
   if (kind == DepthKind::relative) a = q * q * v, b = q * q;
   if (kind == DepthKind::inverse) a = v, b = 1;
-  sums.weight = w;
-  sums.level = w * (kind == DepthKind::metric ? a : q);
+  sums.weight = m * A;
+  sums.level = sums.weight * (kind == DepthKind::metric ? a : q);
+  double w = sums.weight;
+  if (before && before->factor > 0) {
+    const double residual = q - inverse_depth_of(kind, before->fit, v);
+    const double size = residual > 0 ? residual : -residual, least = kLeastResidual * before->level;
+    w /= size > least ? size : least;
+  }
   sums.aa = w * a * a, sums.ab = w * a * b, sums.bb = w * b * b;
   sums.aq = w * a * q, sums.bq = w * b * q;
   return sums;
@@ -113,12 +137,6 @@ GS_HD void add_to(DepthSums& sums, const DepthSums& more) {
   sums.aa += more.aa, sums.ab += more.ab, sums.bb += more.bb;
   sums.aq += more.aq, sums.bq += more.bq;
 }
-
-/// What the pixels of a photo are compared with.
-struct DepthTarget {
-  DepthFit fit;
-  double factor = 0;  // w = factor m A; 0: the map teaches nothing
-};
 
 /// The target of a photo whose sums are known. The factor is 0 where no pixel is known and covered,
 /// where the map is constant, and where a fitted scale is not above 0: such a map says the opposite
@@ -135,7 +153,8 @@ GS_HD DepthTarget depth_target(DepthKind kind, const DepthSums& sums, double wei
     target.fit = {(sums.aq * sums.bb - sums.bq * sums.ab) / determinant,
                   (sums.bq * sums.aa - sums.aq * sums.ab) / determinant};
   }
-  const double factor = weight * sums.weight / (sums.level * sums.known);
+  target.level = sums.level / sums.weight;
+  const double factor = weight / (target.level * sums.known);
   if (target.fit.scale > 0 && factor - factor == 0) target.factor = factor;
   return target;
 }

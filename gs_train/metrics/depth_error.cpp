@@ -15,15 +15,22 @@ double mask_of(const View& view, std::size_t pixel) {
 }
 
 // A rendered pixel counts as covered whole.
-DepthTarget fitted(const ImageF& depth, const View& view) {
+DepthSums sums_of(const ImageF& depth, const View& view, const DepthTarget* before) {
   DepthSums sums;
   for (std::size_t i = 0; i < depth.pixels.size(); ++i) {
     const float value = view.depth.pixels[i], D = depth.pixels[i];
     if (is_known_depth(value) && mask_of(view, i) > 0)
       add_to(sums, depth_sums_of_pixel(view.depth_kind, double(value), mask_of(view, i), double(D),
-                                       D > 0 ? 1.0 : 0.0));
+                                       D > 0 ? 1.0 : 0.0, before));
   }
-  return depth_target(view.depth_kind, sums, 1);
+  return sums;
+}
+
+DepthTarget fitted(const ImageF& depth, const View& view) {
+  DepthTarget target = depth_target(view.depth_kind, sums_of(depth, view, nullptr), 1);
+  for (int round = 1; round < depth_fit_rounds(view.depth_kind); ++round)
+    target = depth_target(view.depth_kind, sums_of(depth, view, &target), 1);
+  return target;
 }
 
 }  // namespace

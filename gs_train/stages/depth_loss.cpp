@@ -33,19 +33,27 @@ struct ComparedDepth {
 };
 
 // Rows in parallel, then the rows' sums one after the other: any number of threads has these bits.
-DepthSums sums_of(const ComparedDepth& compared) {
+DepthSums sums_of(const ComparedDepth& compared, const DepthTarget* before) {
   const DepthKind kind = compared.view.depth_kind;
   std::vector<DepthSums> rows(compared.height());
   parallel_for(rows.size(), kRowsAtATime, [&](std::size_t row) {
     for (std::size_t i = row * compared.width(); i < (row + 1) * compared.width(); ++i)
       if (is_known_depth(compared.value(i)) && compared.mask(i) > 0)
-        add_to(rows[row],
-               depth_sums_of_pixel(kind, double(compared.value(i)), double(compared.mask(i)),
-                                   double(compared.depth_sum(i)), double(compared.coverage(i))));
+        add_to(rows[row], depth_sums_of_pixel(
+                              kind, double(compared.value(i)), double(compared.mask(i)),
+                              double(compared.depth_sum(i)), double(compared.coverage(i)), before));
   });
   DepthSums sums;
   for (const DepthSums& row : rows) add_to(sums, row);
   return sums;
+}
+
+DepthTarget target_of(const ComparedDepth& compared, double weight) {
+  const DepthKind kind = compared.view.depth_kind;
+  DepthTarget target = depth_target(kind, sums_of(compared, nullptr), weight);
+  for (int round = 1; round < depth_fit_rounds(kind); ++round)
+    target = depth_target(kind, sums_of(compared, &target), weight);
+  return target;
 }
 
 }  // namespace
@@ -55,9 +63,8 @@ double compare_depth(const View& view, float weight, const Buffer<float>& planes
   const HostStage stage("depth loss");
   const ComparedDepth compared{view, planes.data()};
   const std::size_t plane = compared.pixels();
-  GS_CHECK(planes.size() == 3 * plane &&
-           (view.mask.empty() || view.mask.pixels.size() == plane));
-  const DepthTarget target = depth_target(view.depth_kind, sums_of(compared), double(weight));
+  GS_CHECK(planes.size() == 3 * plane && (view.mask.empty() || view.mask.pixels.size() == plane));
+  const DepthTarget target = target_of(compared, double(weight));
   dL_dplanes.resize_discard(3 * plane);
   std::vector<double> rows(compared.height());
   parallel_for(rows.size(), kRowsAtATime, [&](std::size_t row) {

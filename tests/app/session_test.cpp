@@ -146,6 +146,23 @@ TEST_F(Session, AFinishedRunHasItsFilesAndResults) {
   EXPECT_FALSE(fs::exists(path("out/report.html")));
 }
 
+TEST_F(Session, ARunWithDepthMapsSaysHowFarDepthIsOff) {
+  View& view = scene_.train_views[0];
+  view.depth = ImageF(view.camera.width, view.camera.height, 1, 3);
+  view.has_depth_map = true;
+  scene_.test_views = {view};
+  scene_.test_views[0].name = "held out";
+  TestHooks hooks;
+  TrainSession session(request("out"), hooks);
+  ASSERT_EQ(session.run(), SessionEnd::finished);
+  ASSERT_TRUE(session.results().test.depth_error);
+  EXPECT_GT(*session.results().test.depth_error, 0);
+  EXPECT_EQ(session.results().train.views[0].depth_error, session.results().train.depth_error);
+  EXPECT_FALSE(session.results().train.views[1].depth_error);
+  for (const char* name : {"results.json", "per_view.json"})
+    EXPECT_THAT(read_bytes(path("out") / name), HasSubstr("\"depth_error\": 0.")) << name;
+}
+
 TEST_F(Session, ARunWhoseCamerasLookAwayDoesNotStart) {
   for (View& view : scene_.train_views) view.camera.cam_from_world_translation.z *= -1;
   try {

@@ -410,7 +410,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 19u);
+  EXPECT_EQ(settings, 20u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {

@@ -26,8 +26,7 @@ Scene three_views(int width, int height, DepthKind kind) {
     view.depth_kind = kind;
     view.has_depth_map = true;
     Draws draws(40 + i);
-    for (float& value : view.depth.pixels)
-      value = draws.chance(0.1f) ? 0 : draws.uniform(1, 6);
+    for (float& value : view.depth.pixels) value = draws.chance(0.1f) ? 0 : draws.uniform(1, 6);
     if (i == 1) {
       view.mask = Image8(width, height, 1);
       for (std::uint8_t& m : view.mask.pixels) m = std::uint8_t(draws.uniform(0, 255.9f));
@@ -60,8 +59,7 @@ class CudaDepth : public CudaTest {
     for_each_array(
         [&](const char* name, const auto& a, const auto& b) {
           const Span<float> x = numbers_of(a), y = numbers_of(b);
-          EXPECT_LT(norm_difference({x.begin(), x.end()}, {y.begin(), y.end()}), tolerance)
-              << name;
+          EXPECT_LT(norm_difference({x.begin(), x.end()}, {y.begin(), y.end()}), tolerance) << name;
         },
         here.first_moment, expected.first_moment);
     const auto numbers = [](const Buffer<float>& from) { return from.download(); };

@@ -21,6 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::Each;
+using testing::FloatEq;
 using testing::HasSubstr;
 
 constexpr int kWidth = 24, kHeight = 16;
@@ -36,18 +37,20 @@ class DepthMaps : public testing::Test {
  protected:
   /// Photos named a.png, b.png, ..., whose cameras look along z from the origin, and points on the
   /// slope.
-  void write_photos(int count, CameraModel lens = CameraModel::pinhole) {
+  /// With `tracks`, the model says that each photo shows all points.
+  void write_photos(int count, CameraModel lens = CameraModel::pinhole, bool tracks = false) {
     ColmapModel model = small_model(count);
     model.points.clear();
     model.cameras[7] = {7, lens, kWidth, kHeight, {20, 20, 12, 8}};
-    if (lens == CameraModel::simple_radial)
-      model.cameras[7].params = {20, 12, 8, -0.05};
+    if (lens == CameraModel::simple_radial) model.cameras[7].params = {20, 12, 8, -0.15};
     for (ColmapImage& image : model.images) image.cam_from_world_translation = Vec3d(0.0);
     for (int i = 0; i < 60; ++i) {
       const double x = 1 + 22.0 * (i % 10) / 9, y = 1 + 14.0 * (i / 10) / 5;
       const double z = slope_depth(x, y);
       model.points.push_back(
           {std::uint64_t(i + 1), {(x - 12) / 20 * z, (y - 8) / 20 * z, z}, {90, 90, 90}});
+      for (ColmapImage& image : model.images)
+        if (tracks) image.observations.push_back({std::uint64_t(i + 1), x, y});
     }
     fs::remove_all(folder());
     write_scene(folder(), model);
@@ -89,7 +92,7 @@ TEST_F(DepthMaps, AreFoundInTheSceneByTheNamesOfTheirPhotos) {
     const Scene scene = load_scene(dataset());
     EXPECT_TRUE(scene.train_views[0].has_depth_map);
     EXPECT_EQ(scene.train_views[0].depth.width, kWidth);
-    EXPECT_THAT(scene.train_views[0].depth.pixels, Each(1.5f));  // millimeters
+    EXPECT_THAT(scene.train_views[0].depth.pixels, Each(FloatEq(1.5f)));  // millimeters
     EXPECT_EQ(scene.train_views[0].depth_kind, DepthKind::metric);
     EXPECT_FALSE(scene.train_views[1].has_depth_map);
     EXPECT_TRUE(scene.train_views[1].depth.empty());
@@ -102,9 +105,9 @@ TEST_F(DepthMaps, MayBeInAnotherFolderOrInNone) {
   write_depth_png(folder() / "sensor/a.png", flat_map(3000));
   DatasetConfig other = dataset();
   other.depth = "sensor";
-  EXPECT_THAT(view(other).depth.pixels, Each(3.0f));
+  EXPECT_THAT(view(other).depth.pixels, Each(FloatEq(3.0f)));
   other.depth = (folder() / "sensor").string();
-  EXPECT_THAT(view(other).depth.pixels, Each(3.0f));
+  EXPECT_THAT(view(other).depth.pixels, Each(FloatEq(3.0f)));
   other.depth = "none";
   EXPECT_FALSE(view(other).has_depth_map);
   other.depth = "lidar";
@@ -117,8 +120,9 @@ TEST_F(DepthMaps, HaveTheUnitThatIsSaid) {
   write_depth_png(folder() / "depth/a.png", flat_map(1000));
   DatasetConfig tenths = dataset();
   tenths.depth_unit = 1e-4f;
-  EXPECT_THAT(view(tenths).depth.pixels, Each(0.1f));
-  EXPECT_THAT(view(dataset(DepthKind::inverse)).depth.pixels, Each(1000.0f)) << "has no unit";
+  EXPECT_THAT(view(tenths).depth.pixels, Each(FloatEq(0.1f)));
+  EXPECT_THAT(view(dataset(DepthKind::inverse)).depth.pixels, Each(FloatEq(1000.0f)))
+      << "has no unit";
 }
 
 TEST_F(DepthMaps, OfFloatsAreInWorldUnits) {
@@ -128,7 +132,7 @@ TEST_F(DepthMaps, OfFloatsAreInWorldUnits) {
   for (std::size_t i = 3; i < map.pixels.size(); i += 4) map.pixels[i] = 2.75f;
   fs::create_directories(folder() / "depth");
   write_exr(folder() / "depth/a.exr", map, {"R", "G", "B", "Depth.Z"});
-  EXPECT_THAT(view(dataset()).depth.pixels, Each(2.75f));
+  EXPECT_THAT(view(dataset()).depth.pixels, Each(FloatEq(2.75f)));
 }
 
 TEST_F(DepthMaps, KnowNothingWhereTheyAreZeroOrNotFinite) {
@@ -150,7 +154,7 @@ TEST_F(DepthMaps, InColorsAreRefused) {
   write_photos(1);
   ImageF colors(kWidth, kHeight, 3, 100);
   write_depth_png(folder() / "depth/a.png", colors);  // gray in three channels
-  EXPECT_THAT(view(dataset()).depth.pixels, Each(0.1f));
+  EXPECT_THAT(view(dataset()).depth.pixels, Each(FloatEq(0.1f)));
   colors.at(4, 4, 1) = 200;
   write_depth_png(folder() / "depth/a.png", colors);
   EXPECT_THAT(error_of(dataset()), AllOf(HasSubstr("cannot read depth map"), HasSubstr("a.png"),
@@ -179,8 +183,7 @@ TEST_F(DepthMaps, OfAnotherSizeAndResolutionAreSeenByTheViewsCamera) {
     ImageF map(kWidth * factor / 2, kHeight * factor / 2, 1);
     for (int y = 0; y < map.height; ++y)
       for (int x = 0; x < map.width; ++x)
-        map.at(x, y, 0) =
-            float(1e4 * slope_depth((x + 0.5) * 2 / factor, (y + 0.5) * 2 / factor));
+        map.at(x, y, 0) = float(1e4 * slope_depth((x + 0.5) * 2 / factor, (y + 0.5) * 2 / factor));
     write_depth_png(folder() / "depth/a.png", map);
     for (const int resolution : {1, 2}) {
       DatasetConfig reduced = dataset();
@@ -217,11 +220,10 @@ TEST_F(DepthMaps, GoThroughTheLensWithThePhoto) {
   write_depth_png(folder() / "depth/a.png", map);
   const View seen = view(dataset(DepthKind::inverse));
   ASSERT_EQ(seen.depth.width, seen.camera.width);
-  ASSERT_NE(seen.depth.width, kWidth);
   for (const auto& [x, y] : {std::pair{2, 1}, {12, 8}, {20, 10}}) {
     const double u = (x + 0.5 - seen.camera.cx) / seen.camera.fx,
                  v = (y + 0.5 - seen.camera.cy) / seen.camera.fy;
-    const double column = 20 * u * (1 - 0.05 * (u * u + v * v)) + 12;
+    const double column = 20 * u * (1 - 0.15 * (u * u + v * v)) + 12;
     EXPECT_NEAR(seen.depth.at(x, y, 0), 10000 + 100 * column, 1) << x << " " << y;
   }
 }
@@ -248,10 +250,13 @@ TEST_F(DepthMaps, CountInTheBudgetOfPhotos) {
   DatasetConfig tight = dataset();
   tight.photo_cache = "none";
   tight.masks = "none";
-  tight.photo_ram_gib = float(9e3 / double(1 << 30));
-  EXPECT_FALSE(load_scene(tight).train_views[0].source) << "all photos fit";
+  tight.photo_ram_gib = float(13 * 3 * kWidth * kHeight / double(1 << 30));  // thirteen photos
+  EXPECT_FALSE(load_scene(tight).train_views[0].source)
+      << "six photos, and up to six being decoded";
   for (char name = 'a'; name < 'g'; ++name)
     write_depth_png(folder() / "depth" / (std::string(1, name) + ".png"), flat_map(1000));
+  EXPECT_TRUE(load_scene(tight).train_views[0].source);
+  tight.photo_ram_gib = float(3 * 3 * kWidth * kHeight / double(1 << 30));
   EXPECT_THAT(error_of(tight), HasSubstr("--photo-ram"));
 }
 
@@ -262,11 +267,10 @@ TEST_F(DepthMaps, OfEachKindAreToldApartByTheSparsePoints) {
     DepthKind kind;
     double (*value)(double depth);
   };
-  const Case cases[] = {
-      {DepthKind::metric, [](double depth) { return 1000 * depth; }},
-      {DepthKind::scaled, [](double depth) { return 3456 * depth; }},
-      {DepthKind::relative, [](double depth) { return 9000 * (depth - 1.9); }},
-      {DepthKind::inverse, [](double depth) { return 30000 / depth - 4000; }}};
+  const Case cases[] = {{DepthKind::metric, [](double depth) { return 1000 * depth; }},
+                        {DepthKind::scaled, [](double depth) { return 3456 * depth; }},
+                        {DepthKind::relative, [](double depth) { return 9000 * (depth - 1.9); }},
+                        {DepthKind::inverse, [](double depth) { return 30000 / depth - 4000; }}};
   for (const Case& map : cases) {
     write_photos(2);
     for (const char* name : {"a.png", "b.png"}) write_slope(name, map.value);
@@ -276,6 +280,30 @@ TEST_F(DepthMaps, OfEachKindAreToldApartByTheSparsePoints) {
                 AllOf(HasSubstr("2 of 2 photos have a depth map"), HasSubstr("tell")));
     EXPECT_EQ(view(dataset(DepthKind::inverse)).depth_kind, DepthKind::inverse) << "as it is said";
   }
+}
+
+// Scale and shift of a photo's map follow from the points that the photo shows.
+TEST_F(DepthMaps, ComeToWorldUnitsByThePointsThatTheirPhotosShow) {
+  struct Case {
+    DepthKind kind;
+    double (*value)(double depth);
+  };
+  const Case cases[] = {{DepthKind::scaled, [](double depth) { return 3456 * depth; }},
+                        {DepthKind::relative, [](double depth) { return 9000 * (depth - 1.9); }},
+                        {DepthKind::inverse, [](double depth) { return 90000 / depth - 4000; }}};
+  for (const Case& map : cases) {
+    write_photos(2, CameraModel::pinhole, true);
+    for (const char* name : {"a.png", "b.png"}) write_slope(name, map.value);
+    const View seen = view(dataset(DepthKind::automatic));
+    EXPECT_EQ(seen.depth_kind, DepthKind::metric);
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth; ++x)
+        EXPECT_NEAR(seen.depth.at(x, y, 0), slope_depth(x + 0.5, y + 0.5), 0.01) << int(map.kind);
+    EXPECT_THAT(log_of(dataset(map.kind)), HasSubstr("bring 2 maps to world units"));
+  }
+  // A map that says the opposite stays what it is said to be.
+  write_slope("a.png", [](double depth) { return 90000 / depth; });
+  EXPECT_EQ(view(dataset(DepthKind::relative)).depth_kind, DepthKind::relative);
 }
 
 TEST_F(DepthMaps, ThatGoWithNothingAreLeftOutUnlessTheyAreNamed) {
@@ -309,7 +337,7 @@ TEST_F(DepthMaps, ThatTransformsJsonNamesAreTaken) {
     write_png(folder() / name, plain_photo(kWidth, kHeight, 30));
   EXPECT_FALSE(view(dataset()).has_depth_map) << "the file is not there";
   write_depth_png(folder() / "lidar/of_a.png", flat_map(2000));
-  EXPECT_THAT(view(dataset()).depth.pixels, Each(2.0f));
+  EXPECT_THAT(view(dataset()).depth.pixels, Each(FloatEq(2.0f)));
   EXPECT_FALSE(view(dataset(), 1).has_depth_map);
   DatasetConfig none = dataset();
   none.depth = "none";

@@ -101,15 +101,15 @@ DepthSums sums_of(DepthKind kind, Value&& value, double A = 0.8) {
 }
 
 TEST(DepthFit, FindsScaleAndShiftOfEachKind) {
-  const auto relative = depth_target(
-      DepthKind::relative,
-      sums_of(DepthKind::relative, [](double depth) { return (depth + 0.4) / 3; }), 1);
+  const auto relative =
+      depth_target(DepthKind::relative,
+                   sums_of(DepthKind::relative, [](double depth) { return (depth + 0.4) / 3; }), 1);
   EXPECT_NEAR(relative.fit.scale, 3, 1e-9);
   EXPECT_NEAR(relative.fit.shift, -0.4, 1e-9);
   EXPECT_NEAR(inverse_depth_of(DepthKind::relative, relative.fit, (2.5 + 0.4) / 3), 0.4, 1e-9);
-  const auto inverse = depth_target(
-      DepthKind::inverse, sums_of(DepthKind::inverse, [](double depth) { return 7 / depth + 2; }),
-      1);
+  const auto inverse =
+      depth_target(DepthKind::inverse,
+                   sums_of(DepthKind::inverse, [](double depth) { return 7 / depth + 2; }), 1);
   EXPECT_NEAR(inverse.fit.scale, 1.0 / 7, 1e-9);
   EXPECT_NEAR(inverse.fit.shift, -2.0 / 7, 1e-9);
   EXPECT_NEAR(inverse_depth_of(DepthKind::inverse, inverse.fit, 7 / 2.5 + 2), 0.4, 1e-9);
@@ -162,7 +162,7 @@ TEST(DepthFit, WithoutAnyCoverageTeachesNothing) {
 }
 
 TEST(DepthPixel, ThatTheMapDoesNotKnowHasNoGradient) {
-  const DepthTarget target{{1, 0}, 1};
+  const DepthTarget target{{1, 0}, 1, 1};
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float infinity = std::numeric_limits<float>::infinity();
   for (const float value : {0.0f, -1.0f, nan, infinity}) {
@@ -172,7 +172,7 @@ TEST(DepthPixel, ThatTheMapDoesNotKnowHasNoGradient) {
   EXPECT_EQ(depth_pixel_vjp(DepthKind::metric, target, 3, 0, 2, 1).Z, 0) << "masked";
   EXPECT_EQ(depth_pixel_vjp(DepthKind::metric, target, 3, 1, 0, 0).Z, 0) << "not covered";
   // A fitted inverse depth below 0 lies beyond infinity.
-  EXPECT_EQ(depth_pixel_vjp(DepthKind::inverse, {{1, -5}, 1}, 3, 1, 2, 1).Z, 0);
+  EXPECT_EQ(depth_pixel_vjp(DepthKind::inverse, {{1, -5}, 1, 1}, 3, 1, 2, 1).Z, 0);
   EXPECT_NE(depth_pixel_vjp(DepthKind::metric, target, 3, 1, 2, 1).Z, 0);
 }
 

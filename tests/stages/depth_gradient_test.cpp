@@ -62,8 +62,8 @@ struct Pipeline {
     take_learned_arrays(gradients, scene.gaussians);
     gradients.resize(scene.gaussians.count());
     dL_dmean2d.resize(scene.gaussians.count());
-    renderer->backward(scene.gaussians.span(), scene.camera, scene.settings, pass,
-                       dL_dimage.span(), gradients.span(), dL_dmean2d.span());
+    renderer->backward(scene.gaussians.span(), scene.camera, scene.settings, pass, dL_dimage.span(),
+                       gradients.span(), dL_dmean2d.span());
   }
 };
 
@@ -72,14 +72,18 @@ struct Constants {
   std::vector<double> w = std::vector<double>(kPixels), t = std::vector<double>(kPixels);
 
   Constants(const DepthScene& scene, const Pipeline& at) {
-    DepthSums sums;
     const auto value = [&](std::size_t i) { return double(scene.view.depth.pixels[i]); };
     const auto mask = [&](std::size_t i) { return scene.view.mask.pixels[i] / 255.0; };
-    for (std::size_t i = 0; i < kPixels; ++i)
-      if (is_known_depth(float(value(i))) && mask(i) > 0)
-        add_to(sums, depth_sums_of_pixel(scene.view.depth_kind, value(i), mask(i),
-                                         double(at.planes[i]), double(at.planes[kPixels + i])));
-    const DepthTarget target = depth_target(scene.view.depth_kind, sums, double(kWeight));
+    DepthTarget target;
+    for (int round = 0; round < depth_fit_rounds(scene.view.depth_kind); ++round) {
+      DepthSums sums;
+      for (std::size_t i = 0; i < kPixels; ++i)
+        if (is_known_depth(float(value(i))) && mask(i) > 0)
+          add_to(sums, depth_sums_of_pixel(scene.view.depth_kind, value(i), mask(i),
+                                           double(at.planes[i]), double(at.planes[kPixels + i]),
+                                           round > 0 ? &target : nullptr));
+      target = depth_target(scene.view.depth_kind, sums, double(kWeight));
+    }
     EXPECT_GT(target.factor, 0);
     for (std::size_t i = 0; i < kPixels; ++i) {
       if (!is_known_depth(float(value(i))) || !has_depth(double(at.planes[kPixels + i]))) continue;
@@ -102,8 +106,7 @@ double reference_loss(const std::vector<DoubleGaussian>& gaussians, const DepthS
   for (auto& entry : splats.entries) entry.splat.color = {entry.depth, 1, 0};
   RenderSettings of_depth = scene.settings;
   of_depth.background = Vec3f(0);
-  const std::vector<double> planes =
-      reference_picture(splats, of_depth, kWidth, kHeight).planes();
+  const std::vector<double> planes = reference_picture(splats, of_depth, kWidth, kHeight).planes();
   for (std::size_t i = 0; i < kPixels; ++i) {
     if (constants.w[i] == 0) continue;
     const double q = planes[kPixels + i] / planes[i];
@@ -117,10 +120,9 @@ struct Kind {
   const char* name;
   int begin, end;
 };
-constexpr Kind kKinds[] = {{"mean", 0, 3},           {"log_scale", 3, 6},
-                           {"rotation", 6, 10},      {"logit_opacity", 10, 11},
-                           {"sh0", 11, 14},          {"right_rotation", 59, 63},
-                           {"time_mean", 63, 64},    {"log_time_scale", 64, 65}};
+constexpr Kind kKinds[] = {
+    {"mean", 0, 3},  {"log_scale", 3, 6},        {"rotation", 6, 10},   {"logit_opacity", 10, 11},
+    {"sh0", 11, 14}, {"right_rotation", 59, 63}, {"time_mean", 63, 64}, {"log_time_scale", 64, 65}};
 
 void expect_slopes(const DepthScene& scene, const char* what) {
   const Pipeline pipeline(scene);
@@ -230,8 +232,7 @@ TEST(DepthGradient, IsTheSlopeByThePoseOfTheCamera) {
       const double slope = (loss_at(h, above) - loss_at(-h, below)) / (2 * h);
       if (above != below) continue;
       largest = std::max(largest, std::abs(slope));
-      worst = std::max(
-          worst, std::abs(slope - (k < 3 ? gradient.turn[k] : gradient.shift[k - 3])));
+      worst = std::max(worst, std::abs(slope - (k < 3 ? gradient.turn[k] : gradient.shift[k - 3])));
       break;
     }
   }
@@ -250,8 +251,7 @@ TEST(DepthGradient, LeavesThePassAsItWas) {
   EXPECT_TRUE(same_bits(plain.transmittance, with_depth.transmittance));
   EXPECT_TRUE(same_bits(plain.last_instance, with_depth.last_instance));
   for (std::size_t i = 0; i < plain.splats.size(); ++i)
-    EXPECT_TRUE(!plain.tile_counts[i] ||
-                plain.splats[i].color == with_depth.splats[i].color);
+    EXPECT_TRUE(!plain.tile_counts[i] || plain.splats[i].color == with_depth.splats[i].color);
 }
 
 // blend_depth() and the pictures of depth are one thing.

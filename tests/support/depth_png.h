@@ -57,7 +57,8 @@ inline std::string stored(const std::string& data) {
 }  // namespace depth_png
 
 /// Writes values, rounded to integers, of `channels` equal or different channels.
-inline void write_depth_png(const std::filesystem::path& path, const ImageF& values, int bits = 16) {
+inline void write_depth_png(const std::filesystem::path& path, const ImageF& values,
+                            int bits = 16) {
   std::string rows;
   for (int y = 0; y < values.height; ++y) {
     rows += '\0';  // no filter

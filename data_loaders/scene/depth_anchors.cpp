@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/scene/depth_anchors.h"
+
+#include <algorithm>
+
+#include "data_loaders/scene/depth_map.h"
+#include "gs_core/math/projection.h"
+
+namespace gs {
+namespace {
+
+constexpr std::size_t kLeastAnchors = 20;  // as many as tell scale and shift in spite of errors
+
+const ColmapPoint* find_point(const ColmapModel& model, std::uint64_t id) {
+  const auto point =
+      std::lower_bound(model.points.begin(), model.points.end(), id,
+                       [](const ColmapPoint& a, std::uint64_t wanted) { return a.id < wanted; });
+  return point != model.points.end() && point->id == id ? &*point : nullptr;
+}
+
+std::vector<DepthAnchor> anchors_of(const ColmapModel& model, const ColmapImage& image,
+                                    const Camera& camera) {
+  std::vector<DepthAnchor> anchors;
+  for (const ColmapObservation& observation : image.observations) {
+    const ColmapPoint* const point = find_point(model, observation.point_id);
+    if (!point) continue;
+    const Vec3f p = to_camera(camera, Vec3f(point->position));
+    if (!(p.z > 0)) continue;
+    const float x = camera.fx * p.x / p.z + camera.cx, y = camera.fy * p.y / p.z + camera.cy;
+    if (x >= 0 && x < float(camera.width) && y >= 0 && y < float(camera.height))
+      anchors.push_back({x, y, p.z});
+  }
+  return anchors;
+}
+
+}  // namespace
+
+void add_depth_anchors(const ColmapModel& model, std::vector<ViewPlan>& plans) {
+  for (std::size_t i = 0; i < plans.size(); ++i)
+    if (!plans[i].depth_file.empty())
+      plans[i].depth_anchors = anchors_of(model, model.images[i], plans[i].camera);
+}
+
+bool is_anchored(const ViewPlan& plan) { return plan.depth_anchors.size() >= kLeastAnchors; }
+
+std::optional<DepthFit> anchored_fit(const ImageF& map, const ViewPlan& plan) {
+  const DepthKind kind = plan.depth_kind;
+  DepthTarget target;
+  for (int round = 0; round < depth_fit_rounds(kind); ++round) {
+    DepthSums sums;
+    std::size_t known = 0;
+    for (const DepthAnchor& anchor : plan.depth_anchors) {
+      const float value = depth_at(map, double(anchor.x) - 0.5, double(anchor.y) - 0.5);
+      if (!is_known_depth(value)) continue;
+      ++known;
+      add_to(sums, depth_sums_of_pixel(kind, double(value), 1, double(anchor.depth), 1,
+                                       round > 0 ? &target : nullptr));
+    }
+    if (known < kLeastAnchors) return std::nullopt;
+    target = depth_target(kind, sums, 1);
+  }
+  if (!(target.factor > 0)) return std::nullopt;
+  return target.fit;
+}
+
+void make_metric(ImageF& map, DepthKind kind, const DepthFit& fit) {
+  for (float& value : map.pixels) {
+    if (!is_known_depth(value)) continue;
+    const double t = inverse_depth_of(kind, fit, double(value));
+    value = t > 0 ? float(1 / t) : 0.0f;
+  }
+}
+
+}  // namespace gs
