@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "gs_core/bytes.h"
+#include "gs_core/config/scene_settings.h"
 #include "gs_core/io/host_ram.h"
 #include "gs_core/memory.h"
 
@@ -57,14 +59,14 @@ std::string cap_advice(double free, double photos, double bytes_per_gaussian) {
 // Gaussians of a block beyond its share of the scene: its borders, and sparse points outside of them
 constexpr double kOverlapOfBlocks = 1.5;
 
+constexpr std::size_t kAnyPhotos = 1;  // whatever their number, the run is long enough to grow
+
 /// The config of a run that has as many Gaussians as the scene asks for.
 Config without_limits_of_one_run(Config config, std::size_t points) {
   config.model.most_points = std::numeric_limits<int>::max();
   DensityConfig& density = config.density;
   density.max_gaussians = std::max<std::int64_t>(density.max_gaussians, 0);
-  if (density.max_gaussians == 0 && density.gaussians_per_point > 0)
-    density.max_gaussians = std::llround(double(density.gaussians_per_point) * double(points));
-  return config;
+  return settled_for(std::move(config), points, kAnyPhotos);
 }
 
 }  // namespace

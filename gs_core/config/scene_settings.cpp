@@ -12,7 +12,7 @@
 namespace gs {
 namespace {
 
-constexpr double kMostByPoints = 5e6;  // dense clouds of a laser need no multiple of their points
+constexpr double kMostByPoints = 1e7;  // dense clouds of a laser need no multiple of their points
 
 int steps_for(const TrainConfig& train, std::size_t photos, bool has_random_start) {
   const double factor = has_random_start ? double(train.random_start_factor) : 1;

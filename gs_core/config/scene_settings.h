@@ -18,8 +18,8 @@ struct Scene;
 ///                          three are train.random_start_factor times as large where there are no
 ///                          points and no model to start from
 ///   density.max_gaussians  if it is 0 and density.gaussians_per_point is not: that many for each
-///                          point (of model.random_points in a scene without points), at most 5
-///                          million or the number of points, whichever is larger; the points
+///                          point (of model.random_points in a scene without points), at most
+///                          10 million or the number of points, whichever is larger; the points
 ///                          `outside` of density.region, where Gaussians do not grow, count once
 ///
 /// Settings that have numbers already stay as they are.

@@ -262,8 +262,8 @@ TEST(SceneSettings, GiveDenseCloudsNoMultipleOfTheirPoints) {
   Config config;
   config.density.gaussians_per_point = 25;
   EXPECT_EQ(settled_for(config, 100'000, 50).density.max_gaussians, 2'500'000);
-  EXPECT_EQ(settled_for(config, 1'000'000, 50).density.max_gaussians, 5'000'000);
-  EXPECT_EQ(settled_for(config, 8'000'000, 50).density.max_gaussians, 8'000'000);
+  EXPECT_EQ(settled_for(config, 1'000'000, 50).density.max_gaussians, 10'000'000);
+  EXPECT_EQ(settled_for(config, 12'000'000, 50).density.max_gaussians, 12'000'000);
 }
 
 TEST(SceneSettings, OfARunThatGoesOnAreItsNumbers) {
