@@ -31,8 +31,7 @@ std::vector<Camera> small_cameras(const SceneOutline& scene) {
 std::vector<Vec3d> places_of(const GaussianModel& model) {
   std::vector<Vec3d> places;
   places.reserve(model.gaussians.count());
-  for (const Vec3f& mean : model.gaussians.mean)
-    places.push_back(Vec3d(mean) + model.world_offset);
+  for (const Vec3f& mean : model.gaussians.mean) places.push_back(Vec3d(mean) + model.world_offset);
   return places;
 }
 

@@ -197,6 +197,23 @@ TEST(RefineExposure, OfPhotosIsThatOfTheirPixelsInTrainingAndTestViews) {
   EXPECT_EQ(load_scene(dataset).train_views[0].exposure, Vec3f(1));
 }
 
+TEST(RefineExposure, OfListedPhotosIsThatOfTheWholeScene) {
+  const TempFolder temp;
+  write_wall(temp.path(), wall_model(), true_exposures(std::vector<bool>(8, false)));
+  DatasetConfig dataset;
+  dataset.source = temp.path().string();
+  dataset.exposure = true;
+  const Scene whole = load_scene(dataset);
+  write_bytes(temp.path() / "list.txt", "b\nc\nf\n");
+  dataset.photo_list = (temp.path() / "list.txt").string();
+  const Scene part = load_scene(dataset);
+  ASSERT_EQ(part.train_views.size(), 3u);
+  for (const View& view : part.train_views) {
+    EXPECT_NE(view.exposure, Vec3f(1));
+    EXPECT_EQ(view.exposure, whole.train_views[std::size_t(view.name[0] - 'a')].exposure);
+  }
+}
+
 TEST(RefineExposure, SamplesNearBlackOrWhiteOutsideThePictureOrBehindTheCameraAreLeftOut) {
   View view;
   view.camera.width = 40, view.camera.height = 10;
