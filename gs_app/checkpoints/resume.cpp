@@ -12,11 +12,11 @@
 #include "gs_app/checkpoints/checkpoint_folder.h"
 #include "gs_core/access.h"
 #include "gs_core/config/config_diff.h"
+#include "gs_core/config/scene_settings.h"
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
 #include "gs_core/log.h"
-#include "gs_core/config/scene_settings.h"
 #include "gs_train/photometric/photometric_model.h"
 #include "gs_train/schedule.h"
 

@@ -18,10 +18,10 @@
 #include "gs_app/session/load_run_scene.h"
 #include "gs_app/session/save_poses.h"
 #include "gs_app/session/start_model.h"
+#include "gs_core/config/scene_settings.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_core/config/scene_settings.h"
 
 namespace gs {
 namespace {

@@ -195,19 +195,20 @@ struct DensityConfig {
 };
 
 struct TrainConfig {
-  int iterations = 0;  // 0: so many steps as the next four say
-  int epochs = 100;    // passes over the photos, ...
-  int least_iterations = 5000, most_iterations = 10000;  // ... but at least and at most so many steps
+  int iterations = 0;                // 0: as the next four say
+  int epochs = 100;                  // passes over the photos, ...
+  int least_iterations = 5000;       // ... but at least ...
+  int most_iterations = 10000;       // ... and at most so many steps
   float random_start_factor = 2.5f;  // times these three where training starts from random points
-  int batch = 1;             // photos of one update; steps count photos
-  int batch_from_step = 0;   // updates by single photos until then
-  bool batch_rates = true;   // learning rates and betas that fit the batch
-  float steps_scaler = 1;    // multiplies iterations and the whole schedule
+  int batch = 1;                     // photos of one update; steps count photos
+  int batch_from_step = 0;           // updates by single photos until then
+  bool batch_rates = true;           // learning rates and betas that fit the batch
+  float steps_scaler = 1;            // multiplies iterations and the whole schedule
   int sh_degree_every = 3000;
-  int sh_degree_epochs = 0;          // at least so many epochs between SH degrees
+  int sh_degree_epochs = 0;             // at least so many epochs between SH degrees
   std::vector<int> resolution_ramp{2};  // factors by which photos are reduced at first
-  int resolution_every = 6000;       // steps with each of them
-  int resolution_least = 100000;     // pixels; a photo is not reduced to fewer
+  int resolution_every = 6000;          // steps with each of them
+  int resolution_least = 100000;        // pixels; a photo is not reduced to fewer
   int morton_every = 5000;
   int morton_until = 24000;
   std::uint64_t seed = 42;

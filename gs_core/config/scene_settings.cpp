@@ -18,7 +18,8 @@ int steps_for(const TrainConfig& train, std::size_t photos, bool has_random_star
   const double factor = has_random_start ? double(train.random_start_factor) : 1;
   const double most = std::max(1.0, factor * train.most_iterations);
   const double least = std::min(factor * train.least_iterations, most);
-  const double steps = std::clamp(factor * train.epochs * double(photos), std::max(1.0, least), most);
+  const double steps =
+      std::clamp(factor * train.epochs * double(photos), std::max(1.0, least), most);
   return int(std::lround(std::min(steps, limits::kLargestInt)));
 }
 
@@ -44,8 +45,7 @@ Config settled_for(Config config, std::size_t points, std::size_t photos, std::s
 }
 
 Config settled_for(Config config, const Scene& scene) {
-  const std::size_t outside =
-      points_outside(scene, region_of(config.density, scene.world_offset));
+  const std::size_t outside = points_outside(scene, region_of(config.density, scene.world_offset));
   return settled_for(std::move(config), scene.points.size(), scene.train_views.size(), outside);
 }
 

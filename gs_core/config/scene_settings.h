@@ -23,8 +23,7 @@ struct Scene;
 ///                          `outside` of density.region, where Gaussians do not grow, count once
 ///
 /// Settings that have numbers already stay as they are.
-Config settled_for(Config config, std::size_t points, std::size_t photos,
-                   std::size_t outside = 0);
+Config settled_for(Config config, std::size_t points, std::size_t photos, std::size_t outside = 0);
 Config settled_for(Config config, const Scene& scene);
 
 /// The config of a run that goes on: the run keeps the numbers that it began with, and the settings

@@ -30,8 +30,8 @@ TEST_F(Program, PrintsItsVersionAndHelp) {
   EXPECT_TRUE(run("info").out.starts_with(version.out)) << "both describe the build alike";
   const Outcome help = run("train --help");
   EXPECT_EQ(help.code, 0);
-  EXPECT_THAT(help.out,
-              AllOf(HasSubstr("--iterations"), HasSubstr("--max-steps"), HasSubstr("number of photos;")));
+  EXPECT_THAT(help.out, AllOf(HasSubstr("--iterations"), HasSubstr("--max-steps"),
+                              HasSubstr("number of photos;")));
 }
 
 // results.json of a run, `info` and `--version` take the commit from one place.

@@ -23,7 +23,8 @@ TEST_F(ConfigVerb, PrintsAConfigThatReadsBack) {
 
 TEST_F(ConfigVerb, ListsThePresetsAndTrainTakesThem) {
   const Outcome list = run("config --list");
-  EXPECT_THAT(list.out, AllOf(HasSubstr("fast "), HasSubstr("adaptive "), HasSubstr("paper_3dgs ")));
+  EXPECT_THAT(list.out,
+              AllOf(HasSubstr("fast "), HasSubstr("adaptive "), HasSubstr("paper_3dgs ")));
   EXPECT_THAT(run("train --config fast --print-config").out, HasSubstr("epochs = 50"));
   const Outcome unknown = run("train --config fsat --print-config");
   EXPECT_EQ(unknown.code, 3);

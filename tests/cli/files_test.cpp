@@ -118,7 +118,8 @@ TEST_F(Files, AClosedTerminalStopsTrainingAsCtrlCDoes) {
 
 TEST_F(Files, ASceneThatDisappearsWhileARunGoesOnDoesNotFailIt) {
   write_scene(path("scene"));
-  const pid_t child = start(command("scene", "out") + "-c adaptive --iterations 1500 --checkpoint-every 5");
+  const pid_t child =
+      start(command("scene", "out") + "-c adaptive --iterations 1500 --checkpoint-every 5");
   ASSERT_TRUE(wait_for_file(path("out/checkpoints/step_5.ckpt"), child));
   fs::rename(path("scene"), path("elsewhere"));
   ASSERT_EQ(end_of(child), 0) << read_bytes(path("log.txt"));

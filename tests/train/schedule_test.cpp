@@ -258,7 +258,8 @@ TEST(GrowthShare, GoesFromZeroToOneOverTheRefinements) {
 }
 
 TEST(HasSeenAllViews, NeedsAnEpochSinceTheLastRefinement) {
-  const Schedule few(adaptive_config(), 2.0f, 100), many(adaptive_config(), 2.0f, 500), unknown(adaptive_config(), 2.0f);
+  const Schedule few(adaptive_config(), 2.0f, 100), many(adaptive_config(), 2.0f, 500),
+      unknown(adaptive_config(), 2.0f);
   EXPECT_TRUE(few.has_seen_all_views(600));
   EXPECT_TRUE(few.has_seen_all_views(700));
   EXPECT_TRUE(many.has_seen_all_views(600));  // the first refinement looks at all steps so far
