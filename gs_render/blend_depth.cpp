@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 4 and 6 for photos with a depth map: the same blending with the color (z, 1, 0), where z is
-// the depth of a Gaussian. The picture is then (sum w z, sum w, 0), with the weights of the colors.
+// Stages 4 and 6 for photos with a depth map: the same blending with the color (z, 1, 0), where z
+// is the depth of a Gaussian. The picture is then (sum w z, sum w, 0), with the weights of the
+// colors.
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stages.h"
 

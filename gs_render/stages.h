@@ -61,8 +61,8 @@ void sort_by_tile(RenderPass& pass);
 /// 4  Blend each tile's list front to back over the background.
 void blend(const RenderSettings& settings, RenderPass& pass);
 
-/// 4  Of photos with a depth map: blends (z, 1, 0) in place of each color, z the splat's depth, into
-/// `planes`, (3, H, W): sum w z, sum w, 0. The pass stays as blend() has left it.
+/// 4  Of photos with a depth map: blends (z, 1, 0) in place of each color, z the splat's depth,
+/// into `planes`, (3, H, W): sum w z, sum w, 0. The pass stays as blend() has left it.
 void blend_depth(const RenderSettings& settings, RenderPass& pass, Buffer<float>& planes);
 
 /// 6  The gradient of blend_depth(), whose `planes` these are. Comes between blend_depth() and

@@ -6,8 +6,8 @@
 
 namespace gs {
 
-/// The view with camera, photo, mask and depth map reduced `factor` times (math/area_filter.h); all else is
-/// that of `view`, which has its photo.
+/// The view with camera, photo, mask and depth map reduced `factor` times (math/area_filter.h); all
+/// else is that of `view`, which has its photo.
 View reduced_view(const View& view, int factor);
 
 }  // namespace gs

@@ -318,8 +318,8 @@ __global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute || Sums::kHasFr
   }
 }
 
-// Adds the fixed-point sums of visible Gaussians to the floats that preprocess_backward() reads, which
-// are zero but for photos with a depth map, and clears them.
+// Adds the fixed-point sums of visible Gaussians to the floats that preprocess_backward() reads,
+// which are zero but for photos with a depth map, and clears them.
 __global__ void __launch_bounds__(kBlendThreads)
     collect_sums_kernel(std::size_t count, const std::uint32_t* tile_counts, FineSums* all_fine,
                         CoarseSums* all_coarse, SplatGradientSum* gradients) {

@@ -24,8 +24,8 @@ struct DepthMapOnDevice {
   DepthKind kind = DepthKind::metric;
 };
 
-/// The depth maps of the views that steps have used so far. A map is uploaded when its view is first
-/// trained on, which waits for the device, and stays: 4 bytes a pixel of all photos together.
+/// The depth maps of the views that steps have used so far. A map is uploaded when its view is
+/// first trained on, which waits for the device, and stays: 4 bytes a pixel of all photos together.
 class DepthMaps {
  public:
   explicit DepthMaps(Memory& memory) : memory_(memory) {}
@@ -49,10 +49,10 @@ class DepthStage {
       : colors_(memory), color_gradients_(memory), planes_(memory), dL_dplanes_(memory),
         sums_(memory), target_(memory) {}
 
-  /// Twin of blend_depth(), compare_depth(), blend_depth_backward() and add_depth_gradients() of the
-  /// scalar backend. It comes after blend_backward() of the colors and adds to what that has left in
-  /// workspace.splat_gradients. The picture, transmittance and checkpoints of the pass are those of
-  /// the depth afterwards.
+  /// Twin of blend_depth(), compare_depth(), blend_depth_backward() and add_depth_gradients() of
+  /// the scalar backend. It comes after blend_backward() of the colors and adds to what that has
+  /// left in workspace.splat_gradients. The picture, transmittance and checkpoints of the pass are
+  /// those of the depth afterwards.
   void add_gradient(Context& context, const RenderSettings& settings, const DepthMapOnDevice& map,
                     float weight, Workspace& workspace, RenderPass& pass);
   void release();

@@ -56,7 +56,13 @@ std::string cap_advice(double free, double photos, double bytes_per_gaussian) {
                   : "make the photos smaller with -r 2";
 }
 
-// Gaussians of a block beyond its share of the scene: its borders, and sparse points outside of them
+/// Bytes that photos may take in the memory of the GPU, or of the host.
+double room_for_photos(const Config& config, bool on_gpu) {
+  return on_gpu ? double(config.train.photo_gib) * kBytesPerGib
+                : double(photo_ram_bytes(config.dataset));
+}
+
+// Gaussians of a block beyond its share of the scene: its borders, and points outside of them
 constexpr double kOverlapOfBlocks = 1.5;
 
 constexpr std::size_t kAnyPhotos = 1;  // whatever their number, the run is long enough to grow
@@ -75,9 +81,7 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
                              const ForecastDevice& device) {
   const double free = double(device.is_gpu ? device.free_bytes : host_memory().free_bytes());
   if (free == 0 || scene.points == 0) return {};
-  const double photos =
-      device.is_gpu ? std::min(scene.photo_bytes, double(config.train.photo_gib) * kBytesPerGib)
-                    : std::min(scene.photo_bytes, double(photo_ram_bytes(config.dataset)));
+  const double photos = std::min(scene.photo_bytes, room_for_photos(config, device.is_gpu));
   const double fit = std::max(kShareOfFree * free - photos, kShareOfFree * free / 4) /
                      (device.is_gpu ? kBytesOnGpu : kBytesOnCpu);
   const double wanted =
@@ -110,11 +114,10 @@ double expected_gaussians(const Config& config, std::size_t points) {
 }
 
 Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDevice& device) {
-  const double budget = double(photo_ram_bytes(config.dataset));
+  const double budget = room_for_photos(config, false);
   const double gaussians = expected_gaussians(config, scene.points);
   const double photos_in_ram = std::min(scene.photo_bytes, budget);
-  const double photos_on_gpu =
-      std::min(scene.photo_bytes, double(config.train.photo_gib) * kBytesPerGib);
+  const double photos_on_gpu = std::min(scene.photo_bytes, room_for_photos(config, true));
   const double on_gpu = photos_on_gpu + gaussians * kBytesOnGpu;
   const double on_cpu = gaussians * kBytesOnCpu;
   const double free_ram = double(host_memory().free_bytes());

@@ -26,8 +26,8 @@ DepthFile read_depth_file(const std::filesystem::path& path);
 /// Its size, from its header. Throws Error likewise.
 PhotoSize read_depth_size(const std::filesystem::path& path);
 
-/// Takes gray values of (height, width, channels) into `depth`, which has its size. Throws Error where
-/// the channels of a pixel differ. For decoders.
+/// Takes gray values of (height, width, channels) into `depth`, which has its size. Throws Error
+/// where the channels of a pixel differ. For decoders.
 void take_gray(const std::filesystem::path& path, const std::vector<float>& values, int channels,
                ImageF& depth);
 

@@ -45,21 +45,18 @@ bool is_anchored(const ViewPlan& plan) { return plan.depth_anchors.size() >= kLe
 
 std::optional<DepthFit> anchored_fit(const ImageF& map, const ViewPlan& plan) {
   const DepthKind kind = plan.depth_kind;
-  DepthTarget target;
-  for (int round = 0; round < depth_fit_rounds(kind); ++round) {
+  double known = 0;  // anchors
+  const DepthTarget target = fitted_depth_target(kind, 1, [&](const DepthTarget* before) {
     DepthSums sums;
-    std::size_t known = 0;
     for (const DepthAnchor& anchor : plan.depth_anchors) {
       const float value = depth_at(map, double(anchor.x) - 0.5, double(anchor.y) - 0.5);
-      if (!is_known_depth(value)) continue;
-      ++known;
-      add_to(sums, depth_sums_of_pixel(kind, double(value), 1, double(anchor.depth), 1,
-                                       round > 0 ? &target : nullptr));
+      if (is_known_depth(value))
+        add_to(sums, depth_sums_of_pixel(kind, double(value), 1, double(anchor.depth), 1, before));
     }
-    if (known < kLeastAnchors) return std::nullopt;
-    target = depth_target(kind, sums, 1);
-  }
-  if (!(target.factor > 0)) return std::nullopt;
+    known = sums.known;
+    return sums;
+  });
+  if (known < double(kLeastAnchors) || !(target.factor > 0)) return std::nullopt;
   return target.fit;
 }
 

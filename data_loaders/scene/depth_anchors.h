@@ -11,16 +11,17 @@
 
 namespace gs {
 
-/// Gives each plan with a map the points that its photo shows, where the view's camera sees them. The
-/// model was read with Tracks::read; photos of models without tracks get none.
+/// Gives each plan with a map the points that its photo shows, where the view's camera sees them.
+/// The model was read with Tracks::read; photos of models without tracks get none.
 void add_depth_anchors(const ColmapModel& model, std::vector<ViewPlan>& plans);
 
 /// Whether a plan has enough anchors for scale and shift.
 bool is_anchored(const ViewPlan& plan);
 
 /// Scale and shift of the map, which has the view's size: they minimize the sum of the absolute
-/// errors of inverse depth at the anchors (math/depth_loss.h), so that some wrong points do no harm.
-/// None where too few anchors lie on known pixels, and where the map says the opposite of them.
+/// errors of inverse depth at the anchors (math/depth_loss.h), so that some wrong points do no
+/// harm. None where too few anchors lie on known pixels, and where the map says the opposite of
+/// them.
 std::optional<DepthFit> anchored_fit(const ImageF& map, const ViewPlan& plan);
 
 /// Turns a map of scale and shift into depth in world units; 0 where the fit gives none.

@@ -26,8 +26,8 @@ DepthSource find_depth(const DatasetConfig& dataset, const SceneFolders& folders
 
 /// The map of each photo, empty if it has none, by the rules of FilesOfPhotos. `names` are those of
 /// the model, `photos` the photos' files, `of_model` the maps that the model itself names, which
-/// count where no folder is named. Throws Error where dataset.depth names a folder without the map of
-/// any photo, and warns of one that was only found.
+/// count where no folder is named. Throws Error where dataset.depth names a folder without the map
+/// of any photo, and warns of one that was only found.
 std::vector<std::filesystem::path> match_depth(const DepthSource& source,
                                                const std::vector<std::string>& names,
                                                const std::vector<std::filesystem::path>& photos,

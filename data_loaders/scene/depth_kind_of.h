@@ -11,9 +11,9 @@
 
 namespace gs {
 
-/// Reads up to kMapsLookedAt maps, evenly chosen, and takes the points that each photo shows. Where a
-/// model does not tell, it takes all points in the picture; ranks and medians bear many that something
-/// else hides.
+/// Reads up to kMapsLookedAt maps, evenly chosen, and takes the points that each photo shows. Where
+/// a model does not tell, it takes all points in the picture; ranks and medians bear many that
+/// something else hides.
 DepthAgreement depth_agreement(const std::vector<ViewPlan>& plans,
                                const std::vector<ScenePoint>& points);
 inline constexpr std::size_t kMapsLookedAt = 8;

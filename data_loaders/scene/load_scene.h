@@ -38,8 +38,8 @@ struct LightNeeds {
 /// Error that names the file and the remedy; UsageError for a resolution or a photo budget that
 /// cannot work. Warns of a scene that moves, because it is trained as a static one. With
 /// dataset.exposure and `needs.vignetting`, Scene::lenses are solved for as well. With
-/// dataset.photo_list the scene has the photos of the list and the points that they show; its split,
-/// refined cameras and exposures are those of the whole scene.
+/// dataset.photo_list the scene has the photos of the list and the points that they show; its
+/// split, refined cameras and exposures are those of the whole scene.
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress = {},
                  PhotoLoading loading = PhotoLoading::as_they_fit, const LightNeeds& needs = {});
 
@@ -64,8 +64,8 @@ struct SceneOutline {
 /// The outline of the scene that load_scene() would load. Throws like it.
 SceneOutline outline_scene(const DatasetConfig& dataset, const LoadProgress& progress = {});
 
-/// How the depth maps of a scene go with its sparse points. Reads some maps, and no photo. Throws like
-/// load_scene().
+/// How the depth maps of a scene go with its sparse points. Reads some maps, and no photo. Throws
+/// like load_scene().
 DepthAgreement measure_depth_maps(const DatasetConfig& dataset);
 
 /// All checks of load_scene() before it decodes the first photo, without refining cameras. Throws

@@ -51,10 +51,11 @@ struct ViewPlan {
   }
 };
 
-/// Reads the headers of all photos, masks and depth maps and plans the views, in the order of the model's
-/// images. `progress` counts headers, from one thread at a time. Throws Error that names the photo
-/// and the remedy: a photo, mask or depth map of another shape than its camera, a lens that cannot become a
-/// pinhole, a pose beyond single precision. Throws UsageError for a resolution that is none.
+/// Reads the headers of all photos, masks and depth maps and plans the views, in the order of the
+/// model's images. `progress` counts headers, from one thread at a time. Throws Error that names
+/// the photo and the remedy: a photo, mask or depth map of another shape than its camera, a lens
+/// that cannot become a pinhole, a pose beyond single precision. Throws UsageError for a resolution
+/// that is none.
 std::vector<ViewPlan> plan_views(
     const SceneModel& scene, int resolution,
     const std::function<void(std::size_t done, std::size_t total)>& progress);

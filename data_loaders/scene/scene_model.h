@@ -31,11 +31,11 @@ struct SceneModel {
 };
 
 /// Whether each image of the model is a test view, in the order of model.images, which are sorted
-/// by name. With dataset.eval, those of dataset.test_names are held out, or else every test_every-th
-/// frame, beginning with the first. The photos that a rig took at one moment are one frame and stay
-/// together, because they show nearly the same. Every other photo is a frame of its own. Frames are
-/// counted in the order of their first names. Throws Error for a model without images; UsageError if nothing is left to train on,
-/// and for a name that no image has.
+/// by name. With dataset.eval, those of dataset.test_names are held out, or else every
+/// test_every-th frame, beginning with the first. The photos that a rig took at one moment are one
+/// frame and stay together, because they show nearly the same. Every other photo is a frame of its
+/// own. Frames are counted in the order of their first names. Throws Error for a model without
+/// images; UsageError if nothing is left to train on, and for a name that no image has.
 std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel& model);
 
 /// The number of each image's frame, from 0. The photos that a rig took at one moment are one
@@ -54,8 +54,8 @@ void move_near_origin(SceneModel& scene);
 /// Gives the images times by dataset.times (photo_times.h). With `frames`, each image becomes the
 /// frames of its camera.
 void find_times(const DatasetConfig& dataset, const SceneFolders& folders, SceneModel& scene);
-/// Third: the files of photos, masks and depth maps. Throws Error for a photo that is missing or whose name
-/// leads out of the images folder.
+/// Third: the files of photos, masks and depth maps. Throws Error for a photo that is missing or
+/// whose name leads out of the images folder.
 void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders, SceneModel& scene);
 
 /// All that later stages need to know of a scene. Throws Error that names the file and the remedy,

@@ -17,11 +17,12 @@ struct UndistortedScene {
   bool needs_background = false;  // the copy needs dataset.mask_mode = "background"
 };
 
-/// Writes images/, masks/ and depth/ (if there are any) and sparse/0 with PINHOLE cameras to `out`. Loading
-/// `out` gives the views of the scene: the same pixels from PNG files, at every dataset.resolution,
-/// and nearly the same from JPEG files. Photos without a lens are copied, masks become PNG files of
-/// the photos' size, depth maps EXR files in world units (where the build can write them), and poses, points, tracks, rigs and frames stay. Photos keep their names
-/// except for the ending. `jpeg_quality`: 1 to 100, or 0 for PNG.
+/// Writes images/, masks/ and depth/ (if there are any) and sparse/0 with PINHOLE cameras to `out`.
+/// Loading `out` gives the views of the scene: the same pixels from PNG files, at every
+/// dataset.resolution, and nearly the same from JPEG files. Photos without a lens are copied, masks
+/// become PNG files of the photos' size, depth maps EXR files in world units (where the build can
+/// write them), and poses, points, tracks, rigs and frames stay. Photos keep their names except for
+/// the ending. `jpeg_quality`: 1 to 100, or 0 for PNG.
 ///
 /// Throws UsageError if `out` exists and is not empty; Error if the scene cannot be loaded or a
 /// file cannot be written.

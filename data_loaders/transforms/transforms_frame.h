@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One frame of a transforms.json: the name, mask, depth map, camera, pose and time of a photo; used by
-// transforms_json.cpp only. The table of keys stands in transforms_json.h.
+// One frame of a transforms.json: the name, mask, depth map, camera, pose and time of a photo; used
+// by transforms_json.cpp only. The table of keys stands in transforms_json.h.
 #pragma once
 
 #include <initializer_list>

@@ -31,14 +31,14 @@ struct MergedBlocks {
   std::vector<BlockShare> shares;  // (blocks)
 };
 
-/// The rows of a model whose means lie in a part, ascending. A mean that is not a number lies in some
-/// part.
+/// The rows of a model whose means lie in a part, ascending. A mean that is not a number lies in
+/// some part.
 std::vector<std::uint32_t> rows_in_part(const GaussianModel& model, const CutTree& tree,
                                         std::size_t part);
 
 /// Merges the models of all blocks, in the order of the blocks. Warns where blocks have learned
-/// colors or poses of their own. Throws Error that names the block and the command that goes on where
-/// one has no finished run, and UsageError for a run of another partition.
+/// colors or poses of their own. Throws Error that names the block and the command that goes on
+/// where one has no finished run, and UsageError for a run of another partition.
 MergedBlocks merge_blocks(const BlocksFile& blocks, const BlockRuns& runs);
 
 }  // namespace gs

@@ -43,9 +43,9 @@ using SharesInView =
     std::function<std::vector<double>(std::size_t view, const std::vector<Block>& blocks)>;
 
 /// Divides a scene. All is in the coordinates of the photos' poses. A photo is used by each block
-/// that has at least `least_share` of the points that it shows, or of the picture by `in_picture`, if
-/// it is given; and in any case by the block that has most of the points. Throws Error for a scene without points, UsageError where a block would have no
-/// photo to train on or no point.
+/// that has at least `least_share` of the points that it shows, or of the picture by `in_picture`,
+/// if it is given; and in any case by the block that has most of the points. Throws Error for a
+/// scene without points, UsageError where a block would have no photo to train on or no point.
 Partition make_partition(const SceneOutline& scene, const PartitionOptions& options,
                          const SharesInView& in_picture = {});
 

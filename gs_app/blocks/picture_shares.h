@@ -19,8 +19,8 @@ class PictureShares {
   PictureShares(OpenedModel opened, const Config& config, const SceneOutline& scene,
                 Backend& backend);
 
-  /// (blocks) the share of what is drawn in the view that lies in the block's region; regions overlap.
-  /// All 0 where nothing is drawn.
+  /// (blocks) the share of what is drawn in the view that lies in the block's region; regions
+  /// overlap. All 0 where nothing is drawn.
   std::vector<double> operator()(std::size_t view, const std::vector<Block>& blocks);
 
  private:

@@ -18,8 +18,8 @@ namespace gs {
 
 /// The settings that all blocks share, of those that a user gives. Blocks that start from a model
 /// (model.start_from) keep what their photos do not see, such as a part of the sky that only photos
-/// of other blocks show: opacities are not reset, and no rule removes Gaussians because they were not
-/// seen.
+/// of other blocks show: opacities are not reset, and no rule removes Gaussians because they were
+/// not seen.
 Config settings_of_all_blocks(Config config);
 
 /// The settings of a block's run: those of `shared`, with its photos (dataset.photo_list is left to

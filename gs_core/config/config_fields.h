@@ -202,7 +202,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   auto& train = config.train;
   field("train.iterations",             train.iterations,             "steps",       steps_from(0),           proceed, "length of the training, one photo each step; the schedule scales with it; 0: as epochs, least_iterations, most_iterations and random_start_factor say");
   field("train.epochs",                 train.epochs,                 "epochs",      between(0, 100000),      retrain, "if iterations is 0, the training takes so many passes over the photos");
-  field("train.least_iterations",       train.least_iterations,       "steps",       steps_from(1),           retrain, "but at least so many steps");
+  field("train.least_iterations",       train.least_iterations,       "steps",       steps_from(0),           retrain, "but at least so many steps");
   field("train.most_iterations",        train.most_iterations,        "steps",       steps_from(1),           retrain, "and at most so many steps");
   field("train.random_start_factor",    train.random_start_factor,    "",            above(0),                retrain, "where training starts from random points, all three are so many times as large");
   field("train.batch",                  train.batch,                  "photos",      between(1, kMostBatch),  retrain, "photos of one update, which takes the mean of their gradients; steps go on counting photos", "Faster-GS (4D)");

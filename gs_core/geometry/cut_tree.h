@@ -33,10 +33,11 @@ struct CutTree {
   std::size_t parts() const { return cuts.size() + 1; }
   std::size_t part_of(const Vec3d& p) const;
   /// The planes around a part: of parallel ones on the same side only the innermost. A plane of
-  /// which the part is below appears with the opposite normal, so that the bounds hold all points of
-  /// the part.
+  /// which the part is below appears with the opposite normal, so that the bounds hold all points
+  /// of the part.
   std::vector<WideHalfSpace> bounds_of(std::size_t part) const;
-  /// Whether each cut is reached from the root on one way, and each part, too: what a file may break.
+  /// Whether each cut is reached from the root on one way, and each part, too: what a file may
+  /// break.
   bool is_whole() const;
 };
 
@@ -48,9 +49,9 @@ double reach_along(const Vec3d& axis, const std::vector<Vec3d>& points);
 /// nine tenths of the points spread most.
 std::array<Vec3d, 2> ground_axes(const Vec3d& up, const std::vector<Vec3d>& points);
 
-/// Divides space into `parts` parts with the same number of points, as nearly as possible. Each cut is
-/// across that one of `axes` along which the points reach farther. Parts are numbered from below to
-/// above. Points with the same coordinate are on one side, so that a part may have none.
+/// Divides space into `parts` parts with the same number of points, as nearly as possible. Each cut
+/// is across that one of `axes` along which the points reach farther. Parts are numbered from below
+/// to above. Points with the same coordinate are on one side, so that a part may have none.
 CutTree divide(const std::vector<Vec3d>& points, const std::array<Vec3d, 2>& axes,
                std::size_t parts);
 

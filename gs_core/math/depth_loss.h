@@ -7,10 +7,10 @@
 //
 //   L = sum m A |q - t| / (n sum m),   q = A / Z,   n = sum m A t0 / sum m A
 //
-// over the pixels that the map knows. The mean n of the inverse depth makes L a relative error, which
-// does not depend on the unit of the scene: t0 = t of a metric map, and q of all others, whose mean
-// the fit below keeps. A pixel counts by its coverage A, since its depth says little where the
-// Gaussians hardly cover it. These weights, n and the fit are constants in the gradient.
+// over the pixels that the map knows. The mean n of the inverse depth makes L a relative error,
+// which does not depend on the unit of the scene: t0 = t of a metric map, and q of all others,
+// whose mean the fit below keeps. A pixel counts by its coverage A, since its depth says little
+// where the Gaussians hardly cover it. These weights, n and the fit are constants in the gradient.
 #pragma once
 
 #include "gs_core/math/constants.h"
@@ -93,16 +93,16 @@ struct DepthTarget {
   double factor = 0;  // w = factor m A; 0: the map teaches nothing
 };
 
-/// The fit of scale and shift minimizes sum w |q - t|, as the loss does: a line of least squares would
-/// follow the few pixels that are far off, and pull all others along, step by step. Each of so many
-/// rounds solves for least squares, with weights w / |q - t| by the round before.
+/// The fit of scale and shift minimizes sum w |q - t|, as the loss does: a line of least squares
+/// would follow the few pixels that are far off, and pull all others along, step by step. Each of
+/// so many rounds solves for least squares, with weights w / |q - t| by the round before.
 inline constexpr int kDepthFitRounds = 5;
 GS_HD int depth_fit_rounds(DepthKind kind) {
   return kind == DepthKind::metric ? 1 : kDepthFitRounds;
 }
 
-/// The share of one pixel in the sums, with m > 0 its mask, `v` the map's known value and `before` the
-/// target of the round before (null in the first). With w = m A / |q - t|, the fit minimizes
+/// The share of one pixel in the sums, with m > 0 its mask, `v` the map's known value and `before`
+/// the target of the round before (null in the first). With w = m A / |q - t|, the fit minimizes
 /// sum w (q - scale a - shift b)^2:
 ///
 ///   scaled     a = 1 / v     b = 0
@@ -156,6 +156,16 @@ GS_HD DepthTarget depth_target(DepthKind kind, const DepthSums& sums, double wei
   target.level = sums.level / sums.weight;
   const double factor = weight / (target.level * sums.known);
   if (target.fit.scale > 0 && factor - factor == 0) target.factor = factor;
+  return target;
+}
+
+/// The target of a photo after all rounds of the fit. `sums_of(before)` adds up the shares of its
+/// pixels, with the target of the round before, which is null in the first.
+template <class SumsOf>
+DepthTarget fitted_depth_target(DepthKind kind, double weight, SumsOf&& sums_of) {
+  DepthTarget target = depth_target(kind, sums_of(nullptr), weight);
+  for (int round = 1; round < depth_fit_rounds(kind); ++round)
+    target = depth_target(kind, sums_of(&target), weight);
   return target;
 }
 

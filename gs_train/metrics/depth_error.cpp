@@ -26,19 +26,13 @@ DepthSums sums_of(const ImageF& depth, const View& view, const DepthTarget* befo
   return sums;
 }
 
-DepthTarget fitted(const ImageF& depth, const View& view) {
-  DepthTarget target = depth_target(view.depth_kind, sums_of(depth, view, nullptr), 1);
-  for (int round = 1; round < depth_fit_rounds(view.depth_kind); ++round)
-    target = depth_target(view.depth_kind, sums_of(depth, view, &target), 1);
-  return target;
-}
-
 }  // namespace
 
 std::optional<double> depth_error(const ImageF& depth, const View& view) {
   if (view.depth.empty()) return std::nullopt;
   GS_CHECK(depth.pixels.size() == view.depth.pixels.size());
-  const DepthTarget target = fitted(depth, view);
+  const DepthTarget target = fitted_depth_target(
+      view.depth_kind, 1, [&](const DepthTarget* before) { return sums_of(depth, view, before); });
   if (!(target.factor > 0)) return std::nullopt;
   double sum = 0, weight = 0;
   for (std::size_t i = 0; i < depth.pixels.size(); ++i) {

@@ -48,14 +48,6 @@ DepthSums sums_of(const ComparedDepth& compared, const DepthTarget* before) {
   return sums;
 }
 
-DepthTarget target_of(const ComparedDepth& compared, double weight) {
-  const DepthKind kind = compared.view.depth_kind;
-  DepthTarget target = depth_target(kind, sums_of(compared, nullptr), weight);
-  for (int round = 1; round < depth_fit_rounds(kind); ++round)
-    target = depth_target(kind, sums_of(compared, &target), weight);
-  return target;
-}
-
 }  // namespace
 
 double compare_depth(const View& view, float weight, const Buffer<float>& planes,
@@ -64,7 +56,9 @@ double compare_depth(const View& view, float weight, const Buffer<float>& planes
   const ComparedDepth compared{view, planes.data()};
   const std::size_t plane = compared.pixels();
   GS_CHECK(planes.size() == 3 * plane && (view.mask.empty() || view.mask.pixels.size() == plane));
-  const DepthTarget target = target_of(compared, double(weight));
+  const DepthTarget target =
+      fitted_depth_target(view.depth_kind, double(weight),
+                          [&](const DepthTarget* before) { return sums_of(compared, before); });
   dL_dplanes.resize_discard(3 * plane);
   std::vector<double> rows(compared.height());
   parallel_for(rows.size(), kRowsAtATime, [&](std::size_t row) {

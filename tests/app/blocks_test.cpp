@@ -78,8 +78,8 @@ TEST(Partition, EveryPhotoIsInSomeBlockAndNeighborsShareThoseAtTheirBorder) {
 }
 
 TEST(Partition, APhotoIsUsedWhereItShowsEnough) {
-  // The cut is at x = 20, without a border. Photo 121, which shows houses 19 to 23, has a fifth of its
-  // points in block 0.
+  // The cut is at x = 20, without a border. Photo 121, which shows houses 19 to 23, has a fifth of
+  // its points in block 0.
   const SceneOutline scene = street();
   const auto has = [&](double least_share, std::size_t block, const std::string& name) {
     const Partition partition = make_partition(scene, {2, 0, least_share});
@@ -147,7 +147,8 @@ TEST(Partition, APhotoIsUsedWhereAModelSaysThatItsPictureLies) {
 }
 
 TEST(PictureShares, AreThoseOfTheGaussiansThatMakeUpThePicture) {
-  // Camera 10 stands at x = 10.5. A Gaussian on either side of its axis, the right one twice as large.
+  // Camera 10 stands at x = 10.5. A Gaussian on either side of its axis, the right one twice as
+  // large.
   for (const Vec3d& offset : {Vec3d(0.0), kUtm}) {
     const SceneOutline scene = street(offset);
     OpenedModel opened;

@@ -273,6 +273,13 @@ TEST_F(ConfigFile, APresetIsFoundByNameAndAFileOfThatNameWins) {
   EXPECT_EQ(load("base = 'fast'\n").train.epochs, 50);
 }
 
+// Runs from before train.most_iterations have 0 in place of the rule that they followed.
+TEST_F(ConfigFile, TheConfigOfAnOlderRunIsRead) {
+  const Config config = load("[train]\niterations = 4300\nepochs = 0\nleast_iterations = 0\n");
+  validate(config);
+  EXPECT_EQ(config.train.iterations, 4300);
+}
+
 TEST_F(ConfigFile, TheFolderOfARunStandsForItsConfig) {
   write_bytes(path("out/config.toml"), "[train]\niterations = 11\n");
   EXPECT_EQ(load("base = 'out'\n").train.iterations, 11);

@@ -89,7 +89,8 @@ TEST(DepthLoss, GradientOfASplatsDepthMatchesJet) {
 
 // ---- the fit -----------------------------------------------------------------------------------
 
-/// The sums of 50 pixels of coverage A whose depths are known; `value` makes the map's value of one.
+/// The sums of 50 pixels of coverage A whose depths are known; `value` makes the map's value of
+/// one.
 template <class Value>
 DepthSums sums_of(DepthKind kind, Value&& value, double A = 0.8) {
   DepthSums sums;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The gradient of the depth loss through the whole pipeline, in float and by tiles, equals the slope
-// of the brute-force depth in double, together with the gradient of a picture.
+// The gradient of the depth loss through the whole pipeline, in float and by tiles, equals the
+// slope of the brute-force depth in double, together with the gradient of a picture.
 #include <gtest/gtest.h>
 
 #include <array>

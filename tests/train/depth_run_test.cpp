@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs with depth maps: the step, the schedule, resuming, ranks, and what they gain with few photos.
+// Runs with depth maps: the step, the schedule, resuming, ranks, and what they gain with few
+// photos.
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -245,8 +246,8 @@ TEST(DepthError, IsThatOfTheDepth) {
   EXPECT_EQ(depth_error(rendered, view), std::nullopt);
 }
 
-// A corner of a room: a floor and two walls, seen from a camera near the origin. Its colors change so
-// slowly that photos hardly tell how far away they are.
+// A corner of a room: a floor and two walls, seen from a camera near the origin. Its colors change
+// so slowly that photos hardly tell how far away they are.
 struct Corner {
   static constexpr float kFloor = 1, kBack = 5, kSide = 2;  // world units
 
@@ -303,8 +304,8 @@ void disturb_map(View& view, DepthKind kind, Draws& draws) {
   }
 }
 
-/// Four views to train on, and two that are held out, with maps of the kind. The points are off by a
-/// tenth of their depth.
+/// Four views to train on, and two that are held out, with maps of the kind. The points are off by
+/// a tenth of their depth.
 Scene corner_scene(DepthKind kind, std::uint64_t seed) {
   Scene scene;
   scene.source = "a scene of the test";
@@ -356,8 +357,8 @@ Measured trained_on_corner(DepthKind kind, float weight, std::uint64_t seed) {
   return {evaluation.psnr, evaluation.depth_error.value_or(1)};
 }
 
-// Of photos that are held out, and up to what the kind of map leaves open: without sparse points that
-// anchor them, maps of scale and shift teach shapes and no distances.
+// Of photos that are held out, and up to what the kind of map leaves open: without sparse points
+// that anchor them, maps of scale and shift teach shapes and no distances.
 TEST(DepthTeacher, BringsDepthNearerToTheTruthWithFewPhotos) {
   for (const DepthKind kind :
        {DepthKind::metric, DepthKind::scaled, DepthKind::relative, DepthKind::inverse})
