@@ -95,8 +95,7 @@ __global__ void update_codes_by_sums_kernel(SummedCodes array, int in_use, AdamS
     if (at / kInRow != row) of_row = array.rounding.of_row(row = at / kInRow);
     const int number = int(at - row * kInRow);
     if (number < in_use)
-      adam_update(p, moments, gradient, step, rule,
-                  random_of_number(of_row, array.place + number));
+      adam_update(p, moments, gradient, step, rule, random_of_number(of_row, array.place + number));
   };
   if (first + 4 <= array.size) {
     const bool is_touched = has_gradients(array.touched, first / kInRow, (first + 3) / kInRow);
@@ -167,11 +166,11 @@ class CudaOptimizer final : public Optimizer {
   }
 
  private:
-  void update_floats(const TrainingModel& model, const Gaussians& gradients,
-                     const AdamSteps& steps, const AdamRule& rule) {
+  void update_floats(const TrainingModel& model, const Gaussians& gradients, const AdamSteps& steps,
+                     const AdamRule& rule) {
     for_each_array(
-        [&](const char*, const auto& parameters, const auto& m, const auto& v,
-            const auto& gradient, const AdamStep& step) {
+        [&](const char*, const auto& parameters, const auto& m, const auto& v, const auto& gradient,
+            const AdamStep& step) {
           const Span<float> numbers = numbers_of(parameters);
           context_.launch("adam", adam_kernel, blocks_for(numbers.size, kThreads), kThreads,
                           numbers, numbers_of(m), numbers_of(v), numbers_of(gradient), step, rule);

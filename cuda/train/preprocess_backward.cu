@@ -300,22 +300,22 @@ Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherS
                       v = model.second_moment.span();
   const MomentCodesSpan codes = model.moment_codes.span();
   const NumberPlaces places = number_places();
-  return {gather,
-          of(rows.mean, m.mean, v.mean, codes.mean, steps.mean, places.mean),
-          of(rows.log_scale, m.log_scale, v.log_scale, codes.log_scale, steps.log_scale,
-             places.log_scale),
-          of(rows.rotation, m.rotation, v.rotation, codes.rotation, steps.rotation,
-             places.rotation),
-          of(rows.logit_opacity, m.logit_opacity, v.logit_opacity, codes.logit_opacity,
-             steps.logit_opacity, places.logit_opacity),
-          of(rows.sh0, m.sh0, v.sh0, codes.sh0, steps.sh0, places.sh0),
-          of(rows.sh_rest, m.sh_rest, v.sh_rest, codes.sh_rest, steps.sh_rest, places.sh_rest),
-          of(rows.right_rotation, m.right_rotation, v.right_rotation, codes.right_rotation,
-             steps.right_rotation, places.right_rotation),
-          of(rows.time_mean, m.time_mean, v.time_mean, codes.time_mean, steps.time_mean,
-             places.time_mean),
-          of(rows.log_time_scale, m.log_time_scale, v.log_time_scale, codes.log_time_scale,
-             steps.log_time_scale, places.log_time_scale)};
+  return {
+      gather,
+      of(rows.mean, m.mean, v.mean, codes.mean, steps.mean, places.mean),
+      of(rows.log_scale, m.log_scale, v.log_scale, codes.log_scale, steps.log_scale,
+         places.log_scale),
+      of(rows.rotation, m.rotation, v.rotation, codes.rotation, steps.rotation, places.rotation),
+      of(rows.logit_opacity, m.logit_opacity, v.logit_opacity, codes.logit_opacity,
+         steps.logit_opacity, places.logit_opacity),
+      of(rows.sh0, m.sh0, v.sh0, codes.sh0, steps.sh0, places.sh0),
+      of(rows.sh_rest, m.sh_rest, v.sh_rest, codes.sh_rest, steps.sh_rest, places.sh_rest),
+      of(rows.right_rotation, m.right_rotation, v.right_rotation, codes.right_rotation,
+         steps.right_rotation, places.right_rotation),
+      of(rows.time_mean, m.time_mean, v.time_mean, codes.time_mean, steps.time_mean,
+         places.time_mean),
+      of(rows.log_time_scale, m.log_time_scale, v.log_time_scale, codes.log_time_scale,
+         steps.log_time_scale, places.log_time_scale)};
 }
 
 }  // namespace

@@ -71,8 +71,7 @@ constexpr double kOverlapOfBlocks = 1.5;
 constexpr std::size_t kAnyPhotos = 1;  // whatever their number, the run is long enough to grow
 
 double bytes_of_gaussian(const Config& config, bool on_gpu) {
-  const double saved =
-      config.optimizer.moments == MomentForm::compact ? kSavedByCompactMoments : 0;
+  const double saved = config.optimizer.moments == MomentForm::compact ? kSavedByCompactMoments : 0;
   return (on_gpu ? kBytesOnGpu : kBytesOnCpu) - saved;
 }
 

@@ -92,8 +92,8 @@ std::uint64_t kind_of(const TrainingModel& model) {
   return (model.gaussians.has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0) |
          (model.gaussians.has_filter ? kHasFilter : 0) |
          (model.gaussians.has_slope ? kHasSlope : 0) |
-         (model.photometric.empty() ? 0 : kHasPhotometric) |
-         (model.poses.empty() ? 0 : kHasPoses) | (model.has_codes ? kHasCodes : 0);
+         (model.photometric.empty() ? 0 : kHasPhotometric) | (model.poses.empty() ? 0 : kHasPoses) |
+         (model.has_codes ? kHasCodes : 0);
 }
 
 void set_kind(TrainingModel& model, std::uint64_t kind) {

@@ -42,9 +42,9 @@ std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model
   for (const View& view : scene.train_views)
     pixels = std::max(pixels, std::size_t(view.camera.width) * std::size_t(view.camera.height));
   const std::size_t free = memory.free_bytes();
-  const std::int64_t count = gaussians_for({free, pixels, model.count(), model.gaussians.has_time,
-                                            batch, model.gaussians.has_slope,
-                                            moments == MomentForm::compact});
+  const std::int64_t count =
+      gaussians_for({free, pixels, model.count(), model.gaussians.has_time, batch,
+                     model.gaussians.has_slope, moments == MomentForm::compact});
   log_info("there is memory for {:.2f} million Gaussians at most ({:.1f} GiB are free)",
            1e-6 * double(count), double(free) / kBytesPerGib);
   return count;

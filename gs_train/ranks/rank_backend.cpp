@@ -27,9 +27,8 @@ class RankOptimizer final : public Optimizer {
   void step(TrainingModel& shard, const Gaussians& gradients, const Update& update) override {
     now_.ranks->barrier();
     const HostStage stage("adam");
-    update_by_adam(shard, gradients, update, [&](std::size_t i) {
-      return now_.deal.global_of(now_.ranks->rank(), i);
-    });
+    update_by_adam(shard, gradients, update,
+                   [&](std::size_t i) { return now_.deal.global_of(now_.ranks->rank(), i); });
   }
   void add_noise(TrainingModel& shard, const PositionNoise& noise, float position_rate) override {
     const HostStage stage("position noise");

@@ -36,8 +36,7 @@ Gaussians random_gradients(std::size_t count, std::uint64_t seed) {
 
 /// Row i has the codes `first` + i.
 TrainingModel numbered_model(std::size_t count, std::uint32_t first = 1) {
-  TrainingModel model =
-      model_of(random_gaussians(kTypical, count, random_camera(40, 30), 1), true);
+  TrainingModel model = model_of(random_gaussians(kTypical, count, random_camera(40, 30), 1), true);
   for_each_array([&](const char*, const auto& array) { number_rows(array, first); },
                  model.moment_codes);
   return model;
@@ -64,8 +63,7 @@ TEST(CompactMoments, TakeFourBytesOfANumber) {
 }
 
 TEST(CompactMoments, AreUpdatedNumberByNumberWithTheRandomNumbersOfTheirRows) {
-  TrainingModel model =
-      model_of(random_gaussians(kTypical, 700, random_camera(40, 30), 1), true);
+  TrainingModel model = model_of(random_gaussians(kTypical, 700, random_camera(40, 30), 1), true);
   const Gaussians start = copy_of(model.gaussians);
   const Gaussians first = random_gradients(700, 2), second = random_gradients(700, 3);
   const auto optimizer = make_scalar_optimizer();
@@ -76,8 +74,8 @@ TEST(CompactMoments, AreUpdatedNumberByNumberWithTheRandomNumbersOfTheirRows) {
   EXPECT_EQ(model.adam_steps, 2);
 
   for_each_array(
-      [](const char* name, const auto& before, const auto& after, const auto& codes,
-         const auto& g1, const auto& g2, float rate, int place) {
+      [](const char* name, const auto& before, const auto& after, const auto& codes, const auto& g1,
+         const auto& g2, float rate, int place) {
         constexpr std::size_t kInRow = sizeof(before[0]) / sizeof(float);
         for (std::size_t i = 0; i < numbers_of(before).size; ++i) {
           const std::size_t row = i / kInRow;
@@ -213,12 +211,12 @@ TEST_F(CompactRun, RefusesAStateWithMomentsOfTheOtherForm) {
     first.keep_checkpoints_in(kept);
     first.add_observer(stopper);
     first.run();
-    EXPECT_THAT(
-        error_of([&] {
-          Trainer(scene_, has_codes ? config : compact(config), *backend_, *kept.newest());
-        }),
-        AllOf(HasSubstr(has_codes ? "set optimizer.moments=compact" : "set optimizer.moments=float"),
-              HasSubstr("start a new run")));
+    EXPECT_THAT(error_of([&] {
+                  Trainer(scene_, has_codes ? config : compact(config), *backend_, *kept.newest());
+                }),
+                AllOf(HasSubstr(has_codes ? "set optimizer.moments=compact"
+                                          : "set optimizer.moments=float"),
+                      HasSubstr("start a new run")));
   }
 }
 

@@ -189,8 +189,7 @@ TEST(MakeStatic, ClearsCompactMomentsOfTheSameQuantities) {
   TrainingModel model = mixed_model(random_camera(96, 64, 3), 100, 6);
   model.has_codes = true;
   clear_history(model);
-  for_each_array([](const char*, const auto& array) { number_rows(array, 1); },
-                 model.moment_codes);
+  for_each_array([](const char*, const auto& array) { number_rows(array, 1); }, model.moment_codes);
   const TrainingModel before = copy_to(host_memory(), model);
   ASSERT_GT(make_scalar_row_ops()->make_static(model, kAfter), 20u);
   const MomentCodes &codes = model.moment_codes, &old = before.moment_codes;
