@@ -37,19 +37,24 @@ template <>
 struct RandomRows<false> {};
 
 /// Which numbers a finish() takes: number `number` of row `row` of the warp, or four from there on,
-/// which may be in two rows.
+/// which may be in two rows of `in_row` numbers each.
 template <class Random>
 struct NumberPlace {
   const Random& rows;
-  int row, number, in_row;  // in_row: numbers of a row
-
-  /// Of the number that is k behind the first one, if the quantity's numbers begin at `begin`.
-  __device__ std::uint32_t random(int begin, int k) const {
-    const bool is_next = number + k >= in_row;
-    return random_of_number(rows.random[row + is_next],
-                            begin + number + k - (is_next ? in_row : 0));
-  }
+  int row, number, in_row;
 };
+/// The random numbers of these `kCount` numbers, if the quantity's numbers begin at `begin`.
+template <int kCount, class Random>
+__device__ void load_random(const NumberPlace<Random>& place, int begin, std::uint32_t (&to)[kCount]) {
+  const bool are_of_two_rows = place.number + kCount > place.in_row;
+  const std::uint32_t of_row = place.rows.random[place.row],
+                      of_next = kCount > 1 ? place.rows.random[place.row + are_of_two_rows] : 0;
+  for (int k = 0; k < kCount; ++k) {
+    const bool is_next = place.number + k >= place.in_row;
+    to[k] = random_of_number(is_next ? of_next : of_row,
+                             begin + place.number + k - (is_next ? place.in_row : 0));
+  }
+}
 
 /// The numbers of one quantity, for WriteGradients: finish() writes the gradient to an array.
 /// Vector is float or float4.
@@ -138,12 +143,14 @@ struct AdamCodes {
   template <class Vector, class Place>
   __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
                          const Place& of_numbers) const {
-    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k) {
+    constexpr int kCount = int(sizeof(Vector) / sizeof(float));
+    std::uint32_t random[kCount];
+    load_random(of_numbers, place, random);
+    for (int k = 0; k < kCount; ++k) {
       float& code = reinterpret_cast<float*>(&numbers[1])[k];
       MomentCode moments{__float_as_uint(code)};
       adam_update(reinterpret_cast<float*>(&numbers[0])[k], moments,
-                  reinterpret_cast<const float*>(&gradient)[k], step, rule,
-                  of_numbers.random(place, k));
+                  reinterpret_cast<const float*>(&gradient)[k], step, rule, random[k]);
       code = __uint_as_float(moments.bits);
     }
     for (int a = 0; a < kArrays; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];

@@ -43,7 +43,7 @@ TrainingState telling_state(std::size_t gaussians, int step, bool has_time = fal
   for_each_array(fill, state.model.gaussians);
   for_each_array(fill, state.model.first_moment);
   for_each_array(fill, state.model.second_moment);
-  for_each_array([](const char*, const auto& array) { number_rows(array, 0x3f801234); },
+  for_each_array([](const char*, const auto& array) { number_codes(array, 0x3f801234); },
                  state.model.moment_codes);
   fill("", state.model.statistics.visits);
   fill("", state.model.statistics.gradient_norm);

@@ -260,7 +260,7 @@ TrainingModel numbered_model(std::size_t count, bool has_time = false) {
   }
   TrainingModel model = model_of(rows, true);
   std::uint32_t first = 1;
-  for_each_array([&](const char*, const auto& array) { number_rows(array, first += 1'000'000); },
+  for_each_array([&](const char*, const auto& array) { number_codes(array, first += 1'000'000); },
                  model.moment_codes);
   for (std::size_t i = 0; i < count; ++i) {
     model.statistics.visits[i] = float(draws.below(9));

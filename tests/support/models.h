@@ -70,7 +70,7 @@ void number_rows(const Buffer<T>& rows, float first) {
 
 /// Fills codes with first, first + 1, ... over their rows.
 template <class T>
-void number_rows(const Buffer<CodedRow<T>>& rows, std::uint32_t first) {
+void number_codes(const Buffer<CodedRow<T>>& rows, std::uint32_t first) {
   const Span<MomentCode> codes = codes_of(rows);
   for (std::size_t i = 0; i < codes.size; ++i)
     codes[i].bits = first + std::uint32_t(i / (sizeof(T) / sizeof(float)));
@@ -84,8 +84,9 @@ bool row_is(const Buffer<T>& rows, std::size_t i, float value) {
   return std::all_of(numbers.begin() + i * width, numbers.begin() + (i + 1) * width,
                      [&](float number) { return number == value; });
 }
+/// True where each code of row i is `value`.
 template <class T>
-bool row_is(const Buffer<CodedRow<T>>& rows, std::size_t i, std::uint32_t value) {
+bool codes_are(const Buffer<CodedRow<T>>& rows, std::size_t i, std::uint32_t value) {
   return std::all_of(std::begin(rows[i].number), std::end(rows[i].number),
                      [&](MomentCode code) { return code.bits == value; });
 }

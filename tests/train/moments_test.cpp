@@ -37,14 +37,14 @@ Gaussians random_gradients(std::size_t count, std::uint64_t seed) {
 /// Row i has the codes `first` + i.
 TrainingModel numbered_model(std::size_t count, std::uint32_t first = 1) {
   TrainingModel model = model_of(random_gaussians(kTypical, count, random_camera(40, 30), 1), true);
-  for_each_array([&](const char*, const auto& array) { number_rows(array, first); },
+  for_each_array([&](const char*, const auto& array) { number_codes(array, first); },
                  model.moment_codes);
   return model;
 }
 
 bool codes_are(const TrainingModel& model, std::size_t i, std::uint32_t value) {
   bool same = true;
-  for_each_array([&](const char*, const auto& array) { same &= row_is(array, i, value); },
+  for_each_array([&](const char*, const auto& array) { same &= codes_are(array, i, value); },
                  model.moment_codes);
   return same;
 }
@@ -119,10 +119,10 @@ TEST(CompactMoments, AreClearedAsTheOpacityRuleSays) {
        {MomentClearing::none, MomentClearing::opacity, MomentClearing::all}) {
     TrainingModel model = numbered_model(3);
     make_scalar_row_ops()->lower_opacity(model, {OpacityPolicy::reset, 0.01f, which});
-    EXPECT_EQ(row_is(model.moment_codes.logit_opacity, 2, 0), which != MomentClearing::none);
-    EXPECT_EQ(row_is(model.moment_codes.logit_opacity, 2, 3), which == MomentClearing::none);
-    EXPECT_EQ(row_is(model.moment_codes.sh_rest, 2, 0), which == MomentClearing::all);
-    EXPECT_EQ(row_is(model.moment_codes.mean, 2, 3), which != MomentClearing::all);
+    EXPECT_EQ(codes_are(model.moment_codes.logit_opacity, 2, 0), which != MomentClearing::none);
+    EXPECT_EQ(codes_are(model.moment_codes.logit_opacity, 2, 3), which == MomentClearing::none);
+    EXPECT_EQ(codes_are(model.moment_codes.sh_rest, 2, 0), which == MomentClearing::all);
+    EXPECT_EQ(codes_are(model.moment_codes.mean, 2, 3), which != MomentClearing::all);
   }
 }
 

@@ -189,18 +189,18 @@ TEST(MakeStatic, ClearsCompactMomentsOfTheSameQuantities) {
   TrainingModel model = mixed_model(random_camera(96, 64, 3), 100, 6);
   model.has_codes = true;
   clear_history(model);
-  for_each_array([](const char*, const auto& array) { number_rows(array, 1); }, model.moment_codes);
+  for_each_array([](const char*, const auto& array) { number_codes(array, 1); }, model.moment_codes);
   const TrainingModel before = copy_to(host_memory(), model);
   ASSERT_GT(make_scalar_row_ops()->make_static(model, kAfter), 20u);
   const MomentCodes &codes = model.moment_codes, &old = before.moment_codes;
   for (std::size_t i = 0; i < model.count(); ++i) {
     const auto number = std::uint32_t(i + 1);
     const std::uint32_t expected = is_static(model.gaussians.log_time_scale[i]) ? 0 : number;
-    EXPECT_TRUE(row_is(codes.log_scale, i, expected) && row_is(codes.rotation, i, expected) &&
-                row_is(codes.right_rotation, i, expected) && row_is(codes.time_mean, i, expected) &&
-                row_is(codes.log_time_scale, i, expected))
+    EXPECT_TRUE(codes_are(codes.log_scale, i, expected) && codes_are(codes.rotation, i, expected) &&
+                codes_are(codes.right_rotation, i, expected) && codes_are(codes.time_mean, i, expected) &&
+                codes_are(codes.log_time_scale, i, expected))
         << i;
-    EXPECT_TRUE(row_is(codes.mean, i, number) && row_is(codes.logit_opacity, i, number)) << i;
+    EXPECT_TRUE(codes_are(codes.mean, i, number) && codes_are(codes.logit_opacity, i, number)) << i;
   }
   EXPECT_TRUE(same_bits(codes.sh_rest, old.sh_rest));
 }
