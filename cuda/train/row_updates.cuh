@@ -38,14 +38,15 @@ struct RandomRows<false> {};
 
 /// Which numbers a finish() takes: number `number` of row `row` of the warp, or four from there on,
 /// which may be in two rows of `in_row` numbers each.
-template <class Random>
+template <class RandomSource>
 struct NumberPlace {
-  const Random& rows;
+  const RandomSource& rows;
   int row, number, in_row;
 };
 /// The random numbers of these `kCount` numbers, if the quantity's numbers begin at `begin`.
-template <int kCount, class Random>
-__device__ void load_random(const NumberPlace<Random>& place, int begin, std::uint32_t (&to)[kCount]) {
+template <int kCount, class RandomSource>
+__device__ void load_random(const NumberPlace<RandomSource>& place, int begin,
+                            std::uint32_t (&to)[kCount]) {
   const bool are_of_two_rows = place.number + kCount > place.in_row;
   const std::uint32_t of_row = place.rows.random[place.row],
                       of_next = kCount > 1 ? place.rows.random[place.row + are_of_two_rows] : 0;
@@ -337,14 +338,14 @@ struct Share {
       if (item < rows * kInRow && which.has(item / kInRow)) to[item] = loaded[k][0];
     }
   }
-  template <class Which, class Random>
+  template <class Which, class RandomSource>
   __device__ void finish(const Numbers& numbers, std::size_t first, int rows, Which which,
-                         const float* gradients, const Random& random) {
+                         const float* gradients, const RandomSource& random) {
     for (int k = 0; k < kInRow; ++k) {
       const int item = lane_of_thread() + k * kWarp;
       if (item < rows * kInRow && which.has(item / kInRow))
         numbers.finish(first * kInRow + item, loaded[k], gradients[item],
-                       NumberPlace<Random>{random, item / kInRow, item % kInRow, kInRow});
+                       NumberPlace<RandomSource>{random, item / kInRow, item % kInRow, kInRow});
     }
   }
 };
@@ -373,9 +374,9 @@ struct TimeShares {
     shape.time_mean = shared.time_mean[lane];
     shape.log_time_scale = shared.log_time_scale[lane];
   }
-  template <class Which, class Random>
+  template <class Which, class RandomSource>
   __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
-                         const RowNumbers& gradients, const Random& random) {
+                         const RowNumbers& gradients, const RandomSource& random) {
     right_rotation.finish(sink.right_rotation, first, rows, which, gradients.right_rotation,
                           random);
     time_mean.finish(sink.time_mean, first, rows, which, gradients.time_mean, random);
@@ -390,8 +391,9 @@ struct TimeShares<Sink, false> {
   template <class Which>
   __device__ void lay_out(int, Which, RowNumbers&) const {}
   __device__ void read(const RowNumbers&, int, Shape&) const {}
-  template <class Which, class Random>
-  __device__ void finish(const Sink&, std::size_t, int, Which, const RowNumbers&, const Random&) {}
+  template <class Which, class RandomSource>
+  __device__ void finish(const Sink&, std::size_t, int, Which, const RowNumbers&,
+                         const RandomSource&) {}
 };
 
 /// This lane's share of the changes of color; none where colors do not change.
@@ -402,8 +404,9 @@ struct SlopeShares {
   template <class Which>
   __device__ void lay_out(int, Which, RowNumbers&) const {}
   __device__ void read(const RowNumbers&, int, Shape&) const {}
-  template <class Which, class Random>
-  __device__ void finish(const Sink&, std::size_t, int, Which, const RowNumbers&, const Random&) {}
+  template <class Which, class RandomSource>
+  __device__ void finish(const Sink&, std::size_t, int, Which, const RowNumbers&,
+                         const RandomSource&) {}
 };
 template <class Base>
 struct SlopeShares<WithSlope<Base>> {
@@ -421,9 +424,9 @@ struct SlopeShares<WithSlope<Base>> {
     const float* const slope = shared.sh0_slope + 3 * lane;
     shape.sh0_slope = {slope[0], slope[1], slope[2]};
   }
-  template <class Which, class Random>
+  template <class Which, class RandomSource>
   __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
-                         const SlopeRowNumbers& gradients, const Random& random) {
+                         const SlopeRowNumbers& gradients, const RandomSource& random) {
     sh0_slope.finish(sink.sh0_slope, first, rows, which, gradients.sh0_slope, random);
   }
 };
@@ -470,9 +473,9 @@ struct Shares {
     __syncwarp();
     return shape;
   }
-  template <class Which, class Random>
+  template <class Which, class RandomSource>
   __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
-                         const RowNumbersOf<Sink>& gradients, const Random& random) {
+                         const RowNumbersOf<Sink>& gradients, const RandomSource& random) {
     mean.finish(sink.mean, first, rows, which, gradients.mean, random);
     log_scale.finish(sink.log_scale, first, rows, which, gradients.log_scale, random);
     sh0.finish(sink.sh0, first, rows, which, gradients.sh0, random);

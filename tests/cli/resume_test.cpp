@@ -332,7 +332,7 @@ TEST_F(Resume, CompactMomentsGoOnAsTheyAre) {
             -SIGKILL);
   const Outcome floats = run(command("out", "--resume auto --set optimizer.moments=float"));
   EXPECT_EQ(floats.code, 2);
-  EXPECT_THAT(floats.err, AllOf(HasSubstr("optimizer.moments = compact (now float)"),
+  EXPECT_THAT(floats.err, AllOf(HasSubstr("optimizer.moments = \"compact\" (now \"float\")"),
                                 HasSubstr("start a new run in another folder")));
   const Outcome resumed = run(command("out", compact + "--resume auto"));
   ASSERT_EQ(resumed.code, 0) << resumed.err;

@@ -189,7 +189,8 @@ TEST(MakeStatic, ClearsCompactMomentsOfTheSameQuantities) {
   TrainingModel model = mixed_model(random_camera(96, 64, 3), 100, 6);
   model.has_codes = true;
   clear_history(model);
-  for_each_array([](const char*, const auto& array) { number_codes(array, 1); }, model.moment_codes);
+  for_each_array([](const char*, const auto& array) { number_codes(array, 1); },
+                 model.moment_codes);
   const TrainingModel before = copy_to(host_memory(), model);
   ASSERT_GT(make_scalar_row_ops()->make_static(model, kAfter), 20u);
   const MomentCodes &codes = model.moment_codes, &old = before.moment_codes;
@@ -197,7 +198,8 @@ TEST(MakeStatic, ClearsCompactMomentsOfTheSameQuantities) {
     const auto number = std::uint32_t(i + 1);
     const std::uint32_t expected = is_static(model.gaussians.log_time_scale[i]) ? 0 : number;
     EXPECT_TRUE(codes_are(codes.log_scale, i, expected) && codes_are(codes.rotation, i, expected) &&
-                codes_are(codes.right_rotation, i, expected) && codes_are(codes.time_mean, i, expected) &&
+                codes_are(codes.right_rotation, i, expected) &&
+                codes_are(codes.time_mean, i, expected) &&
                 codes_are(codes.log_time_scale, i, expected))
         << i;
     EXPECT_TRUE(codes_are(codes.mean, i, number) && codes_are(codes.logit_opacity, i, number)) << i;
