@@ -30,7 +30,7 @@ struct BenchCommand : CommandLine {
   int gaussians = 0;  // of a generated scene; 0 for a trained model
   int width = 1280, height = 720, views = 8;
   BenchmarkPlan plan;
-  bool json = false, blenders = false, frame_steps = false;
+  bool json = false, blenders = false, frame_steps = false, scores = false;
 };
 
 BenchmarkSubject generated_subject(const BenchCommand& command) {
@@ -118,6 +118,11 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
     if (command.blenders)
       report.blenders =
           compare_blenders(*backend, model, subject.rendered_views(), subject.settings, plan);
+    if (command.scores) {
+      log_info("timing the statistics of each score: {} steps, five times", plan.steps);
+      report.scores =
+          score_costs(*backend, model, subject.train_views, subject.settings, subject.config, plan);
+    }
   }
   log_info("timing copies in memory");
   report.copy_gb_per_second = copy_gb_per_second(*backend);  // last, because it takes memory itself
@@ -188,6 +193,8 @@ void add_bench(CLI::App& program) {
                 "compare speed and pictures of the GPU's blenders with each kind of tile bounds");
   verb.add_flag("--frame-steps", command->frame_steps,
                 "time frames in each way in which the GPU can draw them, and compare the pictures");
+  verb.add_flag("--scores", command->scores,
+                "time what the statistics of each growth score cost a training step");
   add_generator_options(verb, *command);
   add_plan_options(verb, command->plan);
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");

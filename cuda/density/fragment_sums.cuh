@@ -23,12 +23,14 @@ struct FragmentSink {
   FixedFragmentSums* fixed;  // (N)
   const float* values;       // (H, W)
 
-  /// The whole warp: the sums of one splat's fragments, of which this lane has one if it keeps it.
-  __device__ FragmentSums over_pixels(bool keep, float force, float weight, float value) const {
-    const float first = values ? weight * value : force;
-    const float second = values ? (keep ? value : 0.0f) : force * force;
-    return {float(__popc(__ballot_sync(kAllLanes, keep))), warp_sum(weight), warp_sum(first),
-            warp_sum(second)};
+  /// Adds a fragment, which has the force and the weight, at a pixel of this value to `sum`. What is
+  /// no fragment has the weight 0.
+  __device__ void count(FragmentSums& sum, float force, float weight, float value) const {
+    const bool is_kept = weight > 0;
+    sum.count += is_kept ? 1.0f : 0.0f;
+    sum.weight += weight;
+    sum.first += values ? weight * value : force;
+    sum.second += values ? (is_kept ? value : 0.0f) : force * force;
   }
 
   /// Adds the share that one sub-tile has in a Gaussian's sums.

@@ -26,6 +26,7 @@ constexpr int kRows = 16;                   // splats of one product
 constexpr int kRowStride = 2 * kWarp + 16;  // floats; rows lie 16 banks apart, for 16-byte loads
 constexpr int kProducts = kWarp / 8;        // of 8 pixels each
 constexpr int kSumStride = 20;              // floats from one splat's sums to the next
+constexpr int kFragmentsAt = 16;            // where its sums over fragments begin, if there are any
 
 struct WarpShared {
   ListedSplat list[kWarp];
@@ -156,14 +157,40 @@ struct WithFragments : Sums {
   FragmentSink fragments;
 };
 
+// The whole warp: sums over the fragments of the splats in all rows. In lanes 4 g and 4 g + 1, the
+// results are those of rows g and g + 8. `value` is that of this lane's pixel.
+__device__ FragmentSums sum_fragments(const float* rows, float value, const FragmentSink& sink) {
+  const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
+  FragmentSums result;
+#pragma unroll 1  // registers are scarce
+  for (int half = 0; half < 2; ++half) {
+    FragmentSums sum;
+#pragma unroll 1
+    for (int q = 0; q < kProducts; ++q) {
+      const float4 pair =
+          *reinterpret_cast<const float4*>(rows + (g + 8 * half) * kRowStride + 16 * q + 4 * t);
+      sink.count(sum, pair.x, pair.y, __shfl_sync(kAllLanes, value, 8 * q + 2 * t));
+      sink.count(sum, pair.z, pair.w, __shfl_sync(kAllLanes, value, 8 * q + 2 * t + 1));
+    }
+    for (float* const number : {&sum.count, &sum.weight, &sum.first, &sum.second})
+      for (int distance = 1; distance < 4; distance *= 2)
+        *number += __shfl_xor_sync(kAllLanes, *number, distance);
+    if (t == half) result = sum;
+  }
+  return result;
+}
+
 // The whole warp: sums the first `count` rows over the pixels and adds each splat's gradient to
 // that of its Gaussian. In lane r, `slot` is the place of row r's splat in the list, and `absolute`
-// is its absolute gradient.
+// is its absolute gradient. `value` is that of this lane's pixel, for sums over fragments.
 template <class Sums>
 __device__ void add_rows(WarpShared& shared, int count, int slot, const Vec2f& absolute,
-                         const Monomials& monomials, const Vec2f& center, const Sums& sums) {
+                         const Monomials& monomials, const Vec2f& center, float value,
+                         const Sums& sums) {
   const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
   __syncwarp();
+  [[maybe_unused]] FragmentSums fragments;
+  if constexpr (Sums::kHasFragments) fragments = sum_fragments(shared.rows, value, sums.fragments);
   float moments[4] = {}, colors[4] = {};
 #pragma unroll
   for (int q = 0; q < kProducts; ++q) {
@@ -182,6 +209,9 @@ __device__ void add_rows(WarpShared& shared, int count, int slot, const Vec2f& a
   *reinterpret_cast<float2*>(to + 8) = {colors[0], colors[1]};
   *reinterpret_cast<float2*>(to + 8 * kSumStride) = {moments[2], moments[3]};
   *reinterpret_cast<float2*>(to + 8 * kSumStride + 8) = {colors[2], colors[3]};
+  if (Sums::kHasFragments && t < 2)
+    *reinterpret_cast<float4*>(shared.rows + (g + 8 * t) * kSumStride + kFragmentsAt) = {
+        fragments.count, fragments.weight, fragments.first, fragments.second};
   __syncwarp();
   std::uint32_t gaussian = 0;
   SplatGradientSum sum;
@@ -190,6 +220,11 @@ __device__ void add_rows(WarpShared& shared, int count, int slot, const Vec2f& a
     gaussian = splat.gaussian;
     sum = splat_gradient(splat, center, shared.rows + lane * kSumStride);
     if (Sums::kAbsolute) sum.absolute_x = absolute.x, sum.absolute_y = absolute.y;
+    if constexpr (Sums::kHasFragments) {
+      const float4 of_row =
+          *reinterpret_cast<const float4*>(shared.rows + lane * kSumStride + kFragmentsAt);
+      sums.fragments.add(gaussian, {of_row.x, of_row.y, of_row.z, of_row.w});
+    }
   }
   sums.add(count, gaussian, sum, shared.rows);
   __syncwarp();
@@ -283,11 +318,6 @@ __global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute || Sums::kHasFr
     const int count = walk.list_next(shared.list);
     int rows = 0, slot = 0;
     Vec2f absolute(0.0f);
-    FragmentSums fragments;  // of this lane's row
-    const auto add_fragments = [&] {
-      if constexpr (Sums::kHasFragments)
-        if (lane < rows) sums.fragments.add(shared.list[slot].gaussian, fragments);
-    };
     for (int i = 0; i < count; ++i) {
       const ListedSplat splat = shared.list[i];
       const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
@@ -301,19 +331,13 @@ __global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute || Sums::kHasFr
         const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
         if (lane == rows) absolute = sum;
       }
-      if constexpr (Sums::kHasFragments) {
-        const FragmentSums sum = sums.fragments.over_pixels(keep, fragment.x, fragment.y, value);
-        if (lane == rows) fragments = sum;
-      }
       if (lane == rows) slot = i;
       if (++rows == kRows) {
-        add_fragments();
-        add_rows(shared, rows, slot, absolute, monomials, center, sums);
+        add_rows(shared, rows, slot, absolute, monomials, center, value, sums);
         rows = 0;
       }
     }
-    add_fragments();
-    if (rows) add_rows(shared, rows, slot, absolute, monomials, center, sums);
+    if (rows) add_rows(shared, rows, slot, absolute, monomials, center, value, sums);
     __syncwarp();
   }
 }

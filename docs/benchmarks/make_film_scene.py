@@ -1,8 +1,9 @@
-"""Makes a scene that twelve cameras film while they stand still, as in the Neural 3D Video data set.
+"""Makes a scene that cameras film while they stand still, as in the Neural 3D Video data set.
 
-    blender -b -noaudio -P make_film_scene.py -- OUT [--frames 60] [--size 400] [--samples 10]
+    blender -b -noaudio -P make_film_scene.py -- OUT [--cameras 12] [--frames 60] [--size 400]
+            [--samples 10]
 
-writes OUT/images/cam00.mp4 ... cam11.mp4 (H.264) and a COLMAP model of one image a camera,
+writes OUT/images/cam00.mp4 ... cam11.mp4 (H.264; one a camera) and a COLMAP model of one image a camera,
 OUT/sparse/0, with points on the surfaces of the first moment. The content is that of
 suzanne_dynamic: a head that twists and nods, bouncing balls, a flag, an arm of two links, all over
 black. Needs Blender 3.4 (Debian 12) and ffmpeg. A frame takes half a second on two cores; rendered
@@ -21,7 +22,6 @@ import bpy
 from mathutils import Matrix, Vector
 
 TURN = 2 * math.pi
-CAMERAS = 12
 DISTANCE, TARGET = 4.6, Vector((0, 0, 0.55))
 FIELD_OF_VIEW = 0.6911112070083618  # radians, horizontal: that of the synthetic NeRF scenes
 POINTS = 6000
@@ -31,6 +31,7 @@ FRAMES_PER_SECOND = 30
 def arguments():
     parser = argparse.ArgumentParser(prog="make_film_scene.py")
     parser.add_argument("out")
+    parser.add_argument("--cameras", type=int, default=12)
     parser.add_argument("--frames", type=int, default=60)
     parser.add_argument("--size", type=int, default=400, help="width and height, even")
     parser.add_argument("--samples", type=int, default=10, help="of Cycles, a pixel")
@@ -195,11 +196,11 @@ class Moving:
 
 # --- Cameras
 
-def camera_poses():
-    """Twelve around the scene, at three heights. Blender's axes: x right, y up, looking along -z."""
+def camera_poses(cameras):
+    """Around the scene, at three heights. Blender's axes: x right, y up, looking along -z."""
     poses = []
-    for i in range(CAMERAS):
-        around, up = TURN * i / CAMERAS, (0.25, 0.6, 0.95)[i % 3]
+    for i in range(cameras):
+        around, up = TURN * i / cameras, (0.25, 0.6, 0.95)[i % 3]
         place = TARGET + DISTANCE * Vector((math.cos(around) * math.cos(up),
                                             math.sin(around) * math.cos(up), math.sin(up)))
         pose = (TARGET - place).to_track_quat("-Z", "Y").to_matrix().to_4x4()
@@ -285,7 +286,7 @@ def main():
     if not shutil.which("ffmpeg"):
         sys.exit("make_film_scene.py needs the program ffmpeg: apt install ffmpeg")
     scene = set_up(options)
-    moving, poses = Moving(), camera_poses()
+    moving, poses = Moving(), camera_poses(options.cameras)
     moving.move_to(0)
     write_model(f"{options.out}/sparse/0", options, poses)
     for frame in range(options.frames):
@@ -295,13 +296,13 @@ def main():
             if os.path.exists(path):
                 continue
             scene.camera.matrix_world = pose
-            scene.cycles.seed = frame * CAMERAS + i
+            scene.cycles.seed = frame * options.cameras + i
             scene.render.filepath = path + ".part"
             scene.render.use_file_extension = False
             bpy.ops.render.render(write_still=True)
             os.rename(path + ".part", path)
     os.makedirs(f"{options.out}/images", exist_ok=True)
-    for i in range(CAMERAS):
+    for i in range(options.cameras):
         subprocess.run(["ffmpeg", "-v", "error", "-y", "-framerate", str(FRAMES_PER_SECOND), "-i",
                         f"{options.out}/rendered/cam{i:02d}/%04d.png", "-c:v", "libx264", "-crf",
                         "12", "-preset", "slow", "-pix_fmt", "yuv420p",

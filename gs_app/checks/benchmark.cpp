@@ -22,19 +22,10 @@ constexpr std::size_t kDeviceCopyBytes = std::size_t(1) << 30;  // much larger t
 // Larger than caches, but fits small machines.
 constexpr std::size_t kHostCopyBytes = std::size_t(1) << 28;
 constexpr int kCopies = 8;
-const LearningRates kNoRates{};  // all zero
 
 double milliseconds_now() {
   using Clock = std::chrono::steady_clock;
   return std::chrono::duration<double, std::milli>(Clock::now().time_since_epoch()).count();
-}
-
-template <class T>
-double median(std::vector<T> values) {
-  if (values.empty()) return 0;
-  const std::size_t n = values.size();
-  std::sort(values.begin(), values.end());
-  return (double(values[(n - 1) / 2]) + double(values[n / 2])) / 2;
 }
 
 std::vector<StageFigures> figures_of(Backend& backend, const Workload& workload) {
@@ -43,7 +34,7 @@ std::vector<StageFigures> figures_of(Backend& backend, const Workload& workload)
   std::vector<StageFigures> figures;
   double sum = 0;
   for (const StageTime& time : backend.stage_times()) {
-    const double ms = median(time.milliseconds);
+    const double ms = median({time.milliseconds.begin(), time.milliseconds.end()});
     const std::optional<double> bytes = is_gpu ? stage_bytes(time.stage, workload) : std::nullopt;
     figures.push_back({time.stage, ms, 0, bytes, std::nullopt});
     if (bytes && ms > 0) figures.back().gb_per_second = *bytes / ms * 1e-6;
@@ -133,6 +124,13 @@ FrameDifference difference_of(const FrameDrawer& from, const FrameDrawer& to, Me
 
 }  // namespace
 
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const std::size_t n = values.size();
+  std::sort(values.begin(), values.end());
+  return (values[(n - 1) / 2] + values[n / 2]) / 2;
+}
+
 Camera at_scale(const Camera& camera, double scale) {
   const auto side = [&](int pixels) { return std::max(1, int(std::lround(pixels * scale))); };
   return resized(camera, side(camera.width), side(camera.height));
@@ -168,24 +166,32 @@ Workload mean_workload(Backend& backend, const TrainingModel& model, const std::
   return mean;
 }
 
+double milliseconds_of_steps(Backend& backend, TrainingModel& model, const std::vector<View>& views,
+                             const RenderSettings& settings, const Config& config,
+                             const DensityStep& density, int steps, std::size_t& next) {
+  RenderSettings training = settings;
+  training.for_backward = true;
+  const LearningRates no_rates{};  // all zero
+  backend.synchronize(model);
+  const double begin = milliseconds_now();
+  for (int step = 0; step < steps; ++step, ++next) {
+    backend.prefetch_next(views[(next + 1) % views.size()]);
+    backend.step(model, views[next % views.size()], training, loss_settings(config), no_rates,
+                 density);
+  }
+  backend.synchronize(model);
+  return milliseconds_now() - begin;
+}
+
 TrainingFigures time_training(Backend& backend, TrainingModel& model,
                               const std::vector<View>& views, const RenderSettings& settings,
                               const Config& config, const BenchmarkPlan& plan,
                               const Workload& workload) {
-  RenderSettings training = settings;
-  training.for_backward = true;
   backend.upload_views(views, std::size_t(double(config.train.photo_gib) * kBytesPerGib));
   std::size_t next = 0;
   const auto milliseconds_of = [&](int steps) {
-    backend.synchronize(model);
-    const double begin = milliseconds_now();
-    for (int step = 0; step < steps; ++step, ++next) {
-      backend.prefetch_next(views[(next + 1) % views.size()]);
-      backend.step(model, views[next % views.size()], training, loss_settings(config), kNoRates,
-                   {.gather_statistics = true});
-    }
-    backend.synchronize(model);
-    return milliseconds_now() - begin;
+    return milliseconds_of_steps(backend, model, views, settings, config,
+                                 {.gather_statistics = true}, steps, next);
   };
 
   TrainingFigures figures;

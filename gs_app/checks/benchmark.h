@@ -71,6 +71,9 @@ struct RenderingFigures {
   std::optional<FrameDifference> difference;  // where ways are compared
 };
 
+/// Of an even number of values, the mean of the two in the middle; 0 for none.
+double median(std::vector<double> values);
+
 /// The camera with a picture `scale` times as large.
 Camera at_scale(const Camera& camera, double scale);
 
@@ -85,6 +88,13 @@ TrainingModel benchmark_model(Backend& backend, const GaussianModel& from,
 /// The workload of one view, averaged over `views`.
 Workload mean_workload(Backend& backend, const TrainingModel& model, const std::vector<View>& views,
                        const RenderSettings& settings);
+
+/// The wall time of so many training steps on all views in turn, from views[next] on, which
+/// afterwards is the view of the next step. Learning rates are zero. Takes views that the backend
+/// has (upload_views).
+double milliseconds_of_steps(Backend& backend, TrainingModel& model, const std::vector<View>& views,
+                             const RenderSettings& settings, const Config& config,
+                             const DensityStep& density, int steps, std::size_t& next);
 
 /// Times training steps on all views in turn. Learning rates are zero, so that every step sees the
 /// same model, but each step computes and moves as much as any other. `workload` gives the stages'

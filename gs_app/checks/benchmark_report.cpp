@@ -112,6 +112,17 @@ std::string blenders_text(const std::vector<BlenderFigures>& blenders) {
   return text;
 }
 
+std::string scores_text(const std::vector<ScoreCost>& scores) {
+  if (scores.empty()) return "";
+  std::string text =
+      fmt::format("\ntraining steps that gather the statistics of a score\n  {:<10} {:>8} {:>7}\n",
+                  "score", "ms", "cost");
+  for (const ScoreCost& cost : scores)
+    text += fmt::format("  {:<10} {:>8.3f} {:>6.1f}%\n", cost.statistics, cost.ms_per_step,
+                        100 * (cost.ratio - 1));
+  return text;
+}
+
 std::string workload_text(const Workload& workload) {
   return fmt::format("{} visible Gaussians and {} instances per view, {} in the fullest tile",
                      with_commas(std::uint64_t(workload.visible + 0.5)),
@@ -146,6 +157,10 @@ std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& pl
     json["render"].push_back(rendering_json(figures, report));
   for (const BlenderFigures& figures : report.blenders)
     json["blenders"].push_back(blender_json(figures));
+  for (const ScoreCost& cost : report.scores)
+    json["scores"].push_back({{"statistics", cost.statistics},
+                              {"ms_per_step", cost.ms_per_step},
+                              {"ratio", cost.ratio}});
   json["copy_gb_per_s"] = or_null(report.copy_gb_per_second);
   if (report.peak_gpu_bytes) json["peak_gpu_bytes"] = *report.peak_gpu_bytes;
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
@@ -173,7 +188,7 @@ std::string report_text(const BenchmarkSubject& subject, const BenchmarkPlan& pl
                           difference->psnr, difference->largest);
     text += "  " + workload_text(figures.mean) + "\n" + stages_text(figures.stages, report);
   }
-  text += blenders_text(report.blenders) + "\n";
+  text += scores_text(report.scores) + blenders_text(report.blenders) + "\n";
   if (report.copy_gb_per_second)
     text += fmt::format("copies in memory: {:.0f} GB/s, reads and writes together\n",
                         *report.copy_gb_per_second);

@@ -8,6 +8,7 @@
 
 #include "gs_app/checks/benchmark.h"
 #include "gs_app/checks/blenders.h"
+#include "gs_app/checks/score_costs.h"
 
 namespace gs {
 
@@ -30,6 +31,7 @@ struct BenchmarkReport {
   Workload workload;  // of a training view, averaged
   std::vector<RenderingFigures> rendering;
   std::vector<BlenderFigures> blenders;
+  std::vector<ScoreCost> scores;
   std::optional<double> copy_gb_per_second;
   std::optional<std::size_t> peak_gpu_bytes;
 };

@@ -18,6 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -562,6 +563,21 @@ TEST_F(Program, BenchComparesWaysToDrawFramesOnAGpuOnly) {
     EXPECT_EQ(outcome.code, 2);
     EXPECT_THAT(outcome.err, HasSubstr("add --device cuda"));
   }
+}
+
+TEST_F(Program, BenchTimesTheStatisticsOfEachScore) {
+  const Outcome outcome =
+      run("bench --gaussians 50 --width 32 --height 32 --views 2 --steps 2 --warmup 1 --frames 1 "
+          "--device cpu --scores --json -q");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const nlohmann::json scores = nlohmann::json::parse(outcome.out).at("scores");
+  std::vector<std::string> names;
+  for (const auto& score : scores) {
+    names.push_back(score.at("statistics"));
+    EXPECT_GT(score.at("ms_per_step"), 0.0);
+  }
+  EXPECT_THAT(names, ElementsAre("none", "gradient", "force", "error", "mask", "edge"));
+  EXPECT_EQ(scores.front().at("ratio"), 1.0);
 }
 
 TEST_F(Program, BenchOfARunTakesItsViews) {

@@ -11,6 +11,9 @@ namespace {
 
 const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
 constexpr float kWeight = 2;  // so that depth has a good part in the gradients
+// Relative, of gradients: one of the two backends may keep a fragment at a threshold, and the other
+// leave it out.
+constexpr double kTolerance = 1e-2;
 
 /// Three views of random photos with maps of holes and noise; the second one has a mask.
 Scene three_views(int width, int height, DepthKind kind) {
@@ -75,7 +78,7 @@ class CudaDepth : public CudaTest {
       step(cpu(), expected, rows, settings);
       step(gpu(), actual, rows, settings);
       gpu().synchronize(actual);
-      expect_same_gradients(actual, expected, 2e-3);
+      expect_same_gradients(actual, expected, kTolerance);
     }
   }
 
@@ -130,7 +133,7 @@ TEST_F(CudaDepth, LearnsTheSameBitsEachTimeIfDeterministic) {
   step(cpu(), expected, {0}, settings);
   step(gpu(), actual, {0}, settings);
   gpu().synchronize(actual);
-  expect_same_gradients(actual, expected, 2e-3);
+  expect_same_gradients(actual, expected, kTolerance);
 }
 
 // The stage leaves nothing behind for photos without a map.

@@ -170,11 +170,19 @@ TEST_F(CudaRows, RefinesRowsOfAllRowActionAsTheScalarTwin) {
 }
 
 TEST_F(CudaRows, RefinesTheSameRowsOfARegion) {
+  const TrainingModel model = random_model(3000, 4);
+  std::vector<float> x;
+  for (const Vec3f& mean : model.gaussians.mean.download())
+    if (std::isfinite(mean.x)) x.push_back(mean.x);
+  std::nth_element(x.begin(), x.begin() + std::ptrdiff_t(x.size() / 2), x.end());
   AdaptiveRules rules = kRules;
-  rules.region.half_spaces[0] = {{1, 0, 0}, 0};
+  refine_both(random_model(3000, 4), rules, 4);
+  const std::size_t everywhere = expected_.cloned;
+  rules.region.half_spaces[0] = {{1, 0, 0}, x[x.size() / 2]};
   rules.region.count = 1;
   refine_both(random_model(3000, 4), rules, 4);
   EXPECT_GT(expected_.cloned, 50u);
+  EXPECT_LT(expected_.cloned, everywhere - 50);
 }
 
 TEST_F(CudaRows, RefinesAnyNumberOfRows) {

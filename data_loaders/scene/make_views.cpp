@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/scene/make_views.h"
+
+#include <algorithm>
+#include <atomic>
+#include <limits>
+#include <mutex>
+
+#include <spdlog/fmt/fmt.h>
+
+#include "data_loaders/photos/photo_pool.h"
+#include "data_loaders/scene/cached_picture.h"
+#include "data_loaders/scene/depth_map.h"
+#include "data_loaders/scene/view_picture.h"
+#include "data_loaders/video/film_frames.h"
+#include "gs_core/bytes.h"
+#include "gs_core/error.h"
+#include "gs_core/io/host_ram.h"
+#include "gs_core/log.h"
+#include "gs_core/threads/parallel.h"
+
+namespace gs {
+namespace {
+
+constexpr int kMostDecoders = 16;                               // threads of a PhotoPool
+constexpr std::size_t kBytesForLooking = std::size_t(1) << 30;  // of photos, with when_asked
+
+/// A view without its picture.
+View empty_view(const ViewPlan& plan) {
+  View view;
+  view.name = plan.name;
+  view.camera = plan.camera;
+  view.camera_id = plan.camera_id;
+  view.rig_frame = plan.rig_frame;
+  view.exposure_stops = plan.exposure_stops;
+  view.may_be_masked = plan.may_be_masked;
+  view.over_background = plan.masks.over_background && view.may_be_masked;
+  view.has_depth_map = !plan.depth_file.empty();
+  view.depth_kind = plan.depth_kind;
+  return view;
+}
+
+View view_with(Picture picture, const ViewPlan& plan) {
+  View view = empty_view(plan);
+  view.photo = std::move(picture.photo);
+  view.mask = std::move(picture.mask);
+  view.over_background = plan.masks.over_background && !view.mask.empty();
+  if (view.has_depth_map) {
+    DepthMap map = make_depth_map(plan);
+    view.depth = std::move(map.values);
+    view.depth_kind = map.kind;
+  }
+  return view;
+}
+
+/// `cache` may be null.
+View load_view(std::size_t index, const ViewPlan& plan, CachedPictures* cache) {
+  return view_with(cache ? cache->picture(index, plan) : make_picture(plan), plan);
+}
+
+bool has_frames(const std::vector<ViewPlan>& plans) {
+  return std::ranges::any_of(plans, [](const ViewPlan& plan) { return plan.is_frame; });
+}
+
+/// Makes the pictures of frames of videos within `budget` bytes, each video decoded once
+/// (for_each_frame()).
+void for_each_film_picture(const std::vector<ViewPlan>& plans, std::size_t budget,
+                           const std::function<bool(std::size_t view)>& wants,
+                           const std::function<void(std::size_t view, Picture picture)>& take) {
+  std::vector<std::size_t> views;
+  std::vector<VideoFrame> frames;
+  std::size_t cost = 1;  // bytes of one frame in the making
+  for (std::size_t i = 0; i < plans.size(); ++i) {
+    if (!plans[i].is_frame) continue;
+    views.push_back(i);
+    frames.push_back({plans[i].file, plans[i].frame});
+    cost = std::max(cost, plans[i].cost.decoding);
+  }
+  const std::size_t most_at_once = std::clamp<std::size_t>(budget / cost, 1, thread_count());
+  for_each_frame(
+      frames, most_at_once, [&](std::size_t k) { return wants(views[k]); },
+      [&](std::size_t k, Image8 frame) {
+        take(views[k], make_picture(plans[views[k]], {std::move(frame), {}}));
+      });
+}
+
+/// All photos decoded.
+std::vector<View> load_views(const std::vector<ViewPlan>& plans, CachedPictures* cache,
+                             const LoadProgress& progress) {
+  std::vector<View> views(plans.size());
+  std::atomic<bool> has_failed = false;  // then the others need not be decoded
+  std::mutex mutex;
+  std::size_t done = 0;
+  const auto count = [&] {
+    const std::lock_guard lock(mutex);
+    if (progress) progress(LoadStage::photos, ++done, plans.size());
+  };
+  parallel_for(plans.size(), 1, [&](std::size_t i) {
+    if (has_failed) return;
+    try {
+      if (!plans[i].is_frame)
+        views[i] = load_view(i, plans[i], cache);
+      else if (auto kept = cache ? cache->find(i, plans[i]) : std::nullopt)
+        views[i] = view_with(std::move(*kept), plans[i]);
+      else
+        return;  // decoded below, in the order of its video
+    } catch (...) {
+      has_failed = true;
+      throw;
+    }
+    count();
+  });
+  for_each_film_picture(
+      plans, std::numeric_limits<std::size_t>::max(),  // fit_into_ram() has counted all threads
+      [&](std::size_t i) { return views[i].photo.empty(); },
+      [&](std::size_t i, Picture picture) {
+        if (cache) cache->store(i, plans[i], picture);
+        views[i] = view_with(std::move(picture), plans[i]);
+        count();
+      });
+  return views;
+}
+
+/// Puts the frames of videos into the cache, because a PhotoPool asks for them in any order. Warns
+/// of those that it does not take. `cache` may be null.
+void keep_frames(const std::vector<ViewPlan>& plans, CachedPictures* cache, std::size_t budget,
+                 const LoadProgress& progress) {
+  const auto frames =
+      std::size_t(std::ranges::count_if(plans, [](const ViewPlan& plan) { return plan.is_frame; }));
+  if (frames == 0) return;
+  std::size_t kept = 0;
+  if (cache) {
+    std::mutex mutex;
+    const auto count = [&] {
+      const std::lock_guard lock(mutex);
+      if (progress) progress(LoadStage::photos, ++kept, frames);
+    };
+    for_each_film_picture(
+        plans, budget,
+        [&](std::size_t i) {
+          const bool is_kept = cache->has(i, plans[i]);
+          if (is_kept) count();
+          return !is_kept;
+        },
+        [&](std::size_t i, Picture picture) {
+          cache->store(i, plans[i], picture);
+          if (cache->has(i, plans[i])) count();
+        });
+  }
+  if (kept < frames)
+    log_warning(
+        "{} of {} frames of videos fit neither into memory (--photo-ram) nor into the photo cache "
+        "(dataset.photo_cache, dataset.photo_cache_gib): whenever one of them is needed, its video "
+        "is decoded from the beginning, which is slow; give one of the two more, or train at a "
+        "lower resolution (-r)",
+        frames - kept, frames);
+}
+
+/// Whether all photos fit into memory at once while the last ones are still being decoded.
+bool fit_into_ram(const std::vector<PhotoCost>& costs, std::size_t budget) {
+  std::size_t held = 0, decoding = 0;
+  for (const PhotoCost& cost : costs) {
+    held += cost.held;
+    decoding = std::max(decoding, cost.decoding);
+  }
+  return held + std::min<std::size_t>(std::size_t(thread_count()), costs.size()) * decoding <=
+         budget;
+}
+
+/// Views without photos, and a pool that decodes them on demand.
+std::vector<View> lazy_views(std::vector<ViewPlan> plans, std::vector<PhotoCost> costs,
+                             std::size_t budget, std::shared_ptr<CachedPictures> cache) {
+  std::vector<View> views;
+  for (const ViewPlan& plan : plans) {
+    views.push_back(empty_view(plan));
+    views.back().index = views.size() - 1;
+  }
+  const auto shared_plans = std::make_shared<const std::vector<ViewPlan>>(std::move(plans));
+  const auto pool = std::make_shared<PhotoPool>(
+      std::move(costs),
+      [shared_plans, cache](std::size_t i) {
+        return load_view(i, (*shared_plans)[i], cache.get());
+      },
+      budget, std::clamp(thread_count() - 1, 1, kMostDecoders));
+  for (View& view : views) view.source = pool;
+  return views;
+}
+
+}  // namespace
+
+std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan> plans,
+                             const LoadProgress& progress, PhotoLoading loading) {
+  std::vector<PhotoCost> costs;
+  double held = 0;
+  for (const ViewPlan& plan : plans) {
+    costs.push_back(plan.cost);
+    held += double(costs.back().held);
+  }
+  if (loading == PhotoLoading::when_asked) {
+    const std::size_t budget = std::max(kBytesForLooking, PhotoPool::least_budget(costs));
+    const std::shared_ptr<CachedPictures> kept =  // by training, perhaps
+        has_frames(plans) ? cache_for(dataset, plans, false) : nullptr;
+    return lazy_views(std::move(plans), std::move(costs), budget, kept);
+  }
+  std::size_t budget = photo_ram_bytes(dataset);
+  const bool all_fit = fit_into_ram(costs, budget);
+  const std::shared_ptr<CachedPictures> cache = cache_for(dataset, plans, all_fit);
+  if (cache)
+    log_info("photos that are ready for training are kept in {}", cache->folder().string());
+  if (all_fit) return load_views(plans, cache.get(), progress);
+  const std::size_t least = PhotoPool::least_budget(costs);
+  if (dataset.photo_ram_gib > 0 && budget < least)
+    throw UsageError(fmt::format(
+        "dataset.photo_ram_gib is {}, but one of these photos in use while another one is decoded "
+        "takes {:.3g}; give at least that (--photo-ram), or 0 for half of the machine's memory",
+        dataset.photo_ram_gib, 1.01 * double(least) / kBytesPerGib));
+  budget = std::max(budget, least);
+  log_info(
+      "the photos take {:.3g} GiB when decoded, but may take {:.3g} GiB of memory (--photo-ram): "
+      "they are decoded just before their turn",
+      held / kBytesPerGib, double(budget) / kBytesPerGib);
+  keep_frames(plans, cache.get(), budget, progress);
+  return lazy_views(std::move(plans), std::move(costs), budget, cache);
+}
+
+}  // namespace gs
