@@ -144,6 +144,7 @@ class CudaBackend final : private Device, public Backend {
                         loss_settings,
                         adam_steps(model.adam_steps + update.rule.steps, update.rates, update.rule),
                         update.rule,
+                        {update.rounding_seed, model.adam_steps + update.rule.steps},
                         density,
                         update.rates.mean,
                         photometric,
@@ -220,6 +221,7 @@ class CudaBackend final : private Device, public Backend {
     LossSettings loss_settings;
     AdamSteps adam;
     AdamRule rule;
+    MomentRounding rounding;
     DensityStep density;
     float position_rate;  // Adam's rate for the means, which scales the noise
     PhotometricUpdate photometric;
@@ -335,7 +337,7 @@ class CudaBackend final : private Device, public Backend {
                                   pass_, 1.0f / float(step.batch.size()), sums_, pose);
     else
       preprocess_backward_and_update(context, *model_, camera, settings, step.adam, step.rule,
-                                     step.density, workspace, pass_, pose);
+                                     step.rounding, step.density, workspace, pass_, pose);
     if (settings.fragment_statistic != FragmentStatistic::none)
       gather_fragment_sums(context, settings, workspace, pass_, step.density.pooling,
                            step.batch.size() > 1 ? sums_.statistics : model_->statistics);
@@ -365,8 +367,8 @@ class CudaBackend final : private Device, public Backend {
             "marking the rows with gradients");  // all of them
     }
     const std::uint32_t* const halted = renderer_.workspace().halted.data();
-    update_by_sums(context, *model_, step.adam, step.rule, step.batch.back().settings.sh_degree,
-                   halted, sums_);
+    update_by_sums(context, *model_, step.adam, step.rule, step.rounding,
+                   step.batch.back().settings.sh_degree, halted, sums_);
     if (model_->statistics.has_sums)
       pool_fragment_sums(context, model_->statistics.sums.span(), sums_.statistics.sums.span(),
                          step.density.pooling, halted);

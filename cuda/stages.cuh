@@ -240,21 +240,15 @@ void camera_gradient(Context& context, const GaussiansSpan& gaussians, const Cam
                      const RenderSettings& settings, Workspace& workspace, const RenderPass& pass,
                      const DevicePose* pose, const PoseRow& row, double weight);
 
-/// The Adam step of each learned quantity.
-template <class T>
-using AdamStepOf = AdamStep;
-using AdamSteps = GaussianArrays<AdamStepOf>;
-AdamSteps adam_steps(int t, const LearningRates& rates, const AdamRule& rule);
-
 /// 7 and 8 in one  preprocess_backward.cu: pull the gradients back and update the parameters at
 /// once, so that no gradient of a parameter is stored. Invisible rows are updated, too. Nothing is
 /// updated while workspace.halted is raised. add_position_noise() adds the noise that `density`
 /// asks for.
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
                                     const RenderSettings& settings, const AdamSteps& steps,
-                                    const AdamRule& rule, const DensityStep& density,
-                                    Workspace& workspace, RenderPass& pass,
-                                    const DevicePose* pose = nullptr);
+                                    const AdamRule& rule, const MomentRounding& rounding,
+                                    const DensityStep& density, Workspace& workspace,
+                                    RenderPass& pass, const DevicePose* pose = nullptr);
 
 /// What the photos of a batch add up to before the update. All zero between batches.
 struct BatchSums {
@@ -276,8 +270,8 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
 /// SH coefficients beyond `sh_degree` have no gradients yet and stay. Nothing is updated while
 /// `halted` is raised.
 void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& steps,
-                    const AdamRule& rule, int sh_degree, const std::uint32_t* halted,
-                    const BatchSums& sums);
+                    const AdamRule& rule, const MomentRounding& rounding, int sh_degree,
+                    const std::uint32_t* halted, const BatchSums& sums);
 
 /// Additions of the MCMC strategy to 8  langevin.cu: the regularizers' gradients before Adam, where
 /// gradients are stored, and noise on the means after Adam. No noise is added while `halted` is

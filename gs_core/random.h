@@ -21,7 +21,8 @@ enum class RandomStream : std::uint32_t {
   initial_time,
   time_shift,
   growth,
-  alignment
+  alignment,
+  moment_rounding
 };
 
 struct RandomBits {

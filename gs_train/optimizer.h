@@ -15,14 +15,28 @@ template <class T>
 using RateOf = float;
 using LearningRates = GaussianArrays<RateOf>;
 
+/// The Adam step of each learned quantity.
+template <class T>
+using AdamStepOf = AdamStep;
+using AdamSteps = GaussianArrays<AdamStepOf>;
+inline AdamSteps adam_steps(int t, const LearningRates& rates, const AdamRule& rule) {
+  AdamSteps steps;
+  steps.has_time = steps.has_slope = true;
+  for_each_array(
+      [&](const char*, AdamStep& step, float rate) { step = adam_step(t, rate, rule.photo_beta2); },
+      steps, rates);
+  return steps;
+}
+
 /// One update of the parameters.
 struct Update {
   LearningRates rates;
   AdamRule rule = {};
-  float photometric_rate = 0;  // of the photometric model; 0: it rests
-  float pose_rate = 0;         // of the poses; 0: they rest
-  float pose_pull = 0;         // PosesConfig::pull
-  AdamRule photo_rule = {};    // of both
+  float photometric_rate = 0;       // of the photometric model; 0: it rests
+  float pose_rate = 0;              // of the poses; 0: they rest
+  float pose_pull = 0;              // PosesConfig::pull
+  AdamRule photo_rule = {};         // of both
+  std::uint64_t rounding_seed = 0;  // of moments that are codes (MomentRounding)
 };
 
 /// Noise on the means in one step. It depends on seed, step and row alone, so that every backend

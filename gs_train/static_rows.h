@@ -9,6 +9,7 @@
 #include "gs_core/geometry/symmetric_eigen.h"
 #include "gs_core/math/quaternion.h"
 #include "gs_core/math/spacetime_color.h"
+#include "gs_train/training_model.h"
 
 namespace gs {
 
@@ -71,18 +72,40 @@ GS_HD bool has_lasting_color(const Vec3f& sh0_slope, const SpacetimeShape<double
   return largest * in_scene <= kStaticColorChange;
 }
 /// Gives row i, of this shape before, the color that it has in the middle of the scene.
-GS_HD void make_color_static(const GaussiansSpan& rows, const GaussiansSpan& m,
-                             const GaussiansSpan& v, std::size_t i,
+GS_HD void make_color_static(const GaussiansSpan& rows, std::size_t i,
                              const SpacetimeShape<double>& shape) {
   const float phase = float(phase_at(shape, 0.5));
   rows.sh0[i] = sh0_at(rows.sh0[i], rows.sh0_slope[i], phase);
-  rows.sh0_slope[i] = m.sh0_slope[i] = v.sh0_slope[i] = Vec3f(0.0f);
+  rows.sh0_slope[i] = Vec3f(0.0f);
 }
 
-/// Makes row i static if static_gaussian() is near it, and clears the moments m and v of what has
-/// another meaning then. True if it did. Rows have times.
-GS_HD bool make_static(const GaussiansSpan& rows, const GaussiansSpan& m, const GaussiansSpan& v,
-                       std::size_t i, double least_time_scale) {
+/// Adam's moments of rows, in the form that they have (TrainingModel); the arrays of the other one
+/// are empty.
+struct MomentsSpan {
+  GaussiansSpan first, second;
+  bool has_codes = false;
+  MomentCodesSpan codes;
+};
+inline MomentsSpan moments_of(const TrainingModel& model) {
+  return {model.first_moment.span(), model.second_moment.span(), model.has_codes,
+          model.moment_codes.span()};
+}
+
+/// Clears the moments of what has another meaning in a static row.
+template <class Arrays>
+GS_HD void clear_for_static(const Arrays& moments, std::size_t i) {
+  moments.log_scale[i] = {};
+  moments.rotation[i] = {};
+  moments.right_rotation[i] = {};
+  moments.time_mean[i] = {};
+  moments.log_time_scale[i] = {};
+  if (moments.has_slope) moments.sh0_slope[i] = {};
+}
+
+/// Makes row i static if static_gaussian() is near it, and clears the moments of what has another
+/// meaning then. True if it did. Rows have times.
+GS_HD bool make_static(const GaussiansSpan& rows, const MomentsSpan& moments, std::size_t i,
+                       double least_time_scale) {
   const Quatf l = rows.rotation[i], r = rows.right_rotation[i];
   if (is_static(rows.log_time_scale[i]) || is_degenerate(l) || is_degenerate(r)) return false;
   const SpacetimeShape<double> shape{
@@ -91,7 +114,7 @@ GS_HD bool make_static(const GaussiansSpan& rows, const GaussiansSpan& m, const 
   const StaticGaussian made = static_gaussian(shape, least_time_scale);
   if (!made.is_near || (rows.has_slope && !has_lasting_color(rows.sh0_slope[i], shape)))
     return false;
-  if (rows.has_slope) make_color_static(rows, m, v, i, shape);
+  if (rows.has_slope) make_color_static(rows, i, shape);
   const Quat<double>& q = made.rotation;
   const Quatf left = static_rotation(Quatf{float(q.w), float(q.x), float(q.y), float(q.z)});
   rows.mean[i] = Vec3f(made.mean);
@@ -101,10 +124,11 @@ GS_HD bool make_static(const GaussiansSpan& rows, const GaussiansSpan& m, const 
   rows.logit_opacity[i] = float(made.logit_opacity);
   rows.time_mean[i] = 0.5f;
   rows.log_time_scale[i] = kStaticLogTimeScale;
-  for (const GaussiansSpan& moments : {m, v}) {
-    moments.log_scale[i] = Vec3f(0.0f);
-    moments.rotation[i] = moments.right_rotation[i] = {0, 0, 0, 0};
-    moments.time_mean[i] = moments.log_time_scale[i] = 0;
+  if (moments.has_codes) {
+    clear_for_static(moments.codes, i);
+  } else {
+    clear_for_static(moments.first, i);
+    clear_for_static(moments.second, i);
   }
   return true;
 }

@@ -6,6 +6,7 @@
 
 #include "gs_core/gaussians.h"
 #include "gs_core/math/growth.h"
+#include "gs_core/math/moment_code.h"
 #include "gs_train/photometric/photometric_state.h"
 #include "gs_train/poses/pose_state.h"
 
@@ -35,7 +36,12 @@ void for_each_statistic(F&& f, First&& first, Rest&&... rest) {
 /// here and a line in for_each_row_array(): row operations, checkpoints and copies then treat it
 /// like the others.
 struct TrainingModel {
-  Gaussians gaussians, first_moment, second_moment;
+  Gaussians gaussians;
+  // Adam's moments: as floats, or both as codes (optimizer.moments). The arrays of the other form
+  // are empty.
+  Gaussians first_moment, second_moment;
+  bool has_codes = false;
+  MomentCodes moment_codes;
   DensityStatistics statistics;
   PhotometricState photometric;  // of the photos; empty without photometric.model
   PoseState poses;               // of the photos; empty without poses.refine
@@ -45,16 +51,25 @@ struct TrainingModel {
   std::size_t first_count = 0;
 
   explicit TrainingModel(Memory& memory = host_memory())
-      : gaussians(memory), first_moment(memory), second_moment(memory), statistics(memory),
-        photometric(memory) {}
+      : gaussians(memory), first_moment(memory), second_moment(memory), moment_codes(memory),
+        statistics(memory), photometric(memory) {}
   std::size_t count() const { return gaussians.count(); }
   /// Says that parameters and moments have the learned quantities of `like`. Call it before rows are
   /// added.
   void set_learned_arrays(const Gaussians& like) {
     for (Gaussians* const arrays : {&gaussians, &first_moment, &second_moment})
       take_learned_arrays(*arrays, like);
+    take_learned_arrays(moment_codes, like);
   }
 };
+
+/// Calls f(arrays) for each set of arrays that holds moments of the model.
+template <class F, class Model>
+void for_each_moment(F&& f, Model& model) {
+  if (model.has_codes) return f(model.moment_codes);
+  f(model.first_moment);
+  f(model.second_moment);
+}
 
 /// What an array holds. It decides what the row of a new Gaussian starts with.
 enum class RowRole {
@@ -74,7 +89,7 @@ struct RowArray {
 };
 
 /// Calls f(RowArray, a.array, b.array, ...) for every array that has one row per Gaussian, in a
-/// fixed order. The models may be const.
+/// fixed order. The models may be const, and all of them keep moments as the first one does.
 template <class F, class First, class... Rest>
 void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
   const auto visit = [&f](RowRole role, const char* group) {
@@ -83,14 +98,19 @@ void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
     };
   };
   for_each_stored_array(visit(RowRole::parameter, "gaussians"), first.gaussians, rest.gaussians...);
-  for_each_array(visit(RowRole::moment, "first_moment"), first.first_moment, rest.first_moment...);
-  for_each_array(visit(RowRole::moment, "second_moment"), first.second_moment,
-                 rest.second_moment...);
+  if (first.has_codes) {
+    for_each_array(visit(RowRole::moment, "moments"), first.moment_codes, rest.moment_codes...);
+  } else {
+    for_each_array(visit(RowRole::moment, "first_moment"), first.first_moment,
+                   rest.first_moment...);
+    for_each_array(visit(RowRole::moment, "second_moment"), first.second_moment,
+                   rest.second_moment...);
+  }
   for_each_statistic(visit(RowRole::statistic, "statistics"), first.statistics, rest.statistics...);
 }
 
-/// Gives a model whose parameters are set the moments and statistics of a model before its first
-/// step: zeros.
+/// Gives a model whose parameters are set the moments, in the form that it has, and the statistics
+/// of a model before its first step: zeros.
 inline void clear_history(TrainingModel& model) {
   const std::size_t count = model.count();
   model.set_learned_arrays(model.gaussians);
@@ -121,15 +141,19 @@ inline void clear_statistics(TrainingModel& model) {
 
 /// Zeros the moments of the opacities, or all of them, or none.
 inline void clear_moments(TrainingModel& model, MomentClearing which) {
-  for (Gaussians* const moment : {&model.first_moment, &model.second_moment}) {
-    if (which == MomentClearing::opacity) moment->logit_opacity.fill_zero();
-    if (which == MomentClearing::all) moment->fill_zero();
-  }
+  for_each_moment(
+      [which](auto& moments) {
+        if (which == MomentClearing::opacity) moments.logit_opacity.fill_zero();
+        if (which == MomentClearing::all)
+          for_each_array([](const char*, auto& array) { array.fill_zero(); }, moments);
+      },
+      model);
 }
 
 /// A copy of everything, in another memory.
 inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
   TrainingModel model(memory);
+  model.has_codes = from.has_codes;
   model.set_learned_arrays(from.gaussians);
   model.gaussians.has_filter = from.gaussians.has_filter;
   model.statistics.has_sums = from.statistics.has_sums;

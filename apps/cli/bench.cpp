@@ -95,7 +95,8 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
   BenchmarkReport report;
   report.device = backend->name();
   {
-    TrainingModel model = benchmark_model(*backend, subject.gaussians);
+    TrainingModel model =
+        benchmark_model(*backend, subject.gaussians, subject.config.optimizer.moments);
     report.workload = mean_workload(*backend, model, subject.train_views, subject.settings);
     log_info("timing training: {} warm-up steps, then {} steps twice", plan.warmup, plan.steps);
     report.training = time_training(*backend, model, subject.train_views, subject.settings,

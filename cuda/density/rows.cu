@@ -131,11 +131,11 @@ __global__ void visible_row_actions_kernel(GaussiansSpan rows, float min_opacity
 }
 
 // Makes rows static. Each block counts its own.
-__global__ void make_static_kernel(GaussiansSpan rows, GaussiansSpan m, GaussiansSpan v,
-                                   double least_time_scale, Counts* counts) {
+__global__ void make_static_kernel(GaussiansSpan rows, MomentsSpan moments, double least_time_scale,
+                                   Counts* counts) {
   const std::size_t i = thread_number();
   const int made =
-      __syncthreads_count(i < rows.mean.size && make_static(rows, m, v, i, least_time_scale));
+      __syncthreads_count(i < rows.mean.size && make_static(rows, moments, i, least_time_scale));
   if (threadIdx.x == 0) atomicAdd(&counts->made_static, unsigned(made));
 }
 
@@ -228,8 +228,8 @@ class CudaRowOps final : public RowOps {
     StageScope scope(context_, "make_static");
     if (!model.gaussians.has_time || model.count() == 0) return 0;
     counts_.fill_zero();
-    launch(make_static_kernel, model.count(), model.gaussians.span(), model.first_moment.span(),
-           model.second_moment.span(), least_time_scale, counts_.data());
+    launch(make_static_kernel, model.count(), model.gaussians.span(), moments_of(model),
+           least_time_scale, counts_.data());
     return counts_.download()[0].made_static;
   }
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8: Adam over every number of every learned quantity, from stored gradients. The fused
-// update of preprocess_backward.cu takes its steps from adam_steps() below.
+// Stage 8: Adam over every number of every learned quantity, from stored gradients.
 #include "cuda/device/warp.cuh"
 #include "cuda/stages.cuh"
 
@@ -14,6 +13,17 @@ __global__ void adam_kernel(Span<float> parameters, Span<float> m, Span<float> v
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= parameters.size) return;
   adam_update(parameters[i], m[i], v[i], gradient[i], step, rule);
+}
+
+// The same with moments that are codes. `place` is that of the quantity (NumberPlaces).
+template <int kInRow>
+__global__ void adam_codes_kernel(Span<float> parameters, Span<MomentCode> moments,
+                                  Span<const float> gradient, AdamStep step, AdamRule rule,
+                                  MomentRounding rounding, int place) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i >= parameters.size) return;
+  adam_update(parameters[i], moments[i], gradient[i], step, rule,
+              random_of_number(rounding.of_row(i / kInRow), place + int(i % kInRow)));
 }
 
 // One array of the model, and the sums of its gradients.
@@ -63,6 +73,57 @@ __global__ void update_by_sums_kernel(SummedArray array, int in_use, AdamStep st
   }
 }
 
+// The same for an array whose moments are codes.
+struct SummedCodes {
+  float* parameters;
+  MomentCode* moments;
+  float* sums;
+  std::size_t size;              // numbers
+  const std::uint32_t* touched;  // BatchSums
+  MomentRounding rounding;
+  int place;  // NumberPlaces
+};
+
+template <int kInRow>
+__global__ void update_codes_by_sums_kernel(SummedCodes array, int in_use, AdamStep step,
+                                            AdamRule rule, const std::uint32_t* halted) {
+  const std::size_t first = 4 * (std::size_t(blockIdx.x) * kThreads + threadIdx.x);
+  if (first >= array.size || *halted) return;
+  std::size_t row = first / kInRow;
+  std::uint32_t of_row = array.rounding.of_row(row);
+  const auto update = [&](std::size_t at, float& p, MomentCode& moments, float gradient) {
+    if (at / kInRow != row) of_row = array.rounding.of_row(row = at / kInRow);
+    const int number = int(at - row * kInRow);
+    if (number < in_use)
+      adam_update(p, moments, gradient, step, rule, random_of_number(of_row, array.place + number));
+  };
+  if (first + 4 <= array.size) {
+    const bool is_touched = has_gradients(array.touched, first / kInRow, (first + 3) / kInRow);
+    float4 p = *reinterpret_cast<float4*>(array.parameters + first);
+    uint4 codes = *reinterpret_cast<uint4*>(array.moments + first);
+    float4& sums = *reinterpret_cast<float4*>(array.sums + first);
+    float4 gradient{0, 0, 0, 0};
+    if (is_touched) gradient = sums;
+    const auto update_code = [&](std::size_t at, float& of_p, unsigned& code, float of_gradient) {
+      MomentCode moments{code};
+      update(at, of_p, moments, of_gradient);
+      code = moments.bits;
+    };
+    update_code(first, p.x, codes.x, gradient.x);
+    update_code(first + 1, p.y, codes.y, gradient.y);
+    update_code(first + 2, p.z, codes.z, gradient.z);
+    update_code(first + 3, p.w, codes.w, gradient.w);
+    *reinterpret_cast<float4*>(array.parameters + first) = p;
+    *reinterpret_cast<uint4*>(array.moments + first) = codes;
+    if (is_touched) sums = float4{0, 0, 0, 0};
+  } else {
+    for (std::size_t i = first; i < array.size; ++i) {
+      update(i, array.parameters[i], array.moments[i], array.sums[i]);
+      array.sums[i] = 0;
+    }
+  }
+}
+
 // After the updates: statistics += their sums, which are cleared. A warp has 32 rows with one word
 // of marks, which it clears, too.
 __global__ void add_statistics_kernel(Span<float> visits, float* gradient_norm, float* more_visits,
@@ -95,50 +156,74 @@ class CudaOptimizer final : public Optimizer {
   void step(TrainingModel& model, const Gaussians& gradients, const Update& update) override {
     GS_CHECK(gradients.count() == model.count());
     StageScope scope(context_, "adam");
-    for_each_array(
-        [&](const char*, auto& parameters, auto& m, auto& v, const auto& gradient,
-            const AdamStep& step) {
-          const Span<float> numbers = numbers_of(parameters);
-          context_.launch("adam", adam_kernel, blocks_for(numbers.size, kThreads), kThreads,
-                          numbers, numbers_of(m), numbers_of(v), numbers_of(gradient), step,
-                          update.rule);
-        },
-        model.gaussians, model.first_moment, model.second_moment, gradients,
-        adam_steps(model.adam_steps += update.rule.steps, update.rates, update.rule));
+    const AdamRule& rule = update.rule;
+    const int t = model.adam_steps += rule.steps;
+    const AdamSteps steps = adam_steps(t, update.rates, rule);
+    if (model.has_codes)
+      update_codes(model, gradients, steps, rule, {update.rounding_seed, t});
+    else
+      update_floats(model, gradients, steps, rule);
   }
 
  private:
+  void update_floats(const TrainingModel& model, const Gaussians& gradients, const AdamSteps& steps,
+                     const AdamRule& rule) {
+    for_each_array(
+        [&](const char*, const auto& parameters, const auto& m, const auto& v, const auto& gradient,
+            const AdamStep& step) {
+          const Span<float> numbers = numbers_of(parameters);
+          context_.launch("adam", adam_kernel, blocks_for(numbers.size, kThreads), kThreads,
+                          numbers, numbers_of(m), numbers_of(v), numbers_of(gradient), step, rule);
+        },
+        model.gaussians, model.first_moment, model.second_moment, gradients, steps);
+  }
+  void update_codes(const TrainingModel& model, const Gaussians& gradients, const AdamSteps& steps,
+                    const AdamRule& rule, const MomentRounding& rounding) {
+    for_each_array(
+        [&](const char*, const auto& parameters, const auto& moments, const auto& gradient,
+            const AdamStep& step, int place) {
+          constexpr int kInRow = int(sizeof(parameters[0]) / sizeof(float));
+          const Span<float> numbers = numbers_of(parameters);
+          context_.launch("adam", adam_codes_kernel<kInRow>, blocks_for(numbers.size, kThreads),
+                          kThreads, numbers, codes_of(moments), numbers_of(gradient), step, rule,
+                          rounding, place);
+        },
+        model.gaussians, model.moment_codes, gradients, steps, number_places());
+  }
+
   Context& context_;
 };
 
 }  // namespace
 
-AdamSteps adam_steps(int t, const LearningRates& rates, const AdamRule& rule) {
-  AdamSteps steps;
-  steps.has_time = steps.has_slope = true;
-  for_each_array(
-      [&](const char*, AdamStep& step, float rate) { step = adam_step(t, rate, rule.photo_beta2); },
-      steps, rates);
-  return steps;
-}
-
 void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& steps,
-                    const AdamRule& rule, int sh_degree, const std::uint32_t* halted,
-                    const BatchSums& sums) {
+                    const AdamRule& rule, const MomentRounding& rounding, int sh_degree,
+                    const std::uint32_t* halted, const BatchSums& sums) {
   const StageScope scope(context, "adam");
-  for_each_array(
-      [&](const char*, auto& parameters, auto& m, auto& v, const auto& sum, const AdamStep& step) {
-        constexpr int kInRow = int(sizeof(parameters[0]) / sizeof(float));
-        const Span<float> numbers = numbers_of(parameters);
-        if (numbers.empty()) return;
-        const SummedArray array{numbers.data,         numbers_of(m).data, numbers_of(v).data,
-                                numbers_of(sum).data, numbers.size,       sums.touched.data()};
-        const int in_use = kInRow == 3 * kShRestCount ? 3 * sh_rest_count(sh_degree) : kInRow;
-        context.launch("adam", update_by_sums_kernel<kInRow>,
-                       blocks_for((numbers.size + 3) / 4, kThreads), kThreads, array, in_use, step,
-                       rule, halted);
-      },
-      model.gaussians, model.first_moment, model.second_moment, sums.gradients, steps);
+  // One array with its moments, which are floats in m and v, or codes.
+  const auto update = [&]<class Row>(const Buffer<Row>& rows, const Buffer<Row>& m,
+                                     const Buffer<Row>& v, const Buffer<CodedRow<Row>>& codes,
+                                     const Buffer<Row>& sum, const AdamStep& step, int place) {
+    constexpr int kInRow = int(sizeof(Row) / sizeof(float));
+    const Span<float> numbers = numbers_of(rows);
+    if (numbers.empty()) return;
+    const int in_use = kInRow == 3 * kShRestCount ? 3 * sh_rest_count(sh_degree) : kInRow;
+    const auto launch = [&](auto kernel, const auto& array) {
+      context.launch("adam", kernel, blocks_for((numbers.size + 3) / 4, kThreads), kThreads, array,
+                     in_use, step, rule, halted);
+    };
+    if (model.has_codes)
+      launch(update_codes_by_sums_kernel<kInRow>,
+             SummedCodes{numbers.data, codes_of(codes).data, numbers_of(sum).data, numbers.size,
+                         sums.touched.data(), rounding, place});
+    else
+      launch(update_by_sums_kernel<kInRow>,
+             SummedArray{numbers.data, numbers_of(m).data, numbers_of(v).data, numbers_of(sum).data,
+                         numbers.size, sums.touched.data()});
+  };
+  for_each_array([&](const char*, const auto&... arrays) { update(arrays...); }, model.gaussians,
+                 model.first_moment, model.second_moment, model.moment_codes, sums.gradients, steps,
+                 number_places());
   context.launch("adam", add_statistics_kernel, blocks_for(model.count(), kThreads), kThreads,
                  model.statistics.visits.span(), model.statistics.gradient_norm.data(),
                  sums.statistics.visits.data(), sums.statistics.gradient_norm.data(),

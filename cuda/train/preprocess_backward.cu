@@ -20,7 +20,7 @@ constexpr int kThreads = 64;
 constexpr int kBasisStride = kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
 
 template <class Numbers, class Rows>
-struct alignas(16) WarpShared {
+struct alignas(16) WarpShared : RandomRows<Numbers::kAreCodes> {
   float sh_rows[Numbers::kArrays][kWarp * kShRowNumbers];  // of the parameters, and what goes along
   union {
     Rows numbers;                       // parameters at first, gradients in the end
@@ -56,7 +56,8 @@ __device__ void finish_sh_numbers(Shared& shared, const Numbers& numbers, std::s
     if (!which.has(row)) continue;
     float loaded[Numbers::kArrays];
     for (int a = 0; a < Numbers::kArrays; ++a) loaded[a] = shared.sh_rows[a][at];
-    numbers.finish(first * kShRowNumbers + at, loaded, sh_gradient(shared, row, number));
+    numbers.finish(first * kShRowNumbers + at, loaded, sh_gradient(shared, row, number),
+                   NumberPlace<Shared>{shared, row, number, kShRowNumbers});
   }
 }
 
@@ -76,7 +77,8 @@ __device__ void finish_sh_vectors(Shared& shared, const Numbers& numbers, std::s
     float4 loaded[Numbers::kArrays];
     for (int a = 0; a < Numbers::kArrays; ++a)
       loaded[a] = reinterpret_cast<const float4*>(shared.sh_rows[a])[item];
-    numbers.finish(base + item, loaded, float4{gradient[0], gradient[1], gradient[2], gradient[3]});
+    numbers.finish(base + item, loaded, float4{gradient[0], gradient[1], gradient[2], gradient[3]},
+                   NumberPlace<Shared>{shared, row, number, kShRowNumbers});
   }
 }
 
@@ -173,6 +175,8 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
   if constexpr (Sink::kSkipsInvisible)
     if (lane_of_thread() == 0) sink.touched[first / kWarp] |= which.bits;
 
+  if constexpr (Sink::Numbers::kAreCodes)  // the lanes wait for each other in row()
+    shared.random[lane_of_thread()] = sink.mean.rounding.of_row(i);
   const Shape shape = shares.row(shared.numbers, rows, which);
   SplatGradient dL_dsplat{};
   RowGradient gradient{};
@@ -216,7 +220,7 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
   stage<has_time>(shared.numbers, gradient);
   if constexpr (kHasSlope<Sink>) stage_slope(shared.numbers, by_slope);
   __syncwarp();
-  shares.finish(sink, first, rows, which, shared.numbers);
+  shares.finish(sink, first, rows, which, shared.numbers, shared);
 }
 
 // A photo of a batch leaves most rows alone, and a block for a few of them takes longer to start
@@ -287,26 +291,31 @@ GatherStatistics gather_into(const DensityStatistics& statistics, const DensityS
           statistics.gradient_norm.data(), pass.width, pass.height, workspace.halted.data()};
 }
 
-// A sink that updates the model: numbers(parameters, first and second moments, step) of each
-// quantity.
+// A sink that updates the model: of(parameters, first and second moments, codes of both, step,
+// place) of each quantity.
 template <class Sink, class Numbers>
-Sink update_of(TrainingModel& model, const AdamSteps& steps, const GatherStatistics& gather,
-               Numbers&& numbers) {
+Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherStatistics& gather,
+               Numbers&& of) {
   const GaussiansSpan rows = model.gaussians.span(), m = model.first_moment.span(),
                       v = model.second_moment.span();
-  const auto of = [&](const auto& rows, const auto& m, const auto& v, const AdamStep& step) {
-    return numbers(numbers_of(rows), numbers_of(m), numbers_of(v), step);
-  };
-  return {gather,
-          of(rows.mean, m.mean, v.mean, steps.mean),
-          of(rows.log_scale, m.log_scale, v.log_scale, steps.log_scale),
-          of(rows.rotation, m.rotation, v.rotation, steps.rotation),
-          of(rows.logit_opacity, m.logit_opacity, v.logit_opacity, steps.logit_opacity),
-          of(rows.sh0, m.sh0, v.sh0, steps.sh0),
-          of(rows.sh_rest, m.sh_rest, v.sh_rest, steps.sh_rest),
-          of(rows.right_rotation, m.right_rotation, v.right_rotation, steps.right_rotation),
-          of(rows.time_mean, m.time_mean, v.time_mean, steps.time_mean),
-          of(rows.log_time_scale, m.log_time_scale, v.log_time_scale, steps.log_time_scale)};
+  const MomentCodesSpan codes = model.moment_codes.span();
+  const NumberPlaces places = number_places();
+  return {
+      gather,
+      of(rows.mean, m.mean, v.mean, codes.mean, steps.mean, places.mean),
+      of(rows.log_scale, m.log_scale, v.log_scale, codes.log_scale, steps.log_scale,
+         places.log_scale),
+      of(rows.rotation, m.rotation, v.rotation, codes.rotation, steps.rotation, places.rotation),
+      of(rows.logit_opacity, m.logit_opacity, v.logit_opacity, codes.logit_opacity,
+         steps.logit_opacity, places.logit_opacity),
+      of(rows.sh0, m.sh0, v.sh0, codes.sh0, steps.sh0, places.sh0),
+      of(rows.sh_rest, m.sh_rest, v.sh_rest, codes.sh_rest, steps.sh_rest, places.sh_rest),
+      of(rows.right_rotation, m.right_rotation, v.right_rotation, codes.right_rotation,
+         steps.right_rotation, places.right_rotation),
+      of(rows.time_mean, m.time_mean, v.time_mean, codes.time_mean, steps.time_mean,
+         places.time_mean),
+      of(rows.log_time_scale, m.log_time_scale, v.log_time_scale, codes.log_time_scale,
+         steps.log_time_scale, places.log_time_scale)};
 }
 
 }  // namespace
@@ -366,32 +375,46 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
 
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
                                     const RenderSettings& settings, const AdamSteps& steps,
-                                    const AdamRule& rule, const DensityStep& density,
-                                    Workspace& workspace, RenderPass& pass,
-                                    const DevicePose* pose) {
+                                    const AdamRule& rule, const MomentRounding& rounding,
+                                    const DensityStep& density, Workspace& workspace,
+                                    RenderPass& pass, const DevicePose* pose) {
   const StageScope scope(context, "preprocess backward, Adam");
   const GaussiansSpan rows = model.gaussians.span();
   const GatherStatistics gather = gather_into(model.statistics, density, pass, workspace);
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
   const Regularizers of_each = density.regularizers.of_each(model.count());
-  const GaussiansSpan m = model.first_moment.span(), v = model.second_moment.span();
-  const auto launch_sink = [&](const auto& source, const auto& sink, const auto& numbers) {
+  const auto launch_sink = [&](const auto& source, const auto& sink, const auto& of) {
     launch(context, rows, source, settings, workspace, pass, sink,
-           numbers(numbers_of(rows.sh0_slope), numbers_of(m.sh0_slope), numbers_of(v.sh0_slope),
-                   steps.sh0_slope));
+           of(rows.sh0_slope, model.first_moment.sh0_slope.span(),
+              model.second_moment.sh0_slope.span(), model.moment_codes.sh0_slope.span(),
+              steps.sh0_slope, number_places().sh0_slope));
   };
+  if (model.has_codes) {
+    const auto by_codes = [&](const auto& p, const auto&, const auto&, const auto& codes,
+                              const AdamStep& step, int place) {
+      return AdamCodes{{numbers_of(p), numbers_of(codes)}, step, rule, rounding, place};
+    };
+    const auto sink = update_of<UpdateAll<AdamCodes>>(model, steps, gather, by_codes);
+    if (!pose && !is_absolute && !density.regularizers.any())
+      return launch_sink(camera, sink, by_codes);
+    const UpdateAsAsked<AdamCodes> as_asked{sink, is_absolute, of_each};
+    with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked, by_codes); });
+    return;
+  }
   if (pose || rule.beta2 != AdamRule().beta2) {
     // Runs that refine poses have this variant alone, so that their cameras do not double all.
-    const auto by_rule = [&](float* p, float* m, float* v, const AdamStep& step) {
-      return AdamNumbersByRule{{p, m, v}, step, rule};
+    const auto by_rule = [&](const auto& p, const auto& m, const auto& v, const auto&,
+                             const AdamStep& step, int) {
+      return AdamNumbersByRule{{numbers_of(p), numbers_of(m), numbers_of(v)}, step, rule};
     };
     const auto sink = update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule);
     const UpdateAsAsked<AdamNumbersByRule> as_asked{sink, is_absolute, of_each};
     with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked, by_rule); });
     return;
   }
-  const auto as_usual = [](float* p, float* m, float* v, const AdamStep& step) {
-    return AdamNumbers{{p, m, v}, step};
+  const auto as_usual = [](const auto& p, const auto& m, const auto& v, const auto&,
+                           const AdamStep& step, int) {
+    return AdamNumbers{{numbers_of(p), numbers_of(m), numbers_of(v)}, step};
   };
   const auto sink = update_of<UpdateByAdam>(model, steps, gather, as_usual);
   if (is_absolute || density.regularizers.any())

@@ -19,6 +19,9 @@ namespace {
 // Bytes per Gaussian in a run on CUDA (docs/benchmarks.md, "GPU memory at most"): parameters, two
 // moments, statistics and the splats of a view. The CPU keeps gradients of all parameters as well.
 constexpr double kBytesOnGpu = 1700, kBytesOnCpu = 2048;
+// Compact moments (optimizer.moments) have 4 bytes for each of 59 parameters instead of 8; half of
+// that again is spare, since arrays grow by halves.
+constexpr double kSavedByCompactMoments = 354;
 constexpr double kPlyBytes = 248;  // per Gaussian of SH degree 3
 
 // Growth of adaptive density control in 30,000 steps (docs/benchmarks.md, "GPU: training").
@@ -67,6 +70,11 @@ constexpr double kOverlapOfBlocks = 1.5;
 
 constexpr std::size_t kAnyPhotos = 1;  // whatever their number, the run is long enough to grow
 
+double bytes_of_gaussian(const Config& config, bool on_gpu) {
+  const double saved = config.optimizer.moments == MomentForm::compact ? kSavedByCompactMoments : 0;
+  return (on_gpu ? kBytesOnGpu : kBytesOnCpu) - saved;
+}
+
 /// The config of a run that has as many Gaussians as the scene asks for.
 Config without_limits_of_one_run(Config config, std::size_t points) {
   config.model.most_points = std::numeric_limits<int>::max();
@@ -83,7 +91,7 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
   if (free == 0 || scene.points == 0) return {};
   const double photos = std::min(scene.photo_bytes, room_for_photos(config, device.is_gpu));
   const double fit = std::max(kShareOfFree * free - photos, kShareOfFree * free / 4) /
-                     (device.is_gpu ? kBytesOnGpu : kBytesOnCpu);
+                     bytes_of_gaussian(config, device.is_gpu);
   const double wanted =
       expected_gaussians(without_limits_of_one_run(config, scene.points), scene.points);
   if (wanted <= fit)
@@ -118,8 +126,8 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
   const double gaussians = expected_gaussians(config, scene.points);
   const double photos_in_ram = std::min(scene.photo_bytes, budget);
   const double photos_on_gpu = std::min(scene.photo_bytes, room_for_photos(config, true));
-  const double on_gpu = photos_on_gpu + gaussians * kBytesOnGpu;
-  const double on_cpu = gaussians * kBytesOnCpu;
+  const double on_gpu = photos_on_gpu + gaussians * bytes_of_gaussian(config, true);
+  const double on_cpu = gaussians * bytes_of_gaussian(config, false);
   const double free_ram = double(host_memory().free_bytes());
   const double free_on_gpu = double(device.free_bytes);
   const double new_in_ram =

@@ -148,8 +148,8 @@ void check_scales(const std::vector<View>& views, const std::vector<double>& sca
     }
 }
 
-TrainingModel benchmark_model(Backend& backend, const GaussianModel& from) {
-  TrainingModel model = untrained(from, backend.memory());
+TrainingModel benchmark_model(Backend& backend, const GaussianModel& from, MomentForm moments) {
+  TrainingModel model = untrained(from, backend.memory(), moments);
   backend.rows().sort_by_morton(model);
   return model;
 }
@@ -162,6 +162,7 @@ Workload mean_workload(Backend& backend, const TrainingModel& model, const std::
     backend.renderer().forward(model.gaussians.span(), view.camera, settings, pass);
     add_to_mean(workload_of(pass, settings), views.size(), mean);
   }
+  mean.has_codes = model.has_codes;
   return mean;
 }
 

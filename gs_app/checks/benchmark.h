@@ -81,8 +81,9 @@ Camera at_scale(const Camera& camera, double scale);
 void check_scales(const std::vector<View>& views, const std::vector<double>& scales);
 
 /// A training model of these Gaussians in the backend's memory: rows in Morton order, as training
-/// keeps them, and zero moments.
-TrainingModel benchmark_model(Backend& backend, const GaussianModel& from);
+/// keeps them, and zero moments in this form.
+TrainingModel benchmark_model(Backend& backend, const GaussianModel& from,
+                              MomentForm moments = MomentForm::floats);
 
 /// The workload of one view, averaged over `views`.
 Workload mean_workload(Backend& backend, const TrainingModel& model, const std::vector<View>& views,

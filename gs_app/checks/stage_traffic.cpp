@@ -76,7 +76,8 @@ constexpr Rule kRules[] = {
     // the visible's dL/d(splat), reads their color, reads and writes their statistics.
     {"preprocess backward, Adam",
      [](const Workload& w) {
-       return w.gaussians * (6 * (kShape + 12 + sh_rest_bytes(w)) + kCount) +
+       const double arrays = w.has_codes ? 2 : 3;  // of the parameters' size
+       return w.gaussians * (2 * arrays * (kShape + 12 + sh_rest_bytes(w)) + kCount) +
               w.visible * (2 * kGradientSum + 12 + 2 * 8);
      }},
 };

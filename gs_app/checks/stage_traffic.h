@@ -21,6 +21,7 @@ struct Workload {
   bool is_packed = false;     // stage 1 reads a packed model (Renderer::pack)
   bool has_packed_sh = true;  // whose SH is packed, too
   double splat_bytes = 48;    // one splat
+  bool has_codes = false;     // both moments are codes (optimizer.moments)
 };
 
 /// Bytes that one run of a stage of the CUDA backend reads and writes. Nothing for the blending

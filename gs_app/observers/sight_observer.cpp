@@ -11,16 +11,30 @@ namespace {
 
 constexpr int kStepsUntilSomethingIsSeen = 100;
 
-bool has_nonzero(const Buffer<Vec3f>& rows) {
-  const std::vector<Vec3f> values = rows.download();
-  return std::any_of(values.begin(), values.end(),
-                     [](const Vec3f& v) { return v.x != 0 || v.y != 0 || v.z != 0; });
+bool has_nonzero(float number) { return number != 0; }
+bool has_nonzero(MomentCode code) { return code.bits != 0; }
+bool has_nonzero(const Vec3f& v) {
+  return has_nonzero(v.x) || has_nonzero(v.y) || has_nonzero(v.z);
+}
+bool has_nonzero(const CodedRow<Vec3f>& row) {
+  return std::any_of(std::begin(row.number), std::end(row.number),
+                     [](MomentCode code) { return has_nonzero(code); });
+}
+template <class T>
+bool has_nonzero(const Buffer<T>& rows) {
+  const std::vector<T> values = rows.download();
+  return std::any_of(values.begin(), values.end(), [](const T& row) { return has_nonzero(row); });
 }
 
 // A Gaussian that was seen has had gradients of its color or its mean. Regularizers act on neither.
 bool has_seen_something(Trainer& trainer) {
-  const Gaussians& moments = trainer.model().second_moment;
-  return has_nonzero(moments.sh0) || has_nonzero(moments.mean);
+  bool result = false;
+  for_each_moment(
+      [&](const auto& moments) {
+        result = result || has_nonzero(moments.sh0) || has_nonzero(moments.mean);
+      },
+      trainer.model());
+  return result;
 }
 
 }  // namespace

@@ -35,6 +35,9 @@ enum class PhotoTimes { none, frames, names };
 /// Whether all photos were taken through one lens.
 enum class SingleCamera { automatic, yes, no };
 
+/// How Adam's moments are kept: as floats, or as codes of 16 bits each (math/moment_code.h).
+enum class MomentForm { floats, compact };
+
 /// One row of a table of words.
 template <class E>
 struct Word {
@@ -162,6 +165,11 @@ struct Words<MomentClearing> {
   static constexpr Word<MomentClearing> kTable[] = {{"none", MomentClearing::none},
                                                     {"opacity", MomentClearing::opacity},
                                                     {"all", MomentClearing::all}};
+};
+template <>
+struct Words<MomentForm> {
+  static constexpr Word<MomentForm> kTable[] = {{"float", MomentForm::floats},
+                                                {"compact", MomentForm::compact}};
 };
 
 /// Lists of words that stay text, since other code gives them their meaning. "cuda:N" stands for

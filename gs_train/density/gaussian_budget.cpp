@@ -16,6 +16,7 @@ constexpr double kBytesOfPixel = 256;
 constexpr double kBytesOfParameters = 236, kBytesOfTimeParameters = 24, kBytesOfSlope = 12;
 constexpr double kBytesOfStatistics = 8;
 constexpr double kTimeParametersAtATime = 6;  // their moments, gradients and scratch with them
+constexpr double kSpare = 1.5;                // arrays grow by halves
 
 }  // namespace
 
@@ -24,8 +25,10 @@ std::int64_t gaussians_for(const RoomForGaussians& room) {
       (room.has_time ? kBytesOfTimeParameters : 0) + (room.has_slope ? kBytesOfSlope : 0);
   const double parameters = kBytesOfParameters + time;
   const double sums = room.batch > 1 ? parameters + kBytesOfStatistics : 0;
-  const double of_gaussian = kBytesOfGaussian + kTimeParametersAtATime * time + sums;
-  const double of_present = 3 * parameters;  // and moments: what is no longer free
+  const double saved = room.has_codes ? parameters : 0;  // codes are half as large as floats
+  const double of_gaussian =
+      kBytesOfGaussian + kTimeParametersAtATime * time + sums - kSpare * saved;
+  const double of_present = 3 * parameters - saved;  // and moments: what is no longer free
   const double present = double(room.present);
   const double usable = kShareOfFree * double(room.free_bytes) -
                         kBytesOfPixel * double(room.pixels) + of_present * present;
@@ -34,13 +37,14 @@ std::int64_t gaussians_for(const RoomForGaussians& room) {
 }
 
 std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model,
-                                  const Memory& memory, int batch) {
+                                  const Memory& memory, int batch, MomentForm moments) {
   std::size_t pixels = 0;
   for (const View& view : scene.train_views)
     pixels = std::max(pixels, std::size_t(view.camera.width) * std::size_t(view.camera.height));
   const std::size_t free = memory.free_bytes();
-  const std::int64_t count = gaussians_for(
-      {free, pixels, model.count(), model.gaussians.has_time, batch, model.gaussians.has_slope});
+  const std::int64_t count =
+      gaussians_for({free, pixels, model.count(), model.gaussians.has_time, batch,
+                     model.gaussians.has_slope, moments == MomentForm::compact});
   log_info("there is memory for {:.2f} million Gaussians at most ({:.1f} GiB are free)",
            1e-6 * double(count), double(free) / kBytesPerGib);
   return count;

@@ -2,6 +2,7 @@
 // The number of Gaussians that fit into memory: the meaning of --max-gaussians auto.
 #pragma once
 
+#include "gs_core/config/config_words.h"
 #include "gs_core/scene.h"
 #include "gs_train/training_model.h"
 
@@ -15,6 +16,7 @@ struct RoomForGaussians {
   bool has_time = false;   // they have a place in time
   int batch = 1;           // photos of one update
   bool has_slope = false;  // their colors change
+  bool has_codes = false;  // both moments are codes (optimizer.moments)
 };
 
 /// The number of Gaussians that a backend can train.
@@ -25,6 +27,7 @@ struct RoomForGaussians {
 ///                         by halves, statistics 8, splat and sorting about 150, eight instances in
 ///                         a view about 320, and scratch for gathering rows about 300; on the CPU,
 ///                         gradients 236 instead of a part of the scratch
+///   moments as codes      236 less, and half of that again
 ///   in time               six more parameters: 24 bytes where there are 236
 ///   colors that change    three more: 12 bytes
 ///   in batches            sums of the gradients 236, and of the statistics 8
@@ -34,9 +37,9 @@ struct RoomForGaussians {
 ///                         last instances
 std::int64_t gaussians_for(const RoomForGaussians& room);
 
-/// The same for a scene whose photos are loaded, a model of it, the memory of that model, and
-/// batches of `batch` photos. Logs the number.
+/// The same for a scene whose photos are loaded, a model of it, the memory of that model, batches of
+/// `batch` photos and moments in this form. Logs the number.
 std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model,
-                                  const Memory& memory, int batch);
+                                  const Memory& memory, int batch, MomentForm moments);
 
 }  // namespace gs

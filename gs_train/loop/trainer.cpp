@@ -122,7 +122,8 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   std::int64_t& cap = run_.config.density.max_gaussians;
   const bool is_auto = cap == kAutoCount;
   if (is_auto)
-    cap = affordable_gaussians(scene, run_.model, backend.memory(), run_.config.train.batch);
+    cap = affordable_gaussians(scene, run_.model, backend.memory(), run_.config.train.batch,
+                               run_.config.optimizer.moments);
   run_.density = make_density_control(run_.config, run_.schedule, scene.extent);
   run_.density->set_region(region_of(run_.config.density, scene.world_offset));
   if (is_auto) run_.density->set_growth_cap(cap);  // so that checkpoints keep it
@@ -206,6 +207,7 @@ void Trainer::take_batch(int last_step) {
   update.pose_rate = run_.schedule.pose_rate(last_step);
   update.pose_pull = run_.config.poses.pull;
   update.photo_rule = batch_rule(update.rule.steps);
+  update.rounding_seed = run_.config.train.seed;
   if (update.rule.steps > 1) {
     for_each_array([&](const char*, float& rate) { rate *= batch_rate(photos); }, update.rates);
     update.photometric_rate *= batch_rate(photos);

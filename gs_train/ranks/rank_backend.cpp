@@ -16,7 +16,7 @@ namespace {
 // Stage 8 of a part of the rows: means are over the whole model, and draws are by its rows.
 class RankOptimizer final : public Optimizer {
  public:
-  RankOptimizer(const RankStep& now, Optimizer& of_rows) : now_(now), of_rows_(of_rows) {}
+  explicit RankOptimizer(const RankStep& now) : now_(now) {}
   void regularize(const TrainingModel& shard, const Regularizers& regularizers,
                   Gaussians& gradients) override {
     const HostStage stage("regularizers");
@@ -26,7 +26,9 @@ class RankOptimizer final : public Optimizer {
   // Where memory has run out on another rank, no rank begins its update.
   void step(TrainingModel& shard, const Gaussians& gradients, const Update& update) override {
     now_.ranks->barrier();
-    of_rows_.step(shard, gradients, update);
+    const HostStage stage("adam");
+    update_by_adam(shard, gradients, update,
+                   [&](std::size_t i) { return now_.deal.global_of(now_.ranks->rank(), i); });
   }
   void add_noise(TrainingModel& shard, const PositionNoise& noise, float position_rate) override {
     const HostStage stage("position noise");
@@ -39,13 +41,11 @@ class RankOptimizer final : public Optimizer {
 
  private:
   const RankStep& now_;
-  Optimizer& of_rows_;
 };
 
 }  // namespace
 
-RankBackend::RankBackend()
-    : optimizer_(std::make_unique<RankOptimizer>(now_, ScalarBackend::optimizer())) {}
+RankBackend::RankBackend() : optimizer_(std::make_unique<RankOptimizer>(now_)) {}
 
 RankBackend::~RankBackend() = default;
 

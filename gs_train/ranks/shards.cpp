@@ -16,6 +16,7 @@ void for_each_chunk_of(const Deal& deal, int rank, F&& f) {
 }
 
 void take_shape(TrainingModel& shard, const TrainingModel& model, std::size_t count) {
+  shard.has_codes = model.has_codes;
   shard.set_learned_arrays(model.gaussians);
   shard.gaussians.has_filter = model.gaussians.has_filter;
   shard.statistics.has_sums = model.statistics.has_sums;

@@ -123,14 +123,14 @@ class ScalarRowOps final : public RowOps {
   }
 
   std::size_t make_static(TrainingModel& model, double least_time_scale) override {
-    const GaussiansSpan rows = model.gaussians.span(), m = model.first_moment.span(),
-                        v = model.second_moment.span();
+    const GaussiansSpan rows = model.gaussians.span();
+    const MomentsSpan moments = moments_of(model);
     if (!rows.has_time) return 0;
     std::atomic<std::size_t> found = 0;
     parallel_chunks(model.count(), 1024, [&](std::size_t begin, std::size_t end) {
       std::size_t made = 0;
       for (std::size_t i = begin; i < end; ++i)
-        made += gs::make_static(rows, m, v, i, least_time_scale);
+        made += gs::make_static(rows, moments, i, least_time_scale);
       found += made;
     });
     return found;

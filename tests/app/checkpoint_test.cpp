@@ -29,8 +29,9 @@ using ::testing::HasSubstr;
 
 /// A model in which all numbers differ, in the state after some step.
 TrainingState telling_state(std::size_t gaussians, int step, bool has_time = false,
-                            bool has_slope = false) {
+                            bool has_slope = false, bool has_codes = false) {
   TrainingState state;
+  state.model.has_codes = has_codes;
   state.model.gaussians.has_time = has_time;
   state.model.gaussians.has_slope = has_slope;
   state.model.gaussians.resize(gaussians);
@@ -42,6 +43,8 @@ TrainingState telling_state(std::size_t gaussians, int step, bool has_time = fal
   for_each_array(fill, state.model.gaussians);
   for_each_array(fill, state.model.first_moment);
   for_each_array(fill, state.model.second_moment);
+  for_each_array([](const char*, const auto& array) { number_codes(array, 0x3f801234); },
+                 state.model.moment_codes);
   fill("", state.model.statistics.visits);
   fill("", state.model.statistics.gradient_norm);
   state.model.adam_steps = step + 5;
@@ -172,6 +175,23 @@ TEST_F(Checkpoints, WithColorsThatChangeComeBackBitForBit) {
   EXPECT_TRUE(same_bits(read, expected.model));
   EXPECT_EQ(checkpoint_bytes(expected.model, 4),
             checkpoint_bytes(telling_state(100, 12, true).model, 4) + 3 * 1200);
+}
+
+TEST_F(Checkpoints, WithCompactMomentsComeBackBitForBitAndAreSmaller) {
+  for (const bool has_time : {false, true}) {
+    const TrainingState expected = telling_state(100, 12, has_time, has_time, true);
+    fs::create_directories(path());
+    write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress,
+                     expected.model);
+    const TrainingModel read = read_checkpoint(file(12)).state.model;
+    ASSERT_TRUE(read.has_codes);
+    EXPECT_TRUE(same_bits(read, expected.model));
+    EXPECT_EQ(checkpoint_bytes(expected.model, 4),
+              checkpoint_bytes(telling_state(100, 12, has_time, has_time).model, 4) -
+                  100 * (has_time ? 68 : 59) * 4);
+    EXPECT_NEAR(double(fs::file_size(file(12))), double(checkpoint_bytes(expected.model, 4)),
+                16384);
+  }
 }
 
 TEST_F(Checkpoints, WithAPhotometricModelComeBackBitForBit) {

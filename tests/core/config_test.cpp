@@ -417,7 +417,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 20u);
+  EXPECT_EQ(settings, 21u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {

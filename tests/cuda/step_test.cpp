@@ -599,17 +599,20 @@ TEST_F(CudaStep, SelectingTheVisibleRowsChangesNothing) {
 
 TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
   const std::vector<View> views = some_views(200, 150, 5);
-  TrainingModel model = on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7)));
-  RenderSettings settings;
-  gpu().upload_views(views, 1 << 30);
-  const auto run = [&](int steps) {
-    for (int step = 0; step < steps; ++step) {
-      gpu().prefetch_next(views[(step + 1) % views.size()]);
-      gpu().step(model, views[step % views.size()], settings, {0.2f}, kRates, {true});
-    }
-  };
-  expect_steady(
-      model, [&] { run(50); }, [&] { run(100); });
+  for (const bool has_codes : {false, true}) {
+    TrainingModel model =
+        on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7), has_codes));
+    RenderSettings settings;
+    gpu().upload_views(views, 1 << 30);
+    const auto run = [&](int steps) {
+      for (int step = 0; step < steps; ++step) {
+        gpu().prefetch_next(views[(step + 1) % views.size()]);
+        gpu().step(model, views[step % views.size()], settings, {0.2f}, kRates, {true});
+      }
+    };
+    expect_steady(
+        model, [&] { run(50); }, [&] { run(100); });
+  }
 }
 
 // The numbers of photos are learned on the device alone: one photo at a time, and in batches.

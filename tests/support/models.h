@@ -20,18 +20,43 @@ inline bool same_bits(const PoseState& a, const PoseState& b) {
   for_each_pose_array([&](const char*, const auto& x, const auto& y) { same &= x == y; }, a, b);
   return same;
 }
+inline bool same_bits(const MomentCodes& a, const MomentCodes& b) {
+  bool same = true;
+  for_each_array([&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); }, a, b);
+  return same;
+}
 /// Compares parameters and moments, but not the statistics.
 inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
   return same_bits(a.photometric, b.photometric) && same_bits(a.poses, b.poses) &&
          same_bits(a.gaussians, b.gaussians) && same_bits(a.first_moment, b.first_moment) &&
-         same_bits(a.second_moment, b.second_moment) && a.adam_steps == b.adam_steps;
+         same_bits(a.second_moment, b.second_moment) && a.has_codes == b.has_codes &&
+         same_bits(a.moment_codes, b.moment_codes) && a.adam_steps == b.adam_steps;
 }
 
-/// A model of these Gaussians with zero moments and statistics.
-inline TrainingModel model_of(const Gaussians& gaussians) {
+/// A model of these Gaussians with zero moments, as floats or as codes, and zero statistics.
+inline TrainingModel model_of(const Gaussians& gaussians, bool has_codes = false) {
   TrainingModel model;
   model.gaussians = copy_of(gaussians);
+  model.has_codes = has_codes;
   clear_history(model);
+  return model;
+}
+
+/// Host memory only: the same model with its codes as moments of floats.
+inline TrainingModel decoded(const TrainingModel& from) {
+  TrainingModel model = model_of(from.gaussians);
+  model.adam_steps = from.adam_steps;
+  for_each_array(
+      [](const char*, const auto& m, const auto& v, const auto& moments) {
+        const Span<MomentCode> codes = codes_of(moments);
+        for (std::size_t i = 0; i < codes.size; ++i) {
+          numbers_of(m)[i] = first_moment(codes[i]);
+          numbers_of(v)[i] = second_moment(codes[i]);
+        }
+      },
+      model.first_moment, model.second_moment, from.moment_codes);
+  for_each_statistic([](const char*, auto& to, const auto& array) { to.upload(array.download()); },
+                     model.statistics, from.statistics);
   return model;
 }
 
@@ -43,6 +68,14 @@ void number_rows(const Buffer<T>& rows, float first) {
     numbers[i] = first + float(i / (sizeof(T) / sizeof(float)));
 }
 
+/// Fills codes with first, first + 1, ... over their rows.
+template <class T>
+void number_codes(const Buffer<CodedRow<T>>& rows, std::uint32_t first) {
+  const Span<MomentCode> codes = codes_of(rows);
+  for (std::size_t i = 0; i < codes.size; ++i)
+    codes[i].bits = first + std::uint32_t(i / (sizeof(T) / sizeof(float)));
+}
+
 /// True where each number of row i is `value`.
 template <class T>
 bool row_is(const Buffer<T>& rows, std::size_t i, float value) {
@@ -50,6 +83,12 @@ bool row_is(const Buffer<T>& rows, std::size_t i, float value) {
   const Span<float> numbers = numbers_of(rows);
   return std::all_of(numbers.begin() + i * width, numbers.begin() + (i + 1) * width,
                      [&](float number) { return number == value; });
+}
+/// True where each code of row i is `value`.
+template <class T>
+bool codes_are(const Buffer<CodedRow<T>>& rows, std::size_t i, std::uint32_t value) {
+  return std::all_of(std::begin(rows[i].number), std::end(rows[i].number),
+                     [&](MomentCode code) { return code.bits == value; });
 }
 
 }  // namespace gs

@@ -185,6 +185,28 @@ TEST(MakeStatic, ClearsTheMomentsOfShapeAndTimeAndLeavesOtherRowsAlone) {
   EXPECT_EQ(make_scalar_row_ops()->make_static(model, kAfter), 0u);  // once is enough
 }
 
+TEST(MakeStatic, ClearsCompactMomentsOfTheSameQuantities) {
+  TrainingModel model = mixed_model(random_camera(96, 64, 3), 100, 6);
+  model.has_codes = true;
+  clear_history(model);
+  for_each_array([](const char*, const auto& array) { number_codes(array, 1); },
+                 model.moment_codes);
+  const TrainingModel before = copy_to(host_memory(), model);
+  ASSERT_GT(make_scalar_row_ops()->make_static(model, kAfter), 20u);
+  const MomentCodes &codes = model.moment_codes, &old = before.moment_codes;
+  for (std::size_t i = 0; i < model.count(); ++i) {
+    const auto number = std::uint32_t(i + 1);
+    const std::uint32_t expected = is_static(model.gaussians.log_time_scale[i]) ? 0 : number;
+    EXPECT_TRUE(codes_are(codes.log_scale, i, expected) && codes_are(codes.rotation, i, expected) &&
+                codes_are(codes.right_rotation, i, expected) &&
+                codes_are(codes.time_mean, i, expected) &&
+                codes_are(codes.log_time_scale, i, expected))
+        << i;
+    EXPECT_TRUE(codes_are(codes.mean, i, number) && codes_are(codes.logit_opacity, i, number)) << i;
+  }
+  EXPECT_TRUE(same_bits(codes.sh_rest, old.sh_rest));
+}
+
 TEST(MakeStatic, DoesNothingToRowsWithoutTime) {
   TrainingModel model;
   model.gaussians = random_gaussians(kTypical, 20, random_camera(96, 64, 3), 1);
@@ -260,9 +282,14 @@ Config static_budgeted_run(SplitPlacement split) {
   config.density.split = split;
   return config;
 }
+Config static_compact_run() {
+  Config config = static_run();
+  config.optimizer.moments = MomentForm::compact;
+  return config;
+}
 std::vector<Config> static_runs() {
-  return {static_run(), static_mcmc_run(), static_budgeted_run(SplitPlacement::draw),
-          static_budgeted_run(SplitPlacement::axis)};
+  return {static_run(), static_mcmc_run(), static_compact_run(),
+          static_budgeted_run(SplitPlacement::draw), static_budgeted_run(SplitPlacement::axis)};
 }
 
 class StaticRun : public SceneRun {

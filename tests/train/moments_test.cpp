@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+// Models that keep Adam's moments as codes (optimizer.moments): their updates, their row operations,
+// and whole runs.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "gs_core/error.h"
+#include "gs_core/threads/parallel.h"
+#include "gs_train/initialize/initialize.h"
+#include "gs_train/row_rules.h"
+#include "tests/support/error_of.h"
+#include "tests/support/scene_run.h"
+#include "tests/support/small_scene.h"
+
+namespace gs {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+constexpr LearningRates kRates{1e-4f, 2e-3f, 3e-3f, 4e-2f, 5e-3f, 6e-4f};
+
+Gaussians random_gradients(std::size_t count, std::uint64_t seed) {
+  Gaussians gradients(count, host_memory());
+  Draws draws(seed);
+  for_each_array(
+      [&](const char*, const auto& array) {
+        for (float& number : numbers_of(array))
+          number = draws.normal() * draws.log_uniform(1e-8f, 1);
+      },
+      gradients);
+  return gradients;
+}
+
+/// Row i has the codes `first` + i.
+TrainingModel numbered_model(std::size_t count, std::uint32_t first = 1) {
+  TrainingModel model = model_of(random_gaussians(kTypical, count, random_camera(40, 30), 1), true);
+  for_each_array([&](const char*, const auto& array) { number_codes(array, first); },
+                 model.moment_codes);
+  return model;
+}
+
+bool codes_are(const TrainingModel& model, std::size_t i, std::uint32_t value) {
+  bool same = true;
+  for_each_array([&](const char*, const auto& array) { same &= codes_are(array, i, value); },
+                 model.moment_codes);
+  return same;
+}
+
+TEST(CompactMoments, TakeFourBytesOfANumber) {
+  for (const bool has_codes : {false, true}) {
+    const TrainingModel model =
+        model_of(random_gaussians(kTypical, 10, random_camera(40, 30), 1), has_codes);
+    std::size_t bytes = 0;
+    for_each_row_array(
+        [&](const RowArray&, const auto& array) { bytes += array.size() * sizeof(array[0]); },
+        model);
+    EXPECT_EQ(bytes / 10, has_codes ? 480u : 716u);
+    EXPECT_EQ(model.first_moment.count(), has_codes ? 0u : 10u);
+  }
+}
+
+TEST(CompactMoments, AreUpdatedNumberByNumberWithTheRandomNumbersOfTheirRows) {
+  TrainingModel model = model_of(random_gaussians(kTypical, 700, random_camera(40, 30), 1), true);
+  const Gaussians start = copy_of(model.gaussians);
+  const Gaussians first = random_gradients(700, 2), second = random_gradients(700, 3);
+  const auto optimizer = make_scalar_optimizer();
+  Update update{kRates};
+  update.rounding_seed = 5;
+  optimizer->step(model, first, update);
+  optimizer->step(model, second, update);
+  EXPECT_EQ(model.adam_steps, 2);
+
+  for_each_array(
+      [](const char* name, const auto& before, const auto& after, const auto& codes, const auto& g1,
+         const auto& g2, float rate, int place) {
+        constexpr std::size_t kInRow = sizeof(before[0]) / sizeof(float);
+        for (std::size_t i = 0; i < numbers_of(before).size; ++i) {
+          const std::size_t row = i / kInRow;
+          const int number = place + int(i % kInRow);
+          float value = numbers_of(before)[i];
+          MomentCode expected;
+          adam_update(value, expected, numbers_of(g1)[i], adam_step(1, rate), AdamRule(),
+                      random_of_number(MomentRounding{5, 1}.of_row(row), number));
+          adam_update(value, expected, numbers_of(g2)[i], adam_step(2, rate), AdamRule(),
+                      random_of_number(MomentRounding{5, 2}.of_row(row), number));
+          ASSERT_EQ(numbers_of(after)[i], value) << name << " " << i;
+          ASSERT_EQ(codes_of(codes)[i].bits, expected.bits) << name << " " << i;
+        }
+      },
+      start, model.gaussians, model.moment_codes, first, second, kRates, number_places());
+}
+
+// ---- rows --------------------------------------------------------------------------------------
+
+TEST(CompactMoments, FollowTheirRowsAndStartAtZeroInNewOnes) {
+  TrainingModel model = numbered_model(6);
+  const std::uint32_t source[] = {4, 1, 1, 5};
+  gather_rows(model, {source, 4});
+  ASSERT_EQ(model.count(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_TRUE(codes_are(model, i, source[i] + 1)) << i;
+  start_new_rows(model, 2);
+  for (std::size_t i = 0; i < 4; ++i)
+    EXPECT_TRUE(codes_are(model, i, i < 2 ? source[i] + 1 : 0)) << i;
+}
+
+TEST(CompactMoments, OfRowsThatAreRelocatedBecomeZero) {
+  TrainingModel model = numbered_model(3);
+  for (std::size_t i = 0; i < 3; ++i)
+    model.gaussians.logit_opacity[i] = i == 1 ? logit(0.5f) : logit(0.001f);
+  make_scalar_row_ops()->relocate(model, {0.005f, 0}, 1, 600);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_TRUE(codes_are(model, i, 0)) << i;
+}
+
+TEST(CompactMoments, AreClearedAsTheOpacityRuleSays) {
+  for (const MomentClearing which :
+       {MomentClearing::none, MomentClearing::opacity, MomentClearing::all}) {
+    TrainingModel model = numbered_model(3);
+    make_scalar_row_ops()->lower_opacity(model, {OpacityPolicy::reset, 0.01f, which});
+    EXPECT_EQ(codes_are(model.moment_codes.logit_opacity, 2, 0), which != MomentClearing::none);
+    EXPECT_EQ(codes_are(model.moment_codes.logit_opacity, 2, 3), which == MomentClearing::none);
+    EXPECT_EQ(codes_are(model.moment_codes.sh_rest, 2, 0), which == MomentClearing::all);
+    EXPECT_EQ(codes_are(model.moment_codes.mean, 2, 3), which != MomentClearing::all);
+  }
+}
+
+TEST(CompactMoments, AreCopiedBetweenMemories) {
+  const TrainingModel model = numbered_model(9);
+  const TrainingModel copy = copy_to(host_memory(), model);
+  EXPECT_TRUE(copy.has_codes);
+  EXPECT_TRUE(same_bits(copy, model));
+}
+
+// ---- runs --------------------------------------------------------------------------------------
+
+class CompactRun : public SceneRun {
+ protected:
+  CompactRun() : SceneRun(small_scene()) {}
+  static Config compact(Config config) {
+    config.optimizer.moments = MomentForm::compact;
+    return config;
+  }
+  static Config mcmc_run() {
+    Config config = short_run();
+    config.density.strategy = "mcmc";
+    config.density.max_gaussians = 80;
+    config.density.from_step = config.density.every = 20;
+    config.density.until_step = 24900;
+    config.density.growth = 0.2f;
+    config.model.initial_opacity = 0.5f;
+    return config;
+  }
+  static Config busy_batches() {
+    Config config = busy_run();
+    config.train.batch = 3;
+    return config;
+  }
+  /// The mean PSNR of some seeds.
+  double mean_psnr(Config config) {
+    constexpr int kSeeds = 6;
+    double sum = 0;
+    for (int seed = 1; seed <= kSeeds; ++seed) {
+      config.train.seed = std::uint64_t(seed);
+      sum += psnr_after(config) / kSeeds;
+    }
+    return sum;
+  }
+};
+
+// Rounding makes another run of it, as another seed does.
+TEST_F(CompactRun, EndsAsGoodAsWithFloats) {
+  for (const Config& config : {short_run(), mcmc_run()}) {
+    const double floats = mean_psnr(config), codes = mean_psnr(compact(config));
+    EXPECT_NEAR(codes, floats, 0.3) << config.density.strategy;
+  }
+}
+
+TEST_F(CompactRun, KeepsNoMomentsAsFloats) {
+  Config config = compact(short_run());
+  config.train.iterations = 20;
+  const TrainingModel model = trained(config);
+  EXPECT_TRUE(model.has_codes);
+  EXPECT_TRUE(model.first_moment.mean.empty() && model.second_moment.sh_rest.empty());
+  EXPECT_EQ(model.moment_codes.sh_rest.size(), model.count());
+}
+
+TEST_F(CompactRun, GivesTheSameBitsForAnyNumberOfThreads) {
+  for (const Config& config : {compact(busy_run()), compact(busy_batches())}) {
+    set_thread_count(1);
+    const TrainingModel one = trained(config);
+    set_thread_count(0);
+    EXPECT_TRUE(same_bits(trained(config), one));
+  }
+}
+
+TEST_F(CompactRun, StoppedAndResumedEndsWithTheSameBits) {
+  expect_goes_on_after({1, 43, 97}, compact(busy_run()));
+  expect_goes_on_after({43}, compact(mcmc_run()));
+  expect_goes_on_after({43}, compact(busy_batches()));
+}
+
+TEST_F(CompactRun, RefusesAStateWithMomentsOfTheOtherForm) {
+  Config config = short_run();
+  config.train.iterations = 10;
+  for (const bool has_codes : {false, true}) {
+    LastState kept;
+    StopAfter stopper(5);
+    Trainer first(scene_, has_codes ? compact(config) : config, *backend_);
+    first.keep_checkpoints_in(kept);
+    first.add_observer(stopper);
+    first.run();
+    EXPECT_THAT(error_of([&] {
+                  Trainer(scene_, has_codes ? config : compact(config), *backend_, *kept.newest());
+                }),
+                AllOf(HasSubstr(has_codes ? "set optimizer.moments=compact"
+                                          : "set optimizer.moments=float"),
+                      HasSubstr("start a new run")));
+  }
+}
+
+}  // namespace
+}  // namespace gs
