@@ -24,12 +24,21 @@
 #include "cuda/train/instance_forecast.h"
 #include "cuda/train/photometric.cuh"
 #include "gs_core/math/density.h"
+#include "gs_core/training_memory.h"
 #include "gs_train/named_row.h"
 #include "gs_train/photometric/gains.h"
 #include "gs_train/photometric/ppisp.h"
 
 namespace gs::cuda {
 namespace {
+
+// The forecast of memory counts these.
+static_assert(sizeof(SplatGradientSum) == kGradientSumBytes);
+static_assert(sizeof(FineSums) + sizeof(CoarseSums) == kFixedSumBytes);
+static_assert(sizeof(FixedFragmentSums) == kFixedFragmentSumBytes);
+static_assert(sizeof(Vec4f) * kTileWidth * kTileHeight ==
+              kCheckpointBytesOfInstance * kSegmentLength);
+static_assert(kFirstInstances == kLeastCapacity);
 
 constexpr int kThreads = 256;
 constexpr std::size_t kMostPending = 128;  // photos that the host may be ahead of the device
@@ -75,7 +84,8 @@ class CudaBackend final : private Device, public Backend {
         optimizer_(make_optimizer(context)), sums_(device_memory),
         photometric_gradient_(device_memory), camera_of_(device_memory),
         poses_(context, device_memory), depth_maps_(device_memory), depth_(device_memory),
-        rows_(make_row_ops(context, device_memory, pass_.splats)) {}
+        rows_(make_row_ops(context, device_memory, pass_.splats, pass_.pixel_rects,
+                           [this] { release_step(); })) {}
   ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
 
   void make_current() override { check(cudaSetDevice(context.device()), "choosing the GPU"); }
@@ -252,6 +262,16 @@ class CudaBackend final : private Device, public Backend {
     model_->poses.is_on_device = false;
   }
 
+  // Between steps: releases what the next one makes anew, except what row operations borrow.
+  void release_step() {
+    renderer_.release_caches();
+    for (Buffer<std::uint32_t>* const lists :
+         {&pass_.tile_counts, &pass_.depth_order, &pass_.tile_splats})
+      lists->release();
+    pass_.depths.release();
+    pass_.scratch<CudaScratch>().room.release();
+  }
+
   std::size_t pending_photos() const {
     return pending_.empty() ? 0 : last_photo_ + 1 - pending_.front().first_photo;
   }
@@ -317,6 +337,7 @@ class CudaBackend final : private Device, public Backend {
     if (look_) loss_settings.photo_on_device = &on_device;
     RenderSettings settings = photo.settings;
     settings.fragment_statistic = step.density.fragment_statistic();
+    settings.with_depths = loss_settings.depth_weight > 0 && photo.view->has_depth_map;
     const GaussiansSpan gaussians = model_->gaussians.span();
     Workspace& workspace = renderer_.workspace();
     renderer_.reserve_gradients(model_->count(), settings);

@@ -23,5 +23,7 @@ struct Usage {
   std::size_t peak_allocated_bytes = 0;  // the most at any time
 };
 Usage usage();
+/// The peak becomes what is allocated now.
+void restart_peak();
 
 }  // namespace gs::cuda

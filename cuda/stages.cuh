@@ -4,6 +4,7 @@
 // waits, and none allocates once its buffers have grown.
 #pragma once
 
+#include <functional>
 #include <memory>
 
 #include "cuda/density/fragment_sums.cuh"
@@ -42,11 +43,14 @@ struct CudaScratch final : ViewScratch {
   Buffer<std::uint32_t> tile_order;         // (tiles) those with the longest lists first; empty: as they are numbered
   Buffer<std::uint32_t> first_checkpoints;  // (tiles) a tile's first checkpoint; one per segment but the first
   Buffer<ListSegment> segments;             // (capacity S) the longest first, then empty ones
-  Buffer<Vec4f> checkpoints;                // (S - tiles, pixels of a tile) color and transmittance before a segment
+  Buffer<Vec4f> room;                       // of the sorts, and then of the checkpoints (instance_room.cuh)
+
+  /// (S - tiles, pixels of a tile) color and transmittance before a segment
+  Vec4f* checkpoints() const { return room.data(); }
 
   explicit CudaScratch(Memory& memory)
       : ViewScratch(memory), tile_order(memory), first_checkpoints(memory), segments(memory),
-        checkpoints(memory) {}
+        room(memory) {}
 };
 // clang-format on
 
@@ -57,17 +61,19 @@ using BinEntry = std::uint64_t;
 /// The buffers that one render needs besides the RenderPass: scratch of the sorts, and what the
 /// GPU's stages pass to each other.
 struct Workspace {
-  Buffer<std::uint32_t> depth_keys, sorted_depth_keys;  // (N)  culled ones behind all others
-  Buffer<std::uint32_t> row_numbers;      // (N)   0, 1, 2, ...
+  Buffer<std::uint32_t> depth_keys;       // (N)   culled ones behind all others
+  // 0, 1, 2, ... if are_numbered; where few of many Gaussians are visible, the visible rows before
+  // the culled ones
+  Buffer<std::uint32_t> rows;             // (N)
+  bool are_numbered = false;
   // Where few of many Gaussians are visible; empty elsewhere.
-  Buffer<std::uint32_t> visible_first;    // (N)   rows, the visible ones before the culled ones
   Buffer<std::uint32_t> visible_count;    // (1)
   Buffer<std::uint32_t> taken_depth_keys; // (M)   of the first M of these rows
-  Buffer<std::uint32_t> first_of_order;   // (N or M)  first instance of each Gaussian in depth order
-  Buffer<std::uint32_t> keys, sorted_keys;  // (capacity) tiles of the instances, in 16 or 32 bits
-  Buffer<std::uint32_t> instance_splats;  // (capacity) Gaussians of the instances, in depth order
+  // (N or M)  first instance of each Gaussian in depth order; before that, its sorted depth keys
+  Buffer<std::uint32_t> first_of_order;
+  Buffer<Vec4f> sort_room;                // as CudaScratch::room, for passes without segments
   Buffer<std::uint32_t> length_classes;   // (2, classes) tiles whose lists are about as long: all, and ordered so far
-  Buffer<std::uint8_t> sort_scratch;      // of CUB
+  Buffer<std::uint8_t> sort_scratch;      // of CUB, where it needs little
   // Lists by bins; empty without them.
   Buffer<std::uint32_t> bin_counts;       // (bins)  entries counted, then those written
   Buffer<BinEntry> bin_entries;           // (capacity)
@@ -83,9 +89,8 @@ struct Workspace {
   Buffer<std::uint32_t> halted;           // (1)  1: too many instances; no update until cleared
 
   explicit Workspace(Memory& memory)
-      : depth_keys(memory), sorted_depth_keys(memory), row_numbers(memory), visible_first(memory),
-        visible_count(memory), taken_depth_keys(memory), first_of_order(memory), keys(memory),
-        sorted_keys(memory), instance_splats(memory), length_classes(memory), sort_scratch(memory),
+      : depth_keys(memory), rows(memory), visible_count(memory), taken_depth_keys(memory),
+        first_of_order(memory), sort_room(memory), length_classes(memory), sort_scratch(memory),
         bin_counts(memory), bin_entries(memory),
         splat_gradients(memory), fine_sums(memory), coarse_sums(memory), camera_sums(memory),
         fragment_sums(memory),
@@ -156,8 +161,8 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
 /// one's instances begin. If at most `most_visible` of them are visible and that is less than half,
 /// pass.depth_order has `most_visible` rows. If more are visible, the rows that it has are visible
 /// ones, so that they have as many instances at least.
-void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass,
-                    std::size_t most_visible);
+void order_by_depth(Context& context, const RenderSettings& settings, Workspace& workspace,
+                    RenderPass& pass, std::size_t most_visible);
 
 /// Throws Error where a pass has more Gaussians than the entries of lists can hold
 /// (kMostGaussians).
@@ -285,8 +290,10 @@ void add_position_noise(Context& context, const GaussiansSpan& gaussians,
 /// The other stages, behind the interfaces of gs_train.
 std::unique_ptr<Loss> make_loss(Context& context, Memory& memory, PhotoStore& photos);  // 5 ssim.cu
 std::unique_ptr<Optimizer> make_optimizer(Context& context);                            // 8 adam.cu
-/// 9 rows.cu, 10 morton.cu. `splats` are those of the training pass: row operations use their
-/// memory.
-std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory, Buffer<Splat>& splats);
+/// 9 rows.cu, 10 morton.cu. Splats and rectangles are those of the training pass: row operations use
+/// their memory. Before large arrays grow, `release_step` is called to release what else the step
+/// has, so that the old rows of an array have room beside the new ones.
+std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory, Buffer<Splat>& splats,
+                                     Buffer<Rect>& pixel_rects, std::function<void()> release_step);
 
 }  // namespace gs::cuda

@@ -27,6 +27,15 @@ struct Span {
   GS_HD operator Span<const T>() const { return {data, size}; }
 };
 
+/// Bytes from which on a Buffer that grows takes an eighth of its capacity in reserve. Smaller ones
+/// take a half. Large arrays are what fills a device, and time to copy them grows slower than they.
+inline constexpr std::size_t kLargeBufferBytes = std::size_t(1) << 20;
+
+/// The bytes of a Buffer that has `capacity` bytes and needs `bytes`, which are more.
+constexpr std::size_t grown_bytes(std::size_t capacity, std::size_t bytes) {
+  return std::max(bytes, capacity + capacity / (capacity < kLargeBufferBytes ? 2 : 8));
+}
+
 /// An array of plain values in one Memory. Its capacity only grows, so that steady work allocates
 /// nothing. A Buffer can be moved and not copied. It is const as a pointer is: the elements of a
 /// const Buffer can be changed.
@@ -62,15 +71,22 @@ class Buffer {
     reserve(size);
     size_ = size;
   }
-  /// Changes the size without keeping the contents.
+  /// Changes the size without keeping the contents. A Buffer that grows gives its old memory back
+  /// first; it is empty if there is too little for the new one.
   void resize_discard(std::size_t size) {
     size_ = 0;
-    resize(size);
+    if (size > capacity_) {
+      const std::size_t grown = grown_capacity(size);
+      release();
+      data_ = static_cast<T*>(memory_->allocate(grown * sizeof(T)));
+      capacity_ = grown;
+    }
+    size_ = size;
   }
-  /// Makes the capacity at least `capacity`; if it grows, it grows by half or more.
+  /// Makes the capacity at least `capacity`; if it grows, it has a reserve (grown_bytes).
   void reserve(std::size_t capacity) {
     if (capacity <= capacity_) return;
-    const std::size_t grown = std::max(capacity, capacity_ + capacity_ / 2);
+    const std::size_t grown = grown_capacity(capacity);
     T* fresh = static_cast<T*>(memory_->allocate(grown * sizeof(T)));
     if (size_) memory_->copy(fresh, data_, size_ * sizeof(T));
     if (data_) memory_->deallocate(data_, capacity_ * sizeof(T));
@@ -108,6 +124,10 @@ class Buffer {
   }
 
  private:
+  std::size_t grown_capacity(std::size_t size) const {
+    return std::max(size, grown_bytes(capacity_ * sizeof(T), size * sizeof(T)) / sizeof(T));
+  }
+
   Memory* memory_ = &host_memory();
   T* data_ = nullptr;
   std::size_t size_ = 0;

@@ -35,6 +35,8 @@ struct RenderSettings : SplatSettings {
   // draw(), where splats have 32 bytes: lists by bins of so many pixels, 32 or 64, in place of
   // lists by tiles. 0: by tiles. Not measured yet, and only for comparisons.
   int bin_side = 0;
+  // false: the CUDA backend may leave RenderPass::depths empty, which only depth maps need
+  bool with_depths = true;
   // sums that do not depend on their order, so that a step has one result
   bool deterministic = false;
 };
@@ -106,8 +108,10 @@ struct RenderPass {
   }
 
   /// Sizes what stage 1 fills, for a view and so many Gaussians. `with_splats` false: the backend
-  /// keeps splats in a form of its own, and there are no depths.
-  void begin(const Camera& camera, std::size_t gaussians, bool with_splats = true) {
+  /// keeps splats in a form of its own, and there are no depths; there are none either without
+  /// `with_depths`.
+  void begin(const Camera& camera, std::size_t gaussians, bool with_splats = true,
+             bool with_depths = true) {
     GS_CHECK(camera.width > 0 && camera.width <= kMaxPictureSide && camera.height > 0 &&
              camera.height <= kMaxPictureSide);
     width = camera.width;
@@ -115,7 +119,7 @@ struct RenderPass {
     tiles_x = (camera.width + kTileWidth - 1) / kTileWidth;
     tiles_y = (camera.height + kTileHeight - 1) / kTileHeight;
     splats.resize_discard(with_splats ? gaussians : 0);
-    depths.resize_discard(with_splats ? gaussians : 0);
+    depths.resize_discard(with_splats && with_depths ? gaussians : 0);
     pixel_rects.resize_discard(gaussians);
     tile_counts.resize_discard(gaussians);
   }

@@ -102,6 +102,8 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
     report.training = time_training(*backend, model, subject.train_views, subject.settings,
                                     subject.config, plan, report.workload);
     report.peak_gpu_bytes = peak_gpu_bytes(*backend);
+    report.forecast_gpu_bytes = forecast_gpu_bytes(model, subject.train_views, subject.settings,
+                                                   subject.config, report.workload);
     for (const double scale : plan.scales) {
       log_info("timing rendering: {} views, {} frames each, at scale {:g}",
                subject.rendered_views().size(), 2 * plan.frames + 1, scale);

@@ -81,12 +81,11 @@ __global__ void row_numbers_kernel(Span<std::uint32_t> row_numbers) {
 Span<const std::uint32_t> RowOrderWorkspace::sort(Context& context, const char* stage, int bits) {
   const std::size_t count = keys_.size;
   if (count == 0) return {};
-  row_numbers_.resize_discard(count);
-  other_rows_.resize_discard(count);
+  std::uint32_t* const row_numbers = room_.row_numbers(count);
   context.launch(stage, row_numbers_kernel, blocks_for(count, kThreads), kThreads,
-                 row_numbers_.span());
+                 Span<std::uint32_t>{row_numbers, count});
   cub::DoubleBuffer<std::uint64_t> keys(keys_.data, keys_.data + count);
-  cub::DoubleBuffer<std::uint32_t> rows(row_numbers_.data(), other_rows_.data());
+  cub::DoubleBuffer<std::uint32_t> rows(row_numbers, row_numbers + count);
   with_cub_scratch(cub, stage, [&](void* scratch, std::size_t& bytes) {
     return cub::DeviceRadixSort::SortPairs(scratch, bytes, keys, rows, int(count), 0, bits,
                                            context.stream());
@@ -96,8 +95,6 @@ Span<const std::uint32_t> RowOrderWorkspace::sort(Context& context, const char* 
 
 void RowOrderWorkspace::release() {
   keys_ = {};
-  row_numbers_.release();
-  other_rows_.release();
   bounds.release();
   cub.release();
 }

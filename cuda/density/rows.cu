@@ -7,6 +7,7 @@
 #include <thrust/iterator/counting_iterator.h>
 
 #include <cub/device/device_select.cuh>
+#include <utility>
 
 #include "cuda/density/filter_3d.cuh"
 #include "cuda/density/grow.cuh"
@@ -23,6 +24,9 @@ constexpr int kThreads = 256;  // rows are independent: any size that fills a mu
 constexpr std::uint64_t kGrowsNever = ~std::uint64_t(0);  // a key above those of all that grow
 // The bits of an infinite double: the largest of any positive one that is a number.
 constexpr std::uint64_t kInfinityBits = 0x7ff0000000000000;
+// Of an array that grows. Below it, its old rows are not worth the time to allocate the step's
+// buffers again.
+constexpr std::size_t kBytesWorthReleasing = std::size_t(16) << 20;
 constexpr int kGrowthKeyBits = 64;
 constexpr int kPruneKeyBits = 32;
 
@@ -182,8 +186,10 @@ __global__ void count_marked_kernel(Span<const RowAction> action, Counts* counts
 
 class CudaRowOps final : public RowOps {
  public:
-  CudaRowOps(Context& context, Memory& memory, Buffer<Splat>& splats)
-      : context_(context), room_(splats), rows_(context, room_), order_workspace_(memory, room_),
+  CudaRowOps(Context& context, Memory& memory, Buffer<Splat>& splats, Buffer<Rect>& pixel_rects,
+             std::function<void()> release_step)
+      : context_(context), release_step_(std::move(release_step)), room_(splats, pixel_rects),
+        rows_(context, room_), order_workspace_(memory, room_),
         growth_(context, memory, order_workspace_), relocation_(context, memory),
         filter_(context, memory), action_(memory), source_(memory), clones_(memory),
         parents_(memory), halves_(memory), counts_(1, memory) {}
@@ -409,6 +415,14 @@ class CudaRowOps final : public RowOps {
   // Reserves memory to gather so many rows of every array. A failure comes before anything is
   // changed.
   void reserve_rows(TrainingModel& model, std::size_t count) {
+    bool large_ones_grow = false;
+    for_each_row_array(
+        [&](const RowArray&, const auto& array) {
+          large_ones_grow |= array.capacity() < count &&
+                             array.capacity() * sizeof(*array.data()) >= kBytesWorthReleasing;
+        },
+        model);
+    if (large_ones_grow) release_step_();
     for_each_row_array([&](const RowArray&, auto& array) { rows_.reserve(array, count); }, model);
   }
 
@@ -418,6 +432,7 @@ class CudaRowOps final : public RowOps {
   }
 
   Context& context_;
+  std::function<void()> release_step_;
   BorrowedRoom room_;
   RowGather rows_;
   RowOrderWorkspace order_workspace_;
@@ -432,8 +447,11 @@ class CudaRowOps final : public RowOps {
 
 }  // namespace
 
-std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory, Buffer<Splat>& splats) {
-  return std::make_unique<CudaRowOps>(context, memory, splats);
+std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory, Buffer<Splat>& splats,
+                                     Buffer<Rect>& pixel_rects,
+                                     std::function<void()> release_step) {
+  return std::make_unique<CudaRowOps>(context, memory, splats, pixel_rects,
+                                      std::move(release_step));
 }
 
 }  // namespace gs::cuda

@@ -16,14 +16,15 @@ struct Bounds {
   Vec3f low, high;
 };
 
-/// Memory that row operations borrow from the step: the splats of its pass. No step runs while rows
-/// are changed, and nobody reads its splats after it. So the sort keys and the gathers need no
-/// memory of their own. Each use destroys what the one before has left.
+/// Memory that row operations borrow from the step: the splats of its pass and their rectangles. No
+/// step runs while rows are changed, and nobody reads either after it. So the sort keys, the sorted
+/// rows and the gathers need no memory of their own. Each use destroys what the one before has left.
 class BorrowedRoom {
  public:
   static constexpr int kWordsOfRow = sizeof(Splat) / sizeof(std::uint32_t);
 
-  explicit BorrowedRoom(Buffer<Splat>& splats) : splats_(splats) {}
+  BorrowedRoom(Buffer<Splat>& splats, Buffer<Rect>& pixel_rects)
+      : splats_(splats), pixel_rects_(pixel_rects) {}
 
   /// Makes room for kWordsOfRow words of each of `rows` rows.
   void reserve(std::size_t rows) {
@@ -33,16 +34,24 @@ class BorrowedRoom {
     reserve(rows);
     return reinterpret_cast<std::uint32_t*>(splats_.data());
   }
+  /// Two arrays of so many row numbers, one after the other. They lie in the rectangles, so that
+  /// gathers may use words() meanwhile.
+  std::uint32_t* row_numbers(std::size_t rows) {
+    static_assert(sizeof(Rect) == 2 * sizeof(std::uint32_t));
+    if (pixel_rects_.size() < rows) pixel_rects_.resize_discard(rows);
+    return reinterpret_cast<std::uint32_t*>(pixel_rects_.data());
+  }
 
  private:
   Buffer<Splat>& splats_;
+  Buffer<Rect>& pixel_rects_;
 };
 
 /// Buffers of sort_rows() and morton_order().
 class RowOrderWorkspace {
  public:
   RowOrderWorkspace(Memory& memory, BorrowedRoom& room)
-      : bounds(memory), cub(memory), room_(room), row_numbers_(memory), other_rows_(memory) {}
+      : bounds(memory), cub(memory), room_(room) {}
 
   /// The sort keys of so many rows, not set yet.
   Span<std::uint64_t> make_keys(std::size_t count) {
@@ -61,7 +70,6 @@ class RowOrderWorkspace {
  private:
   BorrowedRoom& room_;
   Span<std::uint64_t> keys_;
-  Buffer<std::uint32_t> row_numbers_, other_rows_;  // (N)
 };
 
 /// 10  morton.cu: the numbers of all rows along the Morton curve of the means, in their bounding

@@ -9,12 +9,13 @@
 namespace gs::cuda {
 
 /// Calls algorithm(temporary, bytes) twice, as CUB asks for. `scratch` grows where it is too small
-/// and never shrinks; `what` names the stage in errors.
-template <class Algorithm>
-void with_cub_scratch(Buffer<std::uint8_t>& scratch, const char* what, Algorithm&& algorithm) {
+/// and never shrinks, and what it holds is lost; `what` names the stage in errors.
+template <class T, class Algorithm>
+void with_cub_scratch(Buffer<T>& scratch, const char* what, Algorithm&& algorithm) {
   std::size_t bytes = 0;
   check(algorithm(nullptr, bytes), what);
-  if (bytes > scratch.size()) scratch.resize_discard(bytes);
+  const std::size_t size = (bytes + sizeof(T) - 1) / sizeof(T);
+  if (size > scratch.size()) scratch.resize_discard(size);
   check(algorithm(scratch.data(), bytes), what);
 }
 

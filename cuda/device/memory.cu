@@ -65,4 +65,6 @@ std::size_t DeviceMemory::free_bytes() const {
 
 Usage usage() { return {allocated, peak}; }
 
+void restart_peak() { peak = allocated.load(); }
+
 }  // namespace gs::cuda

@@ -82,7 +82,7 @@ void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
                    scratch.first_checkpoints.data(),
-                   makes_segments(settings) ? scratch.checkpoints.data() : nullptr};
+                   makes_segments(settings) ? scratch.checkpoints() : nullptr};
   const auto launch = [&](auto kernel) {
     context.launch("blend", kernel, blend_blocks(pass.tile_count()), kBlendThreads,
                    tile_lists(pass), scratch.tile_order.data(), settings.background, out);

@@ -116,7 +116,7 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
                    scratch.first_checkpoints.data(),
-                   reinterpret_cast<float*>(scratch.checkpoints.data())};
+                   reinterpret_cast<float*>(scratch.checkpoints())};
   const auto launch = [&](auto kind, const auto* splats) {
     using Kind = decltype(kind);
     constexpr int kPerTile = kTileWidth / kSubtileWidth * kTileHeight / Kind::height;

@@ -2,6 +2,7 @@
 // Stage 2: write one instance for each tile that a visible Gaussian hits, in depth order. A warp
 // fills kPlacesPerWarp consecutive places of the list. They may belong to many small splats or to a
 // part of one that covers the picture, so that the work is balanced.
+#include "cuda/render/instance_room.cuh"
 #include "cuda/render/reports.cuh"
 #include "cuda/render/row_spans.cuh"
 #include "cuda/stages.cuh"
@@ -184,22 +185,23 @@ void create_instances(Context& context, const RenderSettings& settings, Workspac
                       RenderPass& pass, const InstanceLimit& limit) {
   const StageScope scope(context, "instances");
   check_gaussian_count(pass);
-  workspace.keys.resize_discard(limit.capacity);
-  workspace.instance_splats.resize_discard(limit.capacity);
+  Buffer<Vec4f>& room = sort_room(settings, workspace, pass);
+  reserve_instances(settings, room, pass, limit.capacity);
   with_splats(pass, [&](const auto* splats) {
     using AnySplat = std::remove_cvref_t<decltype(*splats)>;
     const Input<AnySplat> in = input_of(settings, workspace, pass, splats);
-    const auto launch = [&](auto* keys) {
-      using Key = std::remove_pointer_t<decltype(keys)>;
-      const Output<Key> out{keys, workspace.instance_splats.data(), limit};
+    const auto launch = [&](auto key) {
+      using Key = decltype(key);
+      const UnsortedInstances<Key> to = unsorted_instances<Key>(room, pass, limit.capacity);
+      const Output<Key> out{to.keys, to.splats, limit};
       context.launch("instances", create_instances_kernel<Key, AnySplat>,
                      blocks_for(limit.capacity, kPlacesPerWarp * (kThreads / kWarp)), kThreads, in,
                      out);
     };
     if (uses_short_keys(pass))
-      launch(reinterpret_cast<std::uint16_t*>(workspace.keys.data()));
+      launch(std::uint16_t());
     else
-      launch(workspace.keys.data());
+      launch(std::uint32_t());
   });
 }
 

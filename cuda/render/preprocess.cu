@@ -124,7 +124,7 @@ __device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaus
 // What the kernel writes, one row per Gaussian.
 struct Output {
   Splat* splats;
-  float* depths;
+  float* depths;  // null: none are wanted
   ProjectedRows rows;
 };
 
@@ -183,7 +183,7 @@ __global__ void __launch_bounds__(kPreprocessThreads)
   if (hits == 0) return cull(out.rows, i);
   keep(out.rows, i, hits, projected.depth, pixels);
   store_in_vectors(out.splats + i, splat);
-  out.depths[i] = projected.depth;
+  if (out.depths) out.depths[i] = projected.depth;
 }
 
 }  // namespace
@@ -193,10 +193,10 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
                 const DevicePose* pose) {
   const StageScope scope(context, "preprocess");
   const std::size_t count = gaussians.mean.size;
-  pass.begin(camera, count);
+  pass.begin(camera, count, true, settings.with_depths);
   pass.scratch<CudaScratch>().has_view_splats = false;
   workspace.depth_keys.resize_discard(count);
-  const Output out{pass.splats.data(), pass.depths.data(),
+  const Output out{pass.splats.data(), settings.with_depths ? pass.depths.data() : nullptr,
                    projected_rows(settings, workspace, pass)};
   with_camera(camera, pose, [&](const auto& source) {
     using Source = std::decay_t<decltype(source)>;

@@ -47,9 +47,24 @@ struct ShortBlocks {
 };
 #endif
 
-/// Sorts `count` pairs by the lowest `bits` bits of their keys, from two arrays into two others.
+#ifdef GS_CUB_TAKES_BLOCK_SIZE
+/// The sort in such blocks; `may_overwrite`: of what it reads.
 template <class Key>
-void sort_pairs(Context& context, Buffer<std::uint8_t>& scratch, const char* what, const Key* keys,
+cudaError_t sort_in_short_blocks(Context& context, void* temporary, std::size_t& bytes,
+                                 cub::DoubleBuffer<Key>& keys,
+                                 cub::DoubleBuffer<std::uint32_t>& values, std::uint32_t count,
+                                 int bits, bool may_overwrite) {
+  using Sort = cub::DispatchRadixSort<cub::SortOrder::Ascending, Key, std::uint32_t, std::uint32_t,
+                                      cub::detail::identity_decomposer_t, ShortBlocks<Key>>;
+  return Sort::Dispatch(temporary, bytes, keys, values, count, 0, bits, may_overwrite,
+                        context.stream());
+}
+#endif
+
+/// Sorts `count` pairs by the lowest `bits` bits of their keys, from two arrays into two others.
+/// The scratch has some sizeof(Key) + 4 bytes for each of them.
+template <class Key, class T>
+void sort_pairs(Context& context, Buffer<T>& scratch, const char* what, const Key* keys,
                 Key* sorted_keys, const std::uint32_t* values, std::uint32_t* sorted_values,
                 std::uint32_t count, int bits) {
   with_cub_scratch(scratch, what, [&](void* temporary, std::size_t& bytes) {
@@ -58,16 +73,33 @@ void sort_pairs(Context& context, Buffer<std::uint8_t>& scratch, const char* wha
       cub::DoubleBuffer<Key> both_keys(const_cast<Key*>(keys), sorted_keys);
       cub::DoubleBuffer<std::uint32_t> both_values(const_cast<std::uint32_t*>(values),
                                                    sorted_values);
-      using Sort =
-          cub::DispatchRadixSort<cub::SortOrder::Ascending, Key, std::uint32_t, std::uint32_t,
-                                 cub::detail::identity_decomposer_t, ShortBlocks<Key>>;
-      return Sort::Dispatch(temporary, bytes, both_keys, both_values, count, 0, bits, false,
-                            context.stream());
+      return sort_in_short_blocks(context, temporary, bytes, both_keys, both_values, count, bits,
+                                  false);
     }
 #endif
     return cub::DeviceRadixSort::SortPairs(temporary, bytes, keys, sorted_keys, values,
                                            sorted_values, int(count), 0, bits, context.stream());
   });
 }
+
+/// The same between two arrays of keys and two of values, both of which it overwrites. The result
+/// is in Current() of either. The scratch is small: a 256th of the pairs, or less.
+template <class Key, class T>
+void sort_pairs(Context& context, Buffer<T>& scratch, const char* what,
+                cub::DoubleBuffer<Key>& keys, cub::DoubleBuffer<std::uint32_t>& values,
+                std::uint32_t count, int bits) {
+  with_cub_scratch(scratch, what, [&](void* temporary, std::size_t& bytes) {
+#ifdef GS_CUB_TAKES_BLOCK_SIZE
+    if (count < kLongList)
+      return sort_in_short_blocks(context, temporary, bytes, keys, values, count, bits, true);
+#endif
+    return cub::DeviceRadixSort::SortPairs(temporary, bytes, keys, values, int(count), 0, bits,
+                                           context.stream());
+  });
+}
+
+/// True where such a sort most likely leaves its result where the pairs were: after an even number
+/// of passes by digits of 8 bits.
+inline bool sort_returns(int bits) { return (bits + 7) / 8 % 2 == 0; }
 
 }  // namespace gs::cuda

@@ -73,7 +73,7 @@ void CudaRenderer::draw_frame(std::size_t gaussians, const Camera& camera,
   const std::uint32_t capacity = makes_segments(settings) ? 0 : forecast_.capacity_for(kind);
   if (capacity > 0 && draw_within(capacity, kind, settings, pass, project)) return;
   project();
-  order_by_depth(context_, workspace_, pass, gaussians);
+  order_by_depth(context_, settings, workspace_, pass, gaussians);
   const std::uint32_t instances = count_instances(settings, pass);
   forecast_.note(kind, instances);
   sort_and_blend(settings, pass, {std::max(instances, 1u)});
@@ -136,7 +136,7 @@ void CudaRenderer::sort_and_blend_bins(const RenderSettings& settings, RenderPas
 void CudaRenderer::finish(const RenderSettings& settings, RenderPass& pass,
                           const InstanceLimit& limit) {
   // Each visible Gaussian has an instance. One row more shows that there are too many.
-  order_by_depth(context_, workspace_, pass, std::size_t(limit.capacity) + 1);
+  order_by_depth(context_, settings, workspace_, pass, std::size_t(limit.capacity) + 1);
   sort_and_blend(settings, pass, limit);
 }
 

@@ -5,13 +5,11 @@
 #include <thrust/iterator/counting_iterator.h>
 #include <thrust/iterator/transform_iterator.h>
 
-#include <bit>
 #include <cub/device/device_partition.cuh>
 #include <cub/device/device_scan.cuh>
 
+#include "cuda/render/instance_room.cuh"
 #include "cuda/render/length_classes.cuh"
-#include "cuda/render/radix_sort.cuh"
-#include "cuda/stages.cuh"
 
 namespace gs::cuda {
 namespace {
@@ -181,21 +179,25 @@ void order_for_blending(Context& context, RenderPass& pass, std::uint32_t capaci
   scratch.tile_order.resize_discard(tiles);
   scratch.first_checkpoints.resize_discard(tiles);
   scratch.segments.resize_discard(segments);
-  scratch.checkpoints.resize_discard((segments - tiles) * kTileWidth * kTileHeight);
   const BlendOrder order{scratch.tile_order.data(), scratch.first_checkpoints.data(),
                          scratch.segments.data(), std::uint32_t(segments)};
   context.launch("blend order", blend_order_kernel, 1, kOrderThreads, pass.tile_ranges.data(),
                  std::uint32_t(tiles), order);
 }
 
+// Sorts the instances into pass.tile_splats. Returns the sorted keys.
 template <class Key>
-void sort_keys(Context& context, Workspace& workspace, RenderPass& pass, std::uint32_t capacity) {
-  const auto* const keys = reinterpret_cast<const Key*>(workspace.keys.data());
-  auto* const sorted = reinterpret_cast<Key*>(workspace.sorted_keys.data());
-  const int bits = int(std::bit_width(pass.tile_count()));  // with the key that means "no tile"
-  sort_pairs(context, workspace.sort_scratch, "the tile sort", keys, sorted,
-             static_cast<const std::uint32_t*>(workspace.instance_splats.data()),
-             pass.tile_splats.data(), capacity, bits);
+const Key* sort_instances(Context& context, const Buffer<Vec4f>& room, Workspace& workspace,
+                          RenderPass& pass, std::uint32_t capacity) {
+  const UnsortedInstances<Key> instances = unsorted_instances<Key>(room, pass, capacity);
+  cub::DoubleBuffer<Key> keys(instances.keys, instances.other_keys);
+  cub::DoubleBuffer<std::uint32_t> splats(instances.splats, instances.other_splats);
+  sort_pairs(context, workspace.sort_scratch, "the tile sort", keys, splats, capacity,
+             tile_key_bits(pass));
+  std::uint32_t* const sorted = pass.tile_splats.data();
+  if (splats.Current() != sorted)  // short lists, and GPUs on which CUB takes other digits
+    pass.tile_splats.memory().copy(sorted, splats.Current(), capacity * sizeof(std::uint32_t));
+  return keys.Current();
 }
 
 // Gaussians to be sorted by their depths.
@@ -208,50 +210,52 @@ struct DepthPairs {
 DepthPairs visible_first(Context& context, Workspace& workspace, const RenderPass& pass,
                          std::uint32_t taken) {
   const std::size_t count = pass.tile_counts.size();
-  workspace.visible_first.resize_discard(count);
+  workspace.rows.resize_discard(count);
+  workspace.are_numbered = false;
   workspace.visible_count.resize_discard(1);
   workspace.taken_depth_keys.resize_discard(taken);
   with_cub_scratch(workspace.sort_scratch, "the visible Gaussians",
                    [&](void* temporary, std::size_t& bytes) {
                      return cub::DevicePartition::If(
                          temporary, bytes, thrust::counting_iterator<std::uint32_t>(0),
-                         workspace.visible_first.data(), workspace.visible_count.data(), int(count),
+                         workspace.rows.data(), workspace.visible_count.data(), int(count),
                          IsVisible{pass.tile_counts.data()}, context.stream());
                    });
   context.launch("depth keys of visible rows", take_keys_kernel, blocks_for(taken, kThreads),
-                 kThreads, workspace.visible_first.data(), taken, workspace.depth_keys.data(),
+                 kThreads, workspace.rows.data(), taken, workspace.depth_keys.data(),
                  workspace.taken_depth_keys.data());
-  return {workspace.taken_depth_keys.data(), workspace.visible_first.data(), taken};
+  return {workspace.taken_depth_keys.data(), workspace.rows.data(), taken};
 }
 
 // All Gaussians.
 DepthPairs all_rows(Context& context, Workspace& workspace, const RenderPass& pass) {
   const std::uint32_t count = std::uint32_t(pass.tile_counts.size());
-  if (workspace.row_numbers.size() < count) {
-    workspace.row_numbers.resize_discard(count);
+  if (!workspace.are_numbered || workspace.rows.size() < count) {
+    workspace.are_numbered = false;  // if memory runs out
+    workspace.rows.resize_discard(count);
     context.launch("row numbers", number_rows_kernel, blocks_for(count, kThreads), kThreads,
-                   workspace.row_numbers.data(), count);
+                   workspace.rows.data(), count);
+    workspace.are_numbered = true;
   }
-  return {workspace.depth_keys.data(), workspace.row_numbers.data(), count};
+  return {workspace.depth_keys.data(), workspace.rows.data(), count};
 }
 
 }  // namespace
 
-void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass,
-                    std::size_t most_visible) {
+void order_by_depth(Context& context, const RenderSettings& settings, Workspace& workspace,
+                    RenderPass& pass, std::size_t most_visible) {
   const StageScope scope(context, "depth sort");
   const std::size_t count = pass.tile_counts.size();
   const bool are_few_visible = most_visible < count / 2;  // so that selecting them pays
   const std::size_t taken = are_few_visible ? most_visible : count;
   pass.depth_order.resize_discard(taken);
-  workspace.sorted_depth_keys.resize_discard(taken);
   workspace.first_of_order.resize_discard(taken);
   if (count == 0) return;
   const DepthPairs pairs = are_few_visible
                                ? visible_first(context, workspace, pass, std::uint32_t(taken))
                                : all_rows(context, workspace, pass);
-  sort_pairs(context, workspace.sort_scratch, "the depth sort", pairs.keys,
-             workspace.sorted_depth_keys.data(), pairs.rows, pass.depth_order.data(), pairs.count,
+  sort_pairs(context, sort_room(settings, workspace, pass), "the depth sort", pairs.keys,
+             workspace.first_of_order.data(), pairs.rows, pass.depth_order.data(), pairs.count,
              kDepthKeyBits);
   with_cub_scratch(workspace.sort_scratch, "the sum of the tile counts",
                    [&](void* temporary, std::size_t& bytes) {
@@ -267,16 +271,14 @@ void order_by_depth(Context& context, Workspace& workspace, RenderPass& pass,
 void sort_by_tile(Context& context, const RenderSettings& settings, Workspace& workspace,
                   RenderPass& pass, std::uint32_t capacity) {
   const StageScope scope(context, "tile sort");
-  workspace.sorted_keys.resize_discard(capacity);
-  pass.tile_splats.resize_discard(capacity);
+  const Buffer<Vec4f>& room = sort_room(settings, workspace, pass);
   pass.tile_ranges.resize_discard(pass.tile_count() + 1);
   workspace.length_classes.resize_discard(2 * kLengthClasses);
   const auto run = [&](auto key) {
     using Key = decltype(key);
-    sort_keys<Key>(context, workspace, pass, capacity);
+    const Key* const keys = sort_instances<Key>(context, room, workspace, pass, capacity);
     context.launch("tile ranges", tile_ranges_kernel<Key>, blocks_for(capacity, kThreads), kThreads,
-                   reinterpret_cast<const Key*>(workspace.sorted_keys.data()), capacity,
-                   std::uint32_t(pass.tile_count()), pass.tile_ranges.data(),
+                   keys, capacity, std::uint32_t(pass.tile_count()), pass.tile_ranges.data(),
                    workspace.length_classes.data());
   };
   if (uses_short_keys(pass))

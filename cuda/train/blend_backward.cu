@@ -370,7 +370,7 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
   GS_CHECK(dL_dimage.size == 3 * pass.pixel_count());
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Forward forward{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
-                        scratch.first_checkpoints.data(), scratch.checkpoints.data()};
+                        scratch.first_checkpoints.data(), scratch.checkpoints()};
   const auto launch = [&](auto rule, const auto& sums) {
     context.launch("blend backward",
                    blend_backward_kernel<rule(), std::remove_cvref_t<decltype(sums)>>,

@@ -25,15 +25,23 @@ void check_the_rest(Examination& examination) {
 }
 
 SceneSize size_of(const Examination& examination) {
-  double pixels = 0;
+  double pixels = 0, training_pixels = 0;
+  SceneSize scene;
+  const auto& is_test = examination.scene.is_test;
+  const auto& depth_files = examination.scene.depth_files;
   const int resolution = examination.config.dataset.resolution;
   for (const std::size_t i : examination.usable) {
     const PhotoSize& size = examination.photo_sizes[i];
     const double scale =
         resolution <= 8 ? 1.0 / resolution : double(resolution) / double(size.width);
-    pixels += double(size.width) * double(size.height) * std::min(scale * scale, 1.0);
+    const double of_photo = double(size.width) * double(size.height) * std::min(scale * scale, 1.0);
+    const bool is_trained_on = i >= is_test.size() || !is_test[i];
+    pixels += of_photo;
+    if (is_trained_on) training_pixels += of_photo;
+    if (i < depth_files.size() && !depth_files[i].empty()) scene.depth_maps += 1;
+    scene.largest_megapixels = std::max(scene.largest_megapixels, 1e-6 * of_photo);
   }
-  SceneSize scene;
+  scene.train_share = training_pixels / std::max(pixels, 1.0);
   scene.photo_bytes = (3 + examination.masked_share) * pixels;
   scene.megapixels = pixels * 1e-6 / double(std::max<std::size_t>(examination.usable.size(), 1));
   scene.points = examination.model().points.size();

@@ -12,13 +12,13 @@
 #include "gs_core/config/scene_settings.h"
 #include "gs_core/io/host_ram.h"
 #include "gs_core/memory.h"
+#include "gs_core/training_memory.h"
 
 namespace gs {
 namespace {
 
-// Bytes per Gaussian in a run on CUDA (docs/benchmarks.md, "GPU memory at most"): parameters, two
-// moments, statistics and the splats of a view. The CPU keeps gradients of all parameters as well.
-constexpr double kBytesOnGpu = 1700, kBytesOnCpu = 2048;
+// Bytes per Gaussian in a run on the CPU, which keeps gradients of all parameters as well.
+constexpr double kBytesOnCpu = 2048;
 // Compact moments (optimizer.moments) have 4 bytes for each of 59 parameters instead of 8; half of
 // that again is spare, since arrays grow by halves.
 constexpr double kSavedByCompactMoments = 354;
@@ -52,9 +52,9 @@ std::string count_text(double gaussians) {
   return fmt::format("{:.0f} million", gaussians * 1e-6);
 }
 
-/// The remedy for a model that does not fit.
-std::string cap_advice(double free, double photos, double bytes_per_gaussian) {
-  const double most = std::floor((kShareOfFree * free - photos) / bytes_per_gaussian / 1e4) * 1e4;
+/// The remedy for a model that does not fit: at most so many Gaussians do.
+std::string cap_advice(double fitting) {
+  const double most = std::floor(fitting / 1e4) * 1e4;
   return most > 0 ? fmt::format("cap the Gaussians with --max-gaussians {:.0f}", most)
                   : "make the photos smaller with -r 2";
 }
@@ -65,14 +65,24 @@ double room_for_photos(const Config& config, bool on_gpu) {
                 : double(photo_ram_bytes(config.dataset));
 }
 
+/// What training takes of a GPU's memory for so many Gaussians.
+TrainingSize size_on_gpu(const Config& config, const SceneSize& scene, double gaussians) {
+  PictureSizes pictures;
+  pictures.pixels = 1e6 * std::max(scene.megapixels, scene.largest_megapixels);
+  pictures.photo_bytes = scene.train_share * scene.photo_bytes;
+  pictures.largest_photo_bytes = 4 * pictures.pixels;
+  pictures.depth_pixels = 1e6 * scene.megapixels * scene.train_share * scene.depth_maps;
+  return training_size(config, pictures, gaussians);
+}
+
 // Gaussians of a block beyond its share of the scene: its borders, and points outside of them
 constexpr double kOverlapOfBlocks = 1.5;
 
 constexpr std::size_t kAnyPhotos = 1;  // whatever their number, the run is long enough to grow
 
-double bytes_of_gaussian(const Config& config, bool on_gpu) {
-  const double saved = config.optimizer.moments == MomentForm::compact ? kSavedByCompactMoments : 0;
-  return (on_gpu ? kBytesOnGpu : kBytesOnCpu) - saved;
+double bytes_on_cpu(const Config& config) {
+  return kBytesOnCpu -
+         (config.optimizer.moments == MomentForm::compact ? kSavedByCompactMoments : 0);
 }
 
 /// The config of a run that has as many Gaussians as the scene asks for.
@@ -90,8 +100,11 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
   const double free = double(device.is_gpu ? device.free_bytes : host_memory().free_bytes());
   if (free == 0 || scene.points == 0) return {};
   const double photos = std::min(scene.photo_bytes, room_for_photos(config, device.is_gpu));
-  const double fit = std::max(kShareOfFree * free - photos, kShareOfFree * free / 4) /
-                     bytes_of_gaussian(config, device.is_gpu);
+  const double usable = kShareOfFree * free;
+  const double fit =
+      device.is_gpu ? std::max(gaussians_that_fit(size_on_gpu(config, scene, 0), usable),
+                               gaussians_that_fit(size_on_gpu(config, SceneSize{}, 0), usable / 4))
+                    : std::max(usable - photos, usable / 4) / bytes_on_cpu(config);
   const double wanted =
       expected_gaussians(without_limits_of_one_run(config, scene.points), scene.points);
   if (wanted <= fit)
@@ -112,10 +125,7 @@ double expected_gaussians(const Config& config, std::size_t points) {
   if (cap > 0) start = std::min(start, cap);
   const double steps = steps_of(config);
   if (steps <= std::min(double(config.density.from_step), kFirstGrowth)) return start;
-  const bool rises_to_cap =
-      config.density.strategy == "mcmc" ||
-      (config.density.strategy == "budgeted" && needs_budget(config.density.curve));
-  if (rises_to_cap && cap > 0) return cap;
+  if (rises_to_cap(config)) return cap;
   const double end = std::max(std::min(kGrowth * start, kOrdinaryEnd), kLeastGrowth * start);
   const double gaussians = start + (end - start) * std::sqrt(std::min(steps / kFullSteps, 1.0));
   return cap > 0 ? std::min(gaussians, cap) : gaussians;
@@ -125,9 +135,9 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
   const double budget = room_for_photos(config, false);
   const double gaussians = expected_gaussians(config, scene.points);
   const double photos_in_ram = std::min(scene.photo_bytes, budget);
-  const double photos_on_gpu = std::min(scene.photo_bytes, room_for_photos(config, true));
-  const double on_gpu = photos_on_gpu + gaussians * bytes_of_gaussian(config, true);
-  const double on_cpu = gaussians * bytes_of_gaussian(config, false);
+  const TrainingSize size = size_on_gpu(config, scene, gaussians);
+  const double on_gpu = training_bytes(size);
+  const double on_cpu = gaussians * bytes_on_cpu(config);
   const double free_ram = double(host_memory().free_bytes());
   const double free_on_gpu = double(device.free_bytes);
   const double new_in_ram =
@@ -156,16 +166,16 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
   result.text += fmt::format("each saved model takes {} of disk", size_text(gaussians * kPlyBytes));
 
   if (device.is_gpu && device.free_bytes && on_gpu > kShareOfFree * free_on_gpu)
-    result.warnings.push_back(fmt::format("the GPU has {} free and the run may need {}; {}",
-                                          size_text(free_on_gpu), size_text(on_gpu),
-                                          cap_advice(free_on_gpu, photos_on_gpu, kBytesOnGpu)));
+    result.warnings.push_back(fmt::format(
+        "the GPU has {} free and the run may need {}; {}", size_text(free_on_gpu),
+        size_text(on_gpu), cap_advice(gaussians_that_fit(size, kShareOfFree * free_on_gpu))));
   if (new_in_ram > kShareOfFree * free_ram)
-    result.warnings.push_back(
-        fmt::format("{} of RAM are free and the run may need {}; {}", size_text(free_ram),
-                    size_text(new_in_ram),
-                    photos_in_ram > on_cpu || device.is_gpu
-                        ? std::string("let fewer photos stay decoded with --photo-ram GIB")
-                        : cap_advice(free_ram, photos_in_ram, kBytesOnCpu)));
+    result.warnings.push_back(fmt::format(
+        "{} of RAM are free and the run may need {}; {}", size_text(free_ram),
+        size_text(new_in_ram),
+        photos_in_ram > on_cpu || device.is_gpu
+            ? std::string("let fewer photos stay decoded with --photo-ram GIB")
+            : cap_advice((kShareOfFree * free_ram - photos_in_ram) / bytes_on_cpu(config))));
   return result;
 }
 

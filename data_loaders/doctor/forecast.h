@@ -12,10 +12,13 @@ namespace gs {
 
 /// The numbers of a scene that the forecast needs.
 struct SceneSize {
-  double photo_bytes = 0;   // of all photos with their masks, decoded
-  double loaded_bytes = 0;  // of these, in memory already
-  double megapixels = 0;    // of a photo, in the mean
-  std::size_t points = 0;   // of the model; 0: training starts from random ones
+  double photo_bytes = 0;         // of all photos with their masks, decoded
+  double loaded_bytes = 0;        // of these, in memory already
+  double megapixels = 0;          // of a photo, in the mean
+  std::size_t points = 0;         // of the model; 0: training starts from random ones
+  double train_share = 1;         // of the photos, those that are trained on
+  double depth_maps = 0;          // photos that have one
+  double largest_megapixels = 0;  // of a photo; 0: as in the mean
 };
 
 /// The device of the run.

@@ -13,6 +13,7 @@
 #include "gs_core/log.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/math/view_splat.h"
+#include "gs_core/training_memory.h"
 #include "gs_train/loss.h"
 
 namespace gs {
@@ -202,6 +203,25 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
   figures.stages = figures_of(backend, workload);
   backend.set_profiling(false);
   return figures;
+}
+
+double forecast_gpu_bytes(const TrainingModel& model, const std::vector<View>& views,
+                          const RenderSettings& settings, const Config& config,
+                          const Workload& workload) {
+  // A view has some more instances than the mean, and gets places for 1.2 times as many.
+  constexpr double kPlacesOfInstance = 1.3;
+  const double count = double(model.count());
+  TrainingSize size = training_size(config, picture_sizes(views), count);
+  size.growth = RowGrowth::none;
+  size.has_sums = size.has_pixel_values = size.has_depth_maps = size.recolors = false;
+  size.depth_pixels = 0;
+  size.batch = 1;
+  size.has_time = model.gaussians.has_time;
+  size.has_slope = model.gaussians.has_slope;
+  size.has_filter = model.gaussians.has_filter;
+  size.is_deterministic = settings.deterministic;
+  if (count > 0) size.instance_places = kPlacesOfInstance * workload.instances / count;
+  return training_bytes(size);
 }
 
 RenderingFigures time_rendering(Backend& backend, TrainingModel& model,

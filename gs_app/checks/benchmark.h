@@ -104,6 +104,12 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
                               const Config& config, const BenchmarkPlan& plan,
                               const Workload& workload);
 
+/// What the steps of time_training() are expected to take of a GPU's memory at most. `workload` is
+/// that of a view in the mean.
+double forecast_gpu_bytes(const TrainingModel& model, const std::vector<View>& views,
+                          const RenderSettings& settings, const Config& config,
+                          const Workload& workload);
+
 /// The way of `settings`: packed, with SH as they say.
 FrameWay usual_way(const RenderSettings& settings);
 

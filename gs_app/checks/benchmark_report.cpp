@@ -162,7 +162,10 @@ std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& pl
                               {"ms_per_step", cost.ms_per_step},
                               {"ratio", cost.ratio}});
   json["copy_gb_per_s"] = or_null(report.copy_gb_per_second);
-  if (report.peak_gpu_bytes) json["peak_gpu_bytes"] = *report.peak_gpu_bytes;
+  if (report.peak_gpu_bytes) {
+    json["peak_gpu_bytes"] = *report.peak_gpu_bytes;
+    json["forecast_gpu_bytes"] = std::llround(report.forecast_gpu_bytes);
+  }
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
@@ -193,8 +196,9 @@ std::string report_text(const BenchmarkSubject& subject, const BenchmarkPlan& pl
     text += fmt::format("copies in memory: {:.0f} GB/s, reads and writes together\n",
                         *report.copy_gb_per_second);
   if (report.peak_gpu_bytes)
-    text += fmt::format("peak GPU memory until the last step: {} MiB\n",
-                        with_commas(*report.peak_gpu_bytes >> 20));
+    text += fmt::format("peak GPU memory until the last step: {} MiB; forecast: {} MiB\n",
+                        with_commas(*report.peak_gpu_bytes >> 20),
+                        with_commas(std::size_t(report.forecast_gpu_bytes) >> 20));
   return text;
 }
 

@@ -34,6 +34,7 @@ struct BenchmarkReport {
   std::vector<ScoreCost> scores;
   std::optional<double> copy_gb_per_second;
   std::optional<std::size_t> peak_gpu_bytes;
+  double forecast_gpu_bytes = 0;  // of training; only on a GPU
 };
 
 std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& plan,

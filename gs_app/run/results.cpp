@@ -3,6 +3,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "gs_app/run/provenance.h"
@@ -142,6 +143,8 @@ std::string results_json(const Results& results) {
     json["poses"] = {{"degrees", results.poses->degrees}, {"shift", results.poses->shift}};
   if (results.peak_gpu_bytes) {
     json["peak_gpu_bytes"] = *results.peak_gpu_bytes;
+    if (results.forecast_gpu_bytes)
+      json["forecast_gpu_bytes"] = std::llround(*results.forecast_gpu_bytes);
     json["driver"] = gpu_driver();
   }
   return text_of(json);

@@ -7,6 +7,7 @@
 #include "gs_app/pictures/comparison.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_core/training_memory.h"
 #include "gs_train/metrics/depth_error.h"
 #include "gs_train/poses/poses.h"
 #include "gs_train/static_rows.h"
@@ -102,6 +103,18 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Resul
     write_png(folder.comparison(), comparison_picture(pictures.comparisons()));
 }
 
+double forecast_gpu_bytes(Trainer& trainer) {
+  const std::size_t count = trainer.gaussian_count();
+  TrainingSize size =
+      training_size(trainer.config(), picture_sizes(trainer.scene().train_views), double(count));
+  const auto cap = std::size_t(std::max<std::int64_t>(trainer.config().density.max_gaussians, 0));
+  if (size.growth == RowGrowth::reserved && trainer.model().gaussians.mean.capacity() >= cap)
+    size.gaussians = double(std::max(count, cap));
+  else
+    size.growth = RowGrowth::by_need;
+  return training_bytes(size);
+}
+
 Results results_of(Trainer& trainer) {
   const Scene& scene = trainer.scene();
   Results results;
@@ -119,6 +132,7 @@ Results results_of(Trainer& trainer) {
   if (const PoseState& poses = trainer.model().poses; !poses.empty())
     results.poses = pose_change(poses, scene.train_views);
   results.peak_gpu_bytes = peak_gpu_bytes(trainer.backend());
+  if (results.peak_gpu_bytes) results.forecast_gpu_bytes = forecast_gpu_bytes(trainer);
   return results;
 }
 

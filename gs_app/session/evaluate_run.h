@@ -20,4 +20,8 @@ void evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Resul
 /// The results of a finished run, before its evaluation; the hash of its scene is left empty.
 Results results_of(Trainer& trainer);
 
+/// The GPU memory that this run takes at most by the forecast: for its Gaussians, or those that it
+/// has memory for from the start.
+double forecast_gpu_bytes(Trainer& trainer);
+
 }  // namespace gs

@@ -11,6 +11,7 @@
 #include "gs_app/run/text.h"
 #include "gs_core/log.h"
 #include "gs_core/memory.h"
+#include "gs_core/training_memory.h"
 #include "gs_train/photometric/gains.h"
 
 namespace gs {
@@ -122,6 +123,10 @@ void log_forecast(const Config& config, const Scene& scene, Backend& backend) {
       size.megapixels += 1e-6 * double(view.camera.width) * double(view.camera.height);
     }
   size.megapixels /= double(scene.train_views.size() + scene.test_views.size());
+  const PictureSizes pictures = picture_sizes(scene.train_views);
+  size.train_share = pictures.photo_bytes / std::max(size.photo_bytes, 1.0);
+  size.largest_megapixels = 1e-6 * pictures.pixels;
+  for (const View& view : scene.train_views) size.depth_maps += view.has_depth_map;
   const Forecast run = forecast(config, size, forecast_device(backend));
   log_info("forecast: {}", run.text);
   for (const std::string& warning : run.warnings) log_warning("{}", warning);

@@ -11,6 +11,7 @@ namespace gs {
 namespace {
 
 constexpr double kShareOfFree = 0.85;      // the rest is for other programs and for fragmentation
+constexpr double kShareOfGpu = 0.9;        // training_bytes() is within a tenth of the truth
 constexpr double kBytesOfGaussian = 2048;  // some 1,700 in a run (gemsplat doctor), and a reserve
 constexpr double kBytesOfPixel = 256;
 constexpr double kBytesOfParameters = 236, kBytesOfTimeParameters = 24, kBytesOfSlope = 12;
@@ -36,15 +37,33 @@ std::int64_t gaussians_for(const RoomForGaussians& room) {
       std::clamp(usable / of_gaussian, std::max(present, 1.0), double(kMostGaussians - 1)));
 }
 
+std::int64_t gaussians_on_gpu(const TrainingSize& size, std::size_t free_bytes,
+                              std::size_t present) {
+  const double usable = kShareOfGpu * double(free_bytes) + state_bytes(size, double(present));
+  return std::int64_t(std::clamp(gaussians_that_fit(size, usable), std::max(double(present), 1.0),
+                                 double(kMostGaussians - 1)));
+}
+
 std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model,
-                                  const Memory& memory, int batch, MomentForm moments) {
-  std::size_t pixels = 0;
-  for (const View& view : scene.train_views)
-    pixels = std::max(pixels, std::size_t(view.camera.width) * std::size_t(view.camera.height));
+                                  const Memory& memory, const Config& config) {
+  PictureSizes pictures = picture_sizes(scene.train_views);
   const std::size_t free = memory.free_bytes();
-  const std::int64_t count =
-      gaussians_for({free, pixels, model.count(), model.gaussians.has_time, batch,
-                     model.gaussians.has_slope, moments == MomentForm::compact});
+  std::int64_t count;
+  if (&memory == &host_memory()) {
+    count = gaussians_for({free, std::size_t(pictures.pixels), model.count(),
+                           model.gaussians.has_time, config.train.batch, model.gaussians.has_slope,
+                           config.optimizer.moments == MomentForm::compact});
+  } else {
+    TrainingSize size = training_size(config, pictures, 0);
+    size.growth = RowGrowth::by_need;
+    size.has_time = model.gaussians.has_time;
+    size.has_slope = model.gaussians.has_slope;
+    size.has_filter = model.gaussians.has_filter;
+    // Photos that stay on the GPU are there.
+    size.photo_bytes =
+        std::max(size.photo_bytes - double(config.train.photo_gib) * kBytesPerGib, 0.0);
+    count = gaussians_on_gpu(size, free, model.count());
+  }
   log_info("there is memory for {:.2f} million Gaussians at most ({:.1f} GiB are free)",
            1e-6 * double(count), double(free) / kBytesPerGib);
   return count;

@@ -12,6 +12,7 @@
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/math/activations.h"
+#include "gs_core/training_memory.h"
 #include "gs_render/render_settings.h"
 #include "gs_train/density/gaussian_budget.h"
 #include "gs_train/initialize/initialize.h"
@@ -21,6 +22,22 @@
 
 namespace gs {
 namespace {
+
+constexpr double kShareOfFree = 0.9;  // that a model may take at once
+
+// Takes memory for all Gaussians that a run on a GPU will have, so that its arrays neither grow step
+// by step nor have anything in reserve. Where there is too little, they grow.
+void reserve_rows(TrainingModel& model, const Config& config, const Memory& memory) {
+  const auto count = std::size_t(config.density.max_gaussians);
+  const TrainingSize size = training_size(config, {}, double(count));
+  if (state_bytes(size, double(count)) > kShareOfFree * double(memory.free_bytes())) return;
+  try {
+    for_each_row_array([count](const RowArray&, auto& array) { array.reserve(count); }, model);
+    if (size.has_sums) model.statistics.sums.reserve(count);  // the first step begins them
+  } catch (const Error& error) {
+    if (error.code() != ExitCode::out_of_memory) throw;
+  }
+}
 
 const Scene& with_views(const Scene& scene) {
   if (scene.train_views.empty())
@@ -121,12 +138,13 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   run_.settings.sh_degree = 0;  // raised by the schedule
   std::int64_t& cap = run_.config.density.max_gaussians;
   const bool is_auto = cap == kAutoCount;
-  if (is_auto)
-    cap = affordable_gaussians(scene, run_.model, backend.memory(), run_.config.train.batch,
-                               run_.config.optimizer.moments);
+  if (is_auto) cap = affordable_gaussians(scene, run_.model, backend.memory(), run_.config);
   run_.density = make_density_control(run_.config, run_.schedule, scene.extent);
   run_.density->set_region(region_of(run_.config.density, scene.world_offset));
   if (is_auto) run_.density->set_growth_cap(cap);  // so that checkpoints keep it
+  // What fits is more than most runs come to.
+  if (!is_auto && &backend.memory() != &host_memory() && rises_to_cap(run_.config))
+    reserve_rows(run_.model, run_.config, backend.memory());
 }
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)

@@ -32,7 +32,7 @@ class ExperimentFile : public ::testing::TestWithParam<fs::path> {
     for (const char* scene :
          {"shared/data/fox_640", "shared/data/fox_1080", "shared/data/south_building",
           "shared/data/suzanne_dynamic", "shared/data/lego", "shared/data/bonsai",
-          "gemsplat/out/film_scene", "gemsplat/examples/courtyard"}) {
+          "gemsplat/out/film_scene", "gemsplat/out/film_scene_20", "gemsplat/examples/courtyard"}) {
       fs::create_directories(temp_.path() / scene);
     }
     const fs::path folder = temp_.path() / "gemsplat/configs/experiments";

@@ -362,7 +362,7 @@ TEST(Forecast, WarnsOfARunThatDoesNotFit) {
   const Forecast on_gpu = forecast(config, scene, {true, std::size_t(4) << 30});
   ASSERT_EQ(on_gpu.warnings.size(), 1u);
   EXPECT_THAT(on_gpu.warnings[0],
-              AllOf(HasSubstr("the GPU has 4.0 GiB free"), HasSubstr("--max-gaussians 2")));
+              AllOf(HasSubstr("the GPU has 4.0 GiB free"), HasSubstr("--max-gaussians 4")));
 
   config.density.max_gaussians = std::int64_t(1) << 40;  // 2 PiB
   const Forecast on_cpu = forecast(config, scene, {});
@@ -373,7 +373,7 @@ TEST(Forecast, WarnsOfARunThatDoesNotFit) {
 
 TEST(Blocks, AreAdvisedWhereOneRunDoesNotHoldTheScene) {
   Config config = adaptive_config();
-  const ForecastDevice device = {true, std::size_t(24) << 30};  // some 12 million Gaussians
+  const ForecastDevice device = {true, std::size_t(24) << 30};  // some 23 million Gaussians
   SceneSize scene = {1e8, 0, 1.0, 30'000};
   EXPECT_EQ(advice_on_blocks(config, scene, device).blocks, 1u);
   EXPECT_THAT(advice_on_blocks(config, scene, device).text, HasSubstr("one run holds"));
@@ -392,7 +392,22 @@ TEST(Blocks, ACapByPointsCounts) {
   config.density.gaussians_per_point = 30;
   const ForecastDevice device = {true, std::size_t(24) << 30};
   EXPECT_EQ(advice_on_blocks(config, {1e8, 0, 1.0, 100'000}, device).blocks, 1u);
-  EXPECT_GT(advice_on_blocks(config, {1e8, 0, 1.0, 20'000'000}, device).blocks, 1u);
+  EXPECT_GT(advice_on_blocks(config, {1e8, 0, 1.0, 40'000'000}, device).blocks, 1u);
+}
+
+TEST(Forecast, AddsUpWhatTheGpuHolds) {
+  Config config = adaptive_config();
+  config.density.strategy = "mcmc";
+  config.density.max_gaussians = 10'000'000;
+  SceneSize scene = {1e9, 0, 2.0, 30'000};
+  const ForecastDevice device = {true, std::size_t(80) << 30};
+  EXPECT_THAT(forecast(config, scene, device).text, HasSubstr("takes about 9.5 GiB of GPU memory"));
+  config.train.deterministic = true;  // 184 bytes more, and a reserve
+  EXPECT_THAT(forecast(config, scene, device).text,
+              HasSubstr("takes about 11.4 GiB of GPU memory"));
+  config.train.deterministic = false;
+  scene.train_share = 0.5;
+  EXPECT_THAT(forecast(config, scene, device).text, HasSubstr("takes about 9.1 GiB of GPU memory"));
 }
 
 TEST(Forecast, CountsPhotosThatAreNotLoadedYet) {

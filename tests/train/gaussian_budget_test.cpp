@@ -42,6 +42,22 @@ TEST(GaussiansFor, CountsCompactMomentsWithHalfOfTheBytes) {
   EXPECT_EQ(gaussians_for(room), std::int64_t((free + 520e5) / (2048 + 6 * 24 - 390)));
 }
 
+TEST(GaussiansOnGpu, TakeNineTenthsOfWhatIsFreeAndOfTheirOwn) {
+  TrainingSize size;
+  size.pixels = 1e6;
+  for (const std::size_t present : {std::size_t(0), std::size_t(1'000'000)}) {
+    const std::int64_t count = gaussians_on_gpu(size, 10 * kGib, present);
+    size.gaussians = double(count);
+    EXPECT_NEAR(training_bytes(size), 0.9 * double(10 * kGib) + 716.0 * double(present), 1e6);
+  }
+}
+
+TEST(GaussiansOnGpu, AreNeverLessThanThereAreNorMoreThanCanBeNumbered) {
+  EXPECT_EQ(gaussians_on_gpu({}, 0, 100'000), 100'000);
+  EXPECT_EQ(gaussians_on_gpu({}, 0, 0), 1);
+  EXPECT_EQ(gaussians_on_gpu({}, 100'000 * kGib, 0), std::int64_t(kMostGaussians) - 1);
+}
+
 TEST(HostMemory, SaysHowMuchIsFree) {
   EXPECT_GT(host_memory().free_bytes(), std::size_t(1) << 20);
   EXPECT_LT(host_memory().free_bytes(), std::size_t(1) << 50);

@@ -21,6 +21,7 @@ const METRICS = [
   {key: 'num_gaussians', name: 'Gaussians', unit: '', digits: 0, better: 0, of: r => r.num_gaussians},
   {key: 'train_seconds', name: 'training', unit: 's', digits: 1, better: -1, of: r => r.train_seconds},
   {key: 'peak_gpu_bytes', name: 'GPU memory', unit: 'MiB', digits: 0, better: -1, scale: 2 ** -20, of: r => r.peak_gpu_bytes},
+  {key: 'forecast_gpu_bytes', name: 'its forecast', unit: 'MiB', digits: 0, better: 0, scale: 2 ** -20, of: r => r.forecast_gpu_bytes},
   {key: 'peak_host_bytes', name: 'memory', unit: 'MiB', digits: 0, better: -1, scale: 2 ** -20, of: r => r.peak_host_bytes},
 ];
 

@@ -33,6 +33,7 @@ const std::vector<Metric> kMetrics = {
     {"train_seconds", "training / s", false, 1, 1},
     {"peak_host_bytes", "memory / MiB", false, kMiB, 0},
     {"peak_gpu_bytes", "GPU memory / MiB", false, kMiB, 0},
+    {"forecast_gpu_bytes", "its forecast / MiB", false, kMiB, 0},
 };
 
 // Null if the file is missing or damaged. Throws AccessError if it cannot be read now.

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// One buffer for three things that never live together: scratch of the depth sort, then the
+// instances until they are sorted by tile, and then the checkpoints of blending, which the backward
+// pass reads. A pass with segments owns its buffer, because its checkpoints outlive other renders.
+// All other passes share one in the Workspace.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <utility>
+
+#include "cuda/render/radix_sort.cuh"
+#include "cuda/stages.cuh"
+
+namespace gs::cuda {
+
+inline Buffer<Vec4f>& sort_room(const RenderSettings& settings, Workspace& workspace,
+                                RenderPass& pass) {
+  return makes_segments(settings) ? pass.scratch<CudaScratch>().room : workspace.sort_room;
+}
+
+/// Checkpoints of lists with at most so many instances, in pixels.
+inline std::size_t checkpoint_pixels(std::uint32_t capacity) {
+  return std::size_t(capacity / kSegmentLength) * kTileWidth * kTileHeight;
+}
+
+/// The bits of a tile's number, and of the number that means "no tile".
+inline int tile_key_bits(const RenderPass& pass) { return int(std::bit_width(pass.tile_count())); }
+
+/// The arrays of the tile sort. create_instances() fills `keys` and `splats`, the sort uses
+/// `other_keys` and `other_splats` as well. Either `splats` or `other_splats` is pass.tile_splats:
+/// the one that most likely receives the result. The others lie in the room.
+template <class Key>
+struct UnsortedInstances {
+  Key *keys, *other_keys;                // (capacity) tiles
+  std::uint32_t *splats, *other_splats;  // (capacity) Gaussians, in depth order at first
+};
+
+/// Where they lie. With keys of 16 bits they take as many bytes as the checkpoints.
+template <class Key>
+UnsortedInstances<Key> unsorted_instances(const Buffer<Vec4f>& room, const RenderPass& pass,
+                                          std::uint32_t capacity) {
+  constexpr std::size_t kInOne = sizeof(Vec4f) / sizeof(std::uint32_t);
+  constexpr std::size_t kKeysInOne = sizeof(Vec4f) / sizeof(Key);
+  auto* const splats = reinterpret_cast<std::uint32_t*>(room.data());
+  Vec4f* const keys = room.data() + (capacity + kInOne - 1) / kInOne;
+  Vec4f* const other_keys = keys + (capacity + kKeysInOne - 1) / kKeysInOne;
+  UnsortedInstances<Key> instances{reinterpret_cast<Key*>(keys), reinterpret_cast<Key*>(other_keys),
+                                   splats, pass.tile_splats.data()};
+  if (sort_returns(tile_key_bits(pass))) std::swap(instances.splats, instances.other_splats);
+  return instances;
+}
+
+/// Makes the room large enough for the instances, and for the checkpoints that follow. What it
+/// holds is lost.
+inline void reserve_instances(const RenderSettings& settings, Buffer<Vec4f>& room, RenderPass& pass,
+                              std::uint32_t capacity) {
+  const std::size_t key_bytes =
+      uses_short_keys(pass) ? sizeof(std::uint16_t) : sizeof(std::uint32_t);
+  const std::size_t bytes = sizeof(std::uint32_t) + 2 * key_bytes;
+  const std::size_t instances = (capacity * bytes) / sizeof(Vec4f) + 3;  // three arrays, rounded up
+  const std::size_t size =
+      std::max(instances, makes_segments(settings) ? checkpoint_pixels(capacity) : 0);
+  if (room.size() < size) room.resize_discard(size);
+  pass.tile_splats.resize_discard(capacity);
+}
+
+}  // namespace gs::cuda

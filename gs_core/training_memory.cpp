@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_core/training_memory.h"
+
+#include <algorithm>
+
+#include "gs_core/bytes.h"
+#include "gs_core/gaussians.h"
+#include "gs_core/math/growth.h"
+#include "gs_core/math/splat.h"
+
+namespace gs {
+namespace {
+
+constexpr double kWord = sizeof(std::uint32_t);
+constexpr double kTilePixels = 256;        // of a tile
+constexpr double kShortKeyTiles = 65535;   // pictures with more tiles have keys of 32 bits
+constexpr int kPhotoSlots = 4;             // of photos beyond the budget
+constexpr double kSmallBuffers = 2 << 20;  // counters, reports, scratch of scans
+
+// Bytes of a pixel: picture 12, transmittance 4, last instance 4, its gradient 12, and three
+// derivatives of SSIM by each channel 36, whose rows are rounded up to whole blocks.
+constexpr double kBytesOfPixel = 12 + 4 + 4 + 12 + 1.05 * 36;
+constexpr double kBytesOfReducedPhoto = 1;  // a pixel in four of photo and mask, at first
+constexpr double kBytesOfDepthPixel = 24;   // blended depths, and the gradient
+constexpr double kBytesOfRecolored = 24;    // the picture shown, and what is behind it
+constexpr double kBytesOfTile = 3 * kWord + 2 * kWord;  // range, order, checkpoint; a segment
+
+constexpr double kMeanReserve = 1.0625;  // of large arrays
+
+// Bytes that an array of so many is expected to have, half way between two steps of its growth.
+double with_reserve(double bytes) {
+  return bytes * (bytes < double(kLargeBufferBytes) ? 1.25 : kMeanReserve);
+}
+
+// Adds up arrays with a row per Gaussian.
+class Rows {
+ public:
+  Rows(double count, bool have_reserve) : count_(count), have_reserve_(have_reserve) {}
+  void add(double bytes_of_row) {
+    const double bytes = count_ * bytes_of_row;
+    sum_ += have_reserve_ ? with_reserve(bytes) : bytes;
+  }
+  double sum() const { return sum_; }
+
+ private:
+  double count_, sum_ = 0;
+  bool have_reserve_;
+};
+
+Gaussians arrays_of(const TrainingSize& size) {
+  Gaussians arrays;
+  arrays.has_time = size.has_time;
+  arrays.has_slope = size.has_slope;
+  arrays.has_filter = size.has_filter;
+  return arrays;
+}
+
+// Parameters, moments and statistics.
+void add_state(const TrainingSize& size, Rows& rows) {
+  const Gaussians arrays = arrays_of(size);
+  for_each_stored_array([&](const char*, auto& array) { rows.add(sizeof *array.data()); }, arrays);
+  for_each_array(
+      [&](const char*, auto& array) {
+        const double numbers = double(sizeof *array.data()) / sizeof(float);
+        for (int moment = 0; moment < 2; ++moment) rows.add(numbers * 0.5 * size.moment_bytes);
+      },
+      arrays);
+  for (int statistic = 0; statistic < 2; ++statistic) rows.add(sizeof(float));
+  if (size.has_sums) rows.add(sizeof(FragmentSums));
+}
+
+// Arrays of the step that row operations borrow.
+void add_borrowed(Rows& rows) {
+  rows.add(sizeof(Splat));
+  rows.add(sizeof(Rect));
+}
+
+// The other arrays of the step.
+void add_step(const TrainingSize& size, Rows& rows) {
+  // tile counts, depth order, depth keys, rows and the first instances
+  for (int array = 0; array < 5; ++array) rows.add(kWord);
+  rows.add(kGradientSumBytes);
+  if (size.is_deterministic) rows.add(kFixedSumBytes);
+  if (size.has_sums)
+    rows.add(size.is_deterministic ? kFixedFragmentSumBytes : sizeof(FragmentSums));
+  if (size.has_depth_maps) {
+    rows.add(sizeof(float));                                          // depths
+    for (int array = 0; array < 2; ++array) rows.add(sizeof(Vec3f));  // colors, and gradients
+  }
+}
+
+// What row operations keep besides the memory that they borrow from the step.
+void add_row_operations(const TrainingSize& size, Rows& rows) {
+  if (size.growth == RowGrowth::none) return;
+  if (size.relocates) {
+    rows.add(2 * kWord);                                      // sums of weights
+    for (int array = 0; array < 2; ++array) rows.add(kWord);  // dead rows, how often each is drawn
+    return;
+  }
+  rows.add(1);                                              // actions
+  for (int array = 0; array < 3; ++array) rows.add(kWord);  // sources, clones, parents
+}
+
+// The sums of a batch.
+void add_batch(const TrainingSize& size, Rows& rows) {
+  if (size.batch < 2) return;
+  for_each_array([&](const char*, auto& array) { rows.add(sizeof *array.data()); },
+                 arrays_of(size));
+  for (int statistic = 0; statistic < 2; ++statistic) rows.add(sizeof(float));
+  if (size.has_sums) rows.add(sizeof(FragmentSums));
+  rows.add(1 / 8.0);  // marks
+}
+
+double instance_bytes(const TrainingSize& size, bool have_reserve) {
+  const double places = std::max(size.instance_places * size.gaussians, double(kFirstInstances));
+  const bool has_short_keys = size.pixels / kTilePixels < kShortKeyTiles;
+  const double unsorted = kWord + 2 * (has_short_keys ? 2 : 4);
+  const double room = places * std::max(unsorted, double(kCheckpointBytesOfInstance));
+  const double lists = places * kWord;
+  return have_reserve ? with_reserve(room) + with_reserve(lists) : room + lists;
+}
+
+double picture_bytes(const TrainingSize& size) {
+  double bytes = kBytesOfPixel + kBytesOfReducedPhoto + kBytesOfTile / kTilePixels;
+  if (size.has_pixel_values) bytes += sizeof(float);
+  if (size.has_depth_maps) bytes += kBytesOfDepthPixel;
+  if (size.recolors) bytes += kBytesOfRecolored;
+  return bytes * size.pixels + size.photo_bytes + sizeof(float) * size.depth_pixels;
+}
+
+}  // namespace
+
+PictureSizes picture_sizes(const std::vector<View>& train_views) {
+  PictureSizes sizes;
+  for (const View& view : train_views) {
+    const double pixels = double(view.camera.width) * double(view.camera.height);
+    const double photo = double(photo_bytes(view));
+    sizes.pixels = std::max(sizes.pixels, pixels);
+    sizes.photo_bytes += photo;
+    sizes.largest_photo_bytes = std::max(sizes.largest_photo_bytes, photo);
+    if (view.has_depth_map) sizes.depth_pixels += pixels;
+  }
+  return sizes;
+}
+
+bool rises_to_cap(const Config& config) {
+  const DensityConfig& density = config.density;
+  return density.max_gaussians > 0 &&
+         (density.strategy == "mcmc" ||
+          (density.strategy == "budgeted" && needs_budget(density.curve)));
+}
+
+TrainingSize training_size(const Config& config, const PictureSizes& pictures, double gaussians) {
+  const bool is_budgeted = config.density.strategy == "budgeted";
+  const GrowthScore score = config.density.score;
+  const double budget = double(config.train.photo_gib) * kBytesPerGib;
+  TrainingSize size;
+  size.gaussians = gaussians;
+  size.pixels = pictures.pixels;
+  size.photo_bytes = pictures.photo_bytes <= budget
+                         ? pictures.photo_bytes
+                         : budget + kPhotoSlots * pictures.largest_photo_bytes;
+  size.growth = rises_to_cap(config) ? RowGrowth::reserved : RowGrowth::by_need;
+  size.relocates = config.density.strategy == "mcmc";
+  size.batch = config.train.batch;
+  if (config.optimizer.moments == MomentForm::compact) size.moment_bytes = 4;
+  size.has_time = config.model.dynamic;
+  size.has_slope = config.model.dynamic && config.model.time_colors;
+  size.has_filter = config.model.filter_3d;
+  size.has_sums = is_budgeted && needs_fragment_sums(score);
+  size.has_pixel_values = size.has_sums && score != GrowthScore::force;
+  size.has_depth_maps = config.loss.depth_weight > 0 && pictures.depth_pixels > 0;
+  size.depth_pixels = size.has_depth_maps ? pictures.depth_pixels : 0;
+  size.recolors = config.photometric.model == "ppisp";
+  size.is_deterministic = config.train.deterministic;
+  return size;
+}
+
+double state_bytes(const TrainingSize& size, double gaussians) {
+  Rows state(gaussians, false);
+  add_state(size, state);
+  return state.sum();
+}
+
+double training_bytes(const TrainingSize& size) {
+  const bool grows = size.growth != RowGrowth::none;
+  const bool is_held_twice = size.growth == RowGrowth::by_need;
+  Rows state(size.gaussians, is_held_twice), kept(size.gaussians, grows),
+      step(size.gaussians, grows);
+  add_state(size, state);
+  add_borrowed(kept);
+  add_row_operations(size, kept);
+  add_batch(size, kept);
+  add_step(size, step);
+  const double of_step = step.sum() + instance_bytes(size, grows);
+  // An array that grows holds its old rows until they are copied, and the SH coefficients have most.
+  // Meanwhile the step's arrays are not there.
+  const double of_growth = is_held_twice ? size.gaussians * sizeof(ShRest) / kMeanReserve : 0;
+  return state.sum() + kept.sum() + std::max(of_step, of_growth) + picture_bytes(size) +
+         kSmallBuffers;
+}
+
+double gaussians_that_fit(TrainingSize size, double bytes) {
+  double low = 0, high = 1e12;
+  for (int round = 0; round < 100 && high - low > 0.5; ++round) {
+    size.gaussians = (low + high) / 2;
+    (training_bytes(size) <= bytes ? low : high) = size.gaussians;
+  }
+  return low;
+}
+
+}  // namespace gs

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// The GPU memory that training takes at most: the sum over all of its buffers. docs/architecture.md
+// ("Memory") has the same as a table.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "gs_core/config/config.h"
+#include "gs_core/scene.h"
+
+namespace gs {
+
+// Bytes of the structs of cuda/, which asserts them.
+inline constexpr std::size_t kGradientSumBytes = 48;       // SplatGradientSum
+inline constexpr std::size_t kFixedSumBytes = 96 + 88;     // FineSums and CoarseSums
+inline constexpr std::size_t kFixedFragmentSumBytes = 32;  // FixedFragmentSums
+inline constexpr std::size_t kCheckpointBytesOfInstance = 8;
+inline constexpr std::size_t kFirstInstances = std::size_t(1) << 20;  // a view's least capacity
+
+/// Places for instances that a run ends up with for each Gaussian: 1.2 times those of the view with
+/// the most. Trained scenes have 1.8 to 2.8 instances per Gaussian in the mean over their views
+/// (docs/benchmarks.md, "GPU, stage by stage").
+inline constexpr double kInstancePlaces = 3.5;
+
+/// How a run's Gaussians become more. It decides what arrays hold in reserve.
+enum class RowGrowth {
+  none,      // as many as at the start
+  reserved,  // the parameters have the memory of the last count from the start
+  by_need,   // each array grows when it is full
+};
+
+/// The pictures of a run.
+struct PictureSizes {
+  double pixels = 0;               // of the largest
+  double photo_bytes = 0;          // of all training photos with their masks
+  double largest_photo_bytes = 0;  // of these
+  double depth_pixels = 0;         // of all depth maps
+};
+PictureSizes picture_sizes(const std::vector<View>& train_views);
+
+/// What training takes memory for.
+struct TrainingSize {
+  double gaussians = 0;
+  double pixels = 0;        // of the largest picture
+  double photo_bytes = 0;   // of photos and masks on the GPU, resident and in flight
+  double depth_pixels = 0;  // of depth maps, all of which stay on the GPU
+  double instance_places = kInstancePlaces;  // for each Gaussian
+  RowGrowth growth = RowGrowth::by_need;
+  bool relocates = false;  // mcmc's row operations, in place of those that clone and split
+  int batch = 1;           // photos of an update
+  int moment_bytes = 8;    // of both of Adam's moments of one parameter
+  bool has_time = false, has_slope = false, has_filter = false;  // as in Gaussians
+  bool has_sums = false;          // the score sums over fragments ...
+  bool has_pixel_values = false;  // ... and over values of pixels
+  bool has_depth_maps = false;
+  bool recolors = false;  // the photometric model makes a picture of its own
+  bool is_deterministic = false;
+};
+
+/// That of a run with so many Gaussians at most.
+TrainingSize training_size(const Config& config, const PictureSizes& pictures, double gaussians);
+
+/// True where density control ends with density.max_gaussians Gaussians: mcmc, and budgeted with a
+/// curve.
+bool rises_to_cap(const Config& config);
+
+/// The most bytes that a run has allocated on the GPU at a time.
+double training_bytes(const TrainingSize& size);
+/// Of these, the parameters, moments and statistics of so many Gaussians, without any reserve.
+double state_bytes(const TrainingSize& size, double gaussians);
+/// The number of Gaussians, at least 0, with which the run takes so many bytes.
+double gaussians_that_fit(TrainingSize size, double bytes);
+
+}  // namespace gs

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_core/training_memory.h"
+
+#include <gtest/gtest.h>
+
+#include "gs_render/render_pass.h"
+#include "gs_train/training_model.h"
+
+namespace gs {
+namespace {
+
+/// A run whose Gaussians stay as many as they are, so that nothing is held in reserve.
+TrainingSize steady(double gaussians) {
+  TrainingSize size;
+  size.gaussians = gaussians;
+  size.growth = RowGrowth::none;
+  return size;
+}
+
+/// What one more Gaussian takes where there are many.
+double bytes_of_gaussian(TrainingSize size) {
+  size.gaussians = 10e6;
+  const double fewer = training_bytes(size);
+  size.gaussians = 11e6;
+  return (training_bytes(size) - fewer) / 1e6;
+}
+
+/// The bytes of a row of all arrays that a TrainingModel has.
+double row_bytes(const TrainingModel& model) {
+  double bytes = 0;
+  for_each_row_array([&](const RowArray&, const auto& array) { bytes += sizeof *array.data(); },
+                     model);
+  return bytes;
+}
+
+TEST(TrainingMemory, TheStateIsThatOfTheModelsArrays) {
+  for (int form = 0; form < 16; ++form) {
+    SCOPED_TRACE(form);
+    TrainingSize size;
+    TrainingModel model;
+    size.has_time = model.gaussians.has_time = form & 1;
+    size.has_slope = model.gaussians.has_slope = form & 1 && form & 2;
+    size.has_filter = model.gaussians.has_filter = form & 4;
+    size.has_sums = model.statistics.has_sums = form & 8;
+    model.set_learned_arrays(model.gaussians);
+    EXPECT_DOUBLE_EQ(state_bytes(size, 1000), 1000 * row_bytes(model));
+  }
+  EXPECT_DOUBLE_EQ(state_bytes({}, 1), 716);  // 59 * 4 * 3 + 8
+  EXPECT_DOUBLE_EQ(state_bytes({.moment_bytes = 4}, 1), 716 - 59 * 4);
+}
+
+TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {
+  // splat, rectangle, gradient and five words, and the places for instances
+  const double step = sizeof(Splat) + sizeof(Rect) + kGradientSumBytes + 5 * 4;
+  const double instances = kInstancePlaces * (kCheckpointBytesOfInstance + 4);
+  const TrainingSize plain = steady(0);
+  EXPECT_NEAR(bytes_of_gaussian(plain), 716 + step + instances, 0.01);
+
+  const auto more = [&](auto&& change) {
+    TrainingSize size = plain;
+    change(size);
+    return bytes_of_gaussian(size) - bytes_of_gaussian(plain);
+  };
+  EXPECT_NEAR(more([](TrainingSize& size) { size.is_deterministic = true; }), 184, 0.01);
+  EXPECT_NEAR(more([](TrainingSize& size) { size.has_sums = true; }), 2 * 16, 0.01);
+  EXPECT_NEAR(more([](TrainingSize& size) { size.has_time = true; }), 3 * 24, 0.01);
+  EXPECT_NEAR(more([](TrainingSize& size) { size.has_filter = true; }), 4, 0.01);
+  EXPECT_NEAR(more([](TrainingSize& size) { size.has_depth_maps = true; }), 4 + 24, 0.01);
+  EXPECT_NEAR(more([](TrainingSize& size) { size.batch = 4; }), 236 + 8 + 1 / 8.0, 0.01);
+  EXPECT_NEAR(more([](TrainingSize& size) { size.instance_places += 1; }), 12, 0.01);
+}
+
+TEST(TrainingMemory, TenMillionGaussiansStayBelowEightAndAHalfGib) {
+  TrainingSize size = steady(10e6);
+  size.pixels = 1600 * 1064;
+  size.photo_bytes = 8 * 3 * size.pixels;
+  size.instance_places = 1.78 * 1.3;
+  EXPECT_LT(training_bytes(size), 8704.0 * (1 << 20));
+  EXPECT_GT(training_bytes(size), 8000.0 * (1 << 20));
+}
+
+TEST(TrainingMemory, GrowingArraysHaveAReserve) {
+  TrainingSize size = steady(1e6);
+  const double none = training_bytes(size);
+  size.growth = RowGrowth::reserved;
+  const double reserved = training_bytes(size);
+  size.growth = RowGrowth::by_need;
+  const double by_need = training_bytes(size);
+  EXPECT_GT(reserved, 1.01 * none);
+  // Of the old SH coefficients, which are there for a while, a part is in place of the step.
+  EXPECT_GT(by_need, reserved + 1e6 * (0.06 * 716 + 40));
+}
+
+TEST(TrainingMemory, PhotosBeyondTheBudgetHaveFourPlaces) {
+  Config config;
+  config.train.photo_gib = 1;
+  PictureSizes pictures{1e6, 5e8, 4e6, 0};
+  EXPECT_EQ(training_size(config, pictures, 1).photo_bytes, 5e8);
+  pictures.photo_bytes = 2e9;
+  EXPECT_EQ(training_size(config, pictures, 1).photo_bytes, double(1 << 30) + 4 * 4e6);
+}
+
+TEST(TrainingMemory, DepthMapsCountWhereTheyTeach) {
+  Config config;
+  const PictureSizes pictures{1e6, 0, 0, 5e6};
+  config.loss.depth_weight = 0;
+  const double without = training_bytes(training_size(config, pictures, 1000));
+  config.loss.depth_weight = 0.1f;
+  const double with = training_bytes(training_size(config, pictures, 1000));
+  EXPECT_NEAR(with - without, 4 * 5e6 + 24 * 1e6, 1e5);
+}
+
+TEST(TrainingMemory, SettingsDecideWhichArraysThereAre) {
+  Config config;
+  config.density.max_gaussians = 1000;
+  EXPECT_EQ(training_size(config, {}, 1).growth, RowGrowth::reserved);
+  EXPECT_TRUE(training_size(config, {}, 1).has_sums);  // the score "force"
+  config.density.strategy = "adaptive";
+  EXPECT_EQ(training_size(config, {}, 1).growth, RowGrowth::by_need);
+  EXPECT_FALSE(training_size(config, {}, 1).has_sums);
+  config.density.strategy = "mcmc";
+  EXPECT_EQ(training_size(config, {}, 1).growth, RowGrowth::reserved);
+  EXPECT_TRUE(training_size(config, {}, 1).relocates);
+}
+
+TEST(TrainingMemory, FittingGaussiansTakeTheBytes) {
+  TrainingSize size;
+  size.pixels = 1e6;
+  for (const double bytes : {1e9, 10e9, 100e9}) {
+    size.gaussians = gaussians_that_fit(size, bytes);
+    EXPECT_NEAR(training_bytes(size), bytes, 1e-3 * bytes);
+  }
+  EXPECT_LT(gaussians_that_fit(size, 1000), 1);
+}
+
+TEST(Buffers, TakeAHalfInReserveWhileTheyAreSmallAndAnEighthLater) {
+  EXPECT_EQ(grown_bytes(1000, 1001), 1500u);
+  EXPECT_EQ(grown_bytes(1000, 5000), 5000u);
+  EXPECT_EQ(grown_bytes(kLargeBufferBytes, kLargeBufferBytes + 1), kLargeBufferBytes / 8 * 9);
+}
+
+}  // namespace
+}  // namespace gs
