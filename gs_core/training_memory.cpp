@@ -194,10 +194,10 @@ double training_bytes(const TrainingSize& size) {
   add_step(size, step);
   const double of_step = step.sum() + instance_bytes(size, grows);
   // An array that grows holds its old rows until they are copied, and the SH coefficients have most.
-  // Meanwhile the step's arrays are not there.
-  const double of_growth = is_held_twice ? size.gaussians * sizeof(ShRest) / kMeanReserve : 0;
-  return state.sum() + kept.sum() + std::max(of_step, of_growth) + picture_bytes(size) +
-         kSmallBuffers;
+  const double old_rows = is_held_twice ? size.gaussians * sizeof(ShRest) / kMeanReserve : 0;
+  const double most =
+      old_rows < double(kBytesWorthReleasing) ? of_step + old_rows : std::max(of_step, old_rows);
+  return state.sum() + kept.sum() + most + picture_bytes(size) + kSmallBuffers;
 }
 
 double gaussians_that_fit(TrainingSize size, double bytes) {

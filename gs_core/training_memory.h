@@ -18,6 +18,10 @@ inline constexpr std::size_t kFixedFragmentSumBytes = 32;  // FixedFragmentSums
 inline constexpr std::size_t kCheckpointBytesOfInstance = 8;
 inline constexpr std::size_t kFirstInstances = std::size_t(1) << 20;  // a view's least capacity
 
+/// Before an array of so many bytes grows, the step's other buffers are released, so that its old
+/// rows have room beside the new ones. Those of smaller ones are not worth the time.
+inline constexpr std::size_t kBytesWorthReleasing = std::size_t(16) << 20;
+
 /// Places for instances that a run ends up with for each Gaussian: 1.2 times those of the view with
 /// the most. Trained scenes have 1.8 to 2.8 instances per Gaussian in the mean over their views
 /// (docs/benchmarks.md, "GPU, stage by stage").

@@ -14,6 +14,7 @@
 #include "cuda/density/relocate.cuh"
 #include "cuda/device/cub_scratch.cuh"
 #include "cuda/stages.cuh"
+#include "gs_core/training_memory.h"
 #include "gs_train/row_rules.h"
 #include "gs_train/static_rows.h"
 
@@ -24,9 +25,6 @@ constexpr int kThreads = 256;  // rows are independent: any size that fills a mu
 constexpr std::uint64_t kGrowsNever = ~std::uint64_t(0);  // a key above those of all that grow
 // The bits of an infinite double: the largest of any positive one that is a number.
 constexpr std::uint64_t kInfinityBits = 0x7ff0000000000000;
-// Of an array that grows. Below it, its old rows are not worth the time to allocate the step's
-// buffers again.
-constexpr std::size_t kBytesWorthReleasing = std::size_t(16) << 20;
 constexpr int kGrowthKeyBits = 64;
 constexpr int kPruneKeyBits = 32;
 
