@@ -11,6 +11,8 @@ constexpr LearningRates kRates{1e-4f, 2e-3f, 3e-3f, 4e-2f, 5e-3f, 6e-4f};
 constexpr double kTolerance = 1e-5;  // of the largest number of an array, after kSteps steps
 constexpr int kSteps = 20;
 
+constexpr float kZeros = 0.1f;  // share of zero gradients, as in rows that no view sees
+
 class CudaAdam : public CudaTest {
  protected:
   void step_both(TrainingModel& host, TrainingModel& device, const Gaussians& gradients) {
@@ -22,19 +24,6 @@ class CudaAdam : public CudaTest {
 
 TrainingModel random_model(std::size_t count, std::uint64_t seed) {
   return model_of(random_gaussians(kTypical, count, random_camera(40, 30), seed));
-}
-
-/// Gradients of very different sizes, some of them zero as in rows that no view sees.
-Gaussians random_gradients(std::size_t count, std::uint64_t seed) {
-  Gaussians gradients(count, host_memory());
-  Draws draws(seed);
-  for_each_array(
-      [&](const char*, const auto& array) {
-        for (float& number : numbers_of(array))
-          number = draws.chance(0.1f) ? 0 : draws.normal() * draws.log_uniform(1e-8f, 1);
-      },
-      gradients);
-  return gradients;
 }
 
 void expect_same(const Gaussians& actual, const Gaussians& expected) {
@@ -49,7 +38,7 @@ TEST_F(CudaAdam, UpdatesParametersAndMomentsAsTheScalarTwin) {
   TrainingModel host = random_model(1001, 1);
   TrainingModel device = on_gpu(host);
   for (int step = 0; step < kSteps; ++step)
-    step_both(host, device, random_gradients(1001, std::uint64_t(step) + 2));
+    step_both(host, device, random_gradients(1001, std::uint64_t(step) + 2, kZeros));
   expect_same(device.gaussians, host.gaussians);
   expect_same(device.first_moment, host.first_moment);
   expect_same(device.second_moment, host.second_moment);
@@ -59,7 +48,7 @@ TEST_F(CudaAdam, CountsItsSteps) {
   TrainingModel host = random_model(3, 1);
   host.adam_steps = 17;
   TrainingModel device = on_gpu(host);
-  step_both(host, device, random_gradients(3, 2));
+  step_both(host, device, random_gradients(3, 2, kZeros));
   EXPECT_EQ(device.adam_steps, 18);
   expect_same(device.gaussians, host.gaussians);
 }
@@ -67,7 +56,7 @@ TEST_F(CudaAdam, CountsItsSteps) {
 TEST_F(CudaAdam, TakesAModelWithoutRows) {
   TrainingModel host = random_model(0, 1);
   TrainingModel device = on_gpu(host);
-  step_both(host, device, random_gradients(0, 2));
+  step_both(host, device, random_gradients(0, 2, kZeros));
   EXPECT_EQ(device.count(), 0u);
   EXPECT_EQ(device.adam_steps, 1);
 }

@@ -98,8 +98,8 @@ TEST(MomentCode, LetsVDecayOverTenThousandStepsAsAFloat) {
     mean += ratio / kRows;
     squares += ratio * ratio / kRows;
   }
-  // One step adds a variance of (0.47 of a step of 0.28 %)^2 at most: 13 % after 10,000. The mean of
-  // 2,000 has 0.3 %.
+  // One step adds a variance of (0.47 of a step of 0.28 %)^2 at most: 13 % after 10,000. The mean
+  // of 2,000 has 0.3 %.
   EXPECT_NEAR(mean, 1, 0.015);
   EXPECT_LT(std::sqrt(squares - mean * mean), 0.16);
 }
@@ -121,9 +121,9 @@ TEST(MomentCode, LetsMDecayToZero) {
   EXPECT_NEAR(mean, 1, 2e-3);  // 20 roundings of 0.3 % each, over 4,000 rows: 0.02 %
 }
 
-// For floats the bound is sqrt(((1 - b1)^2 / (1 - b2)) / (1 - b1^2 / b2)) = 7.27, and gradients that
-// grow by b2 / b1 a step come to it. One rounding changes the quotient by less than (1 + 2^-7) /
-// sqrt(1 - 2^-8), so that the bound becomes 7.7.
+// For floats the bound is sqrt(((1 - b1)^2 / (1 - b2)) / (1 - b1^2 / b2)) = 7.27, and gradients
+// that grow by b2 / b1 a step come to it. One rounding changes the quotient by less than (1 + 2^-7)
+// / sqrt(1 - 2^-8), so that the bound becomes 7.7.
 TEST(MomentCode, KeepsTheQuotientThatMovesParametersBounded) {
   float largest = 0;
   Draws draws(4);

@@ -33,6 +33,21 @@ inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
          same_bits(a.moment_codes, b.moment_codes) && a.adam_steps == b.adam_steps;
 }
 
+/// Gradients of very different sizes, of which a share is zero.
+inline Gaussians random_gradients(std::size_t count, std::uint64_t seed, float zeros = 0) {
+  Gaussians gradients(count, host_memory());
+  Draws draws(seed);
+  for_each_array(
+      [&](const char*, const auto& array) {
+        for (float& number : numbers_of(array)) {
+          const bool is_zero = zeros > 0 && draws.chance(zeros);
+          number = is_zero ? 0 : draws.normal() * draws.log_uniform(1e-8f, 1);
+        }
+      },
+      gradients);
+  return gradients;
+}
+
 /// A model of these Gaussians with zero moments, as floats or as codes, and zero statistics.
 inline TrainingModel model_of(const Gaussians& gaussians, bool has_codes = false) {
   TrainingModel model;

@@ -72,6 +72,19 @@ inline Config short_run() {
   return config;
 }
 
+/// A short run under MCMC, with initial scales from the points; it starts with half of its
+/// Gaussians.
+inline Config short_mcmc_run() {
+  Config config = short_run();
+  config.density.strategy = "mcmc";
+  config.density.max_gaussians = 80;
+  config.density.from_step = config.density.every = 20;
+  config.density.until_step = 24900;
+  config.density.growth = 0.2f;
+  config.model.initial_opacity = 0.5f;
+  return config;
+}
+
 /// 130 steps under the strategy "budgeted", with all that a refinement may do, every 20 steps, and
 /// with pruned shares: at 40 the faintest after a reset, at 64 those of the lowest sensitivity,
 /// which steps 57 to 64 measure.

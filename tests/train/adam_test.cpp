@@ -13,18 +13,6 @@ namespace {
 
 constexpr LearningRates kRates{1e-4f, 2e-3f, 3e-3f, 4e-2f, 5e-3f, 6e-4f};
 
-Gaussians random_gradients(std::size_t count, std::uint64_t seed) {
-  Gaussians gradients(count, host_memory());
-  Draws draws(seed);
-  for_each_array(
-      [&](const char*, const auto& array) {
-        for (float& number : numbers_of(array))
-          number = draws.normal() * draws.log_uniform(1e-8f, 1);
-      },
-      gradients);
-  return gradients;
-}
-
 TEST(ScalarOptimizer, UpdatesEachNumberAtTheRateOfItsArray) {
   const Camera camera = random_camera(40, 30);
   TrainingModel model = model_of(random_gaussians(kTypical, 100, camera, 1));

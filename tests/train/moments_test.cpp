@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Models that keep Adam's moments as codes (optimizer.moments): their updates, their row operations,
-// and whole runs.
+// Models that keep Adam's moments as codes (optimizer.moments): their updates, their row
+// operations, and whole runs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -21,18 +21,6 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 constexpr LearningRates kRates{1e-4f, 2e-3f, 3e-3f, 4e-2f, 5e-3f, 6e-4f};
-
-Gaussians random_gradients(std::size_t count, std::uint64_t seed) {
-  Gaussians gradients(count, host_memory());
-  Draws draws(seed);
-  for_each_array(
-      [&](const char*, const auto& array) {
-        for (float& number : numbers_of(array))
-          number = draws.normal() * draws.log_uniform(1e-8f, 1);
-      },
-      gradients);
-  return gradients;
-}
 
 /// Row i has the codes `first` + i.
 TrainingModel numbered_model(std::size_t count, std::uint32_t first = 1) {
@@ -142,16 +130,6 @@ class CompactRun : public SceneRun {
     config.optimizer.moments = MomentForm::compact;
     return config;
   }
-  static Config mcmc_run() {
-    Config config = short_run();
-    config.density.strategy = "mcmc";
-    config.density.max_gaussians = 80;
-    config.density.from_step = config.density.every = 20;
-    config.density.until_step = 24900;
-    config.density.growth = 0.2f;
-    config.model.initial_opacity = 0.5f;
-    return config;
-  }
   static Config busy_batches() {
     Config config = busy_run();
     config.train.batch = 3;
@@ -171,7 +149,7 @@ class CompactRun : public SceneRun {
 
 // Rounding makes another run of it, as another seed does.
 TEST_F(CompactRun, EndsAsGoodAsWithFloats) {
-  for (const Config& config : {short_run(), mcmc_run()}) {
+  for (const Config& config : {short_run(), short_mcmc_run()}) {
     const double floats = mean_psnr(config), codes = mean_psnr(compact(config));
     EXPECT_NEAR(codes, floats, 0.3) << config.density.strategy;
   }
@@ -197,7 +175,7 @@ TEST_F(CompactRun, GivesTheSameBitsForAnyNumberOfThreads) {
 
 TEST_F(CompactRun, StoppedAndResumedEndsWithTheSameBits) {
   expect_goes_on_after({1, 43, 97}, compact(busy_run()));
-  expect_goes_on_after({43}, compact(mcmc_run()));
+  expect_goes_on_after({43}, compact(short_mcmc_run()));
   expect_goes_on_after({43}, compact(busy_batches()));
 }
 

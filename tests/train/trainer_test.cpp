@@ -72,19 +72,6 @@ TEST_F(SmallRun, DependsOnTheSeed) {
   EXPECT_FALSE(same_bits(trained(config), one));
 }
 
-/// A short run under MCMC, with initial scales from the points; it starts with half of its
-/// Gaussians.
-Config short_mcmc_run() {
-  Config config = short_run();
-  config.density.strategy = "mcmc";
-  config.density.max_gaussians = 80;
-  config.density.from_step = config.density.every = 20;
-  config.density.until_step = 24900;
-  config.density.growth = 0.2f;
-  config.model.initial_opacity = 0.5f;
-  return config;
-}
-
 TEST_F(SmallRun, UnderMcmcGrowsToTheCapAndBringsThePicturesCloseToThePhotos) {
   Trainer trainer(scene_, short_mcmc_run(), *backend_);
   trainer.run();
