@@ -290,9 +290,9 @@ void add_position_noise(Context& context, const GaussiansSpan& gaussians,
 /// The other stages, behind the interfaces of gs_train.
 std::unique_ptr<Loss> make_loss(Context& context, Memory& memory, PhotoStore& photos);  // 5 ssim.cu
 std::unique_ptr<Optimizer> make_optimizer(Context& context);                            // 8 adam.cu
-/// 9 rows.cu, 10 morton.cu. Splats and rectangles are those of the training pass: row operations use
-/// their memory. Before large arrays grow, `release_step` is called to release what else the step
-/// has, so that the old rows of an array have room beside the new ones.
+/// 9 rows.cu, 10 morton.cu. Splats and rectangles are those of the training pass: row operations
+/// use their memory. Before large arrays grow, `release_step` is called to release what else the
+/// step has, so that the old rows of an array have room beside the new ones.
 std::unique_ptr<RowOps> make_row_ops(Context& context, Memory& memory, Buffer<Splat>& splats,
                                      Buffer<Rect>& pixel_rects, std::function<void()> release_step);
 

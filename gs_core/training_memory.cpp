@@ -193,7 +193,8 @@ double training_bytes(const TrainingSize& size) {
   add_batch(size, kept);
   add_step(size, step);
   const double of_step = step.sum() + instance_bytes(size, grows);
-  // An array that grows holds its old rows until they are copied, and the SH coefficients have most.
+  // An array that grows holds its old rows until they are copied, and the SH coefficients have
+  // most.
   const double old_rows = is_held_twice ? size.gaussians * sizeof(ShRest) / kMeanReserve : 0;
   const double most =
       old_rows < double(kBytesWorthReleasing) ? of_step + old_rows : std::max(of_step, old_rows);

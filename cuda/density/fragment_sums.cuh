@@ -23,8 +23,8 @@ struct FragmentSink {
   FixedFragmentSums* fixed;  // (N)
   const float* values;       // (H, W)
 
-  /// Adds a fragment, which has the force and the weight, at a pixel of this value to `sum`. What is
-  /// no fragment has the weight 0.
+  /// Adds a fragment, which has the force and the weight, at a pixel of this value to `sum`. What
+  /// is no fragment has the weight 0.
   __device__ void count(FragmentSums& sum, float force, float weight, float value) const {
     const bool is_kept = weight > 0;
     sum.count += is_kept ? 1.0f : 0.0f;

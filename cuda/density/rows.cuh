@@ -18,7 +18,8 @@ struct Bounds {
 
 /// Memory that row operations borrow from the step: the splats of its pass and their rectangles. No
 /// step runs while rows are changed, and nobody reads either after it. So the sort keys, the sorted
-/// rows and the gathers need no memory of their own. Each use destroys what the one before has left.
+/// rows and the gathers need no memory of their own. Each use destroys what the one before has
+/// left.
 class BorrowedRoom {
  public:
   static constexpr int kWordsOfRow = sizeof(Splat) / sizeof(std::uint32_t);

@@ -27,8 +27,8 @@ struct SlopeRowNumbers : RowNumbers {
   float sh0_slope[3 * kWarp];
 };
 
-/// The random words of a warp's rows, in shared memory, by which moments that are codes are rounded;
-/// nothing for moments that are floats.
+/// The random words of a warp's rows, in shared memory, by which moments that are codes are
+/// rounded; nothing for moments that are floats.
 template <bool are_codes>
 struct RandomRows {
   std::uint32_t random[kWarp];
@@ -128,9 +128,9 @@ struct AdamNumbersByRule {
   }
 };
 
-/// The same with moments that are codes. A number of a parameter and its moments are 16 bytes to read
-/// and write instead of 24, so that an update of all 59 numbers of a Gaussian moves 944 bytes instead
-/// of 1,416.
+/// The same with moments that are codes. A number of a parameter and its moments are 16 bytes to
+/// read and write instead of 24, so that an update of all 59 numbers of a Gaussian moves 944 bytes
+/// instead of 1,416.
 struct AdamCodes {
   static constexpr int kArrays = 2;
   static constexpr bool kAreCodes = true;

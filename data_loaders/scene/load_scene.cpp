@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages, in order: plan every view from the model and the photos' headers (scene_plan.h), decode or
-// leave that to a PhotoPool (make_views.h), split. README.md lists the files in this order.
+// Stages, in order: plan every view from the model and the photos' headers (scene_plan.h), decode
+// or leave that to a PhotoPool (make_views.h), split. README.md lists the files in this order.
 #include "data_loaders/scene/load_scene.h"
 
 #include <spdlog/fmt/fmt.h>

@@ -11,7 +11,8 @@
 namespace gs {
 
 /// Views with their photos, or with a pool if they do not fit into dataset.photo_ram_gib or were
-/// only asked for. Throws Error that names the photo, UsageError if the memory is too small for one.
+/// only asked for. Throws Error that names the photo, UsageError if the memory is too small for
+/// one.
 std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan> plans,
                              const LoadProgress& progress, PhotoLoading loading);
 

@@ -29,8 +29,8 @@ struct ScenePlan {
   DepthSource depth;
 };
 
-/// Reads the model and plans every view. Logs what was refined, and what the depth maps hold. Throws
-/// Error that names the file or the setting.
+/// Reads the model and plans every view. Logs what was refined, and what the depth maps hold.
+/// Throws Error that names the file or the setting.
 ScenePlan plan_scene(const DatasetConfig& dataset, const LoadProgress& progress,
                      bool asks_who_shows = false);
 

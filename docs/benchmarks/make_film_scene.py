@@ -3,8 +3,8 @@
     blender -b -noaudio -P make_film_scene.py -- OUT [--cameras 12] [--frames 60] [--size 400]
             [--samples 10]
 
-writes OUT/images/cam00.mp4 ... cam11.mp4 (H.264; one a camera) and a COLMAP model of one image a camera,
-OUT/sparse/0, with points on the surfaces of the first moment. The content is that of
+writes OUT/images/cam00.mp4 ... cam11.mp4 (H.264; one a camera) and a COLMAP model of one image a
+camera, OUT/sparse/0, with points on the surfaces of the first moment. The content is that of
 suzanne_dynamic: a head that twists and nods, bouncing balls, a flag, an arm of two links, all over
 black. Needs Blender 3.4 (Debian 12) and ffmpeg. A frame takes half a second on two cores; rendered
 frames stay in OUT/rendered, and the same command goes on after an interruption.

@@ -10,9 +10,9 @@
 
 namespace gs {
 
-/// Both moments of one number. The upper 16 bits are the first 16 of the float m: sign, exponent and
-/// 7 bits of the mantissa. The lower 16 bits are those of the float v without its sign: exponent and
-/// 8 bits of the mantissa. Both have the whole range of a float, and zero is exact.
+/// Both moments of one number. The upper 16 bits are the first 16 of the float m: sign, exponent
+/// and 7 bits of the mantissa. The lower 16 bits are those of the float v without its sign:
+/// exponent and 8 bits of the mantissa. Both have the whole range of a float, and zero is exact.
 struct MomentCode {
   std::uint32_t bits = 0;
 };
@@ -36,10 +36,10 @@ GS_HD float second_moment(MomentCode code) {
 ///
 ///   to the one away from zero with the probability (|x| - low) / (high - low)
 ///
-/// so that the mean over `random`, uniform in 32 bits, is x itself. A decay by less than half a step
-/// of the codes therefore goes on, on average, instead of being stuck. Floats of one sign are ordered
-/// as their bits are, so that this is one addition below the bits that are kept. m and v use
-/// different bits of `random`. What NaN becomes is undefined.
+/// so that the mean over `random`, uniform in 32 bits, is x itself. A decay by less than half a
+/// step of the codes therefore goes on, on average, instead of being stuck. Floats of one sign are
+/// ordered as their bits are, so that this is one addition below the bits that are kept. m and v
+/// use different bits of `random`. What NaN becomes is undefined.
 ///                                             stochastic rounding: Gupta et al. 2015, Eq. 1
 GS_HD MomentCode moment_code(float m, float v, std::uint32_t random) {
   std::uint32_t bits_of_m, bits_of_v;
@@ -59,8 +59,8 @@ GS_HD void adam_update(float& parameter, MomentCode& moments, float gradient, co
   moments = moment_code(m, v, random);
 }
 
-/// The random numbers of one update. They depend on seed, t and the row of the whole model alone, so
-/// that every backend, any number of ranks and a resumed run round alike.
+/// The random numbers of one update. They depend on seed, t and the row of the whole model alone,
+/// so that every backend, any number of ranks and a resumed run round alike.
 struct MomentRounding {
   std::uint64_t seed = 0;
   int t = 0;  // TrainingModel::adam_steps after the update
@@ -72,15 +72,15 @@ struct MomentRounding {
   }
 };
 
-/// The random number of one number of a row. Over rows and steps it is uniform for each number; those
-/// of one row keep fixed distances, multiples of the golden ratio.
+/// The random number of one number of a row. Over rows and steps it is uniform for each number;
+/// those of one row keep fixed distances, multiples of the golden ratio.
 GS_HD std::uint32_t random_of_number(std::uint32_t of_row, int number) {
   return of_row + std::uint32_t(number) * 0x9E3779B1u;
 }
 
-/// The place of each quantity's first number in its row, for random_of_number(). Both rotations have
-/// the same, so that the right one of a static Gaussian stays the mirror of the left one: numbers of
-/// opposite sign are rounded alike.
+/// The place of each quantity's first number in its row, for random_of_number(). Both rotations
+/// have the same, so that the right one of a static Gaussian stays the mirror of the left one:
+/// numbers of opposite sign are rounded alike.
 template <class T>
 using PlaceOf = int;
 using NumberPlaces = GaussianArrays<PlaceOf>;

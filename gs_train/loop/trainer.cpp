@@ -25,8 +25,8 @@ namespace {
 
 constexpr double kShareOfFree = 0.9;  // that a model may take at once
 
-// Takes memory for all Gaussians that a run on a GPU will have, so that its arrays neither grow step
-// by step nor have anything in reserve. Where there is too little, they grow.
+// Takes memory for all Gaussians that a run on a GPU will have, so that its arrays neither grow
+// step by step nor have anything in reserve. Where there is too little, they grow.
 void reserve_rows(TrainingModel& model, const Config& config, const Memory& memory) {
   const auto count = std::size_t(config.density.max_gaussians);
   const TrainingSize size = training_size(config, {}, double(count));
@@ -82,8 +82,9 @@ Vec3f random_background(const Config& config, int step) {
   return {u.x, u.y, u.z};
 }
 
-// Early in training each photo stands for a little more than its own moment, so that Gaussians learn
-// what moments have in common.   Yang et al. 2024, "Deformable 3D Gaussians", annealed smoothing
+// Early in training each photo stands for a little more than its own moment, so that Gaussians
+// learn what moments have in common.   Yang et al. 2024, "Deformable 3D Gaussians", annealed
+// smoothing
 float time_shift(const TrainingRun& run, int step) {
   const float strength = run.config.train.time_noise;
   const float left = 1 - 2 * float(step) / float(run.schedule.steps());
@@ -180,8 +181,8 @@ void Trainer::run() {
   notify([&](Observer& observer) { observer.after_run(*this); });
 }
 
-// The last step of the batch that comes next. Batches end at multiples of their size, wherever a run
-// was resumed. Where a photo is suspected of breaking the model, it is trained on alone.
+// The last step of the batch that comes next. Batches end at multiples of their size, wherever a
+// run was resumed. Where a photo is suspected of breaking the model, it is trained on alone.
 int Trainer::end_of_batch() const {
   const int next = run_.step + 1;
   const int batch = recovery_.is_watching(next) ? 1 : run_.schedule.batch(next);
