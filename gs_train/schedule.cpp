@@ -53,6 +53,7 @@ Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
   photometric_warmup_ = scaled(kPhotometricWarmup);
   pose_warmup_ = scaled(config.poses.warmup);
   decay_from_ = std::min(scaled_or_none(rates_.position_decay_from), steps_ - 1);
+  cooldown_from_ = std::min(scaled_or_none(rates_.cooldown_from), steps_ - 1);
   if (rates_.position_lr_final_power > 0 && steps_ < kStandardSteps)
     rates_.position_lr_final *= float(std::min(
         kMostFinalRate, std::pow(kStandardSteps / steps_, double(rates_.position_lr_final_power))));
@@ -97,19 +98,26 @@ LearningRates Schedule::learning_rates(int step) const {
       std::min(1.0, double(std::max(step - decay_from_, 0)) / double(steps_ - decay_from_));
   const double position = std::exp((1 - t) * std::log(rates_.position_lr_initial) +
                                    t * std::log(rates_.position_lr_final));
+  const double share = cooldown(step);
+  const auto cooled = [&](float rate) { return float(rate * share); };
   LearningRates rates;
-  rates.mean = float(position * extent_);
-  rates.log_scale = rates_.log_scale_lr;
-  rates.rotation = rates.right_rotation = rates_.rotation_lr;
-  rates.logit_opacity = rates_.opacity_lr;
-  rates.sh0 = rates_.sh0_lr;
-  rates.sh_rest = rates_.sh_rest_lr;
+  rates.mean = float(position * extent_ * share);
+  rates.log_scale = cooled(rates_.log_scale_lr);
+  rates.rotation = rates.right_rotation = cooled(rates_.rotation_lr);
+  rates.logit_opacity = cooled(rates_.opacity_lr);
+  rates.sh0 = cooled(rates_.sh0_lr);
+  rates.sh_rest = cooled(rates_.sh_rest_lr);
   rates.has_time = true;  // whether or not the model has
-  rates.time_mean = rates_.time_mean_lr;
-  rates.log_time_scale = rates_.log_time_scale_lr;
+  rates.time_mean = cooled(rates_.time_mean_lr);
+  rates.log_time_scale = cooled(rates_.log_time_scale_lr);
   rates.has_slope = true;
-  rates.sh0_slope = rates_.time_color_lr;
+  rates.sh0_slope = cooled(rates_.time_color_lr);
   return rates;
+}
+
+double Schedule::cooldown(int step) const {
+  const double t = double(std::max(step - cooldown_from_, 0)) / double(steps_ - cooldown_from_);
+  return std::pow(double(rates_.cooldown_share), std::min(1.0, t));
 }
 
 AdamRule Schedule::adam_rule(int photos) const {

@@ -67,6 +67,7 @@ class Schedule {
     bool has(int step) const { return step > after && step <= until; }
   };
 
+  double cooldown(int step) const;  // what is left of the learning rates, 1 to 0
   int scaled(int step) const;
   int scaled_or_none(int step) const { return step > 0 ? scaled(step) : 0; }
   void plan_refinements();
@@ -83,7 +84,7 @@ class Schedule {
   int recovery_until_, share_prune_from_, share_prune_every_, share_prune_until_;
   int views_;
   DensityConfig density_;
-  int batch_, batch_from_, decay_from_;
+  int batch_, batch_from_, decay_from_, cooldown_from_;
   std::vector<int> ramp_;
   int ramp_every_;
   std::size_t ramp_least_;  // pixels

@@ -114,7 +114,7 @@ struct OptimizerConfig {
   float position_lr_final = 1.6e-5f;
   float position_lr_final_power = 0;  // in short runs: times (30,000 / steps)^power, at most 10
   int position_decay_from = 0;        // the position rate stays what it is at first until this step
-  float log_scale_lr = 5e-3f;
+  float log_scale_lr = 0.01f;
   float rotation_lr = 1e-3f;
   float opacity_lr = 0.025f;
   float sh0_lr = 2.5e-3f;
@@ -122,6 +122,8 @@ struct OptimizerConfig {
   float time_mean_lr = 8e-4f;
   float log_time_scale_lr = 5e-3f;
   float time_color_lr = 2.5e-3f;  // of the changes of sh0
+  int cooldown_from = 24000;      // all rates fall from this step on, ...
+  float cooldown_share = 0.03f;   // ... to this share of themselves at the last one; 1: they do not
   float beta2 = 0.999f;           // of Adam, for one photo
   MomentForm moments = MomentForm::floats;
 };

@@ -137,6 +137,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.time_mean_lr",       optimizer.time_mean_lr,       "duration",    at_least(0),             retrain, "learning rate of the means in time, if model.dynamic");
   field("optimizer.log_time_scale_lr",  optimizer.log_time_scale_lr,  "",            at_least(0),             retrain, "learning rate of the logarithms of the scales in time, if model.dynamic", "Yang et al. 2024");
   field("optimizer.time_color_lr",      optimizer.time_color_lr,      "",            at_least(0),             retrain, "learning rate of the changes of SH degree 0, if model.time_colors");
+  field("optimizer.cooldown_from",      optimizer.cooldown_from,      "steps",       steps_from(0),           retrain, "the cooldown, in which all learning rates fall, begins after this step of a 30,000-step run", "Hägele et al. 2024");
+  field("optimizer.cooldown_share",     optimizer.cooldown_share,     "",            above(0),                retrain, "share of each learning rate that is left at the last step; during the cooldown the rates fall exponentially; 1: no cooldown", "docs/schedule.md");
   field("optimizer.beta2",              optimizer.beta2,              "",            between(0.5, 0.99999),   retrain, "share of its second moments that Adam keeps at each photo; it remembers some 1 / (1 - beta2) photos", "Kingma & Ba 2015");
   field("optimizer.moments",            optimizer.moments,            "",            one_of<MomentForm>(),    retrain, "how Adam keeps the two moments of each parameter: as floats (8 bytes), or as compact codes (4 bytes), which are rounded at random (docs/moments.md)", "Gupta et al. 2015");
 

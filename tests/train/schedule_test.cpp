@@ -197,6 +197,28 @@ TEST(ScheduleOfAShortRun, MayKeepThePositionRateAtFirst) {
   EXPECT_NEAR(schedule.learning_rates(10'000).mean / 3.2e-6, 1, 1e-6);
 }
 
+TEST(ScheduleOfLearningRates, FallsInACooldown) {
+  Config config = adaptive_config();
+  config.train.iterations = 10'000;
+  const Schedule constant(config, 2.0f);
+  config.optimizer.cooldown_from = 24'000;  // step 8,000
+  config.optimizer.cooldown_share = 0.01f;
+  const Schedule schedule(config, 2.0f);
+  const auto share = [&](int step, float LearningRates::*rate) {
+    return double(schedule.learning_rates(step).*rate) /
+           double(constant.learning_rates(step).*rate);
+  };
+  for (const auto rate : {&LearningRates::mean, &LearningRates::log_scale, &LearningRates::rotation,
+                          &LearningRates::logit_opacity, &LearningRates::sh0,
+                          &LearningRates::sh_rest, &LearningRates::sh0_slope}) {
+    EXPECT_EQ(share(1, rate), 1);
+    EXPECT_EQ(share(8000, rate), 1);
+    EXPECT_NEAR(share(9000, rate), 0.1, 1e-6);
+    EXPECT_NEAR(share(10'000, rate), 0.01, 1e-7);
+    EXPECT_NEAR(share(10'500, rate), 0.01, 1e-7);  // train.extra_steps
+  }
+}
+
 TEST(ScheduleOfPhotoSizes, HasEachFactorForItsTime) {
   Config config = adaptive_config();
   config.train.iterations = 10'000;
