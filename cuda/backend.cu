@@ -349,6 +349,9 @@ class CudaBackend final : private Device, public Backend {
       gs::cuda::find_pixel_values(context, photos_.last(), *photo.view,
                                   loss_settings.photo_on_device, step.density, workspace, pass_);
     blend_backward(context, settings, dL_dimage_.span(), workspace, pass_);
+    if (settings.fragment_statistic != FragmentStatistic::none)
+      gather_fragment_sums(context, settings, workspace, pass_, step.density.pooling,
+                           step.batch.size() > 1 ? sums_.statistics : model_->statistics);
     add_depth_gradient(photo, loss_settings, settings);
     if (step.poses.is_due)
       gs::cuda::camera_gradient(context, gaussians, camera, settings, workspace, pass_, pose, *row,
@@ -359,9 +362,6 @@ class CudaBackend final : private Device, public Backend {
     else
       preprocess_backward_and_update(context, *model_, camera, settings, step.adam, step.rule,
                                      step.rounding, step.density, workspace, pass_, pose);
-    if (settings.fragment_statistic != FragmentStatistic::none)
-      gather_fragment_sums(context, settings, workspace, pass_, step.density.pooling,
-                           step.batch.size() > 1 ? sums_.statistics : model_->statistics);
   }
 
   // Of photos with a depth map: adds to what blend_backward() has left. The loss has asked for the

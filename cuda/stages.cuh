@@ -81,8 +81,8 @@ struct Workspace {
   Buffer<FineSums> fine_sums;             // (N)  zero between steps, if deterministic
   Buffer<CoarseSums> coarse_sums;         // (N)  zero between steps, if deterministic
   Buffer<double> camera_sums;             // (blocks, 6)  of runs that refine poses; empty in others
-  // For scores that sum over fragments; empty without one.
-  Buffer<FragmentSums> fragment_sums;     // (N)  zero between steps
+  // For scores that sum over fragments; empty without one, and where they are among the gradients.
+  Buffer<Vec4f> fragment_sums;            // (N)  count, first, second; zero between steps
   Buffer<FixedFragmentSums> fixed_fragment_sums;  // (N)  the same if deterministic
   Buffer<float> pixel_values;             // (H, W)  what the score sums
   Buffer<std::uint32_t> value_range;      // (2)  bits of the lowest and the highest value
@@ -216,13 +216,19 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
 void blend_backward(Context& context, const RenderSettings& settings, Span<const float> dL_dimage,
                     Workspace& workspace, RenderPass& pass);
 
+/// True where the sums over fragments find room in workspace.splat_gradients.
+inline bool sums_among_gradients(const RenderSettings& settings) {
+  return settings.fragment_statistic == FragmentStatistic::force && !settings.deterministic &&
+         !settings.absolute_gradient;
+}
 /// Before 6  fragment_sums.cu: the values of the pixels that the score sums, into
 /// workspace.pixel_values. `photo` is null without a photometric model.
 void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& view,
                        const PhotoOnDevice* photo, const DensityStep& density, Workspace& workspace,
                        const RenderPass& pass);
-/// After 6  fragment_sums.cu: pools the photo's sums over fragments with those of statistics, and
-/// clears them. The statistics stay as they are while workspace.halted is raised.
+/// After 6, before anything else adds to workspace.splat_gradients  fragment_sums.cu: pools the
+/// photo's sums over fragments with those of statistics, and clears those that are not among the
+/// gradients. The statistics stay as they are while workspace.halted is raised.
 void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
                           const RenderPass& pass, ScorePooling pooling,
                           const DensityStatistics& to);

@@ -81,8 +81,10 @@ void add_step(const TrainingSize& size, Rows& rows) {
   for (int array = 0; array < 5; ++array) rows.add(kWord);
   rows.add(kGradientSumBytes);
   if (size.is_deterministic) rows.add(kFixedSumBytes);
-  if (size.has_sums)
-    rows.add(size.is_deterministic ? kFixedFragmentSumBytes : sizeof(FragmentSums));
+  if (size.has_sums && size.is_deterministic)
+    rows.add(kFixedFragmentSumBytes);
+  else if (size.has_pixel_values || (size.has_sums && size.is_absolute))
+    rows.add(sizeof(Vec4f));  // other sums of forces are among the gradients
   if (size.has_depth_maps) {
     rows.add(sizeof(float));                                          // depths
     for (int array = 0; array < 2; ++array) rows.add(sizeof(Vec3f));  // colors, and gradients
@@ -169,6 +171,7 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.has_filter = config.model.filter_3d;
   size.has_sums = is_budgeted && needs_fragment_sums(score);
   size.has_pixel_values = size.has_sums && score != GrowthScore::force;
+  size.is_absolute = config.density.absolute_gradient;
   size.has_depth_maps = config.loss.depth_weight > 0 && pictures.depth_pixels > 0;
   size.depth_pixels = size.has_depth_maps ? pictures.depth_pixels : 0;
   size.recolors = config.photometric.model == "ppisp";

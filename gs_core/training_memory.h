@@ -14,7 +14,7 @@ namespace gs {
 // Bytes of the structs of cuda/, which asserts them.
 inline constexpr std::size_t kGradientSumBytes = 48;       // SplatGradientSum
 inline constexpr std::size_t kFixedSumBytes = 96 + 88;     // FineSums and CoarseSums
-inline constexpr std::size_t kFixedFragmentSumBytes = 32;  // FixedFragmentSums
+inline constexpr std::size_t kFixedFragmentSumBytes = 24;  // FixedFragmentSums
 inline constexpr std::size_t kCheckpointBytesOfInstance = 8;
 inline constexpr std::size_t kFirstInstances = std::size_t(1) << 20;  // a view's least capacity
 
@@ -57,6 +57,7 @@ struct TrainingSize {
   bool has_time = false, has_slope = false, has_filter = false;  // as in Gaussians
   bool has_sums = false;          // the score sums over fragments ...
   bool has_pixel_values = false;  // ... and over values of pixels
+  bool is_absolute = false;       // gradients of means are also summed as absolute values
   bool has_depth_maps = false;
   bool recolors = false;  // the photometric model makes a picture of its own
   bool is_deterministic = false;

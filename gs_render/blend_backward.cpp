@@ -60,8 +60,8 @@ struct LaneSums {
   static constexpr int kAbsoluteLanes = kAbsolute ? kLanes : 1;
   float absolute_x[kAbsoluteLanes] = {}, absolute_y[kAbsoluteLanes] = {};
   static constexpr int kStatisticLanes = kStatistic == FragmentStatistic::none ? 1 : kLanes;
-  float count[kStatisticLanes] = {}, weight[kStatisticLanes] = {};
-  float first[kStatisticLanes] = {}, second[kStatisticLanes] = {};
+  float count[kStatisticLanes] = {}, first[kStatisticLanes] = {};
+  float second[kStatisticLanes] = {};
 
   static float sum(const float (&lanes)[kLanes]) {
     return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
@@ -76,7 +76,7 @@ struct LaneSums {
   Vec2f absolute_total() const { return {sum(absolute_x), sum(absolute_y)}; }
   // `scale` is that of the forces, from the gradients of the mean loss to those of its sum.
   FragmentSums fragment_total(float scale) const {
-    return {sum(count), sum(weight), scale * sum(first),
+    return {sum(count), scale * sum(first),
             (kStatistic == FragmentStatistic::force ? scale * scale : scale) * sum(second)};
   }
 };
@@ -93,10 +93,7 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
     const bool keep = (position < pixels.last[i]) & (exponent >= -s.cutoff);
     const float alpha = keep ? fragment_alpha<rule>(s.opacity, gaussian) : 0.0f;
 
-    if constexpr (kStatistic != FragmentStatistic::none) {
-      sums.count[lane] += float(keep);
-      sums.weight[lane] += pixels.transmittance[i] * alpha;
-    }
+    if constexpr (kStatistic != FragmentStatistic::none) sums.count[lane] += float(keep);
     if constexpr (kStatistic == FragmentStatistic::values) {
       sums.first[lane] += pixels.transmittance[i] * alpha * pixels.value[i];
       sums.second[lane] += keep ? pixels.value[i] : 0.0f;

@@ -176,7 +176,7 @@ GS_HD bool survives(GrowthAction action, const GrowthRules& rules) {
 GS_HD GrowthAction action_without_growth(const GaussiansSpan& rows,
                                          const StatisticsSpan& statistics, std::size_t i,
                                          const GrowthRules& rules) {
-  const bool is_unseen = rules.prunes_unseen && !(statistics.sums_of(i).weight > 0);
+  const bool is_unseen = rules.prunes_unseen && !(statistics.sums_of(i).count > 0);
   return is_unseen || is_pruned(rows, i, rules.limits) ? GrowthAction::prune : GrowthAction::keep;
 }
 

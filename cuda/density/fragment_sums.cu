@@ -109,22 +109,41 @@ __global__ void stretch_kernel(Span<float> values, const std::uint32_t* range, f
   values[i] = limit < 0 ? value : value > limit ? 1.0f : 0.0f;
 }
 
-// `scale` is that of the forces, from the gradients of the mean loss to those of its sum; 1 for
-// values. Clears the sums of the photo, also where a step is not to be counted.
-__global__ void gather_kernel(Span<FragmentSums> statistics, FragmentSums* sums,
-                              FixedFragmentSums* fixed, float scale, ScorePooling pooling,
-                              const std::uint32_t* halted) {
+// From the gradients of the mean loss to those of its sum.
+__device__ FragmentSums scaled_forces(const FragmentSums& sums, float scale) {
+  return {sums.count, sums.first * scale, sums.second * (scale * scale)};
+}
+
+// Sums that have memory of their own. `scale` is that of the forces; 1 for values. Clears the sums
+// of the photo, also where a step is not to be counted.
+__global__ void gather_kernel(Span<FragmentSums> statistics, Vec4f* sums, FixedFragmentSums* fixed,
+                              float scale, ScorePooling pooling, const std::uint32_t* halted) {
   const std::size_t i = thread_number();
   if (i >= statistics.size) return;
-  FragmentSums share = fixed ? sums_of(fixed[i]) : sums[i];
-  if (fixed)
+  FragmentSums share;
+  if (fixed) {
+    share = sums_of(fixed[i]);
     fixed[i] = {};
-  else
-    sums[i] = {};
+  } else {
+    share = {sums[i].x, sums[i].y, sums[i].z};
+    sums[i] = {0, 0, 0, 0};
+  }
   if (*halted || share.count == 0) return;
-  share.first *= scale;
-  share.second *= scale * scale;
-  pool_with(statistics[i], share, pooling);
+  pool_with(statistics[i], scaled_forces(share, scale), pooling);
+}
+
+// Sums of forces that lie among the gradients, which preprocess_backward() reads and clears.
+__global__ void gather_forces_kernel(Span<FragmentSums> statistics, const std::uint32_t* tile_counts,
+                                     const Splat* splats, const SplatGradientSum* gradients,
+                                     float scale, ScorePooling pooling,
+                                     const std::uint32_t* halted) {
+  const std::size_t i = thread_number();
+  if (i >= statistics.size || tile_counts[i] == 0 || *halted) return;
+  const float4 with_count = reinterpret_cast<const float4*>(gradients + i)[2];
+  if (with_count.y == 0) return;
+  // dL/d(opacity) is sum f / opacity
+  const FragmentSums share{with_count.y, gradients[i].opacity * splats[i].opacity, with_count.z};
+  pool_with(statistics[i], scaled_forces(share, scale), pooling);
 }
 
 __global__ void pool_kernel(Span<FragmentSums> all, FragmentSums* more, ScorePooling pooling,
@@ -173,10 +192,16 @@ void gather_fragment_sums(Context& context, const RenderSettings& settings, Work
   const StageScope scope(context, "statistics");
   const bool is_force = settings.fragment_statistic == FragmentStatistic::force;
   const float scale = is_force ? 3.0f * float(pass.pixel_count()) : 1.0f;
-  context.launch("statistics", gather_kernel, blocks_for(to.sums.size(), kThreads), kThreads,
-                 to.sums.span(), workspace.fragment_sums.data(),
-                 settings.deterministic ? workspace.fixed_fragment_sums.data() : nullptr, scale,
-                 pooling, workspace.halted.data());
+  const std::size_t blocks = blocks_for(to.sums.size(), kThreads);
+  if (sums_among_gradients(settings))
+    context.launch("statistics", gather_forces_kernel, blocks, kThreads, to.sums.span(),
+                   pass.tile_counts.data(), pass.splats.data(), workspace.splat_gradients.data(),
+                   scale, pooling, workspace.halted.data());
+  else
+    context.launch("statistics", gather_kernel, blocks, kThreads, to.sums.span(),
+                   workspace.fragment_sums.data(),
+                   settings.deterministic ? workspace.fixed_fragment_sums.data() : nullptr, scale,
+                   pooling, workspace.halted.data());
 }
 
 void pool_fragment_sums(Context& context, Span<FragmentSums> all, Span<FragmentSums> more,

@@ -13,35 +13,26 @@ namespace gs::cuda {
 /// additions. A share that is not below kMost counts as nothing.
 struct FixedFragmentSums {
   static constexpr float kUnit = 0x1p-36f, kMost = 0x1p24f;
-  long long numbers[4];
+  long long numbers[3];
 };
 
-/// Where blend_backward() adds. One of the first two is null, and `values` is null for the score
-/// "force".
+/// Where blend_backward() adds, but for the score "force" in floating point without absolute
+/// gradients, whose sums find room in SplatGradientSum. One of the first two is null, and `values`
+/// is null for that score.
 struct FragmentSink {
-  FragmentSums* sums;        // (N)
+  Vec4f* sums;               // (N)  count, first, second, 0
   FixedFragmentSums* fixed;  // (N)
   const float* values;       // (H, W)
-
-  /// Adds a fragment, which has the force and the weight, at a pixel of this value to `sum`. What
-  /// is no fragment has the weight 0.
-  __device__ void count(FragmentSums& sum, float force, float weight, float value) const {
-    const bool is_kept = weight > 0;
-    sum.count += is_kept ? 1.0f : 0.0f;
-    sum.weight += weight;
-    sum.first += values ? weight * value : force;
-    sum.second += values ? (is_kept ? value : 0.0f) : force * force;
-  }
 
   /// Adds the share that one sub-tile has in a Gaussian's sums.
   __device__ void add(std::uint32_t gaussian, const FragmentSums& share) const {
     if (sums) {
       add_to(reinterpret_cast<float4*>(sums + gaussian),
-             float4{share.count, share.weight, share.first, share.second});
+             float4{share.count, share.first, share.second, 0.0f});
       return;
     }
-    const float shares[] = {share.count, share.weight, share.first, share.second};
-    for (int k = 0; k < 4; ++k) {
+    const float shares[] = {share.count, share.first, share.second};
+    for (int k = 0; k < 3; ++k) {
       if (!(fabsf(shares[k]) < FixedFragmentSums::kMost)) continue;
       const long long steps = __float2ll_rn(shares[k] * (1 / FixedFragmentSums::kUnit));
       atomicAdd(reinterpret_cast<unsigned long long*>(fixed[gaussian].numbers + k),
@@ -55,7 +46,7 @@ __device__ inline FragmentSums sums_of(const FixedFragmentSums& fixed) {
   const auto number = [&](int k) {
     return float(double(fixed.numbers[k]) * double(FixedFragmentSums::kUnit));
   };
-  return {number(0), number(1), number(2), number(3)};
+  return {number(0), number(1), number(2)};
 }
 
 }  // namespace gs::cuda

@@ -182,7 +182,7 @@ void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& se
   if (settings.fragment_statistic != FragmentStatistic::none) {
     if (settings.deterministic)
       reserve(workspace_.fixed_fragment_sums);
-    else
+    else if (!sums_among_gradients(settings))
       reserve(workspace_.fragment_sums);
   }
   if (!settings.deterministic) return;

@@ -13,6 +13,10 @@
 // on tensor cores for 16 splats at a time. x and y are multiples of 1/2 below 4, so that the first
 // right-hand side is exact in TF32. The left-hand sides are split into two TF32 parts, so that only
 // the sums are rounded.
+//
+// Scores of density control that sum over fragments (FragmentSums) cost little more. sum f is one
+// of the moments, and sum w v is another column of the colors, with a value v of each pixel. The
+// rest is summed from the registers that the products load.
 #include "cuda/device/mma.cuh"
 #include "cuda/render/subtile.cuh"
 #include "cuda/stages.cuh"
@@ -22,17 +26,19 @@ namespace {
 
 constexpr int kBlocks = 7;                  // per multiprocessor, as many as registers allow
 constexpr int kBlocksAbsolute = 6;          // the same with absolute gradients
+constexpr int kBlocksFragments = 7;         // the same with sums over fragments
 constexpr int kRows = 16;                   // splats of one product
 constexpr int kRowStride = 2 * kWarp + 16;  // floats; rows lie 16 banks apart, for 16-byte loads
 constexpr int kProducts = kWarp / 8;        // of 8 pixels each
 constexpr int kSumStride = 20;              // floats from one splat's sums to the next
-constexpr int kFragmentsAt = 16;            // where its sums over fragments begin, if there are any
+constexpr int kSecondAt = 16;               // the place of FragmentSums::second among them
 
 struct WarpShared {
   ListedSplat list[kWarp];
   ListWalk::Ahead ahead;
   alignas(16) float rows[kRows * kRowStride];  // f and w of each pixel, one splat a row; then sums
   float2 colors[kProducts][kWarp];             // right-hand side of the colors: each lane's part
+  alignas(8) float values[kWarp];              // v of each pixel
 };
 
 // This lane's part of the right-hand side of the moments, column l / 4: x^a y^b, a + b <= 2. Row t
@@ -62,9 +68,11 @@ struct Monomials {
 };
 
 // The whole warp: writes the right-hand side of the colors: columns r, g, b of dL/d(pixel) in TF32,
-// then the rest of each.
-__device__ void stage_colors(WarpShared& shared, const Vec3f& dL_dpixel) {
+// then the rest of each, then those of v.
+__device__ void stage_colors(WarpShared& shared, const Vec3f& dL_dpixel, float value) {
   const int lane = lane_of_thread(), column = lane / 4, t = lane % 4;
+  shared.values[lane] = value;
+  __syncwarp();
   for (int q = 0; q < kProducts; ++q) {
     float part[2];
     for (int k = 0; k < 2; ++k) {
@@ -72,9 +80,12 @@ __device__ void stage_colors(WarpShared& shared, const Vec3f& dL_dpixel) {
       const float red = __shfl_sync(kAllLanes, dL_dpixel.x, pixel);
       const float green = __shfl_sync(kAllLanes, dL_dpixel.y, pixel);
       const float blue = __shfl_sync(kAllLanes, dL_dpixel.z, pixel);
-      const float channel = column % 3 == 0 ? red : column % 3 == 1 ? green : blue;
-      const float high = tf32_part(channel);
-      part[k] = column < 3 ? high : column < 6 ? channel - high : 0.0f;
+      const float number = column >= 6       ? shared.values[pixel]
+                           : column % 3 == 0 ? red
+                           : column % 3 == 1 ? green
+                                             : blue;
+      const float high = tf32_part(number);
+      part[k] = column < 3 || column == 6 ? high : number - high;
     }
     shared.colors[q][lane] = {part[0], part[1]};
   }
@@ -106,17 +117,24 @@ __device__ Vec2f absolute_gradient(const ListedSplat& splat, float dx, float dy,
           warp_sum(fabsf(f * (Q.xy * dx + Q.yy * dy)))};
 }
 
+// What a sub-tile adds to one Gaussian.
+struct SplatShare {
+  SplatGradientSum gradient;
+  FragmentSums fragments;
+};
+
 // The sums of the gradients of all Gaussians, in floating point or in fixed point. add() is called
-// by the whole warp: lane r < count has the gradient of row r's splat, and scratch memory from
+// by the whole warp: lane r < count has the share of row r's splat, and scratch memory from
 // numbers[r * kSumStride] on.
 template <bool kAbsolute_>
 struct FloatSums {
-  static constexpr bool kAbsolute = kAbsolute_, kHasFragments = false;
+  static constexpr bool kAbsolute = kAbsolute_;
+  static constexpr FragmentStatistic kStatistic = FragmentStatistic::none;
   SplatGradientSum* of_gaussian;
 
-  __device__ void add(int count, std::uint32_t gaussian, const SplatGradientSum& sum,
-                      float*) const {
+  __device__ void add(int count, std::uint32_t gaussian, const SplatShare& share, float*) const {
     if (lane_of_thread() >= count) return;
+    const SplatGradientSum& sum = share.gradient;
     float4* const into = reinterpret_cast<float4*>(of_gaussian + gaussian);
     add_to(into, {sum.mean2d.x, sum.mean2d.y, sum.conic_xx, sum.conic_xy});
     add_to(into + 1, {sum.conic_yy, sum.opacity, sum.red, sum.green});
@@ -126,19 +144,37 @@ struct FloatSums {
       atomicAdd(&of_gaussian[gaussian].blue, sum.blue);
   }
 };
+// With the score "force": two numbers more in the same vectors. sum f follows from the gradient by
+// the opacity (gather_forces()).
+struct FloatSumsOfForces {
+  static constexpr bool kAbsolute = false;
+  static constexpr FragmentStatistic kStatistic = FragmentStatistic::force;
+  SplatGradientSum* of_gaussian;
+
+  __device__ void add(int count, std::uint32_t gaussian, const SplatShare& share, float*) const {
+    if (lane_of_thread() >= count) return;
+    const SplatGradientSum& sum = share.gradient;
+    float4* const into = reinterpret_cast<float4*>(of_gaussian + gaussian);
+    add_to(into, {sum.mean2d.x, sum.mean2d.y, sum.conic_xx, sum.conic_xy});
+    add_to(into + 1, {sum.conic_yy, sum.opacity, sum.red, sum.green});
+    add_to(into + 2, {sum.blue, share.fragments.count, share.fragments.second, 0.0f});
+  }
+};
 template <bool kAbsolute_>
 struct FixedSums {
-  static constexpr bool kAbsolute = kAbsolute_, kHasFragments = false;
+  static constexpr bool kAbsolute = kAbsolute_;
+  static constexpr FragmentStatistic kStatistic = FragmentStatistic::none;
   FineSums* fine;
   CoarseSums* coarse;
 
   // Neighboring lanes add neighboring numbers, which share sectors of memory.
-  __device__ void add(int count, std::uint32_t gaussian, const SplatGradientSum& sum,
+  __device__ void add(int count, std::uint32_t gaussian, const SplatShare& share,
                       float* numbers) const {
     constexpr int kNumbers = kAbsolute ? kAllGradientNumbers : kGradientNumbers;
     const int lane = lane_of_thread();
     if (lane < count)
-      store_in_vectors(reinterpret_cast<SplatGradientSum*>(numbers + lane * kSumStride), sum);
+      store_in_vectors(reinterpret_cast<SplatGradientSum*>(numbers + lane * kSumStride),
+                       share.gradient);
     __syncwarp();
     for (int first = 0; first < count * kNumbers; first += kWarp) {
       const int k = first + lane, row = k / kNumbers, number = k % kNumbers;
@@ -149,48 +185,61 @@ struct FixedSums {
   }
 };
 
-// The same with sums over fragments. They have kernels of their own, so that other steps do not pay
-// for them.
-template <class Sums>
+// The same with sums over fragments, which go to memory of their own. They have kernels of their
+// own, so that other steps do not pay for them.
+template <class Sums, FragmentStatistic kStatistic_>
 struct WithFragments : Sums {
-  static constexpr bool kHasFragments = true;
+  static constexpr FragmentStatistic kStatistic = kStatistic_;
   FragmentSink fragments;
+
+  __device__ void add(int count, std::uint32_t gaussian, const SplatShare& share,
+                      float* numbers) const {
+    if (lane_of_thread() < count) fragments.add(gaussian, share.fragments);
+    Sums::add(count, gaussian, share, numbers);
+  }
 };
 
-// The whole warp: sums over the fragments of the splats in all rows. In lanes 4 g and 4 g + 1, the
-// results are those of rows g and g + 8. `value` is that of this lane's pixel.
-__device__ FragmentSums sum_fragments(const float* rows, float value, const FragmentSink& sink) {
-  const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
-  FragmentSums result;
-#pragma unroll 1  // registers are scarce
-  for (int half = 0; half < 2; ++half) {
-    FragmentSums sum;
-#pragma unroll 1
-    for (int q = 0; q < kProducts; ++q) {
-      const float4 pair =
-          *reinterpret_cast<const float4*>(rows + (g + 8 * half) * kRowStride + 16 * q + 4 * t);
-      sink.count(sum, pair.x, pair.y, __shfl_sync(kAllLanes, value, 8 * q + 2 * t));
-      sink.count(sum, pair.z, pair.w, __shfl_sync(kAllLanes, value, 8 * q + 2 * t + 1));
-    }
-    for (float* const number : {&sum.count, &sum.weight, &sum.first, &sum.second})
-      for (int distance = 1; distance < 4; distance *= 2)
-        *number += __shfl_xor_sync(kAllLanes, *number, distance);
-    if (t == half) result = sum;
-  }
-  return result;
-}
+// FragmentSums::second of two rows, g and g + 8, over the pixels that this lane loads.
+template <FragmentStatistic statistic>
+struct SecondSums {
+  float top = 0, bottom = 0;
 
-// The whole warp: sums the first `count` rows over the pixels and adds each splat's gradient to
-// that of its Gaussian. In lane r, `slot` is the place of row r's splat in the list, and `absolute`
-// is its absolute gradient. `value` is that of this lane's pixel, for sums over fragments.
+  // f and w of two neighboring pixels in both rows, and v of these pixels.
+  __device__ void add(const float4& of_top, const float4& of_bottom, const float2& values) {
+    if (statistic == FragmentStatistic::force) {
+      top = fmaf(of_top.x, of_top.x, fmaf(of_top.z, of_top.z, top));
+      bottom = fmaf(of_bottom.x, of_bottom.x, fmaf(of_bottom.z, of_bottom.z, bottom));
+    } else if (statistic == FragmentStatistic::values) {
+      top += (of_top.y > 0 ? values.x : 0.0f) + (of_top.w > 0 ? values.y : 0.0f);
+      bottom += (of_bottom.y > 0 ? values.x : 0.0f) + (of_bottom.w > 0 ? values.y : 0.0f);
+    }
+  }
+  /// The four lanes of a row: the sum over all pixels, of row g in even lanes and of g + 8 in odd
+  /// ones.
+  __device__ float total() const {
+    const bool is_odd = lane_of_thread() % 2;
+    const float given = __shfl_xor_sync(kAllLanes, is_odd ? top : bottom, 1);
+    const float pair = (is_odd ? bottom : top) + given;
+    return pair + __shfl_xor_sync(kAllLanes, pair, 2);
+  }
+};
+
+// What lane r knows of row r's splat.
+struct RowOfLane {
+  int slot = 0;            // its place in the list
+  Vec2f absolute{0, 0};    // its absolute gradient, where asked for
+  unsigned fragments = 0;  // how many it has in this sub-tile, where asked for
+};
+
+// The whole warp: sums the first `count` rows over the pixels and adds each splat's share to the
+// sums of its Gaussian.
 template <class Sums>
-__device__ void add_rows(WarpShared& shared, int count, int slot, const Vec2f& absolute,
-                         const Monomials& monomials, const Vec2f& center, float value,
-                         const Sums& sums) {
+__device__ void add_rows(WarpShared& shared, int count, const RowOfLane& row,
+                         const Monomials& monomials, const Vec2f& center, const Sums& sums) {
+  constexpr bool kHasFragments = Sums::kStatistic != FragmentStatistic::none;
   const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
   __syncwarp();
-  [[maybe_unused]] FragmentSums fragments;
-  if constexpr (Sums::kHasFragments) fragments = sum_fragments(shared.rows, value, sums.fragments);
+  SecondSums<Sums::kStatistic> seconds;
   float moments[4] = {}, colors[4] = {};
 #pragma unroll
   for (int q = 0; q < kProducts; ++q) {
@@ -202,31 +251,34 @@ __device__ void add_rows(WarpShared& shared, int count, int slot, const Vec2f& a
     multiply_add_exactly(moments, {top.x, bottom.x, top.z, bottom.z},
                          {monomials.x[0] * y, monomials.x[1] * y});
     multiply_add_exactly(colors, {top.y, bottom.y, top.w, bottom.w}, {color.x, color.y});
+    if (kHasFragments)
+      seconds.add(top, bottom, *reinterpret_cast<const float2*>(shared.values + 8 * q + 2 * t));
   }
+  [[maybe_unused]] const float second = kHasFragments ? seconds.total() : 0.0f;
   __syncwarp();
   float* const to = shared.rows + g * kSumStride + 2 * t;
   *reinterpret_cast<float2*>(to) = {moments[0], moments[1]};
   *reinterpret_cast<float2*>(to + 8) = {colors[0], colors[1]};
   *reinterpret_cast<float2*>(to + 8 * kSumStride) = {moments[2], moments[3]};
   *reinterpret_cast<float2*>(to + 8 * kSumStride + 8) = {colors[2], colors[3]};
-  if (Sums::kHasFragments && t < 2)
-    *reinterpret_cast<float4*>(shared.rows + (g + 8 * t) * kSumStride + kFragmentsAt) = {
-        fragments.count, fragments.weight, fragments.first, fragments.second};
+  if (kHasFragments && t < 2) shared.rows[(g + 8 * t) * kSumStride + kSecondAt] = second;
   __syncwarp();
   std::uint32_t gaussian = 0;
-  SplatGradientSum sum;
+  SplatShare share;
   if (lane < count) {
-    const ListedSplat splat = shared.list[slot];
+    const ListedSplat splat = shared.list[row.slot];
+    const float* const of_row = shared.rows + lane * kSumStride;
     gaussian = splat.gaussian;
-    sum = splat_gradient(splat, center, shared.rows + lane * kSumStride);
-    if (Sums::kAbsolute) sum.absolute_x = absolute.x, sum.absolute_y = absolute.y;
-    if constexpr (Sums::kHasFragments) {
-      const float4 of_row =
-          *reinterpret_cast<const float4*>(shared.rows + lane * kSumStride + kFragmentsAt);
-      sums.fragments.add(gaussian, {of_row.x, of_row.y, of_row.z, of_row.w});
+    share.gradient = splat_gradient(splat, center, of_row);
+    if (Sums::kAbsolute)
+      share.gradient.absolute_x = row.absolute.x, share.gradient.absolute_y = row.absolute.y;
+    if (kHasFragments) {
+      const bool is_force = Sums::kStatistic == FragmentStatistic::force;
+      share.fragments = {float(row.fragments), is_force ? of_row[0] : of_row[14] + of_row[15],
+                         of_row[kSecondAt]};
     }
   }
-  sums.add(count, gaussian, sum, shared.rows);
+  sums.add(count, gaussian, share, shared.rows);
   __syncwarp();
 }
 
@@ -282,10 +334,14 @@ struct Forward {
   const Vec4f* checkpoints;                // (.., pixels of a tile)
 };
 
+template <class Sums>
+constexpr int blocks_of() {
+  if (Sums::kAbsolute) return kBlocksAbsolute;
+  return Sums::kStatistic != FragmentStatistic::none ? kBlocksFragments : kBlocks;
+}
+
 template <BlendRule rule, class Sums>
-__global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute || Sums::kHasFragments
-                                                     ? kBlocksAbsolute
-                                                     : kBlocks)
+__global__ void __launch_bounds__(kBlendThreads, blocks_of<Sums>())
     blend_backward_kernel(TileLists lists, const ListSegment* segments, Vec3f background,
                           Forward forward, const float* dL_dimage, Sums sums) {
   __shared__ WarpShared shared_of_warps[kBlendWarps];
@@ -302,42 +358,41 @@ __global__ void __launch_bounds__(kBlendThreads, Sums::kAbsolute || Sums::kHasFr
   if (segment.number > 0)
     pixel.skip_to(forward.checkpoints[subtile.checkpoint(forward.first_checkpoints[segment.tile] +
                                                          segment.number - 1)]);
-  stage_colors(shared, pixel.dL_dpixel);
+  float value = 0;
+  if constexpr (Sums::kStatistic == FragmentStatistic::values)
+    if (subtile.is_inside) value = sums.fragments.values[subtile.pixel(lists)];
+  stage_colors(shared, pixel.dL_dpixel, value);
   const Monomials monomials;
   const Vec2f center{float(subtile.x0) + 0.5f * kSubtileWidth,
                      float(subtile.y0) + 0.5f * kSubtileHeight};
-
-  float value = 0;
-  if constexpr (Sums::kHasFragments)
-    if (sums.fragments.values && subtile.is_inside)
-      value = sums.fragments.values[subtile.pixel(lists)];
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
   for (ListWalk walk(shared.ahead, lists, subtile.tile, subtile.pixels(), first,
                      min(longest, first + kSegmentLength), false);
        !walk.is_done();) {
     const int count = walk.list_next(shared.list);
-    int rows = 0, slot = 0;
-    Vec2f absolute(0.0f);
+    int rows = 0;
+    RowOfLane row;
     for (int i = 0; i < count; ++i) {
       const ListedSplat splat = shared.list[i];
       const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
       const float e = base2_exponent(splat, dx, dy);
       const bool keep = e >= splat.lowest && splat.position < pixel.last;
-      if (!__any_sync(kAllLanes, keep)) continue;
+      const unsigned kept = __ballot_sync(kAllLanes, keep);
+      if (!kept) continue;
       float2 fragment{0.0f, 0.0f};
       if (keep) fragment = pixel.step<rule>(splat, e);
       *reinterpret_cast<float2*>(shared.rows + rows * kRowStride + 2 * lane) = fragment;
       if (Sums::kAbsolute) {
         const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
-        if (lane == rows) absolute = sum;
+        if (lane == rows) row.absolute = sum;
       }
-      if (lane == rows) slot = i;
+      if (lane == rows) row.slot = i, row.fragments = __popc(kept);
       if (++rows == kRows) {
-        add_rows(shared, rows, slot, absolute, monomials, center, value, sums);
+        add_rows(shared, rows, row, monomials, center, sums);
         rows = 0;
       }
     }
-    if (rows) add_rows(shared, rows, slot, absolute, monomials, center, value, sums);
+    if (rows) add_rows(shared, rows, row, monomials, center, sums);
     __syncwarp();
   }
 }
@@ -389,8 +444,17 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
       settings.fragment_statistic == FragmentStatistic::values ? workspace.pixel_values.data()
                                                                : nullptr};
   const auto launch_with = [&](const auto& sums) {
-    if (settings.fragment_statistic == FragmentStatistic::none) return launch_by_rule(sums);
-    launch_by_rule(WithFragments<std::remove_cvref_t<decltype(sums)>>{sums, fragments});
+    using Sums = std::remove_cvref_t<decltype(sums)>;
+    switch (settings.fragment_statistic) {
+      case FragmentStatistic::none: return launch_by_rule(sums);
+      case FragmentStatistic::force:
+        if constexpr (std::is_same_v<Sums, FloatSums<false>>)
+          return launch_by_rule(FloatSumsOfForces{sums.of_gaussian});
+        else
+          return launch_by_rule(WithFragments<Sums, FragmentStatistic::force>{sums, fragments});
+      case FragmentStatistic::values:
+        return launch_by_rule(WithFragments<Sums, FragmentStatistic::values>{sums, fragments});
+    }
   };
   const auto launch_as_asked = [&](auto absolute) {
     if (!settings.deterministic)

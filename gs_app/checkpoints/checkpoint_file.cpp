@@ -210,11 +210,23 @@ void write_values(CheckedWriter& file, const std::string& name, const std::vecto
   file.write(values.data(), values.size() * sizeof(T));
 }
 
+// Sums as checkpoints had them until November 2026, with the weights of the fragments.
+void read_older_sums(CheckedReader& file, Buffer<FragmentSums>& sums) {
+  std::vector<Vec4f> rows(sums.size());
+  file.read(rows.data(), rows.size() * sizeof(Vec4f));
+  for (std::size_t i = 0; i < rows.size(); ++i) sums[i] = {rows[i].x, rows[i].z, rows[i].w};
+}
+
 void read_model(CheckedReader& file, std::size_t count, TrainingModel& model) {
   for_each_row_array(
       [&](const RowArray& which, auto& array) {
         const std::size_t row = sizeof(*array.data());
         const std::uint64_t bytes = file.section(which.key());
+        if constexpr (std::is_same_v<std::remove_cvref_t<decltype(array)>, Buffer<FragmentSums>>)
+          if (count > 0 && bytes == count * sizeof(Vec4f)) {
+            array.resize_discard(count);
+            return read_older_sums(file, array);
+          }
         if (bytes / row != count || bytes % row) file.damaged();
         array.resize_discard(count);
         file.read(array.data(), bytes);

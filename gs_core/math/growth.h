@@ -50,19 +50,17 @@ GS_HD bool needs_budget(GrowthCurve curve) {
 
 // ---- scores ------------------------------------------------------------------------------------
 
-/// Sums over the fragments of one Gaussian in the photos since the last refinement. w = T alpha is
-/// the weight of a fragment.
+/// Sums over the fragments of one Gaussian in the photos since the last refinement; count is their
+/// number, and w = T alpha is the weight of one.
 ///
 ///                 first     second
 ///   force         sum f     sum f^2    f = alpha dE/dalpha, E the loss times its 3 H W values
 ///   all others    sum w v   sum v      v the pixel's value: error, mask or edge
 struct FragmentSums {
-  float count = 0, weight = 0;  // of fragments; sum w
-  float first = 0, second = 0;
+  float count = 0, first = 0, second = 0;
 };
 GS_HD void add_to(FragmentSums& sum, const FragmentSums& part) {
   sum.count += part.count;
-  sum.weight += part.weight;
   sum.first += part.first;
   sum.second += part.second;
 }
@@ -70,7 +68,6 @@ GS_HD void add_to(FragmentSums& sum, const FragmentSums& part) {
 GS_HD void pool_with(FragmentSums& all, const FragmentSums& photo, ScorePooling pooling) {
   if (pooling == ScorePooling::sum) return add_to(all, photo);
   all.count += photo.count;
-  all.weight += photo.weight;
   all.first = max_of(all.first, photo.first);
   all.second = max_of(all.second, photo.second);
 }

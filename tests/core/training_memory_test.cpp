@@ -62,7 +62,9 @@ TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {
     return bytes_of_gaussian(size) - bytes_of_gaussian(plain);
   };
   EXPECT_NEAR(more([](TrainingSize& size) { size.is_deterministic = true; }), 184, 0.01);
-  EXPECT_NEAR(more([](TrainingSize& size) { size.has_sums = true; }), 2 * 16, 0.01);
+  EXPECT_NEAR(more([](TrainingSize& size) { size.has_sums = true; }), 12, 0.01);
+  EXPECT_NEAR(more([](TrainingSize& size) { size.has_sums = size.is_absolute = true; }), 12 + 16,
+              0.01);
   EXPECT_NEAR(more([](TrainingSize& size) { size.has_time = true; }), 3 * 24, 0.01);
   EXPECT_NEAR(more([](TrainingSize& size) { size.has_filter = true; }), 4, 0.01);
   EXPECT_NEAR(more([](TrainingSize& size) { size.has_depth_maps = true; }), 4 + 24, 0.01);

@@ -42,7 +42,7 @@ TrainingModel random_model(std::size_t count, std::uint64_t seed) {
   for (std::size_t i = 0; i < count; ++i) {
     model.statistics.visits[i] = float(draws.below(9));
     model.statistics.gradient_norm[i] = model.statistics.visits[i] * few(32);
-    model.statistics.sums[i] = {float(draws.below(9)), few(3), few(32), few(64)};
+    model.statistics.sums[i] = {float(draws.below(9)), few(32), few(64)};
   }
   return model;
 }

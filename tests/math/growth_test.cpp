@@ -16,7 +16,7 @@ const Vec3f kLogScale{std::log(0.5f), std::log(2.0f), std::log(0.1f)};  // longe
 FragmentSums forces(const std::vector<double>& f) {
   double first = 0, second = 0;
   for (const double one : f) first += one, second += one * one;
-  return {float(f.size()), 1, float(first), float(second)};
+  return {float(f.size()), float(first), float(second)};
 }
 
 // n ((sum f^2) / (n + 1) - ((sum f) / (n + 1))^2), by hand.
@@ -31,7 +31,7 @@ TEST(ForceScore, IsLargerWherePixelsDisagree) {
 }
 
 TEST(GrowthScore, TakesTheStatisticOfItsName) {
-  const FragmentSums sums{10, 4, 3, 7};
+  const FragmentSums sums{10, 3, 7};
   EXPECT_EQ(growth_score(GrowthScore::gradient, 4, 2, sums), 0.5);
   EXPECT_EQ(growth_score(GrowthScore::gradient, 0, 2, sums), 2.0);
   EXPECT_EQ(growth_score(GrowthScore::force, 4, 2, sums), force_score(sums));
@@ -179,15 +179,14 @@ TEST(AllowedGrowth, MayReplaceWhatIsPruned) {
 }
 
 TEST(PoolWith, AddsOrTakesTheLargest) {
-  const FragmentSums photo{3, 2, 5, 1};
-  FragmentSums sum{10, 4, 3, 7}, largest = sum;
+  const FragmentSums photo{3, 5, 1};
+  FragmentSums sum{10, 3, 7}, largest = sum;
   pool_with(sum, photo, ScorePooling::sum);
   EXPECT_EQ(sum.count, 13.0f);
   EXPECT_EQ(sum.first, 8.0f);
   EXPECT_EQ(sum.second, 8.0f);
   pool_with(largest, photo, ScorePooling::max);
   EXPECT_EQ(largest.count, 13.0f);
-  EXPECT_EQ(largest.weight, 6.0f);
   EXPECT_EQ(largest.first, 5.0f);
   EXPECT_EQ(largest.second, 7.0f);
 }
@@ -204,7 +203,7 @@ TEST(AscendingBits, AreOrderedAsTheFloatsWithNanFirst) {
 }
 
 TEST(PruneKey, IsOfTheOpacityOrOfTheSumOfSquares) {
-  const FragmentSums sums{1, 1, 9, 4};
+  const FragmentSums sums{1, 9, 4};
   EXPECT_EQ(prune_key(PruneOrder::opacity, -2.5f, sums), ascending_bits(-2.5f));
   EXPECT_EQ(prune_key(PruneOrder::sensitivity, -2.5f, sums), ascending_bits(4));
 }

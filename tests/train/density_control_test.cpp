@@ -182,7 +182,7 @@ TEST(BudgetedControl, PrunesTheUnseenOnlyAfterAWholeEpoch) {
   for (const std::size_t views : {100, 150}) {
     TrainingModel model = growing_model();
     begin_sums(model);
-    for (std::size_t i = 0; i < 20; ++i) model.statistics.sums[i].weight = 1;
+    for (std::size_t i = 0; i < 20; ++i) model.statistics.sums[i].count = 1;
     make_density_control(config, Schedule(config, 2, views), 2)->after_step(model, *backend, 1000);
     EXPECT_EQ(model.count(), views == 100 ? 20u : 30u);
   }
@@ -216,7 +216,7 @@ TEST(BudgetedControl, ComparesSumsForEachPhotoWithItsThreshold) {
     TrainingModel model = growing_model();
     begin_sums(model);
     for (std::size_t i = 0; i < 30; ++i)
-      model.statistics.sums[i] = {1, 1, 0, i < 10 ? 600.0f : i < 20 ? 599.0f : 5.0f};
+      model.statistics.sums[i] = {1, 0, i < 10 ? 600.0f : i < 20 ? 599.0f : 5.0f};
     const std::size_t expected = pooling == ScorePooling::sum ? 10u : 20u;
     EXPECT_EQ(control_of(config)->after_step(model, *backend, 700).cloned, expected);
   }

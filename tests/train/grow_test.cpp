@@ -49,7 +49,7 @@ TrainingModel random_model(std::size_t count, std::uint64_t seed, bool has_time 
   for (std::size_t i = 0; i < count; ++i) {
     model.statistics.visits[i] = float(draws.below(9));
     model.statistics.gradient_norm[i] = model.statistics.visits[i] * draws.uniform(0, 2);
-    model.statistics.sums[i] = {float(draws.below(100)), draws.uniform(0, 9), draws.uniform(0, 5),
+    model.statistics.sums[i] = {float(draws.below(100)), draws.uniform(0, 5),
                                 draws.uniform(0, 5)};
   }
   return model;
@@ -119,7 +119,7 @@ TrainingModel scored_model(std::size_t count) {
   }
   TrainingModel model = model_of(rows);
   begin_sums(model);
-  for (std::size_t i = 0; i < count; ++i) model.statistics.sums[i] = {1, 1, float(i), float(i)};
+  for (std::size_t i = 0; i < count; ++i) model.statistics.sums[i] = {1, float(i), float(i)};
   return model;
 }
 GrowthRules by_error(std::int64_t target, GrowthSelection select) {
@@ -204,12 +204,12 @@ TEST(Grow, ReplacesWhatItPrunesWhereAsked) {
 
 TEST(Grow, PrunesWhatWasInNoPixelWhereAsked) {
   TrainingModel model = scored_model(4);
-  model.statistics.sums[2].weight = 0;
+  model.statistics.sums[2].count = 0;
   GrowthRules rules = by_error(4, GrowthSelection::top_k);
   grow_by(model, rules);
   EXPECT_EQ(model.count(), 4u);
   model = scored_model(4);
-  model.statistics.sums[2].weight = 0;
+  model.statistics.sums[2].count = 0;
   rules.prunes_unseen = true;
   rules.limits.max_gaussians = 3;
   EXPECT_EQ(grow_by(model, rules).pruned, 1u);

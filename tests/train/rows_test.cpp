@@ -294,7 +294,7 @@ TEST(PruneShare, BySensitivityTakesTheSumOfSquares) {
   EXPECT_THROW(make_scalar_row_ops()->prune_share(model, PruneOrder::sensitivity, 0.5),
                std::logic_error);
   begin_sums(model);
-  for (std::size_t i = 0; i < 4; ++i) model.statistics.sums[i] = {0, 0, float(i), 4 - float(i)};
+  for (std::size_t i = 0; i < 4; ++i) model.statistics.sums[i] = {0, float(i), 4 - float(i)};
   EXPECT_EQ(make_scalar_row_ops()->prune_share(model, PruneOrder::sensitivity, 0.25), 1u);
   ASSERT_EQ(model.count(), 3u);
   EXPECT_EQ(model.statistics.sums[2].second, 2.0f);  // statistics of the others stay
