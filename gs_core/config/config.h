@@ -124,6 +124,7 @@ struct OptimizerConfig {
   float time_color_lr = 2.5e-3f;  // of the changes of sh0
   float beta2 = 0.999f;           // of Adam, for one photo
   MomentForm moments = MomentForm::floats;
+  LazyMode lazy = LazyMode::off;
 };
 
 inline constexpr int kMostBatch = 64;           // photos of one update

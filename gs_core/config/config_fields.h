@@ -139,6 +139,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.time_color_lr",      optimizer.time_color_lr,      "",            at_least(0),             retrain, "learning rate of the changes of SH degree 0, if model.time_colors");
   field("optimizer.beta2",              optimizer.beta2,              "",            between(0.5, 0.99999),   retrain, "share of its second moments that Adam keeps at each photo; it remembers some 1 / (1 - beta2) photos", "Kingma & Ba 2015");
   field("optimizer.moments",            optimizer.moments,            "",            one_of<MomentForm>(),    retrain, "how Adam keeps the two moments of each parameter: as floats (8 bytes), or as compact codes (4 bytes), which are rounded at random (docs/moments.md)", "Gupta et al. 2015");
+  field("optimizer.lazy",               optimizer.lazy,               "",            one_of<LazyMode>(),      retrain, "whether Adam leaves the SH of Gaussians that no photo of an update sees for later, and makes up for it when one sees them; the result is the same but for the last bits; auto: on a GPU, if few enough of them are seen (docs/lazy_adam.md)");
 
   auto& density = config.density;
   field("density.strategy",             density.strategy,             "",            one_of(kStrategyWords),  retrain, "how Gaussians are added and removed: adaptive clones, splits and prunes them; budgeted does so by a score and up to a number (docs/density.md); mcmc moves them and adds samples (needs max_gaussians)");
