@@ -120,6 +120,8 @@ class CudaBackend final : private Device, public Backend {
   void check_refines_poses() const override {}
   void check_takes_depth() const override {}
   bool makes_refined_cameras() const override { return true; }
+  bool can_update_lazily() const override { return true; }
+  bool has_updates_bound_by_memory() const override { return true; }
   RowOps& rows() override {
     finish_pending();
     return *rows_;
@@ -160,6 +162,10 @@ class CudaBackend final : private Device, public Backend {
                         photometric,
                         pose_update(model.poses, update),
                         last_photo_ + 1});
+    if (model.lazy.is_on) {
+      model.lazy.rounding_seed = update.rounding_seed;
+      pending_.back().lazy_updates = std::uint32_t(model.lazy.updates);
+    }
     last_photo_ += photos;
     try {
       launch_pending();
@@ -169,6 +175,7 @@ class CudaBackend final : private Device, public Backend {
       throw;
     }
     model.adam_steps += update.rule.steps;
+    if (model.lazy.is_on && ++model.lazy.updates == kLazyWindow) model.lazy.updates = 0;
     if (photometric.is_due) model.photometric.adam_steps += photometric.rule.steps;
     if (pending_.back().poses.is_due) model.poses.adam_steps += update.photo_rule.steps;
   }
@@ -237,6 +244,7 @@ class CudaBackend final : private Device, public Backend {
     PhotometricUpdate photometric;
     PoseUpdate poses;
     std::uint32_t first_photo;
+    std::optional<std::uint32_t> lazy_updates = {};  // LazyState::updates before the step
     bool is_launched = false;
 
     std::uint32_t last_photo() const { return first_photo + std::uint32_t(batch.size()) - 1; }
@@ -304,6 +312,7 @@ class CudaBackend final : private Device, public Backend {
       differentiate(step, i);
     }
     if (step.batch.size() > 1) update(step);
+    if (step.lazy_updates) note_unseen(step);
     if (step.photometric.is_due)
       gs::cuda::update_photometric(context, *look_, model_->photometric, camera_of_.span(),
                                    photometric_gradient_.span(), step.photometric.adam,
@@ -338,6 +347,8 @@ class CudaBackend final : private Device, public Backend {
     RenderSettings settings = photo.settings;
     settings.fragment_statistic = step.density.fragment_statistic();
     settings.with_depths = loss_settings.depth_weight > 0 && photo.view->has_depth_map;
+    const std::optional<LazySh> late = lazy_sh(step);
+    if (late) settings.lazy_sh = &*late;
     const GaussiansSpan gaussians = model_->gaussians.span();
     Workspace& workspace = renderer_.workspace();
     renderer_.reserve_gradients(model_->count(), settings);
@@ -380,19 +391,37 @@ class CudaBackend final : private Device, public Backend {
 
   void update(const Step& step) {
     const Regularizers& regularizers = step.density.regularizers;
-    if (regularizers.any()) {
+    if (regularizers.any())
       add_regularizer_gradients(context, model_->gaussians.span(), regularizers,
                                 sums_.gradients.span());
-      check(cudaMemsetAsync(sums_.touched.data(), 0xff,
-                            sums_.touched.size() * sizeof(std::uint32_t), context.stream()),
-            "marking the rows with gradients");  // all of them
-    }
     const std::uint32_t* const halted = renderer_.workspace().halted.data();
+    const std::optional<LazySh> late = lazy_sh(step);
     update_by_sums(context, *model_, step.adam, step.rule, step.rounding,
-                   step.batch.back().settings.sh_degree, halted, sums_);
+                   step.batch.back().settings.sh_degree, regularizers.any(),
+                   late ? &*late : nullptr, halted, sums_);
     if (model_->statistics.has_sums)
       pool_fragment_sums(context, model_->statistics.sums.span(), sums_.statistics.sums.span(),
                          step.density.pooling, halted);
+  }
+
+  // What SH has missed before a step; nothing where it is not updated lazily.
+  std::optional<LazySh> lazy_sh(const Step& step) const {
+    if (!step.lazy_updates) return std::nullopt;
+    LazySh late = lazy_sh_of(*model_);
+    late.updates = *step.lazy_updates;
+    return late;
+  }
+
+  // After the update of rows that its photos see: the others have missed it. All rows catch up when
+  // the table is full.
+  void note_unseen(const Step& step) {
+    const std::uint32_t* const halted = renderer_.workspace().halted.data();
+    extend_missed(context, model_->lazy, *step.lazy_updates,
+                  unseen_update(step.rounding.t, step.adam, step.rule), halted);
+    if (*step.lazy_updates + 1 < std::uint32_t(kLazyWindow)) return;
+    LazySh late = lazy_sh_of(*model_);
+    late.updates = kLazyWindow;
+    catch_up_sh(context, *model_, late, step.rounding, halted);
   }
 
   PhotometricUpdate photometric_update(const PhotometricState& state, const Update& update) const {

@@ -67,6 +67,7 @@ void add_state(const TrainingSize& size, Rows& rows) {
       arrays);
   for (int statistic = 0; statistic < 2; ++statistic) rows.add(sizeof(float));
   if (size.has_sums) rows.add(sizeof(FragmentSums));
+  if (size.is_lazy) rows.add(kWord);  // LazyState::updated_at
 }
 
 // Arrays of the step that row operations borrow.
@@ -166,6 +167,7 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.relocates = config.density.strategy == "mcmc";
   size.batch = config.train.batch;
   if (config.optimizer.moments == MomentForm::compact) size.moment_bytes = 4;
+  size.is_lazy = config.optimizer.lazy != LazyMode::off;
   size.has_time = config.model.dynamic;
   size.has_slope = config.model.dynamic && config.model.time_colors;
   size.has_filter = config.model.filter_3d;

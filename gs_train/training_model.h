@@ -6,6 +6,7 @@
 
 #include "gs_core/gaussians.h"
 #include "gs_core/math/growth.h"
+#include "gs_core/math/lazy_adam.h"
 #include "gs_core/math/moment_code.h"
 #include "gs_train/photometric/photometric_state.h"
 #include "gs_train/poses/pose_state.h"
@@ -32,6 +33,17 @@ void for_each_statistic(F&& f, First&& first, Rest&&... rest) {
   if (first.has_sums) f("sums", first.sums, rest.sums...);
 }
 
+/// Which updates of SH each row has had, where they are left for later (optimizer.lazy). They count
+/// from the time when all rows were up to date. While it is off the arrays are empty.
+struct LazyState {
+  bool is_on = false;
+  int updates = 0;                   // since then; fewer than kLazyWindow between two steps
+  std::uint64_t rounding_seed = 0;   // of moments that are codes (MomentRounding)
+  Buffer<std::uint32_t> updated_at;  // (N) the last of them that the row has had
+  Buffer<MissedUpdates> missed;      // (kLazyWindow) [k]: all after update k
+  explicit LazyState(Memory& memory = host_memory()) : updated_at(memory), missed(memory) {}
+};
+
 /// The parameters, both Adam moments and the statistics of N Gaussians. A new array is a member
 /// here and a line in for_each_row_array(): row operations, checkpoints and copies then treat it
 /// like the others.
@@ -43,6 +55,7 @@ struct TrainingModel {
   bool has_codes = false;
   MomentCodes moment_codes;
   DensityStatistics statistics;
+  LazyState lazy;
   PhotometricState photometric;  // of the photos; empty without photometric.model
   PoseState poses;               // of the photos; empty without poses.refine
   // updates since the start; one count for all Gaussians, as in Kerbl et al. 2023
@@ -52,7 +65,7 @@ struct TrainingModel {
 
   explicit TrainingModel(Memory& memory = host_memory())
       : gaussians(memory), first_moment(memory), second_moment(memory), moment_codes(memory),
-        statistics(memory), photometric(memory) {}
+        statistics(memory), lazy(memory), photometric(memory) {}
   std::size_t count() const { return gaussians.count(); }
   /// Says that parameters and moments have the learned quantities of `like`. Call it before rows are
   /// added.
@@ -74,7 +87,7 @@ void for_each_moment(F&& f, Model& model) {
 /// What an array holds. It decides what the row of a new Gaussian starts with.
 enum class RowRole {
   parameter,  // a new Gaussian has those of the Gaussian that it is made from
-  moment,     // of Adam; a new Gaussian starts with zeros
+  moment,     // of Adam, and what tells its state; a new Gaussian starts with zeros
   statistic,  // of density control; every Gaussian starts with zeros after a refinement
 };
 
@@ -107,6 +120,9 @@ void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
                    rest.second_moment...);
   }
   for_each_statistic(visit(RowRole::statistic, "statistics"), first.statistics, rest.statistics...);
+  if (first.lazy.is_on)
+    f(RowArray{RowRole::moment, "lazy", "updated_at"}, first.lazy.updated_at,
+      rest.lazy.updated_at...);
 }
 
 /// Gives a model whose parameters are set the moments, in the form that it has, and the statistics
@@ -121,8 +137,34 @@ inline void clear_history(TrainingModel& model) {
         array.fill_zero();
       },
       model);
+  model.lazy.updates = 0;
   model.adam_steps = 0;
   model.first_count = count;
+}
+
+/// From now on updates of SH are left for later where no photo sees a row.
+inline void begin_lazy(TrainingModel& model, std::uint64_t rounding_seed) {
+  LazyState& lazy = model.lazy;
+  lazy.missed.resize_discard(kLazyWindow);
+  lazy.updated_at.reserve(model.gaussians.mean.capacity());
+  lazy.updated_at.resize_discard(model.count());
+  lazy.updated_at.fill_zero();
+  lazy.updates = 0;
+  lazy.rounding_seed = rounding_seed;
+  lazy.is_on = true;
+}
+/// The end of it, for a model whose rows are all up to date (RowOps::catch_up).
+inline void end_lazy(TrainingModel& model) {
+  model.lazy = LazyState(model.lazy.updated_at.memory());
+}
+
+/// What a renderer needs to draw rows that are late.
+inline LazySh lazy_sh_of(const TrainingModel& model) {
+  const LazyState& lazy = model.lazy;
+  return {std::uint32_t(lazy.updates), lazy.updated_at.data(),
+          lazy.missed.data(),          model.has_codes,
+          model.first_moment.span(),   model.second_moment.span(),
+          model.moment_codes.span()};
 }
 
 /// Gives the statistics sums over fragments, zeros, where they have none yet.
@@ -157,9 +199,13 @@ inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
   model.set_learned_arrays(from.gaussians);
   model.gaussians.has_filter = from.gaussians.has_filter;
   model.statistics.has_sums = from.statistics.has_sums;
+  model.lazy.is_on = from.lazy.is_on;
   for_each_row_array(
       [](const RowArray&, auto& to, const auto& array) { to.upload(array.download()); }, model,
       from);
+  model.lazy.updates = from.lazy.updates;
+  model.lazy.rounding_seed = from.lazy.rounding_seed;
+  model.lazy.missed.upload(from.lazy.missed.download());
   model.photometric = copy_to(memory, from.photometric);
   model.poses = from.poses;
   model.adam_steps = from.adam_steps;

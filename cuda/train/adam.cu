@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 8: Adam over every number of every learned quantity, from stored gradients.
 #include "cuda/device/warp.cuh"
+#include "cuda/render/lazy_rows.cuh"
 #include "cuda/stages.cuh"
 
 namespace gs::cuda {
@@ -30,12 +31,12 @@ __global__ void adam_codes_kernel(Span<float> parameters, Span<MomentCode> momen
 struct SummedArray {
   float *parameters, *m, *v, *sums;
   std::size_t size;              // numbers
-  const std::uint32_t* touched;  // BatchSums
+  const std::uint32_t* touched;  // BatchSums; null: all rows
 };
 
 // Whether row `first` or one up to row `last` has gradients. Both are of the same 32 rows.
 __device__ bool has_gradients(const std::uint32_t* touched, std::size_t first, std::size_t last) {
-  return touched[first / kWarp] >> first % kWarp & ((2u << (last - first)) - 1);
+  return !touched || touched[first / kWarp] >> first % kWarp & ((2u << (last - first)) - 1);
 }
 
 // The same by sums, which it clears. A thread takes four numbers, which belong to the same 32 rows.
@@ -124,10 +125,48 @@ __global__ void update_codes_by_sums_kernel(SummedCodes array, int in_use, AdamS
   }
 }
 
+// One array of color where SH is updated lazily, and the sums of its gradients.
+struct LazySums {
+  float *parameters, *m, *v, *sums;
+  MomentCode* codes;  // null: the moments are floats
+  std::size_t size;   // numbers
+  const std::uint32_t* touched;
+  LazyColors lazy;
+  MomentRounding rounding;
+  int quantity, place;
+};
+
+// The update of rows that a photo has touched, which first make up for what they have missed. A
+// thread takes one number; the 32 of a warp are of few rows.
+template <int kInRow>
+__global__ void update_lazily_by_sums_kernel(LazySums array, int in_use, AdamStep step,
+                                             AdamRule rule, const std::uint32_t* halted) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i >= array.size || *halted) return;
+  const std::size_t row = i / kInRow;
+  const int number = int(i - row * kInRow);
+  if (number >= in_use || !has_gradients(array.touched, row, row)) return;
+  float p = array.parameters[i], m, v;
+  MomentNumbers{array.m, array.v, array.codes}.load(i, m, v);
+  if (array.lazy.is_late(row))
+    catch_up(p, m, v, array.lazy.missed[array.lazy.updated_at[row]].catch_up, array.quantity);
+  adam_update(p, m, v, array.sums[i], step, rule);
+  array.parameters[i] = p;
+  array.sums[i] = 0;
+  if (array.codes) {
+    array.codes[i] =
+        moment_code(m, v, random_of_number(array.rounding.of_row(row), array.place + number));
+  } else {
+    array.m[i] = m;
+    array.v[i] = v;
+  }
+}
+
 // After the updates: statistics += their sums, which are cleared. A warp has 32 rows with one word
-// of marks, which it clears, too.
+// of marks, which it clears, too. Rows with marks have had `update` then, if updated_at is not null.
 __global__ void add_statistics_kernel(Span<float> visits, float* gradient_norm, float* more_visits,
                                       float* more_norm, std::uint32_t* touched,
+                                      std::uint32_t* updated_at, std::uint32_t update,
                                       const std::uint32_t* halted) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= visits.size || *halted) return;
@@ -137,6 +176,7 @@ __global__ void add_statistics_kernel(Span<float> visits, float* gradient_norm, 
     visits[i] += more_visits[i];
     gradient_norm[i] += more_norm[i];
     more_visits[i] = more_norm[i] = 0;
+    if (updated_at) updated_at[i] = update;
   }
   __syncwarp(__activemask());  // all have read the marks
   if (i % kWarp == 0) touched[i / kWarp] = 0;
@@ -155,6 +195,7 @@ class CudaOptimizer final : public Optimizer {
   }
   void step(TrainingModel& model, const Gaussians& gradients, const Update& update) override {
     GS_CHECK(gradients.count() == model.count());
+    GS_CHECK(!model.lazy.is_on);  // of Backend::step() alone, which backend.cu overrides
     StageScope scope(context_, "adam");
     const AdamRule& rule = update.rule;
     const int t = model.adam_steps += rule.steps;
@@ -198,36 +239,66 @@ class CudaOptimizer final : public Optimizer {
 
 void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& steps,
                     const AdamRule& rule, const MomentRounding& rounding, int sh_degree,
-                    const std::uint32_t* halted, const BatchSums& sums) {
+                    bool all_have_gradients, const LazySh* lazy_sh, const std::uint32_t* halted,
+                    const BatchSums& sums) {
   const StageScope scope(context, "adam");
+  const auto launch = [&]<class Row>(auto kernel, const auto& array, const Buffer<Row>&,
+                                     const AdamStep& step, int numbers_of_thread) {
+    constexpr int kInRow = int(sizeof(Row) / sizeof(float));
+    const int in_use = kInRow == 3 * kShRestCount ? 3 * sh_rest_count(sh_degree) : kInRow;
+    context.launch("adam", kernel, blocks_for(array.size, numbers_of_thread * kThreads), kThreads,
+                   array, in_use, step, rule, halted);
+  };
   // One array with its moments, which are floats in m and v, or codes.
-  const auto update = [&]<class Row>(const Buffer<Row>& rows, const Buffer<Row>& m,
-                                     const Buffer<Row>& v, const Buffer<CodedRow<Row>>& codes,
-                                     const Buffer<Row>& sum, const AdamStep& step, int place) {
+  const auto update = [&]<class Row>(const std::uint32_t* touched, const Buffer<Row>& rows,
+                                     const Buffer<Row>& m, const Buffer<Row>& v,
+                                     const Buffer<CodedRow<Row>>& codes, const Buffer<Row>& sum,
+                                     const AdamStep& step, int place) {
     constexpr int kInRow = int(sizeof(Row) / sizeof(float));
     const Span<float> numbers = numbers_of(rows);
-    if (numbers.empty()) return;
-    const int in_use = kInRow == 3 * kShRestCount ? 3 * sh_rest_count(sh_degree) : kInRow;
-    const auto launch = [&](auto kernel, const auto& array) {
-      context.launch("adam", kernel, blocks_for((numbers.size + 3) / 4, kThreads), kThreads, array,
-                     in_use, step, rule, halted);
-    };
     if (model.has_codes)
       launch(update_codes_by_sums_kernel<kInRow>,
              SummedCodes{numbers.data, codes_of(codes).data, numbers_of(sum).data, numbers.size,
-                         sums.touched.data(), rounding, place});
+                         touched, rounding, place},
+             rows, step, 4);
     else
       launch(update_by_sums_kernel<kInRow>,
              SummedArray{numbers.data, numbers_of(m).data, numbers_of(v).data, numbers_of(sum).data,
-                         numbers.size, sums.touched.data()});
+                         numbers.size, touched},
+             rows, step, 4);
   };
-  for_each_array([&](const char*, const auto&... arrays) { update(arrays...); }, model.gaussians,
-                 model.first_moment, model.second_moment, model.moment_codes, sums.gradients, steps,
-                 number_places());
+  const auto update_late = [&]<class Row>(LazyQuantity quantity, const Buffer<Row>& rows,
+                                          const Buffer<Row>& m, const Buffer<Row>& v,
+                                          const Buffer<CodedRow<Row>>& codes,
+                                          const Buffer<Row>& sum, const AdamStep& step, int place) {
+    const Span<float> numbers = numbers_of(rows);
+    launch(update_lazily_by_sums_kernel<int(sizeof(Row) / sizeof(float))>,
+           LazySums{numbers.data, numbers_of(m).data, numbers_of(v).data, numbers_of(sum).data,
+                    model.has_codes ? codes_of(codes).data : nullptr, numbers.size,
+                    sums.touched.data(), lazy_colors(*lazy_sh), rounding, quantity, place},
+           rows, step, 1);
+  };
+  const auto for_all = [&](auto&& for_each, auto&& f) {
+    for_each(f, model.gaussians, model.first_moment, model.second_moment, model.moment_codes,
+             sums.gradients, steps, number_places());
+  };
+  const std::uint32_t* const touched = sums.touched.data();
+  for_all([](auto&&... arguments) { for_each_prompt_array(arguments...); },
+          [&](const char*, const auto&... arrays) {
+            update(all_have_gradients ? nullptr : touched, arrays...);
+          });
+  for_all([](auto&&... arguments) { for_each_lazy_array(arguments...); },
+          [&](LazyQuantity quantity, const auto&... arrays) {
+            if (lazy_sh)
+              update_late(quantity, arrays...);
+            else
+              update(touched, arrays...);
+          });
   context.launch("adam", add_statistics_kernel, blocks_for(model.count(), kThreads), kThreads,
                  model.statistics.visits.span(), model.statistics.gradient_norm.data(),
                  sums.statistics.visits.data(), sums.statistics.gradient_norm.data(),
-                 sums.touched.data(), halted);
+                 sums.touched.data(), lazy_sh ? model.lazy.updated_at.data() : nullptr,
+                 lazy_sh ? lazy_sh->updates + 1 : 0, halted);
 }
 
 std::unique_ptr<Optimizer> make_optimizer(Context& context) {

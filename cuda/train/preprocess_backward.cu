@@ -1,329 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 7 and 8: from dL/d(splat) to the gradients of the parameters. In training the update
-// follows at once, so that no gradient of a parameter is stored. A thread pulls the gradient of one
-// Gaussian back. The whole warp then writes the gradients or updates the parameters, one number of
-// its 32 rows after another, in whole cache lines. All loads are issued at the start, so that the
-// warp waits for memory only once.   Faster-GS, backward fused with Adam
-#include <algorithm>
+// Stages 7 and 8 where SH of all rows is up to date: the three uses of the kernel of
+// preprocess_backward.cuh. Where some of it may be late, preprocess_backward_lazy.cu has the last
+// two.
+#include "cuda/train/preprocess_backward.cuh"
 
-#include "cuda/render/sh_rows.cuh"
-#include "cuda/stages.cuh"
-#include "cuda/train/row_updates.cuh"
-#include "gs_core/math/filtered_splat.h"
-#include "gs_core/math/spacetime_color.h"
+#include "cuda/train/lazy_adam.cuh"
 
 namespace gs::cuda {
-namespace {
-
-// Two warps, each with shared memory of its own.
-constexpr int kThreads = 64;
-constexpr int kBasisStride = kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
-
-template <class Numbers, class Rows>
-struct alignas(16) WarpShared : RandomRows<Numbers::kAreCodes> {
-  float sh_rows[Numbers::kArrays][kWarp * kShRowNumbers];  // of the parameters, and what goes along
-  union {
-    Rows numbers;                       // parameters at first, gradients in the end
-    float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian, between
-  };
-  float dL_dcolor[kWarp * 3];  // zero where a Gaussian is not visible
-};
-
-// dL/d(number `number` of SH row `row` of the warp).
-template <class Shared>
-__device__ float sh_gradient(const Shared& shared, int row, int number) {
-  return shared.basis[row * kBasisStride + 1 + number / 3] * shared.dL_dcolor[row * 3 + number % 3];
-}
-
-// The whole warp: starts to copy its SH rows into shared memory, so that they arrive during other
-// work.
-template <int degree, class Shared, class Numbers, class Which>
-__device__ void start_sh_rows(Shared& shared, const Numbers& numbers, std::size_t first, int rows,
-                              Which which) {
-  for (int a = 0; a < Numbers::kArrays; ++a)
-    start_sh_copy<degree>(shared.sh_rows[a], numbers.arrays[a] + first * kShRowNumbers, rows,
-                          which);
-  __pipeline_commit();
-}
-
-// The whole warp: applies the gradients to its SH rows, one number at a time.
-template <int degree, class Shared, class Numbers, class Which>
-__device__ void finish_sh_numbers(Shared& shared, const Numbers& numbers, std::size_t first,
-                                  int rows, Which which) {
-  constexpr int kInUse = std::max(kShNumbersInUse<degree>, 1);
-  for (int item = lane_of_thread(); item < rows * kInUse; item += kWarp) {
-    const int row = item / kInUse, number = item % kInUse, at = row * kShRowNumbers + number;
-    if (!which.has(row)) continue;
-    float loaded[Numbers::kArrays];
-    for (int a = 0; a < Numbers::kArrays; ++a) loaded[a] = shared.sh_rows[a][at];
-    numbers.finish(first * kShRowNumbers + at, loaded, sh_gradient(shared, row, number),
-                   NumberPlace<Shared>{shared, row, number, kShRowNumbers});
-  }
-}
-
-// The same for 32 whole rows, four numbers at a time.
-template <class Shared, class Numbers, class Which>
-__device__ void finish_sh_vectors(Shared& shared, const Numbers& numbers, std::size_t first,
-                                  Which which) {
-  const std::size_t base = first / 4 * kShRowNumbers;  // `first` is a multiple of 32
-  for (int item = lane_of_thread(); item < kWarp * kShRowNumbers / 4; item += kWarp) {
-    const int row = 4 * item / kShRowNumbers, number = 4 * item % kShRowNumbers;
-    if (!which.has(row) && !which.has((4 * item + 3) / kShRowNumbers)) continue;
-    float gradient[4];
-    for (int k = 0; k < 4; ++k) {
-      const bool is_next = number + k >= kShRowNumbers;
-      gradient[k] = sh_gradient(shared, row + is_next, number + k - (is_next ? kShRowNumbers : 0));
-    }
-    float4 loaded[Numbers::kArrays];
-    for (int a = 0; a < Numbers::kArrays; ++a)
-      loaded[a] = reinterpret_cast<const float4*>(shared.sh_rows[a])[item];
-    numbers.finish(base + item, loaded, float4{gradient[0], gradient[1], gradient[2], gradient[3]},
-                   NumberPlace<Shared>{shared, row, number, kShRowNumbers});
-  }
-}
-
-// The whole warp: pulls the color gradients back to the SH coefficients of its `rows` rows. Returns
-// the part of dL/d(mean) that comes from the viewing direction.
-template <int degree, class Shared, class Numbers, class Which>
-__device__ Vec3f color_backward(Shared& shared, const Vec3f& mean, const Camera& camera,
-                                std::size_t first, int rows, bool is_visible,
-                                const Vec3f& dL_dcolor, const Numbers& numbers, Which which) {
-  if constexpr (degree == 0) return Vec3f(0.0f);
-  const int lane = lane_of_thread();
-  float* const basis = shared.basis + lane * kBasisStride;
-  Vec3f direction(0.0f);
-  if (is_visible) {
-    direction = unit_direction(camera.position(), mean);
-    sh_basis(degree, direction, basis);
-  } else {
-    for (int k = 0; k < kShBasisCount; ++k) basis[k] = 0.0f;
-  }
-  for (int c = 0; c < 3; ++c) shared.dL_dcolor[3 * lane + c] = dL_dcolor[c];
-  __pipeline_wait_prior(0);
-  __syncwarp();
-  if (degree == kMaxShDegree && rows == kWarp)
-    finish_sh_vectors(shared, numbers, first, which);
-  else
-    finish_sh_numbers<degree>(shared, numbers, first, rows, which);
-  if (!is_visible) return Vec3f(0.0f);
-  const Vec3f* const row = reinterpret_cast<const Vec3f*>(shared.sh_rows[0] + lane * kShRowNumbers);
-  float dL_dbasis[kShBasisCount];
-  for (int k = 1; k < (degree + 1) * (degree + 1); ++k) dL_dbasis[k] = inner(row[k - 1], dL_dcolor);
-  return unit_direction_vjp(camera.position(), mean, sh_basis_vjp(degree, direction, dL_dbasis));
-}
-
-// dL/d(parameters) of a visible Gaussian, without the color's part.
-__device__ RowGradient pull_back(const Camera& camera, const Shape& shape,
-                                 const SplatSettings& settings, const SplatGradient& dL_dsplat) {
-  return {project_shape_vjp(camera, shape.mean, shape.log_scale, shape.rotation,
-                            shape.logit_opacity, settings, dL_dsplat)};
-}
-// The same with a 3D filter.
-__device__ RowGradient pull_back_filtered(const Camera& camera, const Shape& shape,
-                                          float filter_scale, const SplatSettings& settings,
-                                          const SplatGradient& dL_dsplat) {
-  return {project_shape_vjp(camera, shape.mean, shape.log_scale, shape.rotation,
-                            shape.logit_opacity, filter_scale, settings, dL_dsplat)};
-}
-// The same in space and time. `by_color` is the color's part of dL/d(mean at the moment), and
-// `by_phase` is dL/dphase, or NoPhase where colors do not change.
-template <class PhaseGradient>
-__device__ RowGradient pull_back_in_time(const Camera& camera, const Shape& shape,
-                                         const SplatSettings& settings,
-                                         const SplatGradient& dL_dsplat, const Vec3f& by_color,
-                                         const PhaseGradient& by_phase) {
-  RowGradient gradient{};
-  gradient.take(project_shape_vjp(camera, shape.in_spacetime(), time_of(camera, settings), settings,
-                                  dL_dsplat, by_color, by_phase));
-  return gradient;
-}
-
-// What one launch works on. `Source` is a Camera, or a RefinedCamera.
-template <class Source>
-struct Input {
-  std::size_t count;  // N
-  Source camera;
-  SplatSettings settings;
-  const std::uint32_t* tile_counts;  // (N)
-  const Splat* splats;               // (N)
-  SplatGradientSum* sums;            // (N)
-};
-
-template <class Sink>
-using SharedOf = WarpShared<typename Sink::Numbers, RowNumbersOf<Sink>>;
-
-// The whole warp: those of rows first .. first + 31 that `which` has.
-template <int degree, bool has_time, class Sink, class Source, class Which>
-__device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, std::size_t first,
-                               Which which, const Sink& sink) {
-  const Camera& camera = camera_of(in.camera);
-  const std::size_t i = first + lane_of_thread();
-  const int rows = int(min(in.count - first, std::size_t(kWarp)));
-  // All loads come first, before any store, so that the warp waits for memory only once.
-  if (degree > 0) start_sh_rows<degree>(shared, sink.sh_rest, first, rows, which);
-  const bool is_halted = sink.is_halted(), is_row = i < in.count && which.has(lane_of_thread());
-  Shares<Sink, has_time> shares(sink, first, rows, which);
-  const typename Sink::Statistics statistics =
-      is_row ? sink.load_statistics(i) : typename Sink::Statistics{};
-  const SplatGradientSum sum = is_row ? load_in_vectors(in.sums + i) : SplatGradientSum{};
-  const Vec3f color = is_row ? in.splats[i].color : Vec3f(0.0f);  // undefined where not visible
-  const bool is_visible = is_row && in.tile_counts[i] > 0;
-  float filter_scale = 0;
-  if constexpr (kHasFilter<Sink>) filter_scale = is_row ? sink.filter_scale[i] : 0.0f;
-  if (is_visible) store_in_vectors(in.sums + i, SplatGradientSum{});  // clear for the next step
-  if (is_halted) return;
-  if constexpr (Sink::kSkipsInvisible)
-    if (lane_of_thread() == 0) sink.touched[first / kWarp] |= which.bits;
-
-  if constexpr (Sink::Numbers::kAreCodes)  // the lanes wait for each other in row()
-    shared.random[lane_of_thread()] = sink.mean.rounding.of_row(i);
-  const Shape shape = shares.row(shared.numbers, rows, which);
-  SplatGradient dL_dsplat{};
-  RowGradient gradient{};
-  Vec3f by_slope(0.0f);
-  Vec2f by_mean2d(0.0f);
-  if (is_visible) {
-    dL_dsplat = masked(sum, color);
-    by_mean2d = sink.by_mean2d(sum);
-  }
-  if constexpr (has_time) {
-    // The color's part of the mean reaches the time, too, so that it comes first.
-    const Vec3f mean =
-        is_visible ? mean_at(shape.in_spacetime(), time_of(camera, in.settings)) : Vec3f(0.0f);
-    const Vec3f by_color = color_backward<degree>(shared, mean, camera, first, rows, is_visible,
-                                                  dL_dsplat.color, sink.sh_rest, which);
-    if constexpr (kHasSlope<Sink>) {
-      const float by_phase = float(kSh0) * inner(shape.sh0_slope, dL_dsplat.color);
-      if (is_visible) {
-        gradient = pull_back_in_time(camera, shape, in.settings, dL_dsplat, by_color, by_phase);
-        by_slope = dL_dsplat.color *
-                   (float(kSh0) * phase_at(shape.in_spacetime(), time_of(camera, in.settings)));
-      }
-    } else {
-      if (is_visible)
-        gradient = pull_back_in_time(camera, shape, in.settings, dL_dsplat, by_color, NoPhase());
-    }
-  } else {
-    if constexpr (kHasFilter<Sink>) {
-      if (is_visible)
-        gradient = pull_back_filtered(camera, shape, filter_scale, in.settings, dL_dsplat);
-    } else {
-      if (is_visible) gradient = pull_back(camera, shape, in.settings, dL_dsplat);
-    }
-    gradient.mean += color_backward<degree>(shared, shape.mean, camera, first, rows, is_visible,
-                                            dL_dsplat.color, sink.sh_rest, which);
-  }
-  if (is_visible) gradient.sh0 = float(kSh0) * dL_dsplat.color;
-  sink.template regularize<has_time>(shape, gradient);
-  if (is_row) sink.note(i, statistics, by_mean2d, is_visible);
-  __syncwarp();
-  stage<has_time>(shared.numbers, gradient);
-  if constexpr (kHasSlope<Sink>) stage_slope(shared.numbers, by_slope);
-  __syncwarp();
-  shares.finish(sink, first, rows, which, shared.numbers, shared);
-}
-
-// A photo of a batch leaves most rows alone, and a block for a few of them takes longer to start
-// than to work. Therefore a warp looks at this many groups of 32 rows, far from each other. It
-// reads and writes visible rows only.
-constexpr int kGroupsOfWarp = 8;
-
-template <int degree, bool has_time, class Sink, class Source>
-__global__ void __launch_bounds__(kThreads, Sink::kSkipsInvisible ? 5 : 1)
-    preprocess_backward_kernel(const Input<Source> in, const Sink sink) {
-  __shared__ SharedOf<Sink> shared_of_warps[kThreads / kWarp];
-  auto& shared = shared_of_warps[threadIdx.x / kWarp];
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  const std::size_t first = i - lane_of_thread();
-  if constexpr (Sink::kSkipsInvisible) {
-    const std::size_t stride = std::size_t(gridDim.x) * kThreads;
-    const auto is_visible = [&](int group) {
-      const std::size_t row = i + group * stride;
-      return row < in.count && in.tile_counts[row] > 0;
-    };
-    bool visible[kGroupsOfWarp];
-    for (int k = 0; k < kGroupsOfWarp; ++k) visible[k] = is_visible(k);
-    std::uint32_t groups = 0;
-    for (int k = 0; k < kGroupsOfWarp; ++k)
-      if (__any_sync(kAllLanes, visible[k])) groups |= 1u << k;
-#pragma unroll 1
-    for (; groups; groups &= groups - 1) {
-      const int group = __ffs(int(groups)) - 1;
-      const SomeRows rows{__ballot_sync(kAllLanes, is_visible(group))};
-      pull_back_rows<degree, has_time>(shared, in, first + group * stride, rows, sink);
-      __syncwarp();
-    }
-  } else {
-    if (first < in.count) pull_back_rows<degree, has_time>(shared, in, first, EveryRow(), sink);
-  }
-}
-
-// `sh0_slope` is null where colors do not change.
-template <class Sink, class Source>
-void launch(Context& context, const GaussiansSpan& gaussians, const Source& camera,
-            const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
-            const Sink& sink, const typename Sink::Numbers& sh0_slope) {
-  const Input<Source> in{gaussians.mean.size,
-                         camera,
-                         settings,
-                         pass.tile_counts.data(),
-                         pass.splats.data(),
-                         workspace.splat_gradients.data()};
-  constexpr int kRows = kThreads * (Sink::kSkipsInvisible ? kGroupsOfWarp : 1);
-  const auto launch_with = [&](auto kernel, const auto& to) {
-    context.launch("preprocess backward", kernel, blocks_for(in.count, kRows), kThreads, in, to);
-  };
-  with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter, auto slope) {
-    if constexpr (filter())
-      launch_with(preprocess_backward_kernel<degree(), false, WithFilter<Sink>, Source>,
-                  WithFilter<Sink>{sink, gaussians.filter_scale.data});
-    else if constexpr (slope())
-      launch_with(preprocess_backward_kernel<degree(), true, WithSlope<Sink>, Source>,
-                  WithSlope<Sink>{sink, sh0_slope});
-    else
-      launch_with(preprocess_backward_kernel<degree(), time(), Sink, Source>, sink);
-  });
-}
-
-GatherStatistics gather_into(const DensityStatistics& statistics, const DensityStep& density,
-                             const RenderPass& pass, const Workspace& workspace) {
-  return {density.gather_statistics ? statistics.visits.data() : nullptr,
-          statistics.gradient_norm.data(), pass.width, pass.height, workspace.halted.data()};
-}
-
-// A sink that updates the model: of(parameters, first and second moments, codes of both, step,
-// place) of each quantity.
-template <class Sink, class Numbers>
-Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherStatistics& gather,
-               Numbers&& of) {
-  const GaussiansSpan rows = model.gaussians.span(), m = model.first_moment.span(),
-                      v = model.second_moment.span();
-  const MomentCodesSpan codes = model.moment_codes.span();
-  const NumberPlaces places = number_places();
-  return {
-      gather,
-      of(rows.mean, m.mean, v.mean, codes.mean, steps.mean, places.mean),
-      of(rows.log_scale, m.log_scale, v.log_scale, codes.log_scale, steps.log_scale,
-         places.log_scale),
-      of(rows.rotation, m.rotation, v.rotation, codes.rotation, steps.rotation, places.rotation),
-      of(rows.logit_opacity, m.logit_opacity, v.logit_opacity, codes.logit_opacity,
-         steps.logit_opacity, places.logit_opacity),
-      of(rows.sh0, m.sh0, v.sh0, codes.sh0, steps.sh0, places.sh0),
-      of(rows.sh_rest, m.sh_rest, v.sh_rest, codes.sh_rest, steps.sh_rest, places.sh_rest),
-      of(rows.right_rotation, m.right_rotation, v.right_rotation, codes.right_rotation,
-         steps.right_rotation, places.right_rotation),
-      of(rows.time_mean, m.time_mean, v.time_mean, codes.time_mean, steps.time_mean,
-         places.time_mean),
-      of(rows.log_time_scale, m.log_time_scale, v.log_time_scale, codes.log_time_scale,
-         steps.log_time_scale, places.log_time_scale)};
-}
-
-}  // namespace
 
 void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
                          const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) {
   const StageScope scope(context, "preprocess backward");
+  GS_CHECK(!settings.lazy_sh);  // of steps alone, which have the two functions below
   if (settings.sh_degree < kMaxShDegree && gradients.sh_rest.size)  // degrees not in use have none
     check(cudaMemsetAsync(gradients.sh_rest.data, 0, gradients.sh_rest.size * sizeof(ShRest),
                           context.stream()),
@@ -351,22 +40,26 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
                                  const DensityStep& density, Workspace& workspace, RenderPass& pass,
                                  float weight, const BatchSums& sums, const DevicePose* pose) {
   const StageScope scope(context, "preprocess backward");
+  if (settings.lazy_sh) {
+    GS_CHECK(!pose);  // the trainer refuses both together
+    return add_lazily(context, gaussians, camera, settings, density, workspace, pass, weight, sums);
+  }
   const GaussiansSpan to = sums.gradients.span();
   const auto numbers = [weight](const auto& rows, const auto& sum) {
     return SumNumbers{{numbers_of(rows), numbers_of(sum)}, weight};
   };
-  const AddGradients sink{gather_into(sums.statistics, density, pass, workspace),
-                          numbers(gaussians.mean, to.mean),
-                          numbers(gaussians.log_scale, to.log_scale),
-                          numbers(gaussians.rotation, to.rotation),
-                          numbers(gaussians.logit_opacity, to.logit_opacity),
-                          numbers(gaussians.sh0, to.sh0),
-                          numbers(gaussians.sh_rest, to.sh_rest),
-                          numbers(gaussians.right_rotation, to.right_rotation),
-                          numbers(gaussians.time_mean, to.time_mean),
-                          numbers(gaussians.log_time_scale, to.log_time_scale),
-                          settings.absolute_gradient,
-                          sums.touched.data()};
+  const AddGradients<> sink{gather_into(sums.statistics, density, pass, workspace),
+                            numbers(gaussians.mean, to.mean),
+                            numbers(gaussians.log_scale, to.log_scale),
+                            numbers(gaussians.rotation, to.rotation),
+                            numbers(gaussians.logit_opacity, to.logit_opacity),
+                            numbers(gaussians.sh0, to.sh0),
+                            numbers(gaussians.sh_rest, to.sh_rest),
+                            numbers(gaussians.right_rotation, to.right_rotation),
+                            numbers(gaussians.time_mean, to.time_mean),
+                            numbers(gaussians.log_time_scale, to.log_time_scale),
+                            settings.absolute_gradient,
+                            sums.touched.data()};
   with_camera(camera, pose, [&](const auto& source) {
     launch(context, gaussians, source, settings, workspace, pass, sink,
            numbers(gaussians.sh0_slope, to.sh0_slope));
@@ -379,22 +72,24 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                                     const DensityStep& density, Workspace& workspace,
                                     RenderPass& pass, const DevicePose* pose) {
   const StageScope scope(context, "preprocess backward, Adam");
+  if (settings.lazy_sh) {
+    GS_CHECK(!pose);
+    return update_lazily(context, model, camera, settings, steps, rule, rounding, density,
+                         workspace, pass);
+  }
   const GaussiansSpan rows = model.gaussians.span();
   const GatherStatistics gather = gather_into(model.statistics, density, pass, workspace);
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
   const Regularizers of_each = density.regularizers.of_each(model.count());
   const auto launch_sink = [&](const auto& source, const auto& sink, const auto& of) {
-    launch(context, rows, source, settings, workspace, pass, sink,
-           of(rows.sh0_slope, model.first_moment.sh0_slope.span(),
-              model.second_moment.sh0_slope.span(), model.moment_codes.sh0_slope.span(),
-              steps.sh0_slope, number_places().sh0_slope));
+    launch(context, rows, source, settings, workspace, pass, sink, slope_of(model, steps, of));
   };
   if (model.has_codes) {
     const auto by_codes = [&](const auto& p, const auto&, const auto&, const auto& codes,
                               const AdamStep& step, int place) {
       return AdamCodes{{numbers_of(p), numbers_of(codes)}, step, rule, rounding, place};
     };
-    const auto sink = update_of<UpdateAll<AdamCodes>>(model, steps, gather, by_codes);
+    const auto sink = update_of<UpdateAll<AdamCodes>>(model, steps, gather, by_codes, by_codes);
     if (!pose && !is_absolute && !density.regularizers.any())
       return launch_sink(camera, sink, by_codes);
     const UpdateAsAsked<AdamCodes> as_asked{sink, is_absolute, of_each};
@@ -407,7 +102,8 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                              const AdamStep& step, int) {
       return AdamNumbersByRule{{numbers_of(p), numbers_of(m), numbers_of(v)}, step, rule};
     };
-    const auto sink = update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule);
+    const auto sink =
+        update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule, by_rule);
     const UpdateAsAsked<AdamNumbersByRule> as_asked{sink, is_absolute, of_each};
     with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked, by_rule); });
     return;
@@ -416,7 +112,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                            const AdamStep& step, int) {
     return AdamNumbers{{numbers_of(p), numbers_of(m), numbers_of(v)}, step};
   };
-  const auto sink = update_of<UpdateByAdam>(model, steps, gather, as_usual);
+  const auto sink = update_of<UpdateByAdam>(model, steps, gather, as_usual, as_usual);
   if (is_absolute || density.regularizers.any())
     launch_sink(camera, UpdateAsAsked<AdamNumbers>{sink, is_absolute, of_each}, as_usual);
   else

@@ -6,6 +6,7 @@
 #pragma once
 
 #include "cuda/device/warp.cuh"
+#include "cuda/render/lazy_rows.cuh"
 #include "cuda/render/sh_rows.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/math/density.h"
@@ -35,6 +36,17 @@ struct RandomRows {
 };
 template <>
 struct RandomRows<false> {};
+
+/// What a warp's rows have missed, in shared memory; nothing where SH is not updated lazily.
+template <bool is_lazy>
+struct MissedRows {
+  static constexpr bool kIsLazy = true;
+  LazyRows missed;
+};
+template <>
+struct MissedRows<false> {
+  static constexpr bool kIsLazy = false;
+};
 
 /// Which numbers a finish() takes: number `number` of row `row` of the warp, or four from there on,
 /// which may be in two rows of `in_row` numbers each.
@@ -158,6 +170,86 @@ struct AdamCodes {
   }
 };
 
+/// Numbers of color where SH is updated lazily: those of rows that are visible. The parameter is up
+/// to date already (catch_up_sh_rows, Share::catch_up), and the moments become so here. Numbers of
+/// other rows, which a vector may hold, stay as they are.
+struct LazyAdamNumbers {
+  static constexpr int kArrays = 3;
+  static constexpr bool kAreCodes = false;
+  float* arrays[kArrays];  // parameters, first and second moments
+  AdamStep step;
+  AdamRule rule;
+
+  __device__ void load_moments(std::size_t, const float (&loaded)[kArrays], float& m,
+                               float& v) const {
+    m = loaded[1];
+    v = loaded[2];
+  }
+  template <class Vector, class Place>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
+                         const Place& of_numbers) const {
+    const LazyRows& missed = of_numbers.rows.missed;
+    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k) {
+      const int row = of_numbers.row + (of_numbers.number + k >= of_numbers.in_row);
+      if (!missed.is_due(row)) continue;
+      float& m = reinterpret_cast<float*>(&numbers[1])[k];
+      float& v = reinterpret_cast<float*>(&numbers[2])[k];
+      m *= missed.m_decay[row];
+      v *= missed.v_decay[row];
+      adam_update(reinterpret_cast<float*>(&numbers[0])[k], m, v,
+                  reinterpret_cast<const float*>(&gradient)[k], step, rule);
+    }
+    for (int a = 0; a < kArrays; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
+  }
+};
+
+/// The same with moments that are codes. They are rounded once for all updates.
+struct LazyAdamCodes {
+  static constexpr int kArrays = 2;
+  static constexpr bool kAreCodes = true;
+  float* arrays[kArrays];  // parameters, and codes as in AdamCodes
+  AdamStep step;
+  AdamRule rule;
+  int place;  // NumberPlaces
+
+  __device__ void load_moments(std::size_t, const float (&loaded)[kArrays], float& m,
+                               float& v) const {
+    const MomentCode code{__float_as_uint(loaded[1])};
+    m = first_moment(code);
+    v = second_moment(code);
+  }
+  template <class Vector, class Place>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
+                         const Place& of_numbers) const {
+    constexpr int kCount = int(sizeof(Vector) / sizeof(float));
+    const LazyRows& missed = of_numbers.rows.missed;
+    std::uint32_t random[kCount];
+    load_random(of_numbers, place, random);
+    for (int k = 0; k < kCount; ++k) {
+      const int row = of_numbers.row + (of_numbers.number + k >= of_numbers.in_row);
+      if (!missed.is_due(row)) continue;
+      float& code = reinterpret_cast<float*>(&numbers[1])[k];
+      const MomentCode before{__float_as_uint(code)};
+      float m = first_moment(before) * missed.m_decay[row];
+      float v = second_moment(before) * missed.v_decay[row];
+      adam_update(reinterpret_cast<float*>(&numbers[0])[k], m, v,
+                  reinterpret_cast<const float*>(&gradient)[k], step, rule);
+      code = __uint_as_float(moment_code(m, v, random[k]).bits);
+    }
+    for (int a = 0; a < kArrays; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
+  }
+};
+
+/// The numbers of one quantity of color whose gradients are added to a sum. Only their parameters
+/// in shared memory and registers catch up; the update of the batch does it in the model.
+struct LazySumNumbers : SumNumbers {
+  MomentNumbers moments;
+
+  __device__ void load_moments(std::size_t at, const float (&)[kArrays], float& m, float& v) const {
+    moments.load(at, m, v);
+  }
+};
+
 /// The parameters of one Gaussian without color. Those of time and the change of color are
 /// undefined where it has none.
 struct Shape {
@@ -198,6 +290,7 @@ struct RowGradient : GaussianGradient<float> {
 struct WriteGradients {
   static constexpr bool kSkipsInvisible = false;
   using Numbers = GradientNumbers;
+  using ColorNumbers = Numbers;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
   Vec2f* dL_dmean2d;
@@ -239,10 +332,13 @@ struct GatherStatistics {
 };
 /// A sink that adds the gradients of one photo of a batch to sums. Rows that are not visible have
 /// nothing to add.
+template <class NumbersOfColor = SumNumbers>
 struct AddGradients : GatherStatistics {
   static constexpr bool kSkipsInvisible = true;
   using Numbers = SumNumbers;
-  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
+  using ColorNumbers = NumbersOfColor;
+  Numbers mean, log_scale, rotation, logit_opacity;
+  ColorNumbers sh0, sh_rest;
   Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
   bool is_absolute;                                   // the statistic
   std::uint32_t* touched;                             // BatchSums
@@ -254,11 +350,13 @@ struct AddGradients : GatherStatistics {
   __device__ void regularize(const Shape&, RowGradient&) const {}
 };
 /// A sink that updates all parameters.
-template <class NumbersOfRows>
+template <class NumbersOfRows, class NumbersOfColor = NumbersOfRows>
 struct UpdateAll : GatherStatistics {
   static constexpr bool kSkipsInvisible = false;
   using Numbers = NumbersOfRows;
-  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
+  using ColorNumbers = NumbersOfColor;
+  Numbers mean, log_scale, rotation, logit_opacity;
+  ColorNumbers sh0, sh_rest;
   Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
 
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const { return sum.mean2d; }
@@ -268,8 +366,8 @@ struct UpdateAll : GatherStatistics {
 using UpdateByAdam = UpdateAll<AdamNumbers>;
 /// The same with absolute gradients and regularizers. It has a kernel of its own, so that other
 /// runs do not pay for it. A rule of Adam that is not the usual one has another.
-template <class NumbersOfRows>
-struct UpdateAsAsked : UpdateAll<NumbersOfRows> {
+template <class NumbersOfRows, class NumbersOfColor = NumbersOfRows>
+struct UpdateAsAsked : UpdateAll<NumbersOfRows, NumbersOfColor> {
   bool is_absolute;      // the statistic
   Regularizers of_each;  // weights for one row
 
@@ -290,6 +388,21 @@ struct UpdateAsAsked : UpdateAll<NumbersOfRows> {
   }
 };
 
+/// A sink for models whose SH is updated lazily.
+template <class Sink>
+struct Lazily : Sink {
+  LazyColors lazy;
+  std::uint32_t* updated_at;  // null: the update comes later
+
+  __device__ void note_update(std::size_t i) const {
+    if (updated_at) updated_at[i] = lazy.updates + 1;
+  }
+};
+template <class Sink>
+inline constexpr bool kIsLazy = requires(const Sink& sink) {
+  sink.lazy;
+};
+
 /// A sink for Gaussians with a 3D filter. These have kernels of their own, so that others do not
 /// pay for it.
 template <class Sink>
@@ -304,7 +417,7 @@ inline constexpr bool kHasFilter<WithFilter<Sink>> = true;
 /// The same for Gaussians in space and time whose colors change.
 template <class Sink>
 struct WithSlope : Sink {
-  typename Sink::Numbers sh0_slope;
+  typename Sink::ColorNumbers sh0_slope;
 };
 template <class Sink>
 inline constexpr bool kHasSlope = false;
@@ -328,6 +441,18 @@ struct Share {
       for (int a = 0; a < Numbers::kArrays; ++a)
         if (item < rows * kInRow && which.has(item / kInRow))
           loaded[k][a] = numbers.arrays[a][first * kInRow + item];
+    }
+  }
+  /// Brings the parameters of rows that are due up to date.
+  __device__ void catch_up(const Numbers& numbers, const LazyRows& missed, LazyQuantity quantity,
+                           std::size_t first, int rows) {
+    for (int k = 0; k < kInRow; ++k) {
+      const int item = lane_of_thread() + k * kWarp, row = item / kInRow;
+      if (item >= rows * kInRow || !missed.is_due(row)) continue;
+      float m, v;
+      numbers.load_moments(first * kInRow + item, loaded[k], m, v);
+      loaded[k][0] =
+          caught_up(loaded[k][0], m, v, missed.length[quantity][row], missed.epsilon[row]);
     }
   }
   /// Writes the parameters to `to`, row after row.
@@ -401,6 +526,7 @@ template <class Sink>
 struct SlopeShares {
   template <class Which>
   __device__ SlopeShares(const Sink&, std::size_t, int, Which) {}
+  __device__ void catch_up(const Sink&, const LazyRows&, std::size_t, int) {}
   template <class Which>
   __device__ void lay_out(int, Which, RowNumbers&) const {}
   __device__ void read(const RowNumbers&, int, Shape&) const {}
@@ -411,11 +537,14 @@ struct SlopeShares {
 template <class Base>
 struct SlopeShares<WithSlope<Base>> {
   using Sink = WithSlope<Base>;
-  Share<3, typename Sink::Numbers> sh0_slope;
+  Share<3, typename Sink::ColorNumbers> sh0_slope;
 
   template <class Which>
   __device__ SlopeShares(const Sink& sink, std::size_t first, int rows, Which which)
       : sh0_slope(sink.sh0_slope, first, rows, which) {}
+  __device__ void catch_up(const Sink& sink, const LazyRows& missed, std::size_t first, int rows) {
+    sh0_slope.catch_up(sink.sh0_slope, missed, kLazySh0Slope, first, rows);
+  }
   template <class Which>
   __device__ void lay_out(int rows, Which which, SlopeRowNumbers& shared) const {
     sh0_slope.lay_out(rows, which, shared.sh0_slope);
@@ -431,32 +560,38 @@ struct SlopeShares<WithSlope<Base>> {
   }
 };
 
-/// This lane's shares of all quantities without SH.
+/// This lane's shares of all quantities without SH. `colored` are the rows whose color takes part.
 template <class Sink, bool has_time>
 struct Shares {
   using Numbers = typename Sink::Numbers;
-  Share<3, Numbers> mean, log_scale, sh0;
+  Share<3, Numbers> mean, log_scale;
+  Share<3, typename Sink::ColorNumbers> sh0;
   Share<4, Numbers> rotation;
   Share<1, Numbers> logit_opacity;
   TimeShares<Sink, has_time> time;
   SlopeShares<Sink> slope;
 
-  template <class Which>
-  __device__ Shares(const Sink& sink, std::size_t first, int rows, Which which)
+  template <class Which, class Colored>
+  __device__ Shares(const Sink& sink, std::size_t first, int rows, Which which, Colored colored)
       : mean(sink.mean, first, rows, which), log_scale(sink.log_scale, first, rows, which),
-        sh0(sink.sh0, first, rows, which), rotation(sink.rotation, first, rows, which),
+        sh0(sink.sh0, first, rows, colored), rotation(sink.rotation, first, rows, which),
         logit_opacity(sink.logit_opacity, first, rows, which), time(sink, first, rows, which),
-        slope(sink, first, rows, which) {}
+        slope(sink, first, rows, colored) {}
+  __device__ void catch_up(const Sink& sink, const LazyRows& missed, std::size_t first, int rows) {
+    if constexpr (!Sink::kSkipsInvisible)  // else nothing reads it
+      sh0.catch_up(sink.sh0, missed, kLazySh0, first, rows);
+    slope.catch_up(sink, missed, first, rows);
+  }
   /// The whole warp: returns this lane's row of parameters; the lanes exchange them through shared
   /// memory.
-  template <class Which>
-  __device__ Shape row(RowNumbersOf<Sink>& shared, int rows, Which which) const {
+  template <class Which, class Colored>
+  __device__ Shape row(RowNumbersOf<Sink>& shared, int rows, Which which, Colored colored) const {
     mean.lay_out(rows, which, shared.mean);
     log_scale.lay_out(rows, which, shared.log_scale);
     rotation.lay_out(rows, which, shared.rotation);
     logit_opacity.lay_out(rows, which, shared.logit_opacity);
     time.lay_out(rows, which, shared);
-    slope.lay_out(rows, which, shared);
+    slope.lay_out(rows, colored, shared);
     __syncwarp();
     const int lane = lane_of_thread();
     const auto vector = [&](const float* of) {
@@ -473,16 +608,17 @@ struct Shares {
     __syncwarp();
     return shape;
   }
-  template <class Which, class RandomSource>
+  template <class Which, class Colored, class RandomSource>
   __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
-                         const RowNumbersOf<Sink>& gradients, const RandomSource& random) {
+                         Colored colored, const RowNumbersOf<Sink>& gradients,
+                         const RandomSource& random) {
     mean.finish(sink.mean, first, rows, which, gradients.mean, random);
     log_scale.finish(sink.log_scale, first, rows, which, gradients.log_scale, random);
-    sh0.finish(sink.sh0, first, rows, which, gradients.sh0, random);
+    sh0.finish(sink.sh0, first, rows, colored, gradients.sh0, random);
     rotation.finish(sink.rotation, first, rows, which, gradients.rotation, random);
     logit_opacity.finish(sink.logit_opacity, first, rows, which, gradients.logit_opacity, random);
     time.finish(sink, first, rows, which, gradients, random);
-    slope.finish(sink, first, rows, which, gradients, random);
+    slope.finish(sink, first, rows, colored, gradients, random);
   }
 };
 

@@ -87,19 +87,21 @@ constexpr std::uint64_t kHasSlope = 8;         // colors that change; only with 
 constexpr std::uint64_t kHasPhotometric = 16;  // those of a photometric model, which are no rows
 constexpr std::uint64_t kHasPoses = 32;        // those of poses, which are no rows either
 constexpr std::uint64_t kHasCodes = 64;        // moments as codes, in place of those as floats
+constexpr std::uint64_t kIsLazy = 128;         // SH of some rows is late (LazyState)
 
 std::uint64_t kind_of(const TrainingModel& model) {
   return (model.gaussians.has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0) |
          (model.gaussians.has_filter ? kHasFilter : 0) |
          (model.gaussians.has_slope ? kHasSlope : 0) |
          (model.photometric.empty() ? 0 : kHasPhotometric) | (model.poses.empty() ? 0 : kHasPoses) |
-         (model.has_codes ? kHasCodes : 0);
+         (model.has_codes ? kHasCodes : 0) | (model.lazy.is_on ? kIsLazy : 0);
 }
 
 void set_kind(TrainingModel& model, std::uint64_t kind) {
   model.gaussians.has_time = kind & kHasTime;
   model.gaussians.has_slope = kind & kHasSlope;
   model.has_codes = kind & kHasCodes;
+  model.lazy.is_on = kind & kIsLazy;
   model.set_learned_arrays(model.gaussians);
   model.statistics.has_sums = kind & kHasSums;
   model.gaussians.has_filter = kind & kHasFilter;
@@ -107,7 +109,7 @@ void set_kind(TrainingModel& model, std::uint64_t kind) {
 
 bool is_kind(std::uint64_t kind) {
   return kind <= (kHasTime | kHasSums | kHasFilter | kHasSlope | kHasPhotometric | kHasPoses |
-                  kHasCodes) &&
+                  kHasCodes | kIsLazy) &&
          (!(kind & kHasSlope) || (kind & kHasTime));
 }
 
@@ -287,6 +289,37 @@ void read_poses(CheckedReader& file, PoseState& state) {
       state);
 }
 
+// The table of missed updates as the formula has it, without what follows from it.
+constexpr std::size_t kNumbersOfMissed = 4 + kLazyQuantities;
+
+void write_lazy(CheckedWriter& file, const LazyState& lazy) {
+  std::vector<MissedUpdates> missed = lazy.missed.download();
+  missed.resize(std::size_t(lazy.updates));
+  std::vector<double> numbers;
+  for (const MissedUpdates& some : missed) {
+    numbers.insert(numbers.end(), {some.m_decay, some.v_decay, some.weight, some.epsilon_sum});
+    numbers.insert(numbers.end(), some.length, some.length + kLazyQuantities);
+  }
+  write_values(file, "lazy.missed", numbers);
+}
+
+void read_lazy(CheckedReader& file, LazyState& lazy) {
+  const std::vector<double> numbers = file.values<double>("lazy.missed");
+  const std::size_t updates = numbers.size() / kNumbersOfMissed;
+  if (numbers.size() % kNumbersOfMissed || updates >= std::size_t(kLazyWindow)) file.damaged();
+  lazy.updates = int(updates);
+  std::vector<MissedUpdates> missed(kLazyWindow);
+  for (std::size_t k = 0; k < updates; ++k) {
+    const double* const of = numbers.data() + k * kNumbersOfMissed;
+    missed[k] = {of[0], of[1], {}, of[2], of[3], {}};
+    std::copy_n(of + 4, kLazyQuantities, missed[k].length);
+    find_catch_up(missed[k]);
+  }
+  lazy.missed.upload(missed);
+  for (const std::uint32_t update : lazy.updated_at)
+    if (update > updates) file.damaged();
+}
+
 // The texts of a file. They are parsed only after its checksum was found right.
 struct Contents {
   std::string about, config;
@@ -431,6 +464,7 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
       model);
   if (kind & kHasPhotometric) write_photometric(file, model.photometric);
   if (kind & kHasPoses) write_poses(file, model.poses);
+  if (kind & kIsLazy) write_lazy(file, model.lazy);
   file.commit();
 }
 
@@ -451,6 +485,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   read_model(file, count[0], checkpoint.state.model);
   if (kind & kHasPhotometric) read_photometric(file, checkpoint.state.model.photometric);
   if (kind & kHasPoses) read_poses(file, checkpoint.state.model.poses);
+  if (kind & kIsLazy) read_lazy(file, checkpoint.state.model.lazy);
   file.finish();
   try {
     apply(path, contents, checkpoint);

@@ -14,6 +14,7 @@
 #include "gs_core/math/constants.h"
 #include "gs_core/math/view_splat.h"
 #include "gs_core/training_memory.h"
+#include "gs_train/loop/lazy_choice.h"
 #include "gs_train/loss.h"
 
 namespace gs {
@@ -165,6 +166,18 @@ Workload mean_workload(Backend& backend, const TrainingModel& model, const std::
   }
   mean.has_codes = model.has_codes;
   return mean;
+}
+
+void begin_lazy_as_asked(const Config& config, const Backend& backend, TrainingModel& model,
+                         Workload& workload) {
+  check_lazy(config, backend);
+  const double seen = workload.visible / std::max(workload.gaussians, 1.0);
+  const bool pays = backend.has_updates_bound_by_memory() &&
+                    lazy_update_bytes(model.gaussians, model.has_codes, {seen, seen, 1}) <
+                        prompt_update_bytes(model.gaussians, model.has_codes);
+  const LazyMode mode = config.optimizer.lazy;
+  workload.is_lazy = mode == LazyMode::on || (mode == LazyMode::automatic && pays);
+  if (workload.is_lazy) begin_lazy(model, config.train.seed);
 }
 
 double milliseconds_of_steps(Backend& backend, TrainingModel& model, const std::vector<View>& views,

@@ -13,9 +13,9 @@ namespace {
 
 // bytes a Gaussian
 constexpr double kShape = sizeof(Vec3f) + sizeof(Vec3f) + sizeof(Quatf) + sizeof(float);
-constexpr double kCount = 4, kDepth = 4, kIndex = 4;  // bytes each
-constexpr double kGradientSum = 48;                   // bytes; dL/d(splat), padded
-constexpr double kDigit = 8;                          // bits per pass of a radix sort
+constexpr double kCount = 4, kDepth = 4, kIndex = 4, kStamp = 4;  // bytes each
+constexpr double kGradientSum = 48;                               // bytes; dL/d(splat), padded
+constexpr double kDigit = 8;                                      // bits per pass of a radix sort
 
 double sh_rest_bytes(const Workload& w) { return 12.0 * sh_rest_count(w.sh_degree); }
 /// A packed model's ellipsoid, and its color in whole vectors of 16 bytes.
@@ -47,8 +47,11 @@ constexpr Rule kRules[] = {
        if (w.is_packed)
          return w.gaussians * (kEllipsoid + kCount + kDepth) +
                 w.visible * (packed_color_bytes(w) + w.splat_bytes + sizeof(Rect));
+       // Where it is late, its moments come along.
+       const double moments = w.has_codes ? 1 : 2;  // of the parameters' size
+       const double late = w.is_lazy ? kStamp + moments * (12 + sh_rest_bytes(w)) : 0;
        return w.gaussians * (kShape + 12 + kCount + kDepth) +
-              w.visible * (sh_rest_bytes(w) + w.splat_bytes + kDepth + sizeof(Rect));
+              w.visible * (sh_rest_bytes(w) + late + w.splat_bytes + kDepth + sizeof(Rect));
      }},
     // Sorts all by the bits of the depth that make its key; sums the counts in that order (reads
     // order and count, writes the sum).
@@ -72,13 +75,17 @@ constexpr Rule kRules[] = {
     // Two passes over picture (float) and photo (byte), three channels: the first writes three
     // derivatives of SSIM a value, the second reads them and writes the gradient.
     {"loss", [](const Workload& w) { return 3 * w.pixels * (2 * (4 + 1) + 2 * 3 * 4 + 4); }},
-    // Reads and writes every parameter in use and its two moments, visible or not; reads and clears
+    // Reads and writes every parameter in use and its two moments, visible or not, but SH of visible
+    // rows alone where it is updated lazily; reads and clears
     // the visible's dL/d(splat), reads their color, reads and writes their statistics.
     {"preprocess backward, Adam",
      [](const Workload& w) {
        const double arrays = w.has_codes ? 2 : 3;  // of the parameters' size
-       return w.gaussians * (2 * arrays * (kShape + 12 + sh_rest_bytes(w)) + kCount) +
-              w.visible * (2 * kGradientSum + 12 + 2 * 8);
+       const double color = 2 * arrays * (12 + sh_rest_bytes(w)),
+                    stamp = w.is_lazy ? 2 * kStamp : 0;
+       return w.gaussians * (2 * arrays * kShape + kCount) +
+              (w.is_lazy ? w.visible : w.gaussians) * color +
+              w.visible * (2 * kGradientSum + 12 + 2 * 8 + stamp);
      }},
 };
 

@@ -22,6 +22,7 @@ struct Workload {
   bool has_packed_sh = true;  // whose SH is packed, too
   double splat_bytes = 48;    // one splat
   bool has_codes = false;     // both moments are codes (optimizer.moments)
+  bool is_lazy = false;  // SH is updated lazily, and all that is visible is late (optimizer.lazy)
 };
 
 /// Bytes that one run of a stage of the CUDA backend reads and writes. Nothing for the blending

@@ -126,6 +126,7 @@ struct OptimizerConfig {
   float cooldown_share = 0.03f;   // ... to this share of themselves at the last one; 1: they do not
   float beta2 = 0.999f;           // of Adam, for one photo
   MomentForm moments = MomentForm::floats;
+  LazyMode lazy = LazyMode::off;
 };
 
 inline constexpr int kMostBatch = 64;           // photos of one update

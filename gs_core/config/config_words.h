@@ -37,6 +37,8 @@ enum class SingleCamera { automatic, yes, no };
 
 /// How Adam's moments are kept: as floats, or as codes of 16 bits each (math/moment_code.h).
 enum class MomentForm { floats, compact };
+/// Whether Adam leaves SH of rows that no photo of an update sees for later (math/lazy_adam.h).
+enum class LazyMode { off, on, automatic };
 
 /// One row of a table of words.
 template <class E>
@@ -170,6 +172,11 @@ template <>
 struct Words<MomentForm> {
   static constexpr Word<MomentForm> kTable[] = {{"float", MomentForm::floats},
                                                 {"compact", MomentForm::compact}};
+};
+template <>
+struct Words<LazyMode> {
+  static constexpr Word<LazyMode> kTable[] = {
+      {"off", LazyMode::off}, {"on", LazyMode::on}, {"auto", LazyMode::automatic}};
 };
 
 /// Lists of words that stay text, since other code gives them their meaning. "cuda:N" stands for

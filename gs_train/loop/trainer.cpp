@@ -16,6 +16,7 @@
 #include "gs_render/render_settings.h"
 #include "gs_train/density/gaussian_budget.h"
 #include "gs_train/initialize/initialize.h"
+#include "gs_train/loop/lazy_choice.h"
 #include "gs_train/photometric/photometric_start.h"
 #include "gs_train/poses/poses.h"
 #include "gs_train/row_rules.h"
@@ -127,6 +128,7 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
       recovery_(run_), views_(scene.train_views.size(), config.train.seed), views_ahead_(views_),
       camera_rows_(camera_rows(scene.train_views)) {
   check_model(config);
+  check_lazy(config, backend);
   backend.use_loss(config.loss.kind);
   backend.use_photometric(make_photometric_model(config.photometric));
   if (config.poses.refine) backend.check_refines_poses();
@@ -260,12 +262,14 @@ void Trainer::maintain(int step) {
   if (run_.schedule.reorder(step)) sort_by_morton();
   if (run_.config.model.filter_3d && run_.schedule.measure_filter(step))
     recovery_.guarded_or_skipped("the 3D filter", [&] { measure_filter(); });
+  recovery_.guarded_or_skipped("optimizer.lazy=auto", [&] { choose_lazy(run_, step); });
 }
 
 // ---- before and after it -----------------------------------------------------------------------
 
 void Trainer::start() {
   prefetch_decode(run_.step + 1, run_.step + int(kPhotosAhead));
+  recovery_.guarded("optimizer.lazy", [&] { begin_or_end_lazy(run_); });
   if (run_.step > 0) return;
   sort_by_morton();
   if (run_.config.model.filter_3d) recovery_.guarded("the 3D filter", [&] { measure_filter(); });
@@ -275,6 +279,8 @@ void Trainer::finish() {
   const TrainingTime time(run_);
   recovery_.begin_finish();
   run_.backend.synchronize(run_.model);
+  run_.backend.rows().catch_up(run_.model);
+  end_lazy(run_.model);
   recovery_.guarded_or_skipped("the final prune", [&] {
     HiddenFloaters(run_.model, clear_space()).leave();
     run_.backend.rows().prune(run_.model, kMinAlpha);
@@ -319,6 +325,7 @@ double Trainer::loss() {
 
 void Trainer::look_at_result(const std::function<void(const Gaussians&)>& f) {
   TrainingModel& model = run_.synchronized_model();
+  const CurrentSh current(model, run_.backend.rows());
   const HiddenFloaters hidden(model, clear_space());
   f(model.gaussians);
 }

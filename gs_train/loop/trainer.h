@@ -73,7 +73,8 @@ class Trainer {
 
   /// Steps done.
   int step() const { return run_.step; }
-  /// The model after all steps so far. Waits for the device.
+  /// The model after all steps so far. Waits for the device. With optimizer.lazy, SH of some rows is
+  /// late until the run ends: look_at_result() has it as it is now.
   const TrainingModel& model() { return run_.synchronized_model(); }
   /// Calls f with the Gaussians as the run would leave them if it ended here: those right in front
   /// of cameras (floaters.h) have no opacity. Waits for the device.

@@ -60,6 +60,8 @@ class MergedRows final : public RowOps {
     return merged(model).prune_share(model, order, share);
   }
   void sort_by_morton(TrainingModel& model) override { merged(model).sort_by_morton(model); }
+  void catch_up(TrainingModel& model) override { merged(model).catch_up(model); }
+  void show_current_sh(const TrainingModel& model) override { rows_.show_current_sh(model); }
   void release_caches() override { rows_.release_caches(); }
   std::size_t count_not_finite(const TrainingModel& model) override {
     if (!is_dealt(model)) return rows_.count_not_finite(model);
@@ -97,6 +99,7 @@ class RankedBackend final : public ScalarBackend {
     if (photometric) refuse("photometric.model", "none");
   }
   void check_refines_poses() const override { refuse("poses.refine", "false"); }
+  bool can_update_lazily() const override { return false; }
 
   using Backend::step;
   void step(TrainingModel& model, Span<const TrainingPhoto> batch,

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <cstring>
 #include <limits>
 
 #include "gs_app/checkpoints/checkpoint_folder.h"
@@ -16,6 +17,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/checked_file.h"
+#include "tests/support/error_of.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
@@ -192,6 +194,33 @@ TEST_F(Checkpoints, WithCompactMomentsComeBackBitForBitAndAreSmaller) {
     EXPECT_NEAR(double(fs::file_size(file(12))), double(checkpoint_bytes(expected.model, 4)),
                 16384);
   }
+}
+
+TEST_F(Checkpoints, WithSomeUpdatesLeftForLaterComeBackBitForBit) {
+  TrainingState expected = telling_state(100, 12);
+  LazyState& lazy = expected.model.lazy;
+  begin_lazy(expected.model, 42);
+  for (std::uint32_t i = 0; i < 100; ++i) lazy.updated_at[i] = i % 8;
+  for (lazy.updates = 0; lazy.updates < 7; ++lazy.updates) {
+    lazy.missed[std::size_t(lazy.updates)] = MissedUpdates();
+    const AdamStep step = adam_step(lazy.updates + 3, 0.01f);
+    for (int k = 0; k <= lazy.updates; ++k)
+      add_update(lazy.missed[std::size_t(k)],
+                 unseen_update(lazy.updates + 3, step, step, step, AdamRule()));
+  }
+  fs::create_directories(path());
+  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
+  const TrainingModel read = read_checkpoint(file(12)).state.model;
+  EXPECT_TRUE(same_bits(read, expected.model));
+  EXPECT_EQ(read.lazy.updates, 7);
+  for (std::size_t k = 0; k < 7; ++k)
+    EXPECT_EQ(std::memcmp(&read.lazy.missed[k], &lazy.missed[k], sizeof(MissedUpdates)), 0) << k;
+  EXPECT_EQ(checkpoint_bytes(expected.model, 4),
+            checkpoint_bytes(telling_state(100, 12).model, 4) + 400);
+
+  lazy.updated_at[5] = 8;  // an update that was not made
+  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
+  EXPECT_THAT(error_of([&] { read_checkpoint(file(12)); }), HasSubstr("damaged"));
 }
 
 TEST_F(Checkpoints, WithAPhotometricModelComeBackBitForBit) {

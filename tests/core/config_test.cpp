@@ -417,7 +417,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 21u);
+  EXPECT_EQ(settings, 22u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {

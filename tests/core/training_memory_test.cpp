@@ -47,6 +47,7 @@ TEST(TrainingMemory, TheStateIsThatOfTheModelsArrays) {
   }
   EXPECT_DOUBLE_EQ(state_bytes({}, 1), 716);  // 59 * 4 * 3 + 8
   EXPECT_DOUBLE_EQ(state_bytes({.moment_bytes = 4}, 1), 716 - 59 * 4);
+  EXPECT_DOUBLE_EQ(state_bytes({.is_lazy = true}, 1), 716 + 4);
 }
 
 TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {

@@ -599,9 +599,11 @@ TEST_F(CudaStep, SelectingTheVisibleRowsChangesNothing) {
 
 TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
   const std::vector<View> views = some_views(200, 150, 5);
-  for (const bool has_codes : {false, true}) {
+  for (const auto& [has_codes, is_lazy] :
+       {std::pair{false, false}, {true, false}, {false, true}, {true, true}}) {
     TrainingModel model =
         on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7), has_codes));
+    if (is_lazy) begin_lazy(model, 1);
     RenderSettings settings;
     gpu().upload_views(views, 1 << 30);
     const auto run = [&](int steps) {

@@ -30,7 +30,9 @@ inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
   return same_bits(a.photometric, b.photometric) && same_bits(a.poses, b.poses) &&
          same_bits(a.gaussians, b.gaussians) && same_bits(a.first_moment, b.first_moment) &&
          same_bits(a.second_moment, b.second_moment) && a.has_codes == b.has_codes &&
-         same_bits(a.moment_codes, b.moment_codes) && a.adam_steps == b.adam_steps;
+         same_bits(a.moment_codes, b.moment_codes) && a.adam_steps == b.adam_steps &&
+         a.lazy.is_on == b.lazy.is_on && a.lazy.updates == b.lazy.updates &&
+         same_bits(a.lazy.updated_at, b.lazy.updated_at);
 }
 
 /// Gradients of very different sizes, of which a share is zero.

@@ -62,6 +62,25 @@ inline Scene small_scene() {
   return scene;
 }
 
+/// The small scene twice, far above each other. Each photo shows one half, as do photos of a city.
+inline Scene scene_of_two_halves() {
+  const Vec3f up(0, 10, 0);
+  Scene scene = small_scene();
+  const std::vector<ScenePoint> points = scene.points;
+  for (ScenePoint point : points) {
+    point.position += up;
+    scene.points.push_back(point);
+  }
+  const std::vector<View> views = scene.train_views;
+  for (View view : views) {
+    view.name += " above";
+    view.camera.cam_from_world_translation -= up;  // they turn around it
+    scene.train_views.push_back(view);
+  }
+  scene.extent = camera_extent(views);
+  return scene;
+}
+
 /// 250 steps, with rates that are high enough for such a short run.
 inline Config short_run() {
   Config config = adaptive_config();
