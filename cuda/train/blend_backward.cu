@@ -228,7 +228,7 @@ struct SecondSums {
 struct RowOfLane {
   int slot = 0;            // its place in the list
   Vec2f absolute{0, 0};    // its absolute gradient, where asked for
-  unsigned fragments = 0;  // how many it has in this sub-tile, where asked for
+  unsigned kept = 0;       // the pixels of its fragments, a bit each, where asked for
 };
 
 // The whole warp: sums the first `count` rows over the pixels and adds each splat's share to the
@@ -274,7 +274,7 @@ __device__ void add_rows(WarpShared& shared, int count, const RowOfLane& row,
       share.gradient.absolute_x = row.absolute.x, share.gradient.absolute_y = row.absolute.y;
     if (kHasFragments) {
       const bool is_force = Sums::kStatistic == FragmentStatistic::force;
-      share.fragments = {float(row.fragments), is_force ? of_row[0] : of_row[14] + of_row[15],
+      share.fragments = {float(__popc(row.kept)), is_force ? of_row[0] : of_row[14] + of_row[15],
                          of_row[kSecondAt]};
     }
   }
@@ -386,7 +386,7 @@ __global__ void __launch_bounds__(kBlendThreads, blocks_of<Sums>())
         const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
         if (lane == rows) row.absolute = sum;
       }
-      if (lane == rows) row.slot = i, row.fragments = __popc(kept);
+      if (lane == rows) row.slot = i, row.kept = kept;
       if (++rows == kRows) {
         add_rows(shared, rows, row, monomials, center, sums);
         rows = 0;

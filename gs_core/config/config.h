@@ -152,7 +152,7 @@ struct DensityConfig {
   int reset_opacity_every = 6000;
   int reset_opacity_until = 24000;
   std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as fit into memory
-  float gaussians_per_point = 40;  // where there is no cap: so many for each sparse point
+  float gaussians_per_point = 27;  // where there is no cap: so many for each sparse point
   std::string region;  // half-spaces, inside of which Gaussians are added; empty: everywhere
   bool absolute_gradient = false;  // the statistic sums absolute values over pixels (AbsGS)
   // for mcmc only
