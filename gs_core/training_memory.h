@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The GPU memory that training takes at most: the sum over all of its buffers. docs/architecture.md
-// ("Memory") has the same as a table.
+// ("Memory") has the same as a table. On the CPU one figure for each Gaussian stands for them.
 #pragma once
 
 #include <cstddef>
@@ -75,6 +75,13 @@ bool rises_to_cap(const Config& config);
 double training_bytes(const TrainingSize& size);
 /// Of these, the parameters, moments and statistics of so many Gaussians, without any reserve.
 double state_bytes(const TrainingSize& size, double gaussians);
+/// The RAM of a Gaussian of the usual parameters, kParameterBytes, in a run on the CPU, which keeps
+/// gradients of all parameters as well: some 1,700 bytes, and a reserve.
+inline constexpr double kGaussianBytesOnCpu = 2048, kParameterBytes = 236;
+/// What compact moments (optimizer.moments) save of it: codes are half as large as floats, and half
+/// of that again, since arrays grow by halves.
+constexpr double bytes_saved_by_codes(double parameter_bytes) { return 1.5 * parameter_bytes; }
+
 /// The number of Gaussians, at least 0, with which the run takes so many bytes.
 double gaussians_that_fit(TrainingSize size, double bytes);
 

@@ -10,6 +10,7 @@
 
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "data_loaders/counted.h"
 #include "data_loaders/scene/find_scene.h"
 #include "gs_core/error.h"
 
@@ -35,7 +36,7 @@ void convert(const ConvertCommand& command) {
   for (const FittedCamera& fit : fits)
     std::cout << fmt::format("camera {}: error {:.4f} pixels in the mean, {:.4f} at most\n",
                              fit.camera.id, fit.mean_error, fit.max_error);
-  std::cout << fmt::format("{} cameras of {} as {} in {}\n", fits.size(), model.string(),
+  std::cout << fmt::format("{} of {} as {} in {}\n", counted(fits.size(), "camera"), model.string(),
                            command.camera_model, command.output);
 }
 

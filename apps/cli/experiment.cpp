@@ -283,6 +283,7 @@ void add_experiment(CLI::App& program) {
       ->type_name("cuda:0,cuda:1,...")
       ->delimiter(',');
   verb.add_option("--jobs", command->jobs, "runs at a time on each device [1]")
+      ->type_name("N")
       ->check(CLI::Range(1, 1024));
   auto* only = verb.add_option("--only", command->only,
                                "train this run only, numbered from 0 as in --dry-run")

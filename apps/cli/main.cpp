@@ -35,17 +35,24 @@ int fail(const std::string& message, int code) {
   return code;
 }
 
-// The verb that was given, or the program itself.
+// The verb that was given, such as `diff` of `config diff`, or the program itself.
 const CLI::App& active(const CLI::App& program) {
   const auto verbs = program.get_subcommands();
-  return verbs.empty() ? program : *verbs.front();
+  return verbs.empty() ? program : active(*verbs.front());
+}
+
+// As it is written: "gemsplat config diff".
+std::string full_name(const CLI::App& app) {
+  const CLI::App* parent = app.get_parent();
+  return (parent ? full_name(*parent) + " " : "") + app.get_name();
 }
 
 // "; did you mean --eval?" for an argument that is near to a flag or verb, else nothing.
 std::string suggestion(const CLI::App& app, const std::string& argument) {
   std::vector<std::string> known;
-  for (const CLI::Option* option : app.get_options())
-    for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+  for (const CLI::App* at = &app; at; at = at->get_fallthrough() ? at->get_parent() : nullptr)
+    for (const CLI::Option* option : at->get_options())
+      for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
   for (const CLI::App* verb : app.get_subcommands({})) known.push_back(verb->get_name());
   const std::string nearest = nearest_word(argument.substr(0, argument.find('=')), known);
   return nearest.empty() ? "" : "; did you mean " + nearest + "?";
@@ -65,16 +72,21 @@ std::string missing_argument(const CLI::App& app) {
 int fail_to_parse(const CLI::App& program, const CLI::ParseError& error) {
   const CLI::App& app = active(program);
   std::string message = error.what();
-  if (const std::string missing = missing_argument(app);
-      !missing.empty() && dynamic_cast<const CLI::RequiredError*>(&error))
-    message = missing;
+  if (dynamic_cast<const CLI::RequiredError*>(&error)) {
+    if (&app == &program) message = "a command is missing, such as train or view";
+    if (const std::string missing = missing_argument(app); !missing.empty()) message = missing;
+  }
   if (const std::vector<std::string> extra = program.remaining(true); !extra.empty()) {
     const std::string own = own_flag(app.get_name(), extra.front());
-    message = "there is no flag, verb or further argument " + extra.front() +
+    const bool names_verb = &app == &program;
+    const bool is_flag = extra.front().starts_with("-");
+    message = (is_flag      ? "there is no flag "
+               : names_verb ? "there is no command "
+                            : full_name(app) + " takes no further argument ") +
+              extra.front() +
               (own.empty() ? suggestion(app, extra.front()) : "; here that is " + own);
   }
-  return fail(printable(message) + "\n`" + (&app == &program ? "" : "gemsplat ") + app.get_name() +
-                  " --help` shows what there is",
+  return fail(printable(message) + "\n`" + full_name(app) + " --help` shows what there is",
               int(ExitCode::usage));
 }
 

@@ -3,6 +3,8 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
 #include <iostream>
 #include <memory>
 
@@ -35,6 +37,12 @@ double expected_in_block(const Config& shared, const Partition& partition, const
   return expected_gaussians(config, block.points - block.points_outside) + outside;
 }
 
+// "~130,000" for 126,512: with two digits.
+std::string about(double count) {
+  const double unit = std::pow(10, std::max(0.0, std::floor(std::log10(std::max(count, 1.0))) - 1));
+  return "~" + with_commas(std::uint64_t(std::round(count / unit) * unit));
+}
+
 std::string text_of(const Config& config, const Partition& partition) {
   std::string text = fmt::format("{:<8} {:>7} {:>9} {:>11} {:>11} {:>11}\n", "block", "photos",
                                  "held out", "points", "outside", "Gaussians");
@@ -43,7 +51,7 @@ std::string text_of(const Config& config, const Partition& partition) {
     text +=
         fmt::format("block{:<3} {:>7} {:>9} {:>11} {:>11} {:>11}\n", b, block.train_photos,
                     block.test_photos, with_commas(block.points), with_commas(block.points_outside),
-                    fmt::format("~{:.2g}", expected_in_block(config, partition, block)));
+                    about(expected_in_block(config, partition, block)));
   }
   return text;
 }

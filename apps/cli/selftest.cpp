@@ -127,7 +127,8 @@ void add_selftest(CLI::App& program) {
       "selftest", "Check that gradients are right and that the GPU agrees with the CPU");
   const auto command = std::make_shared<SelftestCommand>();
   verb.add_flag("--json", command->json, "print JSON");
-  add_setting(verb, *command, "--device", "train.device", "Machine");
+  add_setting(verb, *command, "--device", "train.device", "Machine",
+              "what to compare with the CPU; cuda:N is the GPU with that number");
   add_setting(verb, *command, "--threads", "train.threads", "Machine");
   verb.callback([command] { selftest(*command); });
 }

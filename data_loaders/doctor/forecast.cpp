@@ -17,11 +17,6 @@
 namespace gs {
 namespace {
 
-// Bytes per Gaussian in a run on the CPU, which keeps gradients of all parameters as well.
-constexpr double kBytesOnCpu = 2048;
-// Compact moments (optimizer.moments) have 4 bytes for each of 59 parameters instead of 8; half of
-// that again is spare, since arrays grow by halves.
-constexpr double kSavedByCompactMoments = 354;
 constexpr double kPlyBytes = 248;  // per Gaussian of SH degree 3
 
 // Growth of adaptive density control in 30,000 steps (docs/benchmarks.md, "GPU: training").
@@ -81,8 +76,8 @@ constexpr double kOverlapOfBlocks = 1.5;
 constexpr std::size_t kAnyPhotos = 1;  // whatever their number, the run is long enough to grow
 
 double bytes_on_cpu(const Config& config) {
-  return kBytesOnCpu -
-         (config.optimizer.moments == MomentForm::compact ? kSavedByCompactMoments : 0);
+  const bool has_codes = config.optimizer.moments == MomentForm::compact;
+  return kGaussianBytesOnCpu - (has_codes ? bytes_saved_by_codes(kParameterBytes) : 0);
 }
 
 /// The config of a run that has as many Gaussians as the scene asks for.

@@ -64,11 +64,11 @@ void split_views(std::vector<View> views, const std::vector<bool>& is_test, Scen
 std::string why_exposures_are_unknown(const DatasetConfig& dataset) {
   if (!can_refine()) return "this build has no Ceres, which solves for exposures";
   if (dataset.times == PhotoTimes::frames)
-    return "its points were seen in one frame of each camera only";
+    return "the points were seen in one frame of each camera only";
   DatasetConfig solving = dataset;
   solving.exposure = true;  // so that the observations are read
   const SceneModel scene = read_scene_model(solving, find_scene(solving));
-  return has_tracks(scene.model) ? "" : "its model does not say which photos show which points";
+  return has_tracks(scene.model) ? "" : "the model does not say which photos show which points";
 }
 
 ExposureSummary measure_light(const DatasetConfig& dataset) {

@@ -89,9 +89,9 @@ std::unordered_map<std::string, std::string> pair_off(std::set<std::string>& mis
                      : fmt::format(" ({} not in the model or match several names: {}{})",
                                    counted(unused.size(), "photo", "there is", "there are"),
                                    unused.front(), unused.size() > 1 ? ", ..." : "");
-  throw Error(fmt::format("{} of the model's {} photos are not in {}: {}{}; {}", missing.size(),
-                          name_count, folder.string(), list, others,
-                          remedy_of_missing(*missing.begin(), folder)));
+  throw Error(fmt::format("{} of the model's {} photos {} not in {}: {}{}; {}", missing.size(),
+                          name_count, missing.size() == 1 ? "is" : "are", folder.string(), list,
+                          others, remedy_of_missing(*missing.begin(), folder)));
 }
 
 // --- Masks

@@ -70,8 +70,7 @@ void add_steps(ResumedRun& run, int added) {
         "--resume alone first",
         added, run.source.string(), run.checkpoint.state.progress.step));
   } else {
-    log_info("the extension that was begun is finished first: {} extra steps in all",
-             run.config.train.extra_steps);
+    run.finishes_extension = true;
   }
 }
 
@@ -196,6 +195,8 @@ std::optional<ResumedRun> find_resumed_run(const SettingsOver& settings, const s
   std::string& photometric = run->config.photometric.model;
   if (photometric == kAutoPhotometricModel) photometric = ours.photometric.model;
   check_kept_settings(ours, run->config, run->source);
+  // `+N` counts from the run's own length, whatever length a preset beside it has.
+  if (added_steps) run->config.train.iterations = ours.train.iterations;
   keep_schedule(ours, run->config, progress.step);
   if (run->config.density.max_gaussians != ours.density.max_gaussians) progress.growth_cap = 0;
   run->is_finished = progress.step == Schedule(run->config, 1).steps() &&

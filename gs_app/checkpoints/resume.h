@@ -17,10 +17,11 @@ namespace gs {
 /// The run that `--resume` found, as its last checkpoint has it.
 struct ResumedRun {
   Checkpoint checkpoint;
-  Config config;                 // of the steps that are left
-  std::filesystem::path source;  // the run's folder; model.output may name another one
-  bool is_finished = false;      // its results are written, and no steps were added
-  bool is_extended = false;      // steps were added by this call
+  Config config;                    // of the steps that are left
+  std::filesystem::path source;     // the run's folder; model.output may name another one
+  bool is_finished = false;         // its results are written, and no steps were added
+  bool is_extended = false;         // steps were added by this call
+  bool finishes_extension = false;  // steps were to be added, and those added before are not done
 
   /// Whether the run goes on in the folder that it was started in.
   bool goes_on_in_place() const;

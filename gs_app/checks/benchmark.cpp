@@ -76,6 +76,13 @@ void add_to_mean(const Workload& view, std::size_t count, Workload& mean) {
   mean.sh_degree = view.sh_degree;
 }
 
+// Training steps leave out the depths that no map of a photo is compared with.
+Workload of_training(Workload workload, const std::vector<View>& views, const Config& config) {
+  workload.has_depths =
+      loss_settings(config).depth_weight > 0 && std::ranges::any_of(views, &View::has_depth_map);
+  return workload;
+}
+
 // Draws a model in one way.
 class FrameDrawer {
  public:
@@ -213,7 +220,7 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
   figures.ms_per_step = milliseconds_of(plan.steps) / plan.steps;
   backend.set_profiling(true);
   milliseconds_of(plan.steps);
-  figures.stages = figures_of(backend, workload);
+  figures.stages = figures_of(backend, of_training(workload, views, config));
   backend.set_profiling(false);
   return figures;
 }

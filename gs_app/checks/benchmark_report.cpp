@@ -3,6 +3,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -77,12 +78,15 @@ Json blender_json(const BlenderFigures& figures) {
 
 std::string stages_text(const std::vector<StageFigures>& stages, const BenchmarkReport& report) {
   if (stages.empty()) return "";
-  std::string text = fmt::format("  {:<26} {:>8} {:>7} {:>9} {:>7} {:>8}\n", "stage", "ms", "share",
-                                 "MB", "GB/s", "of copy");
+  std::string text = fmt::format("  {:<26} {:>8} {:>7}", "stage", "ms", "share");
+  const auto has_traffic = [](const StageFigures& s) { return s.bytes && s.gb_per_second; };
+  if (std::ranges::any_of(stages, has_traffic))  // on a GPU
+    text += fmt::format(" {:>9} {:>7} {:>8}", "MB", "GB/s", "of copy");
+  text += "\n";
   for (const StageFigures& stage : stages) {
     text += fmt::format("  {:<26} {:>8.3f} {:>6.1f}%", stage.stage, stage.milliseconds,
                         100 * stage.share);
-    if (stage.bytes && stage.gb_per_second)
+    if (has_traffic(stage))
       text += fmt::format(" {:>9.1f} {:>7.0f}", *stage.bytes * 1e-6, *stage.gb_per_second);
     if (const auto share = share_of_copy(stage, report))
       text += fmt::format(" {:>7.0f}%", 100 * *share);

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "gs_core/bytes.h"
 #include "gs_core/config/config_words.h"
 
 namespace gs {
@@ -16,7 +15,6 @@ constexpr int kRounds = 5;
 std::vector<ScoreCost> score_costs(Backend& backend, TrainingModel& model,
                                    const std::vector<View>& views, const RenderSettings& settings,
                                    const Config& config, const BenchmarkPlan& plan) {
-  backend.upload_views(views, std::size_t(double(config.train.photo_gib) * kBytesPerGib));
   std::vector<ScoreCost> costs = {{"none"}};
   std::vector<DensityStep> steps = {{}};
   for (const auto& word : Words<GrowthScore>::kTable) {

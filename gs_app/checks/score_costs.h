@@ -17,7 +17,7 @@ struct ScoreCost {
 
 /// Times training steps that gather nothing, and steps that gather each score, turn by turn in five
 /// rounds of plan.steps steps each. Learning rates are zero. The model has sums over fragments
-/// afterwards. The views must outlive the backend's next upload_views().
+/// afterwards. Takes views that the backend has, as time_training() leaves them.
 std::vector<ScoreCost> score_costs(Backend& backend, TrainingModel& model,
                                    const std::vector<View>& views, const RenderSettings& settings,
                                    const Config& config, const BenchmarkPlan& plan);

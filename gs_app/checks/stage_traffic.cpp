@@ -40,8 +40,8 @@ struct Rule {
 
 constexpr Rule kRules[] = {
     // Reads shape and SH degree 0 of all and the other degrees of the visible; writes count and key
-    // of all, splat and depth of the visible. A packed model has no depth, and all of its color is
-    // read only of the visible.
+    // of all, splat of the visible and, where it is wanted, their depth. A packed model has no
+    // depth, and all of its color is read only of the visible.
     {"preprocess",
      [](const Workload& w) {
        if (w.is_packed)
@@ -51,7 +51,8 @@ constexpr Rule kRules[] = {
        const double moments = w.has_codes ? 1 : 2;  // of the parameters' size
        const double late = w.is_lazy ? kStamp + moments * (12 + sh_rest_bytes(w)) : 0;
        return w.gaussians * (kShape + 12 + kCount + kDepth) +
-              w.visible * (sh_rest_bytes(w) + late + w.splat_bytes + kDepth + sizeof(Rect));
+              w.visible * (sh_rest_bytes(w) + late + w.splat_bytes + (w.has_depths ? kDepth : 0) +
+                           sizeof(Rect));
      }},
     // Sorts all by the bits of the depth that make its key; sums the counts in that order (reads
     // order and count, writes the sum).

@@ -20,6 +20,7 @@ struct Workload {
   int sh_degree = 3;
   bool is_packed = false;     // stage 1 reads a packed model (Renderer::pack)
   bool has_packed_sh = true;  // whose SH is packed, too
+  bool has_depths = true;     // stage 1 writes depths, which a packed model does not have
   double splat_bytes = 48;    // one splat
   bool has_codes = false;     // both moments are codes (optimizer.moments)
   bool is_lazy = false;  // SH is updated lazily, and all that is visible is late (optimizer.lazy)

@@ -20,6 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kOtherFilms[] = {".mov", ".mkv", ".avi", ".webm", ".m4v", ".gif", ".mpg"};
+constexpr const char* kPictures[] = {".png", ".jpg", ".jpeg", ".exr"};
 
 }  // namespace
 
@@ -32,6 +33,12 @@ void check_output(const OutputRequest& request) {
       throw UsageError(
           fmt::format("-o {}: films are written as .mp4; name a file with this ending, or a folder "
                       "for pictures",
+                      request.output.string()));
+  for (const char* picture : kPictures)
+    if (ending == picture && !fs::is_directory(request.output))
+      throw UsageError(
+          fmt::format("-o {}: pictures go into a folder, each with the name of its view; name a "
+                      "folder, or a film that ends in .mp4",
                       request.output.string()));
   if (request.is_film() && request.exr)
     throw UsageError(

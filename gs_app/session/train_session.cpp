@@ -252,6 +252,9 @@ void TrainSession::save_resumed_state() {
 void TrainSession::save_start() { checkpoints_->save(*start_, trainer_->model()); }
 
 void TrainSession::make_resumed_trainer() {
+  if (resumed_->finishes_extension)
+    log_info("the extension that was begun is finished first: {} extra steps in all",
+             config_.train.extra_steps);
   log_info("the run goes on after step {}", resumed_->checkpoint.state.progress.step);
   trainer_.emplace(*scene_, config_, *backend_, std::move(resumed_->checkpoint.state));
 }

@@ -10,26 +10,24 @@
 namespace gs {
 namespace {
 
-constexpr double kShareOfFree = 0.85;      // the rest is for other programs and for fragmentation
-constexpr double kShareOfGpu = 0.9;        // training_bytes() is within a tenth of the truth
-constexpr double kBytesOfGaussian = 2048;  // some 1,700 in a run (gemsplat doctor), and a reserve
+constexpr double kShareOfFree = 0.85;  // the rest is for other programs and for fragmentation
+constexpr double kShareOfGpu = 0.9;    // training_bytes() is within a tenth of the truth
 constexpr double kBytesOfPixel = 256;
-constexpr double kBytesOfParameters = 236, kBytesOfTimeParameters = 24, kBytesOfSlope = 12;
+constexpr double kBytesOfTimeParameters = 24, kBytesOfSlope = 12;
 constexpr double kBytesOfStatistics = 8;
 constexpr double kTimeParametersAtATime = 6;  // their moments, gradients and scratch with them
-constexpr double kSpare = 1.5;                // arrays grow by halves
 
 }  // namespace
 
 std::int64_t gaussians_for(const RoomForGaussians& room) {
   const double time =
       (room.has_time ? kBytesOfTimeParameters : 0) + (room.has_slope ? kBytesOfSlope : 0);
-  const double parameters = kBytesOfParameters + time;
+  const double parameters = kParameterBytes + time;
   const double sums = room.batch > 1 ? parameters + kBytesOfStatistics : 0;
-  const double saved = room.has_codes ? parameters : 0;  // codes are half as large as floats
-  const double of_gaussian =
-      kBytesOfGaussian + kTimeParametersAtATime * time + sums - kSpare * saved;
-  const double of_present = 3 * parameters - saved;  // and moments: what is no longer free
+  const double of_gaussian = kGaussianBytesOnCpu + kTimeParametersAtATime * time + sums -
+                             (room.has_codes ? bytes_saved_by_codes(parameters) : 0);
+  // Parameters and moments, floats or codes, are in use.
+  const double of_present = (room.has_codes ? 2 : 3) * parameters;
   const double present = double(room.present);
   const double usable = kShareOfFree * double(room.free_bytes) -
                         kBytesOfPixel * double(room.pixels) + of_present * present;

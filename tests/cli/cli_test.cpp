@@ -251,7 +251,12 @@ TEST_F(Program, UnknownFlagsKeysAndVerbsAreUsageErrorsThatNameTheNearest) {
   const Outcome verb = run("trian scene");
   EXPECT_EQ(verb.code, 2);
   EXPECT_THAT(verb.err, HasSubstr("did you mean train?"));
-  EXPECT_EQ(run("").code, 2);
+  EXPECT_THAT(verb.err, HasSubstr("there is no command trian"));
+  EXPECT_THAT(run("train scene more -o out").err,
+              HasSubstr("gemsplat train takes no further argument more"));
+  const Outcome nothing = run("");
+  EXPECT_EQ(nothing.code, 2);
+  EXPECT_THAT(nothing.err, HasSubstr("a command is missing"));
   EXPECT_EQ(run("train").code, 2);
   EXPECT_EQ(run("train scene").code, 2);
   EXPECT_EQ(run("train scene -o out --iterations -1").code, 2);

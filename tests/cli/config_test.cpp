@@ -57,7 +57,11 @@ TEST_F(ConfigVerb, DiffComparesRunsFilesAndPresets) {
                     HasSubstr(text("out/config.toml") + ":"), Not(HasSubstr("render."))));
   EXPECT_THAT(run("config diff fast").out, HasSubstr("train.epochs = 100 -> 50"));
   EXPECT_EQ(run("config diff fast fast").out, "no setting differs\n");
-  EXPECT_EQ(run("config diff").code, 2);
+  const Outcome nothing = run("config diff");
+  EXPECT_EQ(nothing.code, 2);
+  EXPECT_THAT(nothing.err, AllOf(HasSubstr("A is missing: a TOML file"),
+                                 HasSubstr("`gemsplat config diff --help`")));
+  EXPECT_THAT(run("config diff fast --sett a.b=1").err, HasSubstr("did you mean --set?"));
 }
 
 TEST_F(ConfigVerb, ACircleAndAValueOutOfRangeNameTheirFiles) {

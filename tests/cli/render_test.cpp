@@ -240,6 +240,7 @@ TEST_F(Render, AFilmOfViewsHasOneSizeWithEvenSides) {
   EXPECT_EQ(count_frames(path("odd.mp4")), kViews);
   EXPECT_EQ(json("odd.json").at("width"), 30);
   expect_refused("-o " + text("film.webm"), ".mp4");
+  expect_refused("-o " + text("picture.png"), "pictures go into a folder");
 }
 
 TEST_F(Render, NothingIsOverwritten) {

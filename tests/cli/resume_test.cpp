@@ -11,6 +11,7 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -297,6 +298,15 @@ TEST_F(Resume, AFinishedRunIsExtendedAsIfItHadBeenLongerFromTheStart) {
   EXPECT_TRUE(fs::exists(path("out/point_cloud/iteration_60/point_cloud.ply")));
   EXPECT_EQ(run("train --resume " + text("out") + " --iterations +5 --device cpu").code, 0);
   EXPECT_TRUE(fs::exists(path("out/point_cloud/iteration_85/point_cloud.ply")));
+}
+
+TEST_F(Resume, APresetOfAnotherLengthDoesNotChangeHowManyStepsAreAdded) {
+  std::ofstream(path("long.toml")) << "[train]\niterations = 2500\n";
+  ASSERT_EQ(run(command("out")).code, 0);
+  const Outcome extended = run("train --resume " + text("out") + " -c " + text("long.toml") +
+                               " --iterations +5 --device cpu");
+  ASSERT_EQ(extended.code, 0) << extended.err;
+  EXPECT_TRUE(fs::exists(path("out/point_cloud/iteration_65/point_cloud.ply")));
 }
 
 TEST_F(Resume, ACheckpointGoesOnInAnotherFolderToo) {

@@ -2,6 +2,7 @@
 // Steps on the GPU by photos with depth maps, against the scalar backend.
 #include "gs_train/loop/trainer.h"
 #include "gs_train/poses/poses.h"
+#include "tests/cuda/same_steps.h"
 #include "tests/support/cuda.h"
 #include "tests/support/posed_scene.h"
 #include "tests/support/scene_run.h"
@@ -120,15 +121,9 @@ TEST_F(CudaDepth, AStepInSpaceAndTimeIsTheScalarOne) {
 TEST_F(CudaDepth, LearnsTheSameBitsEachTimeIfDeterministic) {
   RenderSettings settings;
   settings.deterministic = true;
-  const TrainingModel start = model_of(plain(20000));
-  const auto after = [&](std::size_t steps) {
-    TrainingModel model = on_gpu(start);
-    for (std::size_t k = 0; k < steps; ++k) step(gpu(), model, {k % 3}, settings);
-    gpu().synchronize(model);
-    return on_host(model);
-  };
-  const TrainingModel first = after(20);
-  for (int again = 0; again < 3; ++again) EXPECT_TRUE(same_bits(after(20), first));
+  expect_same_bits_each_time(
+      gpu(), model_of(plain(20000)),
+      [&](TrainingModel& model, std::size_t k) { step(gpu(), model, {k % 3}, settings); });
   TrainingModel expected = model_of(plain()), actual = on_gpu(expected);
   step(cpu(), expected, {0}, settings);
   step(gpu(), actual, {0}, settings);

@@ -3,6 +3,7 @@
 #include "gs_train/poses/poses.h"
 
 #include "gs_train/loop/trainer.h"
+#include "tests/cuda/same_steps.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/cuda.h"
 #include "tests/support/posed_scene.h"
@@ -126,17 +127,11 @@ TEST_F(CudaPoses, RestWhereTheirRateIsZero) {
 
 // Sums have one order, with --deterministic and without it.
 TEST_F(CudaPoses, LearnTheSameBitsEachTime) {
-  const TrainingModel start = started(plain(20000));
   RenderSettings settings;
   settings.deterministic = true;
-  const auto after = [&](std::size_t steps) {
-    TrainingModel model = on_gpu(start);
-    for (std::size_t k = 0; k < steps; ++k) step(gpu(), model, {k % 3}, settings);
-    gpu().synchronize(model);
-    return on_host(model);
-  };
-  const TrainingModel first = after(20);
-  for (int again = 0; again < 3; ++again) EXPECT_TRUE(same_bits(after(20), first));
+  expect_same_bits_each_time(
+      gpu(), started(plain(20000)),
+      [&](TrainingModel& model, std::size_t k) { step(gpu(), model, {k % 3}, settings); });
 }
 
 // Buffers that are too small for some steps: these steps are taken again, and poses learn once.

@@ -298,7 +298,7 @@ TEST(LoadScene, PhotoThatCouldBelongToTwoNamesIsTakenForNone) {
   {
     const TempFolder temp;  // a file that another name owns
     const DatasetConfig dataset = renamed_scene(temp, {{"a.jpg", "a.png"}, {"a.png", "a.png"}});
-    EXPECT_THAT(error_of(dataset), HasSubstr("1 of the model's 2 photos are not in"));
+    EXPECT_THAT(error_of(dataset), HasSubstr("1 of the model's 2 photos is not in"));
   }
 }
 

@@ -38,7 +38,9 @@ window.show = ({url, camera, budget}) => {
   settings.minPixelSize = 0;         // far splats are drawn, too
   settings.minContribution = 0;
   const eye = new pc.Entity();
-  eye.addComponent('camera', {clearColor: new pc.Color(0, 0, 0), fov: 2 * Math.atan(height / 2 / fy) * 180 / Math.PI, nearClip: 0.1, farClip: 1000});
+  eye.addComponent('camera', {
+    clearColor: new pc.Color(0, 0, 0), fov: 2 * Math.atan(height / 2 / fy) * 180 / Math.PI,
+    nearClip: 0.1, farClip: 1000});
   place(eye, camera);
   app.root.addChild(eye);
   const asset = new pc.Asset('scene', 'gsplat', {url});

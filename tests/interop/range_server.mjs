@@ -4,7 +4,9 @@ import {createServer} from 'node:http';
 import {readFile} from 'node:fs/promises';
 import {extname, join, normalize} from 'node:path';
 
-const TYPES = {'.html': 'text/html; charset=utf-8', '.js': 'text/javascript', '.mjs': 'text/javascript', '.json': 'application/json', '.webp': 'image/webp', '.wasm': 'application/wasm'};
+const TYPES = {
+  '.html': 'text/html; charset=utf-8', '.js': 'text/javascript', '.mjs': 'text/javascript',
+  '.json': 'application/json', '.webp': 'image/webp', '.wasm': 'application/wasm'};
 
 export class RangeServer {
   // roots: {name: folder}: /name/FILE is FILE of the folder; pages: {name: text}: HTML.

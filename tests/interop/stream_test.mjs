@@ -78,7 +78,8 @@ async function picture(browser, server, page, {root, camera, name, ...rest}) {
 
 await rm(out, {recursive: true, force: true});
 await mkdir(out, {recursive: true});
-gemsplat('train', scene, '-o', file('run'), '-c', 'adaptive', '-r', '2', '-i', '400', '--eval', '--set', 'density.max_gaussians=20000');
+gemsplat('train', scene, '-o', file('run'), '-c', 'adaptive', '-r', '2', '-i', '400', '--eval',
+         '--set', 'density.max_gaussians=20000');
 gemsplat('export', file('run'), file('lod'), '--lod', '--lod-leaf', '3000', '--no-measure');
 const cameras = await writeCameras(), cameraFile = file('cameras.json');
 const meta = JSON.parse(await readFile(file('lod', 'lod-meta.json'), 'utf8')), coarsest = meta.lodLevels - 1;
@@ -105,7 +106,9 @@ async function changedPly(from, to, change) {
 const fine = await render(file('lod'), 'ours-fine', cameraFile);
 const coarse = await render(file('lod', `${coarsest}_0`), 'ours-coarse', cameraFile);
 
-const server = await RangeServer.start({roots: {playcanvas: join(packages, 'playcanvas'), lod: file('lod')}, pages: {'playcanvas.html': playcanvasPage, 'blank.html': ''}});
+const server = await RangeServer.start({
+  roots: {playcanvas: join(packages, 'playcanvas'), lod: file('lod')},
+  pages: {'playcanvas.html': playcanvasPage, 'blank.html': ''}});
 const browser = await Browser.start(web, chromium, {server: true});
 browser.context.setDefaultTimeout(120_000);
 const sheet = await browser.openServer(server.url + 'blank.html', {own: server.url});  // where PNGs are decoded

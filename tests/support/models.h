@@ -3,6 +3,7 @@
 // bit.
 #pragma once
 
+#include "gs_train/decoded_moments.h"
 #include "gs_train/training_model.h"
 #include "tests/support/same_bits.h"
 #include "tests/support/scenes.h"
@@ -56,24 +57,6 @@ inline TrainingModel model_of(const Gaussians& gaussians, bool has_codes = false
   model.gaussians = copy_of(gaussians);
   model.has_codes = has_codes;
   clear_history(model);
-  return model;
-}
-
-/// Host memory only: the same model with its codes as moments of floats.
-inline TrainingModel decoded(const TrainingModel& from) {
-  TrainingModel model = model_of(from.gaussians);
-  model.adam_steps = from.adam_steps;
-  for_each_array(
-      [](const char*, const auto& m, const auto& v, const auto& moments) {
-        const Span<MomentCode> codes = codes_of(moments);
-        for (std::size_t i = 0; i < codes.size; ++i) {
-          numbers_of(m)[i] = first_moment(codes[i]);
-          numbers_of(v)[i] = second_moment(codes[i]);
-        }
-      },
-      model.first_moment, model.second_moment, from.moment_codes);
-  for_each_statistic([](const char*, auto& to, const auto& array) { to.upload(array.download()); },
-                     model.statistics, from.statistics);
   return model;
 }
 

@@ -209,7 +209,8 @@ GaussianModel read_sog(const Path& path) {
   ByteReader reader(path);
   const std::size_t size = reader.size();
   if (size >= 2 && std::string_view(reinterpret_cast<const char*>(reader.peek(2)), 2) != "PK")
-    cannot_read(path, "it is no zip archive, which a .sog is; check what it is");
+    cannot_read(path,
+                "it is not a zip archive, and every .sog file is one; copy or export it again");
   const std::string_view bytes(reinterpret_cast<const char*>(reader.take(size)), size);
   return model_of(path, {zip_entries(path, bytes), size});
 }

@@ -5,7 +5,9 @@ import {createReadStream, existsSync, statSync} from 'node:fs';
 import {createServer} from 'node:http';
 import {join, normalize} from 'node:path';
 
-const TYPES = {'.html': 'text/html', '.js': 'text/javascript', '.json': 'application/json', '.css': 'text/css', '.wasm': 'application/wasm'};
+const TYPES = {
+  '.html': 'text/html', '.js': 'text/javascript', '.json': 'application/json', '.css': 'text/css',
+  '.wasm': 'application/wasm'};
 const PAGE = `<!doctype html><html><head><meta charset="utf-8"><title>map</title><link rel="icon" href="data:,">
 <style>html, body, #map, .cesium-widget, canvas { margin: 0; width: 100%; height: 100%; display: block; overflow: hidden; background: #000 }</style></head>
 <body><div id="map"></div><script>window.CESIUM_BASE_URL = '/cesium/'</script><script src="/cesium/Cesium.js"></script></body></html>`;
@@ -32,7 +34,8 @@ export async function serveMap(modules, files) {
 const START = `async (url, place, screenSpaceError) => {
   Cesium.Ion.defaultAccessToken = '';
   const widget = new Cesium.CesiumWidget('map', {
-    globe: false, baseLayer: false, skyBox: false, skyAtmosphere: false, msaaSamples: 1, showRenderLoopErrors: false,
+    globe: false, baseLayer: false, skyBox: false, skyAtmosphere: false, msaaSamples: 1,
+    showRenderLoopErrors: false,
     creditContainer: document.createElement('div'), contextOptions: {webgl: {alpha: false}}});
   const {scene} = widget;
   for (const part of ['sun', 'moon']) if (scene[part]) scene[part].show = false;
@@ -42,7 +45,8 @@ const START = `async (url, place, screenSpaceError) => {
   scene.screenSpaceCameraController.enableInputs = false;
   const failures = [];
   scene.renderError.addEventListener((_, error) => failures.push(String(error)));
-  const tileset = await Cesium.Cesium3DTileset.fromUrl(url, {maximumScreenSpaceError: screenSpaceError});
+  const tileset = await Cesium.Cesium3DTileset.fromUrl(
+      url, {maximumScreenSpaceError: screenSpaceError});
   tileset.tileFailed.addEventListener(({url, message}) => failures.push(url + ': ' + message));
   scene.primitives.add(tileset);
   const toEarth = Cesium.Transforms.eastNorthUpToFixedFrame(Cesium.Cartesian3.fromDegrees(...place));
@@ -51,9 +55,11 @@ const START = `async (url, place, screenSpaceError) => {
     tileset, failures, scene,
     look({position, direction, up, fieldOfView}) {
       scene.camera.frustum = new Cesium.PerspectiveFrustum({
-        fov: fieldOfView, aspectRatio: scene.canvas.clientWidth / scene.canvas.clientHeight, near: 0.1, far: 1e5});
+        fov: fieldOfView, aspectRatio: scene.canvas.clientWidth / scene.canvas.clientHeight,
+        near: 0.1, far: 1e5});
       scene.camera.setView({
-        destination: Cesium.Matrix4.multiplyByPoint(toEarth, new Cesium.Cartesian3(...position), new Cesium.Cartesian3()),
+        destination: Cesium.Matrix4.multiplyByPoint(
+            toEarth, new Cesium.Cartesian3(...position), new Cesium.Cartesian3()),
         orientation: {direction: turned(direction), up: turned(up)}});
     },
     // What is drawn, once CesiumJS has nothing left to do: for 40 frames the same tiles are selected,

@@ -184,7 +184,8 @@ async function testLevels(browser, server) {
 
 // --- 3. a short run of a real scene, with SH of degree 3 and Gaussians of every shape
 
-const SHORT = ['--device', 'cpu', '-r', '4', '-i', '300', '--eval', '--set', 'density.max_gaussians=5000'];
+const SHORT = ['--device', 'cpu', '-r', '4', '-i', '300', '--eval',
+               '--set', 'density.max_gaussians=5000'];
 
 async function testRun(browser, server) {
   const run = file('run');

@@ -79,8 +79,9 @@ async function gltfValidator(path) {
 async function bundles() {
   const pages = {};
   for (const [reader, {script}] of Object.entries(PAGES)) {
-    const {outputFiles: [{text}]} = await require('esbuild').build({stdin: {contents: script, resolveDir: modules}, bundle: true, write: false, format: 'esm',
-                                                                  minify: true, target: 'es2022', logLevel: 'error', external: ['node:*']});
+    const {outputFiles: [{text}]} = await require('esbuild').build({
+      stdin: {contents: script, resolveDir: modules}, bundle: true, write: false, format: 'esm',
+      minify: true, target: 'es2022', logLevel: 'error', external: ['node:*']});
     pages[`${reader}.js`] = text;
     pages[`${reader}.html`] = `<!doctype html><meta charset="utf-8"><link rel="icon" href="data:,"><style>body { margin: 0; background: black; overflow: hidden }</style><body><script type="module">${text.replace(/<\/script/g, '<\\/script')}</script>`;
   }
@@ -145,9 +146,14 @@ async function run() {
   writeFiles();
   mkdirSync(file('pictures'));
   const {chromium: launcher} = require('playwright-core');
-  const browser = await launcher.launch({executablePath: chromium, args: ['--headless', '--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
-                                                                        '--ignore-gpu-blocklist', '--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1']});
-  const server = await RangeServer.start({roots: {files: out, cesium: join(modules, 'node_modules/cesium/Build/Cesium'), 'adobe-spz': join(modules, 'node_modules/@adobe/spz/dist')}, pages: await bundles()});
+  const browser = await launcher.launch({executablePath: chromium, args: [
+    '--headless', '--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
+    '--ignore-gpu-blocklist', '--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1']});
+  const packages = join(modules, 'node_modules');
+  const server = await RangeServer.start({
+    roots: {files: out, cesium: join(packages, 'cesium/Build/Cesium'),
+            'adobe-spz': join(packages, '@adobe/spz/dist')},
+    pages: await bundles()});
   const results = {};
   for (const format of Object.keys(FILES))
     for (const column of COLUMNS) {

@@ -34,7 +34,8 @@ window.show = url => new Promise((done, failed) => {
   app.setCanvasResolution(pc.RESOLUTION_FIXED, SIZE, SIZE);
   app.start();
   const eye = new pc.Entity();
-  eye.addComponent('camera', {clearColor: new pc.Color(0, 0, 0), fov: 60, nearClip: 0.1, farClip: 100});
+  eye.addComponent('camera', {
+    clearColor: new pc.Color(0, 0, 0), fov: 60, nearClip: 0.1, farClip: 100});
   eye.setPosition(0, 0, 5);
   app.root.addChild(eye);
   const isGlb = url.endsWith('.glb');
@@ -78,7 +79,8 @@ window.show = async url => {
   camera.fov = Math.PI / 3;
   camera.minZ = 0.1;
   camera.setTarget(Vector3.Zero());
-  await ImportMeshAsync(url, scene, {pluginOptions: {splat: {fflate, spzLibraryUrl: location.origin + '/adobe-spz/spz.js'}}});
+  const spzLibraryUrl = location.origin + '/adobe-spz/spz.js';
+  await ImportMeshAsync(url, scene, {pluginOptions: {splat: {fflate, spzLibraryUrl}}});
   engine.runRenderLoop(() => scene.render());
   await scene.whenReadyAsync();
   await frames(60);
@@ -89,10 +91,13 @@ window.show = async url => {
   const root = document.createElement('div');
   root.style = 'width: ' + SIZE + 'px; height: ' + SIZE + 'px';
   document.body.append(root);
-  const viewer = new GaussianSplats3D.Viewer({rootElement: root, cameraUp: [0, 1, 0], initialCameraPosition: [0, 0, 5], initialCameraLookAt: [0, 0, 0],
-    sharedMemoryForWorkers: false, gpuAcceleratedSort: false, sphericalHarmonicsDegree: 2, useBuiltInControls: false,
+  const viewer = new GaussianSplats3D.Viewer({
+    rootElement: root, cameraUp: [0, 1, 0], initialCameraPosition: [0, 0, 5],
+    initialCameraLookAt: [0, 0, 0], sharedMemoryForWorkers: false, gpuAcceleratedSort: false,
+    sphericalHarmonicsDegree: 2, useBuiltInControls: false,
     sceneRevealMode: GaussianSplats3D.SceneRevealMode.Instant});
-  await viewer.addSplatScene(url, {showLoadingUI: false, splatAlphaRemovalThreshold: 1, progressiveLoad: false});
+  await viewer.addSplatScene(
+      url, {showLoadingUI: false, splatAlphaRemovalThreshold: 1, progressiveLoad: false});
   viewer.camera.fov = 60;
   viewer.camera.updateProjectionMatrix();
   viewer.start();
@@ -115,8 +120,10 @@ export const CESIUM_PAGE = `<!doctype html><meta charset="utf-8"><link rel="icon
 const frames = n => new Promise(done => { const next = () => n-- > 0 ? requestAnimationFrame(next) : done(); next(); });
 window.show = async (url, place) => {
   Cesium.Ion.defaultAccessToken = '';
-  const widget = new Cesium.CesiumWidget('map', {globe: false, baseLayer: false, skyBox: false, skyAtmosphere: false, msaaSamples: 1,
-    showRenderLoopErrors: false, creditContainer: document.createElement('div'), contextOptions: {webgl: {alpha: false}}});
+  const widget = new Cesium.CesiumWidget('map', {
+    globe: false, baseLayer: false, skyBox: false, skyAtmosphere: false, msaaSamples: 1,
+    showRenderLoopErrors: false, creditContainer: document.createElement('div'),
+    contextOptions: {webgl: {alpha: false}}});
   const {scene} = widget, failures = [];
   for (const part of ['sun', 'moon']) if (scene[part]) scene[part].show = false;
   scene.backgroundColor = Cesium.Color.BLACK;
@@ -125,8 +132,11 @@ window.show = async (url, place) => {
   const toEarth = Cesium.Transforms.eastNorthUpToFixedFrame(Cesium.Cartesian3.fromDegrees(...place));
   const at = v => Cesium.Matrix4.multiplyByPoint(toEarth, new Cesium.Cartesian3(...v), new Cesium.Cartesian3());
   const along = v => Cesium.Matrix4.multiplyByPointAsVector(toEarth, new Cesium.Cartesian3(...v), new Cesium.Cartesian3());
-  scene.camera.frustum = new Cesium.PerspectiveFrustum({fov: Math.PI / 3, aspectRatio: 1, near: 0.1, far: 1e5});
-  scene.camera.setView({destination: at([0, -5, 0]), orientation: {direction: along([0, 1, 0]), up: along([0, 0, 1])}});
+  scene.camera.frustum = new Cesium.PerspectiveFrustum({
+    fov: Math.PI / 3, aspectRatio: 1, near: 0.1, far: 1e5});
+  scene.camera.setView({
+    destination: at([0, -5, 0]),
+    orientation: {direction: along([0, 1, 0]), up: along([0, 0, 1])}});
   let tileset = null;
   if (url.endsWith('.json')) {
     tileset = await Cesium.Cesium3DTileset.fromUrl(url);

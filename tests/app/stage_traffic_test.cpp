@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/checks/stage_traffic.h"
+
+#include <gtest/gtest.h>
+
+namespace gs {
+namespace {
+
+Workload one_visible_of_three() {
+  Workload work;
+  work.gaussians = 3;
+  work.visible = 1;
+  return work;
+}
+
+// Of each Gaussian shape (44 bytes), SH degree 0 (12), count and key (4 each); of the visible one
+// the other SH coefficients (180), the splat (48) and its rectangle (8).
+TEST(StageTraffic, AStepWithoutDepthMapsWritesNoDepths) {
+  Workload work = one_visible_of_three();
+  work.has_depths = false;
+  EXPECT_EQ(stage_bytes("preprocess", work), 3 * (44 + 12 + 4 + 4) + 180 + 48 + 8);
+  work.has_depths = true;
+  EXPECT_EQ(stage_bytes("preprocess", work), 3 * (44 + 12 + 4 + 4) + 180 + 48 + 8 + 4);
+}
+
+TEST(StageTraffic, APackedModelHasNoDepths) {
+  Workload work = one_visible_of_three();
+  work.is_packed = true;
+  const auto with_depths = stage_bytes("preprocess", work);
+  work.has_depths = false;
+  EXPECT_EQ(stage_bytes("preprocess", work), with_depths);
+}
+
+TEST(StageTraffic, StagesThatArithmeticLimitsHaveNone) {
+  EXPECT_FALSE(stage_bytes("blend", one_visible_of_three()).has_value());
+}
+
+}  // namespace
+}  // namespace gs
