@@ -133,10 +133,10 @@ __global__ void gather_kernel(Span<FragmentSums> statistics, Vec4f* sums, FixedF
 }
 
 // Sums of forces that lie among the gradients, which preprocess_backward() reads and clears.
-__global__ void gather_forces_kernel(Span<FragmentSums> statistics, const std::uint32_t* tile_counts,
-                                     const Splat* splats, const SplatGradientSum* gradients,
-                                     float scale, ScorePooling pooling,
-                                     const std::uint32_t* halted) {
+__global__ void gather_forces_kernel(Span<FragmentSums> statistics,
+                                     const std::uint32_t* tile_counts, const Splat* splats,
+                                     const SplatGradientSum* gradients, float scale,
+                                     ScorePooling pooling, const std::uint32_t* halted) {
   const std::size_t i = thread_number();
   if (i >= statistics.size || tile_counts[i] == 0 || *halted) return;
   const float4 with_count = reinterpret_cast<const float4*>(gradients + i)[2];

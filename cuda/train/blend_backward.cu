@@ -226,9 +226,9 @@ struct SecondSums {
 
 // What lane r knows of row r's splat.
 struct RowOfLane {
-  int slot = 0;            // its place in the list
-  Vec2f absolute{0, 0};    // its absolute gradient, where asked for
-  unsigned kept = 0;       // the pixels of its fragments, a bit each, where asked for
+  int slot = 0;          // its place in the list
+  Vec2f absolute{0, 0};  // its absolute gradient, where asked for
+  unsigned kept = 0;     // the pixels of its fragments, a bit each, where asked for
 };
 
 // The whole warp: sums the first `count` rows over the pixels and adds each splat's share to the

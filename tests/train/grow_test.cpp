@@ -49,8 +49,7 @@ TrainingModel random_model(std::size_t count, std::uint64_t seed, bool has_time 
   for (std::size_t i = 0; i < count; ++i) {
     model.statistics.visits[i] = float(draws.below(9));
     model.statistics.gradient_norm[i] = model.statistics.visits[i] * draws.uniform(0, 2);
-    model.statistics.sums[i] = {float(draws.below(100)), draws.uniform(0, 5),
-                                draws.uniform(0, 5)};
+    model.statistics.sums[i] = {float(draws.below(100)), draws.uniform(0, 5), draws.uniform(0, 5)};
   }
   return model;
 }
