@@ -18,9 +18,9 @@ TEST(ParityChecks, FindNoDifferenceOfABackendFromItself) {
   }
   for (const char* what : {"step: mean", "step with compact moments: mean",
                            "step with compact moments: first moments", "relocation: mean"})
-    EXPECT_TRUE(std::ranges::any_of(
-        checks, [what](const SelfCheck& check) { return check.what == what; }))
-        << what;
+    EXPECT_TRUE(std::ranges::any_of(checks, [what](const SelfCheck& check) {
+      return check.what == what;
+    })) << what;
 }
 
 }  // namespace
