@@ -50,7 +50,7 @@ void info(const InfoCommand& command) {
   if (command.json) {
     std::cout << to_json_text(model_info) << '\n';
   } else {
-    std::cout << printable(opened.ply.string()) << '\n' << describe(model_info) << '\n';
+    std::cout << printable(opened.ply.string()) << '\n' << describe(model_info);
   }
 }
 

@@ -10,7 +10,6 @@
 #include <sstream>
 
 #include "data_loaders/photos/photos.h"
-#include "data_loaders/refine/refine_exposure.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -18,7 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
-using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -79,124 +77,6 @@ TEST_F(Program, TakesUnderscoresHyphensAndTheNamesOfOtherTrainers) {
       AllOf(HasSubstr("source = \"a\""), HasSubstr("output = \"b\""),
             HasSubstr("background = \"white\""), HasSubstr("antialias = true"),
             HasSubstr("iterations = 5"), HasSubstr("test_steps = [3]")));
-}
-
-TEST_F(Program, ExposuresAndRefinedCamerasAreReportedAndAppliedAgain) {
-  if (!can_refine()) GTEST_SKIP() << "this build has no Ceres";
-  write_scene(path("scene"), true);
-  const Outcome trained = train("out", "--exposure --refine-cameras");
-  ASSERT_EQ(trained.code, 0) << trained.err;
-  EXPECT_THAT(trained.out, HasSubstr("under their exposures"));
-  EXPECT_EQ(json("out/exposure.json").size(), std::size_t(kViews));
-  const nlohmann::json results = json("out/results.json");
-  EXPECT_LT(results.at("refinement").at("mean_error_after"), 0.01);
-  EXPECT_GT(results.at("exposure").at("samples"), 100);
-  const Outcome again = run("eval " + text("out") + " --device cpu --json");
-  ASSERT_EQ(again.code, 0) << again.err;
-  EXPECT_THAT(again.err, Not(HasSubstr("exposures from")));  // those of the run, not solved anew
-  const auto figures = nlohmann::json::parse(again.out);
-  for (const char* key :
-       {"psnr", "psnr_exposure", "ssim_exposure", "ms_ssim_exposure", "flip_exposure"})
-    EXPECT_NEAR(figures.at(key), results.at("test").at(key), 1e-6) << key;
-
-  const Outcome without = train("plain");
-  EXPECT_FALSE(fs::exists(path("plain/exposure.json")));
-  EXPECT_FALSE(json("plain/results.json").at("test").contains("psnr_exposure"));
-}
-
-TEST_F(Program, GainsOfPhotosAreWrittenDownMeasuredApartAndAppliedAgain) {
-  write_scene(path("scene"), true);
-  const Outcome trained =
-      train("out", "--set photometric.model=gains --set photometric.vignetting=true");
-  ASSERT_EQ(trained.code, 0) << trained.err;
-  EXPECT_THAT(trained.out, HasSubstr("as the photometric model shows them"));
-  const nlohmann::json looks = json("out/photometric.json"), results = json("out/results.json");
-  EXPECT_EQ(looks.at("model"), "gains");
-  EXPECT_EQ(looks.at("photos").size() + looks.at("held_out").size(), std::size_t(kViews));
-  EXPECT_GT(looks.at("cameras").begin()->at("corner_brightness"), 0);
-  EXPECT_EQ(looks.at("rule"), results.at("photometric").at("rule"));
-  const Outcome again = run("eval " + text("out") + " --device cpu --json");
-  ASSERT_EQ(again.code, 0) << again.err;
-  const auto figures = nlohmann::json::parse(again.out);
-  for (const char* key : {"psnr", "psnr_photometric", "ssim_photometric", "psnr_cc", "ssim_cc"})
-    EXPECT_NEAR(figures.at(key), results.at("test").at(key), 1e-6) << key;
-
-  const Outcome without = train("plain");
-  EXPECT_FALSE(fs::exists(path("plain/photometric.json")));
-  for (const char* key : {"psnr_photometric", "psnr_cc"})
-    EXPECT_FALSE(json("plain/results.json").at("test").contains(key)) << key;
-  const Outcome corrected = run("eval " + text("plain") + " --device cpu --json --color-corrected");
-  EXPECT_TRUE(nlohmann::json::parse(corrected.out).contains("psnr_cc"));
-}
-
-/// Replaces the photos of write_scene() by gray ones, where every second one is so many times as
-/// bright.
-void paint_gray(const fs::path& images, double times) {
-  for (int v = 0; v < kViews; ++v) {
-    Image8 photo(kWidth, kHeight, 3);
-    for (int y = 0; y < kHeight; ++y)
-      for (int x = 0; x < kWidth; ++x)
-        for (int c = 0; c < 3; ++c)
-          photo.at(x, y, c) = std::uint8_t((80 + y + 10 * c) * (v % 2 ? times : 1));
-    write_png(images / ("view_" + std::to_string(v) + ".png"), photo);
-  }
-}
-
-TEST_F(Program, PhotosChooseThePhotometricModelAndTheLogAndTheDoctorSayWhy) {
-  if (!can_refine()) GTEST_SKIP() << "this build has no Ceres";
-  write_scene(path("scene"), true);
-  paint_gray(path("scene/images"), 1.4);
-  const Outcome varied = train("varied", "--set photometric.model=auto");
-  ASSERT_EQ(varied.code, 0) << varied.err;
-  EXPECT_THAT(varied.err, HasSubstr("photometric.model auto is gains: the photos differ in light"));
-  EXPECT_EQ(json("varied/photometric.json").at("model"), "gains");
-  EXPECT_TRUE(fs::exists(path("varied/exposure.json")));
-  EXPECT_THAT(read_bytes(path("varied/config.toml")),
-              AllOf(HasSubstr("model = \"gains\""), HasSubstr("exposure = true")));
-  EXPECT_THAT(run("doctor " + text("scene") + " -q").out,
-              HasSubstr("light        the photos differ in light: a point's colors differ by"));
-  // The same command goes on with what was chosen.
-  EXPECT_EQ(train("varied", "--set photometric.model=auto --resume auto --iterations +2").code, 0);
-  EXPECT_EQ(json("varied/photometric.json").at("model"), "gains");
-
-  paint_gray(path("scene/images"), 1);
-  const Outcome even = train("even", "--set photometric.model=auto");
-  ASSERT_EQ(even.code, 0) << even.err;
-  EXPECT_THAT(even.err,
-              HasSubstr("photometric.model auto is none: the photos hardly differ in light"));
-  for (const char* file : {"even/photometric.json", "even/exposure.json"})
-    EXPECT_FALSE(fs::exists(path(file))) << file;
-  EXPECT_FALSE(json("even/results.json").at("test").contains("psnr_exposure"));
-  EXPECT_THAT(run("doctor " + text("scene") + " -q").out,
-              HasSubstr("ok   light        the photos hardly differ in light"));
-}
-
-TEST_F(Program, WithoutTracksTheAutomaticModelIsNoneAndSaysSo) {
-  write_scene(path("scene"));
-  const Outcome outcome = train("out", "--set photometric.model=auto");
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_THAT(outcome.err, HasSubstr("photometric.model auto is none: it is not known how much the "
-                                     "photos differ in light, because"));
-  EXPECT_THAT(run("doctor " + text("scene") + " -q").out, HasSubstr("it is not known how much"));
-}
-
-TEST_F(Program, DamagedPhotometricFileIsNamedWithARemedy) {
-  write_scene(path("scene"));
-  ASSERT_EQ(train("out", "--set photometric.model=gains").code, 0);
-  const std::string whole = read_bytes(path("out/photometric.json"));
-  for (const std::string& damage :
-       {std::string("{"), std::string("[]"),
-        std::string(R"({"model": "none", "vignetting": true})"),
-        std::string(R"({"model": "auto", "vignetting": true})"),
-        std::string(R"({"model": "gains", "vignetting": true, "photos": {"a": {"camera": -1}}})"),
-        std::string(R"({"model": "gains", "vignetting": true, "photos": {"a": {"camera": 1e30}}})"),
-        whole.substr(0, whole.size() / 2)}) {
-    write_bytes(path("out/photometric.json"), damage);
-    const Outcome outcome = run("eval " + text("out") + " --device cpu");
-    EXPECT_NE(outcome.code, 0) << damage;
-    EXPECT_THAT(outcome.err, AllOf(HasSubstr("photometric.json"), HasSubstr("remove the file")))
-        << damage;
-  }
 }
 
 TEST_F(Program, SceneFarFromTheOriginKeepsItsOffsetBesideTheModel) {
@@ -528,100 +408,6 @@ TEST_F(Program, DoctorSaysWhetherTrainingCanStart) {
   EXPECT_EQ(json.at("can_train"), false);
   EXPECT_EQ(json.at("findings").at(0).at("level"), "fatal");
   EXPECT_EQ(run("doctor").code, 2);
-}
-
-TEST_F(Program, BenchTimesAGeneratedScene) {
-  const Outcome outcome =
-      run("bench --gaussians 500 --width 64 --height 48 --views 3 --steps 3 --warmup 1 --frames 2 "
-          "--scales 1,2 --device cpu -o " +
-          text("bench.json"));
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_THAT(outcome.out, AllOf(HasSubstr("training: "), HasSubstr("rendering: "),
-                                 HasSubstr("blend backward")));
-  const nlohmann::json figures = json("bench.json");
-  EXPECT_EQ(figures.at("device"), "cpu");
-  EXPECT_TRUE(figures.contains("version"));
-  EXPECT_EQ(figures.at("model"), "generated");
-  EXPECT_EQ(figures.at("scene"), "generated");
-  EXPECT_EQ(figures.at("width"), 64);
-  EXPECT_EQ(figures.at("height"), 48);
-  EXPECT_EQ(figures.at("sh_degree"), 3);
-  EXPECT_EQ(figures.at("num_gaussians"), 500);
-  EXPECT_GT(figures.at("visible"), 100.0);
-  EXPECT_GE(figures.at("instances"), figures.at("visible"));
-  EXPECT_EQ(figures.at("train_views"), 3);
-  EXPECT_EQ(figures.at("test_views"), 0);
-  EXPECT_EQ(figures.at("train").at("steps"), 3);
-  EXPECT_EQ(figures.at("train").at("warmup"), 1);
-  EXPECT_GT(figures.at("train").at("ms_per_step"), 0.0);
-  EXPECT_EQ(figures.at("train").at("stages").size(), 9u);
-  ASSERT_EQ(figures.at("render").size(), 2u);
-  EXPECT_EQ(figures.at("render")[1].at("width"), 128);
-  EXPECT_GT(figures.at("render")[1].at("ms_per_frame"), 0.0);
-  EXPECT_GT(figures.at("copy_gb_per_s"), 0.0);
-  EXPECT_FALSE(figures.contains("peak_gpu_bytes"));
-}
-
-TEST_F(Program, BenchComparesWaysToDrawFramesOnAGpuOnly) {
-  for (const char* flag : {"--blenders", "--frame-steps"}) {
-    const Outcome outcome = run(std::string("bench --gaussians 5 --device cpu ") + flag);
-    EXPECT_EQ(outcome.code, 2);
-    EXPECT_THAT(outcome.err, HasSubstr("add --device cuda"));
-  }
-}
-
-TEST_F(Program, BenchTimesTheStatisticsOfEachScore) {
-  const Outcome outcome =
-      run("bench --gaussians 50 --width 32 --height 32 --views 2 --steps 2 --warmup 1 --frames 1 "
-          "--device cpu --scores --json -q");
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const nlohmann::json scores = nlohmann::json::parse(outcome.out).at("scores");
-  std::vector<std::string> names;
-  for (const auto& score : scores) {
-    names.push_back(score.at("statistics"));
-    EXPECT_GT(score.at("ms_per_step"), 0.0);
-  }
-  EXPECT_THAT(names, ElementsAre("none", "gradient", "force", "error", "mask", "edge"));
-  EXPECT_EQ(scores.front().at("ratio"), 1.0);
-}
-
-TEST_F(Program, BenchOfARunTakesItsViews) {
-  ASSERT_EQ(train("out").code, 0);
-  const Outcome outcome =
-      run("bench " + text("out") + " --steps 2 --warmup 0 --frames 1 --device cpu --json -q");
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const nlohmann::json figures = nlohmann::json::parse(outcome.out);
-  EXPECT_EQ(figures.at("num_gaussians"), json("out/results.json").at("num_gaussians"));
-  EXPECT_EQ(figures.at("train_views"), 4);
-  EXPECT_EQ(figures.at("test_views"), 2);
-  EXPECT_EQ(figures.at("width"), kWidth);
-}
-
-TEST_F(Program, BenchRefusesWhatItCannotTime) {
-  const auto expect_refusal = [&](const std::string& arguments, const std::string& message) {
-    const Outcome outcome = run("bench " + arguments);
-    EXPECT_EQ(outcome.code, 2) << arguments;
-    EXPECT_THAT(outcome.err, HasSubstr(message)) << arguments;
-  };
-  expect_refusal("", "--gaussians");
-  expect_refusal("--gaussians 0", "--gaussians");
-  expect_refusal("--gaussians 5 " + text("out"), "one of these");
-  expect_refusal("--gaussians 5 --data " + text("scene"), "--width");
-  expect_refusal("--gaussians 5 --steps 0", "--steps");
-  expect_refusal("--gaussians 5 --width 5000 --scales 90", "--scales");
-}
-
-TEST_F(Program, SelftestOnTheCpuAgrees) {
-  const Outcome outcome = run("selftest --device cpu");
-  EXPECT_EQ(outcome.code, 0) << outcome.out << outcome.err;
-  EXPECT_THAT(outcome.out, AllOf(HasSubstr("mean"), HasSubstr("log_scale"), HasSubstr("rotation"),
-                                 HasSubstr("logit_opacity"), HasSubstr("sh0"), HasSubstr("sh_rest"),
-                                 HasSubstr("all 10 agree")));
-  EXPECT_THAT(outcome.out, HasSubstr("left out, --device cpu was given"));
-  const nlohmann::json report = nlohmann::json::parse(run("selftest --device cpu --json").out);
-  EXPECT_EQ(report.at("agrees"), true);
-  EXPECT_EQ(report.at("gradients").size(), 10u);
-  EXPECT_EQ(run("selftest --device gpu").code, 2);
 }
 
 TEST_F(Program, ASignalSavesTheModelAndIsTold) {

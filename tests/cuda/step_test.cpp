@@ -6,8 +6,8 @@
 
 #include "data_loaders/photos/photo_pool.h"
 #include "gs_train/poses/poses.h"
+#include "tests/cuda/fused_step.h"
 #include "tests/support/adaptive.h"
-#include "tests/support/cuda.h"
 #include "tests/support/gains.h"
 
 // The linker redirects these calls to this file (-Wl,--wrap), which counts them.
@@ -38,49 +38,8 @@ GS_COUNT(cudaMemcpy, waits, (void* to, const void* from, size_t bytes, cudaMemcp
 namespace gs {
 namespace {
 
-const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
-
-std::vector<View> some_views(int width, int height, int count) {
-  std::vector<View> views(count);
-  for (int i = 0; i < count; ++i) {
-    views[i].name = "view " + std::to_string(i);
-    views[i].camera = random_camera(width, height, 1);
-    views[i].camera.cx += float(3 * i);
-    views[i].photo = random_photo(width, height, std::uint64_t(i));
-    if (i == 1) {  // a photo with a mask, and one with alpha
-      views[i].mask = Image8(width, height, 1, 255);
-      std::fill_n(views[i].mask.pixels.begin(), std::size_t(width) * height / 3, std::uint8_t(0));
-    } else if (i == 2) {
-      views[i].mask = Image8(width, height, 1, 150);
-      views[i].over_background = true;
-      views[i].exposure = {0.9f, 1.0f, 1.1f};
-    }
-  }
-  return views;
-}
-
-class CudaStep : public CudaTest {
+class CudaStep : public FusedStepTest {
  protected:
-  /// A step of both backends for each view.
-  void step_both(TrainingModel& on_cpu, TrainingModel& on_gpu, const std::vector<View>& views,
-                 const RenderSettings& settings, const LearningRates& rates,
-                 const DensityStep& density) {
-    for (const View& view : views) {
-      cpu().step(on_cpu, view, settings, {0.2f}, rates, density);
-      gpu().step(on_gpu, view, settings, {0.2f}, rates, density);
-    }
-    gpu().synchronize(on_gpu);
-  }
-  /// So many updates of both backends by the same batch.
-  void batches_both(int updates, TrainingModel& on_cpu, TrainingModel& on_gpu,
-                    const std::vector<TrainingPhoto>& batch, const Update& update,
-                    const DensityStep& density) {
-    for (int i = 0; i < updates; ++i) {
-      cpu().step(on_cpu, {batch.data(), batch.size()}, {0.2f}, update, density);
-      gpu().step(on_gpu, {batch.data(), batch.size()}, {0.2f}, update, density);
-    }
-    gpu().synchronize(on_gpu);
-  }
   /// Once `warm_up` has grown the buffers, `steady` may neither wait nor allocate.
   template <class WarmUp, class Steady>
   void expect_steady(TrainingModel& model, WarmUp&& warm_up, Steady&& steady) {
@@ -93,30 +52,6 @@ class CudaStep : public CudaTest {
     EXPECT_EQ(waits, 0);
     EXPECT_EQ(allocations, 0);
     gpu().synchronize(model);
-  }
-  void expect_same(const TrainingModel& actual, const TrainingModel& expected, double tolerance) {
-    for_each_array(
-        [&](const char* name, const auto& a, const auto& b) {
-          EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), tolerance) << name;
-        },
-        actual.first_moment, expected.first_moment);
-    for_each_array(
-        [&](const char* name, const auto& a, const auto& b) {
-          EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), 2 * tolerance) << name;
-        },
-        actual.second_moment, expected.second_moment);
-    for_each_array(
-        [&](const char* name, const auto& a, const auto& b) {
-          EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), tolerance) << name;
-        },
-        actual.gaussians, expected.gaussians);
-    EXPECT_EQ(actual.adam_steps, expected.adam_steps);
-    EXPECT_LT(norm_difference(downloaded(actual.statistics.gradient_norm),
-                              downloaded(expected.statistics.gradient_norm)),
-              tolerance);
-    EXPECT_LT(norm_difference(downloaded(actual.statistics.visits),
-                              downloaded(expected.statistics.visits)),
-              tolerance);
   }
 };
 
@@ -236,42 +171,6 @@ TEST_F(CudaStep, TooLittleRoomLosesNothing) {
   expect_same(on_host(fused), on_host(plain), 2e-2);
 }
 
-// ---- batches -----------------------------------------------------------------------------------
-
-std::vector<TrainingPhoto> batch_of(const std::vector<View>& views,
-                                    const RenderSettings& settings) {
-  std::vector<TrainingPhoto> batch;
-  for (const View& view : views) batch.push_back({&view, settings});
-  return batch;
-}
-
-TEST_F(CudaStep, ABatchIsThatOfTheScalarBackend) {
-  const std::vector<View> views = some_views(131, 77, 3);
-  for (const bool has_time : {false, true})
-    for (const int degree : {0, 1, 3}) {
-      SCOPED_TRACE(degree);
-      RenderSettings settings;
-      settings.sh_degree = degree;
-      settings.absolute_gradient = degree == 1;
-      std::vector<TrainingPhoto> batch = batch_of(views, settings);
-      for (std::size_t i = 0; i < batch.size(); ++i)
-        batch[i].settings.background = {0.1f * float(i), 0.6f, 0.9f};
-      Gaussians start = random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree));
-      if (has_time) start = in_spacetime(start, 8);
-      TrainingModel expected = model_of(start);
-      TrainingModel fused = on_gpu(expected), unfused = on_gpu(expected);
-      Update update{kRates, batch_rule(3)};
-      if (has_time) update.rates.right_rotation = update.rates.time_mean = 1e-3f;
-      const DensityStep density{.gather_statistics = true, .regularizers = {1e-3f, 1e-3f}};
-      batches_both(3, expected, fused, batch, update, density);
-      for (int step = 0; step < 3; ++step)
-        gpu().Backend::step(unfused, {batch.data(), batch.size()}, {0.2f}, update, density);
-      EXPECT_EQ(fused.adam_steps, 9);
-      expect_same(on_host(fused), expected, 2e-2);
-      expect_same(on_host(unfused), expected, 2e-2);
-    }
-}
-
 // In one photo at a time, and in batches; with regularizers, and without.
 TEST_F(CudaStep, AStepOfColorsThatChangeIsTheScalarOne) {
   std::vector<View> views = some_views(131, 77, 3);
@@ -303,46 +202,6 @@ TEST_F(CudaStep, AStepOfColorsThatChangeIsTheScalarOne) {
     }
 }
 
-TEST_F(CudaStep, ABatchWithA3dFilterIsThatOfTheScalarBackend) {
-  const std::vector<View> views = some_views(131, 77, 3);
-  const std::vector<TrainingPhoto> batch = batch_of(views, {});
-  TrainingModel expected =
-      model_of(with_filters(random_gaussians(kTypical, 3000, views[0].camera, 1), 9));
-  TrainingModel fused = on_gpu(expected);
-  batches_both(3, expected, fused, batch, {kRates}, {true});
-  expect_same(on_host(fused), expected, 2e-2);
-}
-
-// Regularizers have gradients of every row, also where no photo of the batch shows 32 rows in turn.
-TEST_F(CudaStep, ABatchRegularizesRowsThatItsPhotosDoNotShow) {
-  const std::vector<View> views = some_views(131, 77, 3);
-  Gaussians start = random_gaussians(kTypical, 300, views[0].camera, 1);
-  for (std::size_t i = 64; i < start.count(); ++i)
-    start.mean[i] = behind_pixel(views[0].camera, 60, 40, -5);  // behind the camera
-  const std::vector<TrainingPhoto> batch = batch_of(views, {});
-  TrainingModel expected = model_of(start);
-  TrainingModel fused = on_gpu(expected);
-  const DensityStep density{.gather_statistics = true, .regularizers = {1e-2f, 1e-2f}};
-  batches_both(4, expected, fused, batch, {kRates}, density);
-  expect_same(on_host(fused), expected, 1e-2);
-}
-
-// The buffers are too small for some photos of a batch, which is then taken again as a whole.
-TEST_F(CudaStep, ABatchWithTooLittleRoomLosesNothing) {
-  const std::vector<View> views = some_views(320, 240, 3);
-  const Recipe large{
-      .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
-  const TrainingModel start = model_of(random_gaussians(large, 20000, views[0].camera, 3));
-  const std::vector<TrainingPhoto> batch = batch_of(views, {});
-  TrainingModel fused = on_gpu(start), plain = on_gpu(start);
-  for (int step = 0; step < 6; ++step)
-    gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
-  gpu().synchronize(fused);
-  for (int step = 0; step < 6; ++step)
-    gpu().Backend::step(plain, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
-  expect_same(on_host(fused), on_host(plain), 2e-2);
-}
-
 TEST_F(CudaStep, SteadyBatchesNeitherWaitNorAllocate) {
   const std::vector<View> views = some_views(200, 150, 5);
   TrainingModel model = on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7)));
@@ -354,94 +213,6 @@ TEST_F(CudaStep, SteadyBatchesNeitherWaitNorAllocate) {
   };
   expect_steady(
       model, [&] { run(20); }, [&] { run(60); });
-}
-
-// Each photo of a batch is copied while the one before it is trained on.
-TEST_F(CudaStep, StreamedPhotosGiveTheSameBatches) {
-  const std::vector<View> views = some_views(200, 150, 7);
-  const TrainingModel start = model_of(random_gaussians(kTypical, 5000, views[0].camera, 7));
-  TrainingModel streamed = on_gpu(start), resident = on_gpu(start);
-  const std::vector<TrainingPhoto> batch = batch_of(views, {});
-  for (TrainingModel* model : {&streamed, &resident}) {
-    gpu().upload_views(views, model == &streamed ? 0 : 1 << 30);
-    for (int step = 0; step < 10; ++step) {
-      gpu().prefetch_next(views[0]);
-      gpu().step(*model, {batch.data(), batch.size()}, {0.2f}, {kRates}, {});
-    }
-    gpu().synchronize(*model);
-  }
-  EXPECT_LT(norm_difference(downloaded(streamed.gaussians.sh0), downloaded(resident.gaussians.sh0)),
-            1e-3);
-}
-
-// ---- reduced photos ----------------------------------------------------------------------------
-
-// With a mask, with alpha and an exposure, and plain; the sides are no multiples of the factors.
-TEST_F(CudaStep, AStepOnAReducedPhotoIsTheScalarOne) {
-  const std::vector<View> views = some_views(263, 155, 3);
-  for (const bool is_resident : {true, false})
-    for (const int reduction : {2, 3, 4}) {
-      SCOPED_TRACE(reduction);
-      gpu().upload_views(views, is_resident ? 1 << 30 : 0);
-      RenderSettings settings;
-      settings.sh_degree = reduction - 1;
-      settings.background = {0.3f, 0.6f, 0.9f};
-      TrainingModel expected =
-          model_of(random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(reduction)));
-      TrainingModel fused = on_gpu(expected), unfused = on_gpu(expected);
-      for (const View& view : views) {
-        const TrainingPhoto photo{&view, settings, reduction};
-        cpu().step(expected, {&photo, 1}, {0.2f}, {kRates}, {true});
-        gpu().step(fused, {&photo, 1}, {0.2f}, {kRates}, {true});
-      }
-      gpu().synchronize(fused);
-      EXPECT_NEAR(gpu().loss().value(), cpu().loss().value(), 2e-3 * cpu().loss().value());
-      for (const View& view : views) {
-        const TrainingPhoto photo{&view, settings, reduction};
-        gpu().Backend::step(unfused, {&photo, 1}, {0.2f}, {kRates}, {true});
-      }
-      expect_same(on_host(fused), expected, 1e-2);
-      expect_same(on_host(fused), on_host(unfused), 1e-2);
-    }
-  gpu().upload_views({}, 0);  // these views end here
-}
-
-// A batch over the end of a stage has photos of both sizes.
-TEST_F(CudaStep, ABatchOfPhotosOfTwoSizesIsThatOfTheScalarBackend) {
-  const std::vector<View> views = some_views(263, 155, 3);
-  gpu().upload_views(views, 1 << 30);
-  std::vector<TrainingPhoto> batch = batch_of(views, {});
-  batch[0].reduction = batch[1].reduction = 4;
-  TrainingModel expected = model_of(random_gaussians(kTypical, 3000, views[0].camera, 2));
-  TrainingModel fused = on_gpu(expected);
-  batches_both(3, expected, fused, batch, {kRates}, {true});
-  expect_same(on_host(fused), expected, 2e-2);
-  gpu().upload_views({}, 0);
-}
-
-// Where photos become larger a view has several times as many instances as at its last visit.
-TEST_F(CudaStep, ARampOfResolutionsLosesNothing) {
-  const std::vector<View> views = some_views(640, 480, 3);
-  const Recipe large{
-      .sigma_low = 40, .sigma_high = 90, .opacity_low = 0.02f, .opacity_high = 0.05f};
-  const TrainingModel start = model_of(random_gaussians(large, 20000, views[0].camera, 3));
-  TrainingModel fused = on_gpu(start), plain = on_gpu(start);
-  gpu().upload_views(views, 1 << 30);
-  const auto photo_of = [&](int step) {
-    return TrainingPhoto{&views[std::size_t(step % 3)], {}, step < 6 ? 8 : step < 12 ? 4 : 1};
-  };
-  for (int step = 0; step < 18; ++step) {
-    const TrainingPhoto photo = photo_of(step);
-    gpu().step(fused, {&photo, 1}, {0.2f}, {kRates}, {true});
-  }
-  gpu().synchronize(fused);
-  for (int step = 0; step < 18; ++step) {
-    const TrainingPhoto photo = photo_of(step);
-    gpu().Backend::step(plain, {&photo, 1}, {0.2f}, {kRates}, {true});
-  }
-  EXPECT_EQ(fused.adam_steps, 18);
-  expect_same(on_host(fused), on_host(plain), 2e-2);
-  gpu().upload_views({}, 0);
 }
 
 TEST_F(CudaStep, SteadyStepsOnReducedPhotosNeitherWaitNorAllocate) {
