@@ -53,6 +53,8 @@ void detail::log_line(LogLevel level, std::string_view line) {
   log_sink(level, printable(std::string(line)));
 }
 
-void detail::set_log_sink(void (*sink)(LogLevel, std::string_view)) { log_sink = sink; }
+void detail::set_log_sink(void (*sink)(LogLevel, std::string_view)) {
+  log_sink = sink ? sink : write_with_spdlog;
+}
 
 }  // namespace gs

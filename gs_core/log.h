@@ -23,6 +23,7 @@ enum class LogLevel { info, warning, error };
 /// Writes one line. Only log.cpp sees spdlog, whose headers would take seconds in every file.
 void log_line(LogLevel level, std::string_view line);
 /// Sends the lines elsewhere: a module that is loaded at run time sends its own to the program's.
+/// Null: to standard error again.
 void set_log_sink(void (*sink)(LogLevel, std::string_view));
 }  // namespace detail
 

@@ -58,9 +58,7 @@ class CapturedLog {
     text_.clear();
     detail::set_log_sink([](detail::LogLevel, std::string_view line) { text_ += line; });
   }
-  ~CapturedLog() {
-    detail::set_log_sink([](detail::LogLevel, std::string_view) {});
-  }
+  ~CapturedLog() { detail::set_log_sink(nullptr); }
   const std::string& text() const { return text_; }
 
  private:
