@@ -122,7 +122,6 @@ TEST(LazyAdam, LeavesANumberThatNeverHadAGradient) {
 
 // In floats the closed form rounds once and the loop at every update.
 TEST(LazyAdam, InFloatsIsAsGoodAsTheLoop) {
-  const AdamRule rule;
   for (const int count : {1, 5, 40, 400}) {
     const Updates updates{200, count};
     const Number start{0.25, 3e-5, 4e-10};
