@@ -291,7 +291,7 @@ TEST_F(ConfigFile, EachValueKnowsTheFileAndLineItComesFrom) {
   Config config;
   SettingOrigins origins;
   load_config(config, path("run.toml"), &origins);
-  EXPECT_EQ(origins.size(), 5u);
+  EXPECT_EQ(origins.size(), 6u);
   EXPECT_THAT(origins.at("train.epochs"), HasSubstr("preset fast:"));
   EXPECT_EQ(origins.at("train.seed"), path("base.toml").string() + ":3");
   EXPECT_EQ(origins.at("train.log_every"), path("run.toml").string() + ":4");
