@@ -25,6 +25,11 @@ constexpr int kLeastRefinements = 10;  // whatever density.every_epochs says
 constexpr int kFinalShare = 4;         // 1 / share of the run of density.final_steps
 constexpr int kShShare = 6;            // 1 / share of the run between SH degrees
 
+// How much of the steps from + 1 to `until` is over after this one, 0 to 1.
+double share_done(int step, int from, int until) {
+  return std::min(1.0, double(std::max(step - from, 0)) / double(until - from));
+}
+
 }  // namespace
 
 Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
@@ -94,8 +99,7 @@ int Schedule::scaled(int step) const {
 }
 
 LearningRates Schedule::learning_rates(int step) const {
-  const double t =
-      std::min(1.0, double(std::max(step - decay_from_, 0)) / double(steps_ - decay_from_));
+  const double t = share_done(step, decay_from_, steps_);
   const double position = std::exp((1 - t) * std::log(rates_.position_lr_initial) +
                                    t * std::log(rates_.position_lr_final));
   const double share = cooldown(step);
@@ -116,8 +120,7 @@ LearningRates Schedule::learning_rates(int step) const {
 }
 
 double Schedule::cooldown(int step) const {
-  const double t = double(std::max(step - cooldown_from_, 0)) / double(steps_ - cooldown_from_);
-  return std::pow(double(rates_.cooldown_share), std::min(1.0, t));
+  return std::pow(double(rates_.cooldown_share), share_done(step, cooldown_from_, steps_));
 }
 
 AdamRule Schedule::adam_rule(int photos) const {
@@ -128,22 +131,22 @@ AdamRule Schedule::adam_rule(int photos) const {
 
 float Schedule::photometric_rate(int step) const {
   if (recovers_from_reset(step)) return 0;
-  const double warm = std::min(1.0, double(step) / double(photometric_warmup_));
-  const double t = std::min(1.0, double(step) / double(steps_));
+  const double warm = share_done(step, 0, photometric_warmup_);
+  const double t = share_done(step, 0, steps_);
   return float(photometric_rate_ * (kPhotometricFinal + (1 - kPhotometricFinal) * warm) *
                std::pow(kPhotometricFinal, t));
 }
 
 float Schedule::pose_rate(int step) const {
   if (recovers_from_reset(step)) return 0;
-  const double warm = std::min(1.0, double(step) / double(pose_warmup_));
-  const double t = std::min(1.0, double(step) / double(steps_));
+  const double warm = share_done(step, 0, pose_warmup_);
+  const double t = share_done(step, 0, steps_);
   return float(pose_rate_ * warm * std::pow(kPoseFinal, t));
 }
 
 float Schedule::depth_weight(int step) const {
   if (!(depth_weight_ > 0)) return 0;
-  const double t = std::min(1.0, double(step) / double(steps_));
+  const double t = share_done(step, 0, steps_);
   return float(depth_weight_ * std::pow(depth_weight_final_ / depth_weight_, t));
 }
 

@@ -132,17 +132,18 @@ __global__ void gather_kernel(Span<FragmentSums> statistics, Vec4f* sums, FixedF
   pool_with(statistics[i], scaled_forces(share, scale), pooling);
 }
 
-// Sums of forces that lie among the gradients, which preprocess_backward() reads and clears.
+// Sums of forces that lie among the gradients, in place of absolute ones. preprocess_backward()
+// reads the gradients and clears them.
 __global__ void gather_forces_kernel(Span<FragmentSums> statistics,
                                      const std::uint32_t* tile_counts, const Splat* splats,
                                      const SplatGradientSum* gradients, float scale,
                                      ScorePooling pooling, const std::uint32_t* halted) {
   const std::size_t i = thread_number();
   if (i >= statistics.size || tile_counts[i] == 0 || *halted) return;
-  const float4 with_count = reinterpret_cast<const float4*>(gradients + i)[2];
-  if (with_count.y == 0) return;
+  const float count = gradients[i].absolute_x, second = gradients[i].absolute_y;
+  if (count == 0) return;
   // dL/d(opacity) is sum f / opacity
-  const FragmentSums share{with_count.y, gradients[i].opacity * splats[i].opacity, with_count.z};
+  const FragmentSums share{count, gradients[i].opacity * splats[i].opacity, second};
   pool_with(statistics[i], scaled_forces(share, scale), pooling);
 }
 

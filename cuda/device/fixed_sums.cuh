@@ -14,8 +14,10 @@ struct alignas(16) SplatGradientSum {
   Vec2f mean2d;
   float conic_xx, conic_xy;
   float conic_yy, opacity, red, green;
-  float blue, absolute_x, absolute_y;  // absolute: |dL/d(mean2d)|, where asked for
-  float depth;                         // of photos with a depth map; not summed here (depth.cu)
+  // absolute: |dL/d(mean2d)|, where asked for; else count and second of FragmentSums for the score
+  // "force" (sums_among_gradients() in stages.cuh)
+  float blue, absolute_x, absolute_y;
+  float depth;  // of photos with a depth map; not summed here (depth.cu)
 };
 
 /// Count of numbers in a SplatGradientSum: without the absolute gradient, and with it.

@@ -144,20 +144,16 @@ struct FloatSums {
       atomicAdd(&of_gaussian[gaussian].blue, sum.blue);
   }
 };
-// With the score "force": two numbers more in the same vectors. sum f follows from the gradient by
-// the opacity (gather_forces()).
-struct FloatSumsOfForces {
+// With the score "force": count and second of FragmentSums are in place of absolute gradients. sum f
+// follows from the gradient by the opacity (gather_forces_kernel()).
+struct FloatSumsOfForces : FloatSums<true> {
   static constexpr bool kAbsolute = false;
   static constexpr FragmentStatistic kStatistic = FragmentStatistic::force;
-  SplatGradientSum* of_gaussian;
 
-  __device__ void add(int count, std::uint32_t gaussian, const SplatShare& share, float*) const {
-    if (lane_of_thread() >= count) return;
-    const SplatGradientSum& sum = share.gradient;
-    float4* const into = reinterpret_cast<float4*>(of_gaussian + gaussian);
-    add_to(into, {sum.mean2d.x, sum.mean2d.y, sum.conic_xx, sum.conic_xy});
-    add_to(into + 1, {sum.conic_yy, sum.opacity, sum.red, sum.green});
-    add_to(into + 2, {sum.blue, share.fragments.count, share.fragments.second, 0.0f});
+  __device__ void add(int count, std::uint32_t gaussian, SplatShare share, float* numbers) const {
+    share.gradient.absolute_x = share.fragments.count;
+    share.gradient.absolute_y = share.fragments.second;
+    FloatSums<true>::add(count, gaussian, share, numbers);
   }
 };
 template <bool kAbsolute_>
@@ -449,7 +445,7 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
       case FragmentStatistic::none: return launch_by_rule(sums);
       case FragmentStatistic::force:
         if constexpr (std::is_same_v<Sums, FloatSums<false>>)
-          return launch_by_rule(FloatSumsOfForces{sums.of_gaussian});
+          return launch_by_rule(FloatSumsOfForces{{sums.of_gaussian}});
         else
           return launch_by_rule(WithFragments<Sums, FragmentStatistic::force>{sums, fragments});
       case FragmentStatistic::values:
