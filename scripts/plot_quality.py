@@ -14,7 +14,7 @@ import math
 import sys
 from xml.sax.saxutils import escape
 
-from plot_history import ROOT
+from plot_history import ROOT, line, number, text, ticks
 
 TABLE = ROOT / "docs/benchmarks/quality.csv"
 PICTURE = ROOT / "docs/images/quality.svg"
@@ -24,6 +24,8 @@ METRICS = [("psnr", "PSNR of the test views / dB"), ("ssim", "SSIM of the test v
 COLORS = {"defaults": ("#0969da", "#58a6ff"), "turbo": ("#1a7f37", "#3fb950"), "adaptive": ("#8250df", "#bc8cff"),
           "mcmc": ("#bf3989", "#ff7bd0"), "Faster-GS": ("#bc4c00", "#f0883e"), "gsplat": ("#7d4e00", "#d29922")}
 OTHERS = {"Faster-GS", "gsplat"}
+
+SECONDS = (1, 2, 5, 10, 20, 50, 100, 200)  # marks of the logarithmic axis
 
 # Pixels.
 WIDTH, MARGIN, TOP, LEGEND = 960, 16, 78, 56
@@ -61,38 +63,30 @@ def style():
     return "\n".join(lines)
 
 
-def ticks(low, high):
-    rough = (high - low) / 4
-    power = 10 ** math.floor(math.log10(rough))
-    step = next(f * power for f in (1, 2, 5, 10) if f * power >= rough)
-    first = math.floor(low / step)
-    return [round(k * step, 6) for k in range(first, math.ceil(high / step) + 1)]
-
-
 def plot(rows, metric, left, top, width):
     """One scene and metric: seconds on a logarithmic axis."""
     points = [(float(row["seconds"]), float(row[metric]), row["trainer"]) for row in rows if row[metric]]
     seconds, values = [p[0] for p in points], [p[1] for p in points]
     x_low, x_high = math.log10(min(seconds)) - 0.08, math.log10(max(seconds)) + 0.08
-    marks = ticks(min(values), max(values))
-    x_at = lambda s: left + AXIS + (math.log10(s) - x_low) / (x_high - x_low) * (width - AXIS)
-    y_at = lambda v: top + PLOT_HEIGHT - (v - marks[0]) / (marks[-1] - marks[0]) * PLOT_HEIGHT
-    digits = max(0, -math.floor(math.log10(marks[1] - marks[0]) + 1e-9))
+    marks, digits = ticks(min(values), max(values))
+    x_at = lambda second: left + AXIS + (math.log10(second) - x_low) / (x_high - x_low) * (width - AXIS)
+    y_at = lambda value: top + PLOT_HEIGHT - (value - marks[0]) / (marks[-1] - marks[0]) * PLOT_HEIGHT
     out = []
     for mark in marks:
-        out.append(f'<line class="grid" x1="{left + AXIS}" x2="{left + width}" y1="{y_at(mark):.1f}" y2="{y_at(mark):.1f}"/>'
-                   f'<text class="faint" x="{left + AXIS - 5}" y="{y_at(mark) + 4:.1f}" text-anchor="end">{mark:.{digits}f}</text>')
-    for second in (1, 2, 5, 10, 20, 50, 100, 200):
+        out.append(line(left + AXIS, y_at(mark), left + width, y_at(mark), "grid"))
+        out.append(text(left + AXIS - 5, y_at(mark) + 4, f"{mark:.{digits}f}", "faint", "end"))
+    for second in SECONDS:
         if x_low <= math.log10(second) <= x_high:
-            out.append(f'<line class="grid" x1="{x_at(second):.1f}" x2="{x_at(second):.1f}" y1="{top}" y2="{top + PLOT_HEIGHT}"/>'
-                       f'<text class="faint" x="{x_at(second):.1f}" y="{top + PLOT_HEIGHT + 14}" text-anchor="middle">{second} s</text>')
+            out.append(line(x_at(second), top, x_at(second), top + PLOT_HEIGHT, "grid"))
+            out.append(text(x_at(second), top + PLOT_HEIGHT + 14, f"{second} s", "faint", "middle"))
     for trainer in COLORS:
-        curve = sorted(p[:2] for p in points if p[2] == trainer)
-        line = " ".join(f"{x_at(s):.1f},{y_at(v):.1f}" for s, v in curve)
-        if len(curve) > 1:
-            out.append(f'<polyline class="{trainer.lower()}" points="{line}"/>')
-        out += [f'<circle class="{trainer.lower()}dot" cx="{x_at(s):.1f}" cy="{y_at(v):.1f}" r="{5 if (s, v) == curve[-1] else 3}"/>'
-                for s, v in curve]
+        kind, curve = trainer.lower(), sorted(p[:2] for p in points if p[2] == trainer)
+        places = [(number(x_at(second)), number(y_at(value))) for second, value in curve]
+        if len(places) > 1:
+            out.append(f'<polyline class="{kind}" points="{" ".join(f"{x},{y}" for x, y in places)}"/>')
+        for x, y in places:
+            radius = 5 if (x, y) == places[-1] else 3  # the end of a run
+            out.append(f'<circle class="{kind}dot" cx="{x}" cy="{y}" r="{radius}"/>')
     return "\n".join(out)
 
 
@@ -102,11 +96,11 @@ def picture(rows):
     height = TOP + ROW_HEIGHT * len(METRICS)
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" height="{height}" role="img">',
            "<title>Quality over the seconds of training</title>", f"<style>{style()}\n</style>",
-           f'<text class="title" x="{MARGIN}" y="28">Quality over the seconds of training, NVIDIA H200</text>']
+           text(MARGIN, 28, "Quality over the seconds of training, NVIDIA H200", "title")]
     x = MARGIN
     for trainer in dict.fromkeys(row["trainer"] for row in rows):
-        out.append(f'<line class="{trainer.lower()}" x1="{x}" x2="{x + 24}" y1="{LEGEND - 4}" y2="{LEGEND - 4}"/>'
-                   f'<text x="{x + 30}" y="{LEGEND}">{escape(trainer)}</text>')
+        out.append(line(x, LEGEND - 4, x + 24, LEGEND - 4, trainer.lower()))
+        out.append(text(x + 30, LEGEND, trainer))
         x += 50 + 8 * len(trainer)
     for m, (metric, title) in enumerate(METRICS):
         top = TOP + m * ROW_HEIGHT
