@@ -7,6 +7,7 @@
 #include <string>
 
 #include "gs_train/loop/lazy_choice.h"
+#include "tests/cuda/every_form.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/cuda.h"
 #include "tests/support/scene_run.h"
@@ -15,46 +16,8 @@
 namespace gs {
 namespace {
 
-LearningRates all_rates() {
-  LearningRates rates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
-  rates.right_rotation = rates.rotation;
-  rates.time_mean = 8e-4f;
-  rates.log_time_scale = 5e-3f;
-  rates.sh0_slope = 2.5e-3f;
-  return rates;
-}
-
-Update update_of(int photos = 1) {
-  Update update{all_rates(), batch_rule(photos)};
-  update.rounding_seed = 11;
-  return update;
-}
-
 /// Views of which each sees some other part of the Gaussians.
-std::vector<View> views_of_parts(int count = 3) {
-  std::vector<View> views(static_cast<std::size_t>(count));
-  for (int i = 0; i < count; ++i) {
-    View& view = views[std::size_t(i)];
-    view.name = "view " + std::to_string(i);
-    view.camera = random_camera(131, 77, 1);
-    view.camera.cx += float(50 * (i - count / 2));
-    view.camera.time = 0.4f + 0.1f * float(i);
-    view.photo = random_photo(131, 77, std::uint64_t(i));
-  }
-  return views;
-}
-
-/// Gaussians in 3D, with a 3D filter, in space and time, and with colors that change.
-std::vector<Gaussians> all_forms(std::size_t count = 3000) {
-  const Camera camera = random_camera(131, 77, 1);
-  std::vector<Gaussians> forms;
-  const auto plain = [&] { return random_gaussians(kTypical, count, camera, 4); };
-  forms.push_back(plain());
-  forms.push_back(with_filters(plain(), 9));
-  forms.push_back(in_spacetime(plain(), 8));
-  forms.push_back(with_slopes(in_spacetime(plain(), 8), 9));
-  return forms;
-}
+std::vector<View> views_of_parts(int count = 3) { return shifted_views(count, 50, true); }
 
 TrainingModel lazy_model(const Gaussians& start, bool has_codes = false) {
   TrainingModel model = model_of(start, has_codes);
@@ -151,7 +114,8 @@ TEST_F(CudaLazyAdam, StepsOfAnyNumberOfRowsAreThoseOfTheScalarTwin) {
     SCOPED_TRACE(count);
     for (const bool has_codes : {false, true})
       for (const bool is_batch : {false, true})
-        expect_same_steps(all_forms(count)[0], has_codes, {}, {true}, is_batch);
+        expect_same_steps(all_forms(random_camera(131, 77, 1), count)[0], has_codes, {}, {true},
+                          is_batch);
   }
 }
 
@@ -188,7 +152,7 @@ TEST_F(CudaLazyAdam, AllRowsCatchUpWhenTheTableIsFull) {
   update.rates.sh0 = update.rates.sh_rest = 1e-7f;
   RenderSettings settings;
   settings.deterministic = true;
-  const Gaussians start = std::move(all_forms(500)[0]);
+  const Gaussians start = std::move(all_forms(random_camera(131, 77, 1), 500)[0]);
   TrainingModel lazy = on_gpu(lazy_model(start)), prompt = on_gpu(model_of(start));
   for (TrainingModel* const model : {&lazy, &prompt})
     for (std::size_t step = 0; step < kLazyWindow + 6; ++step) {

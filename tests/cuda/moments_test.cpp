@@ -8,6 +8,7 @@
 
 #include "gs_core/math/activations.h"
 #include "gs_train/poses/poses.h"
+#include "tests/cuda/every_form.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/cuda.h"
 #include "tests/support/poses.h"
@@ -17,45 +18,7 @@
 namespace gs {
 namespace {
 
-// Rates of all quantities, also of time and of colors that change.
-LearningRates all_rates() {
-  LearningRates rates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
-  rates.right_rotation = rates.rotation;
-  rates.time_mean = 8e-4f;
-  rates.log_time_scale = 5e-3f;
-  rates.sh0_slope = 2.5e-3f;
-  return rates;
-}
-
-Update update_of(int photos = 1) {
-  Update update{all_rates(), batch_rule(photos)};
-  update.rounding_seed = 11;
-  return update;
-}
-
-std::vector<View> some_views(int count = 3) {
-  std::vector<View> views(static_cast<std::size_t>(count));
-  for (int i = 0; i < count; ++i) {
-    View& view = views[std::size_t(i)];
-    view.name = "view " + std::to_string(i);
-    view.camera = random_camera(131, 77, 1);
-    view.camera.cx += float(3 * i);
-    view.camera.time = 0.4f + 0.1f * float(i);
-    view.photo = random_photo(131, 77, std::uint64_t(i));
-  }
-  return views;
-}
-
-/// Gaussians in 3D, with a 3D filter, in space and time, and with colors that change.
-std::vector<Gaussians> all_forms(const Camera& camera) {
-  std::vector<Gaussians> forms;
-  const auto plain = [&] { return random_gaussians(kTypical, 3000, camera, 4); };
-  forms.push_back(plain());
-  forms.push_back(with_filters(plain(), 9));
-  forms.push_back(in_spacetime(plain(), 8));
-  forms.push_back(with_slopes(in_spacetime(plain(), 8), 9));
-  return forms;
-}
+std::vector<View> some_views(int count = 3) { return shifted_views(count, 3, false); }
 
 class CudaMoments : public CudaTest {
  protected:
