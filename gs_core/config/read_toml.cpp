@@ -22,7 +22,7 @@ constexpr std::uint64_t kLargestToml = std::uint64_t(1) << 20;  // bytes; a run'
 class TomlWalk {
  public:
   explicit TomlWalk(std::string_view text) : text_(text) {
-    if (text_.starts_with("\xEF\xBB\xBF")) at_ = 3;  // a mark of UTF-8
+    if (text_.starts_with("\xEF\xBB\xBF")) at_ = begin_ = 3;  // a mark of UTF-8
     while (at_ < text_.size() && !is_too_deep() && !has_bad_name_ && !fault_) step();
   }
   int line() const { return line_; }  // where it has stopped
@@ -39,22 +39,34 @@ class TomlWalk {
     switch (const char c = text_[at_]) {
       case '#': at_ = std::min(text_.find('\n', at_), text_.size()); return;
       case '"':
-      case '\'': skip_string(c); return;
+      case '\'':
+        if (!may_begin_string())
+          fault_ = "a string follows a number or a word without quotes";
+        else
+          skip_string(c);
+        return;
       case '.': ++dots_; break;
       case '[':
         has_bad_name_ = brackets_.empty() && !is_value_ && !is_name(text_.substr(at_ + 1));
         brackets_ += c, dots_ = 0;
         break;
-      case '{': brackets_ += c, dots_ = 0; break;
+      case '{': brackets_ += c, dots_ = 0, is_value_ = false; break;
       case ']':
       case '}':
         if (c == '}' && brackets_.ends_with('[')) fault_ = "a } closes a list, which ends with ]";
+        if (c == '}') is_value_ = true;
         if (!brackets_.empty()) brackets_.pop_back();
         dots_ = 0;
         break;
-      case '\n': ++line_, dots_ = 0, is_value_ = false; break;
+      case '\n':
+        ++line_, dots_ = 0;
+        if (brackets_.empty()) is_value_ = false;
+        break;
       case '=': is_value_ = true, dots_ = 0; break;
-      case ',': dots_ = 0; break;
+      case ',':
+        dots_ = 0;
+        if (brackets_.ends_with('{')) is_value_ = false;
+        break;
       // Only times have it, which no config needs; toml++ relies on digits in them.
       case ':': fault_ = "a key or value has a : and no quotes"; break;
       default:  // part of a key or value
@@ -75,6 +87,15 @@ class TomlWalk {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
            std::string_view("_-\"']").find(c) != std::string_view::npos;
   }
+  /// Whether a string may begin here. It may not behind a number, as in 1"a" or 1."a", where toml++
+  /// reads on. Keys have dots before strings, as in a."b".
+  bool may_begin_string() const {
+    const std::size_t last = text_.substr(begin_, at_ - begin_).find_last_not_of(" \t");
+    if (last == text_.npos) return true;
+    const char before = text_[begin_ + last];
+    return before == '.' ? !is_value_
+                         : std::string_view("\r\n=,[]{}\"'").find(before) != std::string_view::npos;
+  }
   void skip_string(char quote) {
     const bool has_lines = text_.substr(at_, 3) == std::string(3, quote);
     const std::string end(has_lines ? 3 : 1, quote);
@@ -84,19 +105,30 @@ class TomlWalk {
         ++line_;
       } else if (text_[at_] == '\\' && quote == '"') {
         ++at_;
+        if (has_lines && begins_beyond_ascii(text_.substr(at_))) {
+          fault_ = "a \\ in a string of several lines is followed by a letter beyond ASCII";
+          return;
+        }
         if (at_ < text_.size() && text_[at_] == '\n') ++line_;
       } else if (text_.substr(at_, end.size()) == end) {
         at_ += end.size();
+        // One or two further quotes belong to a string of several lines, as in """a"""".
+        for (int i = 0; has_lines && i < 2 && text_.substr(at_).starts_with(quote); ++i) ++at_;
         return;
       }
     }
   }
+  /// Whether the first letter behind blanks and ends of lines is beyond ASCII.
+  static bool begins_beyond_ascii(std::string_view rest) {
+    const std::size_t first = rest.find_first_not_of(" \t\r\n");
+    return first != rest.npos && static_cast<unsigned char>(rest[first]) >= 0x80;
+  }
 
   std::string_view text_;
-  std::size_t at_ = 0;
+  std::size_t at_ = 0, begin_ = 0;  // begin_: behind a mark of UTF-8
   int line_ = 1, dots_ = 0;
   std::string brackets_;   // that are open
-  bool is_value_ = false;  // behind the = of a line
+  bool is_value_ = false;  // behind the = of a key
   bool has_bad_name_ = false;
   const char* fault_ = nullptr;
 };

@@ -221,6 +221,22 @@ TEST_F(ConfigFile, TextThatIsNoTomlNamesFileAndLine) {
               HasSubstr("run.toml:2: a key or value has a : and no quotes"));
 }
 
+TEST_F(ConfigFile, LettersBeyondAsciiStandInsideOfStrings) {
+  EXPECT_NO_THROW(load("[dataset]\nsource = \"\"\"\\\n  a\xC3\xA4\"\"\"\n"));
+  EXPECT_THAT(refusal("[dataset]\nsource = \"\"\"\\\n \xC2\xA7\"\"\"\n"),
+              HasSubstr("run.toml:2: a \\ in a string of several lines is followed by a letter"));
+  EXPECT_THAT(refusal("[dataset]\nsource = \"\"\"a\"\"\"\" \xC2\xA7\n"),
+              HasSubstr("run.toml:2: a key or value has letters beyond ASCII and no quotes"));
+  for (const char* value : {"1\"\xCC\xAA\"", "+'\xCC\xAA'", "1.\"\xCC\xAA\"", "[\n1.'\xCC\xAA']",
+                            "1979-05-27 '\xCC\xAA'"})
+    EXPECT_THAT(refusal(std::string("[train]\nseed = ") + value + "\n"),
+                HasSubstr(": a string follows a number or a word without quotes"))
+        << value;
+  EXPECT_NO_THROW(load("train.\"seed\" = 1\n"));
+  EXPECT_NO_THROW(
+      parse_toml("t = {a.'b' = 1, 'c' = [1, 'd',\n'e'], \"f\".'g' = ''}\n'h' = 2\n", "t"));
+}
+
 TEST_F(ConfigFile, ARefusedFileChangesNothing) {
   write_bytes(path("half.toml"), "[train]\niterations = 7\nsed = 1\n");
   Config config;
