@@ -106,7 +106,7 @@ class CudaBackend final : private Device, public Backend {
     finish_pending();
     return *loss_;
   }
-  void use_photometric(std::unique_ptr<PhotometricModel> photometric) override {
+  void use_photometric(std::shared_ptr<const PhotometricModel> photometric) override {
     finish_pending();
     if (!photometric) {
       look_ = std::nullopt;

@@ -112,7 +112,7 @@ void Backend::compare(const TrainingModel& model, const TrainingPhoto& photo, co
     find_pixel_values(view, density, pass);
 }
 
-void Backend::use_photometric(std::unique_ptr<PhotometricModel> photometric) {
+void Backend::use_photometric(std::shared_ptr<const PhotometricModel> photometric) {
   if (photometric)
     throw UsageError("photometric.model is not there on " + name() +
                      " yet; train with --device cpu, or leave photometric.model none");
@@ -169,7 +169,7 @@ std::unique_ptr<Appearance> Backend::appearance_of(const TrainingModel& model,
 
 void Backend::add_photometric_gradient(const PhotometricShape& shape, const TrainingPhoto& photo,
                                        double weight) {
-  const Span<const double> gradient = appearance_->gradient();
+  const Span<const double> gradient = appearance_gradient();
   double* const of_photo = photometric_sum_.data() + shape.photo_begin(photo.photo_row);
   double* const of_camera = photometric_sum_.data() + shape.camera_begin(photo.camera_row);
   for (std::size_t i = 0; i < gradient.size; ++i)

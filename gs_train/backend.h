@@ -63,7 +63,7 @@ class Backend {
   virtual Loss& loss() = 0;
   /// Takes a photometric model from now on, for models that have its numbers; at first there is none.
   /// Null: none. Throws UsageError where the backend or its loss lacks it.
-  virtual void use_photometric(std::unique_ptr<PhotometricModel> photometric);
+  virtual void use_photometric(std::shared_ptr<const PhotometricModel> photometric);
   /// Throws UsageError where the backend cannot refine poses.
   virtual void check_refines_poses() const;
   /// Throws UsageError where the backend cannot train on depth maps (View::depth).
@@ -161,7 +161,9 @@ class Backend {
   /// The appearance of a photo, which has shown the pass's picture; null without a model.
   std::unique_ptr<Appearance> appearance_of(const TrainingModel& model, const TrainingPhoto& photo,
                                             const View& view, const RenderPass& pass);
-  /// Adds the gradient of appearance_, times `weight`.
+  /// dL/d(numbers) of the photo that was differentiated, as in Appearance::gradient().
+  virtual Span<const double> appearance_gradient() const { return appearance_->gradient(); }
+  /// Adds appearance_gradient(), times `weight`.
   void add_photometric_gradient(const PhotometricShape& shape, const TrainingPhoto& photo,
                                 double weight);
   /// Throws UsageError where the loss, a word of loss.kind, knows no photometric model.
@@ -178,7 +180,7 @@ class Backend {
                                                  const RenderSettings& settings,
                                                  const RenderPass& pass);
 
-  std::unique_ptr<PhotometricModel> photometric_;
+  std::shared_ptr<const PhotometricModel> photometric_;
   std::unique_ptr<Appearance> appearance_;  // of the photo that is differentiated
   std::vector<double> photometric_sum_;     // of a batch
   std::vector<double> pose_sum_;            // of a batch; empty while poses rest

@@ -68,14 +68,15 @@ void RankBackend::differentiate_photo(const TrainingModel& shard, const Training
                                       const LossSettings& loss_settings,
                                       const DensityStep& density) {
   const std::size_t index = std::size_t(&photo - now_.batch.data);
-  const std::size_t in_round = index % std::size_t(now_.ranks->count());
-  if (in_round == 0) run_round(shard, index, loss_settings, density);
+  in_round_ = index % std::size_t(now_.ranks->count());
+  if (in_round_ == 0) run_round(shard, index, loss_settings, density);
   now_.ranks->sign_of_life();
-  pull_back(shard, photo, density, in_round);
+  pull_back(shard, photo, density);
 }
 
 // There: each rank projects its rows for every photo of the round, and sends the visible ones to
-// the rank that draws it. Back: the gradients of these.
+// the rank that draws it. Back: the gradients of these. The gradient of a photo's appearance goes
+// to all ranks, which update the numbers of all photos alike.
 void RankBackend::run_round(const TrainingModel& shard, std::size_t first,
                             const LossSettings& loss_settings, const DensityStep& density) {
   const std::size_t ranks = std::size_t(now_.ranks->count());
@@ -90,6 +91,29 @@ void RankBackend::run_round(const TrainingModel& shard, std::size_t first,
   const std::size_t mine = std::size_t(now_.ranks->rank());
   if (mine < photos) replies = draw(shard, now_.batch[first + mine], sent, loss_settings, density);
   replies_ = now_.ranks->exchange(std::move(replies));
+  if (!photometric_) return;
+  std::vector<double> gradient;
+  if (mine < photos)
+    gradient.assign(appearance_->gradient().begin(), appearance_->gradient().end());
+  appearance_gradients_.clear();
+  for (const Message& message : now_.ranks->all_gather(message_of(gradient)))
+    appearance_gradients_.push_back(rows_in<double>(message));
+}
+
+Span<const double> RankBackend::appearance_gradient() const {
+  const std::vector<double>& gradient = appearance_gradients_[in_round_];
+  return {gradient.data(), gradient.size()};
+}
+
+// Every rank has the visible Gaussians of all ranks, and so the sum of one rank.
+CameraGradient<double> RankBackend::camera_gradient(const GaussiansSpan& gaussians,
+                                                    const Camera& camera,
+                                                    const RenderSettings& settings,
+                                                    const RenderPass& pass) {
+  std::vector<CameraGradientRow> rows = camera_gradient_rows(gaussians, camera, settings, pass);
+  for (CameraGradientRow& of_row : rows)
+    of_row.row = std::uint32_t(now_.deal.global_of(now_.ranks->rank(), of_row.row));
+  return sum_of_rows(merge_rows(now_.ranks->all_gather(message_of(rows)), now_.deal));
 }
 
 std::vector<SentSplat> RankBackend::project(const TrainingModel& shard, const TrainingPhoto& photo,
@@ -131,11 +155,11 @@ std::vector<Message> RankBackend::draw(const TrainingModel& shard, const Trainin
 }
 
 void RankBackend::pull_back(const TrainingModel& shard, const TrainingPhoto& photo,
-                            const DensityStep& density, std::size_t in_round) {
+                            const DensityStep& density) {
   const Camera camera = reduced(photo.camera(), photo.reduction);
   const RenderSettings settings = settings_of(photo, density);
   pass_.begin(camera, shard.count());
-  take_replies(visible_[in_round], rows_in<SplatReply>(replies_[in_round]), settings, pass_);
+  take_replies(visible_[in_round_], rows_in<SplatReply>(replies_[in_round_]), settings, pass_);
   preprocess_backward(shard.gaussians.span(), camera, settings, pass_, gradients_.span(),
                       dL_dmean2d_.span());
 }

@@ -36,6 +36,10 @@ class RankBackend final : public ScalarBackend {
   void release_caches() override;
 
  protected:
+  Span<const double> appearance_gradient() const override;
+  CameraGradient<double> camera_gradient(const GaussiansSpan& gaussians, const Camera& camera,
+                                         const RenderSettings& settings,
+                                         const RenderPass& pass) override;
   void differentiate_photo(const TrainingModel& shard, const TrainingPhoto& photo,
                            const LossSettings& loss_settings, const DensityStep& density) override;
 
@@ -47,14 +51,17 @@ class RankBackend final : public ScalarBackend {
   std::vector<Message> draw(const TrainingModel& shard, const TrainingPhoto& photo,
                             const std::vector<Message>& sent, const LossSettings& loss_settings,
                             const DensityStep& density);
-  void pull_back(const TrainingModel& shard, const TrainingPhoto& photo, const DensityStep& density,
-                 std::size_t in_round);
+  void pull_back(const TrainingModel& shard, const TrainingPhoto& photo,
+                 const DensityStep& density);
 
   RankStep now_;
   std::unique_ptr<Optimizer> optimizer_;
   std::vector<std::vector<std::uint32_t>> visible_;  // of each photo of the round, local rows
   std::vector<Message> replies_;                     // the same
-  RenderPass drawn_;  // the rank's photo of the round, of all ranks' rows
+  // of each photo of the round, from the rank that drew it; empty without photometric.model
+  std::vector<std::vector<double>> appearance_gradients_;
+  std::size_t in_round_ = 0;  // the photo that was pulled back last
+  RenderPass drawn_;          // the rank's photo of the round, of all ranks' rows
 };
 
 }  // namespace gs

@@ -95,10 +95,10 @@ class RankedBackend final : public ScalarBackend {
     ScalarBackend::use_loss(kind);
     for (const auto& rank : ranks_->backends) rank->use_loss(kind);
   }
-  void use_photometric(std::unique_ptr<PhotometricModel> photometric) override {
-    if (photometric) refuse("photometric.model", "none");
+  void use_photometric(std::shared_ptr<const PhotometricModel> photometric) override {
+    ScalarBackend::use_photometric(photometric);
+    for (const auto& rank : ranks_->backends) rank->use_photometric(photometric);
   }
-  void check_refines_poses() const override { refuse("poses.refine", "false"); }
   bool can_update_lazily() const override { return false; }
 
   using Backend::step;
@@ -122,6 +122,8 @@ class RankedBackend final : public ScalarBackend {
       throw;
     }
     last_drawer_ = (batch.size - 1) % std::size_t(options_.count);
+    // The cameras of the next step are made from them.
+    if (!model.poses.empty()) take_learned(ranks_->shards.front().poses, model.poses);
   }
 
   void synchronize(TrainingModel& model) override {
@@ -144,12 +146,6 @@ class RankedBackend final : public ScalarBackend {
   }
 
  private:
-  [[noreturn]] static void refuse(const std::string& setting, const std::string& off) {
-    throw UsageError(setting +
-                     " is not there with several ranks yet; set train.ranks=1, or leave " +
-                     setting + " " + off);
-  }
-
   void deal(TrainingModel& model) {
     ranks_->deal = {options_.count, model.count(), options_.chunk_rows};
     deal_out(model, ranks_->deal, ranks_->shards);

@@ -22,6 +22,9 @@ void take_shape(TrainingModel& shard, const TrainingModel& model, std::size_t co
   shard.statistics.has_sums = model.statistics.has_sums;
   shard.adam_steps = model.adam_steps;
   shard.first_count = model.first_count;
+  // What is learned of photos has a copy on every rank, and all of them change alike.
+  shard.photometric = copy_to(host_memory(), model.photometric);
+  shard.poses = model.poses;
   for_each_row_array([count](const RowArray&, auto& array) { array.resize_discard(count); }, shard);
 }
 
@@ -52,7 +55,13 @@ void merge(const std::vector<TrainingModel>& shards, const Deal& deal, TrainingM
           });
         },
         model, shards[std::size_t(rank)]);
-  model.adam_steps = shards.front().adam_steps;
+  const TrainingModel& first = shards.front();
+  for_each_photometric_array(
+      [](const char*, auto& to, const auto& from) { to.upload(from.download()); },
+      model.photometric, first.photometric);
+  model.photometric.adam_steps = first.photometric.adam_steps;
+  take_learned(first.poses, model.poses);
+  model.adam_steps = first.adam_steps;
 }
 
 }  // namespace gs

@@ -4,6 +4,29 @@
 #include "gs_core/error.h"
 
 namespace gs {
+namespace {
+
+template <class Row>
+std::size_t total_of(const std::vector<std::vector<Row>>& sent) {
+  std::size_t total = 0;
+  for (const std::vector<Row>& rows : sent) total += rows.size();
+  return total;
+}
+
+// Calls f(rank, sent) for each of the lists' members in the order of rows of the whole model. The
+// lists are in that order, and chunks are dealt in turn: each chunk is one run of one list.
+template <class Row, class F>
+void for_each_in_order(const std::vector<std::vector<Row>>& sent, const Deal& deal, F&& f) {
+  std::vector<std::size_t> next(sent.size(), 0);
+  for (std::size_t chunk = 0; chunk < deal.chunk_count(); ++chunk) {
+    const std::size_t rank = chunk % sent.size(), end = (chunk + 1) * deal.chunk_rows;
+    const std::vector<Row>& rows = sent[rank];
+    for (std::size_t& i = next[rank]; i < rows.size() && rows[i].row < end; ++i)
+      f(int(rank), rows[i]);
+  }
+}
+
+}  // namespace
 
 std::vector<SentSplat> visible_splats(const RenderPass& pass, const Deal& deal, int rank,
                                       std::vector<std::uint32_t>& visible) {
@@ -18,29 +41,33 @@ std::vector<SentSplat> visible_splats(const RenderPass& pass, const Deal& deal, 
   return splats;
 }
 
-// The lists are in the order of rows, and chunks are dealt in turn: each chunk is one run of one
-// list.
 std::vector<int> merge_splats(const std::vector<std::vector<SentSplat>>& sent, const Deal& deal,
                               const Camera& camera, RenderPass& pass) {
-  std::size_t total = 0;
-  for (const std::vector<SentSplat>& splats : sent) total += splats.size();
+  const std::size_t total = total_of(sent);
   pass.begin(camera, total);
-  std::vector<int> ranks(total);
-  std::vector<std::size_t> next(sent.size(), 0);
-  std::size_t place = 0;
-  for (std::size_t chunk = 0; chunk < deal.chunk_count(); ++chunk) {
-    const std::size_t rank = chunk % sent.size(), end = (chunk + 1) * deal.chunk_rows;
-    const std::vector<SentSplat>& splats = sent[rank];
-    for (std::size_t& i = next[rank]; i < splats.size() && splats[i].row < end; ++i, ++place) {
-      pass.splats[place] = splats[i].splat;
-      pass.depths[place] = splats[i].depth;
-      pass.pixel_rects[place] = splats[i].pixels;
-      pass.tile_counts[place] = splats[i].tile_count;
-      ranks[place] = int(rank);
-    }
-  }
-  GS_CHECK(place == total);
+  std::vector<int> ranks;
+  ranks.reserve(total);
+  for_each_in_order(sent, deal, [&](int rank, const SentSplat& sent_splat) {
+    const std::size_t place = ranks.size();
+    pass.splats[place] = sent_splat.splat;
+    pass.depths[place] = sent_splat.depth;
+    pass.pixel_rects[place] = sent_splat.pixels;
+    pass.tile_counts[place] = sent_splat.tile_count;
+    ranks.push_back(rank);
+  });
+  GS_CHECK(ranks.size() == total);
   return ranks;
+}
+
+std::vector<CameraGradientRow> merge_rows(const std::vector<Message>& sent, const Deal& deal) {
+  std::vector<std::vector<CameraGradientRow>> rows;
+  for (const Message& message : sent) rows.push_back(rows_in<CameraGradientRow>(message));
+  std::vector<CameraGradientRow> merged;
+  merged.reserve(total_of(rows));
+  for_each_in_order(rows, deal,
+                    [&](int, const CameraGradientRow& of_row) { merged.push_back(of_row); });
+  GS_CHECK(merged.size() == total_of(rows));
+  return merged;
 }
 
 SplatReply reply_of(const RenderPass& pass, const RenderSettings& settings, std::size_t i) {

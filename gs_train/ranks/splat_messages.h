@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What ranks send to each other in a step: projected Gaussians to the rank that draws the view, and
-// gradients back.
+// What ranks send to each other in a step: projected Gaussians to the rank that draws the view,
+// gradients back, and to all ranks what they add to the gradient of a camera.
 #pragma once
 
 #include <cstdint>
@@ -57,6 +57,11 @@ std::vector<SentSplat> visible_splats(const RenderPass& pass, const Deal& deal, 
 /// sent   (ranks) as visible_splats() returns them
 std::vector<int> merge_splats(const std::vector<std::vector<SentSplat>>& sent, const Deal& deal,
                               const Camera& camera, RenderPass& pass);
+
+/// What the visible Gaussians of all ranks add to the gradient of a camera, in the order of rows.
+///
+/// sent   (ranks) of CameraGradientRow, with rows of the whole model
+std::vector<CameraGradientRow> merge_rows(const std::vector<Message>& sent, const Deal& deal);
 
 /// What the backward pass has left for a splat.
 SplatReply reply_of(const RenderPass& pass, const RenderSettings& settings, std::size_t i);

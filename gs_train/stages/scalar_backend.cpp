@@ -31,7 +31,7 @@ void ScalarBackend::use_loss(const std::string& kind) {
   loss_row_ = row;
 }
 
-void ScalarBackend::use_photometric(std::unique_ptr<PhotometricModel> photometric) {
+void ScalarBackend::use_photometric(std::shared_ptr<const PhotometricModel> photometric) {
   if (photometric) check_takes_appearance(*loss_, loss_row_->name);
   photometric_ = std::move(photometric);
 }

@@ -20,7 +20,7 @@ class ScalarBackend : public Backend {
   Renderer& renderer() override { return *renderer_; }
   void use_loss(const std::string& kind) override;
   Loss& loss() override { return *loss_; }
-  void use_photometric(std::unique_ptr<PhotometricModel> photometric) override;
+  void use_photometric(std::shared_ptr<const PhotometricModel> photometric) override;
   void check_refines_poses() const override {}
   void check_takes_depth() const override {}
   bool can_update_lazily() const override { return true; }

@@ -3,11 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <functional>
 #include <future>
 #include <limits>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -63,6 +65,23 @@ class RankedRun : public SceneRun {
     config.density.opacity_regularizer = config.density.scale_regularizer = 0.01f;
     return config;
   }
+  static Config lit_run(const std::string& model, int batch) {
+    Config config = run_in_batches(batch, 60);
+    config.photometric.model = model;
+    config.photometric.rate = 0.02f;
+    config.photometric.vignetting = true;
+    return config;
+  }
+  static Config posed_run(int batch) {
+    Config config = run_in_batches(batch, 60);
+    config.poses.refine = true;
+    config.poses.rate = 1e-3f;
+    return config;
+  }
+  template <class Numbers>
+  static bool has_learned(const Numbers& numbers) {
+    return std::any_of(numbers.begin(), numbers.end(), [](float x) { return x != 0; });
+  }
 };
 
 TEST_F(RankedRun, WithAdaptiveDensityControlHasTheBytesOfOneRank) {
@@ -111,6 +130,17 @@ TEST_F(RankedRun, InSpaceAndTimeHasTheBytesOfOneRank) {
   expect_same_for_any_number(config);
 }
 
+TEST_F(RankedRun, WithAPhotometricModelHasTheBytesOfOneRank) {
+  for (const char* model : {"gains", "ppisp"})
+    for (const int batch : {1, 4}) expect_same_for_any_number(lit_run(model, batch));
+  EXPECT_TRUE(has_learned(trained(lit_run("gains", 4)).photometric.values));
+}
+
+TEST_F(RankedRun, WithRefinedPosesHasTheBytesOfOneRank) {
+  for (const int batch : {1, 4}) expect_same_for_any_number(posed_run(batch));
+  EXPECT_TRUE(has_learned(trained(posed_run(4)).poses.values));
+}
+
 TEST_F(RankedRun, LogsTheLossOfOneRank) {
   const Config config = run_in_batches(4, 30);
   const auto backend = ranks_of(3);
@@ -125,7 +155,9 @@ TEST_F(RankedRun, LogsTheLossOfOneRank) {
 // Stopped at random steps, and each time resumed with another number of ranks.
 TEST_F(RankedRun, GoesOnWithAnyNumberOfRanksFromAnyCheckpoint) {
   const Random random{7, RandomStream::background};
-  for (const Config& config : {run_in_batches(4), mcmc_run(3), busy_run()}) {
+  Config lit_and_posed = posed_run(3);
+  lit_and_posed.photometric = lit_run("gains", 3).photometric;
+  for (const Config& config : {run_in_batches(4), mcmc_run(3), busy_run(), lit_and_posed}) {
     const TrainingModel expected = trained(config);
     for (std::uint64_t attempt = 0; attempt < 7; ++attempt) {
       const Vec4f draw = random.uniform4(attempt);
@@ -301,19 +333,6 @@ TEST(RankedStep, CountsRowsThatAreNotFiniteWhereverTheyAre) {
   EXPECT_EQ(backend->rows().count_not_finite(model), 1u);
   take_step(*backend, model, scene);
   EXPECT_EQ(backend->rows().count_not_finite(model), 1u);
-}
-
-TEST(RankedStep, RefusesWhatRanksCannotTrainYet) {
-  const Scene scene = small_scene();
-  const auto backend = ranks_of(2);
-  Config config = short_run();
-  config.poses.refine = true;
-  EXPECT_THAT(error_of([&] { Trainer(scene, config, *backend); }),
-              AllOf(HasSubstr("poses.refine"), HasSubstr("train.ranks=1")));
-  config.poses.refine = false;
-  config.photometric.model = "gains";
-  EXPECT_THAT(error_of([&] { Trainer(scene, config, *backend); }),
-              AllOf(HasSubstr("photometric.model"), HasSubstr("train.ranks=1")));
 }
 
 }  // namespace
