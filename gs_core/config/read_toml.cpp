@@ -40,17 +40,22 @@ class TomlWalk {
       case '#': at_ = std::min(text_.find('\n', at_), text_.size()); return;
       case '"':
       case '\'':
-        if (!may_begin_string())
+        if (!may_begin_value())
           fault_ = "a string follows a number or a word without quotes";
         else
           skip_string(c);
         return;
       case '.': ++dots_; break;
       case '[':
-        has_bad_name_ = brackets_.empty() && !is_value_ && !is_name(text_.substr(at_ + 1));
+      case '{':
+        if (!may_begin_value())
+          fault_ = "a list or table follows a number or a word without quotes";
+        if (c == '[')
+          has_bad_name_ = brackets_.empty() && !is_value_ && !is_name(text_.substr(at_ + 1));
+        else
+          is_value_ = false;  // but a key
         brackets_ += c, dots_ = 0;
         break;
-      case '{': brackets_ += c, dots_ = 0, is_value_ = false; break;
       case ']':
       case '}':
         if (c == '}' && brackets_.ends_with('[')) fault_ = "a } closes a list, which ends with ]";
@@ -62,7 +67,12 @@ class TomlWalk {
         ++line_, dots_ = 0;
         if (brackets_.empty()) is_value_ = false;
         break;
-      case '=': is_value_ = true, dots_ = 0; break;
+      case '=':
+        if (is_value_)
+          fault_ = brackets_.ends_with('[') ? "a = stands inside of a list, which ends with ]"
+                                            : "a value has a = and no quotes";
+        is_value_ = true, dots_ = 0;
+        break;
       case ',':
         dots_ = 0;
         if (brackets_.ends_with('{')) is_value_ = false;
@@ -87,9 +97,9 @@ class TomlWalk {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
            std::string_view("_-\"']").find(c) != std::string_view::npos;
   }
-  /// Whether a string may begin here. It may not behind a number, as in 1"a" or 1."a", where toml++
-  /// reads on. Keys have dots before strings, as in a."b".
-  bool may_begin_string() const {
+  /// Whether a string, list or table may begin here. None may behind a number, as in 1"a", 1."a" or
+  /// 1["a"], where toml++ reads on. Keys have dots before strings, as in a."b".
+  bool may_begin_value() const {
     const std::size_t last = text_.substr(begin_, at_ - begin_).find_last_not_of(" \t");
     if (last == text_.npos) return true;
     const char before = text_[begin_ + last];

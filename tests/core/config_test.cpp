@@ -232,6 +232,11 @@ TEST_F(ConfigFile, LettersBeyondAsciiStandInsideOfStrings) {
     EXPECT_THAT(refusal(std::string("[train]\nseed = ") + value + "\n"),
                 HasSubstr(": a string follows a number or a word without quotes"))
         << value;
+  EXPECT_THAT(refusal("[train]\nseed = 1['\xCC\xAA']\n"),
+              HasSubstr(":2: a list or table follows a"));
+  EXPECT_THAT(refusal("[train]\nseed = 1='\xCC\xAA'\n"), HasSubstr(":2: a value has a = and no"));
+  EXPECT_THAT(refusal("[train]\nsave_steps = [1\nseed = 1\n"),
+              HasSubstr(":3: a = stands inside of a list"));
   EXPECT_NO_THROW(load("train.\"seed\" = 1\n"));
   EXPECT_NO_THROW(
       parse_toml("t = {a.'b' = 1, 'c' = [1, 'd',\n'e'], \"f\".'g' = ''}\n'h' = 2\n", "t"));
