@@ -154,6 +154,45 @@ TEST_F(Checkpoints, WithSumsOfDensityControlComeBackBitForBit) {
   }
 }
 
+// Copies a checkpoint as versions before November 2026 wrote it: with the weights of fragments, as
+// the second of four numbers of a row.
+void copy_with_older_sums(const fs::path& from, const fs::path& to, const TrainingModel& model) {
+  constexpr FileKind kKind{"gsckpt\r\n", 1};
+  CheckedReader in(from, kKind);
+  CheckedWriter out(to, kKind);
+  const auto copy = [&](const std::string& name) {
+    std::vector<std::byte> bytes(in.section(name));
+    in.read(bytes.data(), bytes.size());
+    if (name == "statistics.sums") {
+      std::vector<Vec4f> rows;
+      for (const FragmentSums& row : model.statistics.sums)
+        rows.push_back({row.count, 1000, row.first, row.second});
+      bytes.resize(rows.size() * sizeof(Vec4f));
+      std::memcpy(bytes.data(), rows.data(), bytes.size());
+    }
+    out.section(name, bytes.size());
+    out.write(bytes.data(), bytes.size());
+  };
+  for (const char* name :
+       {"about", "config", "view_names", "views", "strikes", "view_order", "gaussians"})
+    copy(name);
+  for_each_row_array([&](const RowArray& which, const auto&) { copy(which.key()); }, model);
+  in.finish();
+  out.commit();
+}
+
+TEST_F(Checkpoints, OfOlderVersionsComeBackWithoutTheWeightsOfFragments) {
+  TrainingState expected = telling_state(100, 12);
+  begin_sums(expected.model);
+  number_rows(expected.model.statistics.sums, 0.5f);
+  fs::create_directories(path());
+  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
+  copy_with_older_sums(file(12), file(13), expected.model);
+  const TrainingModel read = read_checkpoint(file(13)).state.model;
+  EXPECT_TRUE(same_bits(read, expected.model));
+  EXPECT_TRUE(same_bits(read.statistics.sums, expected.model.statistics.sums));
+}
+
 TEST_F(Checkpoints, WithA3dFilterComeBackBitForBit) {
   TrainingState expected = telling_state(100, 12);
   expected.model.gaussians.has_filter = true;
