@@ -5,7 +5,7 @@
 #include "data_loaders/doctor/examination.h"
 #include "data_loaders/photos/depth_file.h"
 #include "data_loaders/photos/photo_fit.h"
-#include "data_loaders/scene/depth_kind_of.h"
+#include "data_loaders/scene/depth/depth_kind_of.h"
 #include "gs_core/error.h"
 
 namespace gs {

@@ -9,7 +9,7 @@
 #include "data_loaders/refine/refine_cameras.h"
 #include "data_loaders/refine/refine_exposure.h"
 #include "data_loaders/refine/tracks.h"
-#include "data_loaders/scene/depth_kind_of.h"
+#include "data_loaders/scene/depth/depth_kind_of.h"
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/make_views.h"
 #include "data_loaders/scene/scene_model.h"

@@ -5,7 +5,7 @@
 #include <functional>
 #include <string>
 
-#include "data_loaders/scene/depth_agreement.h"
+#include "data_loaders/scene/depth/depth_agreement.h"
 #include "data_loaders/scene/shown_points.h"
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"

@@ -10,7 +10,7 @@
 
 #include "data_loaders/photos/photo_pool.h"
 #include "data_loaders/scene/cached_picture.h"
-#include "data_loaders/scene/depth_map.h"
+#include "data_loaders/scene/depth/depth_map.h"
 #include "data_loaders/scene/view_picture.h"
 #include "data_loaders/video/film_frames.h"
 #include "gs_core/bytes.h"

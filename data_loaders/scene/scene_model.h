@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "data_loaders/colmap/colmap_model.h"
-#include "data_loaders/scene/depth_files.h"
+#include "data_loaders/scene/depth/depth_files.h"
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/scene_files.h"
 #include "gs_core/config/config.h"

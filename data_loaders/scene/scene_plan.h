@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "data_loaders/refine/solve_exposures.h"
-#include "data_loaders/scene/depth_agreement.h"
+#include "data_loaders/scene/depth/depth_agreement.h"
 #include "data_loaders/scene/load_scene.h"
 #include "data_loaders/scene/plan_views.h"
 #include "data_loaders/scene/scene_files.h"

@@ -16,7 +16,7 @@
 #include "data_loaders/colmap/colmap_write.h"
 #include "data_loaders/photos/exr.h"
 #include "data_loaders/photos/photo_names.h"
-#include "data_loaders/scene/depth_map.h"
+#include "data_loaders/scene/depth/depth_map.h"
 #include "data_loaders/scene/plan_views.h"
 #include "data_loaders/scene/view_picture.h"
 #include "gs_core/error.h"

@@ -98,7 +98,8 @@ endfunction()
 
 # gs_test(path [LINK ...]): builds tests/<path>.cpp and links everything. If a library of LINK is
 # missing, the test is left out and named in the summary. The target data_loaders_tests builds all
-# tests of tests/data_loaders, and `ctest -L data_loaders` runs them; other folders likewise.
+# tests of tests/data_loaders and its folders, and `ctest -L data_loaders` runs them; other folders
+# likewise.
 function(gs_test path)
   cmake_parse_arguments(arg "" "" "LINK" ${ARGN})
   foreach(library IN LISTS arg_LINK)
@@ -112,7 +113,7 @@ function(gs_test path)
   target_link_libraries(${name} PRIVATE gs_test_support GTest::gmock_main ${arg_LINK})
   gs_compile_quickly(${name})
   gs_use_precompiled(${name} gs_headers_of_tests)
-  get_filename_component(folder ${path} DIRECTORY)
+  string(REGEX MATCH "^[^/]+" folder ${path})
   gtest_discover_tests(${name} TEST_PREFIX "${path}." PROPERTIES LABELS ${folder} TIMEOUT 600
                        ENVIRONMENT XDG_CACHE_HOME=${CMAKE_CURRENT_BINARY_DIR}/cache
                        DISCOVERY_MODE PRE_TEST WORKING_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR})

@@ -11,7 +11,7 @@ import numpy as np
 import gemsplat
 from support import COURTYARD, SMALL, SMALL_FLAGS, SOURCE, TestCase, camera, in_8_bits, random_arrays, run_program
 
-sys.path.insert(0, str(SOURCE / "tests/train"))
+sys.path.insert(0, str(SOURCE / "tests/train/metrics"))
 import lpips_reference  # noqa: E402
 
 CPU = {"device": "cpu"}

@@ -76,7 +76,7 @@ inline Arrays empty_network(const std::string& network, const std::vector<int>& 
   return arrays;
 }
 
-/// A network whose weights look random. tests/train/lpips_reference.py makes the same one.
+/// A network whose weights look random. tests/train/metrics/lpips_reference.py makes the same one.
 inline Arrays patterned_network(const std::string& network, const std::vector<int>& channels) {
   Arrays arrays = empty_network(network, channels);
   std::uint64_t number = 0;

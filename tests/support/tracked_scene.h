@@ -10,7 +10,7 @@
 #include "data_loaders/colmap/colmap_model.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/random.h"
-#include "tests/data_loaders/lens_cases.h"
+#include "tests/data_loaders/photos/lens_cases.h"
 
 namespace gs {
 

@@ -8,7 +8,7 @@
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/photos/depth_file.h"
 #include "data_loaders/photos/exr.h"
-#include "data_loaders/scene/depth_map.h"
+#include "data_loaders/scene/depth/depth_map.h"
 #include "data_loaders/scene/load_scene.h"
 #include "data_loaders/scene/undistort_scene.h"
 #include "tests/support/colmap_writer.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "data_loaders/scene/depth_files.h"
+#include "data_loaders/scene/depth/depth_files.h"
 
 #include <spdlog/fmt/fmt.h>
 

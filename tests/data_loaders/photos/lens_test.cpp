@@ -6,7 +6,7 @@
 #include <random>
 
 #include "gs_core/error.h"
-#include "tests/data_loaders/lens_cases.h"
+#include "tests/data_loaders/photos/lens_cases.h"
 
 namespace gs {
 namespace {

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "gs_core/error.h"
-#include "tests/data_loaders/lens_cases.h"
+#include "tests/data_loaders/photos/lens_cases.h"
 #include "tests/support/colmap_writer.h"
 
 namespace gs {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "data_loaders/scene/depth_map.h"
+#include "data_loaders/scene/depth/depth_map.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "data_loaders/photos/depth_file.h"
-#include "data_loaders/scene/depth_anchors.h"
+#include "data_loaders/scene/depth/depth_anchors.h"
 #include "gs_core/error.h"
 #include "gs_core/math/depth_loss.h"
 #include "gs_core/threads/parallel.h"

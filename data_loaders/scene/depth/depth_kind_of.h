@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "data_loaders/scene/depth_agreement.h"
+#include "data_loaders/scene/depth/depth_agreement.h"
 #include "data_loaders/scene/plan_views.h"
 #include "gs_core/scene.h"
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "data_loaders/scene/depth_anchors.h"
+#include "data_loaders/scene/depth/depth_anchors.h"
 
 #include <algorithm>
 
-#include "data_loaders/scene/depth_map.h"
+#include "data_loaders/scene/depth/depth_map.h"
 #include "gs_core/math/projection.h"
 
 namespace gs {

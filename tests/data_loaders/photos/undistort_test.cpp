@@ -9,7 +9,7 @@
 
 #include "data_loaders/lenses/resample.h"
 #include "gs_core/error.h"
-#include "tests/data_loaders/lens_cases.h"
+#include "tests/data_loaders/photos/lens_cases.h"
 
 namespace gs {
 namespace {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "data_loaders/scene/depth_kind_of.h"
+#include "data_loaders/scene/depth/depth_kind_of.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-#include "data_loaders/scene/depth_anchors.h"
-#include "data_loaders/scene/depth_map.h"
+#include "data_loaders/scene/depth/depth_anchors.h"
+#include "data_loaders/scene/depth/depth_map.h"
 #include "gs_core/math/depth_loss.h"
 #include "gs_core/math/projection.h"
 
