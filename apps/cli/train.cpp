@@ -3,6 +3,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdlib>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -14,9 +15,11 @@
 #include "apps/cli/verbs.h"
 #include "data_loaders/formats/formats.h"
 #include "gs_app/run/text.h"
+#include "gs_app/session/serve_rank.h"
 #include "gs_app/session/train_session.h"
 #include "gs_app/view/train_viewer.h"
 #include "gs_core/error.h"
+#include "gs_core/processes/process.h"
 
 namespace gs {
 namespace {
@@ -126,12 +129,26 @@ TrainRequest request_of(const TrainCommand& command) {
   return request;
 }
 
-void train(const TrainCommand& command) {
+// srun and mpirun start this program once for each rank, and rank 0 is the run.
+Config with_ranks(Config config, const RankPlace& place) {
+  config.train.ranks = place.count;
+  config.train.rank_processes = true;
+  return config;
+}
+
+void train(const TrainCommand& command, const std::optional<RankPlace>& place) {
   setup_log(command.verbosity());
   if (command.viewer.is_wanted) check_can_view();
   std::optional<TrainViewer> viewer;
   TerminalHooks hooks(command, viewer);
-  TrainSession session(request_of(command), hooks);
+  TrainRequest request = request_of(command);
+  request.rank_program = own_program().string();
+  request.rank_place = place;
+  if (place)
+    request.settings = [&](const Config& start) {
+      return with_ranks(resolve(command, start), *place);
+    };
+  TrainSession session(std::move(request), hooks);
   const struct EndViewer {  // before the session, whose scene it shows
     std::optional<TrainViewer>& viewer;
     ~EndViewer() { viewer.reset(); }
@@ -145,6 +162,11 @@ void train(const TrainCommand& command) {
   if (end == SessionEnd::stopped) say_stopped(session);
   if (!command.quiet) print_summary(session.results(), session.folder());
   if (viewer) viewer->end(session.trainer(), session.results().test);
+}
+
+// Rank 0 has told what went wrong, if anything has.
+void end_rank(ExitCode code) {
+  if (code != ExitCode::done) std::exit(int(code));
 }
 
 }  // namespace
@@ -203,7 +225,21 @@ void add_train(CLI::App& program) {
     command->added_steps = extract_added_steps(command->flags);
     if (command->added_steps && command->resume.empty())
       throw UsageError("--iterations +N extends a finished run: name it with --resume");
-    train(*command);
+    const std::optional<RankPlace> place = rank_place();
+    if (place && place->rank > 0) return end_rank(serve_rank(*place));
+    train(*command, place);
+  });
+}
+
+// Rank 0 starts it. What it needs comes from the environment and from rank 0.
+void add_rank(CLI::App& program) {
+  CLI::App& verb = *program.add_subcommand("rank", "Work as a rank of a run");
+  verb.group("");
+  verb.callback([] {
+    const std::optional<RankPlace> place = rank_place();
+    if (!place || place->rank == 0)
+      throw UsageError("gemsplat train starts this by itself (docs/ranks.md)");
+    end_rank(serve_rank(*place));
   });
 }
 

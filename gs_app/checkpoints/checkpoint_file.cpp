@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/checkpoints/checkpoint_file.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <string>
 
-#include "gs_core/config/config_fields.h"
-#include "gs_core/config/config_text.h"
+#include "gs_core/config/config_limits.h"
+#include "gs_core/config/setting_lines.h"
 #include "gs_core/error.h"
 #include "gs_core/foreign_text.h"
 #include "gs_core/io/checked_file.h"
@@ -21,26 +23,6 @@ namespace {
 constexpr FileKind kKind{"gsckpt\r\n", 1};
 constexpr std::int64_t kMostSteps = 2'000'000'000;         // as int, with some left to count on
 constexpr std::size_t kChunkBytes = std::size_t(1) << 24;  // copied from a device at once
-
-// ---- the config, a line per field --------------------------------------------------------------
-
-std::string text_of(const Config& config) {
-  std::string text;
-  visit_fields(config, [&](const auto& field) {
-    text += fmt::format("{} = {}\n", field.key, toml_text(field.value));
-  });
-  return text;
-}
-
-Config config_of(const std::string& text) {
-  Config config;
-  for (std::size_t begin = 0; begin < text.size();) {
-    const std::size_t end = std::min(text.find('\n', begin), text.size());
-    apply_setting(config, text.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return config;
-}
 
 // ---- numbers that people may want to read ------------------------------------------------------
 
@@ -393,7 +375,7 @@ void apply(const std::filesystem::path& path, const Contents& contents, Checkpoi
   checkpoint.scene.extent = float(numbers.number("extent", 0, kLargest));
   checkpoint.scene.world_offset = numbers.vector("world_offset");
   take_photos_of(numbers.text("photos"), checkpoint.scene.views);
-  checkpoint.config = config_of(contents.config);
+  checkpoint.config = config_of_lines(contents.config);
 }
 
 bool is_sound(const ViewRecord& view) {
@@ -448,7 +430,7 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
                       const TrainingModel& model) {
   CheckedWriter file(path, kKind);
   file.text("about", about(progress, model, scene).dump());
-  file.text("config", text_of(config));
+  file.text("config", setting_lines(config));
   write_views(file, scene.views);
   write_values(file, "strikes", progress.strikes);
   write_values(file, "view_order", progress.view_order);

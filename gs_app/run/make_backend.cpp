@@ -67,13 +67,17 @@ std::unique_ptr<Backend> make_backend(const std::string& device) {
   return make_cuda_backend(device == "auto" ? 0 : cuda_index(device));
 }
 
-std::unique_ptr<Backend> make_training_backend(const TrainConfig& train) {
-  if (train.ranks == 1) return make_backend(train.device);
+void check_has_ranks(const TrainConfig& train) {
   if (!is_cpu(train.device))
     throw UsageError("train.ranks is " + std::to_string(train.ranks) + ", and train.device is " +
                      train.device +
                      ": several ranks train on the CPU only so far; set train.ranks=1, or train "
                      "with --device cpu");
+}
+
+std::unique_ptr<Backend> make_training_backend(const TrainConfig& train) {
+  if (train.ranks == 1) return make_backend(train.device);
+  check_has_ranks(train);
   return make_ranked_backend({train.ranks, double(train.rank_deadline)});
 }
 

@@ -18,6 +18,9 @@ std::unique_ptr<Backend> make_backend(const std::string& device);
 /// Throws UsageError for several ranks elsewhere.
 std::unique_ptr<Backend> make_training_backend(const TrainConfig& train);
 
+/// Throws UsageError where the device of a run has no ranks.
+void check_has_ranks(const TrainConfig& train);
+
 /// Whether this build has CUDA, and how many GPUs the driver then reports.
 bool has_cuda();
 int cuda_device_count();

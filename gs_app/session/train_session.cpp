@@ -8,6 +8,7 @@
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/scene/scene_hash.h"
 #include "gs_app/observers/sight_observer.h"
+#include "gs_app/ranks/shared_scene.h"
 #include "gs_app/report/report_run.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/photometric_file.h"
@@ -22,6 +23,8 @@
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_train/ranks/peer_ranks.h"
+#include "gs_train/ranks/ranked_backend.h"
 
 namespace gs {
 namespace {
@@ -91,7 +94,7 @@ SessionEnd TrainSession::run() {
   check_output();
   if (!is_finished()) lpips_ = make_lpips(config_.eval);  // early, before hours of training
   hooks_.use_threads(config_.train.threads);
-  backend_ = make_training_backend(config_.train);
+  make_backend();
   log_info("training on {} with {} threads", backend_->name(), thread_count());
   get_scene();
   if (is_finished()) return end_finished_run();
@@ -174,6 +177,30 @@ void TrainSession::clear_folder_for_photos() {
     move_run_aside(*folder_, *lock_, inputs());
   else
     move_trained_run_aside(*folder_, *lock_, inputs());
+}
+
+// Ranks that are processes are told of the scene when the trainer announces its views.
+void TrainSession::make_backend() {
+  if (config_.train.ranks == 1 || !config_.train.rank_processes) {
+    backend_ = make_training_backend(config_.train);
+    return;
+  }
+  check_has_ranks(config_.train);
+  if (request_.scene || (request_.rank_program.empty() && !request_.rank_place))
+    throw UsageError(
+        "train.rank_processes is for `gemsplat train` with a scene on disk; leave it off, and "
+        "ranks "
+        "are threads");
+  rank_processes_.emplace(config_.train.ranks, request_.rank_program, request_.rank_place);
+  PeerRules rules;
+  rules.deadline = double(config_.train.rank_deadline);
+  rules.why_lost = [this](int rank) { return rank_processes_->why_lost(rank); };
+  rules.setup = [this] {
+    SharedScene shared = shared_scene(config_, *scene_, scene_hash_);
+    if (!request_.rank_place) shared.threads = std::max(1, thread_count() / config_.train.ranks);
+    return message_of(shared);
+  };
+  backend_ = make_ranked_backend(make_peer_crew(rank_processes_->meet(), std::move(rules)));
 }
 
 void TrainSession::get_scene() {

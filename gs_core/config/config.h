@@ -220,6 +220,7 @@ struct TrainConfig {
   bool deterministic = false;   // the same seed gives the same bytes on a GPU, too
   std::string device = "auto";  // cpu, cuda, cuda:N, auto
   int ranks = 1;                // shards of the Gaussians, each trained by a thread; on the CPU
+  bool rank_processes = false;  // by a process instead
   float rank_deadline = 30;     // seconds without a sign of life after which a rank ends the run
   float photo_gib = 4;          // GPU memory for photos; others are copied when they are needed
   float time_noise = 0;         // on the times of photos, in mean intervals between them

@@ -3,22 +3,13 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <utility>
 #include <vector>
 
-#include "gs_core/error.h"
-#include "gs_train/ranks/rank_backend.h"
-#include "gs_train/ranks/shards.h"
-#include "gs_train/ranks/thread_ranks.h"
+#include "gs_train/stages/scalar_backend.h"
 
 namespace gs {
 namespace {
-
-// What the threads of the ranks work on. A thread that hangs keeps it.
-struct Ranks {
-  std::vector<std::unique_ptr<RankBackend>> backends;
-  std::vector<TrainingModel> shards;
-  Deal deal;
-};
 
 // A model whose rows are with the ranks has no statistics of its own: so the model itself says
 // where its rows are, also where another model lies at the same place.
@@ -29,8 +20,8 @@ bool is_dealt(const TrainingModel& model) {
 // Row operations on the merged model, which the next step deals out again.
 class MergedRows final : public RowOps {
  public:
-  MergedRows(Backend& backend, RowOps& rows, const Ranks& ranks)
-      : backend_(backend), rows_(rows), ranks_(ranks) {}
+  MergedRows(Backend& backend, RowOps& rows, RankCrew& crew)
+      : backend_(backend), rows_(rows), crew_(crew) {}
   RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
                       int step) override {
     return merged(model).refine(model, rules, random, step);
@@ -64,10 +55,7 @@ class MergedRows final : public RowOps {
   void show_current_sh(const TrainingModel& model) override { rows_.show_current_sh(model); }
   void release_caches() override { rows_.release_caches(); }
   std::size_t count_not_finite(const TrainingModel& model) override {
-    if (!is_dealt(model)) return rows_.count_not_finite(model);
-    std::size_t count = 0;
-    for (const TrainingModel& shard : ranks_.shards) count += rows_.count_not_finite(shard);
-    return count;
+    return is_dealt(model) ? crew_.count_not_finite(rows_) : rows_.count_not_finite(model);
   }
 
  private:
@@ -77,27 +65,27 @@ class MergedRows final : public RowOps {
   }
   Backend& backend_;
   RowOps& rows_;
-  const Ranks& ranks_;
+  RankCrew& crew_;
 };
 
 class RankedBackend final : public ScalarBackend {
  public:
-  explicit RankedBackend(const RankOptions& options)
-      : options_(options), threads_(options.count, ThreadRanks::Seconds(options.deadline)),
-        rows_(*this, ScalarBackend::rows(), *ranks_) {
-    for (int rank = 0; rank < options.count; ++rank)
-      ranks_->backends.push_back(std::make_unique<RankBackend>());
-  }
-  std::string name() const override { return fmt::format("cpu ({} ranks)", options_.count); }
+  RankedBackend(std::unique_ptr<RankCrew> crew, std::size_t chunk_rows)
+      : crew_(std::move(crew)), chunk_rows_(chunk_rows),
+        rows_(*this, ScalarBackend::rows(), *crew_) {}
+  std::string name() const override { return fmt::format("cpu ({} ranks)", crew_->count()); }
   RowOps& rows() override { return rows_; }
-  Loss& loss() override { return ranks_->backends[last_drawer_]->loss(); }
+  Loss& loss() override { return crew_->loss(); }
   void use_loss(const std::string& kind) override {
     ScalarBackend::use_loss(kind);
-    for (const auto& rank : ranks_->backends) rank->use_loss(kind);
+    crew_->use_loss(kind);
   }
   void use_photometric(std::shared_ptr<const PhotometricModel> photometric) override {
     ScalarBackend::use_photometric(photometric);
-    for (const auto& rank : ranks_->backends) rank->use_photometric(photometric);
+    crew_->use_photometric(photometric);
+  }
+  void upload_views(const std::vector<View>& views, std::size_t) override {
+    crew_->announce(views);
   }
   bool can_update_lazily() const override { return false; }
 
@@ -105,79 +93,53 @@ class RankedBackend final : public ScalarBackend {
   void step(TrainingModel& model, Span<const TrainingPhoto> batch,
             const LossSettings& loss_settings, const Update& update,
             const DensityStep& density) override {
-    check_has_all_ranks();
     // The statistics of the merged model have their sums from now on.
     if (density.fragment_statistic() != FragmentStatistic::none) begin_sums(model);
     if (!is_dealt(model)) deal(model);
-    const std::vector<TrainingPhoto> photos(batch.begin(), batch.end());
-    const int steps_before = ranks_->shards.front().adam_steps;
-    try {
-      threads_.run([=, ranks = ranks_](Communicator& communicator) {
-        const std::size_t rank = std::size_t(communicator.rank());
-        const RankStep now{&communicator, ranks->deal, {photos.data(), photos.size()}};
-        ranks->backends[rank]->step(now, ranks->shards[rank], loss_settings, update, density);
-      });
-    } catch (...) {
-      note_failure(steps_before);
-      throw;
-    }
-    last_drawer_ = (batch.size - 1) % std::size_t(options_.count);
+    crew_->step({{batch.begin(), batch.end()}, loss_settings, update, density});
     // The cameras of the next step are made from them.
-    if (!model.poses.empty()) take_learned(ranks_->shards.front().poses, model.poses);
+    if (!model.poses.empty()) take_learned(crew_->first_shard().poses, model.poses);
   }
 
   void synchronize(TrainingModel& model) override {
     if (!is_dealt(model)) return;
-    check_has_all_ranks();
-    GS_CHECK(ranks_->deal.rows == model.count());
-    // In a step that failed, some ranks may not have come to it.
-    if (model.statistics.has_sums)
-      for (TrainingModel& shard : ranks_->shards) begin_sums(shard);
     model.statistics.visits.resize(model.count());
-    merge(ranks_->shards, ranks_->deal, model);
+    try {
+      crew_->gather(model);
+    } catch (...) {
+      model.statistics.visits.resize(0);  // it is still with the ranks
+      throw;
+    }
     shards_are_in_use_ = false;
   }
 
   void release_caches() override {
     ScalarBackend::release_caches();
-    if (threads_.has_lost_rank()) return;  // its thread may still use them
-    for (const auto& rank : ranks_->backends) rank->release_caches();
-    if (!shards_are_in_use_) ranks_->shards.clear();
+    crew_->release(shards_are_in_use_);
   }
 
  private:
   void deal(TrainingModel& model) {
-    ranks_->deal = {options_.count, model.count(), options_.chunk_rows};
-    deal_out(model, ranks_->deal, ranks_->shards);
+    crew_->deal(model, {crew_->count(), model.count(), chunk_rows_});
     model.statistics.visits.resize(0);
     shards_are_in_use_ = true;
   }
 
-  void note_failure(int steps_before) {
-    if (!threads_.has_lost_rank())
-      for (const TrainingModel& shard : ranks_->shards)
-        if (shard.adam_steps != steps_before) shards_differ_ = true;
-  }
-
-  void check_has_all_ranks() const {
-    if (threads_.has_lost_rank() || shards_differ_)
-      throw Error(
-          "a rank has failed, and the model of this run is lost; go on from its last checkpoint "
-          "(--resume)");
-  }
-
-  const RankOptions options_;
-  const std::shared_ptr<Ranks> ranks_ = std::make_shared<Ranks>();
-  ThreadRanks threads_;
+  const std::unique_ptr<RankCrew> crew_;
+  const std::size_t chunk_rows_;
   MergedRows rows_;
-  std::size_t last_drawer_ = 0;  // the rank that drew the last photo of the last batch
-  bool shards_are_in_use_ = false, shards_differ_ = false;
+  bool shards_are_in_use_ = false;
 };
 
 }  // namespace
 
 std::unique_ptr<Backend> make_ranked_backend(const RankOptions& options) {
-  return std::make_unique<RankedBackend>(options);
+  return make_ranked_backend(make_thread_crew(options.count, options.deadline), options.chunk_rows);
+}
+
+std::unique_ptr<Backend> make_ranked_backend(std::unique_ptr<RankCrew> crew,
+                                             std::size_t chunk_rows) {
+  return std::make_unique<RankedBackend>(std::move(crew), chunk_rows);
 }
 
 }  // namespace gs

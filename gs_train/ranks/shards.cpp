@@ -15,26 +15,26 @@ void for_each_chunk_of(const Deal& deal, int rank, F&& f) {
     f(deal.global_of(rank, local), local, std::min(deal.chunk_rows, deal.count_of(rank) - local));
 }
 
-void take_shape(TrainingModel& shard, const TrainingModel& model, std::size_t count) {
+}  // namespace
+
+void take_shape_of(const TrainingModel& model, std::size_t count, TrainingModel& shard) {
   shard.has_codes = model.has_codes;
   shard.set_learned_arrays(model.gaussians);
   shard.gaussians.has_filter = model.gaussians.has_filter;
   shard.statistics.has_sums = model.statistics.has_sums;
   shard.adam_steps = model.adam_steps;
   shard.first_count = model.first_count;
-  // What is learned of photos has a copy on every rank, and all of them change alike.
-  shard.photometric = copy_to(host_memory(), model.photometric);
-  shard.poses = model.poses;
   for_each_row_array([count](const RowArray&, auto& array) { array.resize_discard(count); }, shard);
 }
-
-}  // namespace
 
 void deal_out(const TrainingModel& model, const Deal& deal, std::vector<TrainingModel>& shards) {
   shards.resize(std::size_t(deal.ranks));
   for (int rank = 0; rank < deal.ranks; ++rank) {
     TrainingModel& shard = shards[std::size_t(rank)];
-    take_shape(shard, model, deal.count_of(rank));
+    take_shape_of(model, deal.count_of(rank), shard);
+    // What is learned of photos has a copy on every rank, and all of them change alike.
+    shard.photometric = copy_to(host_memory(), model.photometric);
+    shard.poses = model.poses;
     for_each_row_array(
         [&](const RowArray&, auto& to, const auto& from) {
           for_each_chunk_of(deal, rank, [&](std::size_t row, std::size_t local, std::size_t count) {

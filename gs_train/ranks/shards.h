@@ -9,6 +9,9 @@
 
 namespace gs {
 
+/// Gives a shard `count` rows, which are undefined, in the arrays that the model has.
+void take_shape_of(const TrainingModel& model, std::size_t count, TrainingModel& shard);
+
 /// Gives each shard its rows of all arrays, and the counts that belong to the whole model. Throws
 /// Error where memory runs out; the model does not change.
 void deal_out(const TrainingModel& model, const Deal& deal, std::vector<TrainingModel>& shards);

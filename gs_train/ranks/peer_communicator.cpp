@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_train/ranks/peer_communicator.h"
+
+#include "gs_core/error.h"
+#include "gs_core/processes/packing.h"
+
+namespace gs {
+namespace {
+
+std::vector<std::byte> packed(const std::vector<Message>& messages) {
+  Packer packer;
+  for (const Message& message : messages) packer.list(message);
+  return packer.take();
+}
+
+std::vector<Message> unpacked(const std::vector<std::byte>& bytes, std::size_t count) {
+  Unpacker unpacker(bytes);
+  std::vector<Message> messages(count);
+  for (Message& message : messages) message = unpacker.list<std::byte>();
+  return messages;
+}
+
+}  // namespace
+
+Frame next_frame(PeerSocket& peer, PeerSocket::Seconds deadline,
+                 const std::function<void()>& idle) {
+  auto sign = std::chrono::steady_clock::now();
+  for (;;) {
+    if (peer.has_more(deadline / 8)) {
+      Frame frame = peer.receive(deadline);
+      if (RankFrame(frame.kind) != RankFrame::alive) return frame;
+      sign = std::chrono::steady_clock::now();
+    } else if (std::chrono::steady_clock::now() - sign > deadline) {
+      throw PeerLost{true};
+    }
+    idle();
+  }
+}
+
+LeaderCommunicator::LeaderCommunicator(std::vector<PeerSocket>& peers, PeerSocket::Seconds deadline)
+    : peers_(peers), deadline_(deadline), signs_(peers.size(), LifeSigns(deadline)) {}
+
+// Every rank sends all its messages to rank 0, which passes them on.
+std::vector<Message> LeaderCommunicator::exchange(std::vector<Message> outgoing) {
+  const std::size_t count = peers_.size() + 1;
+  GS_CHECK(outgoing.size() == count);
+  std::vector<std::vector<Message>> sent = {std::move(outgoing)};
+  for (int rank = 1; rank < int(count); ++rank)
+    sent.push_back(unpacked(receive(rank, RankFrame::exchange), count));
+  const auto messages_to = [&](std::size_t rank) {
+    std::vector<Message> messages;
+    for (std::vector<Message>& of_one : sent) messages.push_back(std::move(of_one[rank]));
+    return messages;
+  };
+  for (std::size_t rank = 1; rank < count; ++rank)
+    send(int(rank), RankFrame::exchange, packed(messages_to(rank)));
+  return messages_to(0);
+}
+
+void LeaderCommunicator::sign_of_life() {
+  for (std::size_t i = 0; i < peers_.size(); ++i) try {
+      signs_[i].send(peers_[i]);
+    } catch (const PeerLost& lost) {
+      throw RankFailed{int(i) + 1, {}, lost};
+    }
+}
+
+void LeaderCommunicator::send(int rank, RankFrame kind, const std::vector<std::byte>& bytes) {
+  try {
+    peers_[std::size_t(rank - 1)].send(std::uint32_t(kind), bytes, deadline_);
+  } catch (const PeerLost& lost) {
+    throw RankFailed{rank, {}, lost};
+  }
+}
+
+void LeaderCommunicator::send_all(RankFrame kind, const std::vector<std::byte>& bytes) {
+  for (int rank = 1; rank < count(); ++rank) send(rank, kind, bytes);
+}
+
+std::vector<std::byte> LeaderCommunicator::receive(int rank, RankFrame kind) {
+  try {
+    Frame frame = next_frame(peers_[std::size_t(rank - 1)], deadline_, [this] { sign_of_life(); });
+    if (RankFrame(frame.kind) == RankFrame::failed) throw RankFailed{rank, std::move(frame.bytes)};
+    GS_CHECK(RankFrame(frame.kind) == kind);
+    return std::move(frame.bytes);
+  } catch (const PeerLost& lost) {
+    throw RankFailed{rank, {}, lost};
+  }
+}
+
+std::vector<std::byte> LeaderCommunicator::wait_for(int rank, RankFrame kind) {
+  constexpr PeerSocket::Seconds kAnHour{3600};
+  try {
+    while (!peers_[std::size_t(rank - 1)].has_more(kAnHour)) {
+    }
+  } catch (const PeerLost& lost) {
+    throw RankFailed{rank, {}, lost};
+  }
+  return receive(rank, kind);
+}
+
+std::vector<Message> FollowerCommunicator::exchange(std::vector<Message> outgoing) {
+  leader_.send(std::uint32_t(RankFrame::exchange), packed(outgoing), deadline_);
+  const Frame frame = next_frame(leader_, deadline_, [] {});
+  GS_CHECK(RankFrame(frame.kind) == RankFrame::exchange);
+  return unpacked(frame.bytes, std::size_t(count_));
+}
+
+}  // namespace gs
