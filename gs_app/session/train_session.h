@@ -57,8 +57,8 @@ enum class SessionEnd {
 ///
 /// The parts of a run, in this order:
 ///   find the run to resume, lock the folder, read the network of LPIPS, make the backend,
-///   reconstruct bare photos, load the scene, make the trainer, write the run's description, train, save the model, evaluate, write
-///   results and report, export
+///   reconstruct bare photos, load the scene, make the trainer, write the run's description, train,
+///   save the model, evaluate, write results and report, export
 class TrainSession {
  public:
   /// Throws UsageError or Error where a format of `exports` cannot be written.

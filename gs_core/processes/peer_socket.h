@@ -50,8 +50,8 @@ class PeerSocket {
 /// Where peers connect.
 class PeerListener {
  public:
-  /// A free port of this machine: for its own programs, or for all that reach it. Throws Error.
-  enum class Reach { own_machine, all };
+  enum class Reach { own_machine, all };  // who may connect
+  /// Opens a free port. Throws Error.
   explicit PeerListener(Reach reach);
 
   int port() const { return port_; }
