@@ -12,7 +12,8 @@ Contributions contributions_of(Renderer& renderer, const GaussiansSpan& gaussian
                                const std::vector<Camera>& cameras, const RenderSettings& settings,
                                bool show_progress) {
   const std::size_t count = gaussians.mean.size;
-  Contributions result{std::vector<float>(count), std::vector<std::uint32_t>(count)};
+  Contributions result{std::vector<float>(count), std::vector<float>(count),
+                       std::vector<std::uint32_t>(count)};
   ContributionMeter meter(renderer, gaussians, settings);
   ProgressBar bar(std::int64_t(cameras.size()), show_progress);
   std::int64_t done = 0;
@@ -20,6 +21,7 @@ Contributions contributions_of(Renderer& renderer, const GaussiansSpan& gaussian
     const std::vector<float>& shares = meter.measure(camera);
     for (std::size_t i = 0; i < count; ++i) {
       result.largest[i] = std::max(result.largest[i], shares[i]);
+      result.sum[i] += shares[i];
       result.views[i] += shares[i] >= kLeastSeen;
     }
     if (bar.due(++done)) bar.draw(done, "contributions", "view");

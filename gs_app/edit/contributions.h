@@ -15,6 +15,7 @@ inline constexpr float kLeastSeen = 1.0f / 255;
 /// (N) each, over the pictures of some cameras (contribution.h).
 struct Contributions {
   std::vector<float> largest;        // pixels: the largest contribution to one picture
+  std::vector<float> sum;            // pixels: those to all pictures
   std::vector<std::uint32_t> views;  // that see the Gaussian
 };
 

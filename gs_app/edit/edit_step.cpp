@@ -109,25 +109,32 @@ EditStep restoring_frame(const std::string& what, const std::string&, const Edit
 
 // --- Making less
 
+// Where cameras are known, what they show of each Gaussian says which merges they see.
+void merge_to(EditSession& session, std::size_t count) {
+  const GaussianModel& model = session.model.model;
+  const std::size_t all = model.gaussians.count();
+  DecimateOptions merging;
+  if (!session.model.cameras.empty() && !model.gaussians.has_time && count < all) {
+    std::optional<Gaussians> storage;
+    merging.importance = importance_of(training_contributions(session.model, session.tools).sum,
+                                       coverages_of(drawn_gaussians(model, storage)));
+  }
+  ProgressBar bar(std::int64_t(all - std::min(all, count)), session.tools.show_progress);
+  merging.on_progress = [&](std::size_t done, std::size_t) {
+    if (bar.due(std::int64_t(done))) bar.draw(std::int64_t(done), "merges", "Gaussian");
+  };
+  decimate_by_merging(session.model, count, merging);
+  bar.clear();
+}
+
 EditStep decimating(const std::string& what, const std::string& value, const EditOptions& options) {
   const Amount amount = amount_of(value, what);
-  if (!options.decimates_by_merging) {
-    EditStep step = silent(what, [amount](EditSession& s) {
-      decimate_by_dropping(s, amount.of(s.model.model.gaussians.count()));
-    });
-    step.likes_cameras = true;
-    return step;
-  }
-  return silent(what, [amount](EditSession& s) {
-    const std::size_t all = s.model.model.gaussians.count();
-    ProgressBar bar(std::int64_t(all - std::min(all, amount.of(all))), s.tools.show_progress);
-    DecimateOptions merging;
-    merging.on_progress = [&](std::size_t done, std::size_t) {
-      if (bar.due(std::int64_t(done))) bar.draw(std::int64_t(done), "merges", "Gaussian");
-    };
-    decimate_by_merging(s.model, amount.of(all), merging);
-    bar.clear();
+  const auto decimate = options.decimates_by_merging ? merge_to : decimate_by_dropping;
+  EditStep step = silent(what, [amount, decimate](EditSession& s) {
+    decimate(s, amount.of(s.model.model.gaussians.count()));
   });
+  step.likes_cameras = true;
+  return step;
 }
 
 EditStep limiting_sh(const std::string& what, const std::string& value, const EditOptions&) {

@@ -138,7 +138,8 @@ class Decimation {
     parallel_for(pairs.size(), 64, [&](std::size_t n) {
       const std::uint32_t both[2] = {pairs[n].a, pairs[n].b};
       const MergeShape shape = merged_shape(shapes_[both[0]], shapes_[both[1]]);
-      merge_gaussians(g_, both, 2, g_, both[0]);
+      const float importance[2] = {shapes_[both[0]].importance, shapes_[both[1]].importance};
+      merge_gaussians(g_, both, 2, g_, both[0], importance);
       shapes_[both[0]] = merge_shape_of(g_, both[0], shape.importance);
       target_[both[1]] = both[0];
     });
@@ -204,6 +205,15 @@ std::vector<std::uint32_t> spread_out(const std::vector<std::uint32_t>& places,
 }
 
 }  // namespace
+
+std::vector<float> importance_of(const std::vector<float>& contributions,
+                                 const std::vector<float>& coverages) {
+  GS_CHECK(contributions.size() == coverages.size());
+  std::vector<float> importance(contributions.size(), 0.0f);
+  for (std::size_t i = 0; i < importance.size(); ++i)
+    if (coverages[i] > 0) importance[i] = contributions[i] / coverages[i];
+  return importance;
+}
 
 std::vector<std::uint32_t> rendered_rows(const Gaussians& gaussians) {
   std::vector<std::uint32_t> rows;

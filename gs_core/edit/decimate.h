@@ -12,7 +12,8 @@ namespace gs {
 struct DecimateOptions {
   // How many other Gaussians each one may be merged with: its nearest by means.   2 to 16
   int neighbors = 10;
-  // (N) factors of the costs, such as the pixels that cameras see of each Gaussian; empty: 1
+  // (N) how much pictures show of each Gaussian for its mass, up to a factor (importance_of());
+  // empty: nothing is known
   std::vector<float> importance = {};
   // Called now and then by the calling thread with the merges done and all merges; may be empty.
   // What it throws leaves decimate(), and the Gaussians are then undefined.
@@ -21,6 +22,13 @@ struct DecimateOptions {
   // null.
   std::vector<std::uint32_t>* merged_into = nullptr;
 };
+
+/// (N) DecimateOptions::importance, from what all pictures together show of each Gaussian.
+///
+/// contributions   (N) sums over pictures of the blending weights of its pixels
+/// coverages       (N) as coverages_of() has them
+std::vector<float> importance_of(const std::vector<float>& contributions,
+                                 const std::vector<float>& coverages);
 
 inline constexpr std::uint32_t kNotRendered = std::numeric_limits<std::uint32_t>::max();
 

@@ -96,12 +96,18 @@ struct Merged {
   double opacity, area, importance;
 };
 
+// The share of the first of two weights.
+double share_of(double a, double b, double if_both_are_0) {
+  return a + b > 0 ? a / (a + b) : if_both_are_0;
+}
+
 Merged merge(const MergeShape& a, const MergeShape& b) {
-  const double mass = double(a.mass()) + double(b.mass());
-  const double wa = mass > 0 ? a.mass() / mass : 0.5, wb = 1 - wa;
+  const double ma = a.mass(), mb = b.mass(), mass = ma + mb;
+  const double wa = share_of(ma, mb, 0.5), wb = 1 - wa;
+  const double va = share_of(ma * a.importance, mb * b.importance, wa), vb = 1 - va;
   Merged m;
   m.mean = wa * Vec3d(a.mean) + wb * Vec3d(b.mean);
-  m.color = wa * Vec3d(a.color) + wb * Vec3d(b.color);
+  m.color = va * Vec3d(a.color) + vb * Vec3d(b.color);
   m.sigma = {};
   add(m.sigma, wa, in_double(a.sigma), Vec3d(a.mean) - m.mean);
   add(m.sigma, wb, in_double(b.sigma), Vec3d(b.mean) - m.mean);
@@ -155,33 +161,40 @@ double merge_cost(const MergeShape& a, const MergeShape& b) {
     sum += 0.5 * (aa * std::sqrt(pa.det) + bb * std::sqrt(pb.det) + mm * std::sqrt(pm.det)) +
            ab * overlap(pa, pb) + am * overlap(pa, pm) + bm * overlap(pb, pm);
   }
-  return std::max(0.0, m.importance * 2 * std::numbers::pi / 3 * sum);
+  const double importance = std::max(a.importance, b.importance);
+  return std::max(0.0, importance * 2 * std::numbers::pi / 3 * sum);
 }
 
 void merge_gaussians(const Gaussians& from, const std::uint32_t* rows, std::size_t count,
-                     const Gaussians& to, std::size_t to_row) {
+                     const Gaussians& to, std::size_t to_row, const float* importance) {
   GS_CHECK(count > 0 && !from.has_time && !from.has_filter);
   const auto mass_of = [&](std::size_t i) {
     return double(sigmoid(double(from.logit_opacity[i]))) * ellipsoid_area(variance_of(from, i));
   };
-  double mass = 0;
-  for (std::size_t k = 0; k < count; ++k) mass += mass_of(rows[k]);
-  const auto weight = [&](std::size_t i) {
-    return mass > 0 ? mass_of(i) / mass : 1 / double(count);
+  const auto shown_of = [&](std::size_t k) {
+    return mass_of(rows[k]) * (importance ? double(importance[k]) : 1.0);
+  };
+  double mass = 0, shown = 0;
+  for (std::size_t k = 0; k < count; ++k) mass += mass_of(rows[k]), shown += shown_of(k);
+  const auto weight = [&](std::size_t k) {
+    return mass > 0 ? mass_of(rows[k]) / mass : 1 / double(count);
+  };
+  const auto color_weight = [&](std::size_t k) {
+    return shown > 0 ? shown_of(k) / shown : weight(k);
   };
   Vec3d mean(0.0), sh0(0.0), rest[kShRestCount];
   std::fill(rest, rest + kShRestCount, Vec3d(0.0));
   for (std::size_t k = 0; k < count; ++k) {
     const std::uint32_t i = rows[k];
-    const double w = weight(i);
-    mean += w * Vec3d(from.mean[i]);
-    sh0 += w * Vec3d(from.sh0[i]);
-    for (int c = 0; c < kShRestCount; ++c) rest[c] += w * Vec3d(from.sh_rest[i].coefficient[c]);
+    const double v = color_weight(k);
+    mean += weight(k) * Vec3d(from.mean[i]);
+    sh0 += v * Vec3d(from.sh0[i]);
+    for (int c = 0; c < kShRestCount; ++c) rest[c] += v * Vec3d(from.sh_rest[i].coefficient[c]);
   }
   Sym3<double> sigma{};
   for (std::size_t k = 0; k < count; ++k) {
     const std::uint32_t i = rows[k];
-    add(sigma, weight(i), covariance_of(from, i), Vec3d(from.mean[i]) - mean);
+    add(sigma, weight(k), covariance_of(from, i), Vec3d(from.mean[i]) - mean);
   }
   const SymmetricEigen axes = symmetric_eigen(sigma);
   const double largest = std::max({axes.value.x, axes.value.y, axes.value.z, 1e-60});

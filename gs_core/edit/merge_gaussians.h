@@ -14,7 +14,7 @@ struct MergeShape {
   float opacity;      // 0..1
   float area;         // surface of the ellipsoid of one standard deviation, world units^2
   Vec3f color;        // of degree 0, 0.5 + C0 sh0
-  float importance;   // factor of the cost, 1 where nothing is known
+  float importance;   // how much pictures show of it for its mass, up to a factor; 1: not known
 
   float mass() const { return opacity * area; }  // the weight of this Gaussian in a merge
 };
@@ -34,7 +34,8 @@ MergeShape merge_shape_of(const Gaussians& gaussians, std::size_t i, float impor
 ///
 ///   w_i = m_i / sum m,  m_i = opacity_i A_i                    (half each where both are 0)
 ///   mu = sum w_i mu_i,  Sigma = sum w_i (Sigma_i + (mu_i - mu)(mu_i - mu)^T)
-///   color = sum w_i color_i,  opacity = min(1, sum m_i / A(Sigma))
+///   opacity = min(1, sum m_i / A(Sigma)),  importance = sum w_i importance_i
+///   color = sum v_i color_i,  v_i = m_i importance_i / sum m importance: as pictures show it
 MergeShape merged_shape(const MergeShape& a, const MergeShape& b);
 
 /// How much a picture changes if two Gaussians are merged. A splat is taken as opacity times a 2D
@@ -42,22 +43,24 @@ MergeShape merged_shape(const MergeShape& a, const MergeShape& b);
 /// that it replaces is integrated over the plane, in closed form, and averaged over views along
 /// the three axes:
 ///
-///   cost = importance / 3 sum over x, y, z of
+///   cost = max(importance_a, importance_b) / 3 sum over x, y, z of
 ///          integral |o_a c_a G_a + o_b c_b G_b - o_m c_m G_m|^2,   c = (red, green, blue, 1)
 ///
 ///   integral G_a G_b = 2 pi sqrt(|S_a| |S_b| / |S_a + S_b|) exp(-d^T (S_a + S_b)^-1 d / 2)
 ///
 /// with the 2x2 covariances S of each view. The 1 in c counts what is covered, so that black ones
-/// are not merged for free. The importance is the mean of both, weighted by their masses.
+/// are not merged for free. The larger importance counts: a hidden Gaussian must not take the place
+/// of a visible one.
 ///
 /// Returns world units^2, at least 0. Never throws.
 double merge_cost(const MergeShape& a, const MergeShape& b);
 
 /// Merges `count` rows of `from` into row `to_row` of `to`: the moments of merged_shape(), for any
-/// number, and every SH coefficient sum w_i c_i. `to` may be `from`. Opacities stay below 0.9999,
+/// number, and every SH coefficient sum v_i c_i. `importance` has one value for each of the rows;
+/// null: 1. `to` may be `from`. Opacities stay below 0.9999,
 /// so that logits are finite. Host memory; Gaussians without time and without a 3D filter
 /// (bake_filter.h), with finite values and rotations of any length above 0; `count` is at least 1.
 void merge_gaussians(const Gaussians& from, const std::uint32_t* rows, std::size_t count,
-                     const Gaussians& to, std::size_t to_row);
+                     const Gaussians& to, std::size_t to_row, const float* importance = nullptr);
 
 }  // namespace gs

@@ -127,8 +127,27 @@ TEST(MergeCost, IsTheIntegralOfTheSquaredDifference) {
             sum += off * off * kStep * kStep / 3;
           }
         }
-    EXPECT_NEAR(merge_cost(a, near), m.importance * sum, 1e-3 * m.importance * sum);
+    const double expected = double(std::max(a.importance, near.importance)) * sum;
+    EXPECT_NEAR(merge_cost(a, near), expected, 1e-3 * expected);
   }
+}
+
+TEST(MergeCost, CountsWhatPicturesShow) {
+  const Gaussians g = cloud(2);
+  MergeShape hidden = merge_shape_of(g, 0, 0), seen = merge_shape_of(g, 1, 3);
+  EXPECT_EQ(merge_cost(hidden, hidden), 0);
+  MergeShape as_important = hidden;
+  as_important.importance = 3;
+  // The hidden one's color is not seen, and so no reason against the merge or for its result.
+  EXPECT_LE(merge_cost(hidden, seen), merge_cost(as_important, seen));
+  EXPECT_EQ(merged_shape(hidden, seen).color, seen.color);
+  EXPECT_LT(merged_shape(hidden, seen).importance, seen.importance);
+  const std::uint32_t rows[] = {0, 1};
+  const float importance[] = {0, 3};
+  Gaussians out = copy_of(g);
+  merge_gaussians(g, rows, 2, out, 0, importance);
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(out.sh0[0][k], g.sh0[1][k], kFloat);
+  EXPECT_EQ(importance_of({8, 5, 0}, {2, 0, 1}), (std::vector<float>{4, 0, 0}));
 }
 
 TEST(MergeCost, EqualOnesCostLessThanDistantOnesAndOnesOfAnotherColor) {

@@ -96,7 +96,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_train/initialize", {"gs_train/photometric", "gs_train/poses"}},
     {"gs_train/metrics", {}},
     {"gs_train/stages", {"gs_train/photometric"}},
-    {"gs_train/ranks", {"gs_train/stages"}},
+    {"gs_train/ranks", {"gs_train/photometric", "gs_train/stages"}},
     {"gs_train/loop",
      {"gs_train/density", "gs_train/initialize", "gs_train/photometric", "gs_train/poses"}},
     {"gs_app/run", {}},

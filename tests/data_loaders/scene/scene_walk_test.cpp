@@ -59,7 +59,7 @@ Walk walk_in_readme() {
   const std::string text = text_of(kRoot / "scene/README.md");
   const std::size_t detours = text.find("Detours");
   EXPECT_NE(detours, text.npos);
-  static const std::regex kName("[a-z_]+/[a-z_]*(\\.cpp)?");
+  static const std::regex kName("[a-z_]+/[a-z_/]*(\\.cpp)?");
   Walk walk;
   const std::size_t first = text.find("1. ");
   for (std::sregex_iterator at(text.begin() + std::ptrdiff_t(first), text.end(), kName), end;
