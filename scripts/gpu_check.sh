@@ -5,7 +5,7 @@
 #   scripts/gpu_check.sh [--out DIR] [--runs N] [--iterations N] [SCENE...]
 #     --out DIR        where to [out/gpu_check]
 #     --runs N         train each scene so often, with seeds 1 to N [3]
-#     --iterations N   training steps [30000]
+#     --iterations N   training steps [as the defaults have it]
 # Needs nvcc, g++, CMake, ninja or make, python3, and the headers of scripts/pack_headers.sh in .deps. Where there is no git,
 # GS_COMMIT may name the commit.
 set -euo pipefail

@@ -36,7 +36,7 @@ void check(const GeorefCommand& command) {
     throw UsageError("--gps, --crs and --origin are three ways to say where a scene is; give one");
   if (is_above_sea(command) != command.has_geoid)
     throw UsageError(
-        "--heights sea-level and --geoid METRES belong together: sea level is so many metres above "
+        "--heights sea-level and --geoid METERS belong together: sea level is so many meters above "
         "the ellipsoid there, -107 to 86");
 }
 
@@ -61,7 +61,7 @@ GeorefFile by_origin(const GeorefCommand& command) {
   if (!is_on_earth(origin))
     throw UsageError(
         "--origin is not LONGITUDE,LATITUDE,HEIGHT of a place on earth, in degrees "
-        "and metres");
+        "and meters");
   return {{origin, {}}, "an origin"};
 }
 
@@ -124,7 +124,7 @@ void georef(const GeorefCommand& command) {
   if (!is_above_sea(command) && command.crs != "EPSG:4978")
     log_info(
         "heights are taken as heights above the ellipsoid; if they are above sea level, add "
-        "--heights sea-level --geoid METRES");
+        "--heights sea-level --geoid METERS");
   keep_older_aside(path);
   write_georef(path, file);
   if (!command.quiet) std::cout << summary_of(path, file, command.most_distance);
@@ -142,15 +142,15 @@ void add_source_options(CLI::App& verb, GeorefCommand& command) {
       ->type_name("EPSG:CODE")
       ->group("Place");
   verb.add_option("--origin", command.origin,
-                  "the scene's coordinates are metres east, north and up of this place")
+                  "the scene's coordinates are meters east, north and up of this place")
       ->delimiter(',')
       ->expected(3)
       ->type_name("LON,LAT,HEIGHT")
       ->group("Place");
   verb.add_option("--max-distance", command.most_distance,
-                  "a camera may be so far from its GPS place, in metres, and count [5]")
+                  "a camera may be so far from its GPS place, in meters, and count [5]")
       ->check(CLI::Range(0.001, 10'000.0))
-      ->type_name("METRES")
+      ->type_name("METERS")
       ->group("Place");
   verb.add_option("--heights", command.heights,
                   "heights are above the ellipsoid of WGS 84, or above sea level [ellipsoid]")
@@ -158,9 +158,9 @@ void add_source_options(CLI::App& verb, GeorefCommand& command) {
       ->type_name("ellipsoid|sea-level")
       ->group("Place");
   verb.add_option("--geoid", command.geoid,
-                  "sea level is so many metres above the ellipsoid there; with --heights sea-level")
+                  "sea level is so many meters above the ellipsoid there; with --heights sea-level")
       ->check(CLI::Range(-120.0, 120.0))
-      ->type_name("METRES")
+      ->type_name("METERS")
       ->group("Place");
 }
 

@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kEarthCentered = 4978;        // EPSG
 constexpr double kMostTurnError = 0.1;      // radians; a house of 20 m would lean 2 m
-constexpr double kHighestCamera = 100'000;  // metres; beyond, the coordinates are of another system
+constexpr double kHighestCamera = 100'000;  // meters; beyond, the coordinates are of another system
 
 /// Camera centers and places, pair by pair.
 struct PlacedCameras {
@@ -89,7 +89,7 @@ Georeference georeference_of_utm(const UtmZone& zone, const Vec3d& center, doubl
 }
 
 bool is_in_utm(const Vec3d& at) {
-  return at.x > 0 && at.x < 1e6 && at.y >= 0 && at.y <= 1e7;  // metres, all that zones hold
+  return at.x > 0 && at.x < 1e6 && at.y >= 0 && at.y <= 1e7;  // meters, all that zones hold
 }
 
 }  // namespace
@@ -124,7 +124,7 @@ Georeference georeference_of_epsg(const ColmapModel& model, int epsg, double geo
   if (!fits || std::abs(zone ? center.z : 0) > kHighestCamera)
     throw Error(fmt::format(
         "the cameras stand about {}, which is nowhere in EPSG:{}; name the system of the scene's "
-        "coordinates (--crs), or --origin if they are metres east, north and up of a place",
+        "coordinates (--crs), or --origin if they are meters east, north and up of a place",
         text_of_offset(center), epsg));
   return zone ? georeference_of_utm(*zone, center, geoid_height) : georeference_of_ecef(center);
 }

@@ -13,8 +13,8 @@
 namespace gs {
 
 struct GpsFitOptions {
-  double most_distance = 5;  // metres between a camera and its GPS place; phones are 3 to 5 off
-  double geoid_height = 0;   // metres to add to the places' heights
+  double most_distance = 5;  // meters between a camera and its GPS place; phones are 3 to 5 off
+  double geoid_height = 0;   // meters to add to the places' heights
 };
 
 /// A fit of a scene to the GPS places of its photos.

@@ -20,7 +20,7 @@ using Rows = std::vector<std::vector<double>>;
 
 constexpr int kVersion1 = 1;
 constexpr double kTurnTolerance = 1e-6;  // of inner products: rows are written with all digits
-constexpr double kMostMetres = 1e9;      // of a unit, and of a scene's zero from the origin
+constexpr double kMostMeters = 1e9;      // of a unit, and of a scene's zero from the origin
 constexpr const char* kRemedy = "write it again with `gemsplat georef`";
 
 Json rows_of(const Similarity& similarity) {
@@ -51,9 +51,9 @@ Similarity similarity_of(const std::filesystem::path& path, const Rows& rows) {
                 row_of(rows, 2) / result.scale};
     result.shift = {rows[0][3], rows[1][3], rows[2][3]};
   }
-  const bool is_sound = is_4x4(rows) && result.scale > 0 && result.scale <= kMostMetres &&
+  const bool is_sound = is_4x4(rows) && result.scale > 0 && result.scale <= kMostMeters &&
                         is_rotation(result.R, kTurnTolerance) &&
-                        length(result.shift) <= kMostMetres;
+                        length(result.shift) <= kMostMeters;
   if (!is_sound)
     cannot_read(path,
                 fmt::format("enu_from_input does not turn, scale evenly and shift; {}", kRemedy));

@@ -4,8 +4,8 @@
 //   "version": 1
 //   "source"           what it was made from: "GPS of 40 photos", "EPSG:32633", ...
 //   "heights"          how the heights of the source were taken
-//   "origin"           [longitude, latitude, height]: degrees, degrees, metres above the ellipsoid
-//   "enu_from_input"   4x4 by rows: from the coordinates of the photos' poses to metres east, north
+//   "origin"           [longitude, latitude, height]: degrees, degrees, meters above the ellipsoid
+//   "enu_from_input"   4x4 by rows: from the coordinates of the photos' poses to meters east, north
 //                      and up of the origin
 //   "cameras", "cameras_that_fit", "rms_m"   of a fit to GPS places alone
 #pragma once
@@ -21,7 +21,7 @@ namespace gs {
 /// How well cameras fit their GPS places.
 struct GpsFitQuality {
   std::size_t cameras = 0, fitting = 0;
-  double rms = 0;  // metres, of those that fit
+  double rms = 0;  // meters, of those that fit
 };
 
 /// What a georef.json says.

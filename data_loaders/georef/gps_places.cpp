@@ -67,7 +67,7 @@ GpsPlaces read_gps_file(const std::filesystem::path& path) {
     if (!place)
       cannot_read(path,
                   fmt::format("line {} is not NAME LATITUDE LONGITUDE HEIGHT, with degrees "
-                              "and metres of a place on earth; correct it, or put # before it",
+                              "and meters of a place on earth; correct it, or put # before it",
                               number + 1));
     if (!places.emplace(line, *place).second)
       cannot_read(path, fmt::format("line {} names {} again; remove one of its lines", number + 1,

@@ -23,7 +23,7 @@ GpsPlaces gps_places_of_photos(const std::vector<std::string>& names,
 /// The places in a text file as `colmap model_aligner --ref_is_gps 1` takes it, a line for each
 /// photo; empty lines and those that begin with # do not count.
 ///
-///   NAME LATITUDE LONGITUDE HEIGHT          degrees, degrees, metres
+///   NAME LATITUDE LONGITUDE HEIGHT          degrees, degrees, meters
 ///
 /// Throws Error, with the file, the line and a remedy.
 GpsPlaces read_gps_file(const std::filesystem::path& path);

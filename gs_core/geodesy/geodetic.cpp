@@ -8,11 +8,11 @@ namespace gs {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
-constexpr double kPolarAxis = kEarthAxis * (1 - kEarthFlattening);                  // b, metres
+constexpr double kPolarAxis = kEarthAxis * (1 - kEarthFlattening);                  // b, meters
 constexpr double kSquaredEccentricity = kEarthFlattening * (2 - kEarthFlattening);  // e^2
-constexpr double kHighest = 1e6;                                                    // metres
+constexpr double kHighest = 1e6;                                                    // meters
 
-/// N: the radius of curvature across the meridian.   metres
+/// N: the radius of curvature across the meridian.   meters
 double transverse_radius(double sin_latitude) {
   return kEarthAxis / std::sqrt(1 - kSquaredEccentricity * sin_latitude * sin_latitude);
 }

@@ -7,20 +7,20 @@
 
 namespace gs {
 
-inline constexpr double kEarthAxis = 6378137;                  // a, metres: the equator's radius
+inline constexpr double kEarthAxis = 6378137;                  // a, meters: the equator's radius
 inline constexpr double kEarthFlattening = 1 / 298.257223563;  // f = 1 - b / a
 
 /// A place. The height is above the ellipsoid, which is not the height above sea level: the geoid
 /// lies between 107 m below and 86 m above it.
 struct Geodetic {
   double longitude = 0, latitude = 0;  // degrees; east and north are positive
-  double height = 0;                   // metres
+  double height = 0;                   // meters
 };
 
-/// Whether all numbers are finite, and within 180 and 90 degrees and 1e6 metres.
+/// Whether all numbers are finite, and within 180 and 90 degrees and 1e6 meters.
 bool is_on_earth(const Geodetic& place);
 
-/// Earth-centered coordinates: x to longitude 0 on the equator, z to the north pole.   metres
+/// Earth-centered coordinates: x to longitude 0 on the equator, z to the north pole.   meters
 ///
 ///   o = ((N + h) cos phi cos lambda, (N + h) cos phi sin lambda, (N (1 - e^2) + h) sin phi),
 ///   N = a / sqrt(1 - e^2 sin^2 phi),  e^2 = f (2 - f)

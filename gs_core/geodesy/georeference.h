@@ -7,7 +7,7 @@
 
 namespace gs {
 
-/// From metres east, north and up of a place to earth-centered coordinates.
+/// From meters east, north and up of a place to earth-centered coordinates.
 inline Similarity ecef_from_enu(const Geodetic& place) {
   const auto [east, north, up] = enu_from_ecef(place);
   return {1,
@@ -16,7 +16,7 @@ inline Similarity ecef_from_enu(const Geodetic& place) {
 }
 
 /// A place, and how the coordinates of the photos' poses ("input": train + world offset) become
-/// metres east, north and up of it.
+/// meters east, north and up of it.
 struct Georeference {
   Geodetic origin;
   Similarity enu_from_input;

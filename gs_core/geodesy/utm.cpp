@@ -11,14 +11,14 @@ namespace gs {
 namespace {
 
 constexpr double kCentralScale = 0.9996;
-constexpr double kFalseEasting = 500'000, kFalseNorthing = 10'000'000;  // metres; the latter south
+constexpr double kFalseEasting = 500'000, kFalseNorthing = 10'000'000;  // meters; the latter south
 constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr int kOrder = 6;
 
 /// The third flattening, n = f / (2 - f).
 constexpr double kN = kEarthFlattening / (2 - kEarthFlattening);
 
-/// A: the radius of the circle as long as a meridian.   metres; Karney 2011, Eq. 14
+/// A: the radius of the circle as long as a meridian.   meters; Karney 2011, Eq. 14
 constexpr double rectifying_radius() {
   constexpr double n2 = kN * kN;
   return kEarthAxis / (1 + kN) * (1 + n2 / 4 + n2 * n2 / 64 + n2 * n2 * n2 / 256);
@@ -77,7 +77,7 @@ Geodetic geodetic_of_utm(const UtmZone& zone, const Vec3d& coordinates) {
 }
 
 UtmFrame utm_frame_at(const UtmZone& zone, const Vec3d& coordinates) {
-  constexpr double kStep = 100;  // metres: rounding is 1e-11 of it, the third derivative less
+  constexpr double kStep = 100;  // meters: rounding is 1e-11 of it, the third derivative less
   const auto ecef_at = [&](double north) {
     return ecef_of(geodetic_of_utm(zone, coordinates + Vec3d(0.0, north, 0.0)));
   };

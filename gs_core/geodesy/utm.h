@@ -17,8 +17,8 @@ struct UtmZone {
 /// The zone of an EPSG code such as 32633; none for other codes.
 std::optional<UtmZone> utm_zone_of_epsg(int code);
 
-/// The place with these coordinates (easting, northing, height above the ellipsoid), metres. Good
-/// to less than a micrometre within 3900 km of the central meridian:
+/// The place with these coordinates (easting, northing, height above the ellipsoid), meters. Good
+/// to less than a micrometer within 3900 km of the central meridian:
 ///
 ///   xi = xi' + ..., the series of Krueger 1912 in the third flattening n, to order 6, with the
 ///   coefficients beta of Karney 2011 (Transverse Mercator with an accuracy of a few nanometers,
@@ -29,7 +29,7 @@ Geodetic geodetic_of_utm(const UtmZone& zone, const Vec3d& coordinates);
 struct UtmFrame {
   Geodetic place;
   double convergence = 0;  // radians from true north to the grid's north, clockwise
-  double scale = 1;        // metres of the grid in a metre at that height; 0.9996 in the middle
+  double scale = 1;        // meters of the grid in a meter at that height; 0.9996 in the middle
 };
 
 /// The frame at these coordinates. The projection is conformal, so one angle and one scale describe

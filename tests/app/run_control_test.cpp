@@ -88,7 +88,9 @@ TEST_F(ControlledRun, LearnsTheSameWhetherItWasPausedAndSavedOrNot) {
     }
   });
   const GaussianModel paused = run([&](int step) {
-    if (step == 40 || step == 120) EXPECT_EQ(ask("pause"), 200);
+    if (step == 40 || step == 120) {
+      EXPECT_EQ(ask("pause"), 200);
+    }
   });
   person.join();
   EXPECT_EQ(step_, 250);

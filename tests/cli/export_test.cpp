@@ -244,7 +244,7 @@ TEST_F(Export, SidecarsOfAFarSceneLeadToTheEarth) {
           times(json(file + ".transforms.json")["georeference"]["ecef_from_file"], at);
       return length(there - ecef_of(geodetic_of_utm({33, false}, utm)));
     };
-    // The scene is some metres deep, so a height differs by 2 mm between UTM and its similarity.
+    // The scene is some meters deep, so a height differs by 2 mm between UTM and its similarity.
     EXPECT_LT(off("a.csv", utm), 0.005);
     EXPECT_LT(off("b.ply", Vec3d(turned.gaussians.mean[i])), 0.005);
     // read_spz() turns the file's axes to the PLY's: half a turn about x.

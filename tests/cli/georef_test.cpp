@@ -29,8 +29,8 @@ class Georef : public Program {
     }
     write_bytes(path("gps.txt"), lines);
   }
-  double metres_off(const std::string& file) const {
-    return metres_apart(read_georef(path(file)), true_georeference());
+  double meters_off(const std::string& file) const {
+    return meters_apart(read_georef(path(file)), true_georeference());
   }
 };
 
@@ -45,7 +45,7 @@ TEST_F(Georef, PhotosWithGpsPlaceTheScene) {
   EXPECT_THAT(outcome.out,
               AllOf(HasSubstr("9 of 9 cameras"), HasSubstr("one unit of the scene is 7.5")));
   EXPECT_THAT(outcome.err, HasSubstr("--heights sea-level"));
-  EXPECT_LT(metres_off("scene/georef.json"), 0.1);
+  EXPECT_LT(meters_off("scene/georef.json"), 0.1);
   EXPECT_EQ(json("scene/georef.json").at("cameras"), 9);
 }
 
@@ -54,7 +54,7 @@ TEST_F(Georef, AFileOfPlacesDoesTheSame) {
   const Outcome outcome =
       run("georef " + text("scene") + " --gps " + text("gps.txt") + " -o " + text("at.json"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_LT(metres_off("at.json"), 0.001);
+  EXPECT_LT(meters_off("at.json"), 0.001);
 }
 
 TEST_F(Georef, NothingIsOverwrittenWithoutForce) {
@@ -67,7 +67,7 @@ TEST_F(Georef, NothingIsOverwrittenWithoutForce) {
   EXPECT_EQ(read_bytes(path("scene/georef.json")), "mine");
   ASSERT_EQ(run(command + " --force").code, 0);
   EXPECT_EQ(read_bytes(path("scene/georef.json.bak-1")), "mine");
-  EXPECT_LT(metres_off("scene/georef.json"), 0.001);
+  EXPECT_LT(meters_off("scene/georef.json"), 0.001);
 }
 
 TEST_F(Georef, AnOriginTakesCoordinatesAsTheyAre) {

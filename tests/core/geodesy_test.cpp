@@ -12,9 +12,9 @@
 namespace gs {
 namespace {
 
-constexpr double kDegree = 111'000;  // metres of a degree of latitude, about
+constexpr double kDegree = 111'000;  // meters of a degree of latitude, about
 
-/// Metres between two places; heights count.
+/// Meters between two places; heights count.
 double distance(const Geodetic& a, const Geodetic& b) { return length(ecef_of(a) - ecef_of(b)); }
 
 // echo "48.2 15.5 300" | cs2cs -f %.6f EPSG:4979 EPSG:4978, and so on
@@ -83,7 +83,7 @@ TEST(Utm, PlacesAreThoseOfProj) {
   for (const Case& c : cases) {
     const auto zone = utm_zone_of_epsg(c.epsg);
     ASSERT_TRUE(zone);
-    // The printed digits are 1e-10 degrees, 11 micrometres.
+    // The printed digits are 1e-10 degrees, 11 micrometers.
     EXPECT_LT(distance(geodetic_of_utm(*zone, c.coordinates), c.place), 2e-5) << c.epsg;
   }
 }
@@ -107,7 +107,7 @@ TEST(Utm, TheFrameHasTheScaleOfProjAndTheConvergence) {
               2e-6);
 }
 
-TEST(Utm, TheFrameLeadsFromGridMetresToMetresOnEarth) {
+TEST(Utm, TheFrameLeadsFromGridMetersToMetersOnEarth) {
   const UtmZone zone{56, true};
   const Vec3d at{334'786.5, 6'252'080.25, 120}, step{30, 40, 5};
   const UtmFrame frame = utm_frame_at(zone, at);

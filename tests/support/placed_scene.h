@@ -38,8 +38,8 @@ inline ColmapModel placed_model(int count, const std::string& ending = ".jpg") {
   return model;
 }
 
-/// The largest distance in ECEF between where two georeferences put points within 5 units.   metres
-inline double metres_apart(const Georeference& a, const Georeference& b,
+/// The largest distance in ECEF between where two georeferences put points within 5 units.   meters
+inline double meters_apart(const Georeference& a, const Georeference& b,
                            const Vec3d& about = Vec3d(0.0)) {
   double largest = 0;
   for (const double x : {-5.0, 5.0})

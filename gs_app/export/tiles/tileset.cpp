@@ -28,7 +28,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-/// The model in metres east, north and up, as tiles hold it.
+/// The model in meters east, north and up, as tiles hold it.
 GaussianModel placed(const GaussianModel& model, const TilesetRequest& request) {
   GaussianModel result = finite_model(model);
   warn_of_left_out(request.folder, result.gaussians.count(), model.gaussians.count());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The folder of a 3D Tiles 1.1 tileset: tileset.json and a .glb for each tile, LEVEL/NUMBER.glb
-// with the root as 0/0.glb. The tiles' frame is metres east, north and up of the georeference's
+// with the root as 0/0.glb. The tiles' frame is meters east, north and up of the georeference's
 // origin; the root's transform leads from there to earth-centered coordinates.
 //
 //   TilesetRequest request{"out/tiles", georeference};

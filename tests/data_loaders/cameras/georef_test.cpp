@@ -19,7 +19,7 @@ using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-constexpr double kWithin = 0.1;  // metres, what georeferencing promises
+constexpr double kWithin = 0.1;  // meters, what georeferencing promises
 
 bool reads_exif() {
   TempFolder folder;
@@ -87,7 +87,7 @@ TEST(Georeference, PhotosWithExactGpsStandWhereTheyAre) {
     write_gps_photo(photos.back(), 12, 8, true_place(image));
   }
   const GpsFit fit = fit_to_gps(model, gps_places_of_photos(names, photos), {});
-  EXPECT_LT(metres_apart(fit.georeference, true_georeference()), kWithin);
+  EXPECT_LT(meters_apart(fit.georeference, true_georeference()), kWithin);
   EXPECT_EQ(fit.quality.cameras, 12u);
   EXPECT_EQ(fit.quality.fitting, 12u);
   EXPECT_LT(fit.quality.rms, 0.01);
@@ -104,7 +104,7 @@ TEST(Georeference, NoiseIsAveragedAndWrongPlacesAreNamed) {
   // 0.3 m / sqrt(148) = 0.025 m of error is left of the shift along each axis. Across the cameras,
   // 24 m wide, it turns by 0.001 about each axis, or 0.12 m at a corner 65 m away. Twice the sum of
   // both is far from likely.
-  EXPECT_LT(metres_apart(fit.georeference, true_georeference()), 2 * (0.045 + 0.12));
+  EXPECT_LT(meters_apart(fit.georeference, true_georeference()), 2 * (0.045 + 0.12));
 }
 
 TEST(Georeference, HeightsAboveTheSeaGetTheGeoid) {
@@ -112,7 +112,7 @@ TEST(Georeference, HeightsAboveTheSeaGetTheGeoid) {
   GpsPlaces places = places_of(model);
   for (auto& [name, place] : places) place.height -= 47.5;
   const GpsFit fit = fit_to_gps(model, places, {5, 47.5});
-  EXPECT_LT(metres_apart(fit.georeference, true_georeference()), 0.001);
+  EXPECT_LT(meters_apart(fit.georeference, true_georeference()), 0.001);
 }
 
 TEST(Georeference, TooFewAndDisagreeingPlacesAreRefused) {
@@ -207,7 +207,7 @@ TEST(GeorefFile, ReadsWhatWasWritten) {
   const auto file = folder.path() / "georef.json";
   write_georef(file,
                {true_georeference(), "a test", "above the ellipsoid", GpsFitQuality{9, 8, 1}});
-  EXPECT_LT(metres_apart(read_georef(file), true_georeference()), 1e-7);
+  EXPECT_LT(meters_apart(read_georef(file), true_georeference()), 1e-7);
 }
 
 TEST(GeorefFile, DamageIsNamedWithARemedy) {

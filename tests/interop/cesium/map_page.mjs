@@ -29,7 +29,7 @@ export async function serveMap(modules, files) {
 }
 
 /// Runs in the page: starts CesiumJS and loads a tileset. Cameras look from `position` along
-/// `direction`, all in metres east, north, up of `place` (longitude, latitude, height), by Cesium's
+/// `direction`, all in meters east, north, up of `place` (longitude, latitude, height), by Cesium's
 /// own geodesy.
 const START = `async (url, place, screenSpaceError) => {
   Cesium.Ion.defaultAccessToken = '';

@@ -48,7 +48,7 @@ function writeGeoref(path) {
   writeFileSync(path, JSON.stringify({version: 1, source: 'a test', heights: 'above the ellipsoid', origin: PLACE, enu_from_input: rows}));
 }
 
-// --- cameras, in metres east, north, up
+// --- cameras, in meters east, north, up
 
 function lookingAt(position, target, name) {
   const direction = unit(minus(target, position)), right = unit(cross(direction, [0, 0, 1]));
@@ -81,7 +81,7 @@ async function pictures(page, url, cameras, model, folder, screenSpaceError) {
   return results;
 }
 
-// --- models, made of Gaussians [{at (metres east, north, up), color, rest, sigma (metres)}]
+// --- models, made of Gaussians [{at (meters east, north, up), color, rest, sigma (meters)}]
 
 const OPACITY = 0.95, C0 = 0.28209479177387814;
 
@@ -165,7 +165,7 @@ async function testLevels(browser, server) {
   exportTiles(file('ball.ply'), file('ball'), '--tile-gaussians', '2000');
   const level = Object.fromEntries(levelsOf(JSON.parse(readFileSync(file('ball/tileset.json'), 'utf8')).root));
   const deepest = Math.max(...Object.values(level)), toward = unit([-0.5, -0.7, 0.4]);
-  const cameras = [15, 150, 300].map(metres => lookingAt(toward.map(x => metres * x), [0, 0, 0], `at-${metres}-m`));
+  const cameras = [15, 150, 300].map(meters => lookingAt(toward.map(x => meters * x), [0, 0, 0], `at-${meters}-m`));
   const page = await inWindow(browser, server);
   const seen = await pictures(page, '/files/ball/tileset.json', cameras, file('ball.ply'), 'ball-ours');
   const shown = seen.map(({state}) => Math.min(...state.selected.map(url => level[url.replace(/.*[/]ball[/]/, '')])));
