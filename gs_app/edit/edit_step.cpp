@@ -116,7 +116,7 @@ void merge_to(EditSession& session, std::size_t count) {
   DecimateOptions merging;
   if (!session.model.cameras.empty() && !model.gaussians.has_time && count < all) {
     std::optional<Gaussians> storage;
-    merging.importance = importance_of(training_contributions(session.model, session.tools).sum,
+    merging.importance = importance_of(sampled_contributions(session.model, session.tools).sum,
                                        coverages_of(drawn_gaussians(model, storage)));
   }
   ProgressBar bar(std::int64_t(all - std::min(all, count)), session.tools.show_progress);

@@ -11,6 +11,7 @@
 #include "data_loaders/formats/model_moment.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/edit/contributions.h"
+#include "gs_app/pictures/pictures.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
 #include "gs_core/math/activations.h"
@@ -18,6 +19,9 @@
 
 namespace gs {
 namespace {
+
+constexpr std::size_t kSampledCameras = 256;
+constexpr double kSampledPixels = 100'000;  // of a picture
 
 using MarksOf = std::function<Marks(const EditModel&, const EditTools&)>;
 
@@ -227,14 +231,43 @@ const EditCamera& camera_named(const EditModel& model, const std::string& name) 
                       : "did you mean " + nearest + "?"));
 }
 
-Contributions training_contributions(const EditModel& model, const EditTools& tools) {
+namespace {
+
+std::vector<Camera> training_cameras(const EditModel& model) {
   std::vector<Camera> cameras;
   for (const EditCamera& camera : model.cameras)
     if (!camera.is_test) cameras.push_back(camera.named.camera);
+  return cameras;
+}
+
+Camera with_pixels_up_to(const Camera& camera, double most) {
+  const double pixels = double(camera.width) * double(camera.height);
+  if (pixels <= most) return camera;
+  const double scale = std::sqrt(most / pixels);
+  const auto side = [scale](int length) { return std::max(1, int(std::lround(scale * length))); };
+  return resized(camera, side(camera.width), side(camera.height));
+}
+
+Contributions contributions_to(const std::vector<Camera>& cameras, const EditModel& model,
+                               const EditTools& tools) {
   Backend& backend = tools.backend();
   const Gaussians gaussians = copy_to(backend.memory(), model.model);
   return contributions_of(backend.renderer(), gaussians.span(), cameras, settings_for(model, tools),
                           tools.show_progress);
+}
+
+}  // namespace
+
+Contributions training_contributions(const EditModel& model, const EditTools& tools) {
+  return contributions_to(training_cameras(model), model, tools);
+}
+
+Contributions sampled_contributions(const EditModel& model, const EditTools& tools) {
+  const std::vector<Camera> all = training_cameras(model);
+  std::vector<Camera> some;
+  for (const std::size_t i : evenly_chosen(all.size(), kSampledCameras))
+    some.push_back(with_pixels_up_to(all[i], kSampledPixels));
+  return contributions_to(some, model, tools);
 }
 
 Selection selection_of(const std::string& text, const PlaceOptions& places) {

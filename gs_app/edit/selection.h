@@ -28,6 +28,10 @@ RenderSettings settings_for(const EditModel& model, const EditTools& tools);
 
 /// How the training cameras see the Gaussians. Renders all of them.
 Contributions training_contributions(const EditModel& model, const EditTools& tools);
+/// The same of at most 256 of them, evenly chosen, in pictures of at most 100,000 pixels: enough to
+/// compare Gaussians with each other, and faster for a large model on a CPU.
+/// Fewer pixels change little; fewer cameras do, because one sees what others do not.
+Contributions sampled_contributions(const EditModel& model, const EditTools& tools);
 
 /// The camera of this name, with or without the extension of a photo. Throws UsageError.
 const EditCamera& camera_named(const EditModel& model, const std::string& name);
