@@ -115,8 +115,8 @@ TEST_F(Ranks, EndTogetherWhereOneIsKilled) {
 
 TEST_F(Ranks, EndTogetherWhereOneHangs) {
   const std::string error = error_after(
-      "hung", [](pid_t rank) { ::kill(rank, SIGSTOP); }, " --set train.rank_deadline=2");
-  EXPECT_THAT(error, AllOf(HasSubstr("error: rank "), HasSubstr(": no sign of life for 2 s")));
+      "hung", [](pid_t rank) { ::kill(rank, SIGSTOP); }, " --set train.rank_deadline=4");
+  EXPECT_THAT(error, AllOf(HasSubstr("error: rank "), HasSubstr(": no sign of life for 4 s")));
 }
 
 TEST_F(Ranks, StopWithTheirRun) {

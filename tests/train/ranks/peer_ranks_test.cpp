@@ -181,7 +181,7 @@ TEST_F(PeerRun, EndsWhereARankEndsOrHangs) {
     };
   };
   EXPECT_THAT(error_with(rank_2_leaves(0), 30), HasSubstr("rank 2: it is gone, so the run ends"));
-  EXPECT_THAT(error_with(rank_2_leaves(2), 0.4), HasSubstr("rank 2: no sign of life for 0.4 s"));
+  EXPECT_THAT(error_with(rank_2_leaves(6), 1.5), HasSubstr("rank 2: no sign of life for 1.5 s"));
 }
 
 TEST_F(PeerRun, EndsOtherRanksWhereRank0IsLost) {
