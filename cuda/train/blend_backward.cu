@@ -144,8 +144,8 @@ struct FloatSums {
       atomicAdd(&of_gaussian[gaussian].blue, sum.blue);
   }
 };
-// With the score "force": count and second of FragmentSums are in place of absolute gradients. sum f
-// follows from the gradient by the opacity (gather_forces_kernel()).
+// With the score "force": count and second of FragmentSums are in place of absolute gradients.
+// sum f follows from the gradient by the opacity (gather_forces_kernel()).
 struct FloatSumsOfForces : FloatSums<true> {
   static constexpr bool kAbsolute = false;
   static constexpr FragmentStatistic kStatistic = FragmentStatistic::force;

@@ -9,7 +9,7 @@ For each share the model is decimated in these ways:
     merge             gemsplat edit --decimate SHARE
     drop              the same with --decimate-by drop: by what the training views show
     opacity           the Gaussians of the highest opacity stay
-    splat-transform   PROGRAM -F SHARE, of @playcanvas/splat-transform; without PROGRAM it is left out.
+    splat-transform   PROGRAM -F SHARE, of @playcanvas/splat-transform; left out without PROGRAM.
                       It needs WebGPU; without a GPU, Chromium's software Vulkan will do:
                       VK_ICD_FILENAMES=/usr/lib/chromium/vk_swiftshader_icd.json
 
