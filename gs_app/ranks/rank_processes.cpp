@@ -15,6 +15,7 @@
 
 #include "gs_app/ranks/shared_scene.h"
 #include "gs_core/error.h"
+#include "gs_core/host_name.h"
 #include "gs_core/log.h"
 #include "gs_core/version.h"
 #include "gs_train/ranks/peer_ranks.h"
@@ -38,11 +39,6 @@ std::string new_nonce() {
   std::string nonce;
   for (int i = 0; i < 4; ++i) nonce += fmt::format("{:08x}", random());
   return nonce;
-}
-
-std::string host_name() {
-  char name[256] = {};
-  return ::gethostname(name, sizeof name - 1) == 0 ? name : "localhost";
 }
 
 std::string text_of(const ProcessEnd& end) {
@@ -92,7 +88,8 @@ void RankProcesses::start(const std::string& program) {
 // Written beside its place and renamed, so that nobody reads half of it.
 void RankProcesses::write_meeting_file(const fs::path& file) {
   const fs::path part = file.string() + ".part";
-  const std::string text = fmt::format("{} {} {}\n", host_name(), listener_.port(), nonce_);
+  const std::string name = host_name(), host = name.empty() ? "localhost" : name;
+  const std::string text = fmt::format("{} {} {}\n", host, listener_.port(), nonce_);
   ::unlink(part.c_str());
   const Descriptor to(::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
   if (to < 0 || ::write(to, text.data(), text.size()) != ssize_t(text.size()))

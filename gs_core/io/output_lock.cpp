@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "gs_core/error.h"
+#include "gs_core/host_name.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
 #include "gs_core/log.h"
@@ -33,12 +34,6 @@ struct Holder {
   int process = 0;
   std::string host;
 };
-
-std::string host_name() {
-  char name[256] = {};
-  ::gethostname(name, sizeof name - 1);
-  return name;
-}
 
 Holder read_holder(int descriptor) {
   char text[300] = {}, host[256] = {};

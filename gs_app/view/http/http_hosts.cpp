@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The parts of http_server.h that need no library: names of hosts, and answers.
 #include <arpa/inet.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
 
 #include "gs_app/view/http/http_server.h"
+#include "gs_core/host_name.h"
 
 namespace gs {
 namespace {
@@ -30,10 +30,7 @@ bool is_address(const std::string& host) {
          inet_pton(AF_INET6, host.c_str(), bytes) == 1;
 }
 
-std::string name_of_machine() {
-  char name[256] = {};
-  return gethostname(name, sizeof name - 1) == 0 ? lowercase(name) : std::string();
-}
+std::string name_of_machine() { return lowercase(host_name()); }
 
 // `name` is in lower case and has no port.
 bool is_loopback_name(const std::string& name) {
