@@ -118,9 +118,16 @@ void print_summary(const Results& results, const RunFolder& folder) {
       ExitCode::interrupted);
 }
 
-TrainRequest request_of(const TrainCommand& command) {
+// srun and mpirun start this program once for each rank, and rank 0 is the run.
+TrainRequest request_of(const TrainCommand& command, const std::optional<RankPlace>& place) {
   TrainRequest request;
-  request.settings = [&command](const Config& start) { return resolve(command, start); };
+  request.settings = [&command, &place](const Config& start) {
+    Config config = resolve(command, start);
+    if (place) config.train.ranks = place->count, config.train.rank_processes = true;
+    return config;
+  };
+  request.rank_program = own_program().string();
+  request.rank_place = place;
   request.resume = command.resume;
   request.added_steps = command.added_steps;
   request.force = command.force;
@@ -129,26 +136,12 @@ TrainRequest request_of(const TrainCommand& command) {
   return request;
 }
 
-// srun and mpirun start this program once for each rank, and rank 0 is the run.
-Config with_ranks(Config config, const RankPlace& place) {
-  config.train.ranks = place.count;
-  config.train.rank_processes = true;
-  return config;
-}
-
 void train(const TrainCommand& command, const std::optional<RankPlace>& place) {
   setup_log(command.verbosity());
   if (command.viewer.is_wanted) check_can_view();
   std::optional<TrainViewer> viewer;
   TerminalHooks hooks(command, viewer);
-  TrainRequest request = request_of(command);
-  request.rank_program = own_program().string();
-  request.rank_place = place;
-  if (place)
-    request.settings = [&](const Config& start) {
-      return with_ranks(resolve(command, start), *place);
-    };
-  TrainSession session(std::move(request), hooks);
+  TrainSession session(request_of(command, place), hooks);
   const struct EndViewer {  // before the session, whose scene it shows
     std::optional<TrainViewer>& viewer;
     ~EndViewer() { viewer.reset(); }

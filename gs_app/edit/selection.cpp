@@ -20,9 +20,6 @@
 namespace gs {
 namespace {
 
-constexpr std::size_t kSampledCameras = 256;
-constexpr double kSampledPixels = 100'000;  // of a picture
-
 using MarksOf = std::function<Marks(const EditModel&, const EditTools&)>;
 
 std::size_t count_of(const EditModel& model) { return model.model.gaussians.count(); }
@@ -232,6 +229,9 @@ const EditCamera& camera_named(const EditModel& model, const std::string& name) 
 }
 
 namespace {
+
+constexpr std::size_t kSampledCameras = 256;
+constexpr double kSampledPixels = 100'000;  // of a picture
 
 std::vector<Camera> training_cameras(const EditModel& model) {
   std::vector<Camera> cameras;

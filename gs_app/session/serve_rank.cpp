@@ -18,12 +18,11 @@ namespace {
 
 using Seconds = PeerSocket::Seconds;
 
-// Rank 0 reconstructs and reads its scene first, which may take hours.
 constexpr Seconds kAnHour{3600};
 
+// Rank 0 reconstructs and reads its scene first, which may take hours.
 Frame wait_for_setup(PeerSocket& leader) {
-  while (!leader.has_more(kAnHour)) {
-  }
+  leader.wait_for_more();
   Frame frame = leader.receive(kAnHour);
   if (RankFrame(frame.kind) != RankFrame::setup) throw PeerLost{};
   return frame;

@@ -72,6 +72,11 @@ Frame PeerSocket::receive(Seconds patience, std::uint64_t most) {
 
 bool PeerSocket::has_more(Seconds patience) { return comes(socket_, POLLIN, patience); }
 
+void PeerSocket::wait_for_more() {
+  while (!has_more(std::chrono::hours(1))) {
+  }
+}
+
 void PeerSocket::wait_for(short event, Seconds patience) {
   if (!comes(socket_, event, patience)) throw PeerLost{true};
 }

@@ -38,6 +38,8 @@ class PeerSocket {
   Frame receive(Seconds patience, std::uint64_t most = ~std::uint64_t(0));
   /// Waits until a frame begins to arrive, or the connection is closed. False after `patience`.
   bool has_more(Seconds patience);
+  /// The same, however long it takes.
+  void wait_for_more();
 
  private:
   void wait_for(short event, Seconds patience);

@@ -89,10 +89,8 @@ std::vector<std::byte> LeaderCommunicator::receive(int rank, RankFrame kind) {
 }
 
 std::vector<std::byte> LeaderCommunicator::wait_for(int rank, RankFrame kind) {
-  constexpr PeerSocket::Seconds kAnHour{3600};
   try {
-    while (!peers_[std::size_t(rank - 1)].has_more(kAnHour)) {
-    }
+    peers_[std::size_t(rank - 1)].wait_for_more();
   } catch (const PeerLost& lost) {
     throw RankFailed{rank, {}, lost};
   }

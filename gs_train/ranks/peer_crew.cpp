@@ -71,7 +71,7 @@ class PeerCrew final : public RankCrew {
     named([&] {
       for (int rank = 1; rank < count_; ++rank)
         others_.send(rank, RankFrame::deal, message_of(deal, shards[std::size_t(rank)]));
-      for (int rank = 1; rank < count_; ++rank) others_.receive(rank, RankFrame::done);
+      for_each_answer([](int, const Message&) {});
     });
     shard_ = std::move(shards.front());
   }
@@ -84,10 +84,9 @@ class PeerCrew final : public RankCrew {
       backend_.step(now, shard_, order.loss, order.update, order.density);
       const std::size_t drawer = (order.photos.size() - 1) % std::size_t(count_);
       if (drawer == 0) loss_.set(backend_.loss().value());
-      for (int rank = 1; rank < count_; ++rank) {
-        const std::vector<std::byte> answer = others_.receive(rank, RankFrame::done);
+      for_each_answer([&](int rank, const Message& answer) {
         if (std::size_t(rank) == drawer) loss_.set(Unpacker(answer).value<double>());
-      }
+      });
     });
   }
 
@@ -98,11 +97,11 @@ class PeerCrew final : public RankCrew {
     named([&] {
       others_.send_all(RankFrame::gather);
       auto shards = std::vector<TrainingModel>(std::size_t(count_));
-      for (int rank = 1; rank < count_; ++rank) {
+      for_each_answer([&](int rank, const Message& rows) {
         TrainingModel& shard = shards[std::size_t(rank)];
         take_shape_of(shard_, deal_.count_of(rank), shard);
-        take_rows(others_.receive(rank, RankFrame::done), shard);
-      }
+        take_rows(rows, shard);
+      });
       shards.front() = std::move(shard_);
       merge(shards, deal_, model);
       shard_ = std::move(shards.front());
@@ -113,8 +112,8 @@ class PeerCrew final : public RankCrew {
     std::size_t sum = rows.count_not_finite(shard_);
     named([&] {
       others_.send_all(RankFrame::count);
-      for (int rank = 1; rank < count_; ++rank)
-        sum += Unpacker(others_.receive(rank, RankFrame::done)).value<std::size_t>();
+      for_each_answer(
+          [&](int, const Message& count) { sum += Unpacker(count).value<std::size_t>(); });
     });
     return sum;
   }
@@ -132,11 +131,17 @@ class PeerCrew final : public RankCrew {
     const std::vector<std::byte> message = packer.take();
     named([&] {
       others_.send_all(RankFrame::use, message);
-      for (int rank = 1; rank < count_; ++rank) others_.receive(rank, RankFrame::done);
+      for_each_answer([](int, const Message&) {});
     });
   }
+  // Calls f(rank, answer) for what each of the others has done.
+  template <class F>
+  void for_each_answer(F&& f) {
+    for (int rank = 1; rank < count_; ++rank) f(rank, others_.receive(rank, RankFrame::done));
+  }
 
-  // Calls f(). Any failure names its rank, and is the last: other ranks may be anywhere in the step.
+  // Calls f(). Any failure names its rank, and is the last, since other ranks may be anywhere in the
+  // step.
   template <class F>
   void named(F&& f) {
     if (failure_) std::rethrow_exception(failure_);

@@ -73,16 +73,13 @@ class Worker {
 void work_as_rank(PeerSocket& leader, int rank, int count, double deadline,
                   const std::vector<View>& views, const PhotometricConfig& photometric) {
   Worker worker(leader, rank, count, deadline, views, photometric);
-  // Between two steps rank 0 may evaluate for hours. Its end closes the connection.
-  constexpr PeerSocket::Seconds kAnHour{3600};
   const auto tell = [&](const Error& error) {
     leader.send(std::uint32_t(RankFrame::failed), failure_message(error),
                 PeerSocket::Seconds(deadline));
   };
   try {
-    do
-      while (!leader.has_more(kAnHour)) {
-      }
+    // Between two steps rank 0 may evaluate for hours. Its end closes the connection.
+    do leader.wait_for_more();
     while (worker.answer(leader.receive(PeerSocket::Seconds(deadline))));
   } catch (const Error& error) {
     tell(error);

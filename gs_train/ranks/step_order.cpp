@@ -2,6 +2,7 @@
 #include "gs_train/ranks/step_order.h"
 
 #include "gs_core/error.h"
+#include "gs_train/ranks/shards.h"
 
 namespace gs {
 namespace {
@@ -39,14 +40,12 @@ ShardHead head_of(const Deal& deal, const TrainingModel& shard) {
 void take_shape(const ShardHead& head, TrainingModel& shard) {
   shard.gaussians.has_time = head.has_time;
   shard.gaussians.has_slope = head.has_slope;
-  shard.has_codes = head.has_codes;
-  shard.set_learned_arrays(shard.gaussians);
   shard.gaussians.has_filter = head.has_filter;
+  shard.has_codes = head.has_codes;
   shard.statistics.has_sums = head.has_sums;
   shard.adam_steps = head.adam_steps;
   shard.first_count = std::size_t(head.first_count);
-  for_each_row_array(
-      [&](const RowArray&, auto& array) { array.resize_discard(std::size_t(head.rows)); }, shard);
+  take_shape_of(shard, std::size_t(head.rows), shard);
 }
 
 void pack_rows(Packer& packer, const TrainingModel& shard) {
