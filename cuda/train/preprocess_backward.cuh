@@ -23,8 +23,9 @@ inline constexpr int kBasisStride =
     kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
 
 template <class Numbers, class Rows, bool is_lazy>
-struct alignas(16) GradientShared : RandomRows<Numbers::kAreCodes>, MissedRows<is_lazy> {
-  float sh_rows[Numbers::kArrays][kWarp * kShRowNumbers];  // of the parameters, and what goes along
+struct GradientShared : RandomRows<Numbers::kAreCodes>, MissedRows<is_lazy> {
+  // of the parameters, and what goes along; aligned for copies of 16 bytes
+  alignas(16) float sh_rows[Numbers::kArrays][kWarp * kShRowNumbers];
   union {
     Rows numbers;                       // parameters at first, gradients in the end
     float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian, between
