@@ -221,6 +221,14 @@ inline bool sums_among_gradients(const RenderSettings& settings) {
   return settings.fragment_statistic == FragmentStatistic::force && !settings.deterministic &&
          !settings.absolute_gradient;
 }
+/// True where preprocess_backward.cu adds such sums to the statistics, rather than
+/// gather_fragment_sums(), which pools them by any rule and comes before a depth map adds to the
+/// gradients.
+inline bool sums_of_forces_are_added(const RenderSettings& settings, ScorePooling pooling) {
+  return sums_among_gradients(settings) && pooling == ScorePooling::sum && !settings.with_depths;
+}
+/// From a photo's forces by the mean loss to those by its sum.
+inline float force_scale(const RenderPass& pass) { return 3.0f * float(pass.pixel_count()); }
 /// Before 6  fragment_sums.cu: the values of the pixels that the score sums, into
 /// workspace.pixel_values. `photo` is null without a photometric model.
 void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& view,
@@ -228,7 +236,7 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
                        const RenderPass& pass);
 /// After 6, before anything else adds to workspace.splat_gradients  fragment_sums.cu: pools the
 /// photo's sums over fragments with those of statistics, and clears those that are not among the
-/// gradients. The statistics stay as they are while workspace.halted is raised.
+/// gradients; nothing is left to do where sums_of_forces_are_added(). The statistics stay as they are while workspace.halted is raised.
 void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
                           const RenderPass& pass, ScorePooling pooling,
                           const DensityStatistics& to);

@@ -190,9 +190,10 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
 void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
                           const RenderPass& pass, ScorePooling pooling,
                           const DensityStatistics& to) {
+  if (sums_of_forces_are_added(settings, pooling)) return;
   const StageScope scope(context, "statistics");
   const bool is_force = settings.fragment_statistic == FragmentStatistic::force;
-  const float scale = is_force ? 3.0f * float(pass.pixel_count()) : 1.0f;
+  const float scale = is_force ? force_scale(pass) : 1.0f;
   const std::size_t blocks = blocks_for(to.sums.size(), kThreads);
   if (sums_among_gradients(settings))
     context.launch("statistics", gather_forces_kernel, blocks, kThreads, to.sums.span(),

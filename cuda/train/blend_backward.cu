@@ -26,7 +26,7 @@ namespace {
 
 constexpr int kBlocks = 7;                  // per multiprocessor, as many as registers allow
 constexpr int kBlocksAbsolute = 6;          // the same with absolute gradients
-constexpr int kBlocksFragments = 7;         // the same with sums over fragments
+constexpr int kBlocksFragments = 6;         // the same with sums over fragments
 constexpr int kRows = 16;                   // splats of one product
 constexpr int kRowStride = 2 * kWarp + 16;  // floats; rows lie 16 banks apart, for 16-byte loads
 constexpr int kProducts = kWarp / 8;        // of 8 pixels each

@@ -48,7 +48,7 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
   const auto numbers = [weight](const auto& rows, const auto& sum) {
     return SumNumbers{{numbers_of(rows), numbers_of(sum)}, weight};
   };
-  const AddGradients<> sink{gather_into(sums.statistics, density, pass, workspace),
+  const AddGradients<> sink{gather_into(sums.statistics, density, settings, pass, workspace),
                             numbers(gaussians.mean, to.mean),
                             numbers(gaussians.log_scale, to.log_scale),
                             numbers(gaussians.rotation, to.rotation),
@@ -78,7 +78,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                          workspace, pass);
   }
   const GaussiansSpan rows = model.gaussians.span();
-  const GatherStatistics gather = gather_into(model.statistics, density, pass, workspace);
+  const GatherStatistics gather = gather_into(model.statistics, density, settings, pass, workspace);
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
   const Regularizers of_each = density.regularizers.of_each(model.count());
   const auto launch_sink = [&](const auto& source, const auto& sink, const auto& of) {

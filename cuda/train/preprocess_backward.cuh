@@ -192,6 +192,7 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
       is_row ? sink.load_statistics(i) : typename Sink::Statistics{};
   const SplatGradientSum sum = is_row ? load_in_vectors(in.sums + i) : SplatGradientSum{};
   const Vec3f color = is_row ? in.splats[i].color : Vec3f(0.0f);  // undefined where not visible
+  const float opacity = sink.adds_forces() && is_row ? in.splats[i].opacity : 0.0f;
   const bool is_visible = is_row && in.tile_counts[i] > 0;
   float filter_scale = 0;
   if constexpr (kHasFilter<Sink>) filter_scale = is_row ? sink.filter_scale[i] : 0.0f;
@@ -215,6 +216,7 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
   if (is_visible) {
     dL_dsplat = masked(sum, color);
     by_mean2d = sink.by_mean2d(sum);
+    sink.add_forces(i, sum, opacity);
   }
   if constexpr (has_time) {
     // The color's part of the mean reaches the time, too, so that it comes first.
@@ -317,9 +319,16 @@ void launch(Context& context, const GaussiansSpan& gaussians, const Source& came
 }
 
 inline GatherStatistics gather_into(const DensityStatistics& statistics, const DensityStep& density,
-                                    const RenderPass& pass, const Workspace& workspace) {
+                                    const RenderSettings& settings, const RenderPass& pass,
+                                    const Workspace& workspace) {
+  const bool adds_forces = sums_of_forces_are_added(settings, density.pooling);
   return {density.gather_statistics ? statistics.visits.data() : nullptr,
-          statistics.gradient_norm.data(), pass.width, pass.height, workspace.halted.data()};
+          statistics.gradient_norm.data(),
+          pass.width,
+          pass.height,
+          workspace.halted.data(),
+          adds_forces ? statistics.sums.data() : nullptr,
+          force_scale(pass)};
 }
 
 // A sink that updates the model: of(parameters, first and second moments, codes of both, step,

@@ -13,7 +13,7 @@ void launch_update(Context& context, const TrainingModel& model, const Camera& c
                    const RenderSettings& settings, const AdamSteps& steps,
                    const DensityStep& density, Workspace& workspace, RenderPass& pass, const Of& of,
                    const OfColor& of_color) {
-  const GatherStatistics gather = gather_into(model.statistics, density, pass, workspace);
+  const GatherStatistics gather = gather_into(model.statistics, density, settings, pass, workspace);
   const UpdateAsAsked<Numbers, ColorNumbers> as_asked{
       update_of<UpdateAll<Numbers, ColorNumbers>>(model, steps, gather, of, of_color),
       density.gather_statistics && settings.absolute_gradient,
@@ -63,7 +63,7 @@ void add_lazily(Context& context, const GaussiansSpan& gaussians, const Camera& 
   const auto color_numbers = [&](const auto& rows, const auto& sum, LazyQuantity quantity) {
     return LazySumNumbers{numbers(rows, sum), lazy.of[quantity]};
   };
-  const AddGradients<LazySumNumbers> add{gather_into(sums.statistics, density, pass, workspace),
+  const AddGradients<LazySumNumbers> add{gather_into(sums.statistics, density, settings, pass, workspace),
                                          numbers(gaussians.mean, to.mean),
                                          numbers(gaussians.log_scale, to.log_scale),
                                          numbers(gaussians.rotation, to.rotation),

@@ -299,6 +299,8 @@ struct WriteGradients {
   struct Statistics {};
   __device__ bool is_halted() const { return false; }
   __device__ Statistics load_statistics(std::size_t) const { return {}; }
+  __device__ bool adds_forces() const { return false; }
+  __device__ void add_forces(std::size_t, const SplatGradientSum&, float) const {}
   __device__ void note(std::size_t i, const Statistics&, const Vec2f& by_mean2d, bool) const {
     dL_dmean2d[i] = by_mean2d;
   }
@@ -314,14 +316,27 @@ struct GatherStatistics {
   float* gradient_norm;
   int width, height;
   const std::uint32_t* halted;
+  // Sums of forces that lie among the gradients and are added up (sums_of_forces_are_added()); null:
+  // none
+  FragmentSums* force_sums;
+  float force_scale;  // of one photo's forces
 
   struct Statistics {
     float visits = 0, gradient_norm = 0;
   };
   __device__ bool is_halted() const { return *halted != 0; }
+  __device__ bool adds_forces() const { return force_sums; }
   __device__ Statistics load_statistics(std::size_t i) const {
     if (!visits) return {};
     return {visits[i], gradient_norm[i]};
+  }
+  /// Adds a visible row's sums of forces. Nothing waits for these additions. A row has one per photo,
+  /// so that their order does not matter.
+  __device__ void add_forces(std::size_t i, const SplatGradientSum& sum, float opacity) const {
+    if (!force_sums || sum.absolute_x == 0) return;
+    atomicAdd(&force_sums[i].count, sum.absolute_x);
+    atomicAdd(&force_sums[i].first, sum.opacity * opacity * force_scale);  // sum f
+    atomicAdd(&force_sums[i].second, sum.absolute_y * (force_scale * force_scale));
   }
   __device__ void note(std::size_t i, const Statistics& before, const Vec2f& by_mean2d,
                        bool is_visible) const {
