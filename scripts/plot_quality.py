@@ -96,7 +96,7 @@ def picture(rows):
     height = TOP + ROW_HEIGHT * len(METRICS)
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" height="{height}" role="img">',
            "<title>Quality over the seconds of training</title>", f"<style>{style()}\n</style>",
-           text(MARGIN, 28, "Quality over the seconds of training, NVIDIA H200", "title")]
+           text(MARGIN, 28, "Quality over the seconds of training, NVIDIA H200 and H100", "title")]
     x = MARGIN
     for trainer in dict.fromkeys(row["trainer"] for row in rows):
         out.append(line(x, LEGEND - 4, x + 24, LEGEND - 4, trainer.lower()))

@@ -36,7 +36,7 @@ struct SharedLazyRows<false> {};
 
 template <bool is_lazy>
 struct WarpShared : SharedLazyRows<is_lazy> {
-  union alignas(16) {  // for copies of 16 bytes
+  union alignas(16) {                      // for copies of 16 bytes
     Parameters parameters;                 // at first
     float sh_rows[kWarp * kShRowNumbers];  // once the parameters were read; more than they are
   };

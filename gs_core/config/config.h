@@ -202,7 +202,7 @@ struct TrainConfig {
   int iterations = 0;                // 0: as the next four say
   int epochs = 100;                  // passes over the photos, ...
   int least_iterations = 5000;       // ... but at least ...
-  int most_iterations = 10000;       // ... and at most so many steps
+  int most_iterations = 20000;       // ... and at most so many steps
   float random_start_factor = 2.5f;  // times these three where training starts from random points
   int batch = 1;                     // photos of one update; steps count photos
   int batch_from_step = 0;           // updates by single photos until then

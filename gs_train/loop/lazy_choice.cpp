@@ -13,6 +13,9 @@ namespace {
 
 constexpr int kMostUpdates = 16, kLeastUpdates = 4;  // whose views are rendered for the choice
 constexpr double kNumber = sizeof(float);
+// With compact moments a lazy update takes so many times as long as its bytes say, because each
+// code is decoded twice and rounded (measured, docs/lazy_adam.md).
+constexpr double kTimeOfCodes = 1.6;
 
 int numbers_updated_promptly(const Gaussians& arrays) {
   int count = 0;
@@ -126,7 +129,7 @@ void choose_lazy(TrainingRun& run, int step) {
   const SeenShares seen = measure_seen(run);
   const double prompt = prompt_update_bytes(run.model.gaussians, run.model.has_codes),
                lazy = lazy_update_bytes(run.model.gaussians, run.model.has_codes, seen);
-  const bool pays = lazy < prompt;
+  const bool pays = lazy * (run.model.has_codes ? kTimeOfCodes : 1) < prompt;
   log_info(
       "step {}: an update sees {:.0f} % of the Gaussians: optimizer.lazy=auto is {} ({:.0f} "
       "instead of {:.0f} bytes a Gaussian)",
