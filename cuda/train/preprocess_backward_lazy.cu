@@ -63,18 +63,19 @@ void add_lazily(Context& context, const GaussiansSpan& gaussians, const Camera& 
   const auto color_numbers = [&](const auto& rows, const auto& sum, LazyQuantity quantity) {
     return LazySumNumbers{numbers(rows, sum), lazy.of[quantity]};
   };
-  const AddGradients<LazySumNumbers> add{gather_into(sums.statistics, density, settings, pass, workspace),
-                                         numbers(gaussians.mean, to.mean),
-                                         numbers(gaussians.log_scale, to.log_scale),
-                                         numbers(gaussians.rotation, to.rotation),
-                                         numbers(gaussians.logit_opacity, to.logit_opacity),
-                                         color_numbers(gaussians.sh0, to.sh0, kLazySh0),
-                                         color_numbers(gaussians.sh_rest, to.sh_rest, kLazyShRest),
-                                         numbers(gaussians.right_rotation, to.right_rotation),
-                                         numbers(gaussians.time_mean, to.time_mean),
-                                         numbers(gaussians.log_time_scale, to.log_time_scale),
-                                         settings.absolute_gradient,
-                                         sums.touched.data()};
+  const AddGradients<LazySumNumbers> add{
+      gather_into(sums.statistics, density, settings, pass, workspace),
+      numbers(gaussians.mean, to.mean),
+      numbers(gaussians.log_scale, to.log_scale),
+      numbers(gaussians.rotation, to.rotation),
+      numbers(gaussians.logit_opacity, to.logit_opacity),
+      color_numbers(gaussians.sh0, to.sh0, kLazySh0),
+      color_numbers(gaussians.sh_rest, to.sh_rest, kLazyShRest),
+      numbers(gaussians.right_rotation, to.right_rotation),
+      numbers(gaussians.time_mean, to.time_mean),
+      numbers(gaussians.log_time_scale, to.log_time_scale),
+      settings.absolute_gradient,
+      sums.touched.data()};
   launch(context, gaussians, camera, settings, workspace, pass,
          Lazily<AddGradients<LazySumNumbers>>{add, lazy, nullptr},
          color_numbers(gaussians.sh0_slope, to.sh0_slope, kLazySh0Slope));
