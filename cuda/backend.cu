@@ -305,7 +305,7 @@ class CudaBackend final : private Device, public Backend {
   // first.
   void enqueue(const Step& step) {
     if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(*model_);
-    if (step.batch.size() > 1) reserve_sums();
+    if (step.batch.size() > 1) sums_.reserve(*model_);
     if (look_) reserve_photometric();
     for (std::size_t i = 0; i < step.batch.size(); ++i) {
       prefetch_after(step, i);
@@ -481,30 +481,8 @@ class CudaBackend final : private Device, public Backend {
     camera_of_on_host_ = state.camera_of;
   }
 
-  // The sums are zero between steps; rows have been added or removed since they were made.
-  void reserve_sums() {
-    const std::size_t count = model_->count();
-    const bool has_sums = model_->statistics.has_sums;
-    auto& touched = sums_.touched;  // has its rows if all others have theirs
-    const std::size_t marks = (count + kWarp - 1) / kWarp;
-    if (touched.size() == marks && sums_.gradients.count() == count &&
-        sums_.gradients.has_time == model_->gaussians.has_time &&
-        sums_.gradients.has_slope == model_->gaussians.has_slope &&
-        sums_.statistics.has_sums == has_sums)
-      return;
-    touched.resize_discard(0);
-    take_learned_arrays(sums_.gradients, model_->gaussians);
-    sums_.statistics.has_sums = has_sums;
-    sums_.gradients.resize(count);
-    for_each_statistic([&](const char*, auto& array) { array.resize_discard(count); },
-                       sums_.statistics);
-    touched.resize_discard(marks);
-    clear_sums();
-  }
   void clear_sums() {
-    sums_.gradients.fill_zero();
-    for_each_statistic([](const char*, auto& array) { array.fill_zero(); }, sums_.statistics);
-    sums_.touched.fill_zero();
+    sums_.clear();
     photometric_gradient_.fill_zero();
     poses_.clear_gradient();
   }

@@ -5,8 +5,10 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "gs_train/backend.h"
+#include "gs_train/ranks/deal.h"
 
 namespace gs::cuda {
 
@@ -16,6 +18,13 @@ int device_count();
 /// The backend of GPU `index`, 0 <= index < device_count(). Throws Error where the GPU cannot be
 /// used.
 std::unique_ptr<Backend> make_backend(int index);
+
+/// The backend of several GPUs that train one model together (docs/ranks.md#gpus). A GPU that is
+/// named twice has two ranks. Throws UsageError where they cannot read each other's memory.
+///
+/// chunk_rows   2^k rows, at least 32; ranks get the chunks of the model in turn
+std::unique_ptr<Backend> make_ranked_backend(const std::vector<int>& devices,
+                                             std::size_t chunk_rows = kChunkRows);
 
 /// GPU memory that the backends of this process have allocated; for tests and benchmarks.
 struct Usage {

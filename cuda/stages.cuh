@@ -10,8 +10,10 @@
 #include "cuda/density/fragment_sums.cuh"
 #include "cuda/device/context.cuh"
 #include "cuda/device/fixed_sums.cuh"
+#include "cuda/ranks/shard.h"
 #include "cuda/render/refined_camera.cuh"
 #include "cuda/render/view_scratch.h"
+#include "cuda/train/batch_sums.cuh"
 #include "cuda/train/photos.cuh"
 #include "cuda/train/poses.cuh"
 #include "gs_core/math/adam.h"
@@ -152,10 +154,10 @@ inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() <
 
 /// 1  preprocess.cu: activate, cull, project, color; one splat per Gaussian, and which tiles it
 /// hits. Here and below, `pose` takes the place of the camera's; null: the camera is as it is
-/// given.
+/// given. `shard` says which rows of the model the Gaussians are; workspace and pass have all rows.
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
-                const DevicePose* pose = nullptr);
+                const DevicePose* pose = nullptr, const Shard& shard = {});
 
 /// 2, 3  sort.cu: sort the Gaussians from near to far, the culled ones last, and find where each
 /// one's instances begin. If at most `most_visible` of them are visible and that is less than half,
@@ -238,8 +240,8 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
 /// photo's sums over fragments with those of statistics, and clears those that are not among the
 /// gradients; nothing is left to do where sums_of_forces_are_added(). The statistics stay as they are while workspace.halted is raised.
 void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
-                          const RenderPass& pass, ScorePooling pooling,
-                          const DensityStatistics& to);
+                          const RenderPass& pass, ScorePooling pooling, const DensityStatistics& to,
+                          const Shard& shard = {});
 /// For a batch  fragment_sums.cu: pools `more` with `all`, and clears it, unless `halted`, which
 /// may be null, is raised.
 void pool_fragment_sums(Context& context, Span<FragmentSums> all, Span<FragmentSums> more,
@@ -267,15 +269,8 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                                     const RenderSettings& settings, const AdamSteps& steps,
                                     const AdamRule& rule, const MomentRounding& rounding,
                                     const DensityStep& density, Workspace& workspace,
-                                    RenderPass& pass, const DevicePose* pose = nullptr);
-
-/// What the photos of a batch add up to before the update. All zero between batches.
-struct BatchSums {
-  Gaussians gradients;
-  DensityStatistics statistics;
-  Buffer<std::uint32_t> touched;  // (rows / 32)  a bit for each row: 1 if it has gradients
-  explicit BatchSums(Memory& memory) : gradients(memory), statistics(memory), touched(memory) {}
-};
+                                    RenderPass& pass, const DevicePose* pose = nullptr,
+                                    const Shard& shard = {});
 
 /// 7 for one photo of a batch  preprocess_backward.cu: sums += weight * the photo's gradients, and
 /// its statistics. Nothing is added while workspace.halted is raised.
@@ -283,7 +278,7 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
                                  const Camera& camera, const RenderSettings& settings,
                                  const DensityStep& density, Workspace& workspace, RenderPass& pass,
                                  float weight, const BatchSums& sums,
-                                 const DevicePose* pose = nullptr);
+                                 const DevicePose* pose = nullptr, const Shard& shard = {});
 /// 8 for a batch  adam.cu: updates the parameters by the sums, and the statistics but for sums over
 /// fragments, and clears what it took. `all_have_gradients`: all sums but those of color may have
 /// some, also in rows that no photo has touched. `lazy_sh` is null, or says what the SH of rows has
@@ -293,7 +288,7 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
 void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& steps,
                     const AdamRule& rule, const MomentRounding& rounding, int sh_degree,
                     bool all_have_gradients, const LazySh* lazy_sh, const std::uint32_t* halted,
-                    const BatchSums& sums);
+                    const BatchSums& sums, const Shard& shard = {});
 
 /// 8 where SH is updated lazily  lazy_adam.cu. After each update: extends the table of what rows have
 /// missed by it, which has `updates` entries.
@@ -311,10 +306,11 @@ void show_current_sh(Context& context, const TrainingModel& model);
 /// gradients are stored, and noise on the means after Adam. No noise is added while `halted` is
 /// raised; `halted` may be null.
 void add_regularizer_gradients(Context& context, const GaussiansSpan& gaussians,
-                               const Regularizers& regularizers, const GaussiansSpan& gradients);
+                               const Regularizers& regularizers, const GaussiansSpan& gradients,
+                               const Shard& shard = {});
 void add_position_noise(Context& context, const GaussiansSpan& gaussians,
                         const PositionNoise& noise, float position_rate,
-                        const std::uint32_t* halted);
+                        const std::uint32_t* halted, const Shard& shard = {});
 
 /// The other stages, behind the interfaces of gs_train.
 std::unique_ptr<Loss> make_loss(Context& context, Memory& memory, PhotoStore& photos);  // 5 ssim.cu

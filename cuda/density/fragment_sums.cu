@@ -117,16 +117,17 @@ __device__ FragmentSums scaled_forces(const FragmentSums& sums, float scale) {
 // Sums that have memory of their own. `scale` is that of the forces; 1 for values. Clears the sums
 // of the photo, also where a step is not to be counted.
 __global__ void gather_kernel(Span<FragmentSums> statistics, Vec4f* sums, FixedFragmentSums* fixed,
-                              float scale, ScorePooling pooling, const std::uint32_t* halted) {
-  const std::size_t i = thread_number();
+                              float scale, ScorePooling pooling, const std::uint32_t* halted,
+                              Shard shard) {
+  const std::size_t i = thread_number(), projected = shard.row_of_all(i);
   if (i >= statistics.size) return;
   FragmentSums share;
   if (fixed) {
-    share = sums_of(fixed[i]);
-    fixed[i] = {};
+    share = sums_of(fixed[projected]);
+    fixed[projected] = {};
   } else {
-    share = {sums[i].x, sums[i].y, sums[i].z};
-    sums[i] = {0, 0, 0, 0};
+    share = {sums[projected].x, sums[projected].y, sums[projected].z};
+    sums[projected] = {0, 0, 0, 0};
   }
   if (*halted || share.count == 0) return;
   pool_with(statistics[i], scaled_forces(share, scale), pooling);
@@ -137,13 +138,15 @@ __global__ void gather_kernel(Span<FragmentSums> statistics, Vec4f* sums, FixedF
 __global__ void gather_forces_kernel(Span<FragmentSums> statistics,
                                      const std::uint32_t* tile_counts, const Splat* splats,
                                      const SplatGradientSum* gradients, float scale,
-                                     ScorePooling pooling, const std::uint32_t* halted) {
-  const std::size_t i = thread_number();
-  if (i >= statistics.size || tile_counts[i] == 0 || *halted) return;
-  const float count = gradients[i].absolute_x, second = gradients[i].absolute_y;
+                                     ScorePooling pooling, const std::uint32_t* halted,
+                                     Shard shard) {
+  const std::size_t i = thread_number(), projected = shard.row_of_all(i);
+  if (i >= statistics.size || tile_counts[projected] == 0 || *halted) return;
+  const SplatGradientSum& gradient = gradients[projected];
+  const float count = gradient.absolute_x, second = gradient.absolute_y;
   if (count == 0) return;
   // dL/d(opacity) is sum f / opacity
-  const FragmentSums share{count, gradients[i].opacity * splats[i].opacity, second};
+  const FragmentSums share{count, gradient.opacity * splats[projected].opacity, second};
   pool_with(statistics[i], scaled_forces(share, scale), pooling);
 }
 
@@ -188,22 +191,23 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
 }
 
 void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
-                          const RenderPass& pass, ScorePooling pooling,
-                          const DensityStatistics& to) {
+                          const RenderPass& pass, ScorePooling pooling, const DensityStatistics& to,
+                          const Shard& shard) {
   if (sums_of_forces_are_added(settings, pooling)) return;
   const StageScope scope(context, "statistics");
   const bool is_force = settings.fragment_statistic == FragmentStatistic::force;
   const float scale = is_force ? force_scale(pass) : 1.0f;
   const std::size_t blocks = blocks_for(to.sums.size(), kThreads);
+  const std::uint32_t* const halted = shard.halted_or(workspace.halted.data());
   if (sums_among_gradients(settings))
     context.launch("statistics", gather_forces_kernel, blocks, kThreads, to.sums.span(),
                    pass.tile_counts.data(), pass.splats.data(), workspace.splat_gradients.data(),
-                   scale, pooling, workspace.halted.data());
+                   scale, pooling, halted, shard);
   else
     context.launch("statistics", gather_kernel, blocks, kThreads, to.sums.span(),
                    workspace.fragment_sums.data(),
                    settings.deterministic ? workspace.fixed_fragment_sums.data() : nullptr, scale,
-                   pooling, workspace.halted.data());
+                   pooling, halted, shard);
 }
 
 void pool_fragment_sums(Context& context, Span<FragmentSums> all, Span<FragmentSums> more,

@@ -22,28 +22,29 @@ __global__ void regularizer_kernel(GaussiansSpan gaussians, Regularizers of_each
 }
 
 __global__ void position_noise_kernel(GaussiansSpan gaussians, PositionNoise noise, float rate,
-                                      const std::uint32_t* halted) {
+                                      const std::uint32_t* halted, Shard shard) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= gaussians.mean.size || (halted && *halted)) return;
-  gaussians.mean[i] += position_noise(gaussians, i, noise, rate);
+  gaussians.mean[i] += position_noise(gaussians, i, noise, rate, shard.row_of_all(i));
 }
 
 }  // namespace
 
 void add_regularizer_gradients(Context& context, const GaussiansSpan& gaussians,
-                               const Regularizers& regularizers, const GaussiansSpan& gradients) {
+                               const Regularizers& regularizers, const GaussiansSpan& gradients,
+                               const Shard& shard) {
   const StageScope scope(context, "regularizers");
   const std::size_t count = gaussians.mean.size;
   context.launch("regularizers", regularizer_kernel, blocks_for(count, kThreads), kThreads,
-                 gaussians, regularizers.of_each(count), gradients);
+                 gaussians, regularizers.of_each(shard.count_of_all(count)), gradients);
 }
 
 void add_position_noise(Context& context, const GaussiansSpan& gaussians,
                         const PositionNoise& noise, float position_rate,
-                        const std::uint32_t* halted) {
+                        const std::uint32_t* halted, const Shard& shard) {
   const StageScope scope(context, "position noise");
   context.launch("position noise", position_noise_kernel, blocks_for(gaussians.mean.size, kThreads),
-                 kThreads, gaussians, noise, position_rate, halted);
+                 kThreads, gaussians, noise, position_rate, halted, shard);
 }
 
 }  // namespace gs::cuda

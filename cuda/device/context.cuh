@@ -81,6 +81,21 @@ class Context {
   std::vector<cudaEvent_t> free_events_;
 };
 
+/// Makes a GPU the current one of this thread for a while: kernels are launched on that one alone.
+class OnDevice {
+ public:
+  explicit OnDevice(int device) {
+    check(cudaGetDevice(&before_), "asking for the current GPU");
+    if (before_ != device) check(cudaSetDevice(device), "choosing the GPU");
+  }
+  ~OnDevice() { cudaSetDevice(before_); }
+  OnDevice(const OnDevice&) = delete;
+  OnDevice& operator=(const OnDevice&) = delete;
+
+ private:
+  int before_ = 0;
+};
+
 /// Marks the launches of one stage: named in profilers (NVTX), and timed while profiling is on.
 class StageScope {
  public:
@@ -94,7 +109,7 @@ class StageScope {
 
 /// Memory of the context's GPU. Allocates with cudaMalloc, which is slow but rare: Buffers only
 /// grow.
-class DeviceMemory final : public Memory {
+class DeviceMemory : public Memory {
  public:
   explicit DeviceMemory(Context& context) : context_(context) {}
   void* allocate(std::size_t bytes) override;

@@ -186,7 +186,7 @@ __device__ void catch_up(WarpShared<true>& shared, const SomeLate& late, Gaussia
 template <int degree, bool has_time, bool has_filter, bool has_slope, class Source, class Late>
 __global__ void __launch_bounds__(kPreprocessThreads)
     preprocess_kernel(GaussiansSpan gaussians, Source source, SplatSettings settings, int tiles_x,
-                      int tiles_y, Output out, Late late) {
+                      int tiles_y, Output out, Late late, Shard shard) {
   const Camera& camera = camera_of(source);
   __shared__ WarpShared<Late::kIsLazy> shared_of_warps[kPreprocessThreads / kWarp];
   auto& shared = shared_of_warps[threadIdx.x / kWarp];
@@ -194,12 +194,13 @@ __global__ void __launch_bounds__(kPreprocessThreads)
   const std::size_t count = gaussians.mean.size, first = i - lane_of_thread();
   if (first >= count) return;  // the whole warp
   const int rows = int(min(count - first, std::size_t(kWarp)));
+  const std::size_t to = shard.row_of_all(i);  // the row of what is written
   if constexpr (has_time) {
     // The Gaussians of a warp are neighbors in time: where one is far away, most are.
     const float time = time_of(camera, settings);
     const bool is_near = i < count && !is_row_far_in_time(gaussians, i, time);
     if (!__any_sync(kAllLanes, is_near)) {
-      if (i < count) cull(out.rows, i);
+      if (i < count) cull(out.rows, to);
       return;
     }
   }
@@ -237,22 +238,22 @@ __global__ void __launch_bounds__(kPreprocessThreads)
     }
   }
   if (i >= count) return;
-  if (hits == 0) return cull(out.rows, i);
-  keep(out.rows, i, hits, projected.depth, pixels);
-  store_in_vectors(out.splats + i, splat);
-  if (out.depths) out.depths[i] = projected.depth;
+  if (hits == 0) return cull(out.rows, to);
+  keep(out.rows, to, hits, projected.depth, pixels);
+  store_in_vectors(out.splats + to, splat);
+  if (out.depths) out.depths[to] = projected.depth;
 }
 
 }  // namespace
 
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
-                const DevicePose* pose) {
+                const DevicePose* pose, const Shard& shard) {
   const StageScope scope(context, "preprocess");
-  const std::size_t count = gaussians.mean.size;
-  pass.begin(camera, count, true, settings.with_depths);
+  const std::size_t count = gaussians.mean.size, all = shard.count_of_all(count);
+  pass.begin(camera, all, true, settings.with_depths);
   pass.scratch<CudaScratch>().has_view_splats = false;
-  workspace.depth_keys.resize_discard(count);
+  workspace.depth_keys.resize_discard(all);
   const Output out{pass.splats.data(), settings.with_depths ? pass.depths.data() : nullptr,
                    projected_rows(settings, workspace, pass)};
   const auto launch = [&]<class Source, class Late>(const Source& source, const Late& late) {
@@ -260,7 +261,7 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
       context.launch("preprocess",
                      preprocess_kernel<degree(), time(), filter(), slope(), Source, Late>,
                      blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians, source,
-                     settings, pass.tiles_x, pass.tiles_y, out, late);
+                     settings, pass.tiles_x, pass.tiles_y, out, late, shard);
     });
   };
   if (settings.lazy_sh) {

@@ -31,8 +31,14 @@ CudaRenderer::CudaRenderer(Context& context, Memory& memory)
 void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            const RenderSettings& settings, RenderPass& pass, std::uint32_t capacity,
                            StepReport* report, std::uint32_t step, const DevicePose* pose) {
-  pass.background = settings.background;
   preprocess(context_, gaussians, camera, settings, workspace_, pass, pose);
+  finish_projected(settings, pass, capacity, report, step);
+}
+
+void CudaRenderer::finish_projected(const RenderSettings& settings, RenderPass& pass,
+                                    std::uint32_t capacity, StepReport* report,
+                                    std::uint32_t step) {
+  pass.background = settings.background;
   finish(settings, pass, {capacity, workspace_.halted.data(), report, step});
 }
 

@@ -34,6 +34,9 @@ class CudaRenderer final : public Renderer {
   void forward(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
                RenderPass& pass, std::uint32_t capacity, StepReport* report, std::uint32_t step,
                const DevicePose* pose);
+  /// The same after stage 1, whose results are in the workspace and the pass.
+  void finish_projected(const RenderSettings& settings, RenderPass& pass, std::uint32_t capacity,
+                        StepReport* report, std::uint32_t step);
   /// Reserves dL/d(splat) of so many Gaussians. New entries are zero.
   void reserve_gradients(std::size_t count, const RenderSettings& settings);
   /// Sets the gradients back to zero after a step that failed.

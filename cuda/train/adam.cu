@@ -83,6 +83,7 @@ struct SummedCodes {
   const std::uint32_t* touched;  // BatchSums
   MomentRounding rounding;
   int place;  // NumberPlaces
+  Shard shard;
 };
 
 template <int kInRow>
@@ -91,9 +92,12 @@ __global__ void update_codes_by_sums_kernel(SummedCodes array, int in_use, AdamS
   const std::size_t first = 4 * (std::size_t(blockIdx.x) * kThreads + threadIdx.x);
   if (first >= array.size || *halted) return;
   std::size_t row = first / kInRow;
-  std::uint32_t of_row = array.rounding.of_row(row);
+  const auto random_of = [&](std::size_t i) {
+    return array.rounding.of_row(array.shard.row_of_all(i));
+  };
+  std::uint32_t of_row = random_of(row);
   const auto update = [&](std::size_t at, float& p, MomentCode& moments, float gradient) {
-    if (at / kInRow != row) of_row = array.rounding.of_row(row = at / kInRow);
+    if (at / kInRow != row) of_row = random_of(row = at / kInRow);
     const int number = int(at - row * kInRow);
     if (number < in_use)
       adam_update(p, moments, gradient, step, rule, random_of_number(of_row, array.place + number));
@@ -240,7 +244,7 @@ class CudaOptimizer final : public Optimizer {
 void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& steps,
                     const AdamRule& rule, const MomentRounding& rounding, int sh_degree,
                     bool all_have_gradients, const LazySh* lazy_sh, const std::uint32_t* halted,
-                    const BatchSums& sums) {
+                    const BatchSums& sums, const Shard& shard) {
   const StageScope scope(context, "adam");
   const auto launch = [&]<class Row>(auto kernel, const auto& array, const Buffer<Row>&,
                                      const AdamStep& step, int numbers_of_thread) {
@@ -259,7 +263,7 @@ void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& ste
     if (model.has_codes)
       launch(update_codes_by_sums_kernel<kInRow>,
              SummedCodes{numbers.data, codes_of(codes).data, numbers_of(sum).data, numbers.size,
-                         touched, rounding, place},
+                         touched, rounding, place, shard},
              rows, step, 4);
     else
       launch(update_by_sums_kernel<kInRow>,

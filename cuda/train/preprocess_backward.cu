@@ -38,7 +38,8 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
 void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussians,
                                  const Camera& camera, const RenderSettings& settings,
                                  const DensityStep& density, Workspace& workspace, RenderPass& pass,
-                                 float weight, const BatchSums& sums, const DevicePose* pose) {
+                                 float weight, const BatchSums& sums, const DevicePose* pose,
+                                 const Shard& shard) {
   const StageScope scope(context, "preprocess backward");
   if (settings.lazy_sh) {
     GS_CHECK(!pose);  // the trainer refuses both together
@@ -48,7 +49,7 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
   const auto numbers = [weight](const auto& rows, const auto& sum) {
     return SumNumbers{{numbers_of(rows), numbers_of(sum)}, weight};
   };
-  const AddGradients<> sink{gather_into(sums.statistics, density, settings, pass, workspace),
+  const AddGradients<> sink{gather_into(sums.statistics, density, settings, pass, workspace, shard),
                             numbers(gaussians.mean, to.mean),
                             numbers(gaussians.log_scale, to.log_scale),
                             numbers(gaussians.rotation, to.rotation),
@@ -62,7 +63,7 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
                             sums.touched.data()};
   with_camera(camera, pose, [&](const auto& source) {
     launch(context, gaussians, source, settings, workspace, pass, sink,
-           numbers(gaussians.sh0_slope, to.sh0_slope));
+           numbers(gaussians.sh0_slope, to.sh0_slope), shard);
   });
 }
 
@@ -70,7 +71,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                                     const RenderSettings& settings, const AdamSteps& steps,
                                     const AdamRule& rule, const MomentRounding& rounding,
                                     const DensityStep& density, Workspace& workspace,
-                                    RenderPass& pass, const DevicePose* pose) {
+                                    RenderPass& pass, const DevicePose* pose, const Shard& shard) {
   const StageScope scope(context, "preprocess backward, Adam");
   if (settings.lazy_sh) {
     GS_CHECK(!pose);
@@ -78,11 +79,13 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                          workspace, pass);
   }
   const GaussiansSpan rows = model.gaussians.span();
-  const GatherStatistics gather = gather_into(model.statistics, density, settings, pass, workspace);
+  const GatherStatistics gather =
+      gather_into(model.statistics, density, settings, pass, workspace, shard);
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
-  const Regularizers of_each = density.regularizers.of_each(model.count());
+  const Regularizers of_each = density.regularizers.of_each(shard.count_of_all(model.count()));
   const auto launch_sink = [&](const auto& source, const auto& sink, const auto& of) {
-    launch(context, rows, source, settings, workspace, pass, sink, slope_of(model, steps, of));
+    launch(context, rows, source, settings, workspace, pass, sink, slope_of(model, steps, of),
+           shard);
   };
   if (model.has_codes) {
     const auto by_codes = [&](const auto& p, const auto&, const auto&, const auto& codes,

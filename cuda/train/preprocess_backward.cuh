@@ -154,12 +154,13 @@ __device__ RowGradient pull_back_in_time(const Camera& camera, const Shape& shap
 // What one launch works on. `Source` is a Camera, or a RefinedCamera.
 template <class Source>
 struct Input {
-  std::size_t count;  // N
+  std::size_t count;  // rows of the shard
   Source camera;
   SplatSettings settings;
   const std::uint32_t* tile_counts;  // (N)
   const Splat* splats;               // (N)
   SplatGradientSum* sums;            // (N)
+  Shard shard;                       // the three arrays above have the rows of the whole model
 };
 
 template <class Sink>
@@ -171,7 +172,8 @@ template <class Sink, class Source, class Which>
 __device__ auto colored_rows([[maybe_unused]] const Input<Source>& in,
                              [[maybe_unused]] std::size_t i, Which which) {
   if constexpr (kIsLazy<Sink> && !Sink::kSkipsInvisible)
-    return SomeRows{__ballot_sync(kAllLanes, i < in.count && in.tile_counts[i] > 0)};
+    return SomeRows{
+        __ballot_sync(kAllLanes, i < in.count && in.tile_counts[in.shard.row_of_all(i)] > 0)};
   else
     return which;
 }
@@ -181,7 +183,7 @@ template <int degree, bool has_time, class Sink, class Source, class Which>
 __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, std::size_t first,
                                Which which, const Sink& sink) {
   const Camera& camera = camera_of(in.camera);
-  const std::size_t i = first + lane_of_thread();
+  const std::size_t i = first + lane_of_thread(), projected = in.shard.row_of_all(i);
   const int rows = int(min(in.count - first, std::size_t(kWarp)));
   // All loads come first, before any store, so that the warp waits for memory only once.
   const auto colored = colored_rows<Sink>(in, i, which);
@@ -190,19 +192,20 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
   Shares<Sink, has_time> shares(sink, first, rows, which, colored);
   const typename Sink::Statistics statistics =
       is_row ? sink.load_statistics(i) : typename Sink::Statistics{};
-  const SplatGradientSum sum = is_row ? load_in_vectors(in.sums + i) : SplatGradientSum{};
-  const Vec3f color = is_row ? in.splats[i].color : Vec3f(0.0f);  // undefined where not visible
-  const float opacity = sink.adds_forces() && is_row ? in.splats[i].opacity : 0.0f;
-  const bool is_visible = is_row && in.tile_counts[i] > 0;
+  const SplatGradientSum sum = is_row ? load_in_vectors(in.sums + projected) : SplatGradientSum{};
+  const Splat& splat = in.splats[projected];
+  const Vec3f color = is_row ? splat.color : Vec3f(0.0f);  // undefined where not visible
+  const float opacity = sink.adds_forces() && is_row ? splat.opacity : 0.0f;
+  const bool is_visible = is_row && in.tile_counts[projected] > 0;
   float filter_scale = 0;
   if constexpr (kHasFilter<Sink>) filter_scale = is_row ? sink.filter_scale[i] : 0.0f;
-  if (is_visible) store_in_vectors(in.sums + i, SplatGradientSum{});  // clear for the next step
+  if (is_visible) store_in_vectors(in.sums + projected, SplatGradientSum{});  // for the next step
   if (is_halted) return;
   if constexpr (Sink::kSkipsInvisible)
     if (lane_of_thread() == 0) sink.touched[first / kWarp] |= which.bits;
 
   if constexpr (Sink::Numbers::kAreCodes)  // the lanes wait for each other in row()
-    shared.random[lane_of_thread()] = sink.mean.rounding.of_row(i);
+    shared.random[lane_of_thread()] = sink.mean.rounding.of_row(projected);
   if constexpr (kIsLazy<Sink>) {
     shared.missed.take(sink.lazy, i, colored);
     shares.catch_up(sink, shared.missed, first, rows);
@@ -271,7 +274,7 @@ __global__ void __launch_bounds__(kGradientThreads, Sink::kSkipsInvisible ? 5 : 
     const std::size_t stride = std::size_t(gridDim.x) * kGradientThreads;
     const auto is_visible = [&](int group) {
       const std::size_t row = i + group * stride;
-      return row < in.count && in.tile_counts[row] > 0;
+      return row < in.count && in.tile_counts[in.shard.row_of_all(row)] > 0;
     };
     bool visible[kGroupsOfWarp];
     for (int k = 0; k < kGroupsOfWarp; ++k) visible[k] = is_visible(k);
@@ -294,13 +297,15 @@ __global__ void __launch_bounds__(kGradientThreads, Sink::kSkipsInvisible ? 5 : 
 template <class Sink, class Source>
 void launch(Context& context, const GaussiansSpan& gaussians, const Source& camera,
             const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
-            const Sink& sink, const typename Sink::ColorNumbers& sh0_slope) {
+            const Sink& sink, const typename Sink::ColorNumbers& sh0_slope,
+            const Shard& shard = {}) {
   const Input<Source> in{gaussians.mean.size,
                          camera,
                          settings,
                          pass.tile_counts.data(),
                          pass.splats.data(),
-                         workspace.splat_gradients.data()};
+                         workspace.splat_gradients.data(),
+                         shard};
   constexpr int kRows = kGradientThreads * (Sink::kSkipsInvisible ? kGroupsOfWarp : 1);
   const auto launch_with = [&](auto kernel, const auto& to) {
     context.launch("preprocess backward", kernel, blocks_for(in.count, kRows), kGradientThreads, in,
@@ -320,13 +325,13 @@ void launch(Context& context, const GaussiansSpan& gaussians, const Source& came
 
 inline GatherStatistics gather_into(const DensityStatistics& statistics, const DensityStep& density,
                                     const RenderSettings& settings, const RenderPass& pass,
-                                    const Workspace& workspace) {
+                                    const Workspace& workspace, const Shard& shard = {}) {
   const bool adds_forces = sums_of_forces_are_added(settings, density.pooling);
   return {density.gather_statistics ? statistics.visits.data() : nullptr,
           statistics.gradient_norm.data(),
           pass.width,
           pass.height,
-          workspace.halted.data(),
+          shard.halted_or(workspace.halted.data()),
           adds_forces ? statistics.sums.data() : nullptr,
           force_scale(pass)};
 }

@@ -1,0 +1,405 @@
+// SPDX-License-Identifier: Apache-2.0
+// Several GPUs of one machine behind the contract of one backend. One thread launches on all of
+// them. A photo of a round belongs to one rank, which draws it:
+//
+//   each rank     projects its rows for each photo of the round, into the buffers of the photo's
+//                 rank
+//   photo's rank  sorts, blends, compares, blends backward
+//   each rank     pulls the gradients of its rows back, from the buffers of the photo's rank
+//   each rank     after all rounds of a batch: updates its rows
+//
+// Kernels read and write the memory of other GPUs, so that nothing is packed, sent and unpacked.
+// Splats lie in the order of the whole model, and every sum is that of one GPU: with
+// RenderSettings::deterministic the model has the same bytes for any number of ranks.
+#include <deque>
+#include <thread>
+#include <utility>
+
+#include "cuda/backend.h"
+#include "cuda/ranks/rank.cuh"
+#include "cuda/render/reports.cuh"
+#include "cuda/train/instance_forecast.h"
+#include "gs_train/ranks/merged_rows.h"
+
+namespace gs::cuda {
+namespace {
+
+constexpr std::size_t kMostPending = 128;  // photos that the host may be ahead of the devices
+
+// A rank whose photo did not fit halts all.
+__global__ void halt_kernel(std::uint32_t* mine, const std::uint32_t* of_photo) {
+  if (*of_photo) *mine = 1;
+}
+
+class RankedCudaBackend final : public Backend {
+ public:
+  RankedCudaBackend(const std::vector<int>& devices, std::size_t chunk_rows)
+      : RankedCudaBackend(make_backend(devices.front()), devices, chunk_rows) {}
+  ~RankedCudaBackend() override {
+    streams_.wait();
+    streams_.forget();
+  }
+
+  void make_current() override { whole_->make_current(); }
+  std::string name() const override {
+    return whole_->name() + " and others (" + std::to_string(ranks_.size()) + " ranks)";
+  }
+  Memory& memory() override { return whole_->memory(); }
+  Renderer& renderer() override { return whole_->renderer(); }
+  Optimizer& optimizer() override { return whole_->optimizer(); }
+  RowOps& rows() override { return rows_; }
+  void use_loss(const std::string& kind) override {
+    finish_pending();
+    whole_->use_loss(kind);  // which refuses those that GPUs do not have; there is one
+  }
+  Loss& loss() override {
+    finish_pending();
+    return *ranks_[last_drawn_]->loss;
+  }
+  void use_photometric(std::shared_ptr<const PhotometricModel> photometric) override {
+    if (photometric) refuse("photometric.model=" + std::string(photometric->name()));
+  }
+  void check_refines_poses() const override { refuse("poses.refine"); }
+  void check_takes_depth() const override { refuse("depth maps (loss.depth_weight)"); }
+  bool has_updates_bound_by_memory() const override { return true; }
+
+  void upload_views(const std::vector<View>& views, std::size_t photo_bytes) override {
+    finish_pending();
+    for (const std::unique_ptr<Rank>& rank : ranks_) {
+      const OnDevice here(rank->context.device());
+      rank->photos.upload_views(views, photo_bytes);
+    }
+    forecast_.forget();
+  }
+  void prefetch_decode(const View& view) override {
+    if (!ranks_.front()->photos.is_resident(view)) prefetch_photo(view);
+  }
+
+  using Backend::step;
+  void step(TrainingModel& model, Span<const TrainingPhoto> batch,
+            const LossSettings& loss_settings, const Update& update,
+            const DensityStep& density) override {
+    GS_CHECK(batch.size >= 1 && batch.size <= std::size_t(kMostBatch));
+    GS_CHECK(model.photometric.empty() && model.poses.empty() && !model.lazy.is_on);
+    if (model_ != &model) finish_pending();
+    model_ = &model;
+    // The statistics of the merged model have their sums from now on.
+    if (density.fragment_statistic() != FragmentStatistic::none) begin_sums(model);
+    if (!is_dealt(model)) deal(model);
+    read_reports();
+    while (pending_photos() + batch.size > kMostPending) {
+      std::this_thread::yield();
+      read_reports();
+    }
+    pending_.push_back({{batch.begin(), batch.end()},
+                        loss_settings,
+                        adam_steps(model.adam_steps + update.rule.steps, update.rates, update.rule),
+                        update.rule,
+                        {update.rounding_seed, model.adam_steps + update.rule.steps},
+                        density,
+                        update.rates.mean,
+                        last_photo_ + 1});
+    last_photo_ += std::uint32_t(batch.size);
+    try {
+      launch_pending();
+    } catch (...) {
+      pending_.pop_back();
+      last_photo_ -= std::uint32_t(batch.size);
+      throw;
+    }
+    model.adam_steps += update.rule.steps;
+    last_drawn_ = (batch.size - 1) % ranks_.size();
+  }
+
+  void synchronize(TrainingModel& model) override {
+    finish_pending();
+    if (is_dealt(model)) {
+      model.statistics.visits.resize(model.count());
+      merge(ranks_, deal_, model);
+      shards_are_in_use_ = false;
+    }
+    whole_->synchronize(model);
+  }
+
+  void release_caches() override {
+    finish_pending();
+    release_pass();
+    for (const std::unique_ptr<Rank>& rank : ranks_) {
+      const OnDevice here(rank->context.device());
+      rank->release_caches();
+      if (!shards_are_in_use_) rank->shard = TrainingModel(rank->memory);
+    }
+    whole_->release_caches();
+  }
+
+  void set_profiling(bool on) override {
+    const OnDevice here(ranks_.front()->context.device());
+    ranks_.front()->context.set_profiling(on);
+  }
+  std::vector<StageTime> stage_times() override { return ranks_.front()->context.stage_times(); }
+
+ protected:
+  // Parts of Backend::step(), which step() above overrides.
+  void find_pixel_values(const View&, const DensityStep&, RenderPass&) override { GS_CHECK(false); }
+  void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>,
+              ScorePooling) override {
+    GS_CHECK(false);
+  }
+  void add(Span<float>, Span<const float>, float) override { GS_CHECK(false); }
+  void pool(Span<FragmentSums>, Span<FragmentSums>, ScorePooling) override { GS_CHECK(false); }
+
+ private:
+  // A step that may have to be launched again. Its photos have numbers of their own, in order.
+  struct Step {
+    std::vector<TrainingPhoto> batch;
+    LossSettings loss_settings;
+    AdamSteps adam;
+    AdamRule rule;
+    MomentRounding rounding;
+    DensityStep density;
+    float position_rate;  // Adam's rate for the means, which scales the noise
+    std::uint32_t first_photo;
+    bool is_launched = false;
+
+    std::uint32_t number_of(std::size_t photo) const { return first_photo + std::uint32_t(photo); }
+    bool is_batch() const { return batch.size() > 1; }
+  };
+  // One photo of a step, and the rank that draws it.
+  struct DrawnPhoto {
+    const TrainingPhoto& photo;
+    std::uint32_t number;
+    Camera camera;
+    RenderSettings settings;
+    Rank& rank;
+  };
+
+  RankedCudaBackend(std::unique_ptr<Backend> whole, const std::vector<int>& devices,
+                    std::size_t chunk_rows)
+      : Backend(whole->memory()), whole_(std::move(whole)), chunk_rows_(chunk_rows),
+        rows_(*this, whole_->rows(), [this](RowOps& rows) {
+          synchronize(*model_);
+          return rows.count_not_finite(*model_);
+        }) {
+    connect(devices);
+    for (const int device : devices) {
+      const OnDevice here(device);
+      ranks_.push_back(std::make_unique<Rank>(device, streams_));
+    }
+    make_current();
+  }
+
+  [[noreturn]] static void refuse(const std::string& what) {
+    throw UsageError("several GPUs do not take " + what +
+                     " yet; train without, or on one GPU (train.ranks=1)");
+  }
+
+  void deal(TrainingModel& model) {
+    whole_->synchronize(model);
+    deal_ = {int(ranks_.size()), model.count(), chunk_rows_};
+    deal_out(model, deal_, ranks_);
+    model.statistics.visits.resize(0);
+    shards_are_in_use_ = true;
+  }
+
+  std::size_t pending_photos() const {
+    return pending_.empty() ? 0 : last_photo_ + 1 - pending_.front().first_photo;
+  }
+
+  // Launches the steps that are not launched yet, in order. No rank begins an update before all
+  // memory for the step was found, so a step that fails has changed nothing.
+  void launch_pending() {
+    for (Step& step : pending_) {
+      if (step.is_launched) continue;
+      try {
+        enqueue(step);
+      } catch (...) {
+        streams_.synchronize();
+        for (const std::unique_ptr<Rank>& rank : ranks_) rank->renderer.clear_gradients();
+        clear_sums();
+        throw;
+      }
+      step.is_launched = true;
+    }
+  }
+
+  void enqueue(const Step& step) {
+    for (const std::unique_ptr<Rank>& rank : ranks_) {
+      if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(rank->shard);
+      if (step.is_batch()) rank->sums.reserve(rank->shard);
+    }
+    for (std::size_t first = 0; first < step.batch.size(); first += ranks_.size())
+      run_round(step, first);
+    for (const std::unique_ptr<Rank>& rank : ranks_) {
+      const OnDevice here(rank->context.device());
+      if (step.is_batch()) update(step, *rank);
+      if (step.density.noise.scale > 0)
+        add_position_noise(rank->context, rank->shard.gaussians.span(), step.density.noise,
+                           step.position_rate, rank->halted(), rank->place);
+    }
+  }
+
+  // As many photos as there are ranks, from photo `first` of the step on.
+  void run_round(const Step& step, std::size_t first) {
+    std::vector<DrawnPhoto> round;
+    for (std::size_t k = 0; k < ranks_.size() && first + k < step.batch.size(); ++k)
+      round.push_back(drawn_photo(step, first + k, *ranks_[k]));
+    for (const DrawnPhoto& drawn : round) {
+      const OnDevice here(drawn.rank.context.device());
+      reports_.clear(drawn.number);
+      drawn.rank.renderer.reserve_gradients(model_->count(), drawn.settings);
+      drawn.rank.photos.prefetch_next(*drawn.photo.view);
+    }
+    for (const std::unique_ptr<Rank>& rank : ranks_) project(*rank, round);
+    for (const DrawnPhoto& drawn : round) draw(step, drawn);
+    for (const std::unique_ptr<Rank>& rank : ranks_) pull_back(step, *rank, round);
+  }
+
+  DrawnPhoto drawn_photo(const Step& step, std::size_t index, Rank& rank) const {
+    const TrainingPhoto& photo = step.batch[index];
+    RenderSettings settings = photo.settings;
+    settings.fragment_statistic = step.density.fragment_statistic();
+    settings.with_depths = false;
+    return {photo, step.number_of(index), reduced(photo.camera(), photo.reduction), settings, rank};
+  }
+
+  // A rank's rows for each photo of a round, once all ranks are done with the photos before.
+  void project(Rank& rank, const std::vector<DrawnPhoto>& round) {
+    const OnDevice here(rank.context.device());
+    for (const std::unique_ptr<Rank>& other : ranks_)
+      other->has_pulled_back.hold_back(rank.context);
+    for (const DrawnPhoto& drawn : round)
+      preprocess(rank.context, rank.shard.gaussians.span(), drawn.camera, drawn.settings,
+                 drawn.rank.renderer.workspace(), drawn.rank.pass, nullptr, rank.place);
+    rank.has_projected.set();
+  }
+
+  // A photo, by its rank, once all ranks have projected their rows.
+  void draw(const Step& step, const DrawnPhoto& drawn) {
+    Rank& rank = drawn.rank;
+    const OnDevice here(rank.context.device());
+    for (const std::unique_ptr<Rank>& other : ranks_) other->has_projected.hold_back(rank.context);
+    rank.renderer.finish_projected(drawn.settings, rank.pass,
+                                   forecast_.capacity_for(drawn.photo, model_->count()),
+                                   reports_.of_step(drawn.number), drawn.number);
+    LossSettings loss_settings = step.loss_settings;
+    loss_settings.photo_reduction = drawn.photo.reduction;
+    rank.loss->forward_backward(rank.pass, *drawn.photo.view, loss_settings, rank.dL_dimage);
+    if (drawn.settings.fragment_statistic == FragmentStatistic::values)
+      gs::cuda::find_pixel_values(rank.context, rank.photos.last(), *drawn.photo.view, nullptr,
+                                  step.density, rank.renderer.workspace(), rank.pass);
+    blend_backward(rank.context, drawn.settings, rank.dL_dimage.span(), rank.renderer.workspace(),
+                   rank.pass);
+    rank.has_drawn.set();
+  }
+
+  // The gradients of a rank's rows, photo after photo. Where a photo did not fit, nothing changes.
+  void pull_back(const Step& step, Rank& rank, const std::vector<DrawnPhoto>& round) {
+    const OnDevice here(rank.context.device());
+    for (const DrawnPhoto& drawn : round) {
+      Workspace& workspace = drawn.rank.renderer.workspace();
+      drawn.rank.has_drawn.hold_back(rank.context);
+      if (&drawn.rank != &rank)
+        rank.context.launch("halt", halt_kernel, 1, 1, rank.renderer.workspace().halted.data(),
+                            static_cast<const std::uint32_t*>(workspace.halted.data()));
+      if (drawn.settings.fragment_statistic != FragmentStatistic::none)
+        gather_fragment_sums(
+            rank.context, drawn.settings, workspace, drawn.rank.pass, step.density.pooling,
+            step.is_batch() ? rank.sums.statistics : rank.shard.statistics, rank.place);
+      if (step.is_batch())
+        preprocess_backward_and_add(rank.context, rank.shard.gaussians.span(), drawn.camera,
+                                    drawn.settings, step.density, workspace, drawn.rank.pass,
+                                    1.0f / float(step.batch.size()), rank.sums, nullptr,
+                                    rank.place);
+      else
+        preprocess_backward_and_update(rank.context, rank.shard, drawn.camera, drawn.settings,
+                                       step.adam, step.rule, step.rounding, step.density, workspace,
+                                       drawn.rank.pass, nullptr, rank.place);
+    }
+    rank.has_pulled_back.set();
+  }
+
+  void update(const Step& step, Rank& rank) {
+    const Regularizers& regularizers = step.density.regularizers;
+    if (regularizers.any())
+      add_regularizer_gradients(rank.context, rank.shard.gaussians.span(), regularizers,
+                                rank.sums.gradients.span(), rank.place);
+    update_by_sums(rank.context, rank.shard, step.adam, step.rule, step.rounding,
+                   step.batch.back().settings.sh_degree, regularizers.any(), nullptr, rank.halted(),
+                   rank.sums, rank.place);
+    if (rank.shard.statistics.has_sums)
+      pool_fragment_sums(rank.context, rank.shard.statistics.sums.span(),
+                         rank.sums.statistics.sums.span(), step.density.pooling, rank.halted());
+  }
+
+  void clear_sums() {
+    for (const std::unique_ptr<Rank>& rank : ranks_) rank->sums.clear();
+  }
+
+  // Removes the steps that fitted into their buffers, and repeats the others. Waits only where it
+  // repeats.
+  void read_reports() {
+    launch_pending();
+    while (!pending_.empty()) {
+      bool is_halted = false;
+      for (std::size_t i = 0; i < pending_.front().batch.size(); ++i) {
+        StepReport report;
+        if (!reports_.read(pending_.front().number_of(i), report)) return;
+        is_halted |= report.halted != 0;
+      }
+      if (is_halted) return repeat_pending();
+      note_instances(pending_.front());
+      pending_.pop_front();
+    }
+  }
+
+  // Tells the forecast what the reports of a step say so far.
+  void note_instances(const Step& step) {
+    for (std::size_t i = 0; i < step.batch.size(); ++i) {
+      StepReport report;
+      if (!reports_.read(step.number_of(i), report)) continue;
+      check_can_be_sorted(report.instances);
+      forecast_.note(step.batch[i], report.instances, model_->count());
+    }
+  }
+
+  void repeat_pending() {
+    streams_.synchronize();
+    for (const Step& step : pending_) note_instances(step);
+    for (const std::unique_ptr<Rank>& rank : ranks_) rank->renderer.workspace().halted.fill_zero();
+    clear_sums();
+    streams_.synchronize();  // before one rank sees the flag of another
+    for (Step& step : pending_) step.is_launched = false;
+    launch_pending();
+  }
+
+  void finish_pending() {
+    while (!pending_.empty()) {
+      streams_.synchronize();
+      read_reports();
+    }
+  }
+
+  const std::unique_ptr<Backend> whole_;  // for all but steps: the backend of the first GPU
+  const std::size_t chunk_rows_;
+  RankStreams streams_;
+  std::vector<std::unique_ptr<Rank>> ranks_;
+  Deal deal_;
+  bool shards_are_in_use_ = false;
+  MergedRows rows_;
+  Reports reports_{kMostPending};
+  InstanceForecast forecast_;
+  std::deque<Step> pending_;
+  TrainingModel* model_ = nullptr;
+  std::uint32_t last_photo_ = 0;
+  std::size_t last_drawn_ = 0;  // the rank that drew the last photo of the last step
+};
+
+}  // namespace
+
+std::unique_ptr<Backend> make_ranked_backend(const std::vector<int>& devices,
+                                             std::size_t chunk_rows) {
+  GS_CHECK(!devices.empty());
+  return std::make_unique<RankedCudaBackend>(devices, chunk_rows);
+}
+
+}  // namespace gs::cuda

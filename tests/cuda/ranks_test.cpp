@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+// Models that several ranks on GPUs train have the bytes of one GPU. With one GPU all ranks are on
+// it, each with its own stream and buffers.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "gs_train/ranks/shards.h"
+#include "tests/cuda/fused_step.h"
+#include "tests/support/error_of.h"
+#include "tests/support/same_bits.h"
+#include "tests/support/scene_run.h"
+#include "tests/support/small_scene.h"
+
+namespace gs {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr std::size_t kChunkRowsOfTests = 32;  // so that a few hundred rows lie on all ranks
+
+// Rank i on GPU i, and in turn where there are fewer.
+std::unique_ptr<Backend> ranks_of(int count) {
+  std::vector<int> devices;
+  for (int i = 0; i < count; ++i) devices.push_back(i % cuda::device_count());
+  return cuda::make_ranked_backend(devices, kChunkRowsOfTests);
+}
+
+class CudaRanks : public FusedStepTest {
+ protected:
+  // The model after some steps by batches of `batch` photos, on any backend.
+  static TrainingModel after_steps(Backend& backend, const TrainingModel& start,
+                                   const std::vector<View>& views, const RenderSettings& settings,
+                                   std::size_t batch, const DensityStep& density, int steps = 6) {
+    backend.upload_views(views, std::size_t(1) << 30);
+    TrainingModel model = copy_to(backend.memory(), start);
+    const std::vector<TrainingPhoto> photos = batch_of(views, settings);
+    Update update{kRates, batch_rule(int(batch))};
+    update.rounding_seed = 7;
+    for (int step = 0; step < steps; ++step) {
+      std::vector<TrainingPhoto> of_step;
+      for (std::size_t i = 0; i < batch; ++i)
+        of_step.push_back(photos[(std::size_t(step) * batch + i) % photos.size()]);
+      backend.step(model, {of_step.data(), of_step.size()}, {0.2f}, update, density);
+    }
+    backend.synchronize(model);
+    return copy_to(host_memory(), model);
+  }
+  void expect_bytes_of_one_gpu(const TrainingModel& start, const std::vector<View>& views,
+                               RenderSettings settings, const DensityStep& density) {
+    settings.deterministic = true;
+    for (const std::size_t batch : {1, 2, 5}) {
+      const TrainingModel expected = after_steps(gpu(), start, views, settings, batch, density);
+      for (const int count : {1, 2, 3, 4}) {
+        const auto backend = ranks_of(count);
+        EXPECT_TRUE(
+            same_bits(after_steps(*backend, start, views, settings, batch, density), expected))
+            << "batch " << batch << ", ranks " << count;
+      }
+    }
+  }
+};
+
+TEST_F(CudaRanks, StepsHaveTheBytesOfOneGpu) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  for (const bool has_time : {false, true})
+    for (const int degree : {0, 3}) {
+      SCOPED_TRACE(std::to_string(degree) + (has_time ? " in time" : ""));
+      Gaussians start = random_gaussians(kTypical, 3000, views[0].camera, 5);
+      if (has_time) start = in_spacetime(start, 8);
+      RenderSettings settings;
+      settings.sh_degree = degree;
+      settings.absolute_gradient = degree == 0;
+      expect_bytes_of_one_gpu(model_of(start), views, settings, {true});
+    }
+}
+
+TEST_F(CudaRanks, ScoresRegularizersAndNoiseHaveTheBytesOfOneGpu) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  const TrainingModel start = model_of(random_gaussians(kTypical, 3000, views[0].camera, 5));
+  for (const GrowthScore score : {GrowthScore::force, GrowthScore::error, GrowthScore::edge})
+    for (const ScorePooling pooling : {ScorePooling::sum, ScorePooling::max}) {
+      SCOPED_TRACE(std::to_string(int(score)) + " " + std::to_string(int(pooling)));
+      DensityStep density{.gather_statistics = true, .regularizers = {1e-2f, 1e-2f}};
+      density.noise.scale = 5e4f;
+      density.score = score;
+      density.pooling = pooling;
+      expect_bytes_of_one_gpu(start, views, {}, density);
+    }
+}
+
+TEST_F(CudaRanks, CompactMomentsHaveTheBytesOfOneGpu) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  TrainingModel start = model_of(random_gaussians(kTypical, 3000, views[0].camera, 5));
+  start.has_codes = true;
+  clear_history(start);
+  expect_bytes_of_one_gpu(start, views, {}, {true});
+}
+
+// Without RenderSettings::deterministic, sums have another order each time.
+TEST_F(CudaRanks, OtherStepsAreThoseOfTheScalarBackend) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  const TrainingModel start = model_of(random_gaussians(kTypical, 3000, views[0].camera, 5));
+  DensityStep density{.gather_statistics = true};
+  density.score = GrowthScore::force;
+  const TrainingModel expected = after_steps(cpu(), start, views, {}, 3, density);
+  const auto backend = ranks_of(2);
+  expect_same(after_steps(*backend, start, views, {}, 3, density), expected, 2e-2);
+}
+
+// More instances than the forecast: all ranks repeat the step.
+TEST_F(CudaRanks, StepsWithTooLittleRoomLoseNothing) {
+  const std::vector<View> views = some_views(320, 240, 3);
+  const Recipe large{
+      .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
+  const TrainingModel start = model_of(random_gaussians(large, 20000, views[0].camera, 3));
+  RenderSettings settings;
+  settings.deterministic = true;
+  for (const std::size_t batch : {1, 3}) {
+    const TrainingModel expected = after_steps(gpu(), start, views, settings, batch, {true});
+    for (const int count : {2, 3}) {
+      const auto backend = ranks_of(count);
+      EXPECT_TRUE(same_bits(after_steps(*backend, start, views, settings, batch, {true}), expected))
+          << "batch " << batch << ", ranks " << count;
+    }
+  }
+}
+
+TEST_F(CudaRanks, DealtRowsComeBackAsTheyWere) {
+  const std::vector<View> views = some_views(131, 77, 1);
+  for (const std::size_t rows : {1, 31, 32, 33, 95, 96, 97, 1000}) {
+    TrainingModel start = model_of(random_gaussians(kTypical, rows, views[0].camera, 5));
+    const auto backend = ranks_of(3);
+    backend->upload_views(views, std::size_t(1) << 30);
+    TrainingModel model = copy_to(backend->memory(), start);
+    const TrainingPhoto photo{&views[0], {}};
+    // rates of zero change no parameter
+    backend->step(model, {&photo, 1}, {0.2f}, Update{}, {});
+    EXPECT_NE(model.statistics.visits.size(), model.count());  // with the ranks
+    backend->synchronize(model);
+    EXPECT_TRUE(same_bits(copy_to(host_memory(), model).gaussians.mean, start.gaussians.mean))
+        << rows;
+  }
+}
+
+TEST_F(CudaRanks, RunsWithDensityControlHaveTheBytesOfOneGpu) {
+  const Scene scene = small_scene();
+  for (const int batch : {1, 4})
+    for (const std::string strategy : {"adaptive", "mcmc"}) {
+      Config config = short_run();
+      config.train.deterministic = true;
+      config.train.batch = batch;
+      config.train.iterations = 90;
+      config.density.strategy = strategy;
+      config.density.from_step = config.density.every = 20;
+      config.density.gradient_threshold = 1e-5f;
+      if (strategy == "mcmc") config.density.max_gaussians = 200;
+      const auto trained = [&](Backend& backend) {
+        Trainer trainer(scene, config, backend);
+        trainer.run();
+        return copy_to(host_memory(), trainer.model());
+      };
+      const TrainingModel expected = trained(gpu());
+      for (const int count : {2, 3}) {
+        const auto backend = ranks_of(count);
+        EXPECT_TRUE(same_bits(trained(*backend), expected))
+            << strategy << ", batch " << batch << ", ranks " << count;
+      }
+    }
+}
+
+TEST_F(CudaRanks, RefuseWhatTheyDoNotHave) {
+  const auto backend = ranks_of(2);
+  EXPECT_THAT(error_of([&] { backend->check_refines_poses(); }), HasSubstr("train.ranks=1"));
+  EXPECT_THAT(error_of([&] { backend->check_takes_depth(); }), HasSubstr("train.ranks=1"));
+  EXPECT_FALSE(backend->can_update_lazily());
+}
+
+}  // namespace
+}  // namespace gs
