@@ -87,7 +87,7 @@ BenchmarkSubject subject_of(const BenchCommand& command) {
 
 BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& command) {
   const BenchmarkPlan& plan = command.plan;
-  const std::unique_ptr<Backend> backend = make_backend(subject.config.train.device);
+  const std::unique_ptr<Backend> backend = make_training_backend(subject.config.train);
   if (command.blenders && &backend->memory() == &host_memory())
     throw UsageError("--blenders compares the blenders of a GPU; add --device cuda");
   if (command.frame_steps && &backend->memory() == &host_memory())

@@ -30,7 +30,15 @@ struct TrainCommand : CommandLine {
   int added_steps = 0;               // --iterations +N
   std::vector<std::string> exports;  // names of formats
   ViewerOptions viewer;
+  std::string gpus;  // how many, or all; empty: as the settings say
 };
+
+// A new run starts from the defaults, which have no output.
+Config settings_of(const TrainCommand& command, const Config& start = {}) {
+  Config config = resolve(command, start);
+  if (!command.gpus.empty()) take_gpus(command.gpus, start.model.output.empty(), config.train);
+  return config;
+}
 
 void add_viewer_options(CLI::App& verb, ViewerOptions& options) {
   const char* const group = "Viewer";
@@ -122,7 +130,7 @@ void print_summary(const Results& results, const RunFolder& folder) {
 TrainRequest request_of(const TrainCommand& command, const std::optional<RankPlace>& place) {
   TrainRequest request;
   request.settings = [&command, &place](const Config& start) {
-    Config config = resolve(command, start);
+    Config config = settings_of(command, start);
     if (place) config.train.ranks = place->count, config.train.rank_processes = true;
     return config;
   };
@@ -147,7 +155,7 @@ void train(const TrainCommand& command, const std::optional<RankPlace>& place) {
     ~EndViewer() { viewer.reset(); }
   } end_viewer{viewer};
   if (command.print_config) {
-    std::cout << to_toml(resolve(command));
+    std::cout << to_toml(settings_of(command));
     return;
   }
   const SessionEnd end = session.run();
@@ -205,6 +213,11 @@ void add_train(CLI::App& program) {
   add_setting(verb, line, "--strategy", "density.strategy", "Training");
   add_setting(verb, line, "--max-gaussians,--max-cap,--cap-max", "density.max_gaussians",
               "Training", "largest number of Gaussians; auto: as many as fit into memory");
+  verb.add_option("--gpus", command->gpus,
+                  "train on so many GPUs, or on all; a new run updates by as many photos at once "
+                  "(docs/ranks.md)")
+      ->type_name("N|all")
+      ->group("Training");
   add_setting(verb, line, "--seed", "train.seed", "Training");
   add_setting(verb, line, "--deterministic", "train.deterministic", "Training");
   add_render_options(verb, line);

@@ -192,13 +192,15 @@ double milliseconds_of_steps(Backend& backend, TrainingModel& model, const std::
                              const DensityStep& density, int steps, std::size_t& next) {
   RenderSettings training = settings;
   training.for_backward = true;
-  const LearningRates no_rates{};  // all zero
+  const std::size_t batch = std::size_t(config.train.batch);
+  const Update update{{}, batch_rule(config.train.batch)};  // all rates are zero
+  std::vector<TrainingPhoto> photos(batch);
   backend.synchronize(model);
   const double begin = milliseconds_now();
-  for (int step = 0; step < steps; ++step, ++next) {
-    backend.prefetch_next(views[(next + 1) % views.size()]);
-    backend.step(model, views[next % views.size()], training, loss_settings(config), no_rates,
-                 density);
+  for (int step = 0; step < steps; ++step) {
+    for (TrainingPhoto& photo : photos) photo = {&views[next++ % views.size()], training};
+    backend.prefetch_next(views[next % views.size()]);
+    backend.step(model, {photos.data(), batch}, loss_settings(config), update, density);
   }
   backend.synchronize(model);
   return milliseconds_now() - begin;
@@ -235,7 +237,6 @@ double forecast_gpu_bytes(const TrainingModel& model, const std::vector<View>& v
   size.growth = RowGrowth::none;
   size.has_sums = size.has_pixel_values = size.has_depth_maps = size.recolors = false;
   size.depth_pixels = 0;
-  size.batch = 1;
   size.has_time = model.gaussians.has_time;
   size.has_slope = model.gaussians.has_slope;
   size.has_filter = model.gaussians.has_filter;

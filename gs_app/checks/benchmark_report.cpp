@@ -155,6 +155,8 @@ std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& pl
   json["train"] = {{"steps", plan.steps},
                    {"warmup", plan.warmup},
                    {"ms_per_step", report.training.ms_per_step},
+                   {"batch", subject.config.train.batch},
+                   {"ms_per_photo", report.training.ms_per_step / subject.config.train.batch},
                    {"stages", stages_json(report.training.stages, report)}};
   json["render"] = Json::array();
   for (const RenderingFigures& figures : report.rendering)
@@ -180,9 +182,13 @@ std::string report_text(const BenchmarkSubject& subject, const BenchmarkPlan& pl
   std::string text = fmt::format("{}, gemsplat {}\n", report.device, kVersion);
   text += fmt::format("model: {}, {} Gaussians; scene: {}\n", subject.model,
                       with_commas(subject.gaussians.gaussians.count()), subject.scene);
+  const int batch = subject.config.train.batch;
+  const std::string of_photos = batch > 1 ? fmt::format(" of {} photos, {:.3f} ms a photo", batch,
+                                                        report.training.ms_per_step / batch)
+                                          : "";
   text += fmt::format(
-      "\ntraining: {:.3f} ms per step ({} steps after {} warm-up steps), {}x{}, {} views\n",
-      report.training.ms_per_step, plan.steps, plan.warmup, camera.width, camera.height,
+      "\ntraining: {:.3f} ms per step{} ({} steps after {} warm-up steps), {}x{}, {} views\n",
+      report.training.ms_per_step, of_photos, plan.steps, plan.warmup, camera.width, camera.height,
       subject.train_views.size());
   text += "  " + workload_text(report.workload) + "\n";
   text += stages_text(report.training.stages, report);

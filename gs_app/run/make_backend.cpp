@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/run/make_backend.h"
 
+#include <algorithm>
 #include <charconv>
+#include <numeric>
+#include <vector>
 
 #include "gs_core/error.h"
 #include "gs_train/ranks/ranked_backend.h"
@@ -19,12 +22,26 @@ std::unique_ptr<Backend> make_cuda_backend(int index) {
   throw Error("there is no GPU cuda:" + std::to_string(index) + ": the driver reports " +
               std::to_string(cuda_device_count()) + "; check nvidia-smi, or use --device cpu");
 }
+// A rank on each GPU from `first` on.
+std::unique_ptr<Backend> make_cuda_ranks(int first, int ranks) {
+  const int count = cuda_device_count();
+  if (first >= count) return make_cuda_backend(first);  // which says so
+  if (ranks > count - first)
+    throw UsageError(
+        "train.ranks is " + std::to_string(ranks) + ", and from cuda:" + std::to_string(first) +
+        " on there are only " + std::to_string(count - first) +
+        " GPUs, which have one rank each; set train.ranks=" + std::to_string(count - first));
+  std::vector<int> devices(std::size_t(ranks));
+  std::iota(devices.begin(), devices.end(), first);
+  return cuda::make_ranked_backend(devices);
+}
 #else
 std::unique_ptr<Backend> make_cuda_backend(int) {
   throw Error(
       "this build has no CUDA; configure again with nvcc on the PATH (-DGS_REQUIRE_CUDA=ON says "
       "what is missing), or use --device cpu");
 }
+std::unique_ptr<Backend> make_cuda_ranks(int first, int) { return make_cuda_backend(first); }
 #endif
 
 // The number N of "cuda:N"; 0 for "cuda".
@@ -67,18 +84,34 @@ std::unique_ptr<Backend> make_backend(const std::string& device) {
   return make_cuda_backend(device == "auto" ? 0 : cuda_index(device));
 }
 
-void check_has_ranks(const TrainConfig& train) {
+void take_gpus(const std::string& gpus, bool is_new, TrainConfig& train) {
+  if (train.device == "cpu")
+    throw UsageError(
+        "--gpus is for training on GPUs, and the device is cpu; leave one of them out");
+  if (train.device == "auto") train.device = "cuda";
+  int count = 0;
+  const char* const end = gpus.data() + gpus.size();
+  const auto [rest, error] = std::from_chars(gpus.data(), end, count);
+  if (gpus == "all")
+    count = std::max(cuda_device_count() - cuda_index(train.device), 1);
+  else if (error != std::errc() || rest != end || count < 1 || count > kMostBatch)
+    throw UsageError("--gpus " + gpus + ": give a number from 1 to " + std::to_string(kMostBatch) +
+                     ", or all");
+  train.ranks = count;
+  if (is_new && train.batch == 1) train.batch = std::min(count, kMostBatch);
+}
+
+void check_has_rank_processes(const TrainConfig& train) {
   if (!is_cpu(train.device))
-    throw UsageError("train.ranks is " + std::to_string(train.ranks) + ", and train.device is " +
-                     train.device +
-                     ": several ranks train on the CPU only so far; set train.ranks=1, or train "
-                     "with --device cpu");
+    throw UsageError("train.rank_processes is on, and train.device is " + train.device +
+                     ": ranks are processes on the CPU only so far; leave it off, or train with "
+                     "--device cpu");
 }
 
 std::unique_ptr<Backend> make_training_backend(const TrainConfig& train) {
   if (train.ranks == 1) return make_backend(train.device);
-  check_has_ranks(train);
-  return make_ranked_backend({train.ranks, double(train.rank_deadline)});
+  if (is_cpu(train.device)) return make_ranked_backend({train.ranks, double(train.rank_deadline)});
+  return make_cuda_ranks(train.device == "auto" ? 0 : cuda_index(train.device), train.ranks);
 }
 
 }  // namespace gs

@@ -179,13 +179,24 @@ void TrainSession::clear_folder_for_photos() {
     move_trained_run_aside(*folder_, *lock_, inputs());
 }
 
+// A photo is drawn by one GPU.
+void TrainSession::warn_of_idle_gpus() const {
+  const TrainConfig& train = config_.train;
+  if (train.batch < train.ranks && &backend_->memory() != &host_memory())
+    log_warning(
+        "train.batch is {}, so that {} of {} GPUs wait while photos are drawn; a new run with "
+        "--set train.batch={} keeps all of them busy",
+        train.batch, train.ranks - train.batch, train.ranks, train.ranks);
+}
+
 // Ranks that are processes are told of the scene when the trainer announces its views.
 void TrainSession::make_backend() {
   if (config_.train.ranks == 1 || !config_.train.rank_processes) {
     backend_ = make_training_backend(config_.train);
+    warn_of_idle_gpus();
     return;
   }
-  check_has_ranks(config_.train);
+  check_has_rank_processes(config_.train);
   if (request_.scene || (request_.rank_program.empty() && !request_.rank_place))
     throw UsageError(
         "train.rank_processes is for `gemsplat train` with a scene on disk; leave it off, and "

@@ -85,6 +85,7 @@ class TrainSession {
   void check_output() const;
   void clear_folder_for_photos();
   void make_backend();
+  void warn_of_idle_gpus() const;
   void get_scene();
   void describe_scene();
   void record_scene();

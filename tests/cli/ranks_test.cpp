@@ -104,6 +104,15 @@ TEST_F(Ranks, AsProcessesWriteTheBytesOfThreads) {
   EXPECT_THAT(processes.err, HasSubstr("training on cpu (3 ranks)"));
 }
 
+TEST_F(Ranks, OnGpusAreAskedForByOneFlag) {
+  const Outcome shown = run("train --gpus 3 --print-config");
+  EXPECT_THAT(shown.out, AllOf(HasSubstr("ranks = 3"), HasSubstr("batch = 3"),
+                               HasSubstr("device = \"cuda\"")));
+  const Outcome refused = run("train --gpus some --print-config");
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("--gpus some"));
+}
+
 TEST_F(Ranks, EndTogetherWhereOneIsKilled) {
   const std::string error = error_after("killed", [](pid_t rank) { ::kill(rank, SIGKILL); });
   EXPECT_THAT(error,
