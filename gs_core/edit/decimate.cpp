@@ -44,9 +44,8 @@ class Decimation {
         edges_(g_.count() * std::size_t(k_)), degree_(g_.count()), partner_(g_.count(), kNone),
         target_(g_.count(), kNone), rows_(g_.count()) {
     std::iota(rows_.begin(), rows_.end(), 0u);
-    parallel_for(rows_.size(), kGrain, [&](std::size_t i) {
-      shapes_[i] = merge_shape_of(g_, i, options.importance.empty() ? 1 : options.importance[i]);
-    });
+    parallel_for(rows_.size(), kGrain,
+                 [&](std::size_t i) { shapes_[i] = merge_shape_of(g_, i, options.importance[i]); });
   }
 
   /// The rows that are left; each holds what was merged into it.
@@ -215,6 +214,15 @@ std::vector<float> importance_of(const std::vector<float>& contributions,
   return importance;
 }
 
+std::vector<float> importance_by_size(const Gaussians& gaussians) {
+  std::vector<float> importance(gaussians.count(), 0.0f);
+  parallel_for(importance.size(), kGrain, [&](std::size_t i) {
+    const float area = merge_shape_of(gaussians, i).area;
+    if (std::isfinite(1 / area)) importance[i] = 1 / area;
+  });
+  return importance;
+}
+
 std::vector<std::uint32_t> rendered_rows(const Gaussians& gaussians) {
   std::vector<std::uint32_t> rows;
   for (std::uint32_t i = 0; i < gaussians.count(); ++i)
@@ -240,6 +248,7 @@ std::size_t decimate(Gaussians& gaussians, std::size_t count, const DecimateOpti
     gaussians = rows_of(gaussians, rendered);
     if (!options.importance.empty()) options.importance.resize(rendered.size());
   }
+  if (options.importance.empty()) options.importance = importance_by_size(gaussians);
   std::vector<std::uint32_t> places(rendered.size());
   std::iota(places.begin(), places.end(), 0u);
   count = std::max<std::size_t>(count, 1);

@@ -13,7 +13,7 @@ struct DecimateOptions {
   // How many other Gaussians each one may be merged with: its nearest by means.   2 to 16
   int neighbors = 10;
   // (N) how much pictures show of each Gaussian for its mass, up to a factor (importance_of());
-  // empty: nothing is known
+  // empty: nothing is known of pictures (importance_by_size())
   std::vector<float> importance = {};
   // Called now and then by the calling thread with the merges done and all merges; may be empty.
   // What it throws leaves decimate(), and the Gaussians are then undefined.
@@ -29,6 +29,11 @@ struct DecimateOptions {
 /// coverages       (N) as coverages_of() has them
 std::vector<float> importance_of(const std::vector<float>& contributions,
                                  const std::vector<float>& coverages);
+
+/// (N) The same where no pictures are known: 1 / surface. Training leaves Gaussians that cover about
+/// as many pixels each, so a small one was seen from near or in detail. What a merge changes then
+/// counts as a share of what it merges. Gaussians without a surface have 0.   Gaussians without time
+std::vector<float> importance_by_size(const Gaussians& gaussians);
 
 inline constexpr std::uint32_t kNotRendered = std::numeric_limits<std::uint32_t>::max();
 

@@ -204,6 +204,26 @@ TEST(Decimate, CopiesAreMergedFirstAndImportantOnesLast) {
   for (std::size_t i = 0; i < 45; ++i) EXPECT_EQ(weighted.mean[i], all.mean[i]);
 }
 
+// Where no pictures are known, a small Gaussian may have been seen from near: a model of two halves,
+// one a hundred times smaller than the other, loses as many of each.
+TEST(Decimate, SizesAreNoReasonToMerge) {
+  Gaussians both = cloud(400);
+  for (std::size_t i = 200; i < 400; ++i) {
+    both.mean[i] = Vec3f(1000, 0, 0) + 0.01f * both.mean[i - 200];
+    both.log_scale[i] = both.log_scale[i - 200] + Vec3f(std::log(0.01f));
+    both.rotation[i] = both.rotation[i - 200];
+    both.logit_opacity[i] = both.logit_opacity[i - 200];
+    both.sh0[i] = both.sh0[i - 200];
+  }
+  const std::vector<float> importance = importance_by_size(both);
+  for (std::size_t i = 0; i < 200; ++i)
+    EXPECT_NEAR(importance[i + 200] / importance[i], 1e4, 1) << i;
+  decimate(both, 200);
+  const auto small =
+      std::count_if(both.mean.begin(), both.mean.end(), [](const Vec3f& m) { return m.x > 500; });
+  EXPECT_NEAR(double(small), 100, 5);
+}
+
 TEST(Decimate, RowsThatAreNeverRenderedGoFirstAndEqualPlacesAreNoTrap) {
   Gaussians g = cloud(600);
   for (std::size_t i = 0; i < 300; ++i) g.mean[i] = Vec3f(1, 2, 3);
