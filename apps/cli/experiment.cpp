@@ -32,6 +32,7 @@ struct ExperimentCommand {
   std::string file;
   std::vector<std::string> devices;
   int jobs = 1;
+  int gpus_per_run = 0;  // 0: as the runs' settings say
   long only = -1;
   double status_every = 60;  // seconds
   bool gather = false, slurm = false, dry_run = false, quiet = false;
@@ -46,16 +47,8 @@ Runs unfinished(const std::vector<ExperimentRun>& runs) {
   return result;
 }
 
-// `jobs` slots for each device. Several slots share the machine's threads evenly.
 std::vector<RunSlot> slots_of(const ExperimentCommand& command) {
-  std::vector<std::string> devices = command.devices;
-  if (devices.empty()) devices.push_back("");
-  const std::size_t count = devices.size() * std::size_t(command.jobs);
-  const int threads = count > 1 ? std::max(1, thread_count() / int(count)) : 0;
-  std::vector<RunSlot> slots;
-  for (int job = 0; job < command.jobs; ++job)
-    for (const std::string& device : devices) slots.push_back({device, threads});
-  return slots;
+  return slots_on(command.devices, command.gpus_per_run, command.jobs);
 }
 
 std::string describe(const ProcessEnd& end, const std::string& error) {
@@ -259,7 +252,7 @@ void experiment(const ExperimentCommand& command) {
   if (command.gather) {
     gather(experiment, runs);
   } else if (command.slurm) {
-    submit(experiment, unfinished(runs), command.dry_run);
+    submit(experiment, unfinished(runs), command.gpus_per_run, command.dry_run);
   } else if (command.dry_run) {
     list(runs);
   } else if (command.only >= 0) {
@@ -285,6 +278,10 @@ void add_experiment(CLI::App& program) {
   verb.add_option("--jobs", command->jobs, "runs at a time on each device [1]")
       ->type_name("N")
       ->check(CLI::Range(1, 1024));
+  verb.add_option("--gpus-per-run", command->gpus_per_run,
+                  "train each run on so many GPUs that follow each other (docs/ranks.md)")
+      ->type_name("N")
+      ->check(CLI::Range(1, kMostBatch));
   auto* only = verb.add_option("--only", command->only,
                                "train this run only, numbered from 0 as in --dry-run")
                    ->type_name("INDEX")

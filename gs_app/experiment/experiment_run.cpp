@@ -3,11 +3,15 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
+#include <charconv>
+
 #include "gs_core/access.h"
 #include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
 #include "gs_core/io/output_lock.h"
 #include "gs_core/log.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
@@ -30,6 +34,19 @@ bool has_same_settings(const ExperimentRun& run) {
     return false;
   }
   return same_result(written, run.settings);
+}
+
+// N of "cuda:N".
+int gpu_number(const std::string& device) {
+  constexpr std::string_view kPrefix = "cuda:";
+  int number = -1;
+  const char* const end = device.data() + device.size();
+  if (device.starts_with(kPrefix)) {
+    const auto [rest, error] = std::from_chars(device.data() + kPrefix.size(), end, number);
+    if (error == std::errc() && rest == end && number >= 0) return number;
+  }
+  throw UsageError(fmt::format(
+      "--gpus-per-run needs the numbers of GPUs, --devices cuda:0,cuda:1,..., and not {}", device));
 }
 
 ExperimentRun make_run(const Experiment& experiment, const ExperimentScene& scene,
@@ -71,10 +88,37 @@ void prepare(const ExperimentRun& run) {
   write_text(run.settings_file(), to_toml(run.settings));
 }
 
+std::vector<RunSlot> slots_on(const std::vector<std::string>& devices, int gpus_per_run, int jobs) {
+  const std::size_t group = std::size_t(std::max(gpus_per_run, 1));
+  if (devices.size() % group != 0)
+    throw UsageError(
+        fmt::format("--gpus-per-run {}: give --devices of so many GPUs, or of 2, 3, "
+                    "... times as many; there are {}",
+                    group, devices.size()));
+  std::vector<RunSlot> of_job;
+  for (std::size_t first = 0; first < devices.size(); first += group) {
+    for (std::size_t k = 1; k < group; ++k)
+      if (devices[first + k] != fmt::format("cuda:{}", gpu_number(devices[first]) + int(k)))
+        throw UsageError(
+            fmt::format("--gpus-per-run {}: the GPUs of a run follow each other, and "
+                        "{} is not the GPU after {}",
+                        group, devices[first + k], devices[first + k - 1]));
+    of_job.push_back({devices[first]});
+  }
+  if (devices.empty()) of_job.push_back({gpus_per_run > 0 ? "cuda" : ""});
+  std::vector<RunSlot> slots;
+  for (int job = 0; job < jobs; ++job) slots.insert(slots.end(), of_job.begin(), of_job.end());
+  const int threads = slots.size() > 1 ? std::max(1, thread_count() / int(slots.size())) : 0;
+  for (RunSlot& slot : slots) slot.threads = threads, slot.gpus = gpus_per_run;
+  return slots;
+}
+
 std::vector<std::string> train_command(const ExperimentRun& run, const RunSlot& slot) {
   std::vector<std::string> command = {
       kThisProgram, "train", "-c", run.settings_file().string(), "-o", run.folder.root().string()};
   if (!slot.device.empty()) command.insert(command.end(), {"--device", slot.device});
+  if (slot.gpus > 0)
+    command.insert(command.end(), {"--set", fmt::format("train.ranks={}", slot.gpus)});
   if (slot.threads > 0) command.insert(command.end(), {"--threads", std::to_string(slot.threads)});
   if (has_same_settings(run)) command.insert(command.end(), {"--resume", "auto"});
   return command;

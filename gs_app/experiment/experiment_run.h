@@ -34,11 +34,16 @@ std::vector<ExperimentRun> runs_of(const Experiment& experiment);
 /// config_fields.h).
 bool is_finished(const ExperimentRun& run);
 
-/// The device and threads of a run. If they are empty or 0, the run's settings decide.
+/// Where a run is trained. What is empty or 0 is up to the run's settings.
 struct RunSlot {
-  std::string device;
+  std::string device;  // the first one, if there are several GPUs
   int threads = 0;
+  int gpus = 0;  // train.ranks
 };
+/// `jobs` slots on each device, or on each group of so many GPUs that follow each other; without
+/// devices as if there were one of them. All slots share the machine's threads evenly. Throws
+/// UsageError where the devices are no such groups.
+std::vector<RunSlot> slots_on(const std::vector<std::string>& devices, int gpus_per_run, int jobs);
 
 /// Prepares the folder: moves a run with other settings to FOLDER.bak-N and writes settings.toml.
 /// Throws Error, also while another process trains into the folder.

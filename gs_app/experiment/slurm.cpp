@@ -3,6 +3,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <iostream>
 
 #include "gs_core/error.h"
@@ -47,10 +48,14 @@ std::string line_of(const std::string& text) {
   return text + "\n";
 }
 
+bool asks_for_gpus(const std::string& option) {
+  return option.starts_with("--gres") || option.starts_with("--gpus");
+}
+
 }  // namespace
 
 std::string array_script(const Experiment& experiment,
-                         const std::vector<const ExperimentRun*>& runs) {
+                         const std::vector<const ExperimentRun*>& runs, int gpus_per_run) {
   std::string text = "#!/bin/bash\n";
   const fs::path logs = experiment.output / "slurm" / "%A_%a.log";
   std::vector<std::string> options = {
@@ -58,18 +63,22 @@ std::string array_script(const Experiment& experiment,
       "--output=" + quoted(logs.string()),
       "--signal=B:TERM@60",  // a minute before the time limit, so that a run can save a checkpoint
   };
+  if (gpus_per_run > 0 &&
+      std::none_of(experiment.slurm.begin(), experiment.slurm.end(), asks_for_gpus))
+    options.push_back(fmt::format("--gres=gpu:{}", gpus_per_run));
   options.insert(options.end(), experiment.slurm.begin(), experiment.slurm.end());
   for (const std::string& option : options) text += line_of("#SBATCH " + option);
   text +=
       "# One task for each unfinished run of the experiment; written by gemsplat experiment "
       "--slurm.\n";
-  return text +
-         line_of(fmt::format("exec {} experiment {} --only \"$SLURM_ARRAY_TASK_ID\"",
-                             quoted(own_program().string()), quoted(experiment.file.string())));
+  const std::string gpus = gpus_per_run > 0 ? fmt::format(" --gpus-per-run {}", gpus_per_run) : "";
+  return text + line_of(fmt::format("exec {} experiment {}{} --only \"$SLURM_ARRAY_TASK_ID\"",
+                                    quoted(own_program().string()),
+                                    quoted(experiment.file.string()), gpus));
 }
 
 void submit(const Experiment& experiment, const std::vector<const ExperimentRun*>& runs,
-            bool dry_run) {
+            int gpus_per_run, bool dry_run) {
   const std::string gather =
       fmt::format("gemsplat experiment {} --gather", quoted(experiment.file.string()));
   if (runs.empty()) {
@@ -77,7 +86,7 @@ void submit(const Experiment& experiment, const std::vector<const ExperimentRun*
     return;
   }
   const fs::path script = experiment.output / "experiment.sbatch";
-  write_text(script, array_script(experiment, runs));
+  write_text(script, array_script(experiment, runs, gpus_per_run));
   std::error_code error;
   fs::create_directories(experiment.output / "slurm", error);  // Slurm makes no folders
   if (error)

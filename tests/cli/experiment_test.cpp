@@ -279,6 +279,17 @@ TEST_F(Experiment, SlurmScriptHasATaskForEachRunAndGatherCollectsThem) {
   expect_complete_tables();
 }
 
+TEST_F(Experiment, SlurmScriptAsksForTheGpusOfARun) {
+  write_experiment(5, "slurm = {partition = 'gpu'}\n");
+  ASSERT_EQ(experiment("--slurm --dry-run --gpus-per-run 2").code, 0);
+  EXPECT_THAT(read_bytes(path("out/experiment.sbatch")),
+              AllOf(HasSubstr("#SBATCH --gres=gpu:2\n"), HasSubstr(" --gpus-per-run 2 --only ")));
+  write_experiment(5, "slurm = {gpus-per-task = '2'}\n");
+  ASSERT_EQ(experiment("--slurm --dry-run --gpus-per-run 2").code, 0);
+  EXPECT_THAT(read_bytes(path("out/experiment.sbatch")),
+              AllOf(HasSubstr("#SBATCH --gpus-per-task=2\n"), Not(HasSubstr("--gres"))));
+}
+
 TEST_F(Experiment, WithoutSbatchTheSlurmCommandSaysWhatToDo) {
   write_experiment(5);
   const Outcome outcome = run("experiment " + text("e.toml") + " --slurm", "PATH=/nowhere ");
