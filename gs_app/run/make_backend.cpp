@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <numeric>
 #include <vector>
 
 #include "gs_core/error.h"
@@ -31,8 +30,8 @@ std::unique_ptr<Backend> make_cuda_ranks(int first, int ranks) {
         "train.ranks is " + std::to_string(ranks) + ", and from cuda:" + std::to_string(first) +
         " on there are only " + std::to_string(count - first) +
         " GPUs, which have one rank each; set train.ranks=" + std::to_string(count - first));
-  std::vector<int> devices(std::size_t(ranks));
-  std::iota(devices.begin(), devices.end(), first);
+  std::vector<int> devices;
+  for (int rank = 0; rank < ranks; ++rank) devices.push_back(first + rank);
   return cuda::make_ranked_backend(devices);
 }
 #else
