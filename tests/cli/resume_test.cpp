@@ -25,6 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 
 constexpr int kSteps = 60;
@@ -198,11 +199,14 @@ TEST_F(Resume, ARunKilledAtRandomMomentsGoesOnWithAnyNumberOfRanks) {
   EXPECT_GT(resumed, 3);
 }
 
-TEST_F(Resume, RanksOnAGpuAreRefused) {
-  const Outcome outcome =
-      run("train " + text("scene") + " -o " + text("gpu") + " --device cuda --set train.ranks=2");
-  EXPECT_EQ(outcome.code, 2);
-  EXPECT_THAT(outcome.err, AllOf(HasSubstr("train.ranks=1"), HasSubstr("--device cpu")));
+TEST_F(Resume, RanksOnGpusThatAreNotThereAndProcessesOnGpusAreRefused) {
+  const std::string train = "train " + text("scene") + " -o " + text("gpu") + " --device cuda ";
+  const Outcome many = run(train + "--set train.ranks=64");
+  EXPECT_NE(many.code, 0);
+  EXPECT_THAT(many.err, AnyOf(HasSubstr("--device cpu"), HasSubstr("set train.ranks=")));
+  const Outcome processes = run(train + "--set train.ranks=2 --set train.rank_processes=true");
+  EXPECT_EQ(processes.code, 2);
+  EXPECT_THAT(processes.err, AllOf(HasSubstr("train.rank_processes"), HasSubstr("--device cpu")));
   EXPECT_FALSE(fs::exists(path("gpu/checkpoints")));
 }
 
