@@ -238,7 +238,8 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
                        const RenderPass& pass);
 /// After 6, before anything else adds to workspace.splat_gradients  fragment_sums.cu: pools the
 /// photo's sums over fragments with those of statistics, and clears those that are not among the
-/// gradients; nothing is left to do where sums_of_forces_are_added(). The statistics stay as they are while workspace.halted is raised.
+/// gradients. Does nothing where sums_of_forces_are_added(). The statistics stay as they are while
+/// workspace.halted is raised.
 void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
                           const RenderPass& pass, ScorePooling pooling, const DensityStatistics& to,
                           const Shard& shard = {});

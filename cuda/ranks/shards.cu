@@ -9,9 +9,9 @@
 namespace gs::cuda {
 namespace {
 
-// Calls copy(rows of the whole model, bytes to the next chunk there, rows of the shard, bytes to the
-// next chunk there, bytes of a chunk, chunks) for all rows of a rank. Chunks are equally far from
-// each other, so that one call covers all but the last, short one.
+// Calls copy(whole, whole_step, own, own_step, bytes, chunks) for all rows of a rank: its rows in the
+// whole model and in the shard, the bytes from one chunk to the next in each, and those of a chunk.
+// Chunks are equally far from each other, so one call covers all but the last, short one.
 template <class Whole, class Own, class Copy>
 void for_chunks(const Deal& deal, int rank, Whole* whole, Own* shard, Copy&& copy) {
   const std::size_t count = deal.count_of(rank), full = count / deal.chunk_rows,

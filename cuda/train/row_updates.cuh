@@ -316,10 +316,8 @@ struct GatherStatistics {
   float* gradient_norm;
   int width, height;
   const std::uint32_t* halted;
-  // Sums of forces that lie among the gradients and are added up (sums_of_forces_are_added()); null:
-  // none
-  FragmentSums* force_sums;
-  float force_scale;  // of one photo's forces
+  FragmentSums* force_sums;  // null unless sums_of_forces_are_added()
+  float force_scale;         // of one photo's forces
 
   struct Statistics {
     float visits = 0, gradient_norm = 0;
@@ -330,8 +328,8 @@ struct GatherStatistics {
     if (!visits) return {};
     return {visits[i], gradient_norm[i]};
   }
-  /// Adds a visible row's sums of forces. Nothing waits for these additions. A row has one per photo,
-  /// so that their order does not matter.
+  /// Adds a visible row's sums of forces, which lie among its gradients. Nothing waits for these
+  /// additions. Each photo makes one for a row, so their order does not matter.
   __device__ void add_forces(std::size_t i, const SplatGradientSum& sum, float opacity) const {
     if (!force_sums || sum.absolute_x == 0) return;
     atomicAdd(&force_sums[i].count, sum.absolute_x);

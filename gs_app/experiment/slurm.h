@@ -10,8 +10,8 @@
 namespace gs {
 
 /// The script for sbatch. Each task runs `gemsplat experiment FILE --only INDEX` for one of `runs`.
-/// Options in [slurm] of the experiment's file become #SBATCH lines. With `gpus_per_run` above 0 each
-/// run is trained on so many GPUs, which the script asks for unless [slurm] does.
+/// Options in [slurm] of the experiment's file become #SBATCH lines. With `gpus_per_run` above 0
+/// each run is trained on so many GPUs, which the script asks for unless [slurm] does.
 std::string array_script(const Experiment& experiment,
                          const std::vector<const ExperimentRun*>& runs, int gpus_per_run = 0);
 

@@ -43,9 +43,9 @@ std::unique_ptr<Backend> make_cuda_backend(int) {
 std::unique_ptr<Backend> make_cuda_ranks(int first, int) { return make_cuda_backend(first); }
 #endif
 
-// The number N of "cuda:N"; 0 for "cuda".
+// The number N of "cuda:N"; 0 for "cuda", and for "auto" where there is a GPU.
 int cuda_index(const std::string& device) {
-  if (device == "cuda") return 0;
+  if (device == "cuda" || device == "auto") return 0;
   constexpr std::string_view kPrefix = "cuda:";
   int index = -1;
   if (device.starts_with(kPrefix)) {
@@ -80,7 +80,7 @@ bool is_cpu(const std::string& device) {
 
 std::unique_ptr<Backend> make_backend(const std::string& device) {
   if (is_cpu(device)) return make_scalar_backend();
-  return make_cuda_backend(device == "auto" ? 0 : cuda_index(device));
+  return make_cuda_backend(cuda_index(device));
 }
 
 void take_gpus(const std::string& gpus, bool is_new, TrainConfig& train) {
@@ -110,7 +110,7 @@ void check_has_rank_processes(const TrainConfig& train) {
 std::unique_ptr<Backend> make_training_backend(const TrainConfig& train) {
   if (train.ranks == 1) return make_backend(train.device);
   if (is_cpu(train.device)) return make_ranked_backend({train.ranks, double(train.rank_deadline)});
-  return make_cuda_ranks(train.device == "auto" ? 0 : cuda_index(train.device), train.ranks);
+  return make_cuda_ranks(cuda_index(train.device), train.ranks);
 }
 
 }  // namespace gs

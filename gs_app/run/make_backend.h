@@ -14,16 +14,16 @@ namespace gs {
 /// UsageError for any other name. Only one thread at a time may use a backend.
 std::unique_ptr<Backend> make_backend(const std::string& device);
 
-/// The backend for a run: make_backend(train.device), or several ranks (train.ranks): threads on the
-/// CPU, or as many GPUs from train.device on. Throws UsageError where there are fewer.
+/// The backend for a run: make_backend(train.device), or several ranks (train.ranks). These are
+/// threads on the CPU, or as many GPUs from train.device on. Throws UsageError where there are fewer.
 std::unique_ptr<Backend> make_training_backend(const TrainConfig& train);
 
 /// Throws UsageError where the ranks of a run cannot be processes.
 void check_has_rank_processes(const TrainConfig& train);
 
 /// Settings of a run on `gpus` GPUs, a number or "all", from train.device on. Where the run is new
-/// and says nothing else, an update takes as many photos. Throws UsageError for other words, and for
-/// a run on the CPU.
+/// and says nothing else, an update takes as many photos. Throws UsageError for other words, and
+/// for a run on the CPU.
 void take_gpus(const std::string& gpus, bool is_new, TrainConfig& train);
 
 /// Whether this build has CUDA, and how many GPUs the driver then reports.
