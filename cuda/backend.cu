@@ -22,6 +22,7 @@
 #include "cuda/render/reports.cuh"
 #include "cuda/train/depth.cuh"
 #include "cuda/train/instance_forecast.h"
+#include "cuda/train/photo_rows.cuh"
 #include "cuda/train/photometric.cuh"
 #include "gs_core/math/density.h"
 #include "gs_core/training_memory.h"
@@ -81,7 +82,7 @@ class CudaBackend final : private Device, public Backend {
   explicit CudaBackend(int index)
       : Device(index), Backend(device_memory), photos_(context, device_memory),
         renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
-        optimizer_(make_optimizer(context)), sums_(device_memory),
+        optimizer_(make_optimizer(context)), sums_(device_memory), kept_(device_memory),
         photometric_gradient_(device_memory), camera_of_(device_memory),
         poses_(context, device_memory), depth_maps_(device_memory), depth_(device_memory),
         rows_(make_row_ops(context, device_memory, pass_.splats, pass_.pixel_rects,
@@ -185,6 +186,7 @@ class CudaBackend final : private Device, public Backend {
     rows_->release_caches();
     renderer_.release_caches();
     sums_ = BatchSums(device_memory);  // zero between steps; made anew for the next batch
+    kept_.release();                   // the same
     photometric_gradient_.release();   // the same
     depth_.release();
   }
@@ -248,6 +250,9 @@ class CudaBackend final : private Device, public Backend {
     bool is_launched = false;
 
     std::uint32_t last_photo() const { return first_photo + std::uint32_t(batch.size()) - 1; }
+    bool are_together(const TrainingModel& model) const {
+      return are_pulled_back_together(model, {batch.data(), batch.size()}, loss_settings, density);
+    }
   };
 
   // Steps train this model from now on.
@@ -277,6 +282,7 @@ class CudaBackend final : private Device, public Backend {
          {&pass_.tile_counts, &pass_.depth_order, &pass_.tile_splats})
       lists->release();
     pass_.depths.release();
+    kept_.release();
     pass_.scratch<CudaScratch>().room.release();
   }
 
@@ -294,6 +300,7 @@ class CudaBackend final : private Device, public Backend {
       } catch (...) {
         context.synchronize();  // a late report must not be mistaken for that of the next attempt
         renderer_.clear_gradients();
+        kept_.clear_gradients();
         clear_sums();
         throw;
       }
@@ -301,17 +308,23 @@ class CudaBackend final : private Device, public Backend {
     }
   }
 
-  // One photo is differentiated and the model updated by one kernel. Several photos are summed up
-  // first.
+  // One photo is pulled back and the model updated by one kernel, and so are the photos of most
+  // batches together. The gradients of other batches are summed up first.
   void enqueue(const Step& step) {
+    const bool is_batch = step.batch.size() > 1, are_together = step.are_together(*model_);
     if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(*model_);
-    if (step.batch.size() > 1) sums_.reserve(*model_);
+    if (is_batch && !are_together) sums_.reserve(*model_);
     if (look_) reserve_photometric();
+    kept_.begin();
     for (std::size_t i = 0; i < step.batch.size(); ++i) {
       prefetch_after(step, i);
       differentiate(step, i);
     }
-    if (step.batch.size() > 1) update(step);
+    if (are_together)
+      update_by_photos(context, *model_, kept_.photos(), step.adam, step.rule, step.rounding,
+                       step.density, renderer_.workspace().halted.data());
+    else if (is_batch)
+      update(step);
     if (step.lazy_updates) note_unseen(step);
     if (step.photometric.is_due)
       gs::cuda::update_photometric(context, *look_, model_->photometric, camera_of_.span(),
@@ -367,7 +380,9 @@ class CudaBackend final : private Device, public Backend {
     if (step.poses.is_due)
       gs::cuda::camera_gradient(context, gaussians, camera, settings, workspace, pass_, pose, *row,
                                 1.0 / double(step.batch.size()));
-    if (step.batch.size() > 1)
+    if (step.are_together(*model_))
+      kept_.keep({camera, settings, workspace, pass_}, i + 1 < step.batch.size(), workspace, pass_);
+    else if (step.batch.size() > 1)
       preprocess_backward_and_add(context, gaussians, camera, settings, step.density, workspace,
                                   pass_, 1.0f / float(step.batch.size()), sums_, pose);
     else
@@ -532,6 +547,7 @@ class CudaBackend final : private Device, public Backend {
   std::unique_ptr<Loss> loss_;
   std::unique_ptr<Optimizer> optimizer_;
   BatchSums sums_;
+  KeptPhotos kept_;
   std::optional<DeviceLook> look_;                // of the photometric model; none without one
   Buffer<double> photometric_gradient_;           // (state.shape.size()) zero between steps
   Buffer<std::uint32_t> camera_of_;               // (photos) PhotometricState::camera_of

@@ -22,6 +22,8 @@
 
 namespace gs::cuda {
 
+struct PhotoRows;
+
 /// The device's message to the host about one step, or one frame. create_instances() writes it; the
 /// host reads it later.
 struct StepReport {
@@ -273,7 +275,14 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                                     RenderPass& pass, const DevicePose* pose = nullptr,
                                     const Shard& shard = {});
 
-/// 7 for one photo of a batch  preprocess_backward.cu: sums += weight * the photo's gradients, and
+/// The same for a batch of a few photos  update_by_photos.cu: by the mean of their gradients. Which
+/// batches it takes: are_pulled_back_together().
+void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRows> photos,
+                      const AdamSteps& steps, const AdamRule& rule, const MomentRounding& rounding,
+                      const DensityStep& density, const std::uint32_t* halted,
+                      const Shard& shard = {});
+
+/// 7 for one photo of another batch  preprocess_backward.cu: sums += weight * the photo's gradients, and
 /// its statistics. Nothing is added while workspace.halted is raised.
 void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussians,
                                  const Camera& camera, const RenderSettings& settings,

@@ -8,6 +8,8 @@
 //   each rank     pulls the gradients of its rows back, from the buffers of the photo's rank
 //   each rank     after all rounds of a batch: updates its rows
 //
+// The photos of most batches are pulled back together, after all rounds.
+//
 // Kernels read and write the memory of other GPUs, so that nothing is packed, sent and unpacked.
 // Splats lie in the order of the whole model, and every sum is that of one GPU: with
 // RenderSettings::deterministic the model has the same bytes for any number of ranks.
@@ -214,7 +216,10 @@ class RankedCudaBackend final : public Backend {
         enqueue(step);
       } catch (...) {
         streams_.synchronize();
-        for (const std::unique_ptr<Rank>& rank : ranks_) rank->renderer.clear_gradients();
+        for (const std::unique_ptr<Rank>& rank : ranks_) {
+          rank->renderer.clear_gradients();
+          rank->kept.clear_gradients();
+        }
         clear_sums();
         throw;
       }
@@ -223,23 +228,31 @@ class RankedCudaBackend final : public Backend {
   }
 
   void enqueue(const Step& step) {
+    const bool are_together = are_pulled_back_together(
+        *model_, {step.batch.data(), step.batch.size()}, step.loss_settings, step.density);
     for (const std::unique_ptr<Rank>& rank : ranks_) {
       if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(rank->shard);
-      if (step.is_batch()) rank->sums.reserve(rank->shard);
+      if (step.is_batch() && !are_together) rank->sums.reserve(rank->shard);
+      rank->kept.begin();
     }
+    std::vector<PhotoRows> photos;  // in the order of the batch
     for (std::size_t first = 0; first < step.batch.size(); first += ranks_.size())
-      run_round(step, first);
+      run_round(step, first, are_together ? &photos : nullptr);
     for (const std::unique_ptr<Rank>& rank : ranks_) {
       const OnDevice here(rank->context.device());
-      if (step.is_batch()) update(step, *rank);
+      if (are_together)
+        pull_back_together(step, *rank, {photos.data(), photos.size()});
+      else if (step.is_batch())
+        update(step, *rank);
       if (step.density.noise.scale > 0)
         add_position_noise(rank->context, rank->shard.gaussians.span(), step.density.noise,
                            step.position_rate, rank->halted(), rank->place);
     }
   }
 
-  // As many photos as there are ranks, from photo `first` of the step on.
-  void run_round(const Step& step, std::size_t first) {
+  // As many photos as there are ranks, from photo `first` of the step on. They are pulled back at
+  // once, or kept and added to `together`.
+  void run_round(const Step& step, std::size_t first, std::vector<PhotoRows>* together) {
     std::vector<DrawnPhoto> round;
     for (std::size_t k = 0; k < ranks_.size() && first + k < step.batch.size(); ++k)
       round.push_back(drawn_photo(step, first + k, *ranks_[k]));
@@ -251,7 +264,21 @@ class RankedCudaBackend final : public Backend {
     }
     for (const std::unique_ptr<Rank>& rank : ranks_) project(*rank, round);
     for (const DrawnPhoto& drawn : round) draw(step, drawn);
-    for (const std::unique_ptr<Rank>& rank : ranks_) pull_back(step, *rank, round);
+    if (together)
+      keep(step, round, *together);
+    else
+      for (const std::unique_ptr<Rank>& rank : ranks_) pull_back(step, *rank, round);
+  }
+
+  // Keeps the photos of a round until all are drawn, and adds them to `photos`.
+  void keep(const Step& step, const std::vector<DrawnPhoto>& round,
+            std::vector<PhotoRows>& photos) {
+    for (const DrawnPhoto& drawn : round) {
+      Workspace& workspace = drawn.rank.renderer.workspace();
+      photos.push_back({drawn.camera, drawn.settings, workspace, drawn.rank.pass});
+      const bool is_followed = photos.size() - 1 + ranks_.size() < step.batch.size();
+      drawn.rank.kept.keep(photos.back(), is_followed, workspace, drawn.rank.pass);
+    }
   }
 
   DrawnPhoto drawn_photo(const Step& step, std::size_t index, Rank& rank) const {
@@ -265,8 +292,10 @@ class RankedCudaBackend final : public Backend {
   // A rank's rows for each photo of a round, once all ranks are done with the photos before.
   void project(Rank& rank, const std::vector<DrawnPhoto>& round) {
     const OnDevice here(rank.context.device());
-    for (const std::unique_ptr<Rank>& other : ranks_)
+    for (const std::unique_ptr<Rank>& other : ranks_) {
+      other->has_drawn.hold_back(rank.context);
       other->has_pulled_back.hold_back(rank.context);
+    }
     for (const DrawnPhoto& drawn : round)
       preprocess(rank.context, rank.shard.gaussians.span(), drawn.camera, drawn.settings,
                  drawn.rank.renderer.workspace(), drawn.rank.pass, nullptr, rank.place);
@@ -292,15 +321,29 @@ class RankedCudaBackend final : public Backend {
     rank.has_drawn.set();
   }
 
+  // A rank's rows by all photos of a step. Where one did not fit, nothing changes.
+  void pull_back_together(const Step& step, Rank& rank, Span<const PhotoRows> photos) {
+    for (const std::unique_ptr<Rank>& other : ranks_) {
+      other->has_drawn.hold_back(rank.context);
+      if (other.get() != &rank) halt_by(rank, *other);
+    }
+    update_by_photos(rank.context, rank.shard, photos, step.adam, step.rule, step.rounding,
+                     step.density, rank.halted(), rank.place);
+    rank.has_pulled_back.set();
+  }
+
+  static void halt_by(Rank& rank, Rank& other) {
+    rank.context.launch("halt", halt_kernel, 1, 1, rank.renderer.workspace().halted.data(),
+                        other.halted());
+  }
+
   // The gradients of a rank's rows, photo after photo. Where a photo did not fit, nothing changes.
   void pull_back(const Step& step, Rank& rank, const std::vector<DrawnPhoto>& round) {
     const OnDevice here(rank.context.device());
     for (const DrawnPhoto& drawn : round) {
       Workspace& workspace = drawn.rank.renderer.workspace();
       drawn.rank.has_drawn.hold_back(rank.context);
-      if (&drawn.rank != &rank)
-        rank.context.launch("halt", halt_kernel, 1, 1, rank.renderer.workspace().halted.data(),
-                            static_cast<const std::uint32_t*>(workspace.halted.data()));
+      if (&drawn.rank != &rank) halt_by(rank, drawn.rank);
       if (drawn.settings.fragment_statistic != FragmentStatistic::none)
         gather_fragment_sums(
             rank.context, drawn.settings, workspace, drawn.rank.pass, step.density.pooling,

@@ -39,6 +39,7 @@ struct WarpShared : SharedLazyRows<is_lazy> {
   union alignas(16) {                      // for copies of 16 bytes
     Parameters parameters;                 // at first
     float sh_rows[kWarp * kShRowNumbers];  // once the parameters were read; more than they are
+    Splat splats[kWarp];                   // in the end, of ranks
   };
   TileRows tile_rows;
   std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
@@ -182,6 +183,19 @@ __device__ void catch_up(WarpShared<true>& shared, const SomeLate& late, Gaussia
   }
 }
 
+// The whole warp: writes the splats of the lanes that have one, from row `first` on, in whole lines.
+// They may go to another GPU, and vectors of single lanes would use the link badly.
+__device__ void store_in_lines(Splat* shared, Splat* first, const Splat& splat, bool has_one) {
+  constexpr int kInRow = sizeof(Splat) / sizeof(float4);
+  const SomeRows kept{__ballot_sync(kAllLanes, has_one)};
+  __syncwarp();  // all have read what was there
+  if (has_one) store_in_vectors(shared + lane_of_thread(), splat);
+  __syncwarp();
+  for (int item = lane_of_thread(); item < kWarp * kInRow; item += kWarp)
+    if (kept.has(item / kInRow))
+      reinterpret_cast<float4*>(first)[item] = reinterpret_cast<const float4*>(shared)[item];
+}
+
 // `Source` is a Camera, or a RefinedCamera; `Late` is AllCurrent or SomeLate.
 template <int degree, bool has_time, bool has_filter, bool has_slope, class Source, class Late>
 __global__ void __launch_bounds__(kPreprocessThreads)
@@ -237,10 +251,12 @@ __global__ void __launch_bounds__(kPreprocessThreads)
       if (!is_finite(splat.color)) hits = 0;
     }
   }
+  if (shard.ranks > 1)
+    store_in_lines(shared.splats, out.splats + (to - lane_of_thread()), splat, hits > 0);
   if (i >= count) return;
   if (hits == 0) return cull(out.rows, to);
   keep(out.rows, to, hits, projected.depth, pixels);
-  store_in_vectors(out.splats + to, splat);
+  if (shard.ranks == 1) store_in_vectors(out.splats + to, splat);
   if (out.depths) out.depths[to] = projected.depth;
 }
 

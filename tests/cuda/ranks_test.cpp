@@ -52,7 +52,7 @@ class CudaRanks : public FusedStepTest {
   void expect_bytes_of_one_gpu(const TrainingModel& start, const std::vector<View>& views,
                                RenderSettings settings, const DensityStep& density) {
     settings.deterministic = true;
-    for (const std::size_t batch : {1, 2, 5}) {
+    for (const std::size_t batch : {1, 2, 4, 5}) {
       const TrainingModel expected = after_steps(gpu(), start, views, settings, batch, density);
       for (const int count : {1, 2, 3, 4}) {
         const auto backend = ranks_of(count);
