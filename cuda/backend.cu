@@ -1,28 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA backend. Its step is a fused sequence of launches. The host neither waits nor reads
-// anything back:
-//
-//   Only the device knows how many instances a view has, but buffers and sorts need a number
-//   beforehand. The host forecasts it from the view's last visit and adds a margin. Where the
-//   forecast is too small, the device raises a flag, and no step changes the model from then on.
-//   When the host sees the flag, it enlarges the buffers and launches those steps again, in order.
-//   The result is the same as with a sufficient forecast.
+// anything back (pending_steps.h).
 #include "cuda/backend.h"
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <optional>
-#include <thread>
 #include <unordered_map>
 #include <utility>
 
 #include "cuda/device/warp.cuh"
 #include "cuda/render/renderer.cuh"
-#include "cuda/render/reports.cuh"
 #include "cuda/train/depth.cuh"
-#include "cuda/train/instance_forecast.h"
-#include "cuda/train/photo_rows.cuh"
+#include "cuda/train/pending_steps.h"
 #include "cuda/train/photometric.cuh"
 #include "gs_core/math/density.h"
 #include "gs_core/training_memory.h"
@@ -42,7 +32,6 @@ static_assert(sizeof(Vec4f) * kTileWidth * kTileHeight ==
 static_assert(kFirstInstances == kLeastCapacity);
 
 constexpr int kThreads = 256;
-constexpr std::size_t kMostPending = 128;  // photos that the host may be ahead of the device
 
 struct LossRow {
   const char* name;  // a word of loss.kind
@@ -77,12 +66,34 @@ struct Device {
   DeviceMemory device_memory;
 };
 
-class CudaBackend final : private Device, public Backend {
+// The update of the photometric model; there is none while its numbers rest.
+struct PhotometricUpdate {
+  bool is_due = false;
+  AdamStep adam{};
+  AdamRule rule = {};
+};
+
+// The same of the poses.
+struct PoseUpdate {
+  bool is_due = false;
+  AdamStep adam{};
+  AdamRule rule = {};
+  float pull = 0;
+};
+
+struct Step : PendingStep {
+  using PendingStep::PendingStep;
+  PhotometricUpdate photometric;
+  PoseUpdate poses;
+  std::optional<std::uint32_t> lazy_updates;  // LazyState::updates before the step
+};
+
+class CudaBackend final : private Device, private StepLauncher<Step>, public Backend {
  public:
   explicit CudaBackend(int index)
       : Device(index), Backend(device_memory), photos_(context, device_memory),
         renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
-        optimizer_(make_optimizer(context)), sums_(device_memory), kept_(device_memory),
+        optimizer_(make_optimizer(context)), sums_(device_memory), photo_buffers_(device_memory),
         photometric_gradient_(device_memory), camera_of_(device_memory),
         poses_(context, device_memory), depth_maps_(device_memory), depth_(device_memory),
         rows_(make_row_ops(context, device_memory, pass_.splats, pass_.pixel_rects,
@@ -133,7 +144,7 @@ class CudaBackend final : private Device, public Backend {
     next_ = nullptr;
     photos_.upload_views(views, photo_bytes);
     depth_maps_.forget();
-    forecast_.forget();
+    steps_.forecast().forget();
   }
   void prefetch_decode(const View& view) override {
     if (!photos_.is_resident(view)) prefetch_photo(view);
@@ -144,41 +155,20 @@ class CudaBackend final : private Device, public Backend {
   void step(TrainingModel& model, Span<const TrainingPhoto> batch,
             const LossSettings& loss_settings, const Update& update,
             const DensityStep& density) override {
-    GS_CHECK(batch.size >= 1 && batch.size <= std::size_t(kMostBatch));
     take_model(model);
-    read_reports();
-    while (pending_photos() + batch.size > kMostPending) {  // the device has enough to do
-      std::this_thread::yield();
-      read_reports();
-    }
-    const std::uint32_t photos = std::uint32_t(batch.size);
-    const PhotometricUpdate photometric = photometric_update(model.photometric, update);
-    pending_.push_back({{batch.begin(), batch.end()},
-                        loss_settings,
-                        adam_steps(model.adam_steps + update.rule.steps, update.rates, update.rule),
-                        update.rule,
-                        {update.rounding_seed, model.adam_steps + update.rule.steps},
-                        density,
-                        update.rates.mean,
-                        photometric,
-                        pose_update(model.poses, update),
-                        last_photo_ + 1});
+    Step step(model, batch, loss_settings, update, density);
+    const PhotometricUpdate photometric = step.photometric =
+        photometric_update(model.photometric, update);
+    const PoseUpdate poses = step.poses = pose_update(model.poses, update);
     if (model.lazy.is_on) {
       model.lazy.rounding_seed = update.rounding_seed;
-      pending_.back().lazy_updates = std::uint32_t(model.lazy.updates);
+      step.lazy_updates = std::uint32_t(model.lazy.updates);
     }
-    last_photo_ += photos;
-    try {
-      launch_pending();
-    } catch (...) {  // for example, memory ran out: drop this step; earlier ones are launched later
-      pending_.pop_back();
-      last_photo_ -= photos;
-      throw;
-    }
+    steps_.launch(std::move(step), model.count());
     model.adam_steps += update.rule.steps;
     if (model.lazy.is_on && ++model.lazy.updates == kLazyWindow) model.lazy.updates = 0;
     if (photometric.is_due) model.photometric.adam_steps += photometric.rule.steps;
-    if (pending_.back().poses.is_due) model.poses.adam_steps += update.photo_rule.steps;
+    if (poses.is_due) model.poses.adam_steps += update.photo_rule.steps;
   }
 
   void release_caches() override {
@@ -186,7 +176,7 @@ class CudaBackend final : private Device, public Backend {
     rows_->release_caches();
     renderer_.release_caches();
     sums_ = BatchSums(device_memory);  // zero between steps; made anew for the next batch
-    kept_.release();                   // the same
+    photo_buffers_.release();          // the same
     photometric_gradient_.release();   // the same
     depth_.release();
   }
@@ -219,42 +209,6 @@ class CudaBackend final : private Device, public Backend {
   }
 
  private:
-  // The update of the photometric model; there is none while its numbers rest.
-  struct PhotometricUpdate {
-    bool is_due = false;
-    AdamStep adam{};
-    AdamRule rule = {};
-  };
-
-  // The same of the poses.
-  struct PoseUpdate {
-    bool is_due = false;
-    AdamStep adam{};
-    AdamRule rule = {};
-    float pull = 0;
-  };
-
-  // A step that may have to be launched again. Its photos have numbers of their own, in order.
-  struct Step {
-    std::vector<TrainingPhoto> batch;
-    LossSettings loss_settings;
-    AdamSteps adam;
-    AdamRule rule;
-    MomentRounding rounding;
-    DensityStep density;
-    float position_rate;  // Adam's rate for the means, which scales the noise
-    PhotometricUpdate photometric;
-    PoseUpdate poses;
-    std::uint32_t first_photo;
-    std::optional<std::uint32_t> lazy_updates = {};  // LazyState::updates before the step
-    bool is_launched = false;
-
-    std::uint32_t last_photo() const { return first_photo + std::uint32_t(batch.size()) - 1; }
-    bool are_together(const TrainingModel& model) const {
-      return are_pulled_back_together(model, {batch.data(), batch.size()}, loss_settings, density);
-    }
-  };
-
   // Steps train this model from now on.
   void take_model(TrainingModel& model) {
     const bool is_another = model_ != &model;
@@ -282,48 +236,27 @@ class CudaBackend final : private Device, public Backend {
          {&pass_.tile_counts, &pass_.depth_order, &pass_.tile_splats})
       lists->release();
     pass_.depths.release();
-    kept_.release();
+    photo_buffers_.release();
     pass_.scratch<CudaScratch>().room.release();
-  }
-
-  std::size_t pending_photos() const {
-    return pending_.empty() ? 0 : last_photo_ + 1 - pending_.front().first_photo;
-  }
-
-  // Launches the steps that are not launched yet, in order. A step that fails changes nothing; the
-  // next call launches it again, with those after it.
-  void launch_pending() {
-    for (Step& step : pending_) {
-      if (step.is_launched) continue;
-      try {
-        enqueue(step);
-      } catch (...) {
-        context.synchronize();  // a late report must not be mistaken for that of the next attempt
-        renderer_.clear_gradients();
-        kept_.clear_gradients();
-        clear_sums();
-        throw;
-      }
-      step.is_launched = true;
-    }
   }
 
   // One photo is pulled back and the model updated by one kernel, and so are the photos of most
   // batches together. The gradients of other batches are summed up first.
-  void enqueue(const Step& step) {
-    const bool is_batch = step.batch.size() > 1, are_together = step.are_together(*model_);
+  void enqueue(const Step& step) override {
+    const bool are_together = step.are_together(*model_);
     if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(*model_);
-    if (is_batch && !are_together) sums_.reserve(*model_);
+    if (step.is_batch() && !are_together) sums_.reserve(*model_);
     if (look_) reserve_photometric();
-    kept_.begin();
+    std::vector<PhotoRows> photos;
+    if (are_together) photos = projected_photos(step);
     for (std::size_t i = 0; i < step.batch.size(); ++i) {
       prefetch_after(step, i);
-      differentiate(step, i);
+      differentiate(step, i, are_together);
     }
     if (are_together)
-      update_by_photos(context, *model_, kept_.photos(), step.adam, step.rule, step.rounding,
-                       step.density, renderer_.workspace().halted.data());
-    else if (is_batch)
+      update_by_photos(context, *model_, {photos.data(), photos.size()}, step.adam, step.rule,
+                       step.rounding, step.density, renderer_.workspace().halted.data());
+    else if (step.is_batch())
       update(step);
     if (step.lazy_updates) note_unseen(step);
     if (step.photometric.is_due)
@@ -345,11 +278,31 @@ class CudaBackend final : private Device, public Backend {
     photos_.prefetch_next(is_last ? *std::exchange(next_, nullptr) : *step.batch[i + 1].view);
   }
 
-  // Photo i of a step.
-  void differentiate(const Step& step, std::size_t i) {
+  // Stage 1 for all photos of a step.
+  std::vector<PhotoRows> projected_photos(const Step& step) {
+    std::vector<PhotoRows> photos;
+    for (std::size_t i = 0; i < step.batch.size(); ++i) {
+      const TrainingPhoto& photo = step.batch[i];
+      photos.push_back(photo_buffers_.rows(i, reduced(photo.camera(), photo.reduction),
+                                           settings_of(step, photo), model_->count(), renderer_,
+                                           pass_));
+    }
+    preprocess_batch(context, model_->gaussians.span(), {photos.data(), photos.size()});
+    return photos;
+  }
+
+  RenderSettings settings_of(const Step& step, const TrainingPhoto& photo) const {
+    RenderSettings settings = photo.settings;
+    settings.fragment_statistic = step.density.fragment_statistic();
+    settings.with_depths = step.loss_settings.depth_weight > 0 && photo.view->has_depth_map;
+    return settings;
+  }
+
+  // Photo i of a step. Where all are done together, stage 1 comes before it, and stage 7 after it.
+  void differentiate(const Step& step, std::size_t i, bool is_together) {
     const TrainingPhoto& photo = step.batch[i];
-    const std::uint32_t number = step.first_photo + std::uint32_t(i);
-    reports_.clear(number);
+    const std::uint32_t number = step.number_of(i);
+    steps_.reports().clear(number);
     const Camera camera = reduced(photo.camera(), photo.reduction);
     const std::optional<PoseRow> row = row_of(photo);
     const DevicePose* const pose = row ? poses_.refine(*row, i) : nullptr;
@@ -357,17 +310,20 @@ class CudaBackend final : private Device, public Backend {
     loss_settings.photo_reduction = photo.reduction;
     const PhotoOnDevice on_device = photo_on_device(step, photo, camera);
     if (look_) loss_settings.photo_on_device = &on_device;
-    RenderSettings settings = photo.settings;
-    settings.fragment_statistic = step.density.fragment_statistic();
-    settings.with_depths = loss_settings.depth_weight > 0 && photo.view->has_depth_map;
+    RenderSettings settings = settings_of(step, photo);
     const std::optional<LazySh> late = lazy_sh(step);
     if (late) settings.lazy_sh = &*late;
     const GaussiansSpan gaussians = model_->gaussians.span();
     Workspace& workspace = renderer_.workspace();
-    renderer_.reserve_gradients(model_->count(), settings);
-    renderer_.forward(gaussians, camera, settings, pass_,
-                      forecast_.capacity_for(photo, model_->count()), reports_.of_step(number),
-                      number, pose);
+    const std::uint32_t capacity = steps_.forecast().capacity_for(photo, model_->count());
+    StepReport* const report = steps_.reports().of_step(number);
+    if (is_together) {
+      photo_buffers_.select(i, camera, model_->count(), renderer_, pass_);
+      renderer_.finish_projected(settings, pass_, capacity, report, number);
+    } else {
+      renderer_.reserve_gradients(model_->count(), settings);
+      renderer_.forward(gaussians, camera, settings, pass_, capacity, report, number, pose);
+    }
     loss_->forward_backward(pass_, *photo.view, loss_settings, dL_dimage_);
     if (settings.fragment_statistic == FragmentStatistic::values)
       gs::cuda::find_pixel_values(context, photos_.last(), *photo.view,
@@ -375,14 +331,13 @@ class CudaBackend final : private Device, public Backend {
     blend_backward(context, settings, dL_dimage_.span(), workspace, pass_);
     if (settings.fragment_statistic != FragmentStatistic::none)
       gather_fragment_sums(context, settings, workspace, pass_, step.density.pooling,
-                           step.batch.size() > 1 ? sums_.statistics : model_->statistics);
+                           step.is_batch() ? sums_.statistics : model_->statistics);
     add_depth_gradient(photo, loss_settings, settings);
     if (step.poses.is_due)
       gs::cuda::camera_gradient(context, gaussians, camera, settings, workspace, pass_, pose, *row,
                                 1.0 / double(step.batch.size()));
-    if (step.are_together(*model_))
-      kept_.keep({camera, settings, workspace, pass_}, i + 1 < step.batch.size(), workspace, pass_);
-    else if (step.batch.size() > 1)
+    if (is_together) return;
+    if (step.is_batch())
       preprocess_backward_and_add(context, gaussians, camera, settings, step.density, workspace,
                                   pass_, 1.0f / float(step.batch.size()), sums_, pose);
     else
@@ -496,50 +451,23 @@ class CudaBackend final : private Device, public Backend {
     camera_of_on_host_ = state.camera_of;
   }
 
+  void wait_for_launches() override { context.synchronize(); }
+  void clear_failed_step() override {
+    renderer_.clear_gradients();
+    photo_buffers_.clear_gradients();
+    clear_sums();
+  }
+  void clear_halted_steps() override {
+    renderer_.workspace().halted.fill_zero();
+    clear_sums();
+  }
   void clear_sums() {
     sums_.clear();
     photometric_gradient_.fill_zero();
     poses_.clear_gradient();
   }
 
-  // Removes the steps that fitted into their buffers, and repeats the others. Waits only where it
-  // repeats.
-  void read_reports() {
-    launch_pending();
-    StepReport report;
-    while (!pending_.empty() && reports_.read(pending_.front().last_photo(), report)) {
-      if (report.halted) return repeat_pending();
-      note_instances(pending_.front());
-      pending_.pop_front();
-    }
-  }
-
-  // Tells the forecast what the reports of a step say so far.
-  void note_instances(const Step& step) {
-    std::uint32_t number = step.first_photo;
-    for (const TrainingPhoto& photo : step.batch) {
-      StepReport report;
-      if (!reports_.read(number++, report)) continue;
-      check_can_be_sorted(report.instances);
-      forecast_.note(photo, report.instances, model_->count());
-    }
-  }
-
-  void repeat_pending() {
-    context.synchronize();
-    for (const Step& step : pending_) note_instances(step);
-    renderer_.workspace().halted.fill_zero();
-    clear_sums();
-    for (Step& step : pending_) step.is_launched = false;
-    launch_pending();
-  }
-
-  void finish_pending() {
-    while (!pending_.empty()) {
-      context.synchronize();
-      read_reports();
-    }
-  }
+  void finish_pending() { steps_.finish(); }
 
   PhotoStore photos_;
   CudaRenderer renderer_;
@@ -547,7 +475,7 @@ class CudaBackend final : private Device, public Backend {
   std::unique_ptr<Loss> loss_;
   std::unique_ptr<Optimizer> optimizer_;
   BatchSums sums_;
-  KeptPhotos kept_;
+  PhotoBuffers photo_buffers_;
   std::optional<DeviceLook> look_;                // of the photometric model; none without one
   Buffer<double> photometric_gradient_;           // (state.shape.size()) zero between steps
   Buffer<std::uint32_t> camera_of_;               // (photos) PhotometricState::camera_of
@@ -557,12 +485,9 @@ class CudaBackend final : private Device, public Backend {
   DepthStage depth_;
   bool has_newer_poses_ = false;  // than those of model_
   std::unique_ptr<RowOps> rows_;
-  Reports reports_{kMostPending};
-  InstanceForecast forecast_;
-  std::deque<Step> pending_;
+  PendingSteps<Step> steps_{*this};
   TrainingModel* model_ = nullptr;
   const View* next_ = nullptr;  // with which the next step begins, until its photo is prefetched
-  std::uint32_t last_photo_ = 0;
 };
 
 }  // namespace

@@ -161,6 +161,11 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
                 const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
                 const DevicePose* pose = nullptr, const Shard& shard = {});
 
+/// 1 for the photos of a batch that are pulled back together  preprocess.cu: the same into the arrays
+/// of each photo.
+void preprocess_batch(Context& context, const GaussiansSpan& gaussians,
+                      Span<const PhotoRows> photos, const Shard& shard = {});
+
 /// 2, 3  sort.cu: sort the Gaussians from near to far, the culled ones last, and find where each
 /// one's instances begin. If at most `most_visible` of them are visible and that is less than half,
 /// pass.depth_order has `most_visible` rows. If more are visible, the rows that it has are visible
@@ -276,7 +281,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                                     const Shard& shard = {});
 
 /// The same for a batch of a few photos  update_by_photos.cu: by the mean of their gradients. Which
-/// batches it takes: are_pulled_back_together().
+/// batches it takes: are_done_together().
 void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRows> photos,
                       const AdamSteps& steps, const AdamRule& rule, const MomentRounding& rounding,
                       const DensityStep& density, const std::uint32_t* halted,

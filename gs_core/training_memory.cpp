@@ -105,7 +105,7 @@ void add_row_operations(const TrainingSize& size, Rows& rows) {
 }
 
 // True where the photos of a batch are pulled back together, unless updates turn out to be lazy.
-bool are_pulled_back_together(const TrainingSize& size) {
+bool are_done_together(const TrainingSize& size) {
   const bool are_sums_apart =
       size.has_sums && (size.is_deterministic || size.is_absolute || size.has_pixel_values);
   return size.batch <= kMostTogether && !size.has_time && !size.has_depth_maps && !are_sums_apart;
@@ -114,9 +114,10 @@ bool are_pulled_back_together(const TrainingSize& size) {
 // What the photos of a batch keep until they are pulled back together, or its sums.
 void add_batch(const TrainingSize& size, Rows& rows) {
   if (size.batch < 2) return;
-  if (are_pulled_back_together(size)) {
+  if (are_done_together(size)) {
     for (int photo = 1; photo < size.batch; ++photo)
-      for (const double bytes : {double(sizeof(Splat)), kWord, double(kGradientSumBytes)})
+      for (const double bytes :
+           {double(sizeof(Splat)), double(sizeof(Rect)), kWord, kWord, double(kGradientSumBytes)})
         rows.add(bytes);
     return;
   }

@@ -83,8 +83,8 @@ struct Rank {
   Rank(int device, RankStreams& streams)
       : context(device), memory(context, streams), photos(context, memory),
         renderer(context, memory), loss(make_loss(context, memory, photos)), shard(memory),
-        pass(memory), dL_dimage(memory), sums(memory), kept(memory), has_projected(context),
-        has_drawn(context), has_pulled_back(context) {
+        pass(memory), dL_dimage(memory), sums(memory), photo_buffers(memory),
+        has_projected(context), has_drawn(context), has_pulled_back(context) {
     streams.add(context);
   }
   const std::uint32_t* halted() { return renderer.workspace().halted.data(); }
@@ -93,7 +93,7 @@ struct Rank {
     dL_dimage.release();
     renderer.release_caches();
     sums = BatchSums(memory);
-    kept.release();
+    photo_buffers.release();
   }
 
   Context context;
@@ -107,8 +107,8 @@ struct Rank {
   // pass and workspace, and read their gradients from there.
   RenderPass pass;
   Buffer<float> dL_dimage;
-  BatchSums sums;   // of its rows
-  KeptPhotos kept;  // those that it has drawn
+  BatchSums sums;              // of its rows
+  PhotoBuffers photo_buffers;  // of those that it draws
   Mark has_projected, has_drawn, has_pulled_back;
 };
 

@@ -8,32 +8,29 @@
 //   each rank     pulls the gradients of its rows back, from the buffers of the photo's rank
 //   each rank     after all rounds of a batch: updates its rows
 //
-// The photos of most batches are pulled back together, after all rounds.
+// Most batches are done together (photo_rows.cuh): there are no rounds then.
 //
 // Kernels read and write the memory of other GPUs, so that nothing is packed, sent and unpacked.
 // Splats lie in the order of the whole model, and every sum is that of one GPU: with
 // RenderSettings::deterministic the model has the same bytes for any number of ranks.
-#include <deque>
-#include <thread>
 #include <utility>
 
 #include "cuda/backend.h"
 #include "cuda/ranks/rank.cuh"
-#include "cuda/render/reports.cuh"
-#include "cuda/train/instance_forecast.h"
+#include "cuda/train/pending_steps.h"
 #include "gs_train/ranks/merged_rows.h"
 
 namespace gs::cuda {
 namespace {
-
-constexpr std::size_t kMostPending = 128;  // photos that the host may be ahead of the devices
 
 // A rank whose photo did not fit halts all.
 __global__ void halt_kernel(std::uint32_t* mine, const std::uint32_t* of_photo) {
   if (*of_photo) *mine = 1;
 }
 
-class RankedCudaBackend final : public Backend {
+using Step = PendingStep;
+
+class RankedCudaBackend final : private StepLauncher<Step>, public Backend {
  public:
   RankedCudaBackend(const std::vector<int>& devices, std::size_t chunk_rows)
       : RankedCudaBackend(make_backend(devices.front()), devices, chunk_rows) {}
@@ -71,7 +68,7 @@ class RankedCudaBackend final : public Backend {
       const OnDevice here(rank->context.device());
       rank->photos.upload_views(views, photo_bytes);
     }
-    forecast_.forget();
+    steps_.forecast().forget();
   }
   void prefetch_decode(const View& view) override {
     if (!ranks_.front()->photos.is_resident(view)) prefetch_photo(view);
@@ -81,34 +78,13 @@ class RankedCudaBackend final : public Backend {
   void step(TrainingModel& model, Span<const TrainingPhoto> batch,
             const LossSettings& loss_settings, const Update& update,
             const DensityStep& density) override {
-    GS_CHECK(batch.size >= 1 && batch.size <= std::size_t(kMostBatch));
     GS_CHECK(model.photometric.empty() && model.poses.empty() && !model.lazy.is_on);
     if (model_ != &model) finish_pending();
     model_ = &model;
     // The statistics of the merged model have their sums from now on.
     if (density.fragment_statistic() != FragmentStatistic::none) begin_sums(model);
     if (!is_dealt(model)) deal(model);
-    read_reports();
-    while (pending_photos() + batch.size > kMostPending) {
-      std::this_thread::yield();
-      read_reports();
-    }
-    pending_.push_back({{batch.begin(), batch.end()},
-                        loss_settings,
-                        adam_steps(model.adam_steps + update.rule.steps, update.rates, update.rule),
-                        update.rule,
-                        {update.rounding_seed, model.adam_steps + update.rule.steps},
-                        density,
-                        update.rates.mean,
-                        last_photo_ + 1});
-    last_photo_ += std::uint32_t(batch.size);
-    try {
-      launch_pending();
-    } catch (...) {
-      pending_.pop_back();
-      last_photo_ -= std::uint32_t(batch.size);
-      throw;
-    }
+    steps_.launch({model, batch, loss_settings, update, density}, model.count());
     model.adam_steps += update.rule.steps;
     last_drawn_ = (batch.size - 1) % ranks_.size();
   }
@@ -151,21 +127,6 @@ class RankedCudaBackend final : public Backend {
   void pool(Span<FragmentSums>, Span<FragmentSums>, ScorePooling) override { GS_CHECK(false); }
 
  private:
-  // A step that may have to be launched again. Its photos have numbers of their own, in order.
-  struct Step {
-    std::vector<TrainingPhoto> batch;
-    LossSettings loss_settings;
-    AdamSteps adam;
-    AdamRule rule;
-    MomentRounding rounding;
-    DensityStep density;
-    float position_rate;  // Adam's rate for the means, which scales the noise
-    std::uint32_t first_photo;
-    bool is_launched = false;
-
-    std::uint32_t number_of(std::size_t photo) const { return first_photo + std::uint32_t(photo); }
-    bool is_batch() const { return batch.size() > 1; }
-  };
   // One photo of a step, and the rank that draws it.
   struct DrawnPhoto {
     const TrainingPhoto& photo;
@@ -203,82 +164,84 @@ class RankedCudaBackend final : public Backend {
     shards_are_in_use_ = true;
   }
 
-  std::size_t pending_photos() const {
-    return pending_.empty() ? 0 : last_photo_ + 1 - pending_.front().first_photo;
-  }
-
-  // Launches the steps that are not launched yet, in order. No rank begins an update before all
-  // memory for the step was found, so a step that fails has changed nothing.
-  void launch_pending() {
-    for (Step& step : pending_) {
-      if (step.is_launched) continue;
-      try {
-        enqueue(step);
-      } catch (...) {
-        streams_.synchronize();
-        for (const std::unique_ptr<Rank>& rank : ranks_) {
-          rank->renderer.clear_gradients();
-          rank->kept.clear_gradients();
-        }
-        clear_sums();
-        throw;
-      }
-      step.is_launched = true;
-    }
-  }
-
-  void enqueue(const Step& step) {
-    const bool are_together = are_pulled_back_together(
-        *model_, {step.batch.data(), step.batch.size()}, step.loss_settings, step.density);
+  // No rank begins an update before all memory for the step was found.
+  void enqueue(const Step& step) override {
+    const bool are_together = step.are_together(*model_);
     for (const std::unique_ptr<Rank>& rank : ranks_) {
       if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(rank->shard);
       if (step.is_batch() && !are_together) rank->sums.reserve(rank->shard);
-      rank->kept.begin();
     }
-    std::vector<PhotoRows> photos;  // in the order of the batch
-    for (std::size_t first = 0; first < step.batch.size(); first += ranks_.size())
-      run_round(step, first, are_together ? &photos : nullptr);
+    if (are_together)
+      run_together(step);
+    else
+      for (std::size_t first = 0; first < step.batch.size(); first += ranks_.size())
+        run_round(step, first);
     for (const std::unique_ptr<Rank>& rank : ranks_) {
       const OnDevice here(rank->context.device());
-      if (are_together)
-        pull_back_together(step, *rank, {photos.data(), photos.size()});
-      else if (step.is_batch())
-        update(step, *rank);
+      if (step.is_batch() && !are_together) update(step, *rank);
       if (step.density.noise.scale > 0)
         add_position_noise(rank->context, rank->shard.gaussians.span(), step.density.noise,
                            step.position_rate, rank->halted(), rank->place);
     }
   }
 
-  // As many photos as there are ranks, from photo `first` of the step on. They are pulled back at
-  // once, or kept and added to `together`.
-  void run_round(const Step& step, std::size_t first, std::vector<PhotoRows>* together) {
+  // All photos of a step: the ranks project their rows for all of them, then each draws its photos,
+  // and then they update their rows by all of them.
+  void run_together(const Step& step) {
+    std::vector<DrawnPhoto> batch;
+    std::vector<PhotoRows> photos;
+    for (std::size_t i = 0; i < step.batch.size(); ++i) {
+      batch.push_back(drawn_photo(step, i, *ranks_[i % ranks_.size()]));
+      const DrawnPhoto& drawn = batch.back();
+      const OnDevice here(drawn.rank.context.device());
+      steps_.reports().clear(drawn.number);
+      photos.push_back(drawn.rank.photo_buffers.rows(i / ranks_.size(), drawn.camera,
+                                                     drawn.settings, model_->count(),
+                                                     drawn.rank.renderer, drawn.rank.pass));
+      if (i < ranks_.size()) drawn.rank.photos.prefetch_next(*drawn.photo.view);
+    }
+    const Span<const PhotoRows> all{photos.data(), photos.size()};
+    for (const std::unique_ptr<Rank>& rank : ranks_) {
+      const OnDevice here(rank->context.device());
+      wait_for_others(*rank);
+      preprocess_batch(rank->context, rank->shard.gaussians.span(), all, rank->place);
+      rank->has_projected.set();
+    }
+    for (std::size_t i = 0; i < batch.size(); ++i) {
+      Rank& rank = batch[i].rank;
+      const OnDevice here(rank.context.device());
+      if (i + ranks_.size() < batch.size())
+        rank.photos.prefetch_next(*batch[i + ranks_.size()].photo.view);
+      rank.photo_buffers.select(i / ranks_.size(), batch[i].camera, model_->count(), rank.renderer,
+                                rank.pass);
+      draw(step, batch[i]);
+    }
+    for (const std::unique_ptr<Rank>& rank : ranks_) {
+      const OnDevice here(rank->context.device());
+      for (const std::unique_ptr<Rank>& other : ranks_) {
+        other->has_drawn.hold_back(rank->context);
+        if (other != rank) halt_by(*rank, *other);
+      }
+      update_by_photos(rank->context, rank->shard, all, step.adam, step.rule, step.rounding,
+                       step.density, rank->halted(), rank->place);
+      rank->has_pulled_back.set();
+    }
+  }
+
+  // As many photos as there are ranks, from photo `first` of the step on.
+  void run_round(const Step& step, std::size_t first) {
     std::vector<DrawnPhoto> round;
     for (std::size_t k = 0; k < ranks_.size() && first + k < step.batch.size(); ++k)
       round.push_back(drawn_photo(step, first + k, *ranks_[k]));
     for (const DrawnPhoto& drawn : round) {
       const OnDevice here(drawn.rank.context.device());
-      reports_.clear(drawn.number);
+      steps_.reports().clear(drawn.number);
       drawn.rank.renderer.reserve_gradients(model_->count(), drawn.settings);
       drawn.rank.photos.prefetch_next(*drawn.photo.view);
     }
     for (const std::unique_ptr<Rank>& rank : ranks_) project(*rank, round);
     for (const DrawnPhoto& drawn : round) draw(step, drawn);
-    if (together)
-      keep(step, round, *together);
-    else
-      for (const std::unique_ptr<Rank>& rank : ranks_) pull_back(step, *rank, round);
-  }
-
-  // Keeps the photos of a round until all are drawn, and adds them to `photos`.
-  void keep(const Step& step, const std::vector<DrawnPhoto>& round,
-            std::vector<PhotoRows>& photos) {
-    for (const DrawnPhoto& drawn : round) {
-      Workspace& workspace = drawn.rank.renderer.workspace();
-      photos.push_back({drawn.camera, drawn.settings, workspace, drawn.rank.pass});
-      const bool is_followed = photos.size() - 1 + ranks_.size() < step.batch.size();
-      drawn.rank.kept.keep(photos.back(), is_followed, workspace, drawn.rank.pass);
-    }
+    for (const std::unique_ptr<Rank>& rank : ranks_) pull_back(step, *rank, round);
   }
 
   DrawnPhoto drawn_photo(const Step& step, std::size_t index, Rank& rank) const {
@@ -292,14 +255,19 @@ class RankedCudaBackend final : public Backend {
   // A rank's rows for each photo of a round, once all ranks are done with the photos before.
   void project(Rank& rank, const std::vector<DrawnPhoto>& round) {
     const OnDevice here(rank.context.device());
-    for (const std::unique_ptr<Rank>& other : ranks_) {
-      other->has_drawn.hold_back(rank.context);
-      other->has_pulled_back.hold_back(rank.context);
-    }
+    wait_for_others(rank);
     for (const DrawnPhoto& drawn : round)
       preprocess(rank.context, rank.shard.gaussians.span(), drawn.camera, drawn.settings,
                  drawn.rank.renderer.workspace(), drawn.rank.pass, nullptr, rank.place);
     rank.has_projected.set();
+  }
+
+  // What a rank launches from now on comes after all that was launched on the others.
+  void wait_for_others(const Rank& rank) const {
+    for (const std::unique_ptr<Rank>& other : ranks_) {
+      other->has_drawn.hold_back(rank.context);
+      other->has_pulled_back.hold_back(rank.context);
+    }
   }
 
   // A photo, by its rank, once all ranks have projected their rows.
@@ -308,8 +276,8 @@ class RankedCudaBackend final : public Backend {
     const OnDevice here(rank.context.device());
     for (const std::unique_ptr<Rank>& other : ranks_) other->has_projected.hold_back(rank.context);
     rank.renderer.finish_projected(drawn.settings, rank.pass,
-                                   forecast_.capacity_for(drawn.photo, model_->count()),
-                                   reports_.of_step(drawn.number), drawn.number);
+                                   steps_.forecast().capacity_for(drawn.photo, model_->count()),
+                                   steps_.reports().of_step(drawn.number), drawn.number);
     LossSettings loss_settings = step.loss_settings;
     loss_settings.photo_reduction = drawn.photo.reduction;
     rank.loss->forward_backward(rank.pass, *drawn.photo.view, loss_settings, rank.dL_dimage);
@@ -319,17 +287,6 @@ class RankedCudaBackend final : public Backend {
     blend_backward(rank.context, drawn.settings, rank.dL_dimage.span(), rank.renderer.workspace(),
                    rank.pass);
     rank.has_drawn.set();
-  }
-
-  // A rank's rows by all photos of a step. Where one did not fit, nothing changes.
-  void pull_back_together(const Step& step, Rank& rank, Span<const PhotoRows> photos) {
-    for (const std::unique_ptr<Rank>& other : ranks_) {
-      other->has_drawn.hold_back(rank.context);
-      if (other.get() != &rank) halt_by(rank, *other);
-    }
-    update_by_photos(rank.context, rank.shard, photos, step.adam, step.rule, step.rounding,
-                     step.density, rank.halted(), rank.place);
-    rank.has_pulled_back.set();
   }
 
   static void halt_by(Rank& rank, Rank& other) {
@@ -374,53 +331,24 @@ class RankedCudaBackend final : public Backend {
                          rank.sums.statistics.sums.span(), step.density.pooling, rank.halted());
   }
 
+  void wait_for_launches() override { streams_.synchronize(); }
+  void clear_failed_step() override {
+    for (const std::unique_ptr<Rank>& rank : ranks_) {
+      rank->renderer.clear_gradients();
+      rank->photo_buffers.clear_gradients();
+    }
+    clear_sums();
+  }
+  void clear_halted_steps() override {
+    for (const std::unique_ptr<Rank>& rank : ranks_) rank->renderer.workspace().halted.fill_zero();
+    clear_sums();
+    streams_.synchronize();  // before one rank sees the flag of another
+  }
   void clear_sums() {
     for (const std::unique_ptr<Rank>& rank : ranks_) rank->sums.clear();
   }
 
-  // Removes the steps that fitted into their buffers, and repeats the others. Waits only where it
-  // repeats.
-  void read_reports() {
-    launch_pending();
-    while (!pending_.empty()) {
-      bool is_halted = false;
-      for (std::size_t i = 0; i < pending_.front().batch.size(); ++i) {
-        StepReport report;
-        if (!reports_.read(pending_.front().number_of(i), report)) return;
-        is_halted |= report.halted != 0;
-      }
-      if (is_halted) return repeat_pending();
-      note_instances(pending_.front());
-      pending_.pop_front();
-    }
-  }
-
-  // Tells the forecast what the reports of a step say so far.
-  void note_instances(const Step& step) {
-    for (std::size_t i = 0; i < step.batch.size(); ++i) {
-      StepReport report;
-      if (!reports_.read(step.number_of(i), report)) continue;
-      check_can_be_sorted(report.instances);
-      forecast_.note(step.batch[i], report.instances, model_->count());
-    }
-  }
-
-  void repeat_pending() {
-    streams_.synchronize();
-    for (const Step& step : pending_) note_instances(step);
-    for (const std::unique_ptr<Rank>& rank : ranks_) rank->renderer.workspace().halted.fill_zero();
-    clear_sums();
-    streams_.synchronize();  // before one rank sees the flag of another
-    for (Step& step : pending_) step.is_launched = false;
-    launch_pending();
-  }
-
-  void finish_pending() {
-    while (!pending_.empty()) {
-      streams_.synchronize();
-      read_reports();
-    }
-  }
+  void finish_pending() { steps_.finish(); }
 
   const std::unique_ptr<Backend> whole_;  // for all but steps: the backend of the first GPU
   const std::size_t chunk_rows_;
@@ -429,11 +357,8 @@ class RankedCudaBackend final : public Backend {
   Deal deal_;
   bool shards_are_in_use_ = false;
   MergedRows rows_;
-  Reports reports_{kMostPending};
-  InstanceForecast forecast_;
-  std::deque<Step> pending_;
+  PendingSteps<Step> steps_{*this};
   TrainingModel* model_ = nullptr;
-  std::uint32_t last_photo_ = 0;
   std::size_t last_drawn_ = 0;  // the rank that drew the last photo of the last step
 };
 

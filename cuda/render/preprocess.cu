@@ -11,6 +11,7 @@
 #include "cuda/render/preprocess.cuh"
 #include "cuda/render/refined_camera.cuh"
 #include "cuda/render/sh_rows.cuh"
+#include "cuda/train/photo_rows.cuh"
 #include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/spacetime_color.h"
 
@@ -39,9 +40,11 @@ struct WarpShared : SharedLazyRows<is_lazy> {
   union alignas(16) {                      // for copies of 16 bytes
     Parameters parameters;                 // at first
     float sh_rows[kWarp * kShRowNumbers];  // once the parameters were read; more than they are
-    Splat splats[kWarp];                   // in the end, of ranks
   };
-  TileRows tile_rows;
+  union alignas(16) {
+    TileRows tile_rows;
+    Splat splats[kWarp];  // of ranks, once tiles are counted
+  };
   std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
 };
 
@@ -260,7 +263,104 @@ __global__ void __launch_bounds__(kPreprocessThreads)
   if (out.depths) out.depths[to] = projected.depth;
 }
 
+// A photo of a batch as the kernel below reads it.
+struct PhotoInput {
+  Camera camera;
+  SplatSettings settings;
+  int tiles_x, tiles_y;
+  Output out;
+};
+struct BatchInput {
+  int photos;
+  PhotoInput of[kMostTogether];
+};
+
+// The same for a few photos: parameters are read once for all of them.
+template <int degree, bool has_filter>
+__global__ void __launch_bounds__(kPreprocessThreads)
+    preprocess_batch_kernel(GaussiansSpan gaussians, const __grid_constant__ BatchInput in,
+                            Shard shard) {
+  __shared__ WarpShared<false> shared_of_warps[kPreprocessThreads / kWarp];
+  auto& shared = shared_of_warps[threadIdx.x / kWarp];
+  const int lane = lane_of_thread();
+  const std::size_t i = std::size_t(blockIdx.x) * kPreprocessThreads + threadIdx.x;
+  const std::size_t count = gaussians.mean.size, first = i - lane;
+  if (first >= count) return;  // the whole warp
+  const int rows = int(min(count - first, std::size_t(kWarp)));
+  const std::size_t to = shard.row_of_all(i);
+  Gaussian gaussian =
+      load_gaussian<false, has_filter, false>(shared.parameters, gaussians, first, rows);
+  bool has_sh = false;  // in shared memory
+#pragma unroll 1
+  for (int p = 0; p < in.photos; ++p) {
+    const PhotoInput& photo = in.of[p];
+    ProjectedGaussian<float> projected;
+    Rect pixels{0, 0, 0, 0};
+    if (i < count) {
+      projected = project<false, has_filter, false>(photo.camera, gaussian, photo.settings);
+      if (projected.is_visible)
+        pixels = pixels_of(photo.settings.bounds, projected.splat.mean2d, projected.cov2d,
+                           projected.splat.cutoff, photo.tiles_x, photo.tiles_y);
+    }
+    Splat& splat = projected.splat;
+    std::uint32_t hits = 0;
+    if (__any_sync(kAllLanes, !pixels.empty())) {
+      if (!has_sh)
+        start_sh_copy<degree>(shared.sh_rows, numbers_from(gaussians.sh_rest, first), rows);
+      hits = count_hit_tiles(shared, outline_of(splat), pixels, photo.settings.bounds);
+      if (!has_sh) finish_copies();
+      has_sh = true;
+      if (hits > 0) {
+        const Vec3f direction = unit_direction(photo.camera.position(), gaussian.mean);
+        const auto* const row =
+            reinterpret_cast<const Vec3f*>(shared.sh_rows + lane * kShRowNumbers);
+        // SH may rise by a degree between two photos of a batch.
+        if (photo.settings.sh_degree == degree)
+          splat.color = sh_color(degree, direction, gaussian.sh0, row);
+        else
+          splat.color = sh_color(photo.settings.sh_degree, direction, gaussian.sh0, row);
+        if (!is_finite(splat.color)) hits = 0;
+      }
+    }
+    if (shard.ranks > 1)
+      store_in_lines(shared.splats, photo.out.splats + (to - lane), splat, hits > 0);
+    if (hits > 0) {
+      keep(photo.out.rows, to, hits, projected.depth, pixels);
+      if (shard.ranks == 1) store_in_vectors(photo.out.splats + to, splat);
+    } else if (i < count) {
+      cull(photo.out.rows, to);
+    }
+    __syncwarp();  // before the next photo takes the shared memory
+  }
+}
+
 }  // namespace
+
+void preprocess_batch(Context& context, const GaussiansSpan& gaussians,
+                      Span<const PhotoRows> photos, const Shard& shard) {
+  const StageScope scope(context, "preprocess");
+  GS_CHECK(photos.size >= 1 && photos.size <= std::size_t(kMostTogether) && !gaussians.has_time);
+  const std::size_t count = gaussians.mean.size;
+  BatchInput in{int(photos.size), {}};
+  for (std::size_t p = 0; p < photos.size; ++p) {
+    const PhotoRows& photo = photos[p];
+    const RenderSettings& settings = photo.settings;
+    in.of[p] = {photo.camera,
+                settings,
+                (photo.camera.width + kTileWidth - 1) / kTileWidth,
+                (photo.camera.height + kTileHeight - 1) / kTileHeight,
+                {photo.splats,
+                 nullptr,
+                 {photo.depth_keys, photo.pixel_rects, photo.tile_counts,
+                  depth_keys(settings.near_plane, settings.far_plane)}}};
+  }
+  with_form(photos[photos.size - 1].settings.sh_degree, gaussians,
+            [&](auto degree, auto, auto filter, auto) {
+              context.launch("preprocess", preprocess_batch_kernel<degree(), filter()>,
+                             blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians,
+                             in, shard);
+            });
+}
 
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, Workspace& workspace, RenderPass& pass,

@@ -40,7 +40,7 @@ struct PendingStep {
   std::uint32_t number_of(std::size_t photo) const { return first_photo + std::uint32_t(photo); }
   bool is_batch() const { return batch.size() > 1; }
   bool are_together(const TrainingModel& model) const {
-    return are_pulled_back_together(model, {batch.data(), batch.size()}, loss_settings, density);
+    return are_done_together(model, {batch.data(), batch.size()}, loss_settings, density);
   }
 };
 

@@ -1,80 +1,113 @@
 // SPDX-License-Identifier: Apache-2.0
-// What stage 7 needs of the photos of a batch that are pulled back together.
+// Batches of a few photos. What works on rows of the model, stages 1, 7 and 8, is done for all photos
+// at once: preprocess_batch() and update_by_photos(). Stages 2 to 6 draw one photo after another in
+// between. The arrays of a photo that both ends need are therefore kept for each photo.
 #pragma once
 
 #include <vector>
 
+#include "cuda/render/renderer.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/training_memory.h"
 
 namespace gs::cuda {
 
-/// A photo of a batch after stage 6. Its arrays have the rows of the whole model.
+/// A photo of a batch. Its arrays have the rows of the whole model.
 struct PhotoRows {
   Camera camera;
   RenderSettings settings;
-  const Splat* splats;               // (N)
-  const std::uint32_t* tile_counts;  // (N)
-  SplatGradientSum* gradients;       // (N)  zero once they are pulled back
-  float force_scale;                 // force_scale() of its pass
-
-  PhotoRows(const Camera& camera_, const RenderSettings& settings_, const Workspace& workspace,
-            const RenderPass& pass)
-      : camera(camera_), settings(settings_), splats(pass.splats.data()),
-        tile_counts(pass.tile_counts.data()), gradients(workspace.splat_gradients.data()),
-        force_scale(cuda::force_scale(pass)) {}
+  Splat* splats;                // (N)
+  Rect* pixel_rects;            // (N)
+  std::uint32_t* tile_counts;   // (N)
+  std::uint32_t* depth_keys;    // (N)
+  SplatGradientSum* gradients;  // (N)  zero once they are pulled back
 };
 
-/// The photos of a batch that were drawn with one pass and wait to be pulled back. The arrays of a
-/// photo stay where they are while others are drawn into other buffers.
-class KeptPhotos {
+/// The arrays of the photos of a batch that are drawn with one pass. Those of the first photo are
+/// the pass's and the workspace's own.
+class PhotoBuffers {
  public:
-  explicit KeptPhotos(Memory& memory) : memory_(memory) {}
-  /// At the begin of a batch.
-  void begin() { photos_.clear(); }
-  /// Keeps a photo. Where another one will be drawn before the update (`is_followed`), the pass and
-  /// the workspace get other buffers for it.
-  void keep(const PhotoRows& photo, bool is_followed, Workspace& workspace, RenderPass& pass) {
-    photos_.push_back(photo);
-    if (!is_followed) return;
-    while (buffers_.size() < photos_.size()) buffers_.emplace_back(memory_);
-    buffers_[photos_.size() - 1].exchange(workspace, pass);
+  explicit PhotoBuffers(Memory& memory) : memory_(memory) {}
+
+  /// The arrays of photo `i` of those that the pass draws, before any of them is drawn. Gradients
+  /// are zero.
+  PhotoRows rows(std::size_t i, const Camera& camera, const RenderSettings& settings,
+                 std::size_t count, CudaRenderer& renderer, RenderPass& pass) {
+    Workspace& workspace = renderer.workspace();
+    if (i == 0) {
+      pass.begin(camera, count, true, false);
+      workspace.depth_keys.resize_discard(count);
+      renderer.reserve_gradients(count, settings);
+      return {camera,
+              settings,
+              pass.splats.data(),
+              pass.pixel_rects.data(),
+              pass.tile_counts.data(),
+              workspace.depth_keys.data(),
+              workspace.splat_gradients.data()};
+    }
+    while (others_.size() < i) others_.emplace_back(memory_);
+    Arrays& arrays = others_[i - 1];
+    arrays.reserve(count);
+    return {camera,
+            settings,
+            arrays.splats.data(),
+            arrays.pixel_rects.data(),
+            arrays.tile_counts.data(),
+            arrays.depth_keys.data(),
+            arrays.gradients.data()};
   }
-  Span<const PhotoRows> photos() const { return {photos_.data(), photos_.size()}; }
+  /// Gives pass and workspace the arrays of photo `i`, which is drawn next; photos are drawn in
+  /// order. Arrays stay where they are in memory.
+  void select(std::size_t i, const Camera& camera, std::size_t count, CudaRenderer& renderer,
+              RenderPass& pass) {
+    if (i > 0) others_[i - 1].exchange(renderer.workspace(), pass);
+    pass.begin(camera, count, true, false);
+    pass.scratch<CudaScratch>().has_view_splats = false;
+  }
   /// After a step that failed.
   void clear_gradients() {
-    for (Buffers& buffers : buffers_) buffers.gradients.fill_zero();
+    for (Arrays& arrays : others_) arrays.gradients.fill_zero();
   }
   /// Between steps.
-  void release() {
-    photos_.clear();
-    buffers_.clear();
-  }
+  void release() { others_.clear(); }
 
  private:
-  // The arrays of one photo.
-  struct Buffers {
+  struct Arrays {
     Buffer<Splat> splats;
-    Buffer<std::uint32_t> tile_counts;
+    Buffer<Rect> pixel_rects;
+    Buffer<std::uint32_t> tile_counts, depth_keys;
     Buffer<SplatGradientSum> gradients;  // zero between steps
-    explicit Buffers(Memory& memory) : splats(memory), tile_counts(memory), gradients(memory) {}
+
+    explicit Arrays(Memory& memory)
+        : splats(memory), pixel_rects(memory), tile_counts(memory), depth_keys(memory),
+          gradients(memory) {}
+    void reserve(std::size_t count) {
+      splats.resize_discard(count);
+      pixel_rects.resize_discard(count);
+      tile_counts.resize_discard(count);
+      depth_keys.resize_discard(count);
+      if (gradients.size() >= count) return;
+      gradients.resize_discard(count);
+      gradients.fill_zero();
+    }
     void exchange(Workspace& workspace, RenderPass& pass) {
       splats.swap(pass.splats);
+      pixel_rects.swap(pass.pixel_rects);
       tile_counts.swap(pass.tile_counts);
+      depth_keys.swap(workspace.depth_keys);
       gradients.swap(workspace.splat_gradients);
     }
   };
   Memory& memory_;
-  std::vector<PhotoRows> photos_;
-  std::vector<Buffers> buffers_;
+  std::vector<Arrays> others_;
 };
 
-/// True where update_by_photos() takes a batch. In other batches preprocess_backward_and_add() adds
+/// True where a batch is done so. In other batches preprocess_backward_and_add() adds
 /// the gradients of one photo after another to sums: in larger ones, in space and time, with lazy
 /// updates, refined poses or depth maps, and with scores whose sums have arrays of their own.
-inline bool are_pulled_back_together(const TrainingModel& model, Span<const TrainingPhoto> batch,
-                                     const LossSettings& loss_settings,
-                                     const DensityStep& density) {
+inline bool are_done_together(const TrainingModel& model, Span<const TrainingPhoto> batch,
+                              const LossSettings& loss_settings, const DensityStep& density) {
   if (batch.size < 2 || batch.size > std::size_t(kMostTogether) || model.gaussians.has_time ||
       model.lazy.is_on || !model.poses.empty() || loss_settings.depth_weight > 0)
     return false;

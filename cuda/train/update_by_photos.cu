@@ -21,7 +21,7 @@ struct PhotoInput {
   const Splat* splats;               // (N)
   const std::uint32_t* tile_counts;  // (N)
   SplatGradientSum* gradients;       // (N)
-  float force_scale;
+  float force_scale;                 // as of its pass
 };
 
 struct BatchInput {
@@ -82,8 +82,8 @@ struct RowSum : RowGradient {
 template <int degree, class Sink, class Shared>
 __device__ void add_photo(const Shared& shared, const PhotoInput& photo, const Sink& sink,
                           std::size_t i, std::size_t projected, const Shape& shape,
-                          float filter_scale, int photo_number, std::uint32_t clamped,
-                          float weight, RowSum<degree>& to, MoreStatistics& statistics) {
+                          float filter_scale, int photo_number, std::uint32_t clamped, float weight,
+                          RowSum<degree>& to, MoreStatistics& statistics) {
   const int lane = lane_of_thread();
   const SplatGradientSum sum = load_in_vectors(
       reinterpret_cast<const SplatGradientSum*>(shared.gradients[photo_number]) + lane);
@@ -165,8 +165,7 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
   const int rows = int(min(in.count - first, std::size_t(kWarp)));
   const bool is_row = i < in.count;
   // All loads of rows come first. Which are visible says what is loaded of the photos.
-  if (degree > 0)
-    start_sh_rows<degree>(shared, sink.sh_rest, first, rows, EveryRow());
+  if (degree > 0) start_sh_rows<degree>(shared, sink.sh_rest, first, rows, EveryRow());
   const bool is_halted = sink.is_halted();
   Shares<Sink, false> shares(sink, first, rows, EveryRow(), EveryRow());
   const typename Sink::Statistics before =
@@ -225,39 +224,42 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
 
 void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRows> photos,
                       const AdamSteps& steps, const AdamRule& rule, const MomentRounding& rounding,
-                      const DensityStep& density, const std::uint32_t* halted,
-                      const Shard& shard) {
+                      const DensityStep& density, const std::uint32_t* halted, const Shard& shard) {
   const StageScope scope(context, "preprocess backward, Adam");
-  GS_CHECK(photos.size >= 1 && photos.size <= std::size_t(kMostTogether) && !model.gaussians.has_time);
+  GS_CHECK(photos.size >= 1 && photos.size <= std::size_t(kMostTogether) &&
+           !model.gaussians.has_time);
   const RenderSettings& settings = photos[photos.size - 1].settings;
   BatchInput in{model.count(), int(photos.size), {}, 1.0f / float(photos.size), shard};
   for (std::size_t p = 0; p < photos.size; ++p) {
     const PhotoRows& photo = photos[p];
     GS_CHECK(photo.settings.sh_degree <= settings.sh_degree);
-    in.of[p] = {photo.camera,      photo.settings,  photo.splats,
-                photo.tile_counts, photo.gradients, photo.force_scale};
+    in.of[p] = {photo.camera,    photo.settings,
+                photo.splats,    photo.tile_counts,
+                photo.gradients, 3.0f * float(photo.camera.width) * float(photo.camera.height)};
   }
   const bool adds_forces = sums_of_forces_are_added(settings, density.pooling);
-  const GatherStatistics gather{density.gather_statistics ? model.statistics.visits.data() : nullptr,
-                                model.statistics.gradient_norm.data(),
-                                0,  // each photo has its own size and scale
-                                0,
-                                halted,
-                                adds_forces ? model.statistics.sums.data() : nullptr,
-                                0};
+  const GatherStatistics gather{
+      density.gather_statistics ? model.statistics.visits.data() : nullptr,
+      model.statistics.gradient_norm.data(),
+      0,  // each photo has its own size and scale
+      0,
+      halted,
+      adds_forces ? model.statistics.sums.data() : nullptr,
+      0};
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
   const Regularizers of_each = density.regularizers.of_each(shard.count_of_all(model.count()));
   const auto launch_with = [&](auto kernel, const auto& sink) {
     context.launch("update by photos", kernel, blocks_for(in.count, kWarp), kWarp, in, sink);
   };
   const auto launch_sink = [&]<class Sink>(const Sink& sink) {
-    with_form(settings.sh_degree, model.gaussians.span(), [&](auto degree, auto, auto filter, auto) {
-      if constexpr (filter())
-        launch_with(update_by_photos_kernel<degree(), WithFilter<Sink>>,
-                    WithFilter<Sink>{sink, model.gaussians.filter_scale.data()});
-      else
-        launch_with(update_by_photos_kernel<degree(), Sink>, sink);
-    });
+    with_form(settings.sh_degree, model.gaussians.span(),
+              [&](auto degree, auto, auto filter, auto) {
+                if constexpr (filter())
+                  launch_with(update_by_photos_kernel<degree(), WithFilter<Sink>>,
+                              WithFilter<Sink>{sink, model.gaussians.filter_scale.data()});
+                else
+                  launch_with(update_by_photos_kernel<degree(), Sink>, sink);
+              });
   };
   if (model.has_codes) {
     const auto by_codes = [&](const auto& p, const auto&, const auto&, const auto& codes,
