@@ -113,6 +113,7 @@ inline bool are_done_together(const TrainingModel& model, Span<const TrainingPho
     return false;
   RenderSettings settings = batch[0].settings;
   settings.fragment_statistic = density.fragment_statistic();
+  settings.with_depths = false;  // as the step has it without depth maps
   return settings.fragment_statistic == FragmentStatistic::none ||
          sums_of_forces_are_added(settings, density.pooling);
 }

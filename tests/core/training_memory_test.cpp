@@ -69,7 +69,9 @@ TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {
   EXPECT_NEAR(more([](TrainingSize& size) { size.has_time = true; }), 3 * 24, 0.01);
   EXPECT_NEAR(more([](TrainingSize& size) { size.has_filter = true; }), 4, 0.01);
   EXPECT_NEAR(more([](TrainingSize& size) { size.has_depth_maps = true; }), 4 + 24, 0.01);
-  EXPECT_NEAR(more([](TrainingSize& size) { size.batch = 4; }), 236 + 8 + 1 / 8.0, 0.01);
+  EXPECT_NEAR(more([](TrainingSize& size) { size.batch = 2; }), 112, 0.01);
+  EXPECT_NEAR(more([](TrainingSize& size) { size.batch = 4; }), 3 * 112, 0.01);
+  EXPECT_NEAR(more([](TrainingSize& size) { size.batch = 8; }), 236 + 8 + 1 / 8.0, 0.01);
   EXPECT_NEAR(more([](TrainingSize& size) { size.instance_places += 1; }), 12, 0.01);
 }
 

@@ -108,8 +108,15 @@ TEST_F(CudaMemory, StepsWithSumsOverFragmentsTakeWhatIsForecast) {
 }
 
 TEST_F(CudaMemory, BatchesTakeWhatIsForecast) {
-  expect_steps_as_forecast(
-      [](RenderSettings&, DensityStep&, TrainingSize& size) { size.batch = 4; });
+  for (const int batch : {2, 4, 6})
+    for (const bool has_sums : {false, true}) {
+      SCOPED_TRACE(batch);
+      expect_steps_as_forecast([&](RenderSettings&, DensityStep& density, TrainingSize& size) {
+        size.batch = batch;
+        size.has_sums = has_sums;
+        if (has_sums) density.score = GrowthScore::force;
+      });
+    }
 }
 
 TEST_F(CudaMemory, StepsInSpaceAndTimeTakeWhatIsForecast) {
