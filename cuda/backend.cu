@@ -294,7 +294,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
   RenderSettings settings_of(const Step& step, const TrainingPhoto& photo) const {
     RenderSettings settings = photo.settings;
     settings.fragment_statistic = step.density.fragment_statistic();
-    settings.with_depths = step.loss_settings.depth_weight > 0 && photo.view->has_depth_map;
+    settings.with_depths = compares_depth(photo, step.loss_settings);
     return settings;
   }
 

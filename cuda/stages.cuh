@@ -13,6 +13,7 @@
 #include "cuda/ranks/shard.h"
 #include "cuda/render/refined_camera.cuh"
 #include "cuda/render/view_scratch.h"
+#include "cuda/train/batch_choice.h"
 #include "cuda/train/batch_sums.cuh"
 #include "cuda/train/photos.cuh"
 #include "cuda/train/poses.cuh"
@@ -225,17 +226,6 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
 void blend_backward(Context& context, const RenderSettings& settings, Span<const float> dL_dimage,
                     Workspace& workspace, RenderPass& pass);
 
-/// True where the sums over fragments find room in workspace.splat_gradients.
-inline bool sums_among_gradients(const RenderSettings& settings) {
-  return settings.fragment_statistic == FragmentStatistic::force && !settings.deterministic &&
-         !settings.absolute_gradient;
-}
-/// True where preprocess_backward.cu adds such sums to the statistics, rather than
-/// gather_fragment_sums(), which pools them by any rule and comes before a depth map adds to the
-/// gradients.
-inline bool sums_of_forces_are_added(const RenderSettings& settings, ScorePooling pooling) {
-  return sums_among_gradients(settings) && pooling == ScorePooling::sum && !settings.with_depths;
-}
 /// From a photo's forces by the mean loss to those by its sum.
 inline float force_scale(const RenderPass& pass) { return 3.0f * float(pass.pixel_count()); }
 /// Before 6  fragment_sums.cu: the values of the pixels that the score sums, into

@@ -2,13 +2,13 @@
 // Batches of a few photos. What works on rows of the model, stages 1, 7 and 8, is done for all photos
 // at once: preprocess_batch() and update_by_photos(). Stages 2 to 6 draw one photo after another in
 // between. The arrays of a photo that both ends need are therefore kept for each photo.
+// batch_choice.h says which batches these are.
 #pragma once
 
 #include <vector>
 
 #include "cuda/render/renderer.cuh"
 #include "cuda/stages.cuh"
-#include "gs_core/training_memory.h"
 
 namespace gs::cuda {
 
@@ -102,20 +102,5 @@ class PhotoBuffers {
   Memory& memory_;
   std::vector<Arrays> others_;
 };
-
-/// True where a batch is done so. In other batches preprocess_backward_and_add() adds
-/// the gradients of one photo after another to sums: in larger ones, in space and time, with lazy
-/// updates, refined poses or depth maps, and with scores whose sums have arrays of their own.
-inline bool are_done_together(const TrainingModel& model, Span<const TrainingPhoto> batch,
-                              const LossSettings& loss_settings, const DensityStep& density) {
-  if (batch.size < 2 || batch.size > std::size_t(kMostTogether) || model.gaussians.has_time ||
-      model.lazy.is_on || !model.poses.empty() || loss_settings.depth_weight > 0)
-    return false;
-  RenderSettings settings = batch[0].settings;
-  settings.fragment_statistic = density.fragment_statistic();
-  settings.with_depths = false;  // as the step has it without depth maps
-  return settings.fragment_statistic == FragmentStatistic::none ||
-         sums_of_forces_are_added(settings, density.pooling);
-}
 
 }  // namespace gs::cuda
