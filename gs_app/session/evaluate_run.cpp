@@ -107,6 +107,7 @@ double forecast_gpu_bytes(Trainer& trainer) {
   const std::size_t count = trainer.gaussian_count();
   TrainingSize size =
       training_size(trainer.config(), picture_sizes(trainer.scene().train_views), double(count));
+  if (trainer.model().memory().offloads_sh()) size = with_offload(size);
   const auto cap = std::size_t(std::max<std::int64_t>(trainer.config().density.max_gaussians, 0));
   if (size.growth == RowGrowth::reserved && trainer.model().gaussians.mean.capacity() >= cap)
     size.gaussians = double(std::max(count, cap));
