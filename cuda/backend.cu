@@ -71,8 +71,7 @@ __global__ void add_kernel(Span<float> to, const float* from, float weight) {
 
 // A base class, so that the device is created before all that uses it and destroyed afterwards.
 struct Device {
-  explicit Device(int index)
-      : context(index), device_memory(context), mapped_memory(context) {}
+  explicit Device(int index) : context(index), device_memory(context), mapped_memory(context) {}
   Context context;
   DeviceMemory device_memory;
   MappedMemory mapped_memory;

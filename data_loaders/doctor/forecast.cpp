@@ -73,8 +73,9 @@ TrainingSize size_on_gpu(const Config& config, const SceneSize& scene, double ga
 /// Those that a run starts with.
 double first_gaussians(const Config& config, std::size_t points) {
   const double cap = double(config.density.max_gaussians);  // 0 or less: none yet
-  const double start = points == 0 ? double(config.model.random_points)
-                                   : double(std::min(points, std::size_t(config.model.most_points)));
+  const double start = points == 0
+                           ? double(config.model.random_points)
+                           : double(std::min(points, std::size_t(config.model.most_points)));
   return cap > 0 ? std::min(start, cap) : start;
 }
 
@@ -127,13 +128,13 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
   if (free == 0 || scene.points == 0) return {};
   const double photos = std::min(scene.photo_bytes, room_for_photos(config, device.is_gpu));
   const double usable = kShareOfFree * free;
-  double fit =
-      device.is_gpu ? std::max(gaussians_that_fit(size_on_gpu(config, scene, 0), usable),
-                               gaussians_that_fit(size_on_gpu(config, SceneSize{}, 0), usable / 4))
-                    : std::max(usable - photos, usable / 4) / bytes_on_cpu(config);
+  double fit = device.is_gpu
+                   ? std::max(gaussians_that_fit(size_on_gpu(config, scene, 0), usable),
+                              gaussians_that_fit(size_on_gpu(config, SceneSize{}, 0), usable / 4))
+                   : std::max(usable - photos, usable / 4) / bytes_on_cpu(config);
   if (const TrainingSize million = size_on_gpu(config, scene, 1e6); million.offloads_sh)
-    fit = std::min(fit, kShareOfFree * free_memory(device).on_host /
-                            (1e-6 * offloaded_bytes(million)));
+    fit = std::min(fit,
+                   kShareOfFree * free_memory(device).on_host / (1e-6 * offloaded_bytes(million)));
   const double wanted =
       expected_gaussians(without_limits_of_one_run(config, scene.points), scene.points);
   if (wanted <= fit)

@@ -26,9 +26,9 @@ double gib(double bytes) { return bytes / kBytesPerGib; }
 
 void check_offload(const Config& config, Backend& backend) {
   if (config.train.offload != OffloadMode::sh || backend.offload_memory()) return;
-  throw UsageError(
-      "train.offload=sh is for a run on one GPU, and this one is on " + backend.name() +
-      "; leave train.offload out, or train with --device cuda and train.ranks=1");
+  throw UsageError("train.offload=sh is for a run on one GPU, and this one is on " +
+                   backend.name() +
+                   "; leave train.offload out, or train with --device cuda and train.ranks=1");
 }
 
 ModelMemory model_memory(OffloadMode mode, const TrainingSize& size, Backend& backend) {
@@ -87,16 +87,17 @@ std::string text_of_offload(const TrainingSize& size, bool is_auto, std::size_t 
                             const std::optional<double>& gb_per_second) {
   const LinkBytes bytes = link_bytes(size);
   std::string text = fmt::format(
-      "train.offload is sh{}: SH and its moments take up to {:.1f} GiB of host memory, and the rest "
+      "train.offload is sh{}: SH and its moments take up to {:.1f} GiB of host memory, and the "
+      "rest "
       "{:.1f} GiB of the GPU's, of which {:.1f} are free; a photo reads {:.0f} bytes of each "
       "Gaussian that it sees, and an update moves {:.0f} each way of {}",
       is_auto ? ", because the run fits only so" : "", gib(offloaded_bytes(size)),
       gib(training_bytes(size)), gib(double(free_on_gpu)), bytes.by_photo, bytes.by_update,
       size.is_lazy ? "those" : "all");
   if (gb_per_second)
-    text += fmt::format("; at {:.1f} GB/s that is {:.0f} and {:.0f} ms for a million",
-                        *gb_per_second, bytes.by_photo / *gb_per_second,
-                        bytes.by_update / *gb_per_second);
+    text +=
+        fmt::format("; at {:.1f} GB/s that is {:.0f} and {:.0f} ms for a million", *gb_per_second,
+                    bytes.by_photo / *gb_per_second, bytes.by_update / *gb_per_second);
   return text;
 }
 

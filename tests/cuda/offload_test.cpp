@@ -41,10 +41,10 @@ class CudaOffload : public CudaTest {
     std::vector<TrainingPhoto> photos;
     for (const View& view : views) photos.push_back({&view, settings});
     for (int step = 0; step < steps; ++step)
-      gpu().step(model,
-                 {&photos[is_batch ? 0 : std::size_t(step) % photos.size()],
-                  is_batch ? photos.size() : 1},
-                 {0.2f}, update_of(is_batch ? int(photos.size()) : 1), {true});
+      gpu().step(
+          model,
+          {&photos[is_batch ? 0 : std::size_t(step) % photos.size()], is_batch ? photos.size() : 1},
+          {0.2f}, update_of(is_batch ? int(photos.size()) : 1), {true});
   }
 };
 
@@ -59,9 +59,8 @@ TEST_F(CudaOffload, StepsHaveTheBitsOfThoseOnTheGpuAlone) {
                                             << ", batch " << is_batch << ", degree " << degree);
             TrainingModel start = model_of(form, has_codes);
             if (is_lazy) begin_lazy(start, 11);
-            expect_same(start, [&](TrainingModel& model) {
-              take_steps(model, views, is_batch, degree);
-            });
+            expect_same(start,
+                        [&](TrainingModel& model) { take_steps(model, views, is_batch, degree); });
           }
 }
 

@@ -13,7 +13,8 @@ namespace gs {
 class CountedMemory final : public Memory {
  public:
   void* allocate(std::size_t bytes) override {
-    if (allocated + bytes > most) throw Error("the counted memory is full", ExitCode::out_of_memory);
+    if (allocated + bytes > most)
+      throw Error("the counted memory is full", ExitCode::out_of_memory);
     void* const pointer = host_memory().allocate(bytes);
     allocated += bytes;
     return pointer;
