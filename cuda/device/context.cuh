@@ -125,7 +125,8 @@ class DeviceMemory : public Memory {
 };
 
 /// Page-locked memory of the host, which kernels read and write in place over the bus. A pointer is
-/// the same on both sides. cudaHostAlloc locks some GB a second, and Buffers only grow.
+/// the same on both sides. cudaHostAlloc has each page locked, which is slow but rare: Buffers only
+/// grow.
 class MappedMemory : public Memory {
  public:
   explicit MappedMemory(Context& context) : context_(context) {}

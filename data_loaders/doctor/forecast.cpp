@@ -188,13 +188,13 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
                           kSecondsOfMegapixel * scene.megapixels) *
                          steps_of(config) / kFullSteps;
   if (device.is_gpu)
-    result.text += fmt::format(
-        "training takes about {} of GPU memory{} and{}; ", size_text(on_gpu),
-        device.free_bytes ? fmt::format(" ({} are free)", size_text(free_on_gpu)) : "",
-        offloads ? fmt::format(", as train.offload is sh{}, {} of RAM",
-                               config.train.offload == OffloadMode::sh ? "" : " by itself",
-                               size_text(on_host))
-                 : fmt::format(", on an H200, {:.0f} s", seconds));
+    result.text +=
+        fmt::format("training takes about {} of GPU memory{} and{}; ", size_text(on_gpu),
+                    device.free_bytes ? fmt::format(" ({} are free)", size_text(free_on_gpu)) : "",
+                    offloads ? fmt::format(", as train.offload is sh{}, {} of RAM",
+                                           config.train.offload == OffloadMode::sh ? "" : " (auto)",
+                                           size_text(on_host))
+                             : fmt::format(", on an H200, {:.0f} s", seconds));
   else
     result.text += fmt::format("training on the CPU takes about {} of RAM ({} are free); ",
                                size_text(on_cpu), size_text(free_ram));

@@ -134,6 +134,8 @@ Results results_of(Trainer& trainer) {
     results.poses = pose_change(poses, scene.train_views);
   results.peak_gpu_bytes = peak_gpu_bytes(trainer.backend());
   if (results.peak_gpu_bytes) results.forecast_gpu_bytes = forecast_gpu_bytes(trainer);
+  if (const TrainingModel& model = trainer.model(); model.memory().offloads_sh())
+    results.offloaded_bytes = sh_rest_bytes(model);
   return results;
 }
 

@@ -383,7 +383,7 @@ TEST(Forecast, CountsOffloadedShAsMemoryOfTheHost) {
     return forecast(config, scene, {true, std::size_t(gib * double(std::size_t(1) << 30))});
   };
   EXPECT_THAT(on_gpu(8).text, Not(HasSubstr("train.offload")));
-  EXPECT_THAT(on_gpu(0.6).text, HasSubstr("train.offload is sh by itself, 0.7 GiB of RAM"));
+  EXPECT_THAT(on_gpu(0.6).text, HasSubstr("train.offload is sh (auto), 0.7 GiB of RAM"));
   EXPECT_THAT(on_gpu(0.6).warnings, IsEmpty());
   config.train.offload = OffloadMode::none;
   ASSERT_EQ(on_gpu(0.6).warnings.size(), 1u);
