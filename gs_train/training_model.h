@@ -50,7 +50,7 @@ struct ModelMemory {
   Memory& rows;
   Memory& sh_rest;  // of sh_rest and its moments (train.offload)
 
-  ModelMemory(Memory& all) : ModelMemory(all, all) {}  // NOLINT: as a Memory is
+  ModelMemory(Memory& all) : ModelMemory(all, all) {}  // not explicit: as a Memory is
   ModelMemory(Memory& rows_memory, Memory& sh_rest_memory)
       : rows(rows_memory), sh_rest(sh_rest_memory) {}
   bool offloads_sh() const { return &sh_rest != &rows; }
