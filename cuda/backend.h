@@ -30,6 +30,7 @@ std::unique_ptr<Backend> make_ranked_backend(const std::vector<int>& devices,
 struct Usage {
   std::size_t allocated_bytes = 0;       // now
   std::size_t peak_allocated_bytes = 0;  // the most at any time
+  std::size_t mapped_host_bytes = 0;     // of the host, used in place; not part of the others
 };
 Usage usage();
 /// The peak becomes what is allocated now.

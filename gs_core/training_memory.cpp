@@ -26,6 +26,7 @@ constexpr double kBytesOfRecolored = 24;    // the picture shown, and what is be
 constexpr double kBytesOfTile = 3 * kWord + 2 * kWord;  // range, order, checkpoint; a segment
 
 constexpr double kMeanReserve = 1.0625;  // of large arrays
+constexpr double kShareOfFree = 0.9;     // that an offloaded run may take
 
 // Bytes that an array of so many is expected to have, half way between two steps of its growth.
 double with_reserve(double bytes) {
@@ -55,14 +56,26 @@ Gaussians arrays_of(const TrainingSize& size) {
   return arrays;
 }
 
-// Parameters, moments and statistics.
+// Both moments of an array whose rows have so many bytes.
+void add_moments(const TrainingSize& size, std::size_t row_bytes, Rows& rows) {
+  const double numbers = double(row_bytes) / sizeof(float);
+  for (int moment = 0; moment < 2; ++moment) rows.add(numbers * 0.5 * size.moment_bytes);
+}
+
+// Parameters, moments and statistics on the GPU.
 void add_state(const TrainingSize& size, Rows& rows) {
   const Gaussians arrays = arrays_of(size);
-  for_each_stored_array([&](const char*, auto& array) { rows.add(sizeof *array.data()); }, arrays);
+  const auto is_here = [&](const auto& array) {
+    return !size.offloads_sh || static_cast<const void*>(&array) != &arrays.sh_rest;
+  };
+  for_each_stored_array(
+      [&](const char*, const auto& array) {
+        if (is_here(array)) rows.add(sizeof *array.data());
+      },
+      arrays);
   for_each_array(
-      [&](const char*, auto& array) {
-        const double numbers = double(sizeof *array.data()) / sizeof(float);
-        for (int moment = 0; moment < 2; ++moment) rows.add(numbers * 0.5 * size.moment_bytes);
+      [&](const char*, const auto& array) {
+        if (is_here(array)) add_moments(size, sizeof *array.data(), rows);
       },
       arrays);
   for (int statistic = 0; statistic < 2; ++statistic) rows.add(sizeof(float));
@@ -181,7 +194,8 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.relocates = config.density.strategy == "mcmc";
   size.batch = config.train.batch;
   if (config.optimizer.moments == MomentForm::compact) size.moment_bytes = 4;
-  size.is_lazy = config.optimizer.lazy != LazyMode::off;
+  size.is_lazy =
+      config.optimizer.lazy == LazyMode::on || config.optimizer.lazy == LazyMode::automatic;
   size.has_time = config.model.dynamic;
   size.has_slope = config.model.dynamic && config.model.time_colors;
   size.has_filter = config.model.filter_3d;
@@ -192,7 +206,16 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.depth_pixels = size.has_depth_maps ? pictures.depth_pixels : 0;
   size.recolors = config.photometric.model == "ppisp";
   size.is_deterministic = config.train.deterministic;
+  return config.train.offload == OffloadMode::sh ? with_offload(size) : size;
+}
+
+TrainingSize with_offload(TrainingSize size) {
+  size.offloads_sh = size.is_lazy = true;
   return size;
+}
+
+double certain_gaussians(const Config& config, double start) {
+  return rises_to_cap(config) ? std::max(start, double(config.density.max_gaussians)) : start;
 }
 
 double state_bytes(const TrainingSize& size, double gaussians) {
@@ -212,12 +235,28 @@ double training_bytes(const TrainingSize& size) {
   add_batch(size, kept);
   add_step(size, step);
   const double of_step = step.sum() + instance_bytes(size, grows);
-  // An array that grows holds its old rows until they are copied, and the SH coefficients have
-  // most.
-  const double old_rows = is_held_twice ? size.gaussians * sizeof(ShRest) / kMeanReserve : 0;
+  // An array that grows holds its old rows until they are copied. SH coefficients have most, and
+  // without them rotations.
+  const double row = size.offloads_sh ? sizeof(Quatf) : sizeof(ShRest);
+  const double old_rows = is_held_twice ? size.gaussians * row / kMeanReserve : 0;
   const double most =
       old_rows < double(kBytesWorthReleasing) ? of_step + old_rows : std::max(of_step, old_rows);
   return state.sum() + kept.sum() + most + picture_bytes(size) + kSmallBuffers;
+}
+
+double offloaded_bytes(const TrainingSize& size) {
+  if (!size.offloads_sh) return 0;
+  Rows rows(size.gaussians, size.growth == RowGrowth::by_need);
+  rows.add(sizeof(ShRest));
+  add_moments(size, sizeof(ShRest), rows);
+  return rows.sum() + size.gaussians * sizeof(ShRest);
+}
+
+bool needs_offload(const TrainingSize& size, const FreeMemory& free) {
+  if (training_bytes(size) <= free.on_gpu) return false;
+  const TrainingSize offloaded = with_offload(size);
+  return training_bytes(offloaded) <= kShareOfFree * free.on_gpu &&
+         offloaded_bytes(offloaded) <= kShareOfFree * free.on_host;
 }
 
 double gaussians_that_fit(TrainingSize size, double bytes) {

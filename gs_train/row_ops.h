@@ -3,6 +3,7 @@
 // them.
 #pragma once
 
+#include <type_traits>
 #include <vector>
 
 #include "gs_core/camera.h"
@@ -92,13 +93,13 @@ class RowOps {
 /// is none.
 class CurrentSh {
  public:
-  CurrentSh(TrainingModel& model, RowOps& rows) : model_(model), kept_(model.gaussians.memory()) {
+  CurrentSh(TrainingModel& model, RowOps& rows) : model_(model) {
     is_needed_ = model.lazy.is_on && model.lazy.updates > 0;
     if (!is_needed_) return;
     kept_.has_slope = model.gaussians.has_slope;
     for_each_lazy_array(
         [](LazyQuantity, auto& copy, const auto& array) {
-          copy.resize_discard(array.size());
+          copy = std::remove_cvref_t<decltype(copy)>(array.size(), array.memory());
           if (array.size())
             array.memory().copy(copy.data(), array.data(), array.size() * sizeof(*array.data()));
         },

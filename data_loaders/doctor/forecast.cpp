@@ -70,6 +70,38 @@ TrainingSize size_on_gpu(const Config& config, const SceneSize& scene, double ga
   return training_size(config, pictures, gaussians);
 }
 
+/// Those that a run starts with.
+double first_gaussians(const Config& config, std::size_t points) {
+  const double cap = double(config.density.max_gaussians);  // 0 or less: none yet
+  const double start = points == 0
+                           ? double(config.model.random_points)
+                           : double(std::min(points, std::size_t(config.model.most_points)));
+  return cap > 0 ? std::min(start, cap) : start;
+}
+
+FreeMemory free_memory(const ForecastDevice& device) {
+  return {double(device.free_bytes), double(host_memory().free_bytes())};
+}
+
+/// What train.offload says, or comes to.
+bool is_offloaded(const Config& config, const SceneSize& scene, const ForecastDevice& device) {
+  if (config.train.offload != OffloadMode::automatic)
+    return config.train.offload == OffloadMode::sh;
+  const double certain = certain_gaussians(config, first_gaussians(config, scene.points));
+  return config.train.ranks == 1 && device.free_bytes > 0 &&
+         needs_offload(size_on_gpu(config, scene, certain), free_memory(device));
+}
+
+/// The other remedy, if it is one.
+std::string offload_advice(const TrainingSize& size, double free_on_gpu, double free_ram) {
+  if (size.offloads_sh) return "";
+  const TrainingSize offloaded = with_offload(size);
+  return training_bytes(offloaded) <= kShareOfFree * free_on_gpu &&
+                 offloaded_bytes(offloaded) <= kShareOfFree * free_ram
+             ? ", or keep SH in host memory with --set train.offload=sh"
+             : "";
+}
+
 // Gaussians of a block beyond its share of the scene: its borders, and points outside of them
 constexpr double kOverlapOfBlocks = 1.5;
 
@@ -96,10 +128,13 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
   if (free == 0 || scene.points == 0) return {};
   const double photos = std::min(scene.photo_bytes, room_for_photos(config, device.is_gpu));
   const double usable = kShareOfFree * free;
-  const double fit =
-      device.is_gpu ? std::max(gaussians_that_fit(size_on_gpu(config, scene, 0), usable),
-                               gaussians_that_fit(size_on_gpu(config, SceneSize{}, 0), usable / 4))
-                    : std::max(usable - photos, usable / 4) / bytes_on_cpu(config);
+  double fit = device.is_gpu
+                   ? std::max(gaussians_that_fit(size_on_gpu(config, scene, 0), usable),
+                              gaussians_that_fit(size_on_gpu(config, SceneSize{}, 0), usable / 4))
+                   : std::max(usable - photos, usable / 4) / bytes_on_cpu(config);
+  if (const TrainingSize million = size_on_gpu(config, scene, 1e6); million.offloads_sh)
+    fit = std::min(fit,
+                   kShareOfFree * free_memory(device).on_host / (1e-6 * offloaded_bytes(million)));
   const double wanted =
       expected_gaussians(without_limits_of_one_run(config, scene.points), scene.points);
   if (wanted <= fit)
@@ -115,9 +150,7 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
 
 double expected_gaussians(const Config& config, std::size_t points) {
   const double cap = double(config.density.max_gaussians);  // 0 or less: none yet
-  double start = points == 0 ? double(config.model.random_points)
-                             : double(std::min(points, std::size_t(config.model.most_points)));
-  if (cap > 0) start = std::min(start, cap);
+  const double start = first_gaussians(config, points);
   const double steps = steps_of(config);
   if (steps <= std::min(double(config.density.from_step), kFirstGrowth)) return start;
   if (rises_to_cap(config)) return cap;
@@ -130,13 +163,16 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
   const double budget = room_for_photos(config, false);
   const double gaussians = expected_gaussians(config, scene.points);
   const double photos_in_ram = std::min(scene.photo_bytes, budget);
-  const TrainingSize size = size_on_gpu(config, scene, gaussians);
+  TrainingSize size = size_on_gpu(config, scene, gaussians);
+  const bool offloads = device.is_gpu && is_offloaded(config, scene, device);
+  if (offloads) size = with_offload(size);
   const double on_gpu = training_bytes(size);
+  const double on_host = device.is_gpu ? offloaded_bytes(size) : 0;
   const double on_cpu = gaussians * bytes_on_cpu(config);
   const double free_ram = double(host_memory().free_bytes());
   const double free_on_gpu = double(device.free_bytes);
   const double new_in_ram =
-      std::max(photos_in_ram - scene.loaded_bytes, 0.0) + (device.is_gpu ? 0 : on_cpu);
+      std::max(photos_in_ram - scene.loaded_bytes, 0.0) + (device.is_gpu ? on_host : on_cpu);
 
   Forecast result;
   result.text = fmt::format(
@@ -148,13 +184,17 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
           ? fmt::format(" (of {}: the other photos are decoded just before their turn)",
                         size_text(scene.photo_bytes))
           : "");
+  const double seconds = (kSecondsOfSteps + kSecondsOfMillion * gaussians * 1e-6 +
+                          kSecondsOfMegapixel * scene.megapixels) *
+                         steps_of(config) / kFullSteps;
   if (device.is_gpu)
-    result.text += fmt::format(
-        "training takes about {} of GPU memory{} and, on an H200, {:.0f} s; ", size_text(on_gpu),
-        device.free_bytes ? fmt::format(" ({} are free)", size_text(free_on_gpu)) : "",
-        (kSecondsOfSteps + kSecondsOfMillion * gaussians * 1e-6 +
-         kSecondsOfMegapixel * scene.megapixels) *
-            steps_of(config) / kFullSteps);
+    result.text +=
+        fmt::format("training takes about {} of GPU memory{} and{}; ", size_text(on_gpu),
+                    device.free_bytes ? fmt::format(" ({} are free)", size_text(free_on_gpu)) : "",
+                    offloads ? fmt::format(", as train.offload is sh{}, {} of RAM",
+                                           config.train.offload == OffloadMode::sh ? "" : " (auto)",
+                                           size_text(on_host))
+                             : fmt::format(", on an H200, {:.0f} s", seconds));
   else
     result.text += fmt::format("training on the CPU takes about {} of RAM ({} are free); ",
                                size_text(on_cpu), size_text(free_ram));
@@ -162,15 +202,17 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
 
   if (device.is_gpu && device.free_bytes && on_gpu > kShareOfFree * free_on_gpu)
     result.warnings.push_back(fmt::format(
-        "the GPU has {} free and the run may need {}; {}", size_text(free_on_gpu),
-        size_text(on_gpu), cap_advice(gaussians_that_fit(size, kShareOfFree * free_on_gpu))));
+        "the GPU has {} free and the run may need {}; {}{}", size_text(free_on_gpu),
+        size_text(on_gpu), cap_advice(gaussians_that_fit(size, kShareOfFree * free_on_gpu)),
+        offload_advice(size, free_on_gpu, free_ram)));
   if (new_in_ram > kShareOfFree * free_ram)
     result.warnings.push_back(fmt::format(
         "{} of RAM are free and the run may need {}; {}", size_text(free_ram),
         size_text(new_in_ram),
-        photos_in_ram > on_cpu || device.is_gpu
+        photos_in_ram > (device.is_gpu ? on_host : on_cpu)
             ? std::string("let fewer photos stay decoded with --photo-ram GIB")
-            : cap_advice((kShareOfFree * free_ram - photos_in_ram) / bytes_on_cpu(config))));
+            : cap_advice((kShareOfFree * free_ram - photos_in_ram) /
+                         (device.is_gpu ? on_host / gaussians : bytes_on_cpu(config)))));
   return result;
 }
 

@@ -15,6 +15,7 @@
 #include "gs_core/math/view_splat.h"
 #include "gs_core/training_memory.h"
 #include "gs_train/loop/lazy_choice.h"
+#include "gs_train/loop/offload.h"
 #include "gs_train/loss.h"
 
 namespace gs {
@@ -157,8 +158,32 @@ void check_scales(const std::vector<View>& views, const std::vector<double>& sca
     }
 }
 
-TrainingModel benchmark_model(Backend& backend, const GaussianModel& from, MomentForm moments) {
-  TrainingModel model = untrained(from, backend.memory(), moments);
+namespace {
+
+// The run of a benchmark, whose Gaussians stay as many as they are.
+TrainingSize benchmark_size(const Gaussians& gaussians, const std::vector<View>& views,
+                            const Config& config) {
+  TrainingSize size = training_size(config, picture_sizes(views), double(gaussians.count()));
+  size.growth = RowGrowth::none;
+  size.has_sums = size.has_pixel_values = size.has_depth_maps = size.recolors = false;
+  size.depth_pixels = 0;
+  size.has_time = gaussians.has_time;
+  size.has_slope = gaussians.has_slope;
+  size.has_filter = gaussians.has_filter;
+  return size;
+}
+
+}  // namespace
+
+ModelMemory benchmark_memory(Backend& backend, const GaussianModel& from,
+                             const std::vector<View>& views, const Config& config) {
+  check_offload(config, backend);
+  return model_memory(config.train.offload, benchmark_size(from.gaussians, views, config), backend);
+}
+
+TrainingModel benchmark_model(Backend& backend, const GaussianModel& from,
+                              const ModelMemory& memory, MomentForm moments) {
+  TrainingModel model = untrained(from, memory, moments);
   backend.rows().sort_by_morton(model);
   return model;
 }
@@ -183,7 +208,8 @@ void begin_lazy_as_asked(const Config& config, const Backend& backend, TrainingM
                     lazy_update_bytes(model.gaussians, model.has_codes, {seen, seen, 1}) <
                         prompt_update_bytes(model.gaussians, model.has_codes);
   const LazyMode mode = config.optimizer.lazy;
-  workload.is_lazy = mode == LazyMode::on || (mode == LazyMode::automatic && pays);
+  workload.is_lazy = mode == LazyMode::on || (mode == LazyMode::automatic && pays) ||
+                     (mode == LazyMode::with_offload && model.memory().offloads_sh());
   if (workload.is_lazy) begin_lazy(model, config.train.seed);
 }
 
@@ -233,13 +259,8 @@ double forecast_gpu_bytes(const TrainingModel& model, const std::vector<View>& v
   // A view has some more instances than the mean, and gets places for 1.2 times as many.
   constexpr double kPlacesOfInstance = 1.3;
   const double count = double(model.count());
-  TrainingSize size = training_size(config, picture_sizes(views), count);
-  size.growth = RowGrowth::none;
-  size.has_sums = size.has_pixel_values = size.has_depth_maps = size.recolors = false;
-  size.depth_pixels = 0;
-  size.has_time = model.gaussians.has_time;
-  size.has_slope = model.gaussians.has_slope;
-  size.has_filter = model.gaussians.has_filter;
+  TrainingSize size = benchmark_size(model.gaussians, views, config);
+  if (model.memory().offloads_sh()) size = with_offload(size);
   size.is_deterministic = settings.deterministic;
   if (count > 0) size.instance_places = kPlacesOfInstance * workload.instances / count;
   return training_bytes(size);

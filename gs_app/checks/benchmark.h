@@ -80,17 +80,23 @@ Camera at_scale(const Camera& camera, double scale);
 /// Throws UsageError if a view at one of the scales exceeds the largest picture.
 void check_scales(const std::vector<View>& views, const std::vector<double>& scales);
 
-/// A training model of these Gaussians in the backend's memory: rows in Morton order, as training
-/// keeps them, and zero moments in this form.
+/// A training model of these Gaussians in memory that the backend trains in: rows in Morton order,
+/// as training keeps them, and zero moments in this form.
 TrainingModel benchmark_model(Backend& backend, const GaussianModel& from,
-                              MomentForm moments = MomentForm::floats);
+                              const ModelMemory& memory, MomentForm moments = MomentForm::floats);
+
+/// Where the model of a benchmark lies, by train.offload. Throws UsageError where the backend has no
+/// host memory to use in place.
+ModelMemory benchmark_memory(Backend& backend, const GaussianModel& from,
+                             const std::vector<View>& views, const Config& config);
 
 /// The workload of one view, averaged over `views`.
 Workload mean_workload(Backend& backend, const TrainingModel& model, const std::vector<View>& views,
                        const RenderSettings& settings);
 
 /// Begins to update SH lazily where optimizer.lazy says so, with "auto" by the backend and the
-/// visible share of the workload, which afterwards says so, too.
+/// visible share of the workload, with "offload" by the model's memory. The workload says so, too,
+/// afterwards.
 void begin_lazy_as_asked(const Config& config, const Backend& backend, TrainingModel& model,
                          Workload& workload);
 

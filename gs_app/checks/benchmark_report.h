@@ -34,7 +34,8 @@ struct BenchmarkReport {
   std::vector<ScoreCost> scores;
   std::optional<double> copy_gb_per_second;
   std::optional<std::size_t> peak_gpu_bytes;
-  double forecast_gpu_bytes = 0;  // of training; only on a GPU
+  double forecast_gpu_bytes = 0;    // of training; only on a GPU
+  std::size_t offloaded_bytes = 0;  // of the model, in host memory (train.offload)
 };
 
 std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& plan,

@@ -8,11 +8,20 @@
 namespace gs {
 
 /// A training model of these Gaussians in `memory`, with zero moments in this form and statistics.
-inline TrainingModel untrained(const GaussianModel& from, Memory& memory,
+inline TrainingModel untrained(const GaussianModel& from, const ModelMemory& memory,
                                MomentForm moments = MomentForm::floats) {
   TrainingModel model(memory);
   model.has_codes = moments == MomentForm::compact;
-  model.gaussians = copy_to(memory, from);
+  Gaussians& gaussians = model.gaussians;
+  take_learned_arrays(gaussians, from.gaussians);
+  gaussians.has_filter = from.gaussians.has_filter;
+  for_each_stored_array(
+      [](const char*, auto& to, const auto& array) {
+        to.resize_discard(array.size());
+        if (array.size())
+          to.memory().upload(to.data(), array.data(), array.size() * sizeof(*array.data()));
+      },
+      gaussians, from.gaussians);
   clear_history(model);
   return model;
 }

@@ -126,7 +126,7 @@ struct OptimizerConfig {
   float cooldown_share = 0.03f;   // ... to this share of themselves at the last one; 1: they do not
   float beta2 = 0.999f;           // of Adam, for one photo
   MomentForm moments = MomentForm::floats;
-  LazyMode lazy = LazyMode::off;
+  LazyMode lazy = LazyMode::with_offload;
 };
 
 inline constexpr int kMostBatch = 64;           // photos of one update
@@ -223,9 +223,10 @@ struct TrainConfig {
   bool rank_processes = false;  // by a process instead
   float rank_deadline = 30;     // seconds without a sign of life after which a rank ends the run
   float photo_gib = 4;          // GPU memory for photos; others are copied when they are needed
-  float time_noise = 0;         // on the times of photos, in mean intervals between them
-  int extra_steps = 0;          // after the schedule's last step, at its final rates
-  int checkpoint_every = 0;     // steps; 0: about a minute; -1: only when the run is stopped
+  OffloadMode offload = OffloadMode::automatic;  // of the model, from the GPU to host memory
+  float time_noise = 0;      // on the times of photos, in mean intervals between them
+  int extra_steps = 0;       // after the schedule's last step, at its final rates
+  int checkpoint_every = 0;  // steps; 0: about a minute; -1: only when the run is stopped
   int log_every = 100;
   std::vector<int> save_steps;  // besides the last one
   std::vector<int> test_steps;  // besides the last one

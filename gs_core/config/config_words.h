@@ -37,8 +37,11 @@ enum class SingleCamera { automatic, yes, no };
 
 /// How Adam's moments are kept: as floats, or as codes of 16 bits each (math/moment_code.h).
 enum class MomentForm { floats, compact };
-/// Whether Adam leaves SH of rows that no photo of an update sees for later (math/lazy_adam.h).
-enum class LazyMode { off, on, automatic };
+/// Whether Adam leaves SH of rows that no photo of an update sees for later (math/lazy_adam.h);
+/// `with_offload`: where SH lies in host memory.
+enum class LazyMode { with_offload, off, on, automatic };
+/// What of the model a GPU keeps in host memory: nothing, or SH beyond degree 0 with its moments.
+enum class OffloadMode { automatic, none, sh };
 
 /// One row of a table of words.
 template <class E>
@@ -175,8 +178,15 @@ struct Words<MomentForm> {
 };
 template <>
 struct Words<LazyMode> {
-  static constexpr Word<LazyMode> kTable[] = {
-      {"off", LazyMode::off}, {"on", LazyMode::on}, {"auto", LazyMode::automatic}};
+  static constexpr Word<LazyMode> kTable[] = {{"offload", LazyMode::with_offload},
+                                              {"off", LazyMode::off},
+                                              {"on", LazyMode::on},
+                                              {"auto", LazyMode::automatic}};
+};
+template <>
+struct Words<OffloadMode> {
+  static constexpr Word<OffloadMode> kTable[] = {
+      {"auto", OffloadMode::automatic}, {"none", OffloadMode::none}, {"sh", OffloadMode::sh}};
 };
 
 /// Lists of words that stay text, since other code gives them their meaning. "cuda:N" stands for

@@ -105,11 +105,21 @@ void begin_or_end_lazy(TrainingRun& run) {
   LazyState& lazy = run.model.lazy;
   lazy.rounding_seed = run.config.train.seed;
   const LazyMode mode = run.config.optimizer.lazy;
-  if (mode == LazyMode::on && !lazy.is_on) begin_lazy(run.model, run.config.train.seed);
+  const bool is_offloaded = run.model.memory().offloads_sh();
+  const bool begins_with_offload = mode == LazyMode::with_offload && is_offloaded &&
+                                   run.step == 0 && is_possible(run.config, run.backend);
+  if (!lazy.is_on && (mode == LazyMode::on || begins_with_offload))
+    begin_lazy(run.model, run.config.train.seed);
   if (lazy.is_on && (mode == LazyMode::off || !is_possible(run.config, run.backend))) {
     run.backend.rows().catch_up(run.model);
     end_lazy(run.model);
   }
+  if (is_offloaded && !lazy.is_on && !run.is_over())
+    log_warning(
+        "each step moves the SH of all Gaussians to the GPU and back (train.offload), because this "
+        "run updates all of them at once{}",
+        run.config.poses.refine ? "; poses.refine needs that"
+                                : "; a new run with optimizer.lazy=on moves those that are seen");
 }
 
 void choose_lazy(TrainingRun& run, int step) {

@@ -22,7 +22,8 @@ double lazy_update_bytes(const Gaussians& arrays, bool has_codes, const SeenShar
 void check_lazy(const Config& config, const Backend& backend);
 
 /// Before the first step of a run, also of one that goes on or back: makes the model what the words
-/// "on" and "off" ask for. With "auto" it stays as it is.
+/// "on" and "off" ask for. With "auto" it stays as it is. With "offload" a run begins as its memory
+/// is, and stays so when it goes on with another train.offload: the result is the same.
 void begin_or_end_lazy(TrainingRun& run);
 
 /// After a step: with "auto", renders the views of some updates after a tenth of the run, counts

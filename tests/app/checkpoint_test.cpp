@@ -17,6 +17,7 @@
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/checked_file.h"
+#include "tests/support/counted_memory.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
@@ -260,6 +261,22 @@ TEST_F(Checkpoints, WithSomeUpdatesLeftForLaterComeBackBitForBit) {
   lazy.updated_at[5] = 8;  // an update that was not made
   write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
   EXPECT_THAT(error_of([&] { read_checkpoint(file(12)); }), HasSubstr("damaged"));
+}
+
+TEST_F(Checkpoints, OfAModelInTwoMemoriesAreTheSameFile) {
+  for (const bool has_codes : {false, true}) {
+    TrainingState state = telling_state(100, 12);
+    state.model.has_codes = has_codes;
+    clear_history(state.model);
+    begin_lazy(state.model, 42);
+    CountedMemory device, host;
+    const TrainingModel parted = copy_to({device, host}, state.model);
+    EXPECT_EQ(host.allocated, 100u * (has_codes ? 360 : 540));
+    fs::create_directories(path());
+    write_checkpoint(file(12), telling_config(), telling_scene(), state.progress, state.model);
+    write_checkpoint(file(13), telling_config(), telling_scene(), state.progress, parted);
+    EXPECT_EQ(read_bytes(file(13)), read_bytes(file(12)));
+  }
 }
 
 TEST_F(Checkpoints, WithAPhotometricModelComeBackBitForBit) {

@@ -75,6 +75,48 @@ TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {
   EXPECT_NEAR(more([](TrainingSize& size) { size.instance_places += 1; }), 12, 0.01);
 }
 
+// 45 numbers of 12 bytes with their moments, or of 8.
+TEST(TrainingMemory, WithOffloadShIsInHostMemory) {
+  const TrainingSize whole = steady(1e6), rest = with_offload(whole);
+  EXPECT_DOUBLE_EQ(state_bytes(rest, 1), 716 - 540 + 4);  // lazy updates have 4 bytes more
+  EXPECT_NEAR(training_bytes(whole) - training_bytes(rest), 1e6 * (540 - 4), 1);
+  EXPECT_EQ(offloaded_bytes(whole), 0);
+  EXPECT_DOUBLE_EQ(offloaded_bytes(rest), 1e6 * (540 + 180));
+  TrainingSize compact = rest;
+  compact.moment_bytes = 4;
+  EXPECT_DOUBLE_EQ(offloaded_bytes(compact), 1e6 * (360 + 180));
+  TrainingSize growing = rest;
+  growing.growth = RowGrowth::by_need;
+  EXPECT_DOUBLE_EQ(offloaded_bytes(growing), 1e6 * (540 * 1.0625 + 180));
+
+  Config config;
+  EXPECT_FALSE(training_size(config, {}, 1).offloads_sh);
+  config.train.offload = OffloadMode::sh;
+  EXPECT_TRUE(training_size(config, {}, 1).offloads_sh);
+  EXPECT_TRUE(training_size(config, {}, 1).is_lazy);
+}
+
+TEST(TrainingMemory, OffloadIsNeededWhereTheRunFitsOnlySo) {
+  const TrainingSize size = steady(40e6);
+  const double whole = training_bytes(size), rest = training_bytes(with_offload(size)),
+               on_host = offloaded_bytes(with_offload(size));
+  EXPECT_FALSE(needs_offload(size, {whole, 1e12}));
+  EXPECT_TRUE(needs_offload(size, {whole - 1, 1e12}));
+  EXPECT_TRUE(needs_offload(size, {rest / 0.9 + 1, 1e12}));
+  EXPECT_FALSE(needs_offload(size, {rest / 0.9 - 1e3, 1e12}));
+  EXPECT_TRUE(needs_offload(size, {whole - 1, on_host / 0.9 + 1}));
+  EXPECT_FALSE(needs_offload(size, {whole - 1, on_host / 0.9 - 1e3}));
+}
+
+TEST(TrainingMemory, ARunHasItsFirstGaussiansForCertainAndACapThatItRisesTo) {
+  Config config;
+  config.density.max_gaussians = 5000;
+  EXPECT_EQ(certain_gaussians(config, 100), 5000);
+  EXPECT_EQ(certain_gaussians(config, 6000), 6000);
+  config.density.strategy = "adaptive";  // the cap is a limit only
+  EXPECT_EQ(certain_gaussians(config, 100), 100);
+}
+
 TEST(TrainingMemory, TenMillionGaussiansStayBelowEightAndAHalfGib) {
   TrainingSize size = steady(10e6);
   size.pixels = 1600 * 1064;
