@@ -17,7 +17,7 @@ struct Step {
   View view;
   TrainingModel model;
   std::vector<TrainingPhoto> batch;
-  LossSettings loss_settings{.ssim_weight = 0.2f};
+  LossSettings loss_settings;
   DensityStep density{.gather_statistics = true};
 
   explicit Step(std::size_t photos) {
