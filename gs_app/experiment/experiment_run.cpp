@@ -4,8 +4,8 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <charconv>
 
+#include "gs_app/run/make_backend.h"
 #include "gs_core/access.h"
 #include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
@@ -36,15 +36,9 @@ bool has_same_settings(const ExperimentRun& run) {
   return same_result(written, run.settings);
 }
 
-// N of "cuda:N".
-int gpu_number(const std::string& device) {
-  constexpr std::string_view kPrefix = "cuda:";
-  int number = -1;
-  const char* const end = device.data() + device.size();
-  if (device.starts_with(kPrefix)) {
-    const auto [rest, error] = std::from_chars(device.data() + kPrefix.size(), end, number);
-    if (error == std::errc() && rest == end && number >= 0) return number;
-  }
+// The number of a GPU of --devices.
+int number_of(const std::string& device) {
+  if (const std::optional<int> number = gpu_number(device)) return *number;
   throw UsageError(fmt::format(
       "--gpus-per-run needs the numbers of GPUs, --devices cuda:0,cuda:1,..., and not {}", device));
 }
@@ -98,7 +92,7 @@ std::vector<RunSlot> slots_on(const std::vector<std::string>& devices, int gpus_
   std::vector<RunSlot> of_job;
   for (std::size_t first = 0; first < devices.size(); first += group) {
     for (std::size_t k = 1; k < group; ++k)
-      if (devices[first + k] != fmt::format("cuda:{}", gpu_number(devices[first]) + int(k)))
+      if (devices[first + k] != fmt::format("cuda:{}", number_of(devices[first]) + int(k)))
         throw UsageError(
             fmt::format("--gpus-per-run {}: the GPUs of a run follow each other, and "
                         "{} is not the GPU after {}",

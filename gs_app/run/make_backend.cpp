@@ -46,18 +46,8 @@ std::unique_ptr<Backend> make_cuda_ranks(int first, int) { return make_cuda_back
 // The number N of "cuda:N"; 0 for "cuda", and for "auto" where there is a GPU.
 int cuda_index(const std::string& device) {
   if (device == "cuda" || device == "auto") return 0;
-  constexpr std::string_view kPrefix = "cuda:";
-  int index = -1;
-  if (device.starts_with(kPrefix)) {
-    const char* const end = device.data() + device.size();
-    const auto [rest, error] = std::from_chars(device.data() + kPrefix.size(), end, index);
-    if (error == std::errc::result_out_of_range)
-      throw UsageError("--device " + device + ": there is no GPU with such a number");
-    if (error != std::errc() || rest != end) index = -1;
-  }
-  if (index < 0)
-    throw UsageError("there is no device " + device + "; there are cpu, cuda, cuda:N and auto");
-  return index;
+  if (const std::optional<int> number = gpu_number(device)) return *number;
+  throw UsageError("there is no device " + device + "; there are cpu, cuda, cuda:N and auto");
 }
 
 }  // namespace
@@ -77,6 +67,18 @@ bool is_cpu(const std::string& device) {
 }
 
 }  // namespace
+
+std::optional<int> gpu_number(const std::string& device) {
+  constexpr std::string_view kPrefix = "cuda:";
+  if (!device.starts_with(kPrefix)) return std::nullopt;
+  int number = -1;
+  const char* const end = device.data() + device.size();
+  const auto [rest, error] = std::from_chars(device.data() + kPrefix.size(), end, number);
+  if (error == std::errc::result_out_of_range)
+    throw UsageError("--device " + device + ": there is no GPU with such a number");
+  if (error != std::errc() || rest != end || number < 0) return std::nullopt;
+  return number;
+}
 
 std::unique_ptr<Backend> make_backend(const std::string& device) {
   if (is_cpu(device)) return make_scalar_backend();

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "gs_train/backend.h"
@@ -25,6 +26,9 @@ void check_has_rank_processes(const TrainConfig& train);
 /// and says nothing else, an update takes as many photos. Throws UsageError for other words, and
 /// for a run on the CPU.
 void take_gpus(const std::string& gpus, bool is_new, TrainConfig& train);
+
+/// N of the device "cuda:N"; none of any other word. Throws UsageError where N is no int.
+std::optional<int> gpu_number(const std::string& device);
 
 /// Whether this build has CUDA, and how many GPUs the driver then reports.
 bool has_cuda();
