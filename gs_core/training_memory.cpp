@@ -117,14 +117,17 @@ void add_row_operations(const TrainingSize& size, Rows& rows) {
   for (int array = 0; array < 3; ++array) rows.add(kWord);  // sources, clones, parents
 }
 
-// True where the photos of a batch are pulled back together, unless updates turn out to be lazy.
+// True where the photos of a batch are done together (cuda/train/batch_choice.h). Batches with lazy
+// updates are not. With "auto" it is not known, so the larger of the two is taken.
 bool are_done_together(const TrainingSize& size) {
   const bool are_sums_apart =
       size.has_sums && (size.is_deterministic || size.is_absolute || size.has_pixel_values);
-  return size.batch <= kMostTogether && !size.has_time && !size.has_depth_maps && !are_sums_apart;
+  const bool are_lazy = size.is_lazy && size.batch < kMostTogether;
+  return size.batch <= kMostTogether && !size.has_time && !size.has_depth_maps && !are_sums_apart &&
+         !are_lazy;
 }
 
-// What the photos of a batch keep until they are pulled back together, or its sums.
+// What the photos of a batch keep until all are drawn, or its sums.
 void add_batch(const TrainingSize& size, Rows& rows) {
   if (size.batch < 2) return;
   if (are_done_together(size)) {

@@ -13,7 +13,7 @@ namespace gs {
 
 // Bytes of the structs of cuda/, which asserts them.
 inline constexpr std::size_t kGradientSumBytes = 48;  // SplatGradientSum
-/// The most photos of a batch that the GPU pulls back together (cuda/train/photo_rows.cuh).
+/// The most photos of a batch that the GPU does together (cuda/train/batch_choice.h).
 inline constexpr int kMostTogether = 4;
 inline constexpr std::size_t kFixedSumBytes = 96 + 88;     // FineSums and CoarseSums
 inline constexpr std::size_t kFixedFragmentSumBytes = 24;  // FixedFragmentSums
