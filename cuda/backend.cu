@@ -13,12 +13,10 @@
 #include "cuda/render/renderer.cuh"
 #include "cuda/train/depth.cuh"
 #include "cuda/train/pending_steps.h"
-#include "cuda/train/photometric.cuh"
+#include "cuda/train/photometric_stage.cuh"
 #include "gs_core/math/density.h"
 #include "gs_core/training_memory.h"
 #include "gs_train/named_row.h"
-#include "gs_train/photometric/gains.h"
-#include "gs_train/photometric/ppisp.h"
 
 namespace gs::cuda {
 namespace {
@@ -38,13 +36,6 @@ struct LossRow {
   std::unique_ptr<Loss> (*make)(Context&, Memory&, PhotoStore&);
 };
 constexpr LossRow kLosses[] = {{"l1_ssim", make_loss}};
-
-struct PhotometricRow {
-  const char* name;  // a word of photometric.model
-  DeviceLook look;
-};
-constexpr PhotometricRow kPhotometricModels[] = {{kGainsModel, DeviceLook::gains},
-                                                 {kPpispModel, DeviceLook::ppisp}};
 
 __global__ void gather_kernel(Span<const std::uint32_t> tile_counts, const Vec2f* dL_dmean2d,
                               float* visits, float* gradient_norm, int width, int height) {
@@ -67,14 +58,7 @@ struct Device {
   MappedMemory mapped_memory;
 };
 
-// The update of the photometric model; there is none while its numbers rest.
-struct PhotometricUpdate {
-  bool is_due = false;
-  AdamStep adam{};
-  AdamRule rule = {};
-};
-
-// The same of the poses.
+// The update of the poses; there is none while they rest.
 struct PoseUpdate {
   bool is_due = false;
   AdamStep adam{};
@@ -95,8 +79,8 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
       : Device(index), Backend(device_memory), photos_(context, device_memory),
         renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
         optimizer_(make_optimizer(context)), sums_(device_memory), photo_buffers_(device_memory),
-        photometric_gradient_(device_memory), camera_of_(device_memory),
-        poses_(context, device_memory), depth_maps_(device_memory), depth_(device_memory),
+        photometric_(context, device_memory), poses_(context, device_memory),
+        depth_maps_(device_memory), depth_(device_memory),
         rows_(make_row_ops(context, device_memory, pass_.splats, pass_.pixel_rects,
                            [this] { release_step(); })) {}
   ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
@@ -122,14 +106,8 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
   }
   void use_photometric(std::shared_ptr<const PhotometricModel> photometric) override {
     finish_pending();
-    if (!photometric) {
-      look_ = std::nullopt;
-      return;
-    }
-    const PhotometricRow* const row =
-        row_named(kPhotometricModels, photometric->name(), "photometric.model", " on " + name());
-    check_takes_appearance(*loss_, loss_row_->name);
-    look_ = row->look;
+    if (photometric) check_takes_appearance(*loss_, loss_row_->name);
+    photometric_.use(photometric.get(), name());
   }
   void check_refines_poses() const override {}
   void check_takes_depth() const override {}
@@ -160,7 +138,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     take_model(model);
     Step step(model, batch, loss_settings, update, density);
     const PhotometricUpdate photometric = step.photometric =
-        photometric_update(model.photometric, update);
+        photometric_.update_of(model.photometric, update);
     const PoseUpdate poses = step.poses = pose_update(model.poses, update);
     if (model.lazy.is_on) {
       model.lazy.rounding_seed = update.rounding_seed;
@@ -179,7 +157,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     renderer_.release_caches();
     sums_ = BatchSums(device_memory);  // zero between steps; made anew for the next batch
     photo_buffers_.release();          // the same
-    photometric_gradient_.release();   // the same
+    photometric_.release_caches();     // the same
     depth_.release();
   }
 
@@ -248,7 +226,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     const bool are_together = step.are_together(*model_);
     if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(*model_);
     if (step.is_batch() && !are_together) sums_.reserve(*model_);
-    if (look_) reserve_photometric();
+    photometric_.begin(model_->photometric, step.batch.size());
     std::vector<PhotoRows> photos;
     if (are_together) photos = projected_photos(step);
     for (std::size_t i = 0; i < step.batch.size(); ++i) {
@@ -261,10 +239,8 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     else if (step.is_batch())
       update(step);
     if (step.lazy_updates) note_unseen(step);
-    if (step.photometric.is_due)
-      gs::cuda::update_photometric(context, *look_, model_->photometric, camera_of_.span(),
-                                   photometric_gradient_.span(), step.photometric.adam,
-                                   step.photometric.rule, renderer_.workspace().halted.data());
+    photometric_.update(model_->photometric, step.photometric, step.photos(),
+                        renderer_.workspace().halted.data());
     if (step.poses.is_due)
       poses_.update(step.poses.pull, step.poses.adam, step.poses.rule,
                     renderer_.workspace().halted.data());
@@ -310,8 +286,12 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     const DevicePose* const pose = row ? poses_.refine(*row, i) : nullptr;
     LossSettings loss_settings = step.loss_settings;
     loss_settings.photo_reduction = photo.reduction;
-    const PhotoOnDevice on_device = photo_on_device(step, photo, camera);
-    if (look_) loss_settings.photo_on_device = &on_device;
+    std::optional<PhotoOnDevice> on_device;
+    if (photometric_.is_on()) {
+      on_device = photometric_.photo(model_->photometric, step.photometric, photo, camera, i,
+                                     step.batch.size());
+      loss_settings.photo_on_device = &*on_device;
+    }
     RenderSettings settings = settings_of(step, photo);
     const std::optional<LazySh> late = lazy_sh(step);
     if (late) settings.lazy_sh = &*late;
@@ -396,14 +376,6 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     catch_up_sh(context, *model_, late, step.rounding, halted);
   }
 
-  PhotometricUpdate photometric_update(const PhotometricState& state, const Update& update) const {
-    if (!look_ || !(update.photometric_rate > 0)) return {};
-    const AdamRule& rule = update.photo_rule;
-    return {true,
-            adam_step(state.adam_steps + rule.steps, update.photometric_rate, rule.photo_beta2),
-            rule};
-  }
-
   static PoseUpdate pose_update(const PoseState& state, const Update& update) {
     if (state.empty() || !(update.pose_rate > 0)) return {};
     const AdamRule& rule = update.photo_rule;
@@ -418,41 +390,6 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     return poses_.row_of(state, photo.photo_row, photo.view->camera);
   }
 
-  // The numbers of a photo. Where the lens darkens follows from the whole photo, also where this
-  // step sees a reduced one.
-  PhotoOnDevice photo_on_device(const Step& step, const TrainingPhoto& photo,
-                                const Camera& camera) const {
-    if (!look_) return {};
-    const PhotometricState& state = model_->photometric;
-    const PhotometricShape& shape = state.shape;
-    const Camera& whole = photo.view->camera;
-    PhotoOnDevice result{
-        state.photo(photo.photo_row).data,
-        shape.camera_size ? state.camera(photo.camera_row).data : nullptr,
-        lens_place(camera.cx, camera.cy, whole.width, whole.height, photo.reduction)};
-    result.look = *look_;
-    if (!step.photometric.is_due) return result;
-    double* const gradient = photometric_gradient_.data();
-    result.photo_gradient = gradient + shape.photo_begin(photo.photo_row);
-    result.camera_gradient = gradient + shape.camera_begin(photo.camera_row);
-    result.weight = 1.0 / double(step.batch.size());
-    return result;
-  }
-
-  // The gradient is zero between steps. Waits where the run is new.
-  void reserve_photometric() {
-    const PhotometricState& state = model_->photometric;
-    GS_CHECK(!state.empty());
-    if (photometric_gradient_.size() != state.shape.size()) {
-      photometric_gradient_.resize_discard(state.shape.size());
-      photometric_gradient_.fill_zero();
-    }
-    if (camera_of_on_host_ == state.camera_of) return;
-    camera_of_on_host_.clear();  // if the upload throws
-    camera_of_.upload(state.camera_of);
-    camera_of_on_host_ = state.camera_of;
-  }
-
   void wait_for_launches() override { context.synchronize(); }
   void clear_failed_step() override {
     renderer_.clear_gradients();
@@ -465,7 +402,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
   }
   void clear_sums() {
     sums_.clear();
-    photometric_gradient_.fill_zero();
+    photometric_.clear_gradients();
     poses_.clear_gradient();
   }
 
@@ -478,10 +415,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
   std::unique_ptr<Optimizer> optimizer_;
   BatchSums sums_;
   PhotoBuffers photo_buffers_;
-  std::optional<DeviceLook> look_;                // of the photometric model; none without one
-  Buffer<double> photometric_gradient_;           // (state.shape.size()) zero between steps
-  Buffer<std::uint32_t> camera_of_;               // (photos) PhotometricState::camera_of
-  std::vector<std::uint32_t> camera_of_on_host_;  // what camera_of_ holds
+  PhotometricStage photometric_;
   DevicePoses poses_;
   DepthMaps depth_maps_;
   DepthStage depth_;

@@ -18,6 +18,7 @@
 #include "cuda/backend.h"
 #include "cuda/ranks/rank.cuh"
 #include "cuda/train/pending_steps.h"
+#include "cuda/train/photometric_stage.cuh"
 #include "gs_train/ranks/merged_rows.h"
 
 namespace gs::cuda {
@@ -28,7 +29,10 @@ __global__ void halt_kernel(std::uint32_t* mine, const std::uint32_t* of_photo) 
   if (*of_photo) *mine = 1;
 }
 
-using Step = PendingStep;
+struct Step : PendingStep {
+  using PendingStep::PendingStep;
+  PhotometricUpdate photometric;
+};
 
 class RankedCudaBackend final : private StepLauncher<Step>, public Backend {
  public:
@@ -56,7 +60,9 @@ class RankedCudaBackend final : private StepLauncher<Step>, public Backend {
     return *ranks_[last_drawn_]->loss;
   }
   void use_photometric(std::shared_ptr<const PhotometricModel> photometric) override {
-    if (photometric) refuse("photometric.model=" + std::string(photometric->name()));
+    finish_pending();
+    whole_->use_photometric(photometric);  // which refuses what GPUs do not have
+    photometric_->use(photometric.get(), name());
   }
   void check_refines_poses() const override { refuse("poses.refine"); }
   void check_takes_depth() const override { refuse("depth maps (loss.depth_weight)"); }
@@ -78,13 +84,17 @@ class RankedCudaBackend final : private StepLauncher<Step>, public Backend {
   void step(TrainingModel& model, Span<const TrainingPhoto> batch,
             const LossSettings& loss_settings, const Update& update,
             const DensityStep& density) override {
-    GS_CHECK(model.photometric.empty() && model.poses.empty() && !model.lazy.is_on);
+    GS_CHECK(model.poses.empty() && !model.lazy.is_on);
     if (model_ != &model) finish_pending();
     model_ = &model;
     // The statistics of the merged model have their sums from now on.
     if (density.fragment_statistic() != FragmentStatistic::none) begin_sums(model);
     if (!is_dealt(model)) deal(model);
-    steps_.launch({model, batch, loss_settings, update, density}, model.count());
+    Step step(model, batch, loss_settings, update, density);
+    const PhotometricUpdate photometric = step.photometric =
+        photometric_->update_of(model.photometric, update);
+    steps_.launch(std::move(step), model.count());
+    if (photometric.is_due) model.photometric.adam_steps += photometric.rule.steps;
     model.adam_steps += update.rule.steps;
     last_drawn_ = (batch.size - 1) % ranks_.size();
   }
@@ -107,6 +117,7 @@ class RankedCudaBackend final : private StepLauncher<Step>, public Backend {
       rank->release_caches();
       if (!shards_are_in_use_) rank->shard = TrainingModel(rank->memory);
     }
+    photometric_->release_caches();
     whole_->release_caches();
   }
 
@@ -149,6 +160,8 @@ class RankedCudaBackend final : private StepLauncher<Step>, public Backend {
       ranks_.push_back(std::make_unique<Rank>(device, streams_));
     }
     make_current();
+    photometric_ =
+        std::make_unique<PhotometricStage>(ranks_.front()->context, ranks_.front()->memory);
   }
 
   [[noreturn]] static void refuse(const std::string& what) {
@@ -167,6 +180,10 @@ class RankedCudaBackend final : private StepLauncher<Step>, public Backend {
   // No rank begins an update before all memory for the step was found.
   void enqueue(const Step& step) override {
     const bool are_together = step.are_together(*model_);
+    {
+      const OnDevice here(ranks_.front()->context.device());
+      photometric_->begin(model_->photometric, step.batch.size());
+    }
     for (const std::unique_ptr<Rank>& rank : ranks_) {
       if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(rank->shard);
       if (step.is_batch() && !are_together) rank->sums.reserve(rank->shard);
@@ -176,6 +193,7 @@ class RankedCudaBackend final : private StepLauncher<Step>, public Backend {
     else
       for (std::size_t first = 0; first < step.batch.size(); first += ranks_.size())
         run_round(step, first);
+    update_looks(step);
     for (const std::unique_ptr<Rank>& rank : ranks_) {
       const OnDevice here(rank->context.device());
       if (step.is_batch() && !are_together) update(step, *rank);
@@ -183,6 +201,15 @@ class RankedCudaBackend final : private StepLauncher<Step>, public Backend {
         add_position_noise(rank->context, rank->shard.gaussians.span(), step.density.noise,
                            step.position_rate, rank->halted(), rank->place);
     }
+  }
+
+  // The numbers of the photometric model are on the first GPU, which knows by now that all photos
+  // are drawn. Those that draw the next ones read them there.
+  void update_looks(const Step& step) {
+    Rank& first = *ranks_.front();
+    const OnDevice here(first.context.device());
+    photometric_->update(model_->photometric, step.photometric, step.photos(), first.halted());
+    if (step.photometric.is_due) first.has_pulled_back.set();
   }
 
   // All photos of a step: the ranks project their rows for all of them, then each draws its photos,
@@ -280,10 +307,18 @@ class RankedCudaBackend final : private StepLauncher<Step>, public Backend {
                                    steps_.reports().of_step(drawn.number), drawn.number);
     LossSettings loss_settings = step.loss_settings;
     loss_settings.photo_reduction = drawn.photo.reduction;
+    std::optional<PhotoOnDevice> on_device;
+    if (photometric_->is_on()) {
+      on_device =
+          photometric_->photo(model_->photometric, step.photometric, drawn.photo, drawn.camera,
+                              drawn.number - step.first_photo, step.batch.size());
+      loss_settings.photo_on_device = &*on_device;
+    }
     rank.loss->forward_backward(rank.pass, *drawn.photo.view, loss_settings, rank.dL_dimage);
     if (drawn.settings.fragment_statistic == FragmentStatistic::values)
-      gs::cuda::find_pixel_values(rank.context, rank.photos.last(), *drawn.photo.view, nullptr,
-                                  step.density, rank.renderer.workspace(), rank.pass);
+      gs::cuda::find_pixel_values(rank.context, rank.photos.last(), *drawn.photo.view,
+                                  loss_settings.photo_on_device, step.density,
+                                  rank.renderer.workspace(), rank.pass);
     blend_backward(rank.context, drawn.settings, rank.dL_dimage.span(), rank.renderer.workspace(),
                    rank.pass);
     rank.has_drawn.set();
@@ -346,6 +381,7 @@ class RankedCudaBackend final : private StepLauncher<Step>, public Backend {
   }
   void clear_sums() {
     for (const std::unique_ptr<Rank>& rank : ranks_) rank->sums.clear();
+    photometric_->clear_gradients();
   }
 
   void finish_pending() { steps_.finish(); }
@@ -357,6 +393,7 @@ class RankedCudaBackend final : private StepLauncher<Step>, public Backend {
   Deal deal_;
   bool shards_are_in_use_ = false;
   MergedRows rows_;
+  std::unique_ptr<PhotometricStage> photometric_;  // of the first GPU
   PendingSteps<Step> steps_{*this};
   TrainingModel* model_ = nullptr;
   std::size_t last_drawn_ = 0;  // the rank that drew the last photo of the last step

@@ -38,9 +38,10 @@ struct PendingStep {
         density(density_), position_rate(update.rates.mean) {}
 
   std::uint32_t number_of(std::size_t photo) const { return first_photo + std::uint32_t(photo); }
+  Span<const TrainingPhoto> photos() const { return {batch.data(), batch.size()}; }
   bool is_batch() const { return batch.size() > 1; }
   bool are_together(const TrainingModel& model) const {
-    return are_done_together(model, {batch.data(), batch.size()}, loss_settings, density);
+    return are_done_together(model, photos(), loss_settings, density);
   }
 };
 

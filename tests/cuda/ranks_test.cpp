@@ -8,9 +8,11 @@
 #include <utility>
 #include <vector>
 
+#include "gs_train/photometric/photometric_start.h"
 #include "gs_train/ranks/shards.h"
 #include "tests/cuda/fused_step.h"
 #include "tests/support/error_of.h"
+#include "tests/support/gains.h"
 #include "tests/support/same_bits.h"
 #include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"
@@ -37,9 +39,16 @@ class CudaRanks : public FusedStepTest {
                                    std::size_t batch, const DensityStep& density, int steps = 6) {
     backend.upload_views(views, std::size_t(1) << 30);
     TrainingModel model = copy_to(backend.memory(), start);
-    const std::vector<TrainingPhoto> photos = batch_of(views, settings);
+    std::vector<TrainingPhoto> photos = batch_of(views, settings);
     Update update{kRates, batch_rule(int(batch))};
     update.rounding_seed = 7;
+    if (!model.photometric.empty()) {
+      update.photometric_rate = 0.01f;
+      update.photo_rule = update.rule;
+      const std::vector<std::uint32_t> cameras = camera_rows(views);
+      for (std::size_t i = 0; i < photos.size(); ++i)
+        photos[i].photo_row = i, photos[i].camera_row = cameras[i];
+    }
     for (int step = 0; step < steps; ++step) {
       std::vector<TrainingPhoto> of_step;
       for (std::size_t i = 0; i < batch; ++i)
@@ -98,6 +107,34 @@ TEST_F(CudaRanks, CompactMomentsHaveTheBytesOfOneGpu) {
   start.has_codes = true;
   clear_history(start);
   expect_bytes_of_one_gpu(start, views, {}, {true});
+}
+
+// The photos of a batch share a camera, to which all of them add.
+TEST_F(CudaRanks, PhotometricModelsHaveTheBytesOfOneGpu) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  for (const char* const name : {"gains", "ppisp"}) {
+    SCOPED_TRACE(name);
+    PhotometricConfig config{name};
+    config.vignetting = true;
+    TrainingModel start = model_of(random_gaussians(kTypical, 3000, views[0].camera, 5));
+    begin_with_gains(config, views, start);
+    RenderSettings settings;
+    settings.deterministic = true;
+    gpu().use_photometric(make_photometric_model(config));
+    for (const std::size_t batch : {1, 2, 3, 5}) {
+      const TrainingModel expected = after_steps(gpu(), start, views, settings, batch, {true});
+      EXPECT_FALSE(same_bits(expected.photometric, start.photometric));
+      for (const int count : {1, 2, 3}) {
+        const auto backend = ranks_of(count);
+        backend->use_photometric(make_photometric_model(config));
+        const TrainingModel actual = after_steps(*backend, start, views, settings, batch, {true});
+        EXPECT_TRUE(same_bits(actual, expected)) << "batch " << batch << ", ranks " << count;
+        EXPECT_TRUE(same_bits(actual.photometric, expected.photometric))
+            << "batch " << batch << ", ranks " << count;
+      }
+    }
+  }
+  gpu().use_photometric(nullptr);
 }
 
 // Without RenderSettings::deterministic, sums have another order each time.

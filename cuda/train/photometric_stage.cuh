@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// The photometric model of a run on a GPU: where the numbers of a photo are, the gradients of the
+// photos of a step, and the update.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cuda/train/photometric.cuh"
+#include "gs_core/config/config.h"
+#include "gs_train/backend.h"
+
+namespace gs::cuda {
+
+/// The update of the photometric model in one step; there is none while its numbers rest.
+struct PhotometricUpdate {
+  bool is_due = false;
+  AdamStep adam{};
+  AdamRule rule = {};
+};
+
+/// The photos of a batch may be drawn at the same time, by several GPUs. Each of them therefore adds
+/// to a row of its own, and the rows are added up in the order of the batch: the sums have the same
+/// bits wherever photos are drawn.
+class PhotometricStage {
+ public:
+  /// `context` and `memory` are those of the GPU that has the model.
+  PhotometricStage(Context& context, Memory& memory)
+      : context_(context), gradient_(memory), rows_(memory), camera_of_(memory) {}
+
+  /// From now on; null: without a model. Throws UsageError where `device`, a name, has no kernels
+  /// for it.
+  void use(const PhotometricModel* model, const std::string& device);
+  bool is_on() const { return look_.has_value(); }
+  PhotometricUpdate update_of(const PhotometricState& state, const Update& update) const;
+
+  /// Before the photos of a step. The gradient is zero between steps. Waits where the run is new.
+  void begin(const PhotometricState& state, std::size_t photos);
+  /// Photo i of a batch of `photos`. Where the lens darkens follows from the whole photo, also where
+  /// this step sees a reduced one.
+  PhotoOnDevice photo(const PhotometricState& state, const PhotometricUpdate& update,
+                      const TrainingPhoto& photo, const Camera& camera, std::size_t i,
+                      std::size_t photos) const;
+  /// After all photos of a batch.
+  void update(PhotometricState& state, const PhotometricUpdate& update,
+              Span<const TrainingPhoto> batch, const std::uint32_t* halted);
+
+  /// After steps that failed or were halted.
+  void clear_gradients() {
+    gradient_.fill_zero();
+    rows_.fill_zero();
+  }
+  /// Between steps.
+  void release_caches() {
+    gradient_.release();
+    rows_.release();
+  }
+
+ private:
+  static std::size_t row_size(const PhotometricShape& shape) {
+    return shape.photo_size + shape.camera_size;
+  }
+
+  Context& context_;
+  std::optional<DeviceLook> look_;
+  Buffer<double> gradient_;                       // (state.shape.size()) zero between steps
+  Buffer<double> rows_;                           // (photos of a batch, row_size()) the same
+  Buffer<std::uint32_t> camera_of_;               // (photos) PhotometricState::camera_of
+  std::vector<std::uint32_t> camera_of_on_host_;  // what camera_of_ holds
+};
+
+}  // namespace gs::cuda
