@@ -49,8 +49,7 @@ PhotometricUpdate PhotometricStage::update_of(const PhotometricState& state,
                                               const Update& update) const {
   if (!look_ || !(update.photometric_rate > 0)) return {};
   const AdamRule& rule = update.photo_rule;
-  return {true,
-          adam_step(state.adam_steps + rule.steps, update.photometric_rate, rule.photo_beta2),
+  return {true, adam_step(state.adam_steps + rule.steps, update.photometric_rate, rule.photo_beta2),
           rule};
 }
 
