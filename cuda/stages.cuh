@@ -162,8 +162,8 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
                 const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
                 const DevicePose* pose = nullptr, const Shard& shard = {});
 
-/// 1 for the photos of a batch that are pulled back together  preprocess.cu: the same into the arrays
-/// of each photo.
+/// 1 for the photos of a batch that are done together  preprocess.cu: the same into the arrays of
+/// each photo.
 void preprocess_batch(Context& context, const GaussiansSpan& gaussians,
                       Span<const PhotoRows> photos, const Shard& shard = {});
 
@@ -227,7 +227,7 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
                     Workspace& workspace, RenderPass& pass);
 
 /// From a photo's forces by the mean loss to those by its sum.
-inline float force_scale(const RenderPass& pass) { return 3.0f * float(pass.pixel_count()); }
+inline float force_scale(std::size_t pixels) { return 3.0f * float(pixels); }
 /// Before 6  fragment_sums.cu: the values of the pixels that the score sums, into
 /// workspace.pixel_values. `photo` is null without a photometric model.
 void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& view,
@@ -277,8 +277,8 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
                       const DensityStep& density, const std::uint32_t* halted,
                       const Shard& shard = {});
 
-/// 7 for one photo of another batch  preprocess_backward.cu: sums += weight * the photo's gradients, and
-/// its statistics. Nothing is added while workspace.halted is raised.
+/// 7 for one photo of another batch  preprocess_backward.cu: sums += weight * the photo's gradients,
+/// and its statistics. Nothing is added while workspace.halted is raised.
 void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussians,
                                  const Camera& camera, const RenderSettings& settings,
                                  const DensityStep& density, Workspace& workspace, RenderPass& pass,

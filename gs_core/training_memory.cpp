@@ -217,6 +217,14 @@ TrainingSize with_offload(TrainingSize size) {
   return size;
 }
 
+double first_gaussians(const Config& config, std::size_t points) {
+  const double cap = double(config.density.max_gaussians);  // 0 or less: none yet
+  const double start = points == 0
+                           ? double(config.model.random_points)
+                           : double(std::min(points, std::size_t(config.model.most_points)));
+  return cap > 0 ? std::min(start, cap) : start;
+}
+
 double certain_gaussians(const Config& config, double start) {
   return rises_to_cap(config) ? std::max(start, double(config.density.max_gaussians)) : start;
 }
@@ -255,11 +263,14 @@ double offloaded_bytes(const TrainingSize& size) {
   return rows.sum() + size.gaussians * sizeof(ShRest);
 }
 
-bool needs_offload(const TrainingSize& size, const FreeMemory& free) {
-  if (training_bytes(size) <= free.on_gpu) return false;
+bool fits_with_offload(const TrainingSize& size, const FreeMemory& free) {
   const TrainingSize offloaded = with_offload(size);
   return training_bytes(offloaded) <= kShareOfFree * free.on_gpu &&
          offloaded_bytes(offloaded) <= kShareOfFree * free.on_host;
+}
+
+bool needs_offload(const TrainingSize& size, const FreeMemory& free) {
+  return training_bytes(size) > free.on_gpu && fits_with_offload(size, free);
 }
 
 double gaussians_that_fit(TrainingSize size, double bytes) {

@@ -76,6 +76,9 @@ TrainingSize with_offload(TrainingSize size);
 /// curve.
 bool rises_to_cap(const Config& config);
 
+/// The Gaussians that a run starts with, from so many sparse points; with 0, from random ones.
+double first_gaussians(const Config& config, std::size_t points);
+
 /// The Gaussians that a run has for certain, if it starts with so many: those, or the number to
 /// which it rises.
 double certain_gaussians(const Config& config, double start);
@@ -90,10 +93,13 @@ double offloaded_bytes(const TrainingSize& size);
 struct FreeMemory {
   double on_gpu = 0, on_host = 0;
 };
+/// True where a run with SH offloaded fits into nine tenths of what is free on GPU and host.
+bool fits_with_offload(const TrainingSize& size, const FreeMemory& free);
 /// The meaning of train.offload = "auto": true for a run that takes more than is free on the GPU,
-/// and fits into nine tenths of what is free on GPU and host if SH is offloaded.
+/// and fits_with_offload().
 bool needs_offload(const TrainingSize& size, const FreeMemory& free);
-/// Of training_bytes(), the parameters, moments and statistics of so many Gaussians, without any reserve.
+/// Of training_bytes(), the parameters, moments and statistics of so many Gaussians, without any
+/// reserve.
 double state_bytes(const TrainingSize& size, double gaussians);
 /// The RAM of a Gaussian of the usual parameters, kParameterBytes, in a run on the CPU, which keeps
 /// gradients of all parameters as well: some 1,700 bytes, and a reserve.

@@ -196,7 +196,7 @@ void gather_fragment_sums(Context& context, const RenderSettings& settings, Work
   if (sums_of_forces_are_added(settings, pooling)) return;
   const StageScope scope(context, "statistics");
   const bool is_force = settings.fragment_statistic == FragmentStatistic::force;
-  const float scale = is_force ? force_scale(pass) : 1.0f;
+  const float scale = is_force ? force_scale(pass.pixel_count()) : 1.0f;
   const std::size_t blocks = blocks_for(to.sums.size(), kThreads);
   const std::uint32_t* const halted = shard.halted_or(workspace.halted.data());
   if (sums_among_gradients(settings))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Memory of the GPU, and that of the host which it uses in place; and counts of the bytes allocated.
+// Memory of the GPU, and that of the host which it uses in place. Both count the bytes allocated.
 #include <atomic>
 #include <cstring>
 

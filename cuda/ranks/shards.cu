@@ -9,8 +9,9 @@
 namespace gs::cuda {
 namespace {
 
-// Calls copy(whole, whole_step, own, own_step, bytes, chunks) for all rows of a rank: its rows in the
-// whole model and in the shard, the bytes from one chunk to the next in each, and those of a chunk.
+// Calls copy(whole, whole_step, own, own_step, bytes, chunks) for all rows of a rank: its rows in
+// the whole model and in the shard, the bytes from one chunk to the next in each, and those of a
+// chunk.
 // Chunks are equally far from each other, so one call covers all but the last, short one.
 template <class Whole, class Own, class Copy>
 void for_chunks(const Deal& deal, int rank, Whole* whole, Own* shard, Copy&& copy) {

@@ -186,8 +186,8 @@ __device__ void catch_up(WarpShared<true>& shared, const SomeLate& late, Gaussia
   }
 }
 
-// The whole warp: writes the splats of the lanes that have one, from row `first` on, in whole lines.
-// They may go to another GPU, and vectors of single lanes would use the link badly.
+// The whole warp: writes the splats of the lanes that have one, from row `first` on, in whole
+// lines. They may go to another GPU, and vectors of single lanes would use the link badly.
 __device__ void store_in_lines(Splat* shared, Splat* first, const Splat& splat, bool has_one) {
   constexpr int kInRow = sizeof(Splat) / sizeof(float4);
   const SomeRows kept{__ballot_sync(kAllLanes, has_one)};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a step gathers gradients: which batches are done together (photo_rows.cuh), and where the sums
-// of a score that sums over fragments are kept.
+// How a step gathers gradients: which batches are done together (photo_rows.cuh), and where the
+// sums of a score that sums over fragments are kept.
 #pragma once
 
 #include "gs_core/training_memory.h"

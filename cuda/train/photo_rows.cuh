@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Batches of a few photos. What works on rows of the model, stages 1, 7 and 8, is done for all photos
-// at once: preprocess_batch() and update_by_photos(). Stages 2 to 6 draw one photo after another in
-// between. The arrays of a photo that both ends need are therefore kept for each photo.
+// Batches of a few photos. What works on rows of the model, stages 1, 7 and 8, is done for all
+// photos at once: preprocess_batch() and update_by_photos(). Stages 2 to 6 draw one photo after
+// another in between. The arrays of a photo that both ends need are therefore kept for each photo.
 // batch_choice.h says which batches these are.
 #pragma once
 
@@ -21,6 +21,13 @@ struct PhotoRows {
   std::uint32_t* tile_counts;   // (N)
   std::uint32_t* depth_keys;    // (N)
   SplatGradientSum* gradients;  // (N)  zero once they are pulled back
+
+  PhotoRows(const Camera& camera_, const RenderSettings& settings_, const Buffer<Splat>& splats_,
+            const Buffer<Rect>& pixel_rects_, const Buffer<std::uint32_t>& tile_counts_,
+            const Buffer<std::uint32_t>& depth_keys_, const Buffer<SplatGradientSum>& gradients_)
+      : camera(camera_), settings(settings_), splats(splats_.data()),
+        pixel_rects(pixel_rects_.data()), tile_counts(tile_counts_.data()),
+        depth_keys(depth_keys_.data()), gradients(gradients_.data()) {}
 };
 
 /// The arrays of the photos of a batch that are drawn with one pass. Those of the first photo are
@@ -40,22 +47,22 @@ class PhotoBuffers {
       renderer.reserve_gradients(count, settings);
       return {camera,
               settings,
-              pass.splats.data(),
-              pass.pixel_rects.data(),
-              pass.tile_counts.data(),
-              workspace.depth_keys.data(),
-              workspace.splat_gradients.data()};
+              pass.splats,
+              pass.pixel_rects,
+              pass.tile_counts,
+              workspace.depth_keys,
+              workspace.splat_gradients};
     }
     while (others_.size() < i) others_.emplace_back(memory_);
     Arrays& arrays = others_[i - 1];
     arrays.reserve(count);
     return {camera,
             settings,
-            arrays.splats.data(),
-            arrays.pixel_rects.data(),
-            arrays.tile_counts.data(),
-            arrays.depth_keys.data(),
-            arrays.gradients.data()};
+            arrays.splats,
+            arrays.pixel_rects,
+            arrays.tile_counts,
+            arrays.depth_keys,
+            arrays.gradients};
   }
   /// Gives pass and workspace the arrays of photo `i`, which is drawn next; photos are drawn in
   /// order. Arrays stay where they are in memory.

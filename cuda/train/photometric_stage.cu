@@ -21,8 +21,8 @@ struct BatchPlaces {
   std::uint32_t photo_begin[kMostBatch], camera_begin[kMostBatch];
 };
 
-// gradient += the rows of all photos, one photo after another, and clears the rows. A thread has one
-// number of each row.
+// gradient += the rows of all photos, one photo after another, and clears the rows. A thread has
+// one number of each row.
 __global__ void add_rows_kernel(const __grid_constant__ BatchPlaces places, PhotometricShape shape,
                                 double* rows, double* gradient) {
   const std::uint32_t number = threadIdx.x, in_row = shape.photo_size + shape.camera_size;

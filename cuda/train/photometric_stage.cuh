@@ -20,9 +20,9 @@ struct PhotometricUpdate {
   AdamRule rule = {};
 };
 
-/// The photos of a batch may be drawn at the same time, by several GPUs. Each of them therefore adds
-/// to a row of its own, and the rows are added up in the order of the batch: the sums have the same
-/// bits wherever photos are drawn.
+/// The photos of a batch may be drawn at the same time, by several GPUs. Each of them therefore
+/// adds to a row of its own, and the rows are added up in the order of the batch: the sums have the
+/// same bits wherever photos are drawn.
 class PhotometricStage {
  public:
   /// `context` and `memory` are those of the GPU that has the model.
@@ -37,8 +37,8 @@ class PhotometricStage {
 
   /// Before the photos of a step. The gradient is zero between steps. Waits where the run is new.
   void begin(const PhotometricState& state, std::size_t photos);
-  /// Photo i of a batch of `photos`. Where the lens darkens follows from the whole photo, also where
-  /// this step sees a reduced one.
+  /// Photo i of a batch of `photos`. Where the lens darkens follows from the whole photo, also
+  /// where this step sees a reduced one.
   PhotoOnDevice photo(const PhotometricState& state, const PhotometricUpdate& update,
                       const TrainingPhoto& photo, const Camera& camera, std::size_t i,
                       std::size_t photos) const;

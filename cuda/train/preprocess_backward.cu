@@ -88,10 +88,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
            shard);
   };
   if (model.has_codes) {
-    const auto by_codes = [&](const auto& p, const auto&, const auto&, const auto& codes,
-                              const AdamStep& step, int place) {
-      return AdamCodes{{numbers_of(p), numbers_of(codes)}, step, rule, rounding, place};
-    };
+    const auto by_codes = codes_by(rule, rounding);
     const auto sink = update_of<UpdateAll<AdamCodes>>(model, steps, gather, by_codes, by_codes);
     if (!pose && !is_absolute && !density.regularizers.any())
       return launch_sink(camera, sink, by_codes);
@@ -101,10 +98,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
   }
   if (pose || rule.beta2 != AdamRule().beta2) {
     // Runs that refine poses have this variant alone, so that their cameras do not double all.
-    const auto by_rule = [&](const auto& p, const auto& m, const auto& v, const auto&,
-                             const AdamStep& step, int) {
-      return AdamNumbersByRule{{numbers_of(p), numbers_of(m), numbers_of(v)}, step, rule};
-    };
+    const auto by_rule = floats_by(rule);
     const auto sink =
         update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule, by_rule);
     const UpdateAsAsked<AdamNumbersByRule> as_asked{sink, is_absolute, of_each};

@@ -323,17 +323,38 @@ void launch(Context& context, const GaussiansSpan& gaussians, const Source& came
   });
 }
 
+// The statistics of a photo of so many pixels.
 inline GatherStatistics gather_into(const DensityStatistics& statistics, const DensityStep& density,
-                                    const RenderSettings& settings, const RenderPass& pass,
-                                    const Workspace& workspace, const Shard& shard = {}) {
+                                    const RenderSettings& settings, int width, int height,
+                                    const std::uint32_t* halted) {
   const bool adds_forces = sums_of_forces_are_added(settings, density.pooling);
   return {density.gather_statistics ? statistics.visits.data() : nullptr,
           statistics.gradient_norm.data(),
-          pass.width,
-          pass.height,
-          shard.halted_or(workspace.halted.data()),
+          width,
+          height,
+          halted,
           adds_forces ? statistics.sums.data() : nullptr,
-          force_scale(pass)};
+          force_scale(std::size_t(width) * height)};
+}
+inline GatherStatistics gather_into(const DensityStatistics& statistics, const DensityStep& density,
+                                    const RenderSettings& settings, const RenderPass& pass,
+                                    const Workspace& workspace, const Shard& shard = {}) {
+  return gather_into(statistics, density, settings, pass.width, pass.height,
+                     shard.halted_or(workspace.halted.data()));
+}
+
+// of() of update_of(), below, by any rule of Adam: for moments that are floats, and that are codes.
+inline auto floats_by(const AdamRule& rule) {
+  return
+      [rule](const auto& p, const auto& m, const auto& v, const auto&, const AdamStep& step, int) {
+        return AdamNumbersByRule{{numbers_of(p), numbers_of(m), numbers_of(v)}, step, rule};
+      };
+}
+inline auto codes_by(const AdamRule& rule, const MomentRounding& rounding) {
+  return [rule, rounding](const auto& p, const auto&, const auto&, const auto& codes,
+                          const AdamStep& step, int place) {
+    return AdamCodes{{numbers_of(p), numbers_of(codes)}, step, rule, rounding, place};
+  };
 }
 
 // A sink that updates the model: of(parameters, first and second moments, codes of both, step,

@@ -32,21 +32,14 @@ void update_lazily(Context& context, TrainingModel& model, const Camera& camera,
                    RenderPass& pass) {
   if (model.has_codes)
     launch_update<AdamCodes, LazyAdamCodes>(
-        context, model, camera, settings, steps, density, workspace, pass,
-        [&](const auto& p, const auto&, const auto&, const auto& codes, const AdamStep& step,
-            int place) {
-          return AdamCodes{{numbers_of(p), numbers_of(codes)}, step, rule, rounding, place};
-        },
+        context, model, camera, settings, steps, density, workspace, pass, codes_by(rule, rounding),
         [&](const auto& p, const auto&, const auto&, const auto& codes, const AdamStep& step,
             int place) {
           return LazyAdamCodes{{numbers_of(p), numbers_of(codes)}, step, rule, place};
         });
   else
     launch_update<AdamNumbersByRule, LazyAdamNumbers>(
-        context, model, camera, settings, steps, density, workspace, pass,
-        [&](const auto& p, const auto& m, const auto& v, const auto&, const AdamStep& step, int) {
-          return AdamNumbersByRule{{numbers_of(p), numbers_of(m), numbers_of(v)}, step, rule};
-        },
+        context, model, camera, settings, steps, density, workspace, pass, floats_by(rule),
         [&](const auto& p, const auto& m, const auto& v, const auto&, const AdamStep& step, int) {
           return LazyAdamNumbers{{numbers_of(p), numbers_of(m), numbers_of(v)}, step, rule};
         });

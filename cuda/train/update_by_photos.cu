@@ -21,7 +21,7 @@ struct PhotoInput {
   const Splat* splats;               // (N)
   const std::uint32_t* tile_counts;  // (N)
   SplatGradientSum* gradients;       // (N)
-  float force_scale;                 // as of its pass
+  float force_scale;                 // force_scale()
 };
 
 struct BatchInput {
@@ -233,19 +233,13 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
   for (std::size_t p = 0; p < photos.size; ++p) {
     const PhotoRows& photo = photos[p];
     GS_CHECK(photo.settings.sh_degree <= settings.sh_degree);
-    in.of[p] = {photo.camera,    photo.settings,
-                photo.splats,    photo.tile_counts,
-                photo.gradients, 3.0f * float(photo.camera.width) * float(photo.camera.height)};
+    in.of[p] = {
+        photo.camera,    photo.settings,
+        photo.splats,    photo.tile_counts,
+        photo.gradients, force_scale(std::size_t(photo.camera.width) * photo.camera.height)};
   }
-  const bool adds_forces = sums_of_forces_are_added(settings, density.pooling);
-  const GatherStatistics gather{
-      density.gather_statistics ? model.statistics.visits.data() : nullptr,
-      model.statistics.gradient_norm.data(),
-      0,  // each photo has its own size and scale
-      0,
-      halted,
-      adds_forces ? model.statistics.sums.data() : nullptr,
-      0};
+  // Each photo has its own size and scale.
+  const GatherStatistics gather = gather_into(model.statistics, density, settings, 0, 0, halted);
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
   const Regularizers of_each = density.regularizers.of_each(shard.count_of_all(model.count()));
   const auto launch_with = [&](auto kernel, const auto& sink) {
@@ -262,18 +256,12 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
               });
   };
   if (model.has_codes) {
-    const auto by_codes = [&](const auto& p, const auto&, const auto&, const auto& codes,
-                              const AdamStep& step, int place) {
-      return AdamCodes{{numbers_of(p), numbers_of(codes)}, step, rule, rounding, place};
-    };
+    const auto by_codes = codes_by(rule, rounding);
     launch_sink(UpdateAsAsked<AdamCodes>{
         update_of<UpdateAll<AdamCodes>>(model, steps, gather, by_codes, by_codes), is_absolute,
         of_each});
   } else {
-    const auto by_rule = [&](const auto& p, const auto& m, const auto& v, const auto&,
-                             const AdamStep& step, int) {
-      return AdamNumbersByRule{{numbers_of(p), numbers_of(m), numbers_of(v)}, step, rule};
-    };
+    const auto by_rule = floats_by(rule);
     launch_sink(UpdateAsAsked<AdamNumbersByRule>{
         update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule, by_rule),
         is_absolute, of_each});

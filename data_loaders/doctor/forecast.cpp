@@ -70,15 +70,6 @@ TrainingSize size_on_gpu(const Config& config, const SceneSize& scene, double ga
   return training_size(config, pictures, gaussians);
 }
 
-/// Those that a run starts with.
-double first_gaussians(const Config& config, std::size_t points) {
-  const double cap = double(config.density.max_gaussians);  // 0 or less: none yet
-  const double start = points == 0
-                           ? double(config.model.random_points)
-                           : double(std::min(points, std::size_t(config.model.most_points)));
-  return cap > 0 ? std::min(start, cap) : start;
-}
-
 FreeMemory free_memory(const ForecastDevice& device) {
   return {double(device.free_bytes), double(host_memory().free_bytes())};
 }
@@ -93,11 +84,8 @@ bool is_offloaded(const Config& config, const SceneSize& scene, const ForecastDe
 }
 
 /// The other remedy, if it is one.
-std::string offload_advice(const TrainingSize& size, double free_on_gpu, double free_ram) {
-  if (size.offloads_sh) return "";
-  const TrainingSize offloaded = with_offload(size);
-  return training_bytes(offloaded) <= kShareOfFree * free_on_gpu &&
-                 offloaded_bytes(offloaded) <= kShareOfFree * free_ram
+std::string offload_advice(const TrainingSize& size, const FreeMemory& free) {
+  return !size.offloads_sh && fits_with_offload(size, free)
              ? ", or keep SH in host memory with --set train.offload=sh"
              : "";
 }
@@ -204,7 +192,7 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
     result.warnings.push_back(fmt::format(
         "the GPU has {} free and the run may need {}; {}{}", size_text(free_on_gpu),
         size_text(on_gpu), cap_advice(gaussians_that_fit(size, kShareOfFree * free_on_gpu)),
-        offload_advice(size, free_on_gpu, free_ram)));
+        offload_advice(size, {free_on_gpu, free_ram})));
   if (new_in_ram > kShareOfFree * free_ram)
     result.warnings.push_back(fmt::format(
         "{} of RAM are free and the run may need {}; {}", size_text(free_ram),

@@ -85,8 +85,8 @@ void check_scales(const std::vector<View>& views, const std::vector<double>& sca
 TrainingModel benchmark_model(Backend& backend, const GaussianModel& from,
                               const ModelMemory& memory, MomentForm moments = MomentForm::floats);
 
-/// Where the model of a benchmark lies, by train.offload. Throws UsageError where the backend has no
-/// host memory to use in place.
+/// Where the model of a benchmark lies, by train.offload. Throws UsageError where the backend has
+/// no host memory to use in place.
 ModelMemory benchmark_memory(Backend& backend, const GaussianModel& from,
                              const std::vector<View>& views, const Config& config);
 

@@ -16,7 +16,8 @@ namespace gs {
 std::unique_ptr<Backend> make_backend(const std::string& device);
 
 /// The backend for a run: make_backend(train.device), or several ranks (train.ranks). These are
-/// threads on the CPU, or as many GPUs from train.device on. Throws UsageError where there are fewer.
+/// threads on the CPU, or as many GPUs from train.device on. Throws UsageError where there are
+/// fewer.
 std::unique_ptr<Backend> make_training_backend(const TrainConfig& train);
 
 /// Throws UsageError where the ranks of a run cannot be processes.

@@ -32,7 +32,8 @@ std::vector<float> importance_of(const std::vector<float>& contributions,
 
 /// (N) The same where no pictures are known: 1 / surface. Training leaves Gaussians that cover
 /// about as many pixels each, so a small one was seen from near or in detail. What a merge changes
-/// then counts as a share of what it merges. Those without a surface have 0. Gaussians without time.
+/// then counts as a share of what it merges. Those without a surface have 0. Gaussians without
+/// time.
 std::vector<float> importance_by_size(const Gaussians& gaussians);
 
 inline constexpr std::uint32_t kNotRendered = std::numeric_limits<std::uint32_t>::max();

@@ -88,8 +88,7 @@ std::string text_of_offload(const TrainingSize& size, bool is_auto, std::size_t 
   const LinkBytes bytes = link_bytes(size);
   std::string text = fmt::format(
       "train.offload is sh{}: SH and its moments take up to {:.1f} GiB of host memory, and the "
-      "rest "
-      "{:.1f} GiB of the GPU's, of which {:.1f} are free; a photo reads {:.0f} bytes of each "
+      "rest {:.1f} GiB of the GPU's, of which {:.1f} are free; a photo reads {:.0f} bytes of each "
       "Gaussian that it sees, and an update moves {:.0f} each way of {}",
       is_auto ? ", because the run fits only so" : "", gib(offloaded_bytes(size)),
       gib(training_bytes(size)), gib(double(free_on_gpu)), bytes.by_photo, bytes.by_update,

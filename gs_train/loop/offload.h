@@ -16,10 +16,11 @@ namespace gs {
 void check_offload(const Config& config, Backend& backend);
 
 /// Where the arrays of a run lie that has so much to hold: as train.offload says, with "auto" by
-/// needs_offload(). Throws UsageError as check_offload() does.
+/// needs_offload(). On a backend without offload memory, which check_offload() refuses for "sh",
+/// all are in its own.
 ModelMemory model_memory(OffloadMode mode, const TrainingSize& size, Backend& backend);
 /// The same for a run that starts with so many Gaussians and has taken no memory yet. Logs what is
-/// in host memory and what that costs, where it is.
+/// in host memory and what that costs, where it is. Throws UsageError as check_offload() does.
 ModelMemory model_memory(const Config& config, const Scene& scene, Backend& backend,
                          std::size_t start);
 
@@ -28,8 +29,8 @@ struct LinkBytes {
   double by_photo = 0;   // to the GPU, for each photo that sees the row
   double by_update = 0;  // each way, for an update of the row
 };
-/// By the stages of cuda/ in a run as `size` says. Where no update is left for later, photos need no
-/// moments; but an update is one of all rows, seen or not.
+/// By the stages of cuda/ in a run as `size` says. Where no update is left for later, photos need
+/// no moments; but an update is one of all rows, seen or not.
 LinkBytes link_bytes(const TrainingSize& size);
 
 /// Bandwidth from the backend's offload memory to the device, by a copy of 64 MiB, in 1e9 bytes per

@@ -81,17 +81,10 @@ Config with_known_cap(Config config, const RunProgress& progress) {
 }
 
 // The count is known before the model is made in the right memory.
-std::size_t start_count(const Scene& scene, const Config& config) {
-  const double points =
-      scene.points.empty() ? double(config.model.random_points) : double(scene.points.size());
-  const double cap = double(config.density.max_gaussians);  // 0 or less: none
-  const double most = double(config.model.most_points);
-  return std::size_t(std::min(std::min(points, most), cap > 0 ? cap : most));
-}
-
 TrainingModel first_model(const Scene& scene, const Config& config, Backend& backend) {
   return initial_model(with_views(scene), config,
-                       model_memory(config, scene, backend, start_count(scene, config)));
+                       model_memory(config, scene, backend,
+                                    std::size_t(first_gaussians(config, scene.points.size()))));
 }
 
 Vec3f random_background(const Config& config, int step) {

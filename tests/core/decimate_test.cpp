@@ -204,8 +204,8 @@ TEST(Decimate, CopiesAreMergedFirstAndImportantOnesLast) {
   for (std::size_t i = 0; i < 45; ++i) EXPECT_EQ(weighted.mean[i], all.mean[i]);
 }
 
-// Where no pictures are known, a small Gaussian may have been seen from near. A model of two halves,
-// of which one is a hundred times smaller, loses as many of each.
+// Where no pictures are known, a small Gaussian may have been seen from near. A model of two
+// halves, of which one is a hundred times smaller, loses as many of each.
 TEST(Decimate, SizesAreNoReasonToMerge) {
   Gaussians both = cloud(400);
   for (std::size_t i = 200; i < 400; ++i) {

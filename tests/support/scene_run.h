@@ -43,18 +43,23 @@ class StopAfter final : public Observer {
 };
 
 /// The model, in host memory, of a run that is stopped after a step and goes on from its
-/// checkpoint.
+/// checkpoint, with the settings `afterwards`.
 inline TrainingModel resumed_after(int stop, const Scene& scene, const Config& config,
-                                   Backend& backend) {
+                                   Backend& backend, const Config& afterwards) {
   LastState kept;
   StopAfter stopper(stop);
   Trainer first(scene, config, backend);
   first.keep_checkpoints_in(kept);
   first.add_observer(stopper);
   first.run();
-  Trainer second(scene, config, backend, *kept.newest());
+  Trainer second(scene, afterwards, backend, *kept.newest());
   second.run();
   return copy_to(host_memory(), second.model());
+}
+/// The same with the settings that it began with.
+inline TrainingModel resumed_after(int stop, const Scene& scene, const Config& config,
+                                   Backend& backend) {
+  return resumed_after(stop, scene, config, backend, config);
 }
 
 /// Tests that train on one scene with the scalar backend.

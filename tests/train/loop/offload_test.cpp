@@ -61,15 +61,7 @@ class OffloadedRun : public ::testing::Test {
   }
   /// A run that is stopped after a step, and goes on with other settings.
   TrainingModel resumed(const Config& config, int stop, const Config& afterwards) {
-    LastState kept;
-    StopAfter stopper(stop);
-    Trainer first(scene_, config, backend_);
-    first.keep_checkpoints_in(kept);
-    first.add_observer(stopper);
-    first.run();
-    Trainer second(scene_, afterwards, backend_, *kept.newest());
-    second.run();
-    return copy_to(host_memory(), second.model());
+    return resumed_after(stop, scene_, config, backend_, afterwards);
   }
 
   const Scene scene_ = scene_of_two_halves();
