@@ -26,9 +26,10 @@ struct RenderSettings : SplatSettings {
   // How the CUDA backend blends; the scalar one ignores these.
   // where the GPU has them: exponents as matrix products, blend_gemm.cu
   bool use_tensor_cores = true;
-  bool half_precision = false;  // with tensor cores: blending weights of 11 bits, for viewing
-  bool packs_sh = true;         // pack(): SH beyond degree 0 in 16 bits
-  bool for_backward = true;     // false: what only the backward pass reads may be skipped
+  // with tensor cores, without a backward pass: colors to some 1e-5 (gemm_pixels.cuh)
+  bool fast_blending = false;
+  bool packs_sh = true;      // pack(): SH beyond degree 0 in 16 bits
+  bool for_backward = true;  // false: what only the backward pass reads may be skipped
   // Frames without a backward pass that nevertheless wait for the count of their instances, and
   // make segments; only for comparisons (gemsplat bench --frame-steps)
   bool counted_frames = false;

@@ -54,7 +54,7 @@ SurfaceRenderer::SurfaceRenderer(Renderer& renderer, const GaussiansSpan& gaussi
   gaussians_.has_slope = false;
   settings_.sh_degree = 0;
   settings_.background = Vec3f(0);
-  settings_.use_tensor_cores = settings_.half_precision = false;
+  settings_.use_tensor_cores = settings_.fast_blending = false;
   settings_.for_backward = false;
 }
 

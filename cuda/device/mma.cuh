@@ -12,11 +12,6 @@ __device__ inline float tf32_part(float number) {
   return __uint_as_float(__float_as_uint(number) & 0xffffe000u);
 }
 
-/// The number rounded to TF32.
-__device__ inline float tf32_rounded(float number) {
-  return tf32_part(__uint_as_float(__float_as_uint(number) + 0x1000u));
-}
-
 /// D += A B for one warp: A is 16 x 8, B is 8 x 8, D is 16 x 8. Inputs are read as TF32 (their
 /// lowest 13 bits count as zero), sums are float. Lane l = 4 g + t, g = 0..7, t = 0..3, holds
 ///

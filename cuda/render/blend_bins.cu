@@ -8,8 +8,8 @@
 namespace gs::cuda {
 namespace {
 
-template <BlendRule rule, bool half_precision, int height>
-struct Variant : PixelVariant<rule, false, half_precision, height> {
+template <BlendRule rule, bool fast, int height>
+struct Variant : PixelVariant<rule, false, fast, height> {
   using Walk = BinWalk<height == kTileHeight / 2>;
 };
 
@@ -104,10 +104,9 @@ void blend_bins(Context& context, const RenderSettings& settings, RenderPass& pa
                    kBlendThreads, lists, bins.order.data(), settings.background,
                    Output{pass.image.data(), pass.transmittance.data()});
   };
-  with_rule(settings.blend_rule, [&](auto rule) {
-    with_constant(has_small_subtiles(context, pass), [&](auto small) {
-      with_constant(settings.half_precision,
-                    [&](auto half) { launch(Variant < rule(), half(), small() ? 4 : 8 > ()); });
+  with_constant(has_small_subtiles(context, pass), [&](auto small) {
+    with_rule_and_speed(settings, [&](auto rule, auto fast) {
+      launch(Variant < rule(), fast(), small() ? 4 : 8 > ());
     });
   });
 }

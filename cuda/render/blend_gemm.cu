@@ -16,7 +16,8 @@
 //
 // Exponents are as exact as in fp32: the monomials of a pixel are exact in fp16, a coefficient is
 // the sum of two fp16 numbers (together they fill the 16 columns of one product), and sums are
-// fp32. Weights are split into two TF32 parts, unless settings.half_precision is set.
+// fp32. Weights are split into two TF32 parts, or cut off to one with settings.fast_blending
+// (gemm_pixels.cuh).
 #include "cuda/render/gemm_pixels.cuh"
 
 namespace gs::cuda {
@@ -30,8 +31,8 @@ struct Output {
   float* checkpoints;                      // (.., pixels of a tile, 4)
 };
 
-template <BlendRule rule, bool with_history, bool half_precision, int height, class AnySplat_>
-struct Variant : PixelVariant<rule, with_history, half_precision, height> {
+template <BlendRule rule, bool with_history, bool fast, int height, class AnySplat_>
+struct Variant : PixelVariant<rule, with_history, fast, height> {
   using AnySplat = AnySplat_;
   using Walk =
       std::conditional_t<height == kTileHeight / 2, QuarterWalkOf<AnySplat>, ListWalkOf<AnySplat>>;
@@ -125,17 +126,17 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
                    kBlendThreads, tile_lists(pass, splats), scratch.tile_order.data(),
                    settings.background, out);
   };
-  with_rule(settings.blend_rule, [&](auto rule) {
-    with_constant(has_small_subtiles(context, pass), [&](auto small) {
-      constexpr int height = small() ? 4 : 8;
-      if (settings.for_backward)
-        return launch(Variant<rule(), true, false, height, Splat>(),
-                      static_cast<const Splat*>(pass.splats.data()));
-      with_constant(settings.half_precision, [&](auto half) {
-        with_splats(pass, [&](const auto* splats) {
-          using AnySplat = std::remove_cvref_t<decltype(*splats)>;
-          launch(Variant<rule(), false, half(), height, AnySplat>(), splats);
-        });
+  with_constant(has_small_subtiles(context, pass), [&](auto small) {
+    constexpr int height = small() ? 4 : 8;
+    if (settings.for_backward)
+      return with_rule(settings.blend_rule, [&](auto rule) {
+        launch(Variant<rule(), true, false, height, Splat>(),
+               static_cast<const Splat*>(pass.splats.data()));
+      });
+    with_rule_and_speed(settings, [&](auto rule, auto fast) {
+      with_splats(pass, [&](const auto* splats) {
+        using AnySplat = std::remove_cvref_t<decltype(*splats)>;
+        launch(Variant<rule(), false, fast(), height, AnySplat>(), splats);
       });
     });
   });

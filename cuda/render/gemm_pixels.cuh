@@ -22,12 +22,20 @@ inline constexpr float kLight = float(kMinAlpha) / kLeast;
 inline constexpr float kClosed = 0.0f;  // transmittance of a pixel that takes no more fragments
 
 /// A variant of the pixels that a warp blends.
-template <BlendRule rule_, bool with_history_, bool half_precision_, int height_>
+///
+/// A fast one saves a third of the instructions. Weights go into the product of colors cut off to
+/// TF32, as the tensor cores read them, and the pixel's color is divided by the sum of these
+/// weights and multiplied by that of the uncut ones, which is 1 - transmittance: what remains of
+/// the cuts is their scatter, times differences of color within the pixel. Whether a pixel is
+/// opaque is looked at between batches, so that it may take up to 31 fragments too many, whose
+/// weights sum up to less than kMinTransmittance.
+template <BlendRule rule_, bool with_history_, bool fast_, int height_>
 struct PixelVariant {
+  static_assert(!fast_ || (!with_history_ && rule_ == BlendRule::faster_gs));
   static constexpr BlendRule rule = rule_;
   static constexpr bool with_history = with_history_;  // for the backward pass: last, checkpoints
-  static constexpr bool half_precision = half_precision_;  // weights as TF32 holds them
-  static constexpr int height = height_;                   // pixels of a sub-tile
+  static constexpr bool fast = fast_;                  // for viewing
+  static constexpr int height = height_;               // pixels of a sub-tile
   static constexpr bool has_quarter = height == kTileHeight / 2;
   using Queue = SplatQueue<with_history, has_quarter ? kBatch : 2 * kBatch>;
   static constexpr int blocks = with_history ? kHistoryBlocks : kBlocks;
@@ -36,9 +44,10 @@ struct PixelVariant {
 /// The pixels of one warp between batches, row by row of the sub-tile. In shared memory.
 template <int height, bool with_history>
 struct PixelShared {
-  float2 transmittance[height / 2][kWarp];  // of two rows, before the next batch, or kClosed
-  float4 sums[height / 2][kWarp];           // of the second product: a lane's part of two rows
-  std::uint32_t last[height][kWarp];        // 1 + position of a lane's last blended splat; 0: none
+  // of two rows, before the next batch, or kClosed; fast: of closed pixels, too
+  float2 transmittance[height / 2][kWarp];
+  float4 sums[height / 2][kWarp];     // of the second product: a lane's part of two rows
+  std::uint32_t last[height][kWarp];  // 1 + position of a lane's last blended splat; 0: none
 };
 template <int height>
 struct PixelShared<height, false> {
@@ -101,7 +110,7 @@ class SubtilePixels {
       const unsigned top = left_hand_side(y), bottom = left_hand_side(__hadd2(y, one));
       y = __hadd2(__hadd2(y, one), one);
       const float2 open = shared_.transmittance[pair][lane_of_thread()];
-      if (!__any_sync(kAllLanes, fmaxf(open.x, open.y) > 0)) continue;
+      if (!__any_sync(kAllLanes, is_open(fmaxf(open.x, open.y)))) continue;
       float exponents[products][4] = {};
 #pragma unroll
       for (int j = 0; j < products; ++j)
@@ -109,7 +118,7 @@ class SubtilePixels {
       const float2 left = blend_rows(pair, exponents, open, color_columns, queue);
       most_left = fmaxf(most_left, fmaxf(left.x, left.y));
     }
-    any_open_ = __any_sync(kAllLanes, most_left > 0);
+    any_open_ = __any_sync(kAllLanes, is_open(most_left));
     queue.pop(batch);
   }
 
@@ -117,13 +126,18 @@ class SubtilePixels {
   /// column.
   __device__ int column() const { return lane_of_thread() / kOwners; }
   __device__ int owner() const { return lane_of_thread() % kOwners; }
-  /// This lane's part of the pixel in a row: red, green, blue, transmittance.
+  /// The whole warp: this lane's part of the pixel in a row: red, green, blue, transmittance.
   __device__ float part(int row) const {
     const float4 sums = shared_.sums[row / 2][lane_of_thread()];
     const float sum = row % 2 == 0 ? sums.x + sums.y : sums.z + sums.w;
-    if (owner() < 3) return sum;
     const float2 reaching = shared_.transmittance[row / 2][lane_of_thread()];
     const float left = row % 2 == 0 ? reaching.x : reaching.y;
+    if constexpr (Kind::fast) {
+      const float cut_weights = __shfl_sync(kAllLanes, sum, lane_of_thread() | 3);
+      if (owner() == 3) return left;
+      return cut_weights > 0 ? sum * ((1.0f - left) / cut_weights) : 0.0f;
+    }
+    if (owner() < 3) return sum;
     return left > 0 ? left : transmittance_at_the_end(1.0f - sum);
   }
   /// The whole warp: returns 1 + position of a pixel's last blended splat; 0: none.
@@ -132,6 +146,10 @@ class SubtilePixels {
   }
 
  private:
+  // True if a pixel of this transmittance takes further fragments.
+  __device__ static bool is_open(float transmittance) {
+    return Kind::fast ? transmittance >= float(kMinTransmittance) : transmittance > 0;
+  }
   // The transmittance of a closed pixel from 1 - sum of its weights.
   __device__ static float transmittance_at_the_end(float left) {
     return Kind::rule == BlendRule::classic ? fmaxf(left, float(kMinTransmittance))
@@ -151,7 +169,9 @@ class SubtilePixels {
   __device__ float2 blend_rows(int pair, const float (&exponents)[products][4], const float2& open_,
                                const float (&color_columns)[products][2], const Queue& queue) {
     constexpr int batch = 8 * products, owned = owned_of(batch);
-    const float open[2] = {open_.x, open_.y};
+    float open[2] = {open_.x, open_.y};
+    if (Kind::fast)
+      for (float& one : open) one = is_open(one) ? one : kClosed;
     // This lane's fragments on their own: their weights, and the light that they let through.
     float weights[owned][2], light[2] = {kLight, kLight};
     int last[2] = {-1, -1};
@@ -177,7 +197,11 @@ class SubtilePixels {
       left[r] = open[r] * (two * other_two);
       ends[r] = left[r] < fminf(open[r], float(kMinTransmittance));
     }
-    if (__any_sync(kAllLanes, ends[0] || ends[1])) {
+    if (Kind::fast) {
+      if (open[0] == kClosed) left[0] = open_.x;
+      if (open[1] == kClosed) left[1] = open_.y;
+    }
+    if (!Kind::fast && __any_sync(kAllLanes, ends[0] || ends[1])) {
 #pragma unroll
       for (int r = 0; r < 2; ++r) {
         weigh_to_the_end(weights, r, reaching[r], last[r]);
@@ -226,11 +250,8 @@ class SubtilePixels {
     for (int j = 0; j < products; ++j) {
       const float part[4] = {weights[2 * j][0], weights[2 * j][1], weights[2 * j + 1][0],
                              weights[2 * j + 1][1]};
-      if (Kind::half_precision)
-        multiply_add_16x8x8(high,
-                            {tf32_rounded(part[0]), tf32_rounded(part[1]), tf32_rounded(part[2]),
-                             tf32_rounded(part[3])},
-                            columns[j]);
+      if (Kind::fast)
+        multiply_add_16x8x8(high, part, columns[j]);
       else
         multiply_add_in_parts(high, low, part, columns[j]);
     }
@@ -278,6 +299,17 @@ void with_rule(BlendRule rule, F&& f) {
     f(std::integral_constant<BlendRule, BlendRule::classic>());
   else
     f(std::integral_constant<BlendRule, BlendRule::faster_gs>());
+}
+/// For a picture without a backward pass: calls f with the blend rule, and with whether blending is
+/// fast. It is exact under the classic rule, where a pixel's end may be worth 1 % of its light.
+template <class F>
+void with_rule_and_speed(const RenderSettings& settings, F&& f) {
+  with_rule(settings.blend_rule, [&](auto rule) {
+    if constexpr (rule() == BlendRule::classic)
+      f(rule, std::false_type());
+    else
+      with_constant(settings.fast_blending, [&](auto fast) { f(rule, fast); });
+  });
 }
 
 }  // namespace gs::cuda

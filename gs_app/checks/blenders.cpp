@@ -14,10 +14,10 @@ namespace {
 
 struct Blender {
   const char* name;
-  bool use_tensor_cores, half_precision;
+  bool use_tensor_cores, fast_blending;
 };
 constexpr Blender kBlenders[] = {
-    {"simt", false, false}, {"gemm", true, false}, {"gemm half", true, true}};
+    {"simt", false, false}, {"gemm", true, false}, {"gemm fast", true, true}};
 struct Bounds {
   const char* name;
   TileBounds bounds;
@@ -135,10 +135,10 @@ std::vector<BlenderFigures> compare_blenders(Backend& backend, TrainingModel& mo
         log_info("blenders: {}, {} at scale {:g}", bounds.name, blender.name, scale);
         RenderSettings simt = settings;
         simt.bounds = bounds.bounds;
-        simt.for_backward = simt.use_tensor_cores = simt.half_precision = false;
+        simt.for_backward = simt.use_tensor_cores = simt.fast_blending = false;
         RenderSettings own = simt;
         own.use_tensor_cores = blender.use_tensor_cores;
-        own.half_precision = blender.half_precision;
+        own.fast_blending = blender.fast_blending;
         const RenderingFigures timed =
             time_rendering(backend, model, views, own, plan, scale, kPlainFrames);
 

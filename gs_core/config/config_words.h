@@ -25,7 +25,7 @@ enum class SkyModel { none, sphere };
 /// pixel.
 enum class BlendKernel { gemm, simt };
 /// Of the weights of the gemm kernel.
-enum class Precision { full, half };
+enum class Precision { full, fast };
 /// What a masked pixel of a photo means: nothing is known of it, or it shows the background.
 enum class MaskMode { automatic, ignore, background };
 /// Which pairs of photos COLMAP compares.
@@ -83,7 +83,7 @@ struct Words<BlendKernel> {
 template <>
 struct Words<Precision> {
   static constexpr Word<Precision> kTable[] = {{"full", Precision::full},
-                                               {"half", Precision::half}};
+                                               {"fast", Precision::fast}};
 };
 template <>
 struct Words<MaskMode> {

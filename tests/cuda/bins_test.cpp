@@ -215,11 +215,11 @@ TEST_F(CudaBins, PicturesAreThoseOfTilesToTheLastBit) {
   for (const Camera& camera : {random_camera(320, 240, 3), random_camera(1300, 900, 4)})
     for (const Recipe& recipe : kBinRecipes)
       for (const BlendRule rule : {BlendRule::faster_gs, BlendRule::classic})
-        for (const bool half_precision : {false, true}) {
+        for (const bool fast_blending : {false, true}) {
           SCOPED_TRACE(++seed);
           RenderSettings settings = for_viewing();
           settings.blend_rule = rule;
-          settings.half_precision = half_precision;
+          settings.fast_blending = fast_blending;
           expect_same_pictures(random_gaussians(recipe, 3000, camera, seed), camera, settings);
         }
 }
