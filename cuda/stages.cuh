@@ -221,6 +221,10 @@ void blend(Context& context, const RenderSettings& settings, RenderPass& pass);
 /// the images.
 void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pass);
 
+/// After 4  picture.cu: the picture as 8 bits, clamped and rounded as to_image8 does; words hold
+/// the bytes (H, W, 3) and up to 11 more.
+void pack_picture(Context& context, const RenderPass& pass, Buffer<std::uint32_t>& words);
+
 /// 6  blend_backward.cu: from dL/d(image), (3, H, W), to dL/d(splat), added to
 /// workspace.splat_gradients.
 void blend_backward(Context& context, const RenderSettings& settings, Span<const float> dL_dimage,

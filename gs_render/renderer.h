@@ -46,6 +46,11 @@ class Renderer {
   virtual void draw(const PackedScene& scene, const Camera& camera, const RenderSettings& settings,
                     RenderPass& pass);
 
+  /// The picture of a pass in host memory, (height, width, 3): to_image8(image_of(pass)). A device
+  /// rounds before it copies, so that a quarter of the bytes is copied; a value halfway between two
+  /// may then be rounded to the other one.
+  virtual Image8 picture_of(const RenderPass& pass);
+
   /// Pulls dL/d(image) back to the parameters. `pass` is the result of forward() with the same
   /// arguments.
   ///

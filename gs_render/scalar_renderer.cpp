@@ -43,6 +43,8 @@ void Renderer::draw(const PackedScene& scene, const Camera& camera, const Render
   forward(scene.gaussians(), camera, settings, pass);
 }
 
+Image8 Renderer::picture_of(const RenderPass& pass) { return to_image8(image_of(pass)); }
+
 std::unique_ptr<Renderer> make_scalar_renderer() { return std::make_unique<ScalarRenderer>(); }
 
 ImageF image_of(const RenderPass& pass, const Vec3f& exposure) {

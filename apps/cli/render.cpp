@@ -211,8 +211,12 @@ void render_views(const RenderCommand& command, const std::vector<NamedCamera>& 
                   ExitCode::interrupted);
     const std::vector<Quantity>& quantities = command.output.quantities;
     const std::unique_ptr<Appearance> look = look_of ? look_of(cameras[i]) : nullptr;
-    const std::vector<ImageF> values = pictures.values(cameras[i].camera, quantities, look.get());
-    for (std::size_t q = 0; q < values.size(); ++q) output.write(i, quantities[q], values[q]);
+    if (command.output.is_color_in_8_bits() && !look) {
+      output.write(i, Quantity::color, pictures.color(cameras[i].camera));
+    } else {
+      const std::vector<ImageF> values = pictures.values(cameras[i].camera, quantities, look.get());
+      for (std::size_t q = 0; q < values.size(); ++q) output.write(i, quantities[q], values[q]);
+    }
     if (bar.due(std::int64_t(i) + 1)) bar.draw(std::int64_t(i) + 1, cameras[i].name, "view");
   }
   bar.clear();

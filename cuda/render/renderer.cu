@@ -23,7 +23,7 @@ void check_can_be_sorted(std::uint64_t instances) {
 }
 
 CudaRenderer::CudaRenderer(Context& context, Memory& memory)
-    : context_(context), memory_(memory), workspace_(memory) {
+    : context_(context), memory_(memory), workspace_(memory), picture_words_(memory) {
   workspace_.halted.resize(1);
   workspace_.halted.fill_zero();
 }
@@ -99,6 +99,13 @@ bool CudaRenderer::draw_within(std::uint32_t capacity, const FrameKind& kind,
   return true;
 }
 
+Image8 CudaRenderer::picture_of(const RenderPass& pass) {
+  Image8 picture(pass.width, pass.height, 3);
+  pack_picture(context_, pass, picture_words_);
+  memory_.download(picture.pixels.data(), picture_words_.data(), picture.pixels.size());
+  return picture;
+}
+
 void CudaRenderer::draw_by_bins(const CudaPackedScene& scene, const Camera& camera,
                                 const RenderSettings& settings, RenderPass& pass) {
   pass.background = settings.background;
@@ -168,6 +175,7 @@ void CudaRenderer::release_caches() {
   Workspace fresh(memory_);
   fresh.halted.swap(workspace_.halted);
   workspace_ = std::move(fresh);
+  picture_words_ = Buffer<std::uint32_t>(memory_);
 }
 
 void CudaRenderer::clear_gradients() {

@@ -26,6 +26,7 @@ class CudaRenderer final : public Renderer {
                                     const RenderSettings& settings) override;
   void draw(const PackedScene& scene, const Camera& camera, const RenderSettings& settings,
             RenderPass& pass) override;
+  Image8 picture_of(const RenderPass& pass) override;
   void backward(const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, RenderPass& pass, Span<const float> dL_dimage,
                 const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) override;
@@ -72,6 +73,7 @@ class CudaRenderer final : public Renderer {
   Context& context_;
   Memory& memory_;
   Workspace workspace_;
+  Buffer<std::uint32_t> picture_words_;  // of 8 bits a channel, for picture_of()
   FrameForecast forecast_;
   FrameForecast bin_forecasts_[2];  // of bins of 32 and 64 pixels
   Reports reports_{1};              // of the frame that is being drawn

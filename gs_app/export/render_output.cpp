@@ -26,6 +26,10 @@ constexpr const char* kPictures[] = {".png", ".jpg", ".jpeg", ".exr"};
 
 bool OutputRequest::is_film() const { return lowercase_ending(output) == ".mp4"; }
 
+bool OutputRequest::is_color_in_8_bits() const {
+  return !exr && quantities == std::vector<Quantity>{Quantity::color};
+}
+
 void check_output(const OutputRequest& request) {
   const std::string ending = lowercase_ending(request.output);
   for (const char* other : kOtherFilms)
@@ -143,13 +147,15 @@ void RenderOutput::write_frame(Quantity quantity, const Image8& frame) {
   codec_ = writer->second.codec();
 }
 
+void RenderOutput::write(std::size_t i, Quantity quantity, const Image8& shown) {
+  if (request_.is_film()) return write_frame(quantity, shown);
+  const fs::path file = picture(i, quantity, ".png");
+  move_older_aside(file);
+  write_png(file, shown);
+}
+
 void RenderOutput::write(std::size_t i, Quantity quantity, const ImageF& values) {
-  if (request_.is_film()) return write_frame(quantity, picture_of(quantity, values, range_));
-  if (request_.png) {
-    const fs::path file = picture(i, quantity, ".png");
-    move_older_aside(file);
-    write_png(file, picture_of(quantity, values, range_));
-  }
+  if (request_.is_film() || request_.png) write(i, quantity, picture_of(quantity, values, range_));
   if (request_.exr) {
     const fs::path file = picture(i, quantity, ".exr");
     move_older_aside(file);

@@ -21,6 +21,8 @@ struct OutputRequest {
   bool force = false;                // move files that are in the way to FILE.bak-N
 
   bool is_film() const;
+  /// True where pictures of 8 bits of the color alone are asked for.
+  bool is_color_in_8_bits() const;
 };
 
 /// Throws UsageError for a request that contradicts itself, and Error for one that this build
@@ -38,6 +40,8 @@ class RenderOutput {
   /// Writes a quantity of view `i`. All views of a film have the same size, with even sides. An
   /// older file is moved to FILE.bak-N.
   void write(std::size_t i, Quantity quantity, const ImageF& values);
+  /// The same where it is a picture already: of a film, or of files of 8 bits.
+  void write(std::size_t i, Quantity quantity, const Image8& shown);
   /// Completes the films and gives them their names.
   void finish();
 

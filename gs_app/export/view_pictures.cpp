@@ -75,16 +75,23 @@ SurfaceRenderer& ViewPictures::surface() {
   return *surface_;
 }
 
+void ViewPictures::draw(const Camera& camera) {
+  if (!packed_) packed_ = backend_.renderer().pack(gaussians_.span(), settings_);
+  backend_.renderer().draw(*packed_, camera, settings_, pass_);
+}
+
+Image8 ViewPictures::color(const Camera& camera) {
+  draw(camera);
+  return backend_.renderer().picture_of(pass_);
+}
+
 std::vector<ImageF> ViewPictures::values(const Camera& camera,
                                          const std::vector<Quantity>& quantities,
                                          Appearance* look) {
   const auto is_of_color_pass = [](Quantity q) {
     return q == Quantity::color || q == Quantity::alpha;
   };
-  if (std::any_of(quantities.begin(), quantities.end(), is_of_color_pass)) {
-    if (!packed_) packed_ = backend_.renderer().pack(gaussians_.span(), settings_);
-    backend_.renderer().draw(*packed_, camera, settings_, pass_);
-  }
+  if (std::any_of(quantities.begin(), quantities.end(), is_of_color_pass)) draw(camera);
   ImageF depth;
   if (!std::all_of(quantities.begin(), quantities.end(), is_of_color_pass))
     depth = surface().depth(camera);

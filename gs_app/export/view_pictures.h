@@ -48,11 +48,15 @@ class ViewPictures {
   std::vector<ImageF> values(const Camera& camera, const std::vector<Quantity>& quantities,
                              Appearance* look = nullptr);
 
+  /// The color of a view as a picture of 8 bits: a GPU copies a quarter of the bytes.
+  Image8 color(const Camera& camera);
+
   /// Depths of pixels in small pictures of a few of the cameras, sorted. Empty where they show
   /// nothing.
   std::vector<float> sample_depths(const std::vector<Camera>& cameras);
 
  private:
+  void draw(const Camera& camera);
   SurfaceRenderer& surface();
   ImageF normals(const ImageF& depth, const Camera& camera) const;
 

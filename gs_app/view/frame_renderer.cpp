@@ -48,6 +48,7 @@ class DeviceModel {
     const Quantity shown = request.quantity;
     const std::unique_ptr<Appearance> look =
         request.look && look_of_ ? look_of_(*request.look, request.camera) : nullptr;
+    if (shown == Quantity::color && !look) return pictures_.color(request.camera);
     const ImageF values = std::move(pictures_.values(request.camera, {shown}, look.get()).front());
     return gs::picture_of(shown, values,
                           shown == Quantity::depth ? range_of(some_depths(values)) : DepthRange());

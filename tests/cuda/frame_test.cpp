@@ -73,6 +73,28 @@ TEST_F(CudaFrame, GaussiansInSpaceAndTimeAndWithFilters) {
   expect_same_frames(with_filters(still, 9), camera, for_viewing());
 }
 
+// Sides whose pixels are not a multiple of the four that a thread packs. Values far out of range
+// are clamped.
+TEST_F(CudaFrame, AnEightBitPictureIsTheRoundedOne) {
+  for (const int side : {1, 3, 17, 150}) {
+    const Camera camera = random_camera(4 * side / 3 + 1, side, 5);
+    RenderSettings settings = for_viewing();
+    settings.background = {-3, 0.5f, 7};
+    const Gaussians gaussians = on_gpu(random_gaussians(kFaint, 3000, camera, 8));
+    RenderPass pass(gpu().memory());
+    gpu().renderer().forward(gaussians.span(), camera, settings, pass);
+    const Image8 expected = to_image8(image_of(pass)), actual = gpu().renderer().picture_of(pass);
+    ASSERT_EQ(actual.pixels.size(), expected.pixels.size());
+    EXPECT_EQ(actual.width, expected.width);
+    std::size_t apart = 0;
+    for (std::size_t k = 0; k < expected.pixels.size(); ++k) {
+      ASSERT_NEAR(actual.pixels[k], expected.pixels[k], 1) << k;
+      apart += actual.pixels[k] != expected.pixels[k];
+    }
+    EXPECT_LE(apart, 1 + expected.pixels.size() / 10'000);  // halfway between two bytes
+  }
+}
+
 // With 20,000 Gaussians, fewer rows than are visible are sorted by depth in the first attempt.
 TEST_F(CudaFrame, AnOverflowIsDrawnAgain) {
   const Camera camera = random_camera(640, 480, 3), away = looking_away(camera);
