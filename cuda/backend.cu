@@ -9,6 +9,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "cuda/device/clock.cuh"
 #include "cuda/device/warp.cuh"
 #include "cuda/render/renderer.cuh"
 #include "cuda/train/depth.cuh"
@@ -168,6 +169,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
   }
   void set_profiling(bool on) override { context.set_profiling(on); }
   std::vector<StageTime> stage_times() override { return context.stage_times(); }
+  std::optional<double> clock_mhz() override { return cuda::clock_mhz(context, device_memory); }
 
  protected:
   void find_pixel_values(const View&, const DensityStep&, RenderPass&) override {

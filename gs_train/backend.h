@@ -124,6 +124,9 @@ class Backend {
   /// The times of the stages since timing was last started, in pipeline order. May wait for the
   /// device. Empty where the backend does not time stages.
   virtual std::vector<StageTime> stage_times() { return {}; }
+  /// The clock of a device's processors while they are busy, in MHz, for benchmarks; may wait for
+  /// the device. Nothing where it is not known.
+  virtual std::optional<double> clock_mhz() { return std::nullopt; }
 
  protected:
   /// The part of release_caches() for the members below.

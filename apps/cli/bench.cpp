@@ -8,6 +8,7 @@
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
 #include "data_loaders/scene/load_scene.h"
+#include "gs_app/checks/benchmark_comparison.h"
 #include "gs_app/checks/benchmark_report.h"
 #include "gs_app/checks/generated_scene.h"
 #include "gs_app/export/export_model.h"
@@ -22,6 +23,8 @@
 namespace gs {
 namespace {
 
+using Json = nlohmann::ordered_json;
+
 constexpr int kMostGaussians = 100'000'000, kMostViews = 1000, kMostRuns = 1'000'000;
 
 struct BenchCommand : CommandLine {
@@ -30,6 +33,7 @@ struct BenchCommand : CommandLine {
   int gaussians = 0;  // of a generated scene; 0 for a trained model
   int width = 1280, height = 720, views = 8;
   BenchmarkPlan plan;
+  std::vector<std::string> against;
   bool json = false, blenders = false, frame_steps = false, scores = false;
 };
 
@@ -130,6 +134,7 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
           score_costs(*backend, model, subject.train_views, subject.settings, subject.config, plan);
     }
   }
+  report.clock_mhz = backend->clock_mhz();
   log_info("timing copies in memory");
   report.copy_gb_per_second = copy_gb_per_second(*backend);  // last, because it takes memory itself
   return report;
@@ -137,6 +142,8 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
 
 void bench(const BenchCommand& command) {
   setup_log(command.verbosity());
+  const std::vector<OtherReport> others =
+      read_reports({command.against.begin(), command.against.end()});
   const BenchmarkSubject subject = subject_of(command);
   check_scales(subject.rendered_views(), command.plan.scales);
   const BenchmarkReport report = measure(subject, command);
@@ -146,6 +153,8 @@ void bench(const BenchCommand& command) {
     write_text(command.output, json);
   }
   std::cout << (command.json ? json : report_text(subject, command.plan, report));
+  if (!others.empty() && !command.json)
+    std::cout << "\n" << comparison_text({"this call", Json::parse(json)}, others);
 }
 
 void add_generator_options(CLI::App& verb, BenchCommand& command) {
@@ -195,6 +204,11 @@ void add_bench(CLI::App& program) {
   verb.add_flag("--json", command->json, "print JSON");
   verb.add_option("-o,--output", command->output, "also write the JSON to a file")
       ->type_name("FILE");
+  verb.add_option("--against", command->against,
+                  "also print one table of these figures and those of other reports (-o), with "
+                  "what each includes")
+      ->delimiter(',')
+      ->type_name("FILE,...");
   verb.add_flag("--blenders", command->blenders,
                 "compare speed and pictures of the GPU's blenders with each kind of tile bounds");
   verb.add_flag("--frame-steps", command->frame_steps,

@@ -74,6 +74,20 @@ Json blender_json(const BlenderFigures& figures) {
           {"unexplained_borderline", figures.borderline}};
 }
 
+// What the times include, for readers of a table in which they stand beside others.
+constexpr const char* kStepProtocol =
+    "wall time of the timed steps over their number, with the wait for the device at the end; all "
+    "stages from projection to Adam; without loading, decoding and uploading photos, density "
+    "control and evaluation";
+std::string frame_protocol(const RenderSettings& settings) {
+  return fmt::format(
+      "the host's clock from a camera to a picture in the device's memory (three channels and "
+      "transmittance in fp32), with the wait for the device at the end of each frame; the median "
+      "of a view's frames, the mean over the views; the model lies ready in memory, SH beyond "
+      "degree 0 in {} bits; blending is {}",
+      settings.packs_sh ? 16 : 32, settings.fast_blending ? "fast" : "exact");
+}
+
 // As a table
 
 std::string stages_text(const std::vector<StageFigures>& stages, const BenchmarkReport& report) {
@@ -152,6 +166,8 @@ std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& pl
                {"longest_list", report.workload.longest_list},
                {"train_views", subject.train_views.size()},
                {"test_views", subject.test_views.size()}};
+  json["clock_mhz"] = or_null(report.clock_mhz);
+  json["protocol"] = {{"step", kStepProtocol}, {"frame", frame_protocol(subject.settings)}};
   json["train"] = {{"steps", plan.steps},
                    {"warmup", plan.warmup},
                    {"ms_per_step", report.training.ms_per_step},
@@ -203,6 +219,7 @@ std::string report_text(const BenchmarkSubject& subject, const BenchmarkPlan& pl
     text += "  " + workload_text(figures.mean) + "\n" + stages_text(figures.stages, report);
   }
   text += scores_text(report.scores) + blenders_text(report.blenders) + "\n";
+  if (report.clock_mhz) text += fmt::format("clock while busy: {:.0f} MHz\n", *report.clock_mhz);
   if (report.copy_gb_per_second)
     text += fmt::format("copies in memory: {:.0f} GB/s, reads and writes together\n",
                         *report.copy_gb_per_second);

@@ -33,6 +33,7 @@ struct BenchmarkReport {
   std::vector<BlenderFigures> blenders;
   std::vector<ScoreCost> scores;
   std::optional<double> copy_gb_per_second;
+  std::optional<double> clock_mhz;  // of a GPU's multiprocessors while they are busy
   std::optional<std::size_t> peak_gpu_bytes;
   double forecast_gpu_bytes = 0;    // of training; only on a GPU
   std::size_t offloaded_bytes = 0;  // of the model, in host memory (train.offload)

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "gs_app/run/run_folder.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -13,6 +14,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 TEST_F(Program, BenchTimesAGeneratedScene) {
   const Outcome outcome =
@@ -79,6 +81,36 @@ TEST_F(Program, BenchOfARunTakesItsViews) {
   EXPECT_EQ(figures.at("train_views"), 4);
   EXPECT_EQ(figures.at("test_views"), 2);
   EXPECT_EQ(figures.at("width"), kWidth);
+}
+
+TEST_F(Program, BenchStandsBesideOtherReports) {
+  const std::string small =
+      "bench --gaussians 50 --width 32 --height 32 --views 2 --steps 2 --warmup 0 --frames 1 "
+      "--device cpu -q ";
+  ASSERT_EQ(run(small + "-o " + text("before.json")).code, 0);
+  write_text(path("peer.json"), R"({"program": "Peer 1.0", "num_gaussians": 60, "width": 32,
+      "height": 32, "device": "cpu", "render": [{"width": 32, "height": 32, "ms_per_frame": 1e6}],
+      "protocol": {"frame": "kernels alone"}})");
+  const Outcome outcome = run(small + "--against " + text("before.json") + "," + text("peer.json"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out,
+              AllOf(HasSubstr("| this call | before | Peer 1.0 |"),
+                    HasSubstr("| Gaussians | 50 | 50 | 60 |"),
+                    HasSubstr("training step, 32x32 / ms"), HasSubstr("frame, 32x32 / ms"),
+                    HasSubstr("1000000.000 (x "), HasSubstr("- Peer 1.0, a frame: kernels alone\n"),
+                    HasSubstr("- Peer 1.0, a step: the file does not say\n"),
+                    HasSubstr("- before, a step: wall time"),
+                    HasSubstr("- Peer 1.0 has another number of Gaussians than this call.\n")));
+  EXPECT_THAT(outcome.out, Not(HasSubstr("before has another")));
+  for (const auto& [file, message] :
+       {std::pair("none.json", "none.json"), std::pair("text.json", "text.json"),
+        std::pair("empty.json", "has no times")}) {
+    write_text(path("text.json"), "frames");
+    write_text(path("empty.json"), "{}");
+    const Outcome refused = run(small + "--against " + text(file));
+    EXPECT_NE(refused.code, 0) << file;
+    EXPECT_THAT(refused.err, HasSubstr(message)) << file;
+  }
 }
 
 TEST_F(Program, BenchRefusesWhatItCannotTime) {
