@@ -66,7 +66,7 @@ class CudaBlendGemm : public CudaTest {
     EXPECT_GT(psnr(render(gaussians, camera, settings).image, b.image), decibels);
     settings.fast_blending = true;
     const Pictures fast = render(gaussians, camera, settings);
-    EXPECT_GT(psnr(fast.image, b.image), 80);
+    EXPECT_GT(psnr(fast.image, b.image), 70);  // over 95 dB on trained models
     for (std::size_t i = 0; i < pixels; ++i)
       ASSERT_NEAR(fast.transmittance[i], b.transmittance[i], kMinTransmittance + 1e-5) << i;
   }

@@ -30,7 +30,8 @@ class CudaOffload : public CudaTest {
     }
     EXPECT_TRUE(parted.memory().offloads_sh());
     EXPECT_FALSE(whole.memory().offloads_sh());
-    EXPECT_TRUE(same_bits(on_host(parted), on_host(whole)));
+    EXPECT_TRUE(same_bits(on_host(parted), on_host(whole)))
+        << differing_arrays(on_host(parted), on_host(whole)) << parted.count() << " rows";
   }
   /// Steps by single photos, or by all of them, with the same sums each time.
   void take_steps(TrainingModel& model, const std::vector<View>& views, bool is_batch, int degree,

@@ -36,6 +36,24 @@ inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
          same_bits(a.lazy.updated_at, b.lazy.updated_at);
 }
 
+/// The arrays of rows that differ, by name and with the first row that does; empty if there are
+/// none. Both models have the same count.
+inline std::string differing_arrays(const TrainingModel& a, const TrainingModel& b) {
+  std::string names;
+  if (a.count() != b.count()) return "their counts";
+  for_each_row_array(
+      [&](const RowArray& array, const auto& x, const auto& y) {
+        for (std::size_t i = 0; i < x.size(); ++i)
+          if (std::memcmp(x.data() + i, y.data() + i, sizeof x[0]) != 0) {
+            names += std::string(array.group) + "." + array.name + " from row " +
+                     std::to_string(i) + ", ";
+            break;
+          }
+      },
+      a, b);
+  return names;
+}
+
 /// Gradients of very different sizes, of which a share is zero.
 inline Gaussians random_gradients(std::size_t count, std::uint64_t seed, float zeros = 0) {
   Gaussians gradients(count, host_memory());
